@@ -12,8 +12,8 @@ use crate::pointer::{self, Room};
 use crate::registry::with;
 use crate::status::{DCD_ERR_ARGUMENT, DCD_ERR_IO, DCD_ERR_VERSION, DcdStatus, Failure};
 
-/// Saves a snapshot of a world: bodies, joints, contacts, regions, settings. It goes on from there to the same bits, in this program
-/// or another one of the same build. Handles of shapes, views and your user_data of the world are not part of it.
+/// Saves a snapshot of a world: bodies, joints, contacts, regions, settings. A local world goes on from there to the same bits, in this
+/// program or another one of the same build. Handles of shapes, views and your user_data of the world are not part of it.
 ///
 /// A server saves the world as it is after one tick, for which its nodes stop for some ticks: as a local world, avatars too, without
 /// contacts. What its program did since its last dcd_step is not in it. It waits for half a minute at most.

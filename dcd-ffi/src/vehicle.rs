@@ -23,7 +23,7 @@ pub struct DcdWheel {
     pub axle: [f32; 3],
     /// The length of its suspension without a load, metres, 0 to 100.
     pub rest_length: f32,
-    /// The way by which the suspension is longer or shorter than that at most, metres, 0 to 100.
+    /// The way by which the suspension is pressed from there at most, metres, 0 to 100.
     pub travel: f32,
     /// Its radius, metres, above 0 and at most 100.
     pub radius: f32,
@@ -35,9 +35,9 @@ pub struct DcdWheel {
     pub relaxation: f32,
     /// The greatest force of its suspension, newtons, 0 to 1e9.
     pub max_force: f32,
-    /// Its grip, 0 to 1000: along and across it holds up to this many times the force that its suspension bears.
+    /// Its grip, 0 to 1000: across, and along twice as much, it holds up to this many times the force that its suspension bears.
     pub grip: f32,
-    /// The part of a sideways slip that it takes in a step, 0 to 1.
+    /// The part of a sideways slip that it takes, 0 to 1: with 1 a fifth in each substep.
     pub side_grip: f32,
     /// The force of the engine on it at full throttle, newtons, 0 to 1e9.
     pub engine_force: f32,
@@ -84,7 +84,8 @@ pub struct DcdDrive {
 /// collider that the chassis may collide with. dcd_vehicle_drive says what its driver does. What it stands on feels nothing of it.
 ///
 /// In a served world it is driven by the node that computes it, also that of a client, without a delay between wheels and ground. A
-/// client's is bounded: 8 wheels, a top_speed of at most the world's avatar_speed.
+/// client's is bounded: 8 wheels within 10 m, a top_speed of at most the world's avatar_speed, suspensions that together speed it up by at
+/// most 200 m/s² (stiffness x travel) and are damped by at most 60 1/s. One above 1e9 kg, or at more than 1e5 m/s, has no wheels.
 /// Errors: as dcd_bodies_create, and DCD_ERR_ARGUMENT for another body_type or a setting out of range.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_vehicle_create(

@@ -110,6 +110,7 @@ fn a_game_goes_back_for_its_clients_with_all_that_came_and_went() {
     let path = folder.path().join("half.dcd");
     server.save_file(&path).unwrap();
     let mut saved = World::restore_file(&path, 1).unwrap();
+    let stood = place(&saved, early);
     assert!((distance_m(&saved, bob, weight) - 1.0).abs() < 0.01, "the rope was saved at one moment");
     assert_eq!((saved.joints_of(weight).len(), saved.contains(early)), (1, true));
 
@@ -128,6 +129,7 @@ fn a_game_goes_back_for_its_clients_with_all_that_came_and_went() {
     assert_eq!(place(&server, first), place(&saved, first));
     assert!(!server.contains(new), "it came later");
     assert!(server.contains(late), "it is its client's");
+    assert_eq!(place(&server, early), stood);
     until("the client is where it was", &mut [&mut server, &mut client], |worlds| {
         let client = &worlds[1];
         client.contains(weight) && client.contains(first) && !client.contains(new) && client.contains(late)

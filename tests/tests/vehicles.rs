@@ -305,6 +305,27 @@ fn a_crowd_of_drivers_stays_on_the_hills_in_every_coupling() {
     }
 }
 
+/// Wheels that are all steered across push it nowhere along its front, by which its speed might be told.
+#[test]
+fn no_wheel_pushes_it_beyond_its_top_speed() {
+    for turned in [0.0, std::f32::consts::FRAC_PI_2] {
+        let mut world = world(0, Coupling::Auto);
+        let mut vehicle = Vehicle { top_speed_m_s: 12.0, ..Vehicle::default() };
+        for wheel in &mut vehicle.wheels {
+            (wheel.engine_n, wheel.grip, wheel.side_grip, wheel.steering_rad) = (1e9, 1e3, 0.0, turned);
+        }
+        let at = WorldPose::at([0.0, 0.8, 0.0]);
+        let car = world.insert_vehicle(at, &vehicle, RigidBodyBuilder::dynamic(), [chassis()]).unwrap();
+        world.drive(car, Drive { throttle: 1.0, brake: 0.0, steering: 1.0 }).unwrap();
+        let mut fastest: f32 = 0.0;
+        for _ in 0..120 {
+            run(&mut world, 1);
+            fastest = fastest.max(Vector::from_array(world.velocity(car).unwrap().linear).length());
+        }
+        assert!((8.0..18.0).contains(&fastest), "turned by {turned}: {fastest} m/s");
+    }
+}
+
 #[test]
 fn a_restored_one_drives_on_to_the_same_bits() {
     for (name, mut world) in worlds() {
@@ -478,6 +499,12 @@ fn a_clients_vehicle_has_bounds_and_a_programs_has_none() {
     let mut springs = usual.clone();
     springs.wheels[0].stiffness = 1e6;
     assert_eq!(refused(&mut served, springs), Some(Refusal::Costly(Costs::Wheels)));
+    // Each is gentle, and all together turn a fall into a leap.
+    let dampers = vec![Wheel { relaxation: 30.0, compression: 30.0, ..Wheel::default() }; 8];
+    assert_eq!(
+        refused(&mut served, Vehicle { wheels: dampers, ..usual.clone() }),
+        Some(Refusal::Costly(Costs::Wheels))
+    );
     let body = RigidBodyBuilder::dynamic();
     let pose = WorldPose::at([0.0, 1.0, 9.0]);
     let car = served.server.insert_vehicle(pose, &fast, body, [chassis()]).unwrap();

@@ -11,10 +11,10 @@ use crate::runtime::{LocalWorld, ProcessError, RedbDirectory, ServerProcess};
 
 /// How long a server may take: nodes that hang are given up within seconds, and large files are written.
 const WAIT: Duration = Duration::from_secs(120);
-/// How long nodes may take to say what they own.
-const SAVING: Duration = Duration::from_secs(30);
 /// How often the asker looks for the answer.
 const LOOK: Duration = Duration::from_millis(20);
+/// How often it looks whether the server still runs.
+const LOOK_FOR_SERVER: Duration = Duration::from_secs(2);
 const REQUEST: &str = "request-";
 const ANSWER: &str = "answer-";
 
@@ -54,7 +54,7 @@ pub(super) fn ask(data: &Path, verb: Verb, file: &Path) -> Result<String, Failur
     let (request, answer) = (data.join(format!("{REQUEST}{id}")), data.join(format!("{ANSWER}{id}")));
     let _ = fs::remove_file(&answer);
     write_whole(&request, &format!("{}\n{text}", verb.name())).map_err(|error| refused(&request, &error))?;
-    let deadline = Instant::now() + WAIT;
+    let (deadline, mut looked) = (Instant::now() + WAIT, Instant::now());
     loop {
         if let Ok(said) = fs::read_to_string(&answer) {
             let _ = fs::remove_file(&answer);
@@ -63,6 +63,14 @@ pub(super) fn ask(data: &Path, verb: Verb, file: &Path) -> Result<String, Failur
                 Some((_, text)) => Err(Failure::run(text)),
                 None => Err(Failure::run(format!("{} is no answer of a server: {said}", answer.display()))),
             };
+        }
+        // Once in a while: to look is to hold it for a moment.
+        if looked.elapsed() >= LOOK_FOR_SERVER {
+            looked = Instant::now();
+            if RedbDirectory::open(data).is_ok() && !answer.exists() {
+                let _ = fs::remove_file(&request);
+                return Err(Failure::run(format!("the server of {shown} has stopped before it was done")));
+            }
         }
         if Instant::now() >= deadline {
             let heard = !request.exists();
@@ -111,7 +119,7 @@ fn carry_out(verb: &str, file: &Path, server: &ServerProcess) -> Result<String, 
     let failed = |error: &dyn std::fmt::Display| format!("{shown}: {error}");
     match Verb::ALL.into_iter().find(|known| known.name() == verb) {
         Some(Verb::Save) => {
-            let world = server.save(SAVING).map_err(|error| error.to_string())?;
+            let world = server.save().map_err(|error| error.to_string())?;
             world.save_file(file).map_err(|error| failed(&error))?;
             let (tick, bodies) = (world.tick().0, world.stats().bodies);
             Ok(format!("saved {bodies} movable bodies after tick {tick} to {shown}"))

@@ -119,12 +119,12 @@ impl Serve {
             avatar_expiry: self.keep_avatars,
             groups: self.groups()?,
         };
+        requests::forget(&self.data);
         let server = match &origin {
             Beginning::Scene(scene) => ServerProcess::start(Origin::Scene(&scene.0, &scene.1), config),
             Beginning::Snapshot(world) => ServerProcess::start(Origin::World(world), config),
         }?;
         drop(origin);
-        requests::forget(&self.data);
         let mut first = format!("listening {}", server.address);
         if let Some(tick) = server.resumed {
             first += &format!("\ngoing on with the world at tick {}", tick.0);

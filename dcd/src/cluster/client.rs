@@ -208,8 +208,12 @@ pub struct Client {
     dial_server_at: Option<Duration>,
     dial_leader_at: Option<Duration>,
     logical_time: u64,
-    /// The newest input for each avatar and its time: sent again when a link is back, and to a new leader.
-    newest: BTreeMap<BodyId, (Input, Duration)>,
+    /// Whether it has said who it is, and was not welcomed yet.
+    greeted: bool,
+    /// Whether the world that it is being told replaces the one that it knew.
+    replaced: bool,
+    /// The newest inputs for each avatar and their times: sent again when a link is back, and to a new leader.
+    newest: BTreeMap<(BodyId, bool), (Input, Duration)>,
     /// Questions without an answer, by number, and when they are asked again; and answers that are not fetched yet.
     asked: BTreeMap<u64, (Query, Duration)>,
     answers: BTreeMap<u64, QueryResult>,
@@ -253,6 +257,8 @@ impl Client {
             answers: BTreeMap::new(),
             area,
             surroundings: Surroundings::of(area),
+            greeted: false,
+            replaced: false,
             now: Duration::ZERO,
             unanswered: Vec::new(),
             touches: VecDeque::new(),
@@ -268,6 +274,7 @@ impl Client {
         match event {
             ClientEvent::Connected(Peer::Server) => {
                 self.server_linked = true;
+                self.greeted = true;
                 self.dial_server_at = None;
                 let interest = self.area.filter(|_| !self.surroundings.is_whole());
                 self.surroundings = Surroundings::of(interest);
@@ -486,7 +493,7 @@ impl Client {
     fn send_newest(&mut self, input: Input) {
         self.logical_time += 1;
         let input = Input { logical_time: self.logical_time, ..input };
-        self.newest.insert(input.body, (input, self.now));
+        self.newest.insert(input.slot(), (input, self.now));
         self.send_input(input);
     }
 
@@ -567,6 +574,11 @@ impl Client {
                 self.logical_time = self.logical_time.max(logical_time);
                 self.world = Some(world);
                 self.joined = false;
+                if !std::mem::take(&mut self.greeted) {
+                    // The world is another, on a link that lost nothing: what was asked of the one before is not meant for it.
+                    self.newest.clear();
+                    self.replaced = true;
+                }
                 self.unspoken = self.bodies.keys().copied().collect();
                 self.joints.clear();
             }
@@ -585,7 +597,9 @@ impl Client {
                     self.bodies.remove(&id);
                     self.outputs.push_back(ClientOutput::Removed(id));
                 }
-                self.say_again();
+                if !std::mem::take(&mut self.replaced) {
+                    self.say_again();
+                }
                 self.outputs.push_back(ClientOutput::Joined);
             }
             ToClient::Regions { tree, allocation } => {
@@ -623,7 +637,7 @@ impl Client {
             ToClient::Removed(id) => {
                 self.answered(id);
                 self.bodies.remove(&id);
-                self.newest.remove(&id);
+                self.newest.retain(|(body, _), _| *body != id);
                 self.joints.retain(|joint| joint.a != id && joint.b != id);
                 self.outputs.push_back(ClientOutput::Removed(id));
             }

@@ -123,7 +123,7 @@ impl Record {
         new.shapes.extend(saved.shapes.iter().map(|shape| (shape.hash(), shape.clone())));
         for body in &saved.bodies {
             match new.bodies.get_mut(&body.id) {
-                Some(avatar) => avatar.body.state = body.state,
+                Some(avatar) => avatar.body.set_state(body.state),
                 None if body.id.client().is_some() => {}
                 None => new.insert(BodyRecord { epoch: Epoch(0), ..body.clone() }),
             }
@@ -379,7 +379,8 @@ impl Record {
         if let Some(entry) = self.bodies.get_mut(&checkpoint.id)
             && (entry.body.epoch, entry.tick) <= (checkpoint.epoch, tick)
         {
-            entry.body.state = checkpoint.state;
+            // What it is may have changed meanwhile.
+            entry.body.set_state(checkpoint.state);
             entry.body.epoch = checkpoint.epoch;
             entry.tick = tick;
             self.changes.states.insert(checkpoint.id);
@@ -393,7 +394,8 @@ impl Record {
         {
             self.changes.states.insert(body.id);
             // What it is, the server knows best.
-            entry.body = BodyRecord { traits: entry.body.traits.clone(), ..body };
+            entry.body.epoch = body.epoch;
+            entry.body.set_state(body.state);
             entry.tick = tick;
         }
     }
@@ -405,8 +407,8 @@ impl Record {
             && entry.tick <= tick
         {
             self.changes.states.insert(body.id);
-            let epoch = body.epoch.max(entry.body.epoch);
-            entry.body = BodyRecord { epoch, traits: entry.body.traits.clone(), ..body };
+            entry.body.epoch = body.epoch.max(entry.body.epoch);
+            entry.body.set_state(body.state);
             entry.tick = tick;
         }
     }

@@ -2,12 +2,9 @@
 //! user wants.
 
 use std::f32::consts::{FRAC_PI_2, FRAC_PI_4};
-use std::sync::Arc;
 
 use bincode::{Decode, Encode};
 use serde::{Deserialize, Serialize};
-
-use super::{BodyRecord, BodyTraits, Input, Velocity};
 
 /// The settings of a character: a body that walks on what it stands on, slides along walls, climbs steps and slopes, falls, rides
 /// on what moves, and pushes what is in its way. Its velocity is what its user wants; how it moves follows from what is around.
@@ -74,50 +71,4 @@ pub struct Gait {
     pub rise_m_s: f32,
     /// Whether it stood on something after the last tick.
     pub grounded: bool,
-}
-
-impl BodyRecord {
-    /// Makes a kinematic body a character: it never sleeps, and its velocity is what it wants.
-    pub(super) fn with_character(mut self, character: &Character) -> Self {
-        let traits = Arc::make_mut(&mut self.traits);
-        traits.character = Some(*character);
-        (traits.sleep_linear_threshold, traits.sleep_angular_threshold) = (-1.0, -1.0);
-        self.state.sleeping = false;
-        self.state.gait = Some(Gait { wanted: self.state.velocity.linear, ..Gait::default() });
-        self
-    }
-
-    /// Changes what the body is; one that is no character any more does not walk, one that is no vehicle does not drive.
-    pub fn set_traits(&mut self, traits: Arc<BodyTraits>) {
-        self.state.gait = self.state.gait.filter(|_| traits.character.is_some());
-        self.state.drive = self.state.drive.filter(|_| traits.vehicle.is_some());
-        self.traits = traits;
-    }
-
-    /// Returns the velocity that the user of the body has asked for last, as far as it is known; of a body that is no character
-    /// its own.
-    pub fn asked(&self) -> Velocity {
-        let own = self.state.velocity;
-        self.state.gait.map_or(own, |gait| Velocity { linear: gait.wanted, ..own })
-    }
-
-    /// Applies what the user of the body asks for, but a jump: a velocity, or what a driver does.
-    pub fn obey(&mut self, input: &Input) {
-        match (&mut self.state.drive, input.drive) {
-            (Some(drive), Some(wanted)) => *drive = wanted,
-            (None, Some(_)) => {}
-            (_, None) => self.steer(input.velocity),
-        }
-    }
-
-    /// Sets the velocity that the user of the body asks for.
-    pub fn steer(&mut self, velocity: Velocity) {
-        match &mut self.state.gait {
-            Some(gait) => {
-                gait.wanted = velocity.linear;
-                self.state.velocity.angular = velocity.angular;
-            }
-            None => self.state.velocity = velocity,
-        }
-    }
 }

@@ -7,6 +7,7 @@ mod character;
 mod codec;
 mod compact;
 mod contacts;
+mod controller;
 mod hash;
 mod joint;
 pub mod link;
@@ -33,6 +34,7 @@ pub use codec::{
 #[cfg(feature = "physics")]
 pub(crate) use codec::{read_state, write_state};
 pub use contacts::{ContactLedger, WorldEvents};
+pub use controller::Controller;
 pub use hash::StateHasher;
 pub use joint::{JointLimit, JointMotor, JointRecord, LinkMotion, LinkRecord};
 pub use messages::{
@@ -52,4 +54,4 @@ pub use validate::{
     Check, Invalid, MAX_COLLIDERS, MAX_DEPTH, MAX_LAG, MAX_ROUNDS, PROGRAM_DATAGRAM_BYTES,
     PROGRAM_MESSAGE_BYTES, SHAPE_LEAST_M, SHAPE_REACH_M, WORLD_REACH_M,
 };
-pub use vehicle::{Controller, Drive, MAX_WHEELS, Vehicle, Wheel};
+pub use vehicle::{Drive, MAX_WHEELS, Vehicle, Wheel};

@@ -1,12 +1,9 @@
 //! Describes vehicles: bodies on wheels that are rays (Rapier's ray-cast vehicle controller), driven where they are computed.
 
 use std::f32::consts::FRAC_PI_2;
-use std::sync::Arc;
 
 use bincode::{Decode, Encode};
 use serde::{Deserialize, Serialize};
-
-use super::{BodyRecord, Character};
 
 /// The most wheels of a vehicle.
 pub const MAX_WHEELS: usize = 32;
@@ -33,7 +30,7 @@ pub struct Wheel {
     pub axle: [f32; 3],
     /// The length of its suspension without a load, metres.
     pub rest_m: f32,
-    /// How far the suspension gives way from there, metres.
+    /// How far the suspension is pressed from there at most, metres.
     pub travel_m: f32,
     /// Metres; above 0.
     pub radius_m: f32,
@@ -45,9 +42,9 @@ pub struct Wheel {
     pub relaxation: f32,
     /// The greatest force of its suspension, newtons.
     pub most_force_n: f32,
-    /// Its grip: along and across, it holds up to this many times the force that its suspension bears.
+    /// Its grip: across, and along twice as much, it holds up to this many times the force that its suspension bears.
     pub grip: f32,
-    /// The part of a sideways slip that it takes in a tick, 0 to 1.
+    /// How much of a sideways slip it takes, 0 to 1: with 1 a fifth in each substep.
     pub side_grip: f32,
     /// The force of the engine on it at full throttle, newtons.
     pub engine_n: f32,
@@ -167,31 +164,4 @@ impl Wheel {
 
 fn length(v: [f32; 3]) -> f32 {
     v.iter().map(|v| v * v).sum::<f32>().sqrt()
-}
-
-/// What moves a body besides forces: it walks or drives where it is computed.
-#[derive(Clone, Copy, Debug)]
-pub enum Controller<'a> {
-    /// It walks; kinematic by velocity.
-    Character(&'a Character),
-    /// It stands on wheels; dynamic.
-    Vehicle(&'a Vehicle),
-}
-
-impl BodyRecord {
-    /// Gives a body a controller, if there is one to give.
-    #[must_use]
-    pub fn with_controller(self, controller: Option<Controller<'_>>) -> Self {
-        match controller {
-            None => self,
-            Some(Controller::Character(character)) => self.with_character(character),
-            Some(Controller::Vehicle(vehicle)) => self.with_vehicle(vehicle),
-        }
-    }
-
-    fn with_vehicle(mut self, vehicle: &Vehicle) -> Self {
-        Arc::make_mut(&mut self.traits).vehicle = Some(vehicle.clone());
-        self.state.drive = Some(Drive::default());
-        self
-    }
 }

@@ -44,7 +44,10 @@ impl Beginning {
             }
             Origin::World(world) => {
                 let host = world.host();
-                let (mut bodies, shapes, joints) = contents(world);
+                let (mut bodies, shapes, mut joints) = contents(world);
+                // Avatars of a world that was saved are those of clients that this one does not know.
+                bodies.retain(|body| body.id.client().is_none());
+                joints.retain(|joint| [joint.a, joint.b].iter().all(|id| id.client().is_none()));
                 // Its owner in the other world means nothing in this one.
                 bodies.iter_mut().for_each(|body| body.epoch = Epoch(0));
                 let is_cut = matches!(world.chosen().why, Why::Asked | Why::Saved);

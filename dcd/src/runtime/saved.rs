@@ -3,6 +3,8 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
+use rapier3d::prelude::IntegrationParameters;
+
 use super::choice::Why;
 use super::local::LocalWorld;
 use super::{ProcessError, WorldError};
@@ -60,6 +62,11 @@ pub(super) fn saved_of(
     let theirs = (host.settings().dt_s, host.settings().gravity);
     if theirs != (step.dt_s, step.gravity) {
         return Err(ProcessError::OtherSteps { theirs, ours: (step.dt_s, step.gravity) });
+    }
+    if host.settings().integration != IntegrationParameters::default() {
+        let (field, rule) =
+            ("step.integration", "Rapier's own parameters, with which served worlds are stepped");
+        return Err(ProcessError::Unservable { field, rule });
     }
     let (bodies, shapes, joints) = contents(world);
     let checked = bodies

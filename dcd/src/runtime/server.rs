@@ -37,6 +37,9 @@ const AUDIT: Duration = Duration::from_secs(10);
 /// Events that may wait for the loop; beyond that the network holds its peers back.
 const QUEUE: usize = 4_096;
 
+/// How long nodes may take to say what they own, for a save: one that hangs is given up within seconds.
+const SAVING: Duration = Duration::from_secs(30);
+
 /// The most contacts, and forces, kept for a program that does not fetch them; the oldest go first.
 const MAX_EVENTS: usize = 65_536;
 
@@ -321,10 +324,13 @@ impl ServerProcess {
     }
 
     /// Returns a copy of the world as it is after one tick, as its nodes say: they stop for that, for some ticks.
-    pub fn save(&self, timeout: Duration) -> Result<LocalWorld, ProcessError> {
+    pub fn save(&self) -> Result<LocalWorld, ProcessError> {
         let (saver, saved) = mpsc::sync_channel(1);
         let _ = self.inbox.send(Input::Save(saver));
-        let saved = saved.recv_timeout(timeout).map_err(|_| ProcessError::NotSaved { waited: timeout })?;
+        let saved = saved.recv_timeout(SAVING).map_err(|error| match error {
+            RecvTimeoutError::Timeout => ProcessError::NotSaved { waited: SAVING },
+            RecvTimeoutError::Disconnected => ProcessError::Ended("the world has ended".to_owned()),
+        })?;
         Ok(local_of(saved, &self.properties)?)
     }
 
@@ -431,6 +437,10 @@ impl Loop {
                         "the world is replaced by a saved one"
                     );
                     self.server().handle(now, ServerEvent::Program(vec![ProgramOp::Replace(saved)]));
+                    {
+                        let mut state = self.shared.lock();
+                        (state.view, state.summary.nodes) = (None, 0);
+                    }
                     // It is on record before its program hears of it.
                     self.pump();
                     let next_ids = self.server().next_ids();

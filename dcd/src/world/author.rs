@@ -282,7 +282,7 @@ impl Author {
         match self.fresh(known.id) {
             Some(place) => {
                 let body = &mut self.bodies[place];
-                body.traits = traits;
+                body.set_traits(traits);
                 body.state.sleeping &= !wakes;
             }
             None => {
@@ -388,7 +388,7 @@ impl Author {
             .or_else(|| server.read(|record| present(record, id).cloned()))
             .or_else(|| self.awaited.get(&id).cloned())?;
         if let Some(Altered { traits, .. }) = self.altered_bodies.get(&id) {
-            body.traits = traits.clone();
+            body.set_traits(traits.clone());
         }
         if let Some(Move { velocity, pose, .. }) = self.moves.get(&id) {
             body.state.velocity = velocity.unwrap_or(body.state.velocity);

@@ -20,9 +20,6 @@ use crate::protocol::{
 use crate::runtime::{LocalWorld, Member, SUSPENDED, ServerProcess, Stats};
 use crate::space::{BodyId, JointId, Tick};
 
-/// How long nodes may take to say what they own: one that hangs is given up within seconds.
-const SAVING: Duration = Duration::from_secs(30);
-
 /// The process that runs behind the world, on threads of its own.
 pub(super) enum Process {
     Server(ServerProcess),
@@ -224,7 +221,7 @@ impl Remote for Hosted {
 
     fn saved(&self) -> Result<LocalWorld, Error> {
         let server = self.server_to(SAVE)?;
-        server.save(SAVING).or_else(|error| self.look().and(Err(error.into())))
+        server.save().or_else(|error| self.look().and(Err(error.into())))
     }
 
     fn replace(&mut self, world: &LocalWorld) -> Result<(), Error> {

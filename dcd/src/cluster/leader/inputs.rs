@@ -15,7 +15,7 @@ const EARLY_TICKS: u64 = 60;
 pub(super) struct Inputs {
     limits: AvatarLimits,
     avatars: BTreeMap<BodyId, Avatar>,
-    next: BTreeMap<BodyId, Input>,
+    next: BTreeMap<(BodyId, bool), Input>,
     /// Newest inputs for avatars not heard of yet, and since when they wait.
     early: BTreeMap<BodyId, (Input, Tick)>,
 }
@@ -46,7 +46,7 @@ impl Inputs {
 
     pub(super) fn forget(&mut self, avatar: BodyId) {
         self.avatars.remove(&avatar);
-        self.next.remove(&avatar);
+        self.next.retain(|(id, _), _| *id != avatar);
     }
 
     /// Accepts an input for the next tick if the avatar is the client's own, and the input is newer than the last one and within the
@@ -95,7 +95,7 @@ impl Inputs {
             avatar.place = pose.translation;
         }
         avatar.newest = Some(input.logical_time);
-        self.next.insert(input.body, input);
+        self.next.insert(input.slot(), input);
         Ok(())
     }
 

@@ -1,5 +1,5 @@
-//! Bounds what one client may cost others: its avatars those who compute them, by iterations, corners, size, wheels, how many are characters, and how many share a place;
-//! its requests the server.
+//! Bounds what one client may cost others: its avatars those who compute them (iterations, corners, size, characters, vehicles,
+//! and how many share a place), its requests the server.
 
 use std::time::Duration;
 
@@ -17,8 +17,8 @@ const MAX_REACH_M: f32 = 100.0;
 /// The most avatars of one client that a new one may overlap, by bounding spheres.
 const MAX_OVERLAPS: usize = 64;
 
-/// The most characters of one client: each looks around in every tick, where others only meet what comes.
-const MAX_CHARACTERS: usize = 32;
+/// The most characters and vehicles of one client: each looks around in every tick, where others only meet what comes.
+const MAX_CONTROLLED: usize = 32;
 
 /// The highest and deepest step of a client's character, and the farthest way down to the ground, metres.
 const MAX_STRIDE_M: f32 = 1.0;
@@ -28,12 +28,12 @@ const MAX_GAP_M: f32 = 0.1;
 const MAX_MASS_KG: f32 = 1e4;
 
 /// The most wheels of a client's vehicle: each is a ray in every substep.
-const MAX_WHEELS: usize = 8;
+const MAX_CLIENT_WHEELS: usize = 8;
 /// How far its wheels may reach from the origin of its chassis, metres: what they may stand on is held with it.
 const MAX_WHEEL_REACH_M: f32 = 10.0;
-/// The greatest acceleration by the suspension of one wheel, m/s²: stiffer ones shoot their chassis into the air.
+/// The greatest acceleration by all suspensions together, m/s²: stiffer ones shoot their chassis into the air.
 const MAX_SUSPENSION_M_S2: f32 = 200.0;
-/// The greatest damping of a suspension, 1/s.
+/// The greatest damping of all suspensions together, 1/s: beyond once a tick it turns a fall into a leap.
 const MAX_DAMPING: f32 = 60.0;
 
 /// The avatars that a client may bring at once, those included that it removes again: all that it may have, twice.
@@ -94,10 +94,10 @@ pub(super) fn refusal(
     if traits.extra_solver_iterations.max(traits.extra_pgs_iterations) > MAX_EXTRA_ITERATIONS {
         return Some(Refusal::Costly(Costs::Iterations));
     }
-    if traits.character.is_some_and(|character| !suits_clients(&character)) {
+    if traits.character.is_some_and(|character| !may_walk(&character)) {
         return Some(Refusal::Costly(Costs::Strides));
     }
-    if traits.vehicle.as_ref().is_some_and(|vehicle| !suits_roads(vehicle)) {
+    if traits.vehicle.as_ref().is_some_and(|vehicle| !may_drive(vehicle)) {
         return Some(Refusal::Costly(Costs::Wheels));
     }
     let size = |avatar: &BodyRecord| Size::of(avatar, |hash| record.shape_or(hash, brought));
@@ -105,18 +105,19 @@ pub(super) fn refusal(
     if new.reach_m > MAX_REACH_M {
         return Some(Refusal::Costly(Costs::Size));
     }
-    let walks = |body: &BodyRecord| usize::from(body.traits.character.is_some());
-    let (mut corners, mut overlaps, mut characters) = (new.corners, 0, walks(avatar));
+    let looks =
+        |body: &BodyRecord| usize::from(body.traits.character.is_some() || body.traits.vehicle.is_some());
+    let (mut corners, mut overlaps, mut controlled) = (new.corners, 0, looks(avatar));
     for (id, _) in record.avatars(client) {
         let Some(other) = record.body(id) else { continue };
         let of = size(other);
         corners += of.corners;
-        characters += walks(other);
+        controlled += looks(other);
         let apart = (0..3).map(|k| avatar.state.pose.translation[k] - other.state.pose.translation[k]);
         let apart_m = apart.map(|v| v * v).sum::<f64>().sqrt();
         overlaps += usize::from(apart_m < f64::from(new.reach_m + of.reach_m));
     }
-    if characters > MAX_CHARACTERS {
+    if controlled > MAX_CONTROLLED {
         return Some(Refusal::Costly(Costs::Characters));
     }
     if corners > MAX_CORNERS {
@@ -126,7 +127,7 @@ pub(super) fn refusal(
 }
 
 /// Returns whether a client's character may walk so: it looks around no farther than it must, and climbs no walls.
-fn suits_clients(character: &Character) -> bool {
+fn may_walk(character: &Character) -> bool {
     let lengths = [character.step_height_m, character.step_depth_m, character.snap_m];
     lengths.iter().all(|length| *length <= MAX_STRIDE_M)
         && character.gap_m <= MAX_GAP_M
@@ -134,12 +135,16 @@ fn suits_clients(character: &Character) -> bool {
 }
 
 /// Returns whether a client's vehicle may have such wheels.
-fn suits_roads(vehicle: &Vehicle) -> bool {
-    let gentle = vehicle.wheels.iter().all(|wheel| {
-        wheel.stiffness * wheel.travel_m <= MAX_SUSPENSION_M_S2
-            && wheel.compression.max(wheel.relaxation) <= MAX_DAMPING
-    });
-    gentle && vehicle.wheels.len() <= MAX_WHEELS && vehicle.reach_m() <= MAX_WHEEL_REACH_M
+fn may_drive(vehicle: &Vehicle) -> bool {
+    let (mut speed_up_m_s2, mut damping) = (0.0, 0.0);
+    for wheel in &vehicle.wheels {
+        speed_up_m_s2 += wheel.stiffness * wheel.travel_m;
+        damping += wheel.compression.max(wheel.relaxation);
+    }
+    speed_up_m_s2 <= MAX_SUSPENSION_M_S2
+        && damping <= MAX_DAMPING
+        && vehicle.wheels.len() <= MAX_CLIENT_WHEELS
+        && vehicle.reach_m() <= MAX_WHEEL_REACH_M
 }
 
 /// The size of an avatar in both senses.

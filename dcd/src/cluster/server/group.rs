@@ -141,8 +141,8 @@ impl Group {
                 _ => self.audit = Some((Vec::new(), Vec::new())),
             };
         }
-        // The record has all that there is to know.
-        if self.saving && (self.view.is_none() || self.held) {
+        // The record has all that there is to know. Members that are not heard may be elsewhere, and are waited for.
+        if self.saving && self.view.is_none() {
             self.tell_saved(common);
         }
         // Nothing is asked while an answer may have to be waited for: the members compute on meanwhile.

@@ -199,7 +199,7 @@ impl Group {
     fn postpone(&mut self, op: WorldOp) {
         match op {
             WorldOp::Input(input) => {
-                let of = |op: &WorldOp| matches!(op, WorldOp::Input(known) if known.body == input.body);
+                let of = |op: &WorldOp| matches!(op, WorldOp::Input(known) if known.slot() == input.slot());
                 self.postponed.retain(|op| !of(op));
                 self.postponed.push(op);
             }

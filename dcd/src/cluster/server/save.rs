@@ -57,13 +57,16 @@ impl Group {
     pub(super) fn tell_saved(&mut self, common: &mut Common) {
         self.saving = false;
         let tree = self.view.as_ref().map_or(&common.config.world.tree, |view| &view.tree);
+        let bodies: Vec<_> = self.record.present().cloned().collect();
+        let is_present = |id| bodies.binary_search_by_key(&id, |body| body.id).is_ok();
+        let joints = self.record.joints().filter(|joint| is_present(joint.a) && is_present(joint.b));
         let saved = SavedWorld {
             tick: self.tick,
             next_ids: common.next_ids,
             tree: tree.clone(),
-            bodies: self.record.present().cloned().collect(),
+            joints: joints.cloned().collect(),
             shapes: self.record.shapes().cloned().collect(),
-            joints: self.record.joints().cloned().collect(),
+            bodies,
         };
         common.outputs.push_back(ServerOutput::Saved(Box::new(saved)));
     }

@@ -10,7 +10,7 @@ use crate::physics::placement::Placement;
 use crate::physics::region::{Ownership, Region, better_anchor};
 use crate::physics::shapes::{ShapeError, ShapeLibrary};
 use crate::physics::{articulation, convert, joints};
-use crate::protocol::{BodyKind, BodyRecord, JointRecord};
+use crate::protocol::{BodyKind, BodyRecord, JointRecord, Vehicle};
 use crate::space::{BodyId, DistributionTree, JointId, RegionId, RegionSet, Tick};
 
 impl RegionHost {
@@ -387,7 +387,7 @@ impl RegionHost {
 
 /// Returns how far a recorded body reaches from its position, in metres.
 fn reach_of_record(body: &BodyRecord, shapes: &ShapeLibrary) -> Result<f32, ShapeError> {
-    let mut reach = 0.0f32;
+    let mut reach = body.traits.vehicle.as_ref().map_or(0.0, Vehicle::reach_m);
     for collider in &body.traits.colliders {
         let ball = shapes.shape(collider.shape)?.compute_bounding_sphere(&convert::pose(collider.pose));
         reach = reach.max(ball.center.length() + ball.radius + collider.contact_skin_m);

@@ -117,12 +117,7 @@ fn controller(
     let first = &vehicle.wheels[0];
     let down = first.down.map(f32::abs);
     controller.index_up_axis = (0..3).max_by(|&a, &b| down[a].total_cmp(&down[b])).unwrap_or(1);
-    let forward = convert::vector(first.axle).cross(convert::vector(first.down)).normalize_or_zero();
-    let speed_m_s = body.linvel().dot(body.rotation() * forward) * drive.throttle.signum();
-    // No substep makes it faster than it may be, however light it is.
-    let most_n = (vehicle.top_speed_m_s - speed_m_s).max(0.0) * body.mass() * share / dt_s;
-    let engine_n = vehicle.wheels.iter().map(|wheel| wheel.engine_n).sum::<f32>() * drive.throttle.abs();
-    let throttle = drive.throttle * if engine_n > most_n { most_n / engine_n } else { 1.0 };
+    let driven = vehicle.wheels.iter().filter(|wheel| wheel.engine_n > 0.0).count() as f32;
     for wheel in &vehicle.wheels {
         let tuning = WheelTuning {
             suspension_stiffness: wheel.stiffness,
@@ -135,7 +130,13 @@ fn controller(
         };
         let [at, down, axle] = [wheel.at_m, wheel.down, wheel.axle].map(convert::vector);
         let added = controller.add_wheel(at, down, axle, wheel.rest_m, wheel.radius_m, &tuning);
-        added.engine_force = throttle * wheel.engine_n / share;
+        // No substep makes it faster than it may be along the push of a wheel, however light it is.
+        let steered = Rotation::from_axis_angle(-down, drive.steering * wheel.steering_rad);
+        let forward = body.rotation() * (steered * axle.cross(down).normalize_or_zero());
+        let speed_m_s = body.linvel().dot(forward) * drive.throttle.signum();
+        let most_n = (vehicle.top_speed_m_s - speed_m_s).max(0.0) * body.mass() / (dt_s * driven.max(1.0));
+        let engine_n = wheel.engine_n * drive.throttle.abs() / share;
+        added.engine_force = engine_n.min(most_n) * drive.throttle.signum();
         // Rapier's is an impulse.
         added.brake = drive.brake * wheel.brake_n * dt_s / share;
         added.steering = drive.steering * wheel.steering_rad;

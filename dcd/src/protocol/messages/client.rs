@@ -258,8 +258,8 @@ pub enum Costs {
     /// Reach from its origin.
     #[error("it may reach at most 100 m from its origin")]
     Size,
-    /// Characters, with the client's other ones.
-    #[error("at most 32 characters of a client: make the others of another kind")]
+    /// Characters and vehicles, with the client's other ones.
+    #[error("at most 32 characters and vehicles of a client: make the others of another kind")]
     Characters,
     /// Steps, gap or mass of a character.
     #[error(
@@ -268,8 +268,8 @@ pub enum Costs {
     Strides,
     /// Wheels of a vehicle: too many, too far out, too stiff.
     #[error(
-        "a vehicle of a client has at most 8 wheels within 10 m of its origin, whose suspension speeds it up by at most 200 m/s² and is \
-         damped by at most 60 a second"
+        "a vehicle of a client has at most 8 wheels within 10 m of its origin, whose suspensions together speed it up by at most 200 \
+         m/s² and are damped by at most 60 a second"
     )]
     Wheels,
     /// Avatars of the same client where it would begin.
@@ -293,6 +293,11 @@ pub struct Input {
 }
 
 impl Input {
+    /// Returns what a newer input of the same kind replaces: how a vehicle is driven is apart from where and how fast it is put.
+    pub fn slot(&self) -> (BodyId, bool) {
+        (self.body, self.drive.is_some())
+    }
+
     /// Returns the pose that this body jumps to, if any: a client's character goes only where it can walk.
     pub fn jump_of(&self, body: &BodyTraits) -> Option<WorldPose> {
         self.pose.filter(|_| self.logical_time == 0 || body.character.is_none())

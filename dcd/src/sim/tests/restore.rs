@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::*;
 use crate::cluster::{ProgramOp, SavedWorld, ServerEvent};
-use crate::protocol::BodyState;
+use crate::protocol::{Area, BodyState};
 
 /// Saves the world, and returns it with what its owners had when it was saved.
 fn saved(sim: &mut Sim) -> (SavedWorld, BTreeMap<BodyId, BodyState>) {
@@ -86,8 +86,50 @@ fn a_world_goes_back_with_all_that_came_and_went() {
     // What its client is shown goes on from there: it stood then.
     sim.run_for(Duration::from_secs(1)).unwrap();
     let x = |id| sim.client(client).body(id).unwrap().body.state.pose.translation[0];
-    assert!((x(early) - 3.0).abs() < 2.5, "{}", x(early));
+    assert!((x(early) - 3.0).abs() < 0.05, "what was asked of it since is not meant for then: {}", x(early));
     assert_eq!(sim.tally().evictions, 0);
+}
+
+#[test]
+fn clients_with_an_interest_hear_of_the_world_that_is_back() {
+    let mut sim = Sim::new(SimConfig { bodies: 0, ..config(5, 3) });
+    sim.run_to(Tick(5)).unwrap();
+    let ids: Vec<_> = (0..6).map(BodyId::persistent).collect();
+    let bodies = ids.iter().map(|&id| sim_body(id, [1.0 + 2.5 * f64::from(id.index()), 4.0, 4.0])).collect();
+    sim.order(ServerEvent::Program(vec![ProgramOp::Insert {
+        bodies,
+        shapes: Vec::new(),
+        joints: Vec::new(),
+    }]));
+    sim.run_until(|sim| sim.states().len() == 6).unwrap();
+    let client = sim.start_client_in(Area { centre: [1.0, 4.0, 4.0], radius_m: 2.0 });
+    let (_, participant) = sim.start_participant(None);
+    sim.run_until(|sim| [client, participant].iter().all(|&id| sim.client(id).is_joined())).unwrap();
+    let (saved, _) = saved(&mut sim);
+    let known = |sim: &Sim, client| sim.client(client).bodies().count();
+    let before = [client, participant].map(|id| known(&sim, id));
+    assert!(before[0] >= 1 && before[1] == 6, "{before:?}");
+    sim.order(ServerEvent::Program(ids.iter().map(|&id| ProgramOp::Remove(id)).collect()));
+    sim.run_until(|sim| known(sim, client) + known(sim, participant) == 0).unwrap();
+    replace(&mut sim, &saved);
+    sim.run_until(|sim| known(sim, client) >= before[0] && known(sim, participant) == 6).unwrap();
+    sim.run_until(|sim| sim.states().len() == 6).unwrap();
+    // Those bodies stand still.
+    assert_eq!(sim.states(), of(&saved), "nodes hold what was saved");
+}
+
+#[test]
+fn a_save_waits_for_members_that_are_not_heard() {
+    let mut sim = running(2, 3);
+    sim.crash(Peer::Server);
+    sim.run_for(Duration::from_millis(200)).unwrap();
+    sim.restart_server();
+    sim.order(ServerEvent::Save);
+    assert!(sim.saved().is_none(), "the record is older than what nodes compute");
+    sim.run_until(|sim| sim.saved().is_some()).unwrap();
+    let saved = sim.saved().unwrap();
+    assert!(sim.nodes().all(|node| node.tick() == saved.tick));
+    assert_eq!(of(saved), sim.states());
 }
 
 #[test]
@@ -110,6 +152,7 @@ fn a_server_that_dies_after_going_back_goes_on_from_there() {
         let all = |sim: &Sim| sim.states().len() == 41 && sim.server().view().is_some();
         sim.run_until(|sim| all(sim) && sim.state(gone).is_some()).unwrap();
         sim.run_for(Duration::from_secs(2)).unwrap();
-        assert!(all(&sim), "seed {seed}");
+        // One may be on its way between two nodes.
+        sim.run_until(|sim| all(sim) && sim.state(gone).is_some()).unwrap();
     }
 }

@@ -228,6 +228,8 @@ impl Group {
                 let allocation = reallocate(&tree, &former, members, |region| loads[&region]);
                 (tree, allocation)
             }
+            // A save changes nothing.
+            (Some((tree, former)), None) if self.saving && self.is_of(members) => (tree, former),
             (present, balance) => {
                 let tree = match (present, balance) {
                     (Some((tree, _)), _) => tree,
@@ -242,6 +244,12 @@ impl Group {
                 (tree, allocation)
             }
         }
+    }
+
+    /// Returns whether these are the members of the present view.
+    fn is_of(&self, members: &[NodeId]) -> bool {
+        let present = self.view.iter().flat_map(|view| &view.members).map(|member| member.node);
+        present.eq(members.iter().copied())
     }
 
     /// Returns whether a body goes on where it is: its region is still its owner's, and nothing later was said of it, as in a

@@ -1,0 +1,110 @@
+//! Keeps what a body is and what its user asks of it in step, for bodies that walk or drive by themselves where they are computed.
+
+use std::sync::Arc;
+
+use super::{BodyRecord, BodyState, BodyTraits, Character, Drive, Gait, Input, Vehicle, Velocity};
+
+/// What moves a body besides forces: it walks or drives where it is computed.
+#[derive(Clone, Copy, Debug)]
+pub enum Controller<'a> {
+    /// It walks; kinematic by velocity.
+    Character(&'a Character),
+    /// It stands on wheels; dynamic.
+    Vehicle(&'a Vehicle),
+}
+
+impl BodyRecord {
+    /// Gives a body a controller, if there is one to give. A character never sleeps, and its velocity is what it wants.
+    #[must_use]
+    pub fn with_controller(mut self, controller: Option<Controller<'_>>) -> Self {
+        let traits = match controller {
+            None => return self,
+            Some(_) => Arc::make_mut(&mut self.traits),
+        };
+        match controller {
+            None => {}
+            Some(Controller::Character(character)) => {
+                traits.character = Some(*character);
+                (traits.sleep_linear_threshold, traits.sleep_angular_threshold) = (-1.0, -1.0);
+                self.state.sleeping = false;
+                self.state.gait = Some(Gait { wanted: self.state.velocity.linear, ..Gait::default() });
+            }
+            Some(Controller::Vehicle(vehicle)) => {
+                traits.vehicle = Some(vehicle.clone());
+                self.state.drive = Some(Drive::default());
+            }
+        }
+        self
+    }
+
+    /// Changes what the body is; one that is no character any more does not walk, one that is no vehicle does not drive.
+    pub fn set_traits(&mut self, traits: Arc<BodyTraits>) {
+        self.traits = traits;
+        self.set_state(self.state);
+    }
+
+    /// Changes the state, of which only what suits the body counts: it may be of a time when the body was something else.
+    pub fn set_state(&mut self, state: BodyState) {
+        let gait = self.traits.character.map(|_| state.gait.unwrap_or_default());
+        let drive = self.traits.vehicle.as_ref().map(|_| state.drive.unwrap_or_default());
+        self.state = BodyState { gait, drive, ..state };
+    }
+
+    /// Returns the velocity that the user of the body has asked for last, as far as it is known; of a body that is no character
+    /// its own.
+    pub fn asked(&self) -> Velocity {
+        let own = self.state.velocity;
+        self.state.gait.map_or(own, |gait| Velocity { linear: gait.wanted, ..own })
+    }
+
+    /// Applies what the user of the body asks for, but a jump: a velocity, or what a driver does.
+    pub fn obey(&mut self, input: &Input) {
+        match (&mut self.state.drive, input.drive) {
+            (Some(drive), Some(wanted)) => *drive = wanted,
+            (None, Some(_)) => {}
+            (_, None) => self.steer(input.velocity),
+        }
+    }
+
+    /// Sets the velocity that the user of the body asks for.
+    pub fn steer(&mut self, velocity: Velocity) {
+        match &mut self.state.gait {
+            Some(gait) => {
+                gait.wanted = velocity.linear;
+                self.state.velocity.angular = velocity.angular;
+            }
+            None => self.state.velocity = velocity,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::protocol::{BodyKind, Check};
+    use crate::sim::sim_body;
+    use crate::space::BodyId;
+
+    #[test]
+    fn state_and_traits_of_different_times_make_a_body_that_may_be() {
+        let plain = sim_body(BodyId::persistent(0), [0.0; 3]);
+        let car = plain.clone().with_controller(Some(Controller::Vehicle(&Vehicle::default())));
+        let mut walker = plain.clone();
+        Arc::make_mut(&mut walker.traits).kind = BodyKind::KinematicVelocity;
+        let walker = walker.with_controller(Some(Controller::Character(&Character::default())));
+        let bodies = [plain, car, walker];
+        for body in &bodies {
+            for other in &bodies {
+                let (mut stated, mut altered) = (body.clone(), body.clone());
+                stated.set_state(other.state);
+                altered.set_traits(other.traits.clone());
+                let fits = |body: &BodyRecord| {
+                    let (state, traits) = (&body.state, &body.traits);
+                    (state.gait.is_some(), state.drive.is_some())
+                        == (traits.character.is_some(), traits.vehicle.is_some())
+                };
+                assert!(fits(&stated) && fits(&altered) && stated.state.check().is_ok());
+            }
+        }
+    }
+}

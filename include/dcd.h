@@ -663,7 +663,7 @@ typedef struct DcdWheel {
     float axle[3];
     // The length of its suspension without a load, metres, 0 to 100.
     float rest_length;
-    // The way by which the suspension is longer or shorter than that at most, metres, 0 to 100.
+    // The way by which the suspension is pressed from there at most, metres, 0 to 100.
     float travel;
     // Its radius, metres, above 0 and at most 100.
     float radius;
@@ -675,9 +675,9 @@ typedef struct DcdWheel {
     float relaxation;
     // The greatest force of its suspension, newtons, 0 to 1e9.
     float max_force;
-    // Its grip, 0 to 1000: along and across it holds up to this many times the force that its suspension bears.
+    // Its grip, 0 to 1000: across, and along twice as much, it holds up to this many times the force that its suspension bears.
     float grip;
-    // The part of a sideways slip that it takes in a step, 0 to 1.
+    // The part of a sideways slip that it takes, 0 to 1: with 1 a fifth in each substep.
     float side_grip;
     // The force of the engine on it at full throttle, newtons, 0 to 1e9.
     float engine_force;
@@ -1949,7 +1949,8 @@ DcdStatus dcd_character_create(DcdWorld world,
 // collider that the chassis may collide with. dcd_vehicle_drive says what its driver does. What it stands on feels nothing of it.
 //
 // In a served world it is driven by the node that computes it, also that of a client, without a delay between wheels and ground. A
-// client's is bounded: 8 wheels, a top_speed of at most the world's avatar_speed.
+// client's is bounded: 8 wheels within 10 m, a top_speed of at most the world's avatar_speed, suspensions that together speed it up by at
+// most 200 m/s² (stiffness x travel) and are damped by at most 60 1/s. One above 1e9 kg, or at more than 1e5 m/s, has no wheels.
 // Errors: as dcd_bodies_create, and DCD_ERR_ARGUMENT for another body_type or a setting out of range.
 DCD_API
 DcdStatus dcd_vehicle_create(DcdWorld world,
@@ -2634,8 +2635,8 @@ DCD_API DcdStatus dcd_stats_text(DcdWorld world, char *buf, size_t cap, size_t *
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED in a served world.
 DCD_API DcdStatus dcd_state_hash(DcdWorld world, uint64_t *out);
 
-// Saves a snapshot of a world: bodies, joints, contacts, regions, settings. It goes on from there to the same bits, in this program
-// or another one of the same build. Handles of shapes, views and your user_data of the world are not part of it.
+// Saves a snapshot of a world: bodies, joints, contacts, regions, settings. A local world goes on from there to the same bits, in this
+// program or another one of the same build. Handles of shapes, views and your user_data of the world are not part of it.
 //
 // A server saves the world as it is after one tick, for which its nodes stop for some ticks: as a local world, avatars too, without
 // contacts. What its program did since its last dcd_step is not in it. It waits for half a minute at most.

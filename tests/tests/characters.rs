@@ -1,14 +1,16 @@
 //! Tests characters, which walk by themselves where they are computed: in one region, over borders, in every coupling, and over
 //! the network.
 
-use std::time::{Duration, Instant};
+#[path = "common/served.rs"]
+mod served;
 
-use dcd::network::{JoinConfig, JoinRole, ServeConfig};
+use std::time::Instant;
+
+use dcd::network::JoinRole;
 use dcd::prelude::*;
-use dcd::protocol::Pace;
 use dcd::{Axis, Costs, Refusal, StepSettings};
+use served::{Served, join};
 
-const LIMIT: Duration = Duration::from_secs(30);
 const G: f32 = 9.81;
 
 /// Half a capsule's height and the gap below it, metres: how high a character's origin is above what it stands on.
@@ -353,39 +355,10 @@ fn what_cannot_walk_is_refused() {
 }
 
 /// A server of a world with a wall, in two regions on two nodes, and a client.
-struct Served {
-    client: World,
-    nodes: Vec<World>,
-    server: World,
-    _data: tempfile::TempDir,
-}
-
-fn join(server: &World, role: JoinRole) -> JoinConfig {
-    JoinConfig::new(server.address().unwrap(), server.token(role, LIMIT).unwrap())
-}
-
 fn served() -> Served {
     let mut local = world(1, Coupling::Auto);
     block(&mut local, [4.5, 1.0, 0.0], [0.5, 1.0, 40.0]);
-    let data = tempfile::tempdir().unwrap();
-    let config = ServeConfig { nodes: 2, pace: Pace::RealTime, ..ServeConfig::new(data.path()) };
-    let server = local.serve_copy(config).unwrap();
-    let nodes = (0..2).map(|_| World::join_as_node(&join(&server, JoinRole::Node)).unwrap()).collect();
-    let client = World::connect(&join(&server, JoinRole::Client)).unwrap();
-    Served { client, nodes, server, _data: data }
-}
-
-impl Served {
-    /// Steps the client until it is so.
-    fn until(&mut self, what: &str, mut is_so: impl FnMut(&World) -> bool) {
-        let deadline = Instant::now() + LIMIT;
-        while !is_so(&self.client) {
-            assert!(Instant::now() < deadline, "not within {LIMIT:?}: {what}");
-            self.client.poll(Duration::from_millis(5));
-            self.client.step().unwrap();
-            self.server.step().unwrap();
-        }
-    }
+    Served::of(&local)
 }
 
 #[test]

@@ -1,14 +1,12 @@
 //! Tests vehicles, which are driven where they are computed: in one region, over borders, in every coupling, and over the network.
 
-use std::time::{Duration, Instant};
+#[path = "common/served.rs"]
+mod served;
 
-use dcd::network::{JoinConfig, JoinRole, ServeConfig};
 use dcd::prelude::*;
-use dcd::protocol::Pace;
 use dcd::{Axis, Costs, Refusal, StepSettings};
 use rapier3d::control::{DynamicRayCastVehicleController, WheelTuning};
-
-const LIMIT: Duration = Duration::from_secs(30);
+use served::Served;
 
 /// A world with ground, whole or with borders at x = 6 and z = 1.3, which nothing here is symmetrical to.
 fn world(cuts: usize, coupling: Coupling) -> World {
@@ -412,37 +410,8 @@ fn odd_ones_end_no_world() {
     }
 }
 
-struct Served {
-    client: World,
-    nodes: Vec<World>,
-    server: World,
-    _data: tempfile::TempDir,
-}
-
-fn join(server: &World, role: JoinRole) -> JoinConfig {
-    JoinConfig::new(server.address().unwrap(), server.token(role, LIMIT).unwrap())
-}
-
 fn served() -> Served {
-    let data = tempfile::tempdir().unwrap();
-    let config = ServeConfig { nodes: 2, pace: Pace::RealTime, ..ServeConfig::new(data.path()) };
-    let server = world(1, Coupling::Auto).serve_copy(config).unwrap();
-    let nodes = (0..2).map(|_| World::join_as_node(&join(&server, JoinRole::Node)).unwrap()).collect();
-    let client = World::connect(&join(&server, JoinRole::Client)).unwrap();
-    Served { client, nodes, server, _data: data }
-}
-
-impl Served {
-    /// Steps client and server until it is so.
-    fn until(&mut self, what: &str, mut is_so: impl FnMut(&World) -> bool) {
-        let deadline = Instant::now() + LIMIT;
-        while !is_so(&self.client) {
-            assert!(Instant::now() < deadline, "not within {LIMIT:?}: {what}");
-            self.client.poll(Duration::from_millis(5));
-            self.client.step().unwrap();
-            self.server.step().unwrap();
-        }
-    }
+    Served::of(&world(1, Coupling::Auto))
 }
 
 #[test]

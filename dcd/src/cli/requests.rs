@@ -9,16 +9,16 @@ use super::failure::Failure;
 use crate::cluster::directory::DirectoryError;
 use crate::runtime::{LocalWorld, ProcessError, RedbDirectory, ServerProcess};
 
-/// How long a server may take: nodes that hang are given up within seconds, and large files are written.
+/// The time that a server may take: nodes that hang are given up within seconds, and large files are written.
 const WAIT: Duration = Duration::from_secs(120);
-/// How often the asker looks for the answer.
+/// The interval at which the asker looks for the answer.
 const LOOK: Duration = Duration::from_millis(20);
-/// How often it looks whether the server still runs.
+/// The interval at which it looks whether the server still runs.
 const LOOK_FOR_SERVER: Duration = Duration::from_secs(2);
 const REQUEST: &str = "request-";
 const ANSWER: &str = "answer-";
 
-/// What a server is asked to do with a file.
+/// A request to a server, about a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Verb {
     Save,

@@ -1,6 +1,7 @@
 //! Implements a client, a process that hosts avatars: it joins at the server, sends avatar inputs to the leader, and keeps its
 //! copy of the world up to date.
 
+mod newest;
 mod surroundings;
 #[cfg(test)]
 mod tests;
@@ -8,6 +9,7 @@ mod tests;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
+use self::newest::NewestInputs;
 use self::surroundings::Surroundings;
 use super::Peer;
 use crate::protocol::{
@@ -65,7 +67,7 @@ pub enum ClientEvent {
     Drive {
         /// Which.
         body: BodyId,
-        /// What its driver does from now on.
+        /// Its controls from now on.
         drive: Drive,
     },
     /// An avatar is to go for good.
@@ -208,12 +210,11 @@ pub struct Client {
     dial_server_at: Option<Duration>,
     dial_leader_at: Option<Duration>,
     logical_time: u64,
-    /// Whether it has said who it is, and was not welcomed yet.
+    /// It has said who it is, and was not welcomed yet.
     greeted: bool,
-    /// Whether the world that it is being told replaces the one that it knew.
+    /// The world that it is being told replaces the one that it knew.
     replaced: bool,
-    /// The newest inputs for each avatar and their times: sent again when a link is back, and to a new leader.
-    newest: BTreeMap<(BodyId, bool), (Input, Duration)>,
+    newest: NewestInputs,
     /// Questions without an answer, by number, and when they are asked again; and answers that are not fetched yet.
     asked: BTreeMap<u64, (Query, Duration)>,
     answers: BTreeMap<u64, QueryResult>,
@@ -252,7 +253,7 @@ impl Client {
             dial_server_at: None,
             dial_leader_at: None,
             logical_time: 0,
-            newest: BTreeMap::new(),
+            newest: NewestInputs::default(),
             asked: BTreeMap::new(),
             answers: BTreeMap::new(),
             area,
@@ -284,7 +285,7 @@ impl Client {
             ClientEvent::Connected(peer) if self.is_leader(peer) => {
                 self.linked = true;
                 self.dial_leader_at = None;
-                for input in self.newest.values().map(|&(input, _)| input).collect::<Vec<_>>() {
+                for input in self.newest.since(Duration::ZERO) {
                     self.send_input(input);
                 }
                 self.send_interest();
@@ -493,7 +494,7 @@ impl Client {
     fn send_newest(&mut self, input: Input) {
         self.logical_time += 1;
         let input = Input { logical_time: self.logical_time, ..input };
-        self.newest.insert(input.slot(), (input, self.now));
+        self.newest.keep(input, self.now);
         self.send_input(input);
     }
 
@@ -618,8 +619,7 @@ impl Client {
                 // What the last leader had taken in and not passed on is gone with it.
                 if self.linked || self.node.is_some() {
                     let now = self.now;
-                    let fresh = self.newest.values().filter(|(_, at)| now < *at + STILL_MEANT);
-                    for input in fresh.map(|&(input, _)| input).collect::<Vec<_>>() {
+                    for input in self.newest.since(now.saturating_sub(STILL_MEANT)) {
                         self.send_input(input);
                     }
                     self.send_interest();
@@ -637,7 +637,7 @@ impl Client {
             ToClient::Removed(id) => {
                 self.answered(id);
                 self.bodies.remove(&id);
-                self.newest.retain(|(body, _), _| *body != id);
+                self.newest.forget(id);
                 self.joints.retain(|joint| joint.a != id && joint.b != id);
                 self.outputs.push_back(ClientOutput::Removed(id));
             }

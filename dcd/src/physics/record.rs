@@ -162,9 +162,10 @@ pub(crate) fn bounds_of(record: &BodyRecord, shapes: &ShapeLibrary) -> Result<Bo
     Ok(bounds)
 }
 
-/// Returns how far a body's colliders reach from its centre of mass, in metres: the radius of a ball that holds them all.
-pub(crate) fn reach_of(body: &RigidBody, colliders: &ColliderSet) -> f32 {
+/// Returns how far a body's colliders and wheels reach from its centre of mass, in metres: the radius of a ball that holds them all.
+pub(crate) fn reach_of(body: &RigidBody, colliders: &ColliderSet, traits: &BodyTraits) -> f32 {
     let centre = body.local_center_of_mass();
+    let wheels = traits.vehicle.as_ref().map_or(0.0, |vehicle| vehicle.reach_m() + centre.length());
     body.colliders()
         .iter()
         .filter_map(|&handle| colliders.get(handle))
@@ -173,7 +174,7 @@ pub(crate) fn reach_of(body: &RigidBody, colliders: &ColliderSet) -> f32 {
             let ball = collider.shape().compute_bounding_sphere(&local);
             (ball.center - centre).length() + ball.radius + collider.contact_skin()
         })
-        .fold(0.0, f32::max)
+        .fold(wheels, f32::max)
 }
 
 pub(super) fn collider_record(

@@ -17,20 +17,17 @@ impl BodyRecord {
     /// Gives a body a controller, if there is one to give. A character never sleeps, and its velocity is what it wants.
     #[must_use]
     pub fn with_controller(mut self, controller: Option<Controller<'_>>) -> Self {
-        let traits = match controller {
-            None => return self,
-            Some(_) => Arc::make_mut(&mut self.traits),
-        };
         match controller {
             None => {}
             Some(Controller::Character(character)) => {
+                let traits = Arc::make_mut(&mut self.traits);
                 traits.character = Some(*character);
                 (traits.sleep_linear_threshold, traits.sleep_angular_threshold) = (-1.0, -1.0);
                 self.state.sleeping = false;
                 self.state.gait = Some(Gait { wanted: self.state.velocity.linear, ..Gait::default() });
             }
             Some(Controller::Vehicle(vehicle)) => {
-                traits.vehicle = Some(vehicle.clone());
+                Arc::make_mut(&mut self.traits).vehicle = Some(vehicle.clone());
                 self.state.drive = Some(Drive::default());
             }
         }

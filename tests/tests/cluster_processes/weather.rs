@@ -68,7 +68,7 @@ impl Cluster {
         self.witness.advance(30);
         drop(self.witness);
         let traffic = self.proxy.traffic();
-        assert!(traffic.passed > 1_000, "the links go through the proxy: {traffic:?}");
+        assert!(traffic.passed > 100, "the links go through the proxy: {traffic:?}");
         println!("{traffic:?}");
         let served = self.server.stop();
         assert_eq!(served["bodies"], 155);

@@ -128,9 +128,11 @@ impl Inputs {
         self.next.values().copied()
     }
 
-    /// Returns all inputs that no tick has taken.
+    /// Returns all inputs that no tick has taken, of each avatar in the order in which they were made.
     pub(super) fn into_untaken(self) -> impl Iterator<Item = Input> {
         let early = self.early.into_values().map(|(input, _)| input);
-        self.next.into_values().chain(early)
+        let mut untaken: Vec<_> = self.next.into_values().chain(early).collect();
+        untaken.sort_by_key(|input| (input.body, input.logical_time));
+        untaken.into_iter()
     }
 }

@@ -8,7 +8,7 @@ use super::Region;
 use crate::physics::outline::Outline;
 use crate::physics::shapes::{ShapeError, ShapeLibrary};
 use crate::physics::{convert, record};
-use crate::protocol::{BodyKind, BodyTraits, Vehicle};
+use crate::protocol::{BodyKind, BodyTraits};
 
 impl Region {
     /// Notes that a body is not, or may not be, what and where it was in the last step.
@@ -106,8 +106,7 @@ impl Region {
             }
             body.recompute_mass_properties_from_colliders(&region.world.colliders);
             // Its skin may reach farther than before.
-            let wheels_m = slot.traits.vehicle.as_ref().map_or(0.0, Vehicle::reach_m);
-            slot.reach_m = record::reach_of(body, &region.world.colliders).max(wheels_m);
+            slot.reach_m = record::reach_of(body, &region.world.colliders, &slot.traits);
             slot.outline = Outline::of(body, &region.world.colliders);
             region.due[handle.into_raw_parts().0 as usize] = 0;
             result

@@ -9,7 +9,7 @@ use super::{BodyRef, Ownership, Region, Slot, assembly, floating_origin};
 use crate::physics::outline::Outline;
 use crate::physics::shapes::{ShapeError, ShapeLibrary};
 use crate::physics::{convert, record};
-use crate::protocol::{BodyKind, BodyRecord, JointRecord, Vehicle};
+use crate::protocol::{BodyKind, BodyRecord, JointRecord};
 use crate::space::{BodyId, Epoch, JointId, RegionSet};
 
 impl Region {
@@ -45,8 +45,7 @@ impl Region {
         if body.traits.vehicle.is_some() {
             self.vehicles.insert(body.id, Driving::new(body.state.drive.unwrap_or_default()));
         }
-        let wheels_m = body.traits.vehicle.as_ref().map_or(0.0, Vehicle::reach_m);
-        let reach_m = record::reach_of(&self.world.bodies[handle], &self.world.colliders).max(wheels_m);
+        let reach_m = record::reach_of(&self.world.bodies[handle], &self.world.colliders, &body.traits);
         let outline = Outline::of(&self.world.bodies[handle], &self.world.colliders);
         let index = handle.into_raw_parts().0 as usize;
         if self.slots.len() <= index {

@@ -72,7 +72,8 @@ impl Region {
     }
 
     fn drive_one(&mut self, handle: RigidBodyHandle, drive: &Drive, dt_s: f32) {
-        let Some(vehicle) = self.slot(handle).traits.vehicle.clone() else { return };
+        let traits = self.slot(handle).traits.clone();
+        let Some(vehicle) = &traits.vehicle else { return };
         if drive.throttle != 0.0 && self.world.bodies[handle].is_sleeping() {
             self.world_mut().wake_up(handle, true);
         }
@@ -87,7 +88,7 @@ impl Region {
         let groups = colliders.into_iter().find(|collider| !collider.is_sensor());
         let groups = groups.map_or(InteractionGroups::all(), Collider::collision_groups);
         let filter = QueryFilter::default().exclude_rigid_body(handle).exclude_sensors().groups(groups);
-        let mut controller = controller(&vehicle, handle, body, drive, share, dt_s);
+        let mut controller = controller(vehicle, handle, body, drive, share, dt_s);
         let PhysicsWorld { broad_phase, narrow_phase, bodies, colliders, .. } = self.world_mut();
         let rays =
             broad_phase.as_query_pipeline_mut(narrow_phase.query_dispatcher(), bodies, colliders, filter);

@@ -51,6 +51,8 @@ mod world;
 #[doc(hidden)]
 pub mod cluster;
 #[doc(hidden)]
+pub mod playback;
+#[doc(hidden)]
 pub mod protocol;
 #[doc(hidden)]
 pub mod space;
@@ -79,6 +81,8 @@ pub use physics::{
     BorderView, CharacterHit, CharacterMove, ColliderId, ContactHooks, Coupling, HookedPair, Inconsistency,
     LinkSettings, Preset, StepSettings, VehicleController,
 };
+#[cfg(feature = "physics")]
+pub use playback::ViewTime;
 #[cfg(feature = "physics")]
 pub use protocol::Area;
 pub use protocol::{

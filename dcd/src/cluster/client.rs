@@ -2,6 +2,7 @@
 //! copy of the world up to date.
 
 mod newest;
+mod showing;
 mod surroundings;
 #[cfg(test)]
 mod tests;
@@ -10,8 +11,10 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
 use self::newest::NewestInputs;
+use self::showing::Showing;
 use self::surroundings::Surroundings;
 use super::Peer;
+use crate::playback::Motion;
 use crate::protocol::{
     Alteration, Area, BodyKind, BodyRecord, Chunk, ContactForce, Drive, EnvironmentProperties, FromClient,
     Handover, Hello, Input, JoinAs, JointRecord, Member, Message, Query, QueryResult, Refusal, ShapeHash,
@@ -140,14 +143,14 @@ impl BodyView {
         Self { settled, body, tick: Tick(0), speculative: false, outside: false, owner: None }
     }
 
-    /// Takes a state in, unless something newer is known. A speculative state never counts against one that is not.
+    /// Takes a state in, unless something newer is known; returns whether it was news, and a change of owner. A speculative state never counts against one that is not.
     fn learn(
         &mut self,
         state: &SharedState,
         tick: Tick,
         speculative: bool,
         outside: bool,
-    ) -> Option<Handover> {
+    ) -> (bool, Option<Handover>) {
         let is_news = match speculative {
             false => self.settled <= (state.epoch, tick),
             true => {
@@ -170,7 +173,7 @@ impl BodyView {
         // A node that computes speculatively owns nothing of the others.
         let from = if is_news && !speculative { self.owner.replace(state.owner) } else { None };
         let from = from.filter(|from| *from != state.owner);
-        from.map(|from| Handover { body: state.id, from, to: state.owner })
+        (is_news, from.map(|from| Handover { body: state.id, from, to: state.owner }))
     }
 
     /// Returns the tick of the newest state that is not speculative.
@@ -215,6 +218,8 @@ pub struct Client {
     /// The world that it is being told replaces the one that it knew.
     replaced: bool,
     newest: NewestInputs,
+    /// While its user shows the world.
+    showing: Option<Box<Showing>>,
     /// Questions without an answer, by number, and when they are asked again; and answers that are not fetched yet.
     asked: BTreeMap<u64, (Query, Duration)>,
     answers: BTreeMap<u64, QueryResult>,
@@ -254,6 +259,7 @@ impl Client {
             dial_leader_at: None,
             logical_time: 0,
             newest: NewestInputs::default(),
+            showing: None,
             asked: BTreeMap::new(),
             answers: BTreeMap::new(),
             area,
@@ -290,6 +296,7 @@ impl Client {
                 }
                 self.send_interest();
                 self.ask_again(now, now + ASK_AGAIN);
+                self.showing.iter_mut().for_each(|showing| showing.connected(now, peer));
             }
             ClientEvent::Disconnected(Peer::Server) => {
                 if std::mem::take(&mut self.server_linked) {
@@ -301,12 +308,16 @@ impl Client {
             ClientEvent::Disconnected(peer) if self.is_leader(peer) => {
                 self.linked = false;
                 self.dial_leader_at = Some(now + AGAIN);
+                self.showing.iter_mut().for_each(|showing| showing.disconnected(peer));
             }
             ClientEvent::Connected(_) | ClientEvent::Disconnected(_) => {}
             ClientEvent::Message { from, message: Message::ToClient(client, message) } => {
                 if client == self.id && (from == Peer::Server || self.is_leader(from)) {
                     self.told(message);
                 }
+            }
+            ClientEvent::Message { from, message: Message::Pong(pong) } => {
+                self.showing.iter_mut().for_each(|showing| showing.pong(now, from, pong));
             }
             ClientEvent::Message { .. } => {}
             ClientEvent::Node(message) => self.told(message),
@@ -339,6 +350,9 @@ impl Client {
             self.outputs.push_back(ClientOutput::Redial);
         }
         self.ask_again(now, now);
+        for (to, ping) in self.showing.as_mut().map(|showing| showing.pings(now)).unwrap_or_default() {
+            self.send(to, ping);
+        }
         if self.dial_leader_at.take_if(|at| *at <= now).is_some() && self.node.is_none() && !self.linked {
             self.outputs.extend(self.leader.clone().map(ClientOutput::Connect));
         }
@@ -347,7 +361,8 @@ impl Client {
     /// Returns when [`Client::handle_timeout`] is next due; ask again after every event.
     pub fn poll_timeout(&self) -> Option<Duration> {
         let ask = self.asked.values().map(|&(_, at)| at).min();
-        self.dial_server_at.into_iter().chain(self.dial_leader_at).chain(ask).min()
+        let ping = self.showing.as_ref().and_then(|showing| showing.timeout());
+        self.dial_server_at.into_iter().chain(self.dial_leader_at).chain(ask).chain(ping).min()
     }
 
     /// Returns the next output, until there is none.
@@ -495,6 +510,7 @@ impl Client {
         self.logical_time += 1;
         let input = Input { logical_time: self.logical_time, ..input };
         self.newest.keep(input, self.now);
+        self.showing.iter_mut().for_each(|showing| showing.sent(self.now, input.logical_time));
         self.send_input(input);
     }
 
@@ -579,6 +595,7 @@ impl Client {
                     // The world is another, on a link that lost nothing: what was asked of the one before is not meant for it.
                     self.newest.clear();
                     self.replaced = true;
+                    self.showing.iter_mut().for_each(|showing| showing.recount());
                 }
                 self.unspoken = self.bodies.keys().copied().collect();
                 self.joints.clear();
@@ -611,6 +628,7 @@ impl Client {
                 if self.group.replace(group) != Some(group) {
                     // Another lineage of epochs and owners: whatever it says first counts.
                     self.tick = Tick(0);
+                    self.showing.iter_mut().for_each(|showing| showing.recount());
                     for view in self.bodies.values_mut() {
                         (view.settled, view.owner) = Default::default();
                     }
@@ -638,6 +656,7 @@ impl Client {
                 self.answered(id);
                 self.bodies.remove(&id);
                 self.newest.forget(id);
+                self.showing.iter_mut().for_each(|showing| showing.forget(id));
                 self.joints.retain(|joint| joint.a != id && joint.b != id);
                 self.outputs.push_back(ClientOutput::Removed(id));
             }
@@ -653,6 +672,7 @@ impl Client {
             }
             ToClient::States { stamp, states } if self.group.is_none_or(|own| own == stamp.group) => {
                 self.tick = self.tick.max(stamp.tick);
+                self.showing.iter_mut().for_each(|showing| showing.hear(self.now, &stamp, &states));
                 let hearing = self.hearing();
                 let mut strangers = Vec::new();
                 for state in states {
@@ -662,7 +682,11 @@ impl Client {
                         continue;
                     }
                     if let Some(view) = self.bodies.get_mut(&state.id) {
-                        let handover = view.learn(&state, stamp.tick, stamp.speculative, outside);
+                        let before = Motion::of(&view.body.state);
+                        let (is_news, handover) = view.learn(&state, stamp.tick, stamp.speculative, outside);
+                        if let Some(showing) = self.showing.as_mut().filter(|_| is_news) {
+                            showing.learn(&stamp, &state, before);
+                        }
                         keep_newest(&mut self.handovers, handover);
                     } else if !outside {
                         strangers.push(state.id);
@@ -721,6 +745,9 @@ impl Client {
         let former = self.leader.as_ref().map(|member| member.node);
         let next = leader.as_ref().map(|member| member.node);
         self.leader = leader.clone();
+        if former != next {
+            self.showing.iter_mut().for_each(|showing| showing.change_leader(former));
+        }
         if self.node.is_some() || (former == next && self.linked) {
             return;
         }

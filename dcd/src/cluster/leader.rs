@@ -49,6 +49,8 @@ pub struct Leader {
     pace: Pace,
     /// The last dispatched tick; that of the view before the first.
     tick: Tick,
+    /// When it was due, by which clients count time.
+    opened: Duration,
     last_tick: Option<Tick>,
     /// Returns the newest tick that each member has completed, and what it cost.
     done: BTreeMap<NodeId, Tick>,
@@ -70,6 +72,8 @@ pub struct Leader {
     introduction: Option<Member>,
     /// Clients that have not said yet what they want to hear of: they are told no states.
     undecided: BTreeSet<ClientId>,
+    /// The logical time of each client's newest input that a tick has applied.
+    applied: BTreeMap<ClientId, u64>,
     /// The tick that each client was last sent.
     told: BTreeMap<ClientId, Tick>,
     /// The bodies that clients are to be told of in later batches.
@@ -105,6 +109,7 @@ impl Leader {
             dt: Duration::from_secs_f32(world.step.dt_s),
             pace: world.pace,
             tick: view.tick,
+            opened: now,
             last_tick: world.last_tick,
             done: BTreeMap::new(),
             lag: world.protocol.lag_ticks(),
@@ -121,6 +126,7 @@ impl Leader {
             undecided: clients.keys().copied().collect(),
             clients,
             introduction: view.led_by().cloned(),
+            applied: BTreeMap::new(),
             told: BTreeMap::new(),
             turns: BTreeMap::new(),
             questions: Questions::default(),
@@ -209,6 +215,7 @@ impl Leader {
         if self.clients.get(&client) == Some(&Peer::Client(client)) {
             self.clients.remove(&client);
             self.told.remove(&client);
+            self.applied.remove(&client);
             self.turns.remove(&client);
             self.undecided.remove(&client);
             self.uninterest(client);
@@ -308,6 +315,10 @@ impl Leader {
         if self.timeout().is_none_or(|due| now < due) {
             return None;
         }
+        self.opened = match self.pace {
+            Pace::Unpaced => now,
+            Pace::RealTime => self.next_due,
+        };
         self.next_due = match self.pace {
             Pace::Unpaced => now,
             Pace::RealTime => (self.next_due + self.dt.mul_f32(self.stretch())).max(now),
@@ -330,7 +341,7 @@ impl Leader {
             let refusal = ToClient::Rejected { body: Some(body), reason };
             self.messages.extend(body.client().map(|client| (client, refusal)));
         }
-        ops.extend(self.inputs.take_next().map(WorldOp::Input));
+        ops.extend(self.take_inputs().map(WorldOp::Input));
         ops.extend(self.corrections());
         ops.extend(self.questions.dispatch(&self.members));
         self.questions.allow();
@@ -339,6 +350,18 @@ impl Leader {
         let wanted = std::mem::replace(&mut self.rounds_wanted, 1);
         let rounds = if self.lag == 0 { wanted } else { 1 };
         Some(Dispatch { view: self.view, tick: self.tick, rounds, ops })
+    }
+
+    /// Takes the inputs of the tick, and notes up to which each client's are applied.
+    fn take_inputs(&mut self) -> impl Iterator<Item = Input> + use<> {
+        let inputs: Vec<_> = self.inputs.take_next().collect();
+        for input in &inputs {
+            if let Some(client) = input.body.client() {
+                let applied = self.applied.entry(client).or_default();
+                *applied = input.logical_time.max(*applied);
+            }
+        }
+        inputs.into_iter()
     }
 
     /// Returns the change of the tree before this tick, if the load asks for one.

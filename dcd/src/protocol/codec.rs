@@ -196,7 +196,7 @@ mod tests {
     }
 
     fn stamp(tick: u64) -> Stamp {
-        Stamp { group: crate::space::GroupId(u32::MAX), tick: Tick(tick), speculative: true }
+        Stamp::untimed(crate::space::GroupId(u32::MAX), Tick(tick), true)
     }
 
     fn sample() -> Message {

@@ -12,6 +12,7 @@ use super::{Connections, Member, MemberConfig, NodeSummary, ProcessError};
 use crate::cluster::{BodyView, Client, ClientEvent};
 use crate::net::{Identity, JoinRole, PeerStats, Token, join};
 use crate::physics::{ShapeError, ShapeLibrary};
+use crate::playback::{Motion, ViewTime};
 use crate::protocol::{
     Area, ContactForce, Controller, Drive, EnvironmentProperties, Handover, Query, QueryResult, Refusal,
     Touch, Velocity, WorldPose,
@@ -281,6 +282,23 @@ impl ClientWorld {
     pub fn with_bodies<R>(&self, mut look: impl FnMut(&BodyView) -> Option<R>) -> Vec<R> {
         let state = self.member.shared.lock();
         state.client.iter().flat_map(|client| client.bodies()).filter_map(&mut look).collect()
+    }
+
+    /// Returns the ticks to show now; `None` until the world is heard of.
+    pub fn view_time(&self) -> Option<ViewTime> {
+        let now = self.member.shared.start.elapsed();
+        self.member.shared.lock().client.as_mut()?.view_time(now)
+    }
+
+    /// Returns how a body is shown at a tick; `None` if it is not known.
+    pub fn motion_at(&self, id: BodyId, tick: f64) -> Option<Motion> {
+        self.member.shared.lock().client.as_ref()?.view(id, tick)
+    }
+
+    /// Returns how each body is shown at its tick.
+    pub fn motions_at(&self, bodies: impl Iterator<Item = (BodyId, f64)>) -> Vec<Option<Motion>> {
+        let state = self.member.shared.lock();
+        bodies.map(|(id, tick)| state.client.as_ref()?.view(id, tick)).collect()
     }
 
     /// Takes the events since the last call.

@@ -117,6 +117,8 @@ pub struct Member {
 
 /// The state that the loop and its user share.
 pub(super) struct Shared {
+    /// The beginning of its time.
+    pub(super) start: Instant,
     state: Mutex<State>,
     changed: Condvar,
 }
@@ -193,7 +195,8 @@ impl Member {
             summary,
             end: None,
         };
-        let shared = Arc::new(Shared { state: Mutex::new(state), changed: Condvar::new() });
+        let shared =
+            Arc::new(Shared { start: Instant::now(), state: Mutex::new(state), changed: Condvar::new() });
         let (inbox, inputs) = mpsc::sync_channel(QUEUE);
         forward(events, inbox.clone())?;
         let waker = inbox.clone();
@@ -203,7 +206,7 @@ impl Member {
         links.dial(Peer::Server, config.server);
         let mut running = Loop {
             server: config.server,
-            start: Instant::now(),
+            start: shared.start,
             links,
             node,
             device: PhysicsDevice::new(config.threads),

@@ -95,6 +95,6 @@ impl World {
     }
 
     fn of(world: impl Remote + 'static) -> Self {
-        Self { inner: Inner::Remote(Box::new(world)), answers: super::Answers::default() }
+        Self::with(Inner::Remote(Box::new(world)))
     }
 }

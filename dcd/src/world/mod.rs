@@ -22,6 +22,7 @@ mod remote;
 mod role;
 #[cfg(feature = "net")]
 mod served;
+mod showing;
 mod snapshot;
 mod view;
 
@@ -36,6 +37,7 @@ pub use network::Arrivals;
 use queries::Answers;
 use remote::Remote;
 pub use role::{Instead, Role, Unsupported};
+use showing::LastStep;
 pub use view::{Body, BodyChange, MovableBody, Owner, RegionInfo};
 
 /// One rigid-body world, computed by this process or by others.
@@ -62,6 +64,7 @@ pub use view::{Body, BodyChange, MovableBody, Owner, RegionInfo};
 pub struct World {
     inner: Inner,
     answers: Answers,
+    last_step: LastStep,
 }
 
 enum Inner {
@@ -81,11 +84,15 @@ impl std::fmt::Debug for World {
 
 impl From<LocalWorld> for World {
     fn from(world: LocalWorld) -> Self {
-        Self { inner: Inner::Local(Box::new(world)), answers: Answers::default() }
+        Self::with(Inner::Local(Box::new(world)))
     }
 }
 
 impl World {
+    fn with(inner: Inner) -> Self {
+        Self { inner, answers: Answers::default(), last_step: LastStep::default() }
+    }
+
     /// Makes an empty local world.
     pub fn new(config: WorldConfig) -> Result<Self, Error> {
         Ok(LocalWorld::new(config)?.into())
@@ -122,7 +129,10 @@ impl World {
     /// been out of reach for too long, every call returns an error; the last known state can still be read.
     pub fn step(&mut self) -> Result<(), Error> {
         match &mut self.inner {
-            Inner::Local(world) => Ok(world.step()?),
+            Inner::Local(world) => {
+                self.last_step.keep(world);
+                Ok(world.step()?)
+            }
             Inner::Remote(world) => world.step(),
         }
     }

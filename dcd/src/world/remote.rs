@@ -10,6 +10,7 @@ use super::role::{Instead, Role, Unsupported};
 use super::view::{Body, BodyChange, MovableBody, Owner, RegionInfo};
 #[cfg(feature = "net")]
 use crate::net::PeerStats;
+use crate::playback::{Motion, ViewTime};
 use crate::protocol::{
     Area, BodyRecord, Controller, Drive, Handover, JointRecord, Push, Query, QueryResult, Velocity,
     WorldEvents, WorldPose,
@@ -190,6 +191,20 @@ pub(super) trait Remote: Send + Sync {
 
     fn motion(&self, _id: BodyId) -> Option<(WorldPose, Velocity)> {
         None
+    }
+
+    /// Returns the ticks to show now.
+    fn view_time(&mut self) -> ViewTime {
+        ViewTime::of_local(self.tick().0 as f64, self.tick().0 as f64)
+    }
+
+    /// Returns how a body is shown at a tick.
+    fn motion_at(&self, id: BodyId, _tick: f64) -> Option<Motion> {
+        self.motion(id).map(|(pose, velocity)| Motion { pose, velocity })
+    }
+
+    fn movable_bodies_at(&self, _time: &ViewTime) -> Box<dyn Iterator<Item = MovableBody> + '_> {
+        self.movable_bodies()
     }
 
     fn body(&self, _id: BodyId) -> Option<Body> {

@@ -17,6 +17,7 @@ use super::view::{Body, BodyChange, MovableBody, Owner, RegionInfo};
 use crate::cluster::BodyView as Heard;
 use crate::net::PeerStats;
 use crate::physics::ShapeLibrary;
+use crate::playback::{Motion, ViewTime};
 use crate::protocol::{
     Area, BodyKind, BodyRecord, Controller, Drive, EnvironmentProperties, Handover, Query, QueryResult,
     Velocity, WorldEvents, WorldPose,
@@ -327,6 +328,30 @@ impl Remote for Served {
     fn motion(&self, id: BodyId) -> Option<(WorldPose, Velocity)> {
         let state = &self.known(id)?.state;
         Some((state.pose, state.velocity))
+    }
+
+    fn view_time(&mut self) -> ViewTime {
+        let tick = self.tick.0 as f64;
+        self.world.view_time().unwrap_or_else(|| ViewTime::of_local(tick, tick))
+    }
+
+    fn motion_at(&self, id: BodyId, tick: f64) -> Option<Motion> {
+        let known = Motion::of(&self.known(id)?.state);
+        Some(self.world.motion_at(id, tick).unwrap_or(known))
+    }
+
+    fn movable_bodies_at(&self, time: &ViewTime) -> Box<dyn Iterator<Item = MovableBody> + '_> {
+        let at = |id: BodyId| {
+            let is_own = id.client() == Some(self.world.id());
+            if is_own { time.now } else { time.shown }
+        };
+        let bodies: Vec<_> = self.movable_bodies().collect();
+        let shown = self.world.motions_at(bodies.iter().map(|body| (body.id, at(body.id))));
+        let moved = move |(body, shown): (MovableBody, Option<Motion>)| match shown {
+            Some(shown) => body.moved_to(shown),
+            None => body,
+        };
+        Box::new(bodies.into_iter().zip(shown).map(moved))
     }
 
     fn body(&self, id: BodyId) -> Option<Body> {

@@ -1,5 +1,6 @@
 //! Defines the types in which a `World` reports bodies, their owners, regions, and, in served worlds, changes of bodies.
 
+use crate::playback::Motion;
 use crate::protocol::{BodyKind, Refusal, Velocity, WorldPose};
 use crate::space::{BodyId, Cell, NodeId, RegionId};
 
@@ -44,6 +45,12 @@ pub struct MovableBody {
     pub sleeping: bool,
     /// Same as [`Body::outside`].
     pub outside: bool,
+}
+
+impl MovableBody {
+    pub(super) fn moved_to(self, motion: Motion) -> Self {
+        Self { pose: motion.pose, velocity: motion.velocity, ..self }
+    }
 }
 
 /// The region and node that have authority over a body.

@@ -22,7 +22,7 @@ fn what_the_leader_said_is_not_undone_by_an_earlier_word_of_the_server() {
     let (pose, velocity) = (body.state.pose, body.state.velocity);
     let state =
         SharedState { id: body.id, owner: RegionId(1), epoch: Epoch(3), pose, velocity, sleeping: false };
-    let stamp = Stamp { group: GroupId(1), tick: Tick(7), speculative: false };
+    let stamp = Stamp::untimed(GroupId(1), Tick(7), false);
     assert_eq!(tell(ToClient::States { stamp, states: vec![state] }), Some((Epoch(3), Tick(7))));
     assert_eq!(tell(returned(2)), Some((Epoch(3), Tick(7))), "it comes over another link");
     assert_eq!(tell(returned(4)), Some((Epoch(4), Tick(0))));
@@ -99,7 +99,7 @@ fn what_is_near_an_avatar_of_ones_own_is_not_outside() {
     client.handle(Duration::ZERO, ClientEvent::Interest(Some(area)));
     let outside = |client: &Client| client.body(stone.id).unwrap().outside;
     assert!(!outside(&client), "at 50 m");
-    let stamp = Stamp { group: GroupId(1), tick: Tick(1), speculative: false };
+    let stamp = Stamp::untimed(GroupId(1), Tick(1), false);
     let hear = |client: &mut Client, x: f64| {
         let (pose, velocity) = (at(x), Velocity::default());
         let state = SharedState {
@@ -136,7 +136,7 @@ fn a_body_that_comes_into_the_area_is_outside_until_it_is_heard_of() {
             velocity,
             sleeping: false,
         };
-        let stamp = Stamp { group: GroupId(1), tick: Tick(1), speculative };
+        let stamp = Stamp::untimed(GroupId(1), Tick(1), speculative);
         tell(client, ToClient::States { stamp, states: vec![state] });
     };
     assert_eq!(outside(&client), [false, false]);
@@ -186,7 +186,7 @@ fn a_question_asked_before_there_is_a_leader_is_asked_as_soon_as_there_is_and_no
 fn time_goes_on_for_a_client_though_it_is_told_of_no_body() {
     let mut client = linked();
     let mut hear = |group, tick, speculative| {
-        let stamp = Stamp { group: GroupId(group), tick: Tick(tick), speculative };
+        let stamp = Stamp::untimed(GroupId(group), Tick(tick), speculative);
         tell(&mut client, ToClient::States { stamp, states: Vec::new() });
         client.tick().0
     };
@@ -201,7 +201,7 @@ fn a_body_that_another_region_owns_than_before_is_a_transfer() {
     let hear = |client: &mut Client, group: u32, tick: u64, owner: u32, speculative: bool| {
         let (epoch, pose, velocity) = (Epoch(tick), WorldPose::at([50.0, 0.0, 0.0]), Velocity::default());
         let state = SharedState { id, owner: RegionId(owner), epoch, pose, velocity, sleeping: false };
-        let stamp = Stamp { group: GroupId(group), tick: Tick(tick), speculative };
+        let stamp = Stamp::untimed(GroupId(group), Tick(tick), speculative);
         tell(client, ToClient::States { stamp, states: vec![state] });
         let heard: Vec<_> = client.take_handovers().map(|it| (it.body, it.from.0, it.to.0)).collect();
         (client.body(id).unwrap().owner.map(|owner| owner.0), heard)

@@ -146,8 +146,17 @@ impl Leader {
         if !speculative {
             self.told.insert(client, tick);
         }
-        let stamp = Stamp { group: self.group, tick, speculative };
+        let stamp = self.stamp(client, tick, speculative);
         self.messages.push((client, ToClient::States { stamp, states }));
+    }
+
+    /// Returns the stamp of what a client is told of a tick.
+    pub fn stamp(&self, client: ClientId, tick: Tick, speculative: bool) -> Stamp {
+        // Speculative ticks follow the one that is waited for.
+        let later = self.dt * u32::try_from(tick.0.saturating_sub(self.tick.0)).unwrap_or(u32::MAX);
+        let opened_us = (self.opened + later).as_micros() as u64;
+        let applied = self.applied.get(&client).copied().unwrap_or(0);
+        Stamp { group: self.group, tick, opened_us, applied, speculative }
     }
 
     /// Sends clients the states of a speculative tick, computed without the other nodes.

@@ -73,7 +73,7 @@ impl Node {
             Some(leader) => leader.tell_speculative(tick, &states),
             None if self.config.client.is_some() => {
                 let group = self.view.as_ref().map_or_else(Default::default, |view| view.group);
-                let stamp = Stamp { group, tick, speculative: true };
+                let stamp = Stamp::untimed(group, tick, true);
                 let message = ToClient::States { stamp, states };
                 self.outputs.push_back(NodeOutput::Client(message));
             }

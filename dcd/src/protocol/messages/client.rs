@@ -196,8 +196,19 @@ pub struct Stamp {
     pub group: GroupId,
     /// After which tick.
     pub tick: Tick,
+    /// When the leader opened the tick, microseconds of its own clock; 0 if that is not known.
+    pub opened_us: u64,
+    /// The logical time of the receiver's newest input that the tick, or one before it, has applied; 0 if there was none.
+    pub applied: u64,
     /// Whether the tick was speculative: computed without the other members. A later one that is not counts whatever its tick.
     pub speculative: bool,
+}
+
+impl Stamp {
+    /// Returns the stamp of a tick of which is not known when it was opened.
+    pub fn untimed(group: GroupId, tick: Tick, speculative: bool) -> Self {
+        Self { group, tick, opened_us: 0, applied: 0, speculative }
+    }
 }
 
 /// The reason why a client's input, or a join, was refused.

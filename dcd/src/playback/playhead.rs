@@ -1,0 +1,175 @@
+//! Moves the tick that is shown of a world: as little behind the world as the states that come allow (a jitter buffer), and smoothly.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+/// Batches of states by which the depth of the buffer is chosen: some seconds of them.
+const KEPT: usize = 64;
+/// So many of them may have come later than the buffer is deep.
+const LATE: usize = 2;
+/// What the buffer is deeper than it must be, seconds.
+const MARGIN_S: f64 = 0.004;
+/// The depth before anything is known, seconds.
+const FIRST_S: f64 = 0.1;
+/// The deepest buffer, seconds: what comes later than that is extrapolated until it is here.
+const DEEPEST_S: f64 = 0.5;
+/// A gap between batches above this, seconds, was the world's: nothing moved.
+const PAUSE_S: f64 = 0.25;
+/// The share by which what is shown runs faster or slower to get where it should be.
+const SLEW: f64 = 0.1;
+/// The same where it is farther off than [`FAR_S`].
+const FAST_SLEW: f64 = 0.5;
+/// See [`FAST_SLEW`]; seconds.
+const FAR_S: f64 = 0.1;
+/// What is shown jumps forward if it is farther behind than this, seconds.
+const JUMP_S: f64 = 0.5;
+
+/// The tick that is shown, and how deep the buffer behind it is.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Playhead {
+    /// The tick shown last, and when.
+    shown: Option<(f64, Duration)>,
+    /// The tick of the last batch of states, and that of the one before unless there was a pause.
+    last: Option<f64>,
+    before: Option<f64>,
+    /// By how many ticks the world was ahead of all that could be shown just before each of the last batches came.
+    behind: VecDeque<f64>,
+}
+
+impl Playhead {
+    /// Notes that states of a tick have come, while the world is at `world_tick`: until then, those of the batch before were the newest.
+    pub(super) fn hear(&mut self, tick: f64, world_tick: f64, period_s: f64) {
+        if self.last.is_none_or(|last| last < tick) {
+            self.before = self.last.replace(tick).filter(|before| (tick - before) * period_s <= PAUSE_S);
+            if self.before.is_some() {
+                self.behind.push_back(0.0);
+            }
+            if self.behind.len() > KEPT {
+                self.behind.pop_front();
+            }
+        }
+        // A batch may come in several parts.
+        if let (Some(before), Some(behind)) = (self.before, self.behind.back_mut())
+            && self.last == Some(tick)
+        {
+            *behind = behind.max(world_tick - before);
+        }
+    }
+
+    /// Counts ticks anew: this one is shown now.
+    pub(super) fn rebase(&mut self, tick: f64) {
+        self.shown = self.shown.map(|(_, at)| (tick, at));
+        (self.last, self.before) = (None, None);
+    }
+
+    /// Returns the ticks between two batches of states.
+    pub(super) fn cadence(&self) -> f64 {
+        let gap = self.last.zip(self.before).map(|(last, before)| last - before);
+        gap.unwrap_or(3.0).clamp(1.0, 12.0)
+    }
+
+    /// Returns the tick shown last.
+    pub(super) fn shown(&self) -> Option<f64> {
+        self.shown.map(|(tick, _)| tick)
+    }
+
+    /// Returns by how many ticks what is shown is to be behind the world.
+    fn depth(&self, period_s: f64) -> f64 {
+        let mut behind: Vec<_> = self.behind.iter().copied().collect();
+        behind.sort_unstable_by(|a, b| b.total_cmp(a));
+        let place = LATE.min(behind.len().saturating_sub(1));
+        let depth = behind.get(place).copied().unwrap_or(FIRST_S / period_s);
+        (depth + MARGIN_S / period_s).clamp(0.0, DEEPEST_S / period_s)
+    }
+
+    /// Returns the tick to show now, never below the last one; `limit` is the last that can be shown.
+    pub(super) fn advance(&mut self, now: Duration, world_tick: f64, limit: f64, period_s: f64) -> f64 {
+        let target = (world_tick - self.depth(period_s)).min(limit);
+        let shown = self.shown.map_or(target, |(shown, at)| {
+            let elapsed = now.saturating_sub(at).as_secs_f64() / period_s;
+            let off = target - (shown + elapsed);
+            if off * period_s > JUMP_S {
+                return target;
+            }
+            let slew = if off.abs() * period_s > FAR_S { FAST_SLEW } else { SLEW };
+            (shown + elapsed + off.clamp(-slew * elapsed, slew * elapsed)).min(limit.max(shown))
+        });
+        self.shown = Some((shown, now));
+        shown
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DT_S: f64 = 1.0 / 60.0;
+
+    fn at(ticks: f64) -> Duration {
+        Duration::from_secs_f64(10.0 + ticks * DT_S)
+    }
+
+    /// Plays 600 ticks, of each third of which states come so many ticks later; frames are 1.7 ticks long. Returns what was shown with the
+    /// tick of each frame, and the newest state of then.
+    fn play(late: impl Fn(u32) -> f64) -> Vec<(f64, f64, f64)> {
+        let mut playhead = Playhead::default();
+        let mut come: Vec<_> = (0..600).step_by(3).map(|tick| (f64::from(tick) + late(tick), tick)).collect();
+        come.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        let (mut next, mut newest) = (come.into_iter().peekable(), 0.0f64);
+        (0..350)
+            .map(|frame| {
+                let world = f64::from(frame) * 1.7;
+                while let Some((when, tick)) = next.next_if(|(when, _)| *when <= world) {
+                    newest = newest.max(tick.into());
+                    playhead.hear(tick.into(), when, DT_S);
+                }
+                (world, playhead.advance(at(world), world, newest + 15.0, DT_S), newest)
+            })
+            .collect()
+    }
+
+    #[test]
+    fn what_is_shown_is_as_little_behind_as_the_states_that_come_allow() {
+        for (way, jitter) in [(0.5, 0.0), (6.0, 1.2), (12.0, 3.0)] {
+            let shown = play(|tick| way + jitter * f64::from(tick * 7 % 11) / 10.0);
+            for &(world, shown, newest) in &shown[120..] {
+                assert!(shown <= newest + 0.3, "{way} {jitter}: {shown} of {newest}");
+                assert!(world - shown < 3.0 + way + jitter + 0.8, "{way} {jitter}: {shown} of {world}");
+            }
+        }
+    }
+
+    #[test]
+    fn it_goes_at_an_even_pace_and_never_back() {
+        let shown = play(|tick| 6.0 + if tick % 30 == 0 { 2.5 } else { 0.4 });
+        for pair in shown[60..].windows(2) {
+            let pace = (pair[1].1 - pair[0].1) / 1.7;
+            assert!((0.89..1.11).contains(&pace), "{pace}");
+        }
+    }
+
+    #[test]
+    fn a_way_that_becomes_longer_slows_it_until_the_buffer_is_deep_enough() {
+        let shown = play(|tick| if tick < 300 { 1.0 } else { 13.0 });
+        assert!(shown.windows(2).all(|pair| pair[1].1 >= pair[0].1), "never back");
+        let &(world, last, newest) = shown.last().unwrap();
+        assert!(last <= newest + 0.1 && world - last > 15.0, "{last} of {newest} at {world}");
+    }
+
+    #[test]
+    fn it_stops_at_its_limit_and_is_soon_back_after_a_pause() {
+        let mut playhead = Playhead::default();
+        for tick in 0..20 {
+            let tick = 3.0 * f64::from(tick);
+            playhead.hear(tick, tick + 1.0, DT_S);
+            playhead.advance(at(tick + 1.0), tick + 1.0, tick + 15.0, DT_S);
+        }
+        for tick in 58..300 {
+            let tick = f64::from(tick);
+            assert!(playhead.advance(at(tick), tick, 72.0, DT_S) <= 72.0);
+        }
+        playhead.hear(300.0, 301.0, DT_S);
+        assert!(playhead.advance(at(301.0), 301.0, 315.0, DT_S) > 290.0);
+        assert!(playhead.depth(DT_S) < 5.0, "the pause does not count");
+    }
+}

@@ -1,0 +1,269 @@
+//! Keeps the last states of one body, and shows it at any time between and shortly beyond them (snapshot interpolation).
+//!
+//! Where a new state contradicts what was extrapolated and shown, the difference melts away within [`MELT_S`] instead of being seen
+//! as a jump.
+
+use std::collections::VecDeque;
+
+use nalgebra::Vector3;
+
+use super::motion::{End, Motion, turn_between, turned, vector};
+use crate::protocol::Velocity;
+
+/// The most states kept of one body.
+const KEPT: usize = 16;
+
+/// The time in which what was shown wrongly melts away, seconds.
+const MELT_S: f64 = 0.2;
+
+/// An error above this is shown at once, metres: a body that slides so far looks stranger than one that jumps.
+const JUMP_M: f64 = 3.0;
+
+/// The state of a body after one tick.
+#[derive(Clone, Copy, Debug)]
+struct Sample {
+    tick: f64,
+    motion: Motion,
+    rests: bool,
+    speculative: bool,
+}
+
+/// An error that was shown, and how it changes, from a tick on.
+#[derive(Clone, Copy, Debug)]
+struct Melt {
+    from: f64,
+    way_m: Vector3<f64>,
+    speed_m_s: Vector3<f64>,
+    turn_rad: Vector3<f64>,
+}
+
+impl Melt {
+    /// Adds what is left of the error at a tick.
+    fn apply(&self, motion: &mut Motion, at: f64, dt_s: f64) {
+        let share = (at - self.from) * dt_s / MELT_S;
+        if !(0.0..1.0).contains(&share) {
+            return;
+        }
+        let none = End { at: 0.0, speed: 0.0 };
+        for axis in 0..3 {
+            let error = End { at: self.way_m[axis], speed: self.speed_m_s[axis] };
+            let left = error.hermite(none, MELT_S, share);
+            motion.pose.translation[axis] += left.at;
+            motion.velocity.linear[axis] += left.speed as f32;
+        }
+        let left = End { at: 1.0, speed: 0.0 }.hermite(none, MELT_S, share).at;
+        motion.pose.rotation = turned(&motion.pose, self.turn_rad * left);
+    }
+}
+
+/// The last states of one body, in order of ticks.
+#[derive(Clone, Debug)]
+pub(super) struct Track {
+    samples: VecDeque<Sample>,
+    melt: Option<Melt>,
+}
+
+impl Track {
+    /// Returns the track of a body that was like this up to a tick.
+    pub(super) fn new(tick: f64, motion: Motion) -> Self {
+        let first = Sample { tick, motion, rests: true, speculative: false };
+        Self { samples: [first].into(), melt: None }
+    }
+
+    fn newest(&self) -> &Sample {
+        self.samples.back().expect("a track has a state")
+    }
+
+    /// Returns whether the body rests, since before a tick.
+    pub(super) fn rests_since_before(&self, tick: f64) -> bool {
+        self.newest().rests && self.newest().tick < tick
+    }
+
+    /// Adds the state after a tick; `cadence` is the number of ticks within which a body that moves is told of. `shown` is the tick that
+    /// was shown last, by which errors are measured.
+    pub(super) fn learn(
+        &mut self,
+        state: (f64, Motion, bool),
+        speculative: bool,
+        cadence: f64,
+        shown: f64,
+        dt_s: f64,
+    ) {
+        let (tick, motion, rests) = state;
+        let newest = *self.newest();
+        let is_guessed = newest.speculative && !speculative;
+        if tick <= newest.tick && !is_guessed {
+            return;
+        }
+        let before = self.at(shown, dt_s);
+        while self.samples.len() > 1 && self.newest().speculative && !speculative {
+            self.samples.pop_back();
+        }
+        let newest = *self.newest();
+        if newest.rests && newest.tick < tick - cadence {
+            // It began to move since it was told of others last.
+            self.samples.push_back(Sample { tick: tick - cadence, ..newest });
+        }
+        if tick <= self.newest().tick {
+            self.samples.clear();
+        }
+        self.samples.push_back(Sample { tick, motion, rests, speculative });
+        if self.samples.len() > KEPT {
+            self.samples.pop_front();
+        }
+        self.melt_from(before, shown, dt_s);
+    }
+
+    /// Begins anew at a tick with what is shown now: ticks before and after are not of one count.
+    pub(super) fn rebase(&mut self, shown: f64, to: f64, dt_s: f64) {
+        let rests = self.newest().rests;
+        let motion = self.at(shown, dt_s);
+        *self = Self::new(to, motion);
+        self.samples[0].rests = rests;
+    }
+
+    /// Notes as an error what would be shown otherwise than before.
+    fn melt_from(&mut self, before: Motion, shown: f64, dt_s: f64) {
+        let melt = self.melt.take();
+        let bare = self.at(shown, dt_s);
+        let way_m = Vector3::from(before.pose.translation) - Vector3::from(bare.pose.translation);
+        let turn_rad = turn_between(&bare.pose, &before.pose);
+        if way_m.norm() > JUMP_M {
+            return;
+        }
+        // Between states nothing has changed but what melts already.
+        if way_m.norm() > 1e-6 || turn_rad.norm() > 1e-4 {
+            let speed_m_s = vector(before.velocity.linear) - vector(bare.velocity.linear);
+            let is_same = melt.is_some_and(|melt| {
+                let mut again = bare;
+                melt.apply(&mut again, shown, dt_s);
+                again.distance_m(&before) < 1e-6 && turn_between(&again.pose, &before.pose).norm() < 1e-4
+            });
+            self.melt = if is_same { melt } else { Some(Melt { from: shown, way_m, speed_m_s, turn_rad }) };
+        }
+    }
+
+    /// Returns how the body is shown at a tick.
+    pub(super) fn at(&self, tick: f64, dt_s: f64) -> Motion {
+        let after = self.samples.partition_point(|sample| sample.tick <= tick);
+        let mut motion = match (after.checked_sub(1).map(|i| &self.samples[i]), self.samples.get(after)) {
+            (Some(a), Some(b)) => {
+                let span = b.tick - a.tick;
+                a.motion.towards(&b.motion, span * dt_s, (tick - a.tick) / span)
+            }
+            (Some(last), None) if last.rests => Motion::at_rest(last.motion.pose),
+            (Some(last), None) => last.motion.beyond((tick - last.tick) * dt_s),
+            (None, first) => {
+                Motion { velocity: Velocity::default(), ..first.expect("a track has a state").motion }
+            }
+        };
+        if let Some(melt) = &self.melt {
+            melt.apply(&mut motion, tick, dt_s);
+        }
+        motion
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::protocol::WorldPose;
+
+    const DT_S: f64 = 1.0 / 60.0;
+    const CADENCE: f64 = 3.0;
+
+    fn going(x: f64, speed: f32) -> Motion {
+        Motion { pose: WorldPose::at([x, 0.0, 0.0]), velocity: Velocity::linear([speed, 0.0, 0.0]) }
+    }
+
+    fn x(track: &Track, tick: f64) -> f64 {
+        track.at(tick, DT_S).pose.translation[0]
+    }
+
+    #[test]
+    fn a_body_that_rested_is_shown_at_rest_until_it_began_to_move() {
+        let mut track = Track::new(0.0, going(0.0, 0.0));
+        track.learn((90.0, going(0.1, 3.0), false), false, CADENCE, 85.0, DT_S);
+        assert_eq!((x(&track, 50.0), x(&track, 87.0), x(&track, 90.0)), (0.0, 0.0, 0.1));
+        assert!(x(&track, 88.5) > 0.0);
+    }
+
+    #[test]
+    fn what_is_shown_of_the_past_does_not_change_when_more_is_known() {
+        let mut track = Track::new(0.0, going(0.0, 6.0));
+        for tick in (3..12).step_by(3) {
+            let tick = f64::from(tick);
+            track.learn((tick, going(0.1 * tick, 6.0), false), false, CADENCE, tick - 3.0, DT_S);
+        }
+        let before: Vec<_> = (0..90).map(|at| x(&track, f64::from(at) / 10.0)).collect();
+        track.learn((12.0, going(0.0, -6.0), false), false, CADENCE, 9.0, DT_S);
+        let after: Vec<_> = (0..90).map(|at| x(&track, f64::from(at) / 10.0)).collect();
+        assert_eq!(before, after);
+    }
+
+    /// It was shown going on, and was stopped by a wall meanwhile.
+    #[test]
+    fn an_error_melts_away_without_a_jump() {
+        let mut track = Track::new(0.0, going(0.0, 6.0));
+        track.learn((3.0, going(0.3, 6.0), false), false, CADENCE, 0.0, DT_S);
+        let (wrong, learned) = (10.0, going(0.4, 0.0));
+        let shown = track.at(wrong, DT_S);
+        track.learn((9.0, learned, false), false, CADENCE, wrong, DT_S);
+        let again = track.at(wrong, DT_S);
+        assert!(shown.distance_m(&again) < 1e-9, "{shown:?} {again:?}");
+        assert!((shown.velocity.linear[0] - again.velocity.linear[0]).abs() < 1e-6);
+        let mut last = again;
+        for step in 1..=400 {
+            let at = wrong + f64::from(step) * 0.05;
+            let next = track.at(at, DT_S);
+            let speed_m_s = next.distance_m(&last) / (0.05 * DT_S);
+            assert!(speed_m_s < 7.0, "{speed_m_s}");
+            let change = f64::from(next.velocity.linear[0] - last.velocity.linear[0]).abs();
+            assert!(change < 1.0, "its speed changes by {change} m/s within a twentieth of a tick");
+            last = next;
+        }
+        assert!(last.distance_m(&learned) < 1e-9);
+        // The same again: what melts goes on melting.
+        track.learn((11.0, learned, true), false, CADENCE, 12.0, DT_S);
+        assert!(x(&track, 12.0) > 0.4);
+    }
+
+    #[test]
+    fn a_guess_gives_way_to_what_is_so_without_a_jump() {
+        let mut track = Track::new(0.0, going(0.0, 6.0));
+        track.learn((3.0, going(0.3, 6.0), false), false, CADENCE, 0.0, DT_S);
+        for tick in [6.0, 9.0, 12.0] {
+            track.learn((tick, going(0.1 * tick, 6.0), false), true, CADENCE, tick - 3.0, DT_S);
+        }
+        assert!((x(&track, 12.0) - 1.2).abs() < 1e-9);
+        let shown = x(&track, 9.0);
+        track.learn((6.0, going(0.35, 0.0), false), false, CADENCE, 9.0, DT_S);
+        assert!((x(&track, 9.0) - shown).abs() < 1e-9);
+        assert!((x(&track, 22.0) - 0.35).abs() < 1e-9, "the guess is withdrawn");
+        track.learn((9.0, going(0.9, 6.0), false), true, CADENCE, 9.0, DT_S);
+        track.learn((7.0, going(0.35, 0.0), false), false, CADENCE, 9.0, DT_S);
+        assert!((x(&track, 40.0) - 0.35).abs() < 1e-9, "whatever its tick");
+    }
+
+    #[test]
+    fn what_comes_late_changes_nothing() {
+        let mut track = Track::new(3.0, going(0.3, 6.0));
+        track.learn((6.0, going(0.6, 6.0), false), false, CADENCE, 3.0, DT_S);
+        track.learn((4.5, going(9.0, 6.0), false), false, CADENCE, 3.0, DT_S);
+        assert!((x(&track, 4.5) - 0.45).abs() < 1e-9);
+    }
+
+    #[test]
+    fn ticks_may_be_counted_anew_without_a_jump() {
+        let mut track = Track::new(0.0, going(0.0, 6.0));
+        track.learn((3.0, going(0.3, 6.0), false), false, CADENCE, 0.0, DT_S);
+        let shown = track.at(2.0, DT_S);
+        track.rebase(2.0, 1_000.0, DT_S);
+        assert_eq!(track.at(1_000.0, DT_S), shown);
+        track.learn((1_003.0, going(0.5, 6.0), false), false, CADENCE, 1_001.0, DT_S);
+        let melted = track.at(1_003.0, DT_S).distance_m(&track.at(1_001.0, DT_S));
+        assert!(melted < 0.3, "{melted}");
+        track.learn((1_015.0, going(0.5, 0.0), true), false, CADENCE, 1_004.0, DT_S);
+        assert!((x(&track, 1_017.0) - 0.5).abs() < 1e-9);
+    }
+}

@@ -1,0 +1,115 @@
+//! Shows a world between its steps: which ticks to show now, and how bodies are at any of them.
+
+use std::collections::HashMap;
+use std::time::Instant;
+
+use super::view::MovableBody;
+use super::{Inner, World};
+use crate::playback::{Motion, ViewTime};
+use crate::protocol::{Velocity, WorldPose};
+use crate::runtime::LocalWorld;
+use crate::space::BodyId;
+
+/// What a local world keeps to be shown: how bodies were before the last step.
+#[derive(Default)]
+pub(super) struct LastStep {
+    /// When it was; `None`: nobody asked for a time to show, and nothing is kept.
+    stepped: Option<Instant>,
+    before: HashMap<BodyId, Motion>,
+}
+
+impl LastStep {
+    /// Keeps how the bodies that move are before a step.
+    pub(super) fn keep(&mut self, world: &LocalWorld) {
+        if self.stepped.is_none() {
+            return;
+        }
+        self.before.clear();
+        self.before.extend(world.host().owned_bodies().filter_map(|(id, region, handle)| {
+            let (pose, velocity) = region.motion(handle);
+            let is_awake = !region.physics().bodies[handle].is_sleeping();
+            is_awake.then_some((id, Motion { pose, velocity }))
+        }));
+        self.stepped = Some(Instant::now());
+    }
+
+    fn time(&mut self, world: &LocalWorld) -> ViewTime {
+        let stepped = *self.stepped.get_or_insert_with(Instant::now);
+        let since = stepped.elapsed().as_secs_f64() / f64::from(world.host().settings().dt_s);
+        let shown = (world.tick().0 as f64 - 1.0 + since.min(1.0)).max(0.0);
+        ViewTime::of_local(world.tick().0 as f64, shown)
+    }
+
+    fn motion(&self, id: BodyId, now: Motion, world: &LocalWorld, at: f64) -> Motion {
+        let dt_s = f64::from(world.host().settings().dt_s);
+        let after = at - world.tick().0 as f64;
+        if after >= 0.0 {
+            return now.beyond(after * dt_s);
+        }
+        let Some(before) = self.before.get(&id) else { return now };
+        before.towards(&now, dt_s, 1.0 + after)
+    }
+}
+
+/// Showing.
+impl World {
+    /// Returns the ticks to show now. Call it once per frame.
+    ///
+    /// In a served world states come some times per second, late, unevenly, and not all of them: [`ViewTime::shown`] is as little
+    /// behind the world as that allows, and goes forward evenly; [`ViewTime::now`] is where the world is. From the first call on the
+    /// process pings the node that tells it of the world, and keeps what states it was told. In a local world `shown` goes from one
+    /// step to the next as time goes by since the last [`World::step`], and steps keep how bodies were before (some 50 ns each).
+    ///
+    /// ```
+    /// # use dcd::prelude::*;
+    /// let mut world = World::new(WorldConfig::default())?;
+    /// let ball = RigidBodyBuilder::dynamic().linvel(Vector::new(6.0, 0.0, 0.0)).gravity_scale(0.0);
+    /// let ball = world.insert(ball, ColliderBuilder::ball(0.5))?;
+    /// world.view_time();
+    /// world.step()?;
+    /// let time = world.view_time();
+    /// assert!((0.0..=1.0).contains(&time.shown) && time.now == 1.0);
+    /// let (pose, _) = world.motion_at(ball, 0.5).unwrap();
+    /// assert!((pose.translation[0] - 0.05).abs() < 1e-6, "between the steps: {pose:?}");
+    /// # Ok::<(), dcd::Error>(())
+    /// ```
+    pub fn view_time(&mut self) -> ViewTime {
+        let Self { inner, last_step, .. } = self;
+        match inner {
+            Inner::Local(world) => last_step.time(world),
+            Inner::Remote(world) => world.view_time(),
+        }
+    }
+
+    /// Returns how a body is shown at a tick, or between two: where it is, and how it moves. `None` if it is not in the world.
+    ///
+    /// Between known states positions follow cubic Hermite splines, or two straight lines where the velocities tell of an impact;
+    /// rotations follow SLERP. Beyond the last state the body goes on and comes to a stop within a quarter of a second. Where a
+    /// later state contradicts what was shown at the last [`World::view_time`], the difference melts away within 0.2 s (above 3 m it
+    /// jumps). Before [`World::view_time`] was first called, and for a server, it is [`World::motion`].
+    #[must_use]
+    pub fn motion_at(&self, body: BodyId, tick: f64) -> Option<(WorldPose, Velocity)> {
+        let shown = match &self.inner {
+            Inner::Local(world) => {
+                let (pose, velocity) = world.motion(body)?;
+                self.last_step.motion(body, Motion { pose, velocity }, world, tick)
+            }
+            Inner::Remote(world) => world.motion_at(body, tick)?,
+        };
+        Some((shown.pose, shown.velocity))
+    }
+
+    /// Returns [`World::movable_bodies`] as they are shown: own avatars at [`ViewTime::now`], all others at [`ViewTime::shown`].
+    #[must_use]
+    pub fn movable_bodies_at(&self, time: &ViewTime) -> Box<dyn Iterator<Item = MovableBody> + '_> {
+        let world = match &self.inner {
+            Inner::Local(world) => world,
+            Inner::Remote(world) => return world.movable_bodies_at(time),
+        };
+        let shown = time.shown;
+        Box::new(self.movable_bodies().map(move |body| {
+            let now = Motion { pose: body.pose, velocity: body.velocity };
+            body.moved_to(self.last_step.motion(body.id, now, world, shown))
+        }))
+    }
+}

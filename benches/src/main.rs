@@ -4,6 +4,7 @@
 mod accuracy;
 mod c_api;
 mod chart;
+mod clients;
 mod consistency;
 mod draw;
 mod faults;
@@ -41,6 +42,8 @@ enum Suite {
     CApi(c_api::CApi),
     /// Speed against accuracy, as CSV, SVG and PNG; and whether any fixed setting is better than `auto`.
     Chart(chart::Chart),
+    /// What a client sees of a served world over good and bad networks: bytes, staleness, and how far off what it shows is.
+    Clients(clients::Clients),
     /// How far groups of nodes, and members of one group, are from one another over time, and the bytes between them.
     Consistency(consistency::Consistency),
     /// Whole clusters in virtual time under every kind of fault, a thousand seeds each.
@@ -69,6 +72,7 @@ fn main() -> ExitCode {
         Suite::Accuracy(accuracy) => accuracy.run(),
         Suite::CApi(c_api) => c_api.run(),
         Suite::Chart(chart) => chart.run().map(done),
+        Suite::Clients(clients) => clients.run().map(done),
         Suite::Consistency(consistency) => consistency.run().map(done),
         Suite::Faults(faults) => faults.run(),
         #[cfg(feature = "peers")]

@@ -1,15 +1,12 @@
 //! Tests characters, which walk by themselves where they are computed: in one region, over borders, in every coupling, and over
 //! the network.
 
-#[path = "common/served.rs"]
-mod served;
-
 use std::time::Instant;
 
 use dcd::network::JoinRole;
 use dcd::prelude::*;
 use dcd::{Axis, Costs, Refusal, StepSettings};
-use served::{Served, join};
+use dcd_tests::served::{Served, join};
 
 const G: f32 = 9.81;
 

@@ -1,12 +1,9 @@
 //! Tests vehicles, which are driven where they are computed: in one region, over borders, in every coupling, and over the network.
 
-#[path = "common/served.rs"]
-mod served;
-
 use dcd::prelude::*;
 use dcd::{Axis, Costs, Refusal, StepSettings};
+use dcd_tests::served::Served;
 use rapier3d::control::{DynamicRayCastVehicleController, WheelTuning};
-use served::Served;
 
 /// A world with ground, whole or with borders at x = 6 and z = 1.3, which nothing here is symmetrical to.
 fn world(cuts: usize, coupling: Coupling) -> World {

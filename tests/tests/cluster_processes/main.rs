@@ -4,7 +4,6 @@
 mod demo;
 mod faults;
 mod process;
-mod proxy;
 mod saved;
 mod stored;
 mod takeover;

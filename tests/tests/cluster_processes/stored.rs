@@ -184,7 +184,7 @@ fn a_node_and_a_participant_say_where_they_listen() {
     let (_, mut node) = server.node();
     let address: std::net::SocketAddr = node.line("listening ").parse().unwrap();
     assert!(address.ip().is_loopback() && address.port() > 0);
-    let free = crate::proxy::free_address().to_string();
+    let free = dcd_tests::proxy::free_address().to_string();
     let token = server.token("participant");
     let args = ["client", "--avatars", "0", "--server", &server.address, "--token", &token];
     let mut client = Process::start(dcd(&args).args(["--compute", "--listen", &free, "--advertise", &free]));

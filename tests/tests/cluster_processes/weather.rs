@@ -4,8 +4,8 @@ use std::net::SocketAddr;
 use std::time::{Duration, Instant};
 
 use crate::process::{Process, Server, alone, dcd};
-use crate::proxy::{Proxy, Weather, free_address};
 use crate::witness::{Sight, Witness};
+use dcd_tests::proxy::{Proxy, Weather, free_address};
 
 /// Until a world that lost a node, or has it again, goes on.
 const TAKEOVER: Duration = Duration::from_secs(3);

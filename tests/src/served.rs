@@ -11,8 +11,11 @@ const LIMIT: Duration = Duration::from_secs(30);
 
 /// A served world with all who take part in it.
 pub struct Served {
+    /// A client.
     pub client: World,
+    /// Two nodes.
     pub nodes: Vec<World>,
+    /// The server.
     pub server: World,
     _data: tempfile::TempDir,
 }

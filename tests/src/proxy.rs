@@ -17,37 +17,41 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 /// What happens to packets, each way.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Weather {
+pub struct Weather {
     /// This share of packets is lost.
-    pub(crate) loss: f64,
+    pub loss: f64,
     /// Packets take this long,
-    pub(crate) delay: Duration,
+    pub delay: Duration,
     /// and up to so much more or less, which drifts so that order is kept.
-    pub(crate) jitter: Duration,
+    pub jitter: Duration,
     /// This share of packets is overtaken by what is sent in the next [`LATE`].
-    pub(crate) reorder: f64,
+    pub reorder: f64,
     /// This share of packets arrives twice.
-    pub(crate) duplicate: f64,
+    pub duplicate: f64,
 }
 
 /// By how much those are late that are overtaken.
-pub(crate) const LATE: Duration = Duration::from_millis(50);
+pub const LATE: Duration = Duration::from_millis(50);
 
 /// What became of packets so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Traffic {
+pub struct Traffic {
     /// Came here.
-    pub(crate) taken: u64,
+    pub taken: u64,
     /// Were sent on, doubles included.
-    pub(crate) passed: u64,
-    pub(crate) lost: u64,
-    pub(crate) cut: u64,
-    pub(crate) reordered: u64,
-    pub(crate) doubled: u64,
+    pub passed: u64,
+    /// Were lost by chance.
+    pub lost: u64,
+    /// Went where nothing goes.
+    pub cut: u64,
+    /// Were overtaken.
+    pub reordered: u64,
+    /// Arrived twice.
+    pub doubled: u64,
 }
 
 /// A running proxy; ends when dropped.
-pub(crate) struct Proxy {
+pub struct Proxy {
     shared: Arc<Mutex<Shared>>,
     /// Wakes the thread.
     bell: UdpSocket,
@@ -71,7 +75,7 @@ const QUEUE: usize = 1 << 16;
 
 impl Proxy {
     /// One without any front, in clear weather.
-    pub(crate) fn start(seed: u64) -> Self {
+    pub fn start(seed: u64) -> Self {
         let (bell, heard) = (loopback(), loopback());
         bell.connect(heard.local_addr().unwrap()).unwrap();
         let shared = Arc::new(Mutex::new(Shared::default()));
@@ -91,7 +95,7 @@ impl Proxy {
     }
 
     /// An address that leads to `target`.
-    pub(crate) fn front(&self, target: SocketAddr) -> SocketAddr {
+    pub fn front(&self, target: SocketAddr) -> SocketAddr {
         let socket = loopback();
         let address = socket.local_addr().unwrap();
         self.lock().new_fronts.push(Front { socket, target });
@@ -100,23 +104,23 @@ impl Proxy {
     }
 
     /// From now on.
-    pub(crate) fn set(&self, weather: Weather) {
+    pub fn set(&self, weather: Weather) {
         self.lock().weather = weather;
     }
 
     /// From now on nothing goes from one real address to another; `None` is anybody. A process's address is the one that
     /// it listens on, not its front.
-    pub(crate) fn cut(&self, from: Option<SocketAddr>, to: Option<SocketAddr>) {
+    pub fn cut(&self, from: Option<SocketAddr>, to: Option<SocketAddr>) {
         self.lock().cuts.push((from, to));
     }
 
     /// Undoes all cuts.
-    pub(crate) fn heal(&self) {
+    pub fn heal(&self) {
         self.lock().cuts.clear();
     }
 
     /// Of all flows, both ways.
-    pub(crate) fn traffic(&self) -> Traffic {
+    pub fn traffic(&self) -> Traffic {
         self.lock().traffic
     }
 
@@ -147,7 +151,7 @@ fn loopback() -> UdpSocket {
 }
 
 /// A port that nobody has just now.
-pub(crate) fn free_address() -> SocketAddr {
+pub fn free_address() -> SocketAddr {
     loopback().local_addr().unwrap()
 }
 

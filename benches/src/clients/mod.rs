@@ -1,0 +1,244 @@
+//! Measures what a client sees of a served world, and what that costs: bytes, staleness, and how far what it shows is from the truth.
+//!
+//! A server, a node and a client in one process, over real QUIC; between client and node packets are delayed and lost by a proxy. Served
+//! worlds are bit-equal to local ones, so the truth is computed afterwards, on a machine that has nothing else to do.
+
+mod truth;
+
+use std::error::Error;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use clap::Args;
+use dcd::network::{JoinConfig, JoinRole, ServeConfig};
+use dcd::prelude::*;
+use dcd::protocol::BodyKind;
+use dcd::runtime::ClientWorld;
+use dcd_tests::proxy::{Proxy, Weather, free_address};
+use serde::{Deserialize, Serialize};
+
+use self::truth::{Errors, Truth};
+use crate::machine::Machine;
+use crate::page;
+use crate::results::{self, Measured, short};
+
+const FILE: &str = "clients.csv";
+const FRAME: Duration = Duration::from_micros(16_667);
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// How long each run takes.
+#[derive(Args)]
+pub(crate) struct Clients {
+    /// A second of two runs.
+    #[arg(long)]
+    quick: bool,
+    /// Seconds that are measured of each run.
+    #[arg(long, default_value_t = 8, conflicts_with = "quick")]
+    seconds: u64,
+    /// Where the results go [default: benches/results; with `--quick` a temporary folder].
+    #[arg(long, value_name = "FOLDER")]
+    out: Option<PathBuf>,
+    /// Draws the table from the file, without measuring.
+    #[arg(long)]
+    draw: bool,
+}
+
+/// A client's view of one scene over one network.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Row {
+    scene: String,
+    network: String,
+    bodies: usize,
+    moving: f64,
+    bytes_per_s: f64,
+    bytes_per_moving_body_s: f64,
+    staleness_p50_ms: f64,
+    staleness_p99_ms: f64,
+    /// How far what is shown is behind the world.
+    behind_ms: f64,
+    shown_error_p50_mm: f64,
+    shown_error_p99_mm: f64,
+    shown_error_max_mm: f64,
+    /// By how much what is shown of a body moves otherwise than the body, from one frame to the next.
+    shown_jump_p99_mm: f64,
+    shown_jump_max_mm: f64,
+    /// The same of the newest states, as they come.
+    told_error_p99_mm: f64,
+    told_jump_p99_mm: f64,
+    frames_per_s: f64,
+}
+
+const SCENES: [(&str, &[(&str, &str)]); 3] =
+    [("dve", &[("n", "1000")]), ("drum", &[("n", "300")]), ("pile", &[("n", "900")])];
+
+fn networks() -> [(&'static str, Weather); 5] {
+    let ms = Duration::from_millis;
+    let far =
+        |delay, jitter, loss| Weather { delay: ms(delay), jitter: ms(jitter), loss, ..Weather::default() };
+    [
+        ("this machine", Weather::default()),
+        ("50 ± 10 ms", far(50, 10, 0.0)),
+        ("100 ± 20 ms, 5 % lost", far(100, 20, 0.05)),
+        ("100 ± 50 ms, 5 % lost", far(100, 50, 0.05)),
+        ("200 ± 20 ms, 1 % lost", far(200, 20, 0.01)),
+    ]
+}
+
+impl Clients {
+    pub(crate) fn run(self) -> Result<(), Box<dyn Error>> {
+        let folder = results::folder(self.out.as_deref(), self.quick)?;
+        if !self.draw {
+            self.measure(&folder)?;
+        }
+        let table = table(&results::read_csv(&folder.join(FILE))?);
+        println!("{table}");
+        page::put(&folder, "clients", &table)
+    }
+
+    fn measure(&self, folder: &Path) -> Result<(), Box<dyn Error>> {
+        let machine = Machine::here();
+        let seconds = Duration::from_secs(if self.quick { 1 } else { self.seconds });
+        let mut rows = Vec::new();
+        for (name, params) in SCENES.into_iter().take(if self.quick { 1 } else { SCENES.len() }) {
+            for (network, weather) in networks().into_iter().take(if self.quick { 2 } else { 9 }) {
+                let params = params.iter().fold(Params::new(), |all, (key, value)| all.with(key, value));
+                let scene = Scene::open(name, &params)?;
+                let row = see(&scene, name, network, weather, seconds)?;
+                eprintln!("{name}, {network}: {} mm off", short(row.shown_error_p99_mm));
+                rows.push(Measured { row, machine: machine.clone() });
+                results::write_csv(&folder.join(FILE), &rows)?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A body in one frame: as it is shown, and as it was told last.
+struct Seen {
+    id: BodyId,
+    told: WorldPose,
+    shown: WorldPose,
+}
+
+/// What a client sees in one frame.
+struct Frame {
+    time: dcd::ViewTime,
+    bodies: Vec<Seen>,
+}
+
+fn see(
+    scene: &Scene,
+    name: &str,
+    network: &str,
+    weather: Weather,
+    seconds: Duration,
+) -> Result<Row, Box<dyn Error>> {
+    let config = WorldConfig { partitioning: Partitioning::Regions(2), ..WorldConfig::for_scene(scene) };
+    let local = World::from_scene(scene, config)?;
+    let data = tempfile::tempdir()?;
+    let server = local.serve_copy(ServeConfig::new(data.path()))?;
+    let join = |role| -> Result<JoinConfig, Box<dyn Error>> {
+        let token = server.token(role, PATIENCE)?;
+        Ok(JoinConfig { timeout: PATIENCE, ..JoinConfig::new(server.address()?, token) })
+    };
+    let (proxy, address) = (Proxy::start(7), free_address());
+    let front = proxy.front(address);
+    let at = JoinConfig { listen: Some(address), advertise: Some(front), ..join(JoinRole::Node)? };
+    let node = World::join_as_node(&at)?;
+    let client = ClientWorld::connect(&join(JoinRole::Client)?)?;
+    if !client.wait_update(0, PATIENCE) {
+        return Err("the world does not begin".into());
+    }
+    proxy.set(weather);
+    let (mut frames, mut stale_ms) = (Vec::new(), Vec::new());
+    let dt_ms = 1e3 * f64::from(local.dt_s());
+    let warm_up = Duration::from_secs(2);
+    let begin = Instant::now();
+    let (mut next, mut bytes, mut moving) = (begin, None, 0);
+    while begin.elapsed() < warm_up + seconds {
+        next += FRAME;
+        std::thread::sleep(next.saturating_duration_since(Instant::now()));
+        client.check()?;
+        let time = client.view_time();
+        let Some(time) = time.filter(|_| begin.elapsed() >= warm_up) else { continue };
+        bytes.get_or_insert_with(|| (Instant::now(), client.traffic().bytes_in));
+        let told = client.with_bodies(|view| {
+            let body = &view.body;
+            if body.traits.kind == BodyKind::Fixed {
+                return None;
+            }
+            if !body.state.sleeping {
+                moving += 1;
+                stale_ms.push((time.now - view.tick.0 as f64) * dt_ms);
+            }
+            Some((body.id, body.state.pose))
+        });
+        let shown = client.motions_at(told.iter().map(|(id, _)| (*id, time.shown)));
+        let bodies = told
+            .into_iter()
+            .zip(shown)
+            .filter_map(|((id, told), shown)| Some(Seen { id, told, shown: shown?.pose }));
+        frames.push(Frame { time, bodies: bodies.collect() });
+    }
+    let (since, bytes_before) = bytes.ok_or("no frame was measured")?;
+    let measured_s = since.elapsed().as_secs_f64();
+    let bytes_per_s = (client.traffic().bytes_in - bytes_before) as f64 / measured_s;
+    client.leave()?;
+    drop((node, server));
+
+    let truth = Truth::of(local, &frames)?;
+    let (shown, told) = (truth.shown(&frames), truth.told(&frames));
+    let moving = f64::from(moving) / frames.len() as f64;
+    let behind = frames.iter().map(|frame| frame.time.now - frame.time.shown).sum::<f64>();
+    let mut stale = Errors::from(stale_ms);
+    let (mut errors, mut jumps) = shown;
+    let (mut told_errors, mut told_jumps) = told;
+    Ok(Row {
+        scene: name.to_owned(),
+        network: network.to_owned(),
+        bodies: frames.first().map_or(0, |frame| frame.bodies.len()),
+        moving,
+        bytes_per_s,
+        bytes_per_moving_body_s: bytes_per_s / moving,
+        staleness_p50_ms: stale.at(0.5),
+        staleness_p99_ms: stale.at(0.99),
+        behind_ms: behind / frames.len() as f64 * dt_ms,
+        shown_error_p50_mm: 1e3 * errors.at(0.5),
+        shown_error_p99_mm: 1e3 * errors.at(0.99),
+        shown_error_max_mm: 1e3 * errors.at(1.0),
+        shown_jump_p99_mm: 1e3 * jumps.at(0.99),
+        shown_jump_max_mm: 1e3 * jumps.at(1.0),
+        told_error_p99_mm: 1e3 * told_errors.at(0.99),
+        told_jump_p99_mm: 1e3 * told_jumps.at(0.99),
+        frames_per_s: frames.len() as f64 / measured_s,
+    })
+}
+
+fn table(rows: &[Measured<Row>]) -> String {
+    let head = [
+        "scene",
+        "network",
+        "moving bodies",
+        "bytes/s per moving body",
+        "newest state, p50 and p99 ms old",
+        "shown behind the world, ms",
+        "shown off, p50 / p99 / max mm",
+        "jumps per frame, p99 / max mm",
+        "as told: off p99, jumps p99, mm",
+    ];
+    let cells = |Measured { row, .. }: &Measured<Row>| {
+        let list = |numbers: &[f64]| numbers.iter().map(|&n| short(n)).collect::<Vec<_>>().join(" / ");
+        vec![
+            row.scene.clone(),
+            row.network.clone(),
+            format!("{} of {}", short(row.moving), row.bodies),
+            short(row.bytes_per_moving_body_s),
+            list(&[row.staleness_p50_ms, row.staleness_p99_ms]),
+            short(row.behind_ms),
+            list(&[row.shown_error_p50_mm, row.shown_error_p99_mm, row.shown_error_max_mm]),
+            list(&[row.shown_jump_p99_mm, row.shown_jump_max_mm]),
+            list(&[row.told_error_p99_mm, row.told_jump_p99_mm]),
+        ]
+    };
+    page::table(&head, rows.iter().map(cells))
+}

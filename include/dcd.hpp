@@ -74,6 +74,7 @@ using ConnectionId = DcdConnectionId;
 using Pose = DcdPose;
 using Velocity = DcdVelocity;
 using Drive = DcdDrive;
+using ViewTime = DcdViewTime;
 using Frame = DcdFrame;
 using Contact = DcdContact;
 using ContactForce = DcdContactForce;
@@ -407,6 +408,25 @@ public:
         DcdStateView view = DCD_STATE_VIEW_INIT;
         Status status(dcd_state_view(world_, &view));
         return { status, StateView(view) };
+    }
+    /* The ticks to show now, and how bodies are shown at them. */
+    Result<ViewTime> view_time()
+    {
+        ViewTime time = DCD_VIEW_TIME_INIT;
+        Status status(dcd_view_time(world_, &time));
+        return { status, time };
+    }
+    Result<StateView> view_state(const ViewTime &time) const
+    {
+        DcdStateView view = DCD_STATE_VIEW_INIT;
+        Status status(dcd_view_state(world_, &time, &view));
+        return { status, StateView(view) };
+    }
+    Result<Pose> view_body(BodyId body, double tick, Velocity *velocity = nullptr) const
+    {
+        Pose pose = {};
+        Status status(dcd_view_body(world_, body, tick, &pose, velocity));
+        return { status, pose };
     }
     Result<EventView> events() const
     {

@@ -57,6 +57,8 @@ pub mod step;
 
 pub mod state;
 
+pub mod view;
+
 pub mod connection;
 
 pub mod message;

@@ -91,12 +91,8 @@ pub unsafe extern "C" fn dcd_body_get(
 ) -> DcdStatus {
     guard("dcd_body_get", || {
         // SAFETY: the caller vouches for what is not null.
-        let (pose, velocity) = unsafe {
-            (
-                if pose.is_null() { None } else { Some(Out::new(pose, "pose")?) },
-                if velocity.is_null() { None } else { Some(Out::new(velocity, "velocity")?) },
-            )
-        };
+        let (pose, velocity) =
+            unsafe { (Out::optional(pose, "pose")?, Out::optional(velocity, "velocity")?) };
         with(world, |world| {
             let id = world.mark.body_id(body)?;
             let missing = || missing(world, body);

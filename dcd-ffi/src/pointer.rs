@@ -24,6 +24,15 @@ impl<T> Out<T> {
         check(pointer, name).map(|()| Self(pointer))
     }
 
+    /// Returns `None` for a null pointer.
+    ///
+    /// # Safety
+    /// As [`Out::new`].
+    pub(crate) unsafe fn optional(pointer: *mut T, name: &str) -> Result<Option<Self>, Failure> {
+        // SAFETY: passed on.
+        if pointer.is_null() { Ok(None) } else { unsafe { Self::new(pointer, name).map(Some) } }
+    }
+
     pub(crate) fn write(self, value: T) {
         // SAFETY: checked for null and alignment in `new`; its caller vouches for the rest.
         unsafe { self.0.write(value) }

@@ -2,7 +2,7 @@
 
 mod calls;
 
-use dcd::World as Dcd;
+use dcd::{MovableBody, ViewTime, World as Dcd};
 
 use crate::handle::Mark;
 use crate::ids::DcdBodyId;
@@ -94,6 +94,10 @@ struct StateArrays {
 
 impl StateArrays {
     fn fill(&mut self, world: &Dcd, mark: Mark) {
+        self.fill_with(world, mark, world.movable_bodies());
+    }
+
+    fn fill_with(&mut self, world: &Dcd, mark: Mark, bodies: impl Iterator<Item = MovableBody>) {
         let count = world.movable_count();
         self.tick = world.tick().0;
         let ids = self.ids.refill(count);
@@ -103,7 +107,7 @@ impl StateArrays {
         let flags = self.flags.refill(count);
         let regions = self.regions.refill(count);
         // No more than `count`, which keeps the arrays where they are.
-        world.movable_bodies().take(count).for_each(|row| {
+        bodies.take(count).for_each(|row| {
             ids.push(mark.body(row.id));
             poses.push(row.pose.into());
             velocities.push(row.velocity.into());
@@ -112,6 +116,21 @@ impl StateArrays {
             flags.push(flag(row.sleeping, DCD_STATE_SLEEPING) | flag(row.outside, DCD_STATE_OUTSIDE));
             regions.push(row.region.0);
         });
+    }
+
+    fn lend(&self) -> DcdStateView {
+        DcdStateView {
+            struct_size: size_of::<DcdStateView>() as u32,
+            reserved: 0,
+            tick: self.tick,
+            count: self.ids.len(),
+            ids: self.ids.as_ptr(),
+            poses: self.poses.as_ptr(),
+            velocities: self.velocities.as_ptr(),
+            user_data: self.user_data.as_ptr(),
+            flags: self.flags.as_ptr(),
+            regions: self.regions.as_ptr(),
+        }
     }
 }
 
@@ -129,18 +148,18 @@ impl StateBuffers {
             self.wanted = true;
             self.sets[self.newest].fill(world, mark);
         }
-        let arrays = &self.sets[self.newest];
-        DcdStateView {
-            struct_size: size_of::<DcdStateView>() as u32,
-            reserved: 0,
-            tick: arrays.tick,
-            count: arrays.ids.len(),
-            ids: arrays.ids.as_ptr(),
-            poses: arrays.poses.as_ptr(),
-            velocities: arrays.velocities.as_ptr(),
-            user_data: arrays.user_data.as_ptr(),
-            flags: arrays.flags.as_ptr(),
-            regions: arrays.regions.as_ptr(),
-        }
+        self.sets[self.newest].lend()
+    }
+}
+
+/// The arrays that dcd_view_state lends.
+#[derive(Default)]
+pub(crate) struct ShownArrays(StateArrays);
+
+impl ShownArrays {
+    /// Fills the arrays with the bodies as they are shown, and lends them.
+    pub(crate) fn show(&mut self, world: &Dcd, mark: Mark, time: &ViewTime) -> DcdStateView {
+        self.0.fill_with(world, mark, world.movable_bodies_at(time));
+        self.0.lend()
     }
 }

@@ -24,6 +24,7 @@ use dcd_ffi::stats::*;
 use dcd_ffi::topology::*;
 use dcd_ffi::types::*;
 use dcd_ffi::vehicle::*;
+use dcd_ffi::view::*;
 use dcd_ffi::world::*;
 
 /// The size of a struct and where its members lie, as Rust has it.
@@ -112,6 +113,7 @@ fn layouts() -> Vec<Layout> {
             struct_size, joint_type, a, b, user_data, frame_a, frame_b, offset, position, force,
             natural_frequency, damping_ratio, flags, locked, coupled, limited, driven
         }
+        DcdViewTime { struct_size, reserved, now, shown, clock_error, input_delay }
         DcdStateView { struct_size, reserved, tick, count, ids, poses, velocities, user_data, flags, regions }
         DcdConnectionEvent { connection, state, role, node, client, cause, reserved, reason }
         DcdConnectionInfo {
@@ -236,6 +238,7 @@ const MACROS: &str = "
       { 0.0f, 0.0f, 0.0f }, 0.0f, 0.0f, 0, 0, 0, 0, 0 }
 #define DCD_STATE_VIEW_INIT \\
     { (uint32_t)sizeof(DcdStateView), 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL }
+#define DCD_VIEW_TIME_INIT { (uint32_t)sizeof(DcdViewTime), 0, 0.0, 0.0, -1.0, -1.0 }
 #define DCD_EVENT_VIEW_INIT \\
     { (uint32_t)sizeof(DcdEventView), 0, 0, NULL, 0, NULL, 0, NULL, 0, NULL, 0, \\
       NULL, 0, NULL, 0 }

@@ -14,7 +14,7 @@ use crate::handle::{Mark, Slots, not_null, stale};
 use crate::ids::{DcdBodyId, DcdWorld};
 use crate::log;
 use crate::query::open::OpenQueries;
-use crate::state::StateBuffers;
+use crate::state::{ShownArrays, StateBuffers};
 use crate::status::Failure;
 use cell::Cell;
 
@@ -24,6 +24,7 @@ pub(crate) struct World {
     pub dcd: Dcd,
     pub shapes: Slots<SharedShape>,
     pub states: StateBuffers,
+    pub shown: ShownArrays,
     pub events: EventBuffers,
     pub queries: OpenQueries,
     pub user_data: u64,
@@ -91,6 +92,7 @@ pub(crate) fn add(dcd: Dcd, user_data: u64) -> DcdWorld {
         dcd,
         shapes: Slots::new(),
         states: StateBuffers::default(),
+        shown: ShownArrays::default(),
         events: EventBuffers::default(),
         queries: OpenQueries::new(),
         user_data,

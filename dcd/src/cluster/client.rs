@@ -685,7 +685,7 @@ impl Client {
                         let before = Motion::of(&view.body.state);
                         let (is_news, handover) = view.learn(&state, stamp.tick, stamp.speculative, outside);
                         if let Some(showing) = self.showing.as_mut().filter(|_| is_news) {
-                            showing.learn(&stamp, &state, before);
+                            showing.learn(self.now, &stamp, &state, before);
                         }
                         keep_newest(&mut self.handovers, handover);
                     } else if !outside {

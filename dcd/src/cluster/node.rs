@@ -61,6 +61,13 @@ pub enum NodeEvent {
     Physics(PhysicsEvent),
     /// A message of the client in the same process to the leader.
     Client(FromClient),
+    /// The link to a client still has so many bytes of earlier states to send as further ones are given to it.
+    Backlog {
+        /// Whose.
+        client: ClientId,
+        /// Of datagrams that wait.
+        bytes: usize,
+    },
     /// The user wants the node to leave; it ends with [`NodeOutput::Stopped`].
     Leave,
 }
@@ -271,6 +278,9 @@ impl Node {
             NodeEvent::Message { from, message } => self.message(now, from, message),
             NodeEvent::Physics(event) => self.physics(now, event),
             NodeEvent::Client(message) => self.own_client(message),
+            NodeEvent::Backlog { client, bytes } => {
+                self.leader.iter_mut().for_each(|leader| leader.hear_backlog(client, bytes));
+            }
             NodeEvent::Leave => {
                 self.leaving = true;
                 self.send_server(ToServer::Leave);

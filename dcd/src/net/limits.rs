@@ -6,6 +6,7 @@ use std::time::Duration;
 use quinn::{IdleTimeout, TransportConfig, VarInt};
 
 use super::PeerName;
+use super::congestion::ToleratesLoss;
 use super::lanes::LANES;
 use crate::protocol::link;
 
@@ -122,7 +123,8 @@ impl Limits {
             .datagram_send_buffer_size(link::DATAGRAM_QUEUE_BYTES)
             // With the default loss detection, reordering alone cut throughput six- to tenfold (measured).
             .packet_threshold(128)
-            .time_threshold(3.0);
+            .time_threshold(3.0)
+            .congestion_controller_factory(Arc::new(ToleratesLoss));
         Arc::new(transport)
     }
 }

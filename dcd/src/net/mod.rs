@@ -8,6 +8,7 @@
 mod authority;
 mod base32;
 mod calls;
+mod congestion;
 mod endpoint;
 mod error;
 mod events;

@@ -36,8 +36,9 @@ pub struct ViewTime {
 }
 
 impl ViewTime {
-    /// Returns the times of a world that is computed here.
-    pub(crate) fn of_local(now: f64, shown: f64) -> Self {
+    /// Returns the times at which to show own avatars, and all else: to look at a time of one's own choice.
+    #[must_use]
+    pub const fn new(now: f64, shown: f64) -> Self {
         Self { now, shown, clock_error_s: None, input_delay_s: None }
     }
 }
@@ -105,10 +106,8 @@ impl Playback {
             self.guesses = stamp.speculative;
             self.moves = states.iter().any(|state| !state.sleeping);
         }
-        if let Some(world_tick) = self.clock.tick_at(now)
-            && !states.is_empty()
-        {
-            self.playhead.hear(tick, world_tick, self.clock.period_s());
+        if !states.is_empty() {
+            self.playhead.begin(tick);
         }
     }
 
@@ -123,11 +122,14 @@ impl Playback {
     }
 
     /// Takes in the state of a body, which was like `before` when it was last heard of.
-    pub(crate) fn learn(&mut self, stamp: &Stamp, state: &SharedState, before: Motion) {
+    pub(crate) fn learn(&mut self, now: Duration, stamp: &Stamp, state: &SharedState, before: Motion) {
         let tick = stamp.tick.0 as f64;
         let cadence = self.playhead.cadence();
         let shown = self.playhead.shown().unwrap_or(tick - cadence);
         let track = self.tracks.entry(state.id).or_insert_with(|| Track::new(tick - cadence, before));
+        if let (Some(known), Some(world_tick)) = (track.moves_at(), self.clock.tick_at(now)) {
+            self.playhead.note((world_tick - known) * self.clock.period_s());
+        }
         let motion = Motion { pose: state.pose, velocity: state.velocity };
         track.learn((tick, motion, state.sleeping), stamp.speculative, cadence, shown, self.dt_s);
     }

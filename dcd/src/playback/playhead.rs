@@ -1,20 +1,20 @@
 //! Moves the tick that is shown of a world: as little behind the world as the states that come allow (a jitter buffer), and smoothly.
 
-use std::collections::VecDeque;
 use std::time::Duration;
 
-/// Batches of states by which the depth of the buffer is chosen: some seconds of them.
-const KEPT: usize = 64;
-/// So many of them may have come later than the buffer is deep.
-const LATE: usize = 2;
+/// The depths told apart, each so many seconds deeper than the one before: half a second in all.
+const DEPTHS: usize = 128;
+const STEP_S: f64 = 0.004;
+/// The share of states that may come later than the buffer is deep.
+const LATE: f32 = 0.015;
+/// What is left of the weight of earlier states with each batch: those of some two seconds count.
+const KEPT: f32 = 0.97;
 /// What the buffer is deeper than it must be, seconds.
 const MARGIN_S: f64 = 0.004;
 /// The depth before anything is known, seconds.
 const FIRST_S: f64 = 0.1;
-/// The deepest buffer, seconds: what comes later than that is extrapolated until it is here.
-const DEEPEST_S: f64 = 0.5;
-/// A gap between batches above this, seconds, was the world's: nothing moved.
-const PAUSE_S: f64 = 0.25;
+/// A gap above this, seconds, was none in what the network brought: the body was not told of.
+const PAUSE_S: f64 = 1.0;
 /// The share by which what is shown runs faster or slower to get where it should be.
 const SLEW: f64 = 0.1;
 /// The same where it is farther off than [`FAR_S`].
@@ -25,34 +25,36 @@ const FAR_S: f64 = 0.1;
 const JUMP_S: f64 = 0.5;
 
 /// The tick that is shown, and how deep the buffer behind it is.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(super) struct Playhead {
     /// The tick shown last, and when.
     shown: Option<(f64, Duration)>,
-    /// The tick of the last batch of states, and that of the one before unless there was a pause.
+    /// The tick of the last batch of states, and that of the one before.
     last: Option<f64>,
     before: Option<f64>,
-    /// By how many ticks the world was ahead of all that could be shown just before each of the last batches came.
-    behind: VecDeque<f64>,
+    /// How many states came while what was known of their bodies was so old, the later the more they weigh.
+    late: Box<[f32; DEPTHS]>,
+}
+
+impl Default for Playhead {
+    fn default() -> Self {
+        Self { shown: None, last: None, before: None, late: Box::new([0.0; DEPTHS]) }
+    }
 }
 
 impl Playhead {
-    /// Notes that states of a tick have come, while the world is at `world_tick`: until then, those of the batch before were the newest.
-    pub(super) fn hear(&mut self, tick: f64, world_tick: f64, period_s: f64) {
+    /// Begins a batch: states of a tick have come.
+    pub(super) fn begin(&mut self, tick: f64) {
         if self.last.is_none_or(|last| last < tick) {
-            self.before = self.last.replace(tick).filter(|before| (tick - before) * period_s <= PAUSE_S);
-            if self.before.is_some() {
-                self.behind.push_back(0.0);
-            }
-            if self.behind.len() > KEPT {
-                self.behind.pop_front();
-            }
+            self.before = self.last.replace(tick);
+            self.late.iter_mut().for_each(|count| *count *= KEPT);
         }
-        // A batch may come in several parts.
-        if let (Some(before), Some(behind)) = (self.before, self.behind.back_mut())
-            && self.last == Some(tick)
-        {
-            *behind = behind.max(world_tick - before);
+    }
+
+    /// Notes that a state has come of a body that moves, and by how much the world was ahead of what was known of it until then.
+    pub(super) fn note(&mut self, behind_s: f64) {
+        if (0.0..PAUSE_S).contains(&behind_s) {
+            self.late[((behind_s / STEP_S) as usize).min(DEPTHS - 1)] += 1.0;
         }
     }
 
@@ -73,18 +75,20 @@ impl Playhead {
         self.shown.map(|(tick, _)| tick)
     }
 
-    /// Returns by how many ticks what is shown is to be behind the world.
-    fn depth(&self, period_s: f64) -> f64 {
-        let mut behind: Vec<_> = self.behind.iter().copied().collect();
-        behind.sort_unstable_by(|a, b| b.total_cmp(a));
-        let place = LATE.min(behind.len().saturating_sub(1));
-        let depth = behind.get(place).copied().unwrap_or(FIRST_S / period_s);
-        (depth + MARGIN_S / period_s).clamp(0.0, DEEPEST_S / period_s)
+    /// Returns by how many seconds what is shown is to be behind the world.
+    fn depth_s(&self) -> f64 {
+        let most = self.late.iter().sum::<f32>() * LATE;
+        let mut later = 0.0;
+        let depth = self.late.iter().rposition(|count| {
+            later += count;
+            later > most
+        });
+        depth.map_or(FIRST_S, |depth| (depth + 1) as f64 * STEP_S + MARGIN_S)
     }
 
     /// Returns the tick to show now, never below the last one; `limit` is the last that can be shown.
     pub(super) fn advance(&mut self, now: Duration, world_tick: f64, limit: f64, period_s: f64) -> f64 {
-        let target = (world_tick - self.depth(period_s)).min(limit);
+        let target = (world_tick - self.depth_s() / period_s).min(limit);
         let shown = self.shown.map_or(target, |(shown, at)| {
             let elapsed = now.saturating_sub(at).as_secs_f64() / period_s;
             let off = target - (shown + elapsed);
@@ -120,8 +124,9 @@ mod tests {
             .map(|frame| {
                 let world = f64::from(frame) * 1.7;
                 while let Some((when, tick)) = next.next_if(|(when, _)| *when <= world) {
+                    playhead.begin(tick.into());
+                    playhead.note((when - newest) * DT_S);
                     newest = newest.max(tick.into());
-                    playhead.hear(tick.into(), when, DT_S);
                 }
                 (world, playhead.advance(at(world), world, newest + 15.0, DT_S), newest)
             })
@@ -161,15 +166,17 @@ mod tests {
         let mut playhead = Playhead::default();
         for tick in 0..20 {
             let tick = 3.0 * f64::from(tick);
-            playhead.hear(tick, tick + 1.0, DT_S);
+            playhead.begin(tick);
+            playhead.note(4.0 * DT_S);
             playhead.advance(at(tick + 1.0), tick + 1.0, tick + 15.0, DT_S);
         }
         for tick in 58..300 {
             let tick = f64::from(tick);
             assert!(playhead.advance(at(tick), tick, 72.0, DT_S) <= 72.0);
         }
-        playhead.hear(300.0, 301.0, DT_S);
+        playhead.begin(300.0);
+        playhead.note(243.0 * DT_S);
         assert!(playhead.advance(at(301.0), 301.0, 315.0, DT_S) > 290.0);
-        assert!(playhead.depth(DT_S) < 5.0, "the pause does not count");
+        assert!(playhead.depth_s() < 5.0 * DT_S, "the pause does not count");
     }
 }

@@ -79,6 +79,11 @@ impl Track {
         self.newest().rests && self.newest().tick < tick
     }
 
+    /// Returns the tick of the newest state, if the body moves.
+    pub(super) fn moves_at(&self) -> Option<f64> {
+        Some(self.newest()).filter(|newest| !newest.rests).map(|newest| newest.tick)
+    }
+
     /// Adds the state after a tick; `cadence` is the number of ticks within which a body that moves is told of. `shown` is the tick that
     /// was shown last, by which errors are measured.
     pub(super) fn learn(

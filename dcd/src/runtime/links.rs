@@ -120,6 +120,11 @@ impl Links {
         self.dialled.insert(key, peer);
     }
 
+    /// Returns the bytes of datagrams that wait for a link.
+    pub(super) fn datagrams_waiting(&self, to: Peer) -> usize {
+        self.keys.get(&to).map_or(0, |&key| self.net.datagrams_waiting(key))
+    }
+
     /// Sends a message, now or when the link is there and has room.
     pub(super) fn send(&mut self, to: Peer, message: &Message) {
         let bytes = protocol::encode(message);

@@ -1,6 +1,7 @@
 //! Runs a process that is a node, a client, or both (a participant, the thesis's normal case): one thread feeds network events,
 //! physics results and the user's inputs to the state machines and carries out their outputs.
 
+use std::collections::BTreeMap;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::{self, RecvTimeoutError, SyncSender};
@@ -18,8 +19,8 @@ use crate::cluster::{
     PhysicsEvent, WORLD_ENDED,
 };
 use crate::net::{Identity, Limits, Net, NetConfig, NetEvent, NetEvents, PeerStats};
-use crate::protocol::{Area, Farewell, Message, Refusal};
-use crate::space::{BodyId, NodeId, Tick};
+use crate::protocol::{Area, Farewell, Message, Refusal, ToClient};
+use crate::space::{BodyId, ClientId, NodeId, Tick};
 
 /// How often sending is tried again where a link had no room.
 const RETRY: Duration = Duration::from_millis(2);
@@ -220,6 +221,7 @@ impl Member {
             unheard_leader: None,
             joined: false,
             count_at: Duration::ZERO,
+            told: BTreeMap::new(),
             end: None,
             reason: None,
         };
@@ -372,6 +374,8 @@ struct Loop {
     joined: bool,
     /// When the network's counters are read next.
     count_at: Duration,
+    /// The tick of the newest states given to the link of each client.
+    told: BTreeMap<ClientId, Tick>,
     end: Option<Result<(), ProcessError>>,
     /// Why the loop ends, where `end` does not say.
     reason: Option<Reason>,
@@ -509,6 +513,9 @@ impl Loop {
                 }
             }
             LinkEvent::Disconnected { peer, ending, text: reason } => {
+                if let Peer::Client(client) = peer {
+                    self.told.remove(&client);
+                }
                 if peer == Peer::Server {
                     let server = self.server;
                     let end = match ending {
@@ -600,7 +607,10 @@ impl Loop {
 
     fn node_output(&mut self, output: NodeOutput) {
         match output {
-            NodeOutput::Send { to, message } => self.links.send(to, &message),
+            NodeOutput::Send { to, message } => {
+                self.look_at_backlog(to, &message);
+                self.links.send(to, &message);
+            }
             NodeOutput::Redial => self.redial(),
             NodeOutput::Connect(member) => self.links.dial(Peer::Node(member.node), member.address),
             NodeOutput::Disconnect(node) => self.links.end(Peer::Node(node), Ending::NotAMember),
@@ -626,6 +636,17 @@ impl Loop {
                     Farewell::Left => self.end = Some(Ok(())),
                 }
             }
+        }
+    }
+
+    /// Tells the node what still waits of the states before, with the first message of each tick's states for a client.
+    fn look_at_backlog(&mut self, to: Peer, message: &Message) {
+        let Message::ToClient(client, ToClient::CompactStates { stamp, .. }) = message else { return };
+        let (client, bytes) = (*client, self.links.datagrams_waiting(to));
+        if self.told.insert(client, stamp.tick) != Some(stamp.tick)
+            && let Some(node) = &mut self.node
+        {
+            node.handle(self.start.elapsed(), NodeEvent::Backlog { client, bytes });
         }
     }
 
@@ -695,7 +716,6 @@ impl Loop {
 }
 
 fn is_update(event: &ClientEvent) -> bool {
-    use crate::protocol::ToClient;
     match event {
         ClientEvent::Message { message: Message::ToClient(_, ToClient::States { states, .. }), .. }
         | ClientEvent::Node(ToClient::States { states, .. }) => !states.is_empty(),

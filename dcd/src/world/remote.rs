@@ -195,7 +195,7 @@ pub(super) trait Remote: Send + Sync {
 
     /// Returns the ticks to show now.
     fn view_time(&mut self) -> ViewTime {
-        ViewTime::of_local(self.tick().0 as f64, self.tick().0 as f64)
+        ViewTime::new(self.tick().0 as f64, self.tick().0 as f64)
     }
 
     /// Returns how a body is shown at a tick.

@@ -332,7 +332,7 @@ impl Remote for Served {
 
     fn view_time(&mut self) -> ViewTime {
         let tick = self.tick.0 as f64;
-        self.world.view_time().unwrap_or_else(|| ViewTime::of_local(tick, tick))
+        self.world.view_time().unwrap_or_else(|| ViewTime::new(tick, tick))
     }
 
     fn motion_at(&self, id: BodyId, tick: f64) -> Option<Motion> {

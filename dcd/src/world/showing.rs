@@ -37,7 +37,7 @@ impl LastStep {
         let stepped = *self.stepped.get_or_insert_with(Instant::now);
         let since = stepped.elapsed().as_secs_f64() / f64::from(world.host().settings().dt_s);
         let shown = (world.tick().0 as f64 - 1.0 + since.min(1.0)).max(0.0);
-        ViewTime::of_local(world.tick().0 as f64, shown)
+        ViewTime::new(world.tick().0 as f64, shown)
     }
 
     fn motion(&self, id: BodyId, now: Motion, world: &LocalWorld, at: f64) -> Motion {

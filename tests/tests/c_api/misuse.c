@@ -676,6 +676,31 @@ static void bulk(void)
     EXPECT(dcd_state_view(world, &view), DCD_OK);
     HOLDS(view.count == 43 && view.tick == 4);
 
+    DcdViewTime time = DCD_VIEW_TIME_INIT;
+    DcdVelocity velocity;
+    EXPECT(dcd_view_time(world, NULL), DCD_ERR_NULL);
+    time.struct_size = 8;
+    EXPECT(dcd_view_time(world, &time), DCD_ERR_STRUCT);
+    EXPECT(dcd_view_state(world, &time, &view), DCD_ERR_STRUCT);
+    time.struct_size = sizeof time;
+    EXPECT(dcd_view_time(world, &time), DCD_OK);
+    HOLDS(time.now == 4.0 && time.shown >= 3.0 && time.shown <= 4.0 && time.clock_error < 0.0);
+    EXPECT(dcd_view_body(world, ids[2], time.shown, poses, NULL), DCD_OK);
+    EXPECT(dcd_view_body(world, ids[2], time.now, NULL, &velocity), DCD_OK);
+    EXPECT(dcd_view_body(world, ids[2], NAN, poses, NULL), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_view_body(world, ids[2], 1e300, poses, NULL), DCD_OK);
+    HOLDS(isfinite(poses[0].p[1]));
+    EXPECT(dcd_view_state(world, &time, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_view_state(world, NULL, &view), DCD_ERR_NULL);
+    EXPECT(dcd_view_state(world, &time, &early), DCD_OK);
+    HOLDS(early.count == 43 && early.poses != view.poses && early.ids[2].v == ids[2].v);
+    time.shown = INFINITY;
+    EXPECT(dcd_view_state(world, &time, &early), DCD_ERR_ARGUMENT);
+    time.shown = -1e300;
+    EXPECT(dcd_view_state(world, &time, &early), DCD_OK);
+    time.reserved = 1;
+    EXPECT(dcd_view_state(world, &time, &early), DCD_ERR_ARGUMENT);
+
     EXPECT(dcd_state_read(world, NULL, 3, DCD_FIELD_POSE, poses, 0, NULL), DCD_ERR_NULL);
     EXPECT(dcd_state_read(world, ids, 3, DCD_FIELD_POSE, NULL, 0, NULL), DCD_ERR_NULL);
     EXPECT(dcd_state_read(world, ids, 3, 5, poses, 0, NULL), DCD_ERR_ARGUMENT);

@@ -349,7 +349,12 @@ static DcdStatus play(void)
     case 22: {
         DcdStateView view = DCD_STATE_VIEW_INIT;
         double sum = 0.0;
-        DcdStatus status = dcd_state_view(world, &view);
+        DcdViewTime time = DCD_VIEW_TIME_INIT;
+        DcdStatus status = dice(2) ? dcd_state_view(world, &view) : dcd_view_time(world, &time);
+        if (dice(3) == 0) {
+            time.shown += (double)number();
+            status = dcd_view_state(world, &time, &view);
+        }
         for (size_t i = 0; i < view.count; i++) {
             sum += view.poses[i].p[0] + (double)view.velocities[i].linear[0] + (double)view.flags[i];
         }

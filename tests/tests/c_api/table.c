@@ -209,6 +209,13 @@ CALL(dcd_step_begin) {
 }
 CALL(dcd_step_wait) { (void)dcd_step_begin(s->world); return dcd_step_wait(s->world, DCD_FOREVER); }
 CALL(dcd_state_view) { DcdStateView view = DCD_STATE_VIEW_INIT; return dcd_state_view(s->world, &view); }
+CALL(dcd_view_time) { DcdViewTime time = DCD_VIEW_TIME_INIT; return dcd_view_time(s->world, &time); }
+CALL(dcd_view_body) { DcdPose pose; return dcd_view_body(s->world, s->body, 1.5, &pose, NULL); }
+CALL(dcd_view_state) {
+    DcdViewTime time = DCD_VIEW_TIME_INIT;
+    DcdStateView view = DCD_STATE_VIEW_INIT;
+    return dcd_view_state(s->world, &time, &view);
+}
 CALL(dcd_state_read) {
     DcdPose pose;
     return dcd_state_read(s->world, &s->body, 1, DCD_FIELD_POSE, &pose, 0, NULL);
@@ -391,7 +398,7 @@ CALL(dcd_world_destroy) {
     of(dcd_body_set_groups) of(dcd_joint_create) of(dcd_joint_destroy) of(dcd_joint_is_valid) of(dcd_joint_info) \
     of(dcd_joint_set_limit) of(dcd_joint_set_motor) of(dcd_joint_get_limit) of(dcd_joint_get_motor) \
     of(dcd_joint_set_frames) of(dcd_joint_set_flags) of(dcd_joint_set_softness) of(dcd_body_joints) of(dcd_step) \
-    of(dcd_step_begin) of(dcd_step_wait) of(dcd_state_view) of(dcd_state_read) of(dcd_state_write) of(dcd_events) \
+    of(dcd_step_begin) of(dcd_step_wait) of(dcd_state_view) of(dcd_view_time) of(dcd_view_body) of(dcd_view_state) of(dcd_state_read) of(dcd_state_write) of(dcd_events) \
     of(dcd_connections) of(dcd_connection_info) of(dcd_send) of(dcd_disconnect) of(dcd_poll) of(dcd_cast_rays) \
     of(dcd_cast_rays_all) of(dcd_cast_shapes) of(dcd_project_points) of(dcd_overlap_shapes) of(dcd_overlap_points) \
     of(dcd_overlap_boxes) of(dcd_rays_submit) of(dcd_query_poll) of(dcd_query_cancel) of(dcd_regions) \

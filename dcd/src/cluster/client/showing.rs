@@ -68,8 +68,8 @@ impl Showing {
         self.playback.hear(now, stamp, states);
     }
 
-    pub(super) fn learn(&mut self, stamp: &Stamp, state: &SharedState, before: Motion) {
-        self.playback.learn(stamp, state, before);
+    pub(super) fn learn(&mut self, now: Duration, stamp: &Stamp, state: &SharedState, before: Motion) {
+        self.playback.learn(now, stamp, state, before);
     }
 
     pub(super) fn forget(&mut self, id: BodyId) {

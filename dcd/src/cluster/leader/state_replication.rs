@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::Leader;
 use super::interest::{Audience, Moved, news};
-use super::turns::{MOST_AT_ONCE, Turns};
+use super::turns::Turns;
 use crate::cluster::Peer;
 use crate::protocol::{ContactForce, ContactKey, SharedState, Stamp, ToClient, ToServer, Touch, WorldEvents};
 use crate::space::{ClientId, Tick};
@@ -134,12 +134,19 @@ impl Leader {
         // Nothing is told after the last tick.
         let is_last = self.last_tick == Some(self.tick);
         let turns = self.turns.entry(client).or_default();
-        if is_here || is_last || turns.is_empty() && states.len() <= MOST_AT_ONCE {
+        if is_here || is_last || turns.is_empty() && states.len() <= turns.most() {
             return self.tell(client, self.tick, false, states);
         }
         let next = turns.take(states.iter().map(|state| state.id));
         let states = next.iter().filter_map(|id| Some(self.latest.get(id)?.0)).collect();
         self.tell(client, self.tick, false, states);
+    }
+
+    /// Notes how many bytes for a client wait for its link.
+    pub fn hear_backlog(&mut self, client: ClientId, bytes: usize) {
+        if self.clients.contains_key(&client) {
+            self.turns.entry(client).or_default().adapt(bytes);
+        }
     }
 
     pub(super) fn tell(&mut self, client: ClientId, tick: Tick, speculative: bool, states: Vec<SharedState>) {

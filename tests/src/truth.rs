@@ -5,38 +5,54 @@ use std::error::Error;
 
 use dcd::prelude::*;
 
-use super::{Frame, Seen};
+/// A body in one frame: as it is shown, and as it was told last.
+pub struct Seen {
+    /// Which.
+    pub id: BodyId,
+    /// Its newest state.
+    pub told: WorldPose,
+    /// Where it is shown.
+    pub shown: WorldPose,
+}
+
+/// What a client sees in one frame.
+pub struct Frame {
+    /// The ticks that it shows.
+    pub time: dcd::ViewTime,
+    /// The movable bodies.
+    pub bodies: Vec<Seen>,
+}
 
 /// A body moves if it is at least so fast, m/s: of others any error is none.
 const MOVES_M_S: f32 = 0.01;
 
 /// Numbers of which quantiles are asked.
-pub(super) struct Errors(Vec<f64>);
+pub struct Quantiles(Vec<f64>);
 
-impl From<Vec<f64>> for Errors {
+impl From<Vec<f64>> for Quantiles {
     fn from(mut numbers: Vec<f64>) -> Self {
         numbers.sort_unstable_by(f64::total_cmp);
         Self(numbers)
     }
 }
 
-impl Errors {
+impl Quantiles {
     /// Returns the quantile, 0 to 1; NaN of nothing.
-    pub(super) fn at(&mut self, quantile: f64) -> f64 {
+    pub fn at(&self, quantile: f64) -> f64 {
         let place = (quantile * self.0.len().saturating_sub(1) as f64).round() as usize;
         self.0.get(place).copied().unwrap_or(f64::NAN)
     }
 }
 
 /// The positions of all bodies after each tick that a client saw.
-pub(super) struct Truth {
+pub struct Truth {
     first: u64,
     ticks: Vec<BTreeMap<BodyId, (WorldPose, Velocity)>>,
 }
 
 impl Truth {
     /// Steps a world through the ticks of these frames.
-    pub(super) fn of(mut world: World, frames: &[Frame]) -> Result<Self, Box<dyn Error>> {
+    pub fn of(mut world: World, frames: &[Frame]) -> Result<Self, Box<dyn Error>> {
         let times = || frames.iter().flat_map(|frame| [frame.time.shown, frame.time.now]);
         let first = times().fold(f64::MAX, f64::min).max(0.0) as u64;
         let last = times().fold(0.0, f64::max).ceil() as u64;
@@ -66,12 +82,12 @@ impl Truth {
 
     /// Returns the errors of what is shown, against the ticks that it is shown of, and how these errors change from frame to frame;
     /// metres.
-    pub(super) fn shown(&self, frames: &[Frame]) -> (Errors, Errors) {
+    pub fn shown(&self, frames: &[Frame]) -> (Quantiles, Quantiles) {
         self.compare(frames, |frame| frame.time.shown, |seen| seen.shown)
     }
 
     /// Returns the same of the newest states, against the tick that the world is at.
-    pub(super) fn told(&self, frames: &[Frame]) -> (Errors, Errors) {
+    pub fn told(&self, frames: &[Frame]) -> (Quantiles, Quantiles) {
         self.compare(frames, |frame| frame.time.now, |seen| seen.told)
     }
 
@@ -80,7 +96,7 @@ impl Truth {
         frames: &[Frame],
         tick: impl Fn(&Frame) -> f64,
         pose: impl Fn(&Seen) -> WorldPose,
-    ) -> (Errors, Errors) {
+    ) -> (Quantiles, Quantiles) {
         let (mut errors, mut jumps) = (Vec::new(), Vec::new());
         let mut before: BTreeMap<BodyId, [f64; 3]> = BTreeMap::new();
         for frame in frames {

@@ -1,0 +1,183 @@
+//! Tests what a client shows of a served world: near the truth of the tick that it shows, without jumps, over good and bad networks; and
+//! that a local world is shown alike.
+
+use std::time::{Duration, Instant};
+
+use dcd::MovableBody;
+use dcd::network::{JoinConfig, JoinRole, ServeConfig};
+use dcd::prelude::*;
+use dcd_tests::proxy::{Proxy, Weather, free_address};
+use dcd_tests::truth::{Frame, Seen, Truth};
+
+const PATIENCE: Duration = Duration::from_secs(30);
+
+/// A world served by one node, and a client that hears of it through a proxy.
+struct Stage {
+    client: World,
+    server: World,
+    node: World,
+    proxy: Proxy,
+    local: World,
+    _data: tempfile::TempDir,
+}
+
+impl Stage {
+    fn of(local: World, weather: Weather) -> Self {
+        let data = tempfile::tempdir().unwrap();
+        let server = local.serve_copy(ServeConfig::new(data.path())).unwrap();
+        let join = |role| dcd_tests::served::join(&server, role);
+        let (proxy, address) = (Proxy::start(5), free_address());
+        let advertise = Some(proxy.front(address));
+        let at = JoinConfig { listen: Some(address), advertise, ..join(JoinRole::Node) };
+        let node = World::join_as_node(&at).unwrap();
+        proxy.set(weather);
+        let client = World::connect(&join(JoinRole::Client)).unwrap();
+        Self { client, server, node, proxy, local, _data: data }
+    }
+
+    /// Waits until the client has heard of so many ticks.
+    fn wait_ticks(&mut self, ticks: u64) {
+        let (first, deadline) = (self.client.tick().0, Instant::now() + PATIENCE);
+        while self.client.tick().0 < first + ticks {
+            assert!(Instant::now() < deadline, "no {ticks} ticks came");
+            self.client.view_time();
+            self.client.poll(Duration::from_millis(5));
+            self.client.step().unwrap();
+        }
+    }
+
+    /// Shows so many frames, one per 16 ms.
+    fn show(&mut self, count: usize) -> Vec<Frame> {
+        let mut next = Instant::now();
+        (0..count)
+            .map(|_| {
+                next += Duration::from_millis(16);
+                while let Some(left) =
+                    next.checked_duration_since(Instant::now()).filter(|left| !left.is_zero())
+                {
+                    self.client.poll(left);
+                    self.client.step().unwrap();
+                }
+                let time = self.client.view_time();
+                let shown = self.client.movable_bodies_at(&time);
+                let seen = |body: MovableBody| Seen {
+                    id: body.id,
+                    told: self.client.pose(body.id).unwrap(),
+                    shown: body.pose,
+                };
+                Frame { time, bodies: shown.map(seen).collect() }
+            })
+            .collect()
+    }
+}
+
+fn gas() -> World {
+    let scene = Scene::open("gas", &Params::new().with("n", 120).with("cubes", 0.5)).unwrap();
+    let config = WorldConfig { partitioning: Partitioning::Regions(2), ..WorldConfig::for_scene(&scene) };
+    World::from_scene(&scene, config).unwrap()
+}
+
+fn ms(delay: u64, jitter: u64, loss: f64) -> Weather {
+    let ms = Duration::from_millis;
+    Weather { delay: ms(delay), jitter: ms(jitter), loss, ..Weather::default() }
+}
+
+/// Shows a gas of balls and cubes for three seconds over this network; what is shown is within so many millimetres of the truth.
+fn is_shown_well(weather: Weather, error_mm: f64, behind_ms: f64) {
+    let mut stage = Stage::of(gas(), weather);
+    stage.wait_ticks(120);
+    let frames = stage.show(180);
+    assert!(
+        frames.windows(2).all(|pair| pair[1].time.shown > pair[0].time.shown),
+        "time goes on in every frame"
+    );
+    let behind =
+        frames.iter().map(|frame| frame.time.now - frame.time.shown).fold(0.0, f64::max) * 1e3 / 60.0;
+    drop((stage.client, stage.node, stage.server, stage.proxy));
+    let truth = Truth::of(stage.local, &frames).unwrap();
+    let ((errors, jumps), (told, _)) = (truth.shown(&frames), truth.told(&frames));
+    println!(
+        "shown {:.2} mm off (p99), at most {behind:.0} ms behind, jumps of {:.2} mm; as told {:.0} mm off",
+        1e3 * errors.at(0.99),
+        1e3 * jumps.at(0.99),
+        1e3 * told.at(0.99)
+    );
+    assert!(1e3 * errors.at(0.99) < error_mm, "{}", errors.at(0.99));
+    assert!(1e3 * jumps.at(0.99) < error_mm, "{}", jumps.at(0.99));
+    assert!(told.at(0.99) > 4.0 * errors.at(0.99), "the newest states, as they come, are far from it");
+    assert!(behind < behind_ms, "{behind}");
+}
+
+#[test]
+fn a_world_is_shown_as_it_was_a_moment_ago() {
+    is_shown_well(ms(0, 0, 0.0), 20.0, 250.0);
+}
+
+#[test]
+fn a_world_is_shown_well_far_away_with_jitter_and_losses() {
+    is_shown_well(ms(100, 20, 0.05), 20.0, 450.0);
+}
+
+#[test]
+fn the_clock_of_the_world_is_known_and_so_is_the_delay_of_inputs() {
+    let mut stage = Stage::of(gas(), ms(0, 0, 0.0));
+    let id = stage
+        .client
+        .insert(RigidBodyBuilder::kinematic_velocity_based(), ColliderBuilder::ball(0.1).sensor(true))
+        .unwrap();
+    stage.wait_ticks(60);
+    let deadline = Instant::now() + PATIENCE;
+    let time = loop {
+        stage.client.set_velocity(id, Velocity::linear([0.1, 0.0, 0.0])).unwrap();
+        stage.wait_ticks(6);
+        let time = stage.client.view_time();
+        if time.clock_error_s.is_some() && time.input_delay_s.is_some() {
+            break time;
+        }
+        assert!(Instant::now() < deadline, "{time:?}");
+    };
+    assert!(time.clock_error_s.unwrap() < 0.05, "{time:?}");
+    assert!((0.0..1.0).contains(&time.input_delay_s.unwrap()), "{time:?}");
+    assert!(time.now >= time.shown);
+}
+
+#[test]
+fn a_leader_that_falls_silent_makes_nothing_jump() {
+    let scene = gas();
+    let mut stage = Stage::of(scene, ms(0, 0, 0.0));
+    stage.wait_ticks(60);
+    // Nobody computes for a moment; what moves is shown going on, and stops.
+    stage.proxy.cut(None, None);
+    let cut = stage.show(60);
+    stage.proxy.heal();
+    let frames: Vec<_> = cut.into_iter().chain(stage.show(60)).collect();
+    for pair in frames.windows(2) {
+        assert!(pair[1].time.shown >= pair[0].time.shown, "never back");
+        for (a, b) in pair[0].bodies.iter().zip(&pair[1].bodies) {
+            let way: f64 = (0..3).map(|i| (b.shown.translation[i] - a.shown.translation[i]).powi(2)).sum();
+            assert!(way.sqrt() < 0.25, "{} jumps by {} m", a.id, way.sqrt());
+        }
+    }
+}
+
+#[test]
+fn a_local_world_is_shown_between_its_steps() {
+    let mut world = gas();
+    world.view_time();
+    let before: Vec<_> = world.movable_bodies().map(|body| body.pose).collect();
+    world.step().unwrap();
+    let after: Vec<_> = world.movable_bodies().map(|body| body.pose).collect();
+    let shown = |shown: f64| -> Vec<_> {
+        world.movable_bodies_at(&dcd::ViewTime::new(1.0, shown)).map(|body| body.pose).collect()
+    };
+    assert_eq!((shown(0.0), shown(1.0)), (before.clone(), after.clone()));
+    for ((a, half), b) in before.iter().zip(shown(0.5)).zip(&after) {
+        for i in 0..3 {
+            let middle = 0.5 * (a.translation[i] + b.translation[i]);
+            let way = (b.translation[i] - a.translation[i]).abs();
+            assert!((half.translation[i] - middle).abs() <= 0.5 * way + 1e-4);
+        }
+    }
+    let times = [world.view_time().shown, world.view_time().shown];
+    assert!(times[0] <= times[1] && times[1] <= 1.0, "{times:?}");
+}

@@ -4,7 +4,7 @@
  *
  * Prediction: the avatar is where the world last said, plus what was asked of it since that the world had not heard by then.
  * Smooth correction: where the two disagree (somebody was in the way), what is drawn slides over in a quarter of a second. Others
- * are drawn as the world says, between the two last states. Interest: it hears of what is near its avatar, and no more. It greets
+ * are drawn as they were a moment ago (dcd_view_time), evenly, however their states come. Interest: it hears of what is near its avatar, and no more. It greets
  * the server's program, if one listens, and shows what that says. What it says last is for programs, in one line:
  *
  *   mmo_client: steps=<steps> delay=<steps from asking to hearing> moved_m=<way that was drawn>
@@ -186,8 +186,8 @@ int main(int argc, char **argv)
     struct Player player = { { 0 }, { { 0.0, 0.0 } }, 0, 0, { 0.0, 0.0, 0.0 }, { 0.0, 0.0, 0.0 }, 0.0 };
     player.avatar = enter(world, &start, dt);
 
-    DcdStateView view = DCD_STATE_VIEW_INIT, before;
-    check(dcd_state_view(world, &view));
+    DcdStateView view = DCD_STATE_VIEW_INIT;
+    DcdViewTime time = DCD_VIEW_TIME_INIT;
     bool moves = false;
     double moved = 0.0, ahead = 0.0, others = 0.0;
     size_t near = 0, all = 0;
@@ -213,25 +213,24 @@ int main(int argc, char **argv)
         moved += hypot(player.drawn[0] - from[0], player.drawn[2] - from[2]);
         ahead += hypot(player.drawn[0] - heard.p[0], player.drawn[2] - heard.p[2]);
 
-        /* Everybody else, half a step behind: what the world said last and before that. A game would draw them here. */
-        before = view;
-        check(dcd_state_view(world, &view));
+        /* Everybody else, as it was a moment ago. A game would draw them here. */
+        check(dcd_view_time(world, &time));
+        check(dcd_view_state(world, &time, &view));
         near = 0;
         all = view.count;
-        for (size_t i = 0; i < view.count && i < before.count; i++) {
+        for (size_t i = 0; i < view.count; i++) {
             if ((view.flags[i] & DCD_STATE_OUTSIDE) != 0) {
                 continue; /* out of sight, and perhaps elsewhere by now */
             }
             near++;
-            if (view.ids[i].v == before.ids[i].v && view.ids[i].v != player.avatar.v) {
-                DcdPose between;
-                check(dcd_pose_interpolate(&before.poses[i], &view.poses[i], 0.5, &between));
-                others = between.p[1] > others ? between.p[1] : others;
+            if (view.ids[i].v != player.avatar.v) {
+                others = view.poses[i].p[1] > others ? view.poses[i].p[1] : others;
             }
         }
     }
     check(dcd_world_destroy(world));
-    printf("%zu of %zu bodies in sight, others up to %.2f m high\n", near, all, others);
+    printf("%zu of %zu bodies in sight, others up to %.2f m high, shown %.0f ms behind the world\n", near, all, others,
+           1e3 * dt * (time.now - time.shown));
     printf("mmo_client: steps=%lu delay=%lu moved_m=%.3f ahead_m=%.3f corrected_m=%.3f\n", player.steps, player.delay,
            moved, ahead / (double)player.steps, player.corrected);
     return EXIT_SUCCESS;

@@ -962,6 +962,23 @@ typedef struct DcdStateView {
 // The field of a body that dcd_state_read and dcd_state_write copy.
 typedef uint32_t DcdField;
 
+// The ticks to show now. A fraction is a time between two ticks: 7.5 is halfway from the world after step 7 to that after step 8. Start
+// from DCD_VIEW_TIME_INIT.
+typedef struct DcdViewTime {
+    // sizeof(DcdViewTime).
+    uint32_t struct_size;
+    // 0.
+    uint32_t reserved;
+    // The tick that the world is at, as far as known: for what must not lag, as an own avatar. What moves is extrapolated.
+    double now;
+    // The tick whose states have come by now, a little ago: for all else. It goes forward evenly.
+    double shown;
+    // The bound on the error of `now` that comes from clocks, seconds; below 0 until it is known, and where no network is between.
+    double clock_error;
+    // The time from an input to the first state that shows it, seconds: the median of the last ones. Below 0 before the first.
+    double input_delay;
+} DcdViewTime;
+
 // A connection of one world with another process; 0 is null. It outlives a link that breaks and is made anew.
 typedef struct DcdConnectionId {
     // Opaque.
@@ -2325,6 +2342,43 @@ DcdStatus dcd_state_write(DcdWorld world,
                           size_t stride,
                           DcdStatus *each);
 
+// Returns the ticks to show now. Call it once per frame, from whatever thread.
+//
+// In a served world states come some times per second, late, unevenly, and not all of them: `shown` is as little behind the world as
+// that allows, and goes forward evenly. From the first call on the process pings the node that tells it of the world, and keeps the
+// states that it was told last. In a local world `shown` goes from one step to the next as time goes by since the last dcd_step, and
+// from the first call on steps keep how bodies were before, some 50 ns each. A server shows its world as it was heard of last.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED for a node.
+DCD_API
+DcdStatus dcd_view_time(DcdWorld world,
+                        DcdViewTime *out);
+
+// Reads how a body is shown at a tick: where it is, and how it moves. `pose` or `velocity` may be null.
+//
+// Between known states positions follow cubic Hermite splines, or two straight lines where the velocities tell of an impact; rotations
+// follow SLERP. Beyond the last state the body goes on and comes to a stop within a quarter of a second. Where a later state
+// contradicts what was shown at the last dcd_view_time, the difference melts away within 0.2 s, and 0.1 s more per metre (above 3 m it
+// jumps). Before the first dcd_view_time, and for a server, it is what dcd_body_get returns.
+// Errors: DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a tick that is no finite number.
+DCD_API
+DcdStatus dcd_view_body(DcdWorld world,
+                        DcdBodyId body,
+                        double tick,
+                        DcdPose *pose,
+                        DcdVelocity *velocity);
+
+// Lends every movable body as it is shown, as dcd_state_view lends them as they are: own avatars at time->now, all others at
+// time->shown; set both to the same where an own avatar is to be shown with the others. `tick` of the view is that of the newest state.
+//
+// The arrays are the library's: do not write or free them. They keep their content until the next dcd_view_state of this world; the
+// memory stays readable until the world is destroyed.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for ticks that are no finite numbers, DCD_ERR_UNSUPPORTED
+// for a node.
+DCD_API
+DcdStatus dcd_view_state(DcdWorld world,
+                         const DcdViewTime *time,
+                         DcdStateView *out);
+
 // Lists the connections of a world into `out`, which has `cap` entries, the oldest first, and their number into `count`. With
 // `cap` 0 `out` may be null, to ask for the number. A server has one with each node, client and participant; others have one
 // with their server, and those with nodes and clients that their share of the world, or their avatars, ask for. A local world
@@ -2773,6 +2827,7 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
       { 0.0f, 0.0f, 0.0f }, 0.0f, 0.0f, 0, 0, 0, 0, 0 }
 #define DCD_STATE_VIEW_INIT \
     { (uint32_t)sizeof(DcdStateView), 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL }
+#define DCD_VIEW_TIME_INIT { (uint32_t)sizeof(DcdViewTime), 0, 0.0, 0.0, -1.0, -1.0 }
 #define DCD_EVENT_VIEW_INIT \
     { (uint32_t)sizeof(DcdEventView), 0, 0, NULL, 0, NULL, 0, NULL, 0, NULL, 0, \
       NULL, 0, NULL, 0 }
@@ -3061,6 +3116,13 @@ DCD_ASSERT_(offsetof(DcdJointInfo, locked) == 144);
 DCD_ASSERT_(offsetof(DcdJointInfo, coupled) == 148);
 DCD_ASSERT_(offsetof(DcdJointInfo, limited) == 152);
 DCD_ASSERT_(offsetof(DcdJointInfo, driven) == 156);
+DCD_ASSERT_(sizeof(DcdViewTime) == 40);
+DCD_ASSERT_(offsetof(DcdViewTime, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdViewTime, reserved) == 4);
+DCD_ASSERT_(offsetof(DcdViewTime, now) == 8);
+DCD_ASSERT_(offsetof(DcdViewTime, shown) == 16);
+DCD_ASSERT_(offsetof(DcdViewTime, clock_error) == 24);
+DCD_ASSERT_(offsetof(DcdViewTime, input_delay) == 32);
 DCD_ASSERT_(sizeof(DcdStateView) == 72);
 DCD_ASSERT_(offsetof(DcdStateView, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdStateView, reserved) == 4);

@@ -64,8 +64,8 @@ pub unsafe extern "C" fn dcd_view_time(world: DcdWorld, out: *mut DcdViewTime) -
 ///
 /// Between known states positions follow cubic Hermite splines, or two straight lines where the velocities tell of an impact; rotations
 /// follow SLERP. Beyond the last state the body goes on and comes to a stop within a quarter of a second. Where a later state
-/// contradicts what was shown at the last dcd_view_time, the difference melts away within 0.2 s (above 3 m it jumps). Before the first
-/// dcd_view_time, and for a server, it is what dcd_body_get returns.
+/// contradicts what was shown at the last dcd_view_time, the difference melts away within 0.2 s, and 0.1 s more per metre (above 3 m it
+/// jumps). Before the first dcd_view_time, and for a server, it is what dcd_body_get returns.
 /// Errors: DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a tick that is no finite number.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_view_body(

@@ -26,12 +26,24 @@ fn main() -> Result<(), Box<dyn Error>> {
         RigidBodyBuilder::kinematic_velocity_based().translation(Vector::new(-30.0, 1.0, 0.0)),
         ColliderBuilder::ball(1.0),
     )?;
+    let mut seconds = 0;
     let until = Instant::now() + Duration::from_secs(5);
     while Instant::now() < until {
         // Input: drive to the right, through whatever is there.
         game.set_velocity(player, Velocity { linear: [12.0, 0.0, 0.0], angular: [0.0; 3] })?;
         game.poll(Duration::from_millis(100));
         game.step()?;
+        // Drawing: the player where the world is by now, all else a moment ago. As often as there are frames.
+        let time = game.view_time();
+        let highest = game.movable_bodies_at(&time).map(|body| body.pose.translation[1]).fold(0.0, f64::max);
+        if game.tick().0 / 60 > seconds {
+            seconds = game.tick().0 / 60;
+            println!(
+                "tick {:>4}: shown as of {:.1}, the highest body at {highest:.2} m",
+                game.tick().0,
+                time.shown
+            );
+        }
         for change in game.changes() {
             println!("tick {:>4}: {change:?}", game.tick().0);
         }

@@ -14,7 +14,7 @@ use super::failure::Failure;
 use super::interrupt::Interrupt;
 use super::summary::Summary;
 use super::values::{GIVE_UP, SERVER, address, positive, speed, wall_seconds};
-use crate::protocol::{Area, Velocity, WorldPose};
+use crate::protocol::{Area, BodyKind, Velocity, WorldPose};
 use crate::runtime::{ClientWorld, JoinConfig, ProcessError};
 use crate::scene::Dice;
 use crate::space::{BodyId, Bounds};
@@ -36,7 +36,8 @@ const HALF_M: f32 = 0.4;
 #[command(
     verbatim_doc_comment,
     after_long_help = "Prints `joined as CLIENT` first, `listening ADDR` next with --compute, and a summary last; with --json as an object\n\
-                       with the keys client avatars updates contacts refusals moved_m seconds bytes_in outside. A server that is out of reach is\n\
+                       with the keys client avatars updates contacts refusals moved_m seconds bytes_in bytes_per_s bytes_per_moving_body_s\n\
+                       staleness_ms {p50 p99} shown_behind_ms input_delay_ms outside. A server that is out of reach is\n\
                        dialled again; the avatars go on as long as nodes compute the world."
 )]
 pub(super) struct Client {
@@ -89,7 +90,22 @@ struct Played {
     moved_m: f64,
     seconds: f64,
     bytes_in: u64,
+    bytes_per_s: f64,
+    /// `None` where nothing moved.
+    bytes_per_moving_body_s: Option<f64>,
+    /// How old the newest state of a moving body was when it was looked at.
+    staleness_ms: Option<Percentiles>,
+    /// How far what would be shown was behind the world, on average.
+    shown_behind_ms: Option<f64>,
+    /// From an input to the first state that shows it.
+    input_delay_ms: Option<f64>,
     outside: usize,
+}
+
+#[derive(Clone, Copy, Serialize)]
+struct Percentiles {
+    p50: f64,
+    p99: f64,
 }
 
 impl Summary for Played {
@@ -103,8 +119,68 @@ impl Summary for Played {
             ("updates", self.updates.to_string()),
             ("contacts", format!("{} beginnings and ends", self.contacts)),
             ("refusals", self.refusals.to_string()),
+            ("bytes per second", format!("{:.0}", self.bytes_per_s)),
+            ("of a moving body", or_none(self.bytes_per_moving_body_s, "")),
+            (
+                "newest states",
+                self.staleness_ms.map_or("nothing moved".into(), |age| {
+                    format!("{:.0} ms old, {:.0} at worst (p99)", age.p50, age.p99)
+                }),
+            ),
+            ("shown", or_none(self.shown_behind_ms, " ms behind the world")),
+            ("inputs", or_none(self.input_delay_ms, " ms until a state shows them")),
             ("bytes in", format!("{}, with {} bodies outside its interest", self.bytes_in, self.outside)),
         ]
+    }
+}
+
+fn or_none(value: Option<f64>, unit: &str) -> String {
+    value.map_or("–".into(), |value| format!("{value:.0}{unit}"))
+}
+
+/// Notes how old states are when they are looked at.
+#[derive(Default)]
+struct Watch {
+    looks: u64,
+    moving: u64,
+    stale_ms: Vec<f32>,
+    behind_ms: f64,
+    input_delay_ms: Option<f64>,
+}
+
+/// The most ages of states that are kept: an hour of some hundred bodies.
+const AGES: usize = 4 << 20;
+
+impl Watch {
+    fn look(&mut self, world: &ClientWorld, dt_s: f64) {
+        let Some(time) = world.view_time() else { return };
+        let tick_ms = 1e3 * dt_s;
+        self.looks += 1;
+        self.behind_ms += (time.now - time.shown) * tick_ms;
+        self.input_delay_ms = time.input_delay_s.map(|seconds| 1e3 * seconds).or(self.input_delay_ms);
+        world.with_bodies(|view| {
+            let moves =
+                !view.outside && !view.body.state.sleeping && view.body.traits.kind == BodyKind::Dynamic;
+            if moves {
+                self.moving += 1;
+                if self.stale_ms.len() < AGES {
+                    self.stale_ms.push(((time.now - view.tick.0 as f64) * tick_ms) as f32);
+                }
+            }
+            None::<()>
+        });
+    }
+
+    fn staleness(&self) -> Option<Percentiles> {
+        let mut ages = self.stale_ms.clone();
+        ages.sort_unstable_by(f32::total_cmp);
+        let at =
+            |share: f64| ages.get((share * (ages.len().max(1) - 1) as f64) as usize).copied().map(f64::from);
+        Some(Percentiles { p50: at(0.5)?, p99: at(0.99)? })
+    }
+
+    fn moving(&self) -> Option<f64> {
+        (self.moving > 0).then(|| self.moving as f64 / self.looks as f64)
     }
 }
 
@@ -163,6 +239,9 @@ struct Crowd {
     contacts: u64,
     refusals: u64,
     moved_m: f64,
+    watch: Watch,
+    dt_s: f64,
+    bytes_before: u64,
 }
 
 struct Walker {
@@ -210,7 +289,23 @@ impl Crowd {
             .map(|id| (id, Walker { goal: somewhere(&bounds, &mut dice), since: start, seen: None }))
             .collect();
         let (contacts, refusals, moved_m) = (0, 0, 0.0);
-        Ok(Self { world, bounds, speed_m_s, interest_m, dice, start, walkers, contacts, refusals, moved_m })
+        let (watch, dt_s) = (Watch::default(), f64::from(environment.step.dt_s));
+        let bytes_before = world.traffic().bytes_in;
+        Ok(Self {
+            world,
+            bounds,
+            speed_m_s,
+            interest_m,
+            dice,
+            start,
+            walkers,
+            contacts,
+            refusals,
+            moved_m,
+            watch,
+            dt_s,
+            bytes_before,
+        })
     }
 
     /// Waits for news of the world and sends each avatar's input.
@@ -218,6 +313,7 @@ impl Crowd {
         let seen = self.world.updates();
         self.world.wait_update(seen, LOOK);
         self.world.check()?;
+        self.watch.look(&self.world, self.dt_s);
         let events = self.world.take_events();
         self.contacts += events.touches.len() as u64;
         self.refusals += events.refusals.len() as u64;
@@ -246,6 +342,9 @@ impl Crowd {
     }
 
     fn played(&self) -> Played {
+        let bytes_in = self.world.traffic().bytes_in;
+        let seconds = self.start.elapsed().as_secs_f64();
+        let bytes_per_s = (bytes_in - self.bytes_before) as f64 / seconds.max(1e-3);
         Played {
             client: self.world.id().to_string(),
             avatars: self.world.own_avatars().len(),
@@ -253,8 +352,13 @@ impl Crowd {
             contacts: self.contacts,
             refusals: self.refusals,
             moved_m: self.moved_m,
-            seconds: self.start.elapsed().as_secs_f64(),
-            bytes_in: self.world.traffic().bytes_in,
+            seconds,
+            bytes_in,
+            bytes_per_s,
+            bytes_per_moving_body_s: self.watch.moving().map(|moving| bytes_per_s / moving),
+            staleness_ms: self.watch.staleness(),
+            shown_behind_ms: (self.watch.looks > 0).then(|| self.watch.behind_ms / self.watch.looks as f64),
+            input_delay_ms: self.watch.input_delay_ms,
             outside: self.world.with_bodies(|body| body.outside.then_some(())).len(),
         }
     }

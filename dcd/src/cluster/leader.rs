@@ -149,6 +149,11 @@ impl Leader {
         self.view
     }
 
+    /// Returns the newest tick, when it was opened, and how long a tick is.
+    pub fn opened(&self) -> (Tick, Duration, Duration) {
+        (self.tick, self.opened, self.dt)
+    }
+
     /// Adds the server's operations to the next tick.
     pub fn apply(&mut self, ops: Vec<WorldOp>) {
         self.ops.extend(ops);

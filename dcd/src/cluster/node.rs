@@ -355,6 +355,11 @@ impl Node {
         self.counters
     }
 
+    /// Returns the newest tick that it has opened as the leader, when that was by its clock, and how long a tick is.
+    pub fn opened(&self) -> Option<(Tick, Duration, Duration)> {
+        self.leader.as_ref().map(Leader::opened)
+    }
+
     /// Returns whether it computes speculative ticks, because others are waited for.
     pub fn is_speculating(&self) -> bool {
         self.speculation.is_running()

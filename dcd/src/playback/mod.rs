@@ -145,7 +145,11 @@ impl Playback {
         let period_s = self.clock.period_s();
         // While something moves, nobody knows how it is long after it was last heard of.
         let limit = if self.moves { newest + BEYOND_S / period_s } else { f64::INFINITY };
-        let shown = self.playhead.advance(now, world_tick, limit, period_s);
+        let before = self.playhead.shown();
+        let (shown, jumps) = self.playhead.advance(now, world_tick, limit, period_s);
+        if let Some(before) = before.filter(|_| jumps) {
+            self.tracks.values_mut().for_each(|track| track.jump(before, shown, self.dt_s));
+        }
         if self.sweep_at <= shown {
             self.sweep_at = shown + SWEEP;
             self.tracks.retain(|_, track| !track.rests_since_before(shown - SWEEP));

@@ -86,20 +86,29 @@ impl Playhead {
         depth.map_or(FIRST_S, |depth| (depth + 1) as f64 * STEP_S + MARGIN_S)
     }
 
-    /// Returns the tick to show now, never below the last one; `limit` is the last that can be shown.
-    pub(super) fn advance(&mut self, now: Duration, world_tick: f64, limit: f64, period_s: f64) -> f64 {
+    /// Returns the tick to show now, never below the last one, and whether it jumps there; `limit` is the last that can be shown.
+    pub(super) fn advance(
+        &mut self,
+        now: Duration,
+        world_tick: f64,
+        limit: f64,
+        period_s: f64,
+    ) -> (f64, bool) {
         let target = (world_tick - self.depth_s() / period_s).min(limit);
-        let shown = self.shown.map_or(target, |(shown, at)| {
-            let elapsed = now.saturating_sub(at).as_secs_f64() / period_s;
-            let off = target - (shown + elapsed);
-            if off * period_s > JUMP_S {
-                return target;
-            }
-            let slew = if off.abs() * period_s > FAR_S { FAST_SLEW } else { SLEW };
-            (shown + elapsed + off.clamp(-slew * elapsed, slew * elapsed)).min(limit.max(shown))
-        });
-        self.shown = Some((shown, now));
-        shown
+        let Some((shown, at)) = self.shown else {
+            self.shown = Some((target, now));
+            return (target, false);
+        };
+        let elapsed = now.saturating_sub(at).as_secs_f64() / period_s;
+        let off = target - (shown + elapsed);
+        let jumps = off * period_s > JUMP_S;
+        let slew = if off.abs() * period_s > FAR_S { FAST_SLEW } else { SLEW };
+        let next = match jumps {
+            true => target,
+            false => (shown + elapsed + off.clamp(-slew * elapsed, slew * elapsed)).min(limit.max(shown)),
+        };
+        self.shown = Some((next, now));
+        (next, jumps)
     }
 }
 
@@ -128,7 +137,7 @@ mod tests {
                     playhead.note((when - newest) * DT_S);
                     newest = newest.max(tick.into());
                 }
-                (world, playhead.advance(at(world), world, newest + 15.0, DT_S), newest)
+                (world, playhead.advance(at(world), world, newest + 15.0, DT_S).0, newest)
             })
             .collect()
     }
@@ -172,11 +181,12 @@ mod tests {
         }
         for tick in 58..300 {
             let tick = f64::from(tick);
-            assert!(playhead.advance(at(tick), tick, 72.0, DT_S) <= 72.0);
+            assert!(playhead.advance(at(tick), tick, 72.0, DT_S).0 <= 72.0);
         }
         playhead.begin(300.0);
         playhead.note(243.0 * DT_S);
-        assert!(playhead.advance(at(301.0), 301.0, 315.0, DT_S) > 290.0);
+        let (shown, jumps) = playhead.advance(at(301.0), 301.0, 315.0, DT_S);
+        assert!(shown > 290.0 && jumps);
         assert!(playhead.depth_s() < 5.0 * DT_S, "the pause does not count");
     }
 }

@@ -1,6 +1,6 @@
 //! Keeps the last states of one body, and shows it at any time between and shortly beyond them (snapshot interpolation).
 //!
-//! Where a new state contradicts what was extrapolated and shown, the difference melts away within [`MELT_S`] instead of being seen
+//! Where a new state contradicts what was extrapolated and shown, the difference melts away within moments instead of being seen
 //! as a jump.
 
 use std::collections::VecDeque;
@@ -13,8 +13,11 @@ use crate::protocol::Velocity;
 /// The most states kept of one body.
 const KEPT: usize = 16;
 
-/// The time in which what was shown wrongly melts away, seconds.
+/// The time in which a small error that was shown melts away, seconds.
 const MELT_S: f64 = 0.2;
+
+/// A larger error takes so much longer, seconds per metre.
+const MELT_S_PER_M: f64 = 0.1;
 
 /// An error above this is shown at once, metres: a body that slides so far looks stranger than one that jumps.
 const JUMP_M: f64 = 3.0;
@@ -32,6 +35,7 @@ struct Sample {
 #[derive(Clone, Copy, Debug)]
 struct Melt {
     from: f64,
+    seconds: f64,
     way_m: Vector3<f64>,
     speed_m_s: Vector3<f64>,
     turn_rad: Vector3<f64>,
@@ -40,18 +44,18 @@ struct Melt {
 impl Melt {
     /// Adds what is left of the error at a tick.
     fn apply(&self, motion: &mut Motion, at: f64, dt_s: f64) {
-        let share = (at - self.from) * dt_s / MELT_S;
+        let share = (at - self.from) * dt_s / self.seconds;
         if !(0.0..1.0).contains(&share) {
             return;
         }
         let none = End { at: 0.0, speed: 0.0 };
         for axis in 0..3 {
             let error = End { at: self.way_m[axis], speed: self.speed_m_s[axis] };
-            let left = error.hermite(none, MELT_S, share);
+            let left = error.hermite(none, self.seconds, share);
             motion.pose.translation[axis] += left.at;
             motion.velocity.linear[axis] += left.speed as f32;
         }
-        let left = End { at: 1.0, speed: 0.0 }.hermite(none, MELT_S, share).at;
+        let left = End { at: 1.0, speed: 0.0 }.hermite(none, self.seconds, share).at;
         motion.pose.rotation = turned(&motion.pose, self.turn_rad * left);
     }
 }
@@ -127,6 +131,12 @@ impl Track {
         self.samples[0].rests = rests;
     }
 
+    /// Goes from one tick that is shown to another, as smoothly as may be.
+    pub(super) fn jump(&mut self, from: f64, to: f64, dt_s: f64) {
+        let before = self.at(from, dt_s);
+        self.melt_from(before, to, dt_s);
+    }
+
     /// Notes as an error what would be shown otherwise than before.
     fn melt_from(&mut self, before: Motion, shown: f64, dt_s: f64) {
         let melt = self.melt.take();
@@ -139,12 +149,14 @@ impl Track {
         // Between states nothing has changed but what melts already.
         if way_m.norm() > 1e-6 || turn_rad.norm() > 1e-4 {
             let speed_m_s = vector(before.velocity.linear) - vector(bare.velocity.linear);
+            let seconds = MELT_S + MELT_S_PER_M * way_m.norm();
             let is_same = melt.is_some_and(|melt| {
                 let mut again = bare;
                 melt.apply(&mut again, shown, dt_s);
                 again.distance_m(&before) < 1e-6 && turn_between(&again.pose, &before.pose).norm() < 1e-4
             });
-            self.melt = if is_same { melt } else { Some(Melt { from: shown, way_m, speed_m_s, turn_rad }) };
+            self.melt =
+                if is_same { melt } else { Some(Melt { from: shown, seconds, way_m, speed_m_s, turn_rad }) };
         }
     }
 
@@ -244,7 +256,7 @@ mod tests {
         let shown = x(&track, 9.0);
         track.learn((6.0, going(0.35, 0.0), false), false, CADENCE, 9.0, DT_S);
         assert!((x(&track, 9.0) - shown).abs() < 1e-9);
-        assert!((x(&track, 22.0) - 0.35).abs() < 1e-9, "the guess is withdrawn");
+        assert!((x(&track, 26.0) - 0.35).abs() < 1e-9, "the guess is withdrawn");
         track.learn((9.0, going(0.9, 6.0), false), true, CADENCE, 9.0, DT_S);
         track.learn((7.0, going(0.35, 0.0), false), false, CADENCE, 9.0, DT_S);
         assert!((x(&track, 40.0) - 0.35).abs() < 1e-9, "whatever its tick");

@@ -19,7 +19,7 @@ use crate::protocol::SharedState;
 use crate::space::ClientId;
 
 /// Version of the protocol. It grows with every change of the message set; peers of unequal versions refuse each other.
-pub const VERSION: u32 = 15;
+pub const VERSION: u32 = 16;
 
 /// The most bytes of a message. A single shape (a height field of 2,000 × 2,000) is what needs most.
 pub const MAX_MESSAGE_BYTES: usize = 16 << 20;

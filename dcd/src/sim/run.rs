@@ -10,6 +10,7 @@ use crate::cluster::{
     Client, ClientEvent, ClientOutput, NodeEvent, NodeOutput, Peer, PhysicsCommand, PhysicsEvent, Server,
     ServerEvent, ServerOutput,
 };
+use crate::playback::ViewTime;
 use crate::protocol::{
     BodyRecord, DATAGRAM_BYTES, Message, ToClient, ToNode, ToServer, View, ViewNumber, decode, encode,
 };
@@ -188,6 +189,22 @@ impl Sim {
         self.violation = self.violation.take().or(told.err());
         self.drain_client(id);
         self.set_timer(Peer::Client(id));
+    }
+
+    /// Returns the ticks that a live client would show now.
+    pub fn view_time(&mut self, id: ClientId) -> Option<ViewTime> {
+        let local = self.local(Peer::Client(id));
+        let time = self.clients.get_mut(&id)?.view_time(local);
+        self.set_timer(Peer::Client(id));
+        time
+    }
+
+    /// Returns the tick that the world is at, by its leader's own clock: a fraction is the time since it was opened.
+    pub fn world_tick(&self) -> Option<f64> {
+        let (&id, (tick, opened, dt)) =
+            self.nodes.iter().find_map(|(id, process)| Some((id, process.machine.opened()?)))?;
+        let since = self.local(Peer::Node(id)).saturating_sub(opened);
+        Some(tick.0 as f64 + since.as_secs_f64() / dt.as_secs_f64())
     }
 
     fn drain_client(&mut self, id: ClientId) {

@@ -16,6 +16,7 @@ mod neighbours;
 mod owners;
 mod questions;
 mod restore;
+mod showing;
 
 fn config(seed: u64, nodes: u32) -> SimConfig {
     SimConfig { seed, nodes, ..SimConfig::default() }

@@ -51,7 +51,7 @@ impl LastStep {
     }
 }
 
-/// Showing.
+/// What is shown between steps.
 impl World {
     /// Returns the ticks to show now. Call it once per frame.
     ///
@@ -85,8 +85,8 @@ impl World {
     ///
     /// Between known states positions follow cubic Hermite splines, or two straight lines where the velocities tell of an impact;
     /// rotations follow SLERP. Beyond the last state the body goes on and comes to a stop within a quarter of a second. Where a
-    /// later state contradicts what was shown at the last [`World::view_time`], the difference melts away within 0.2 s (above 3 m it
-    /// jumps). Before [`World::view_time`] was first called, and for a server, it is [`World::motion`].
+    /// later state contradicts what was shown at the last [`World::view_time`], the difference melts away within 0.2 s, and 0.1 s more
+    /// per metre (above 3 m it jumps). Before [`World::view_time`] was first called, and for a server, it is [`World::motion`].
     #[must_use]
     pub fn motion_at(&self, body: BodyId, tick: f64) -> Option<(WorldPose, Velocity)> {
         let shown = match &self.inner {

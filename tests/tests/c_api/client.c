@@ -181,6 +181,27 @@ static void refuses(DcdWorld world, DcdBodyId other, DcdBodyId avatar, const cha
     FAILS(dcd_body_create(world, &fixed, &body), DCD_ERR_UNSUPPORTED, role);
 }
 
+/* What is shown of an avatar that moves east at 10 m/s: where the world says, or a moment ago, at an even pace. */
+static void shows(DcdWorld world, DcdBodyId avatar)
+{
+    DcdViewTime time = DCD_VIEW_TIME_INIT, before = DCD_VIEW_TIME_INIT;
+    DcdStateView view = DCD_STATE_VIEW_INIT;
+    DcdPose now, shown;
+    DcdVelocity velocity;
+    OK(dcd_view_time(world, &before));
+    HOLDS(gets_beyond(world, avatar, pose_of(world, avatar).p[0] + 3.0));
+    OK(dcd_view_time(world, &time));
+    HOLDS(time.shown > before.shown && time.now >= time.shown);
+    OK(dcd_view_body(world, avatar, time.now, &now, NULL));
+    OK(dcd_view_body(world, avatar, time.shown, &shown, &velocity));
+    HOLDS(now.p[0] >= shown.p[0] && shown.p[0] > now.p[0] - 10.0 && velocity.linear[0] > 5.0f);
+    OK(dcd_view_state(world, &time, &view));
+    HOLDS(view.count == 101 && view.ids[100].v == avatar.v && view.poses[100].p[0] == now.p[0]);
+    time.now = time.shown;
+    OK(dcd_view_state(world, &time, &view));
+    HOLDS(view.poses[100].p[0] == shown.p[0]);
+}
+
 /* The whole life of an avatar, and what can be read of the others. */
 static void plays(DcdWorld world, DcdRole expected, const char *role)
 {
@@ -213,6 +234,7 @@ static void plays(DcdWorld world, DcdRole expected, const char *role)
     DcdVelocity east = { { 10.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } };
     OK(dcd_body_set_velocity(world, avatar, &east));
     HOLDS(gets_beyond(world, avatar, -10.0));
+    shows(world, avatar);
 
     /* A jump keeps the velocity; asked for in one step with another velocity, both count. */
     DcdPose far = def.pose;

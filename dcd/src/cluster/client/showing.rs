@@ -77,7 +77,7 @@ impl Showing {
     }
 }
 
-/// Showing the world.
+/// What a client shows.
 impl Client {
     /// Returns the ticks to show now; `None` until the world is heard of. From the first call on it keeps what that takes.
     pub fn view_time(&mut self, now: Duration) -> Option<ViewTime> {

@@ -613,6 +613,7 @@ impl Client {
                 self.joined = true;
                 for id in std::mem::take(&mut self.unspoken) {
                     self.bodies.remove(&id);
+                    self.showing.iter_mut().for_each(|showing| showing.forget(id));
                     self.outputs.push_back(ClientOutput::Removed(id));
                 }
                 if !std::mem::take(&mut self.replaced) {
@@ -733,6 +734,7 @@ impl Client {
         };
         if self.bodies.get(&body.id).is_none_or(is_newer) {
             let outside = self.hearing().misses(&body);
+            self.showing.iter_mut().for_each(|showing| showing.forget(body.id));
             self.bodies.insert(body.id, BodyView { outside, ..BodyView::new(body) });
         }
     }

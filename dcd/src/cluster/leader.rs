@@ -361,7 +361,7 @@ impl Leader {
     fn take_inputs(&mut self) -> impl Iterator<Item = Input> + use<> {
         let inputs: Vec<_> = self.inputs.take_next().collect();
         for input in &inputs {
-            if let Some(client) = input.body.client() {
+            if let Some(client) = input.body.client().filter(|client| self.clients.contains_key(client)) {
                 let applied = self.applied.entry(client).or_default();
                 *applied = input.logical_time.max(*applied);
             }

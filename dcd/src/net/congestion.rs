@@ -87,7 +87,12 @@ impl Shortest {
     fn age(&mut self, now: Instant) -> bool {
         let is_due = now.saturating_duration_since(self.since) > MEMORY;
         if is_due {
-            *self = Self { since: now, now: Duration::MAX, before: self.now };
+            let is_old = now.saturating_duration_since(self.since) > 2 * MEMORY;
+            *self = Self {
+                since: now,
+                now: Duration::MAX,
+                before: if is_old { Duration::MAX } else { self.now },
+            };
         }
         is_due
     }
@@ -103,12 +108,14 @@ struct Round {
     since: Instant,
     acked: u64,
     lost: u64,
+    /// Whether a router said that its queue grows.
+    is_marked: bool,
     trip: Duration,
 }
 
 impl Round {
     fn new(since: Instant) -> Self {
-        Self { since, acked: 0, lost: 0, trip: Duration::ZERO }
+        Self { since, acked: 0, lost: 0, is_marked: false, trip: Duration::ZERO }
     }
 }
 
@@ -145,7 +152,8 @@ impl Window {
         let elapsed_s = now.saturating_duration_since(round.since).as_secs_f64().max(1e-3);
         let in_flight = (round.acked + round.lost) as f64 * round.trip.as_secs_f64() / elapsed_s;
         let is_used = in_flight > USED * self.bytes as f64;
-        let is_queued = round.trip > self.shortest.get().saturating_mul(LONGER).saturating_add(QUEUE);
+        let is_queued =
+            round.is_marked || round.trip > self.shortest.get().saturating_mul(LONGER).saturating_add(QUEUE);
         if lost > CONGESTION || is_queued {
             self.probes = false;
             self.scale(if is_queued { BACK_OFF.min(1.0 - lost / 2.0) } else { 1.0 - lost / 2.0 });
@@ -167,9 +175,12 @@ impl Controller for Window {
 
     fn on_congestion_event(&mut self, _now: Instant, _sent: Instant, is_persistent: bool, lost_bytes: u64) {
         self.round.lost += lost_bytes;
+        // Nothing is lost where a router says that its queue grows (ECN).
+        self.round.is_marked |= lost_bytes == 0;
         if is_persistent {
             self.probes = false;
             self.scale(0.5);
+            self.after_drain = self.after_drain.map(|bytes| bytes.min(2 * self.bytes));
         }
     }
 

@@ -7,6 +7,11 @@ use std::time::Duration;
 /// The rates kept, of which the median counts: one stop of the world says nothing of how fast it goes.
 const RATES: usize = 5;
 
+/// How many times faster than in real time a world goes at most, and how many times slower.
+const FASTEST: f64 = 100.0;
+/// See [`FASTEST`].
+const SLOWEST: f64 = 100.0;
+
 /// The fastest by which two clocks are taken to drift apart, seconds per second.
 const DRIFT: f64 = 1e-3;
 
@@ -39,6 +44,7 @@ impl TickClock {
     /// Forgets the clock of the leader: from now on another one leads.
     pub(super) fn change_leader(&mut self) {
         (self.opened_s, self.transit, self.offset) = (None, None, None);
+        self.rates.clear();
     }
 
     /// Hears of a tick that the leader opened at this time of its clock, if that is known. An older one counts only if ticks are
@@ -56,7 +62,9 @@ impl TickClock {
             return;
         }
         if let (Some(newest), Some(before_s), Some(opened_s)) = (newest, self.opened_s, opened_s) {
-            self.rates.push_back((opened_s - before_s) / (tick - newest));
+            // Whatever a leader says, time goes on, and neither flies nor stands still.
+            let rate = (opened_s - before_s) / (tick - newest);
+            self.rates.push_back(rate.clamp(self.dt_s / FASTEST, self.dt_s * SLOWEST));
             if self.rates.len() > RATES {
                 self.rates.pop_front();
             }

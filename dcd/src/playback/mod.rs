@@ -27,9 +27,11 @@ const SWEEP: f64 = 60.0;
 pub struct ViewTime {
     /// The tick that the world is at, as far as known: for what must not lag, as an own avatar. What moves is extrapolated.
     pub now: f64,
-    /// The tick whose states have come by now, a little ago: for all else. It goes forward evenly.
+    /// The tick whose states have come by now, a little ago: for all else. It goes forward evenly, unless ticks are counted anew: where a
+    /// guess is withdrawn, or the world goes back to a save.
     pub shown: f64,
-    /// The bound on the error of `now` that comes from clocks, seconds; `None` until pings tell, and where no network is between.
+    /// The bound on the error of `now` that comes from clocks, seconds; `None` until pings tell, where no network is between, and in a
+    /// participant, which counts the way of what it is told as nothing.
     pub clock_error_s: Option<f64>,
     /// The time from an input to the first state that shows it, seconds: the median of the last ones. `None` before the first.
     pub input_delay_s: Option<f64>,
@@ -50,8 +52,11 @@ pub(crate) struct Playback {
     clock: TickClock,
     playhead: Playhead,
     tracks: BTreeMap<BodyId, Track>,
-    /// Whether anything moved in the newest batch: if so, the next is to come soon.
+    /// Whether anything moved in the newest batch, and its tick: if so, the next is to come soon.
     moves: bool,
+    newest_batch: f64,
+    /// The newest tick heard of that is no guess.
+    settled: f64,
     /// Whether the newest tick heard of is a guess.
     guesses: bool,
     /// Whether the next tick heard of is counted otherwise than those before.
@@ -69,6 +74,8 @@ impl Playback {
             playhead: Playhead::default(),
             tracks: BTreeMap::new(),
             moves: false,
+            newest_batch: f64::NEG_INFINITY,
+            settled: f64::NEG_INFINITY,
             guesses: false,
             recounts: false,
             sweep_at: 0.0,
@@ -94,30 +101,41 @@ impl Playback {
     /// Takes in which tick states are of, before they are learned.
     pub(crate) fn hear(&mut self, now: Duration, stamp: &Stamp, states: &[SharedState]) {
         let tick = stamp.tick.0 as f64;
-        let newest = self.clock.newest();
-        let withdraws = self.guesses && !stamp.speculative && newest.is_some_and(|newest| tick < newest);
-        let anew = std::mem::take(&mut self.recounts) || withdraws;
-        let opened = (stamp.opened_us != 0).then(|| Duration::from_micros(stamp.opened_us));
-        self.clock.hear(now, tick, opened, anew);
-        if let Some(newest) = newest.filter(|_| anew) {
-            self.go_back(newest - tick);
+        if std::mem::take(&mut self.recounts) {
+            self.settled = f64::NEG_INFINITY;
+            self.hear_anew(now, stamp, true);
+        } else if stamp.speculative && tick <= self.settled {
+            // A guess that comes late.
+            return;
+        } else {
+            // What is so withdraws the guesses, unless it is of before them and comes late.
+            let withdraws = self.guesses && !stamp.speculative && tick > self.settled;
+            self.hear_anew(now, stamp, withdraws && self.clock.newest().is_some_and(|newest| tick < newest));
         }
+        let moves = states.iter().any(|state| !state.sleeping);
         if self.clock.newest() == Some(tick) {
-            self.guesses = stamp.speculative;
-            self.moves = states.iter().any(|state| !state.sleeping);
+            // A batch comes in several parts.
+            self.moves = moves || self.moves && self.newest_batch == tick;
+            (self.guesses, self.newest_batch) = (stamp.speculative, tick);
+        }
+        if !stamp.speculative {
+            self.settled = self.settled.max(tick);
         }
         if !states.is_empty() {
             self.playhead.begin(tick);
         }
     }
 
-    /// Shows what it showed, at a tick that is so many ticks earlier.
-    fn go_back(&mut self, ticks: f64) {
-        let Some(shown) = self.playhead.shown() else { return };
-        let to = shown - ticks;
-        self.playhead.rebase(to);
-        for track in self.tracks.values_mut() {
-            track.rebase(shown, to, self.dt_s);
+    fn hear_anew(&mut self, now: Duration, stamp: &Stamp, anew: bool) {
+        let (tick, newest) = (stamp.tick.0 as f64, self.clock.newest());
+        let opened = (stamp.opened_us != 0).then(|| Duration::from_micros(stamp.opened_us));
+        self.clock.hear(now, tick, opened, anew);
+        if let (Some(newest), Some(shown)) = (newest.filter(|_| anew), self.playhead.shown()) {
+            // What is shown now stays so, and all that is told from here on is of later ticks.
+            let to = (shown - newest + tick).min(tick - self.playhead.cadence());
+            self.playhead.rebase(to);
+            self.tracks.values_mut().for_each(|track| track.rebase(shown, to, self.dt_s));
+            self.sweep_at = to;
         }
     }
 
@@ -165,5 +183,86 @@ impl Playback {
     /// Returns how a body is shown at a tick; `None` if nothing was heard of it since long: then it is as it was told last.
     pub(crate) fn at(&self, id: BodyId, tick: f64) -> Option<Motion> {
         Some(self.tracks.get(&id)?.at(tick, self.dt_s))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::protocol::{Velocity, WorldPose};
+    use crate::space::{Epoch, GroupId, RegionId, Tick};
+
+    const ID: BodyId = BodyId::persistent(1);
+    const DT_S: f64 = 1.0 / 60.0;
+
+    /// Tells of a body that goes 6 m/s, or rests, at a time in ticks by our clock.
+    fn tell(playback: &mut Playback, at: f64, tick: u64, x: f64, sleeping: bool, speculative: bool) {
+        let velocity = Velocity::linear(if sleeping { [0.0; 3] } else { [6.0, 0.0, 0.0] });
+        let pose = WorldPose::at([x, 0.0, 0.0]);
+        let state = SharedState { id: ID, owner: RegionId(1), epoch: Epoch(0), pose, velocity, sleeping };
+        let opened_us = (1e6 * (100.0 + (at - 1.0) * DT_S)) as u64;
+        let stamp = Stamp { opened_us, ..Stamp::untimed(GroupId(1), Tick(tick), speculative) };
+        let now = Duration::from_secs_f64(at * DT_S);
+        playback.hear(now, &stamp, &[state]);
+        playback.learn(now, &stamp, &state, Motion::at_rest(pose));
+    }
+
+    fn show(playback: &mut Playback, at: f64) -> (f64, f64) {
+        let time = playback.time(Duration::from_secs_f64(at * DT_S)).unwrap();
+        // Of what rests since long nothing is kept: it is where it was told last.
+        (time.shown, playback.at(ID, time.shown).map_or(29.7, |motion| motion.pose.translation[0]))
+    }
+
+    /// A minute of silence in which all rests, after which another group, or a save, counts otherwise.
+    #[test]
+    fn what_is_told_after_ticks_are_counted_anew_is_shown() {
+        for count in [3_000_000, 40] {
+            let mut playback = Playback::new(DT_S as f32);
+            for tick in (0..300).step_by(3) {
+                tell(&mut playback, tick as f64 + 1.0, tick, 0.1 * tick as f64, tick == 297, false);
+                show(&mut playback, tick as f64 + 1.5);
+            }
+            let (before, _) = show(&mut playback, 4_000.0);
+            assert!(before > 3_900.0, "where nothing moves, time goes on");
+            playback.change_leader();
+            playback.recount();
+            let mut last = show(&mut playback, 4_000.1).1;
+            for i in 0..60u64 {
+                let at = 4_001.0 + 3.0 * i as f64;
+                tell(&mut playback, at, count + 3 * i, 29.7 + 0.3 * i as f64, false, false);
+                let (_, x) = show(&mut playback, at + 0.5);
+                assert!((-0.1..1.0).contains(&(x - last)), "{count}: from {last} to {x}");
+                last = x;
+            }
+            let (shown, x) = show(&mut playback, 4_179.0);
+            assert!((x - 29.7 - 0.1 * (shown - count as f64)).abs() < 0.02, "{count}: {x} at {shown}");
+            assert!(shown > count as f64 + 165.0);
+        }
+    }
+
+    #[test]
+    fn guesses_that_come_late_and_states_that_do_withdraw_nothing() {
+        let mut playback = Playback::new(DT_S as f32);
+        for tick in (0..60).step_by(3) {
+            tell(&mut playback, tick as f64 + 1.0, tick, 0.1 * tick as f64, false, false);
+            show(&mut playback, tick as f64 + 1.5);
+        }
+        tell(&mut playback, 61.0, 60, 6.0, false, true);
+        tell(&mut playback, 64.0, 63, 6.3, false, true);
+        let before = show(&mut playback, 64.5).0;
+        // A part of the batch of tick 57.
+        tell(&mut playback, 64.6, 57, 5.7, false, false);
+        assert!(show(&mut playback, 64.7).0 > before);
+        // What is so: 30 ticks were guessed before.
+        tell(&mut playback, 90.0, 90, 9.0, false, true);
+        let so_far = show(&mut playback, 90.2).1;
+        tell(&mut playback, 91.0, 60, 6.0, false, false);
+        let (shown, x) = show(&mut playback, 91.1);
+        assert!(shown < 61.0, "{shown}: it counts anew");
+        assert!((-1e-6..0.5).contains(&(x - so_far)), "{x}: it shows what it showed, {so_far}");
+        tell(&mut playback, 91.2, 60, 6.0, false, true);
+        assert_eq!(playback.clock.newest(), Some(60.0));
+        tell(&mut playback, 92.0, 63, 6.3, false, false);
+        assert!(playback.clock.newest() == Some(63.0) && !playback.guesses);
     }
 }

@@ -91,7 +91,8 @@ impl Motion {
     /// Returns whether the body cannot have moved from here to there.
     pub(super) fn is_teleported_to(&self, next: &Self, span_s: f64) -> bool {
         let speed_m_s = vector(self.velocity.linear).norm() + vector(next.velocity.linear).norm();
-        self.distance_m(next) > speed_m_s * span_s + TELEPORT_M
+        let way_m = self.distance_m(next);
+        !way_m.is_finite() || !speed_m_s.is_finite() || way_m > speed_m_s * span_s + TELEPORT_M
     }
 
     pub(super) fn distance_m(&self, other: &Self) -> f64 {

@@ -23,6 +23,8 @@ const FAST_SLEW: f64 = 0.5;
 const FAR_S: f64 = 0.1;
 /// What is shown jumps forward if it is farther behind than this, seconds.
 const JUMP_S: f64 = 0.5;
+/// What is shown jumps back if it is farther ahead than this, seconds: nothing good brought it there.
+const BACK_S: f64 = 3.0;
 
 /// The tick that is shown, and how deep the buffer behind it is.
 #[derive(Clone, Debug)]
@@ -86,7 +88,7 @@ impl Playhead {
         depth.map_or(FIRST_S, |depth| (depth + 1) as f64 * STEP_S + MARGIN_S)
     }
 
-    /// Returns the tick to show now, never below the last one, and whether it jumps there; `limit` is the last that can be shown.
+    /// Returns the tick to show now, hardly ever below the last one, and whether it jumps there; `limit` is the last that can be shown.
     pub(super) fn advance(
         &mut self,
         now: Duration,
@@ -101,7 +103,7 @@ impl Playhead {
         };
         let elapsed = now.saturating_sub(at).as_secs_f64() / period_s;
         let off = target - (shown + elapsed);
-        let jumps = off * period_s > JUMP_S;
+        let jumps = off * period_s > JUMP_S || off * period_s < -BACK_S;
         let slew = if off.abs() * period_s > FAR_S { FAST_SLEW } else { SLEW };
         let next = match jumps {
             true => target,

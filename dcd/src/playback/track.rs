@@ -143,13 +143,15 @@ impl Track {
         let bare = self.at(shown, dt_s);
         let way_m = Vector3::from(before.pose.translation) - Vector3::from(bare.pose.translation);
         let turn_rad = turn_between(&bare.pose, &before.pose);
-        if way_m.norm() > JUMP_M {
+        if !way_m.norm().is_finite() || way_m.norm() > JUMP_M {
             return;
         }
         // Between states nothing has changed but what melts already.
         if way_m.norm() > 1e-6 || turn_rad.norm() > 1e-4 {
-            let speed_m_s = vector(before.velocity.linear) - vector(bare.velocity.linear);
             let seconds = MELT_S + MELT_S_PER_M * way_m.norm();
+            // No faster than that the error grows no more.
+            let speed_m_s = vector(before.velocity.linear) - vector(bare.velocity.linear);
+            let speed_m_s = speed_m_s.cap_magnitude(3.0 * way_m.norm() / seconds);
             let is_same = melt.is_some_and(|melt| {
                 let mut again = bare;
                 melt.apply(&mut again, shown, dt_s);

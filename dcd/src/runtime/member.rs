@@ -513,9 +513,8 @@ impl Loop {
                 }
             }
             LinkEvent::Disconnected { peer, ending, text: reason } => {
-                if let Peer::Client(client) = peer {
-                    self.told.remove(&client);
-                }
+                // Whoever it was for: at worst a backlog is looked at twice.
+                self.told.clear();
                 if peer == Peer::Server {
                     let server = self.server;
                     let end = match ending {

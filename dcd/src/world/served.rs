@@ -332,7 +332,9 @@ impl Remote for Served {
 
     fn view_time(&mut self) -> ViewTime {
         let tick = self.tick.0 as f64;
-        self.world.view_time().unwrap_or_else(|| ViewTime::new(tick, tick))
+        // Before anything is heard, it is as far behind as it will be at first.
+        let behind = 0.1 / f64::from(self.dt_s()).max(1e-6);
+        self.world.view_time().unwrap_or_else(|| ViewTime::new(tick, (tick - behind).max(0.0)))
     }
 
     fn motion_at(&self, id: BodyId, tick: f64) -> Option<Motion> {

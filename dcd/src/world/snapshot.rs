@@ -3,6 +3,7 @@
 use std::io::{Read, Write};
 use std::path::Path;
 
+use super::showing::LastStep;
 use super::{Error, Inner, World};
 use crate::runtime::LocalWorld;
 
@@ -71,7 +72,11 @@ impl World {
     /// and none comes or goes.
     pub fn reload(&mut self, from: impl Read) -> Result<(), Error> {
         match &mut self.inner {
-            Inner::Local(world) => Ok(world.reload(from)?),
+            Inner::Local(world) => {
+                world.reload(from)?;
+                self.last_step = LastStep::default();
+                Ok(())
+            }
             Inner::Remote(world) => {
                 world.can_be_saved()?;
                 world.replace(&LocalWorld::restore(from, 1)?)

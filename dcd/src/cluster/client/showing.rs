@@ -33,8 +33,14 @@ impl Showing {
 
     pub(super) fn pong(&mut self, now: Duration, from: Peer, pong: Pong) {
         self.pinger.pong(now, from, pong);
-        let clock = self.pinger.clock(now, from);
-        self.playback.set_offset_us(clock.map(|clock| (clock.offset_us, clock.error_us)));
+        self.set_clock(now, from);
+    }
+
+    /// Sets the leader's clock as the pings so far have it; the older they are, the less they say.
+    fn set_clock(&mut self, now: Duration, leader: Peer) {
+        if let Some(clock) = self.pinger.clock(now, leader) {
+            self.playback.set_offset_us(Some((clock.offset_us, clock.error_us)));
+        }
     }
 
     /// Has another leader, or the same over a new link.
@@ -88,6 +94,7 @@ impl Client {
             leader.into_iter().for_each(|leader| pinger.add(now, leader));
             Box::new(Showing { playback: Playback::new(dt_s), pinger, inputs: InputDelay::default() })
         });
+        leader.into_iter().for_each(|leader| showing.set_clock(now, leader));
         let time = showing.playback.time(now)?;
         Some(ViewTime { input_delay_s: showing.inputs.median_s(), ..time })
     }

@@ -138,8 +138,10 @@ impl Leader {
             return self.tell(client, self.tick, false, states);
         }
         let next = turns.take(states.iter().map(|state| state.id));
-        let states = next.iter().filter_map(|id| Some(self.latest.get(id)?.0)).collect();
-        self.tell(client, self.tick, false, states);
+        let known: Vec<_> = next.iter().filter_map(|id| self.latest.get(id).copied()).collect();
+        // What waited for its turn is not as it is after this tick, but after the one of the last report.
+        let tick = known.iter().map(|&(_, tick)| tick).max().unwrap_or(self.tick);
+        self.tell(client, tick, false, known.into_iter().map(|(state, _)| state).collect());
     }
 
     /// Notes how many bytes for a client wait for its link.
@@ -151,7 +153,7 @@ impl Leader {
 
     pub(super) fn tell(&mut self, client: ClientId, tick: Tick, speculative: bool, states: Vec<SharedState>) {
         if !speculative {
-            self.told.insert(client, tick);
+            self.told.insert(client, self.tick);
         }
         let stamp = self.stamp(client, tick, speculative);
         self.messages.push((client, ToClient::States { stamp, states }));
@@ -159,9 +161,10 @@ impl Leader {
 
     /// Returns the stamp of what a client is told of a tick.
     pub fn stamp(&self, client: ClientId, tick: Tick, speculative: bool) -> Stamp {
-        // Speculative ticks follow the one that is waited for.
-        let later = self.dt * u32::try_from(tick.0.saturating_sub(self.tick.0)).unwrap_or(u32::MAX);
-        let opened_us = (self.opened + later).as_micros() as u64;
+        // Speculative ticks follow the one that is waited for; reports are of one before.
+        let apart = |a: Tick, b: Tick| self.dt * u32::try_from(a.0.saturating_sub(b.0)).unwrap_or(u32::MAX);
+        let opened = (self.opened + apart(tick, self.tick)).saturating_sub(apart(self.tick, tick));
+        let opened_us = opened.as_micros() as u64;
         let applied = self.applied.get(&client).copied().unwrap_or(0);
         Stamp { group: self.group, tick, opened_us, applied, speculative }
     }

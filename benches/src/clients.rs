@@ -24,7 +24,7 @@ const FILE: &str = "clients.csv";
 const FRAME: Duration = Duration::from_micros(16_667);
 const PATIENCE: Duration = Duration::from_secs(60);
 
-/// How long each run takes.
+/// Says how long each run takes, and where its results go.
 #[derive(Args)]
 pub(crate) struct Clients {
     /// A second of two runs.
@@ -52,7 +52,7 @@ struct Row {
     bytes_per_moving_body_s: f64,
     staleness_p50_ms: f64,
     staleness_p99_ms: f64,
-    /// How far what is shown is behind the world.
+    /// The time by which what is shown is behind the world.
     behind_ms: f64,
     shown_error_p50_mm: f64,
     shown_error_p99_mm: f64,

@@ -42,7 +42,7 @@ enum Suite {
     CApi(c_api::CApi),
     /// Speed against accuracy, as CSV, SVG and PNG; and whether any fixed setting is better than `auto`.
     Chart(chart::Chart),
-    /// What a client sees of a served world over good and bad networks: bytes, staleness, and how far off what it shows is.
+    /// Compares what a client shows of a served world, over good and bad networks, with the truth; with bytes and staleness.
     Clients(clients::Clients),
     /// How far groups of nodes, and members of one group, are from one another over time, and the bytes between them.
     Consistency(consistency::Consistency),

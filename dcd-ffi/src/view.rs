@@ -19,9 +19,11 @@ pub struct DcdViewTime {
     pub reserved: u32,
     /// The tick that the world is at, as far as known: for what must not lag, as an own avatar. What moves is extrapolated.
     pub now: f64,
-    /// The tick whose states have come by now, a little ago: for all else. It goes forward evenly.
+    /// The tick whose states have come by now, a little ago: for all else. It goes forward evenly, unless ticks are counted anew: where a
+    /// guess is withdrawn, or the world goes back to a save.
     pub shown: f64,
-    /// The bound on the error of `now` that comes from clocks, seconds; below 0 until it is known, and where no network is between.
+    /// The bound on the error of `now` that comes from clocks, seconds; below 0 until it is known, where no network is between,
+    /// and in a participant, which counts the way of what it is told as nothing.
     pub clock_error: f64,
     /// The time from an input to the first state that shows it, seconds: the median of the last ones. Below 0 before the first.
     pub input_delay: f64,
@@ -35,7 +37,7 @@ unsafe impl Sized32 for DcdViewTime {
 /// Returns the ticks to show now. Call it once per frame, from whatever thread.
 ///
 /// In a served world states come some times per second, late, unevenly, and not all of them: `shown` is as little behind the world as
-/// that allows, and goes forward evenly. From the first call on the process pings the node that tells it of the world, and keeps the
+/// that allows, and goes forward evenly. From the first call on a client pings the node that tells it of the world, and keeps the
 /// states that it was told last. In a local world `shown` goes from one step to the next as time goes by since the last dcd_step, and
 /// from the first call on steps keep how bodies were before, some 50 ns each. A server shows its world as it was heard of last.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED for a node.

@@ -93,9 +93,9 @@ struct Played {
     bytes_per_s: f64,
     /// `None` where nothing moved.
     bytes_per_moving_body_s: Option<f64>,
-    /// How old the newest state of a moving body was when it was looked at.
+    /// The age of the newest state of a moving body when it was looked at.
     staleness_ms: Option<Percentiles>,
-    /// How far what would be shown was behind the world, on average.
+    /// The time by which what would be shown was behind the world, on average.
     shown_behind_ms: Option<f64>,
     /// From an input to the first state that shows it.
     input_delay_ms: Option<f64>,

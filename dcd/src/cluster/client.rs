@@ -1,6 +1,7 @@
 //! Implements a client, a process that hosts avatars: it joins at the server, sends avatar inputs to the leader, and keeps its
 //! copy of the world up to date.
 
+mod body_view;
 mod newest;
 mod showing;
 mod surroundings;
@@ -10,6 +11,7 @@ mod tests;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
+pub use self::body_view::BodyView;
 use self::newest::NewestInputs;
 use self::showing::Showing;
 use self::surroundings::Surroundings;
@@ -18,9 +20,9 @@ use crate::playback::Motion;
 use crate::protocol::{
     Alteration, Area, BodyKind, BodyRecord, Chunk, ContactForce, Drive, EnvironmentProperties, FromClient,
     Handover, Hello, Input, JoinAs, JointRecord, Member, Message, Query, QueryResult, Refusal, ShapeHash,
-    ShapeRecord, SharedState, ToClient, Touch, VERSION, Velocity, WorldPose, unpack_states,
+    ShapeRecord, ToClient, Touch, VERSION, Velocity, WorldPose, unpack_states,
 };
-use crate::space::{Allocation, BodyId, ClientId, DistributionTree, Epoch, GroupId, NodeId, RegionId, Tick};
+use crate::space::{Allocation, BodyId, ClientId, DistributionTree, GroupId, NodeId, RegionId, Tick};
 
 /// The most contacts, and handovers, kept for a user who does not fetch them; the oldest go first.
 const MAX_EVENTS: usize = 4_096;
@@ -118,73 +120,6 @@ pub enum ClientOutput {
     },
     /// The server is gone; it is dialled again and again.
     Lost,
-}
-
-/// A body as a client knows it.
-#[derive(Clone, Debug, PartialEq)]
-pub struct BodyView {
-    /// The body, with its latest state.
-    pub body: BodyRecord,
-    /// The tick of that state.
-    pub tick: Tick,
-    /// Whether its state is of a speculative tick: a guess, until one that is not comes.
-    pub speculative: bool,
-    /// Whether it was outside the client's area of interest when it was last heard of, or is since: it may be elsewhere.
-    pub outside: bool,
-    /// The region that owned it when it was last heard of; `None` until its owner is heard of. Speculative states do not count.
-    pub owner: Option<RegionId>,
-    /// Epoch and tick of the newest state that is not speculative.
-    settled: (Epoch, Tick),
-}
-
-impl BodyView {
-    fn new(body: BodyRecord) -> Self {
-        let settled = (body.epoch, Tick(0));
-        Self { settled, body, tick: Tick(0), speculative: false, outside: false, owner: None }
-    }
-
-    /// Takes a state in, unless something newer is known; returns whether it was news, and a change of owner. A speculative state never counts against one that is not.
-    fn learn(
-        &mut self,
-        state: &SharedState,
-        tick: Tick,
-        speculative: bool,
-        outside: bool,
-    ) -> (bool, Option<Handover>) {
-        let is_news = match speculative {
-            false => self.settled <= (state.epoch, tick),
-            true => {
-                self.settled.0 <= state.epoch
-                    && self.settled.1 < tick
-                    && !(self.speculative && tick < self.tick)
-            }
-        };
-        if is_news {
-            if !speculative {
-                self.settled = (state.epoch, tick);
-            }
-            (self.speculative, self.tick) = (speculative, tick);
-            self.body.epoch = state.epoch;
-            self.body.state.pose = state.pose;
-            self.body.state.velocity = state.velocity;
-            self.body.state.sleeping = state.sleeping;
-            self.outside = outside;
-        }
-        // A node that computes speculatively owns nothing of the others.
-        let from = if is_news && !speculative { self.owner.replace(state.owner) } else { None };
-        let from = from.filter(|from| *from != state.owner);
-        (is_news, from.map(|from| Handover { body: state.id, from, to: state.owner }))
-    }
-
-    /// Returns the tick of the newest state that is not speculative.
-    pub fn settled_tick(&self) -> Tick {
-        self.settled.1
-    }
-
-    /// Returns the pose of the body `seconds` later if nothing touches it (dead reckoning, thesis 3.3.11): the velocity holds.
-    pub fn extrapolated(&self, seconds: f64) -> WorldPose {
-        self.body.state.pose.moved(&self.body.state.velocity, seconds)
-    }
 }
 
 /// The state machine of a client.

@@ -37,8 +37,8 @@ impl TickClock {
     }
 
     /// Sets the leader's clock minus ours, and the bound on its error, as pings have it.
-    pub(super) fn set_offset(&mut self, offset: Option<(f64, f64)>) {
-        self.offset = offset;
+    pub(super) fn set_offset(&mut self, offset_s: f64, error_s: f64) {
+        self.offset = Some((offset_s, error_s));
     }
 
     /// Forgets the clock of the leader: from now on another one leads.
@@ -128,7 +128,7 @@ mod tests {
         hear(&mut clock, 0..600);
         let now = 600.0 * DT_S;
         assert!((clock.tick_at(at(now)).unwrap() - (600.0 - 0.030 / DT_S)).abs() < 0.2);
-        clock.set_offset(Some((100.0005, 0.002)));
+        clock.set_offset(100.0005, 0.002);
         hear(&mut clock, 600..603);
         assert!((clock.tick_at(at(now)).unwrap() - 600.0).abs() < 0.05);
         assert_eq!(clock.error_s(), Some(0.002));

@@ -83,9 +83,8 @@ impl Playback {
     }
 
     /// Sets the leader's clock minus ours, and the bound on its error, microseconds.
-    pub(crate) fn set_offset_us(&mut self, offset: Option<(i64, u64)>) {
-        let seconds = |(offset, error): (i64, u64)| (offset as f64 * 1e-6, error as f64 * 1e-6);
-        self.clock.set_offset(offset.map(seconds));
+    pub(crate) fn set_offset_us(&mut self, offset: i64, error: u64) {
+        self.clock.set_offset(offset as f64 * 1e-6, error as f64 * 1e-6);
     }
 
     /// Follows another leader, whose clock is another.

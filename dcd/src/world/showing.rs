@@ -56,8 +56,8 @@ impl World {
     /// Returns the ticks to show now. Call it once per frame.
     ///
     /// In a served world states come some times per second, late, unevenly, and not all of them: [`ViewTime::shown`] is as little
-    /// behind the world as that allows, and goes forward evenly; [`ViewTime::now`] is where the world is. From the first call on the
-    /// process pings the node that tells it of the world, and keeps what states it was told. In a local world `shown` goes from one
+    /// behind the world as that allows, and goes forward evenly; [`ViewTime::now`] is where the world is. From the first call on a
+    /// client pings the node that tells it of the world, and keeps what states it was told. In a local world `shown` goes from one
     /// step to the next as time goes by since the last [`World::step`], and steps keep how bodies were before (some 50 ns each).
     ///
     /// ```

@@ -14,7 +14,7 @@ const WAITING: usize = 256;
 /// The delays of inputs by which the median is taken.
 const DELAYS: usize = 33;
 
-/// What a client keeps once its user asked for a time to show: nobody pays who does not.
+/// Keeps what a client shows, once its user asked for a time to show: nobody pays who does not.
 #[derive(Clone, Debug)]
 pub(super) struct Showing {
     playback: Playback,
@@ -39,7 +39,7 @@ impl Showing {
     /// Sets the leader's clock as the pings so far have it; the older they are, the less they say.
     fn set_clock(&mut self, now: Duration, leader: Peer) {
         if let Some(clock) = self.pinger.clock(now, leader) {
-            self.playback.set_offset_us(Some((clock.offset_us, clock.error_us)));
+            self.playback.set_offset_us(clock.offset_us, clock.error_us);
         }
     }
 

@@ -1,8 +1,9 @@
 //! Tests what a client sends to server and leader (interest, questions), and which states of bodies it takes in.
 
 use super::*;
-use crate::protocol::{QueryParts, QueryResult, Stamp};
+use crate::protocol::{QueryParts, QueryResult, SharedState, Stamp};
 use crate::sim::sim_body;
+use crate::space::Epoch;
 
 #[test]
 fn what_the_leader_said_is_not_undone_by_an_earlier_word_of_the_server() {

@@ -2,6 +2,7 @@
 //! fail.
 
 mod accuracy;
+mod bandwidth;
 mod c_api;
 mod chart;
 mod clients;
@@ -38,6 +39,8 @@ struct Arguments {
 enum Suite {
     /// Every scene of the suite at 1, 2, 4 and 8 regions, against closed forms and one bare Rapier world.
     Accuracy(accuracy::Accuracy),
+    /// What it costs to tell a client of a scene: bytes by field, over networks that delay and lose.
+    Bandwidth(bandwidth::Bandwidth),
     /// What calls of the C API cost, how long joining takes, and how large a program becomes that links it.
     CApi(c_api::CApi),
     /// Speed against accuracy, as CSV, SVG and PNG; and whether any fixed setting is better than `auto`.
@@ -70,6 +73,7 @@ fn main() -> ExitCode {
     let done = |()| ExitCode::SUCCESS;
     let result = match Arguments::parse().suite {
         Suite::Accuracy(accuracy) => accuracy.run(),
+        Suite::Bandwidth(bandwidth) => bandwidth.run().map(done),
         Suite::CApi(c_api) => c_api.run(),
         Suite::Chart(chart) => chart.run().map(done),
         Suite::Clients(clients) => clients.run().map(done),

@@ -51,6 +51,8 @@ mod world;
 #[doc(hidden)]
 pub mod cluster;
 #[doc(hidden)]
+pub mod delta;
+#[doc(hidden)]
 pub mod playback;
 #[doc(hidden)]
 pub mod protocol;

@@ -11,16 +11,19 @@ mod tests;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
+use tracing::debug;
+
 pub use self::body_view::BodyView;
 use self::newest::NewestInputs;
 use self::showing::Showing;
 use self::surroundings::Surroundings;
 use super::Peer;
+use crate::delta::{FreeMotion, Receiver, Tally};
 use crate::playback::Motion;
 use crate::protocol::{
     Alteration, Area, BodyKind, BodyRecord, Chunk, ContactForce, Drive, EnvironmentProperties, FromClient,
     Handover, Hello, Input, JoinAs, JointRecord, Member, Message, Query, QueryResult, Refusal, ShapeHash,
-    ShapeRecord, ToClient, Touch, VERSION, Velocity, WorldPose, unpack_states,
+    ShapeRecord, ToClient, Touch, VERSION, Velocity, WorldPose,
 };
 use crate::space::{Allocation, BodyId, ClientId, DistributionTree, GroupId, NodeId, RegionId, Tick};
 
@@ -153,6 +156,10 @@ pub struct Client {
     /// The world that it is being told replaces the one that it knew.
     replaced: bool,
     newest: NewestInputs,
+    /// What it was told of bodies, which later states are told against.
+    receiver: Receiver,
+    /// The most bytes that it wants to be sent in a second; 0: as many as the link carries.
+    bytes_per_s: u32,
     /// While its user shows the world.
     showing: Option<Box<Showing>>,
     /// Questions without an answer, by number, and when they are asked again; and answers that are not fetched yet.
@@ -194,6 +201,8 @@ impl Client {
             dial_leader_at: None,
             logical_time: 0,
             newest: NewestInputs::default(),
+            receiver: Receiver::default(),
+            bytes_per_s: 0,
             showing: None,
             asked: BTreeMap::new(),
             answers: BTreeMap::new(),
@@ -226,6 +235,7 @@ impl Client {
             ClientEvent::Connected(peer) if self.is_leader(peer) => {
                 self.linked = true;
                 self.dial_leader_at = None;
+                self.receiver.reset();
                 for input in self.newest.since(Duration::ZERO) {
                     self.send_input(input);
                 }
@@ -285,6 +295,7 @@ impl Client {
             self.outputs.push_back(ClientOutput::Redial);
         }
         self.ask_again(now, now);
+        self.acknowledge(now);
         for (to, ping) in self.showing.as_mut().map(|showing| showing.pings(now)).unwrap_or_default() {
             self.send(to, ping);
         }
@@ -297,12 +308,23 @@ impl Client {
     pub fn poll_timeout(&self) -> Option<Duration> {
         let ask = self.asked.values().map(|&(_, at)| at).min();
         let ping = self.showing.as_ref().and_then(|showing| showing.timeout());
-        self.dial_server_at.into_iter().chain(self.dial_leader_at).chain(ask).chain(ping).min()
+        let heard = self.receiver.timeout();
+        self.dial_server_at.into_iter().chain(self.dial_leader_at).chain(ask).chain(ping).chain(heard).min()
     }
 
     /// Returns the next output, until there is none.
     pub fn poll_output(&mut self) -> Option<ClientOutput> {
         self.outputs.pop_front()
+    }
+
+    /// Limits what it is sent of bodies to so many bytes a second; 0: as many as the link carries.
+    pub fn set_bytes_per_s(&mut self, bytes_per_s: u32) {
+        self.bytes_per_s = bytes_per_s;
+    }
+
+    /// Returns what states have cost so far.
+    pub fn tally(&self) -> &Tally {
+        self.receiver.tally()
     }
 
     /// Returns its id.
@@ -524,6 +546,7 @@ impl Client {
         match message {
             ToClient::Welcome { world, logical_time, .. } => {
                 self.logical_time = self.logical_time.max(logical_time);
+                self.receiver.set_motion(FreeMotion::of(&world.step));
                 self.world = Some(world);
                 self.joined = false;
                 if !std::mem::take(&mut self.greeted) {
@@ -548,7 +571,7 @@ impl Client {
                 self.joined = true;
                 for id in std::mem::take(&mut self.unspoken) {
                     self.bodies.remove(&id);
-                    self.showing.iter_mut().for_each(|showing| showing.forget(id));
+                    self.forget(id);
                     self.outputs.push_back(ClientOutput::Removed(id));
                 }
                 if !std::mem::take(&mut self.replaced) {
@@ -564,6 +587,7 @@ impl Client {
                 if self.group.replace(group) != Some(group) {
                     // Another lineage of epochs and owners: whatever it says first counts.
                     self.tick = Tick(0);
+                    self.receiver.reset();
                     self.showing.iter_mut().for_each(|showing| showing.recount());
                     for view in self.bodies.values_mut() {
                         (view.settled, view.owner) = Default::default();
@@ -592,7 +616,7 @@ impl Client {
                 self.answered(id);
                 self.bodies.remove(&id);
                 self.newest.forget(id);
-                self.showing.iter_mut().for_each(|showing| showing.forget(id));
+                self.forget(id);
                 self.joints.retain(|joint| joint.a != id && joint.b != id);
                 self.outputs.push_back(ClientOutput::Removed(id));
             }
@@ -634,9 +658,15 @@ impl Client {
                 }
             }
             ToClient::CompactStates { stamp, part } => {
-                // Of a part that is broken nothing is believed; the next one says what there is.
-                if let Ok(states) = unpack_states(&part) {
-                    self.told(ToClient::States { stamp, states });
+                // Another group's states are told in a series of their own.
+                if self.group.is_some_and(|own| own != stamp.group) {
+                    return;
+                }
+                // Of a part that cannot be read nothing is believed; the next ones are told against nothing.
+                match self.receiver.take_in(self.now, stamp.tick, &part, stamp.speculative) {
+                    Ok(states) if !states.is_empty() => self.told(ToClient::States { stamp, states }),
+                    Ok(_) => {}
+                    Err(error) => debug!(%error, tick = stamp.tick.0, "states cannot be read"),
                 }
             }
             // A leader that is no longer ours.
@@ -658,6 +688,18 @@ impl Client {
                 self.outputs.push_back(ClientOutput::Rejected { body, reason });
             }
         }
+    }
+
+    /// Acknowledges states, if that is due.
+    fn acknowledge(&mut self, now: Duration) {
+        if let Some(heard) = self.receiver.due(now, self.bytes_per_s) {
+            self.tell_leader(FromClient::Heard(heard));
+        }
+    }
+
+    fn forget(&mut self, id: BodyId) {
+        self.receiver.forget(id);
+        self.showing.iter_mut().for_each(|showing| showing.forget(id));
     }
 
     /// Takes in a body of the server's record; what the leader sent before may be newer.
@@ -683,6 +725,7 @@ impl Client {
         let next = leader.as_ref().map(|member| member.node);
         self.leader = leader.clone();
         if former != next {
+            self.receiver.reset();
             self.showing.iter_mut().for_each(|showing| showing.change_leader(former));
         }
         if self.node.is_some() || (former == next && self.linked) {

@@ -2,6 +2,7 @@
 //! done with the last (lockstep), takes in clients' inputs, and sends contacts and states to clients (thesis 3.3.8, 4.3.2.10).
 
 mod balancing;
+mod channel;
 mod holders;
 mod inputs;
 mod inter_group;
@@ -10,13 +11,13 @@ mod questions;
 mod state_replication;
 #[cfg(test)]
 mod tests;
-mod turns;
 
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
 use self::balancing::Balancing;
+use self::channel::Channel;
 use self::holders::Holders;
 use self::inputs::Inputs;
 pub use self::inter_group::Deviations;
@@ -24,9 +25,9 @@ use self::inter_group::InterGroup;
 use self::interest::{Audience, Latest, Moved};
 use self::questions::Questions;
 pub(super) use self::state_replication::TELL_TICK;
-use self::turns::Turns;
 
 use super::Peer;
+use crate::delta::FreeMotion;
 use crate::protocol::{
     Area, ContactLedger, Dispatch, Done, EnvironmentProperties, FromClient, Input, Member, Pace, Query,
     Refusal, RegionEvents, Repartition, Report, Thresholds, ToClient, ToServer, View, ViewNumber, WorldOp,
@@ -65,7 +66,6 @@ pub struct Leader {
     inputs: Inputs,
     latest: Latest,
     moved: Moved,
-    reminded: BodyId,
     contacts: ContactLedger,
     clients: BTreeMap<ClientId, Peer>,
     /// This leader, as clients are told of it.
@@ -76,8 +76,9 @@ pub struct Leader {
     applied: BTreeMap<ClientId, u64>,
     /// The tick that each client was last sent.
     told: BTreeMap<ClientId, Tick>,
-    /// The bodies that clients are to be told of in later batches.
-    turns: BTreeMap<ClientId, Turns>,
+    motion: FreeMotion,
+    /// What clients in other processes are told, and in which way.
+    channels: BTreeMap<ClientId, Channel>,
     questions: Questions,
     /// Interests that clients have sent since the last tick.
     interests: BTreeMap<ClientId, Option<Area>>,
@@ -121,14 +122,14 @@ impl Leader {
             inputs: Inputs::new(world),
             latest: Latest::new(),
             moved: Moved::new(),
-            reminded: BodyId::default(),
             contacts: ContactLedger::default(),
             undecided: clients.keys().copied().collect(),
             clients,
             introduction: view.led_by().cloned(),
             applied: BTreeMap::new(),
             told: BTreeMap::new(),
-            turns: BTreeMap::new(),
+            motion: FreeMotion::of(&world.step),
+            channels: BTreeMap::new(),
             questions: Questions::default(),
             interests: BTreeMap::new(),
             audiences: BTreeMap::new(),
@@ -162,6 +163,7 @@ impl Leader {
     /// Admits a client that is linked directly; it says what it wants to hear of.
     pub fn admit(&mut self, client: ClientId) {
         self.clients.insert(client, Peer::Client(client));
+        self.channels.remove(&client);
         self.uninterest(client);
         self.undecided.insert(client);
     }
@@ -211,8 +213,8 @@ impl Leader {
     }
 
     fn tell_everything(&mut self, client: ClientId) {
-        let states = self.latest.values().map(|&(state, _)| state).collect();
-        self.tell_in_turn(client, states);
+        let all = self.latest.keys().copied().collect::<Vec<_>>();
+        self.tell_in_turn(client, all);
     }
 
     /// Removes a client whose direct link is gone.
@@ -221,7 +223,7 @@ impl Leader {
             self.clients.remove(&client);
             self.told.remove(&client);
             self.applied.remove(&client);
-            self.turns.remove(&client);
+            self.channels.remove(&client);
             self.undecided.remove(&client);
             self.uninterest(client);
             self.questions.forget(client);
@@ -445,6 +447,7 @@ impl Leader {
         self.latest.remove(&id);
         self.moved.remove(&id);
         self.audiences.values_mut().for_each(|audience| audience.forget(id));
+        self.channels.values_mut().for_each(|channel| channel.forget(id));
         self.contacts.forget_body(id);
         self.holders.forget(id);
         self.forget_in_other_groups(id);

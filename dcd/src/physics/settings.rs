@@ -99,7 +99,8 @@ impl Preset {
 
 impl StepSettings {
     /// Returns the settings that nodes of a served world are sent: all but `integration`, which is Rapier's own there.
-    pub(crate) fn record(&self) -> StepRecord {
+    #[doc(hidden)]
+    pub fn record(&self) -> StepRecord {
         let Self {
             gravity,
             dt_s,

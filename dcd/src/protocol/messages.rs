@@ -15,7 +15,9 @@ use crate::space::{
     Allocation, Balance, ClientId, DistributionTree, GroupId, NodeId, RegionId, Tick, TreeError,
 };
 
-pub use client::{Area, Costs, FromClient, Input, MAX_INTRODUCED, Refusal, Stamp, ToClient};
+pub use client::{
+    Area, Costs, FromClient, Heard, Input, MAX_HEARD, MAX_INTRODUCED, Part, Refusal, Stamp, ToClient,
+};
 pub use group::{
     BodyCheckpoint, Border, Claim, Delay, Dispatch, Done, Farewell, LoadReport, Motion, Push, RegionLoad,
     Repartition, Report, Stance, ToNode, ToServer, WorldOp,
@@ -89,6 +91,7 @@ impl Message {
             Self::Ping(_)
             | Self::Pong(_)
             | Self::ToClient(_, ToClient::States { .. } | ToClient::CompactStates { .. })
+            | Self::FromClient(_, FromClient::Heard(_))
             | Self::Program(Program::Datagram(_))
             | Self::ToServer(ToServer::InterGroup { .. })
             | Self::ToNode(ToNode::InterGroup { .. }) => Lane::State,

@@ -5,7 +5,6 @@ mod body;
 mod border;
 mod character;
 mod codec;
-mod compact;
 mod contacts;
 mod controller;
 mod hash;
@@ -28,8 +27,8 @@ pub use border::{
 };
 pub use character::{Character, Gait};
 pub use codec::{
-    CHUNK_BYTES, CodecError, DATAGRAM_BYTES, MAX_MESSAGE_BYTES, VERSION, chunks, datagrams, decode,
-    decode_value, encode, encode_value, encoded_len, pack_states, split, unpack_states,
+    CHUNK_BYTES, CodecError, DATAGRAM_BYTES, MAX_MESSAGE_BYTES, STATES_BYTES, VERSION, chunks, datagrams,
+    decode, decode_value, encode, encode_value, encoded_len, split,
 };
 #[cfg(feature = "physics")]
 pub(crate) use codec::{read_state, write_state};
@@ -39,12 +38,12 @@ pub use hash::StateHasher;
 pub use joint::{JointLimit, JointMotor, JointRecord, LinkMotion, LinkRecord};
 pub use messages::{
     Answer, Area, BodyCheckpoint, Border, CastAnswer, CastQuery, Chunk, Claim, Costs, Delay, DelayThresholds,
-    Dispatch, Done, EnvironmentProperties, Farewell, FilterRecord, FromClient, Hello, Input, JoinAs, Lane,
-    LoadReport, MAX_COST, MAX_FOUND, MAX_INTRODUCED, MAX_OPEN_COST, MAX_OPEN_QUERIES, MAX_QUERY_BYTES,
-    MAX_TURN, MAX_TURNING_M, Member, Message, Motion, OVERLAPS_COST, Overlap, OverlapQuery, Pace, PartFilter,
-    Ping, Place, Placed, Pong, Program, Push, Query, QueryParts, QueryResult, RayAnswer, RayQuery, Refusal,
-    RegionLoad, Repartition, Report, SHAPE_COST, Stamp, Stance, SyncProtocol, Thresholds, ToClient, ToNode,
-    ToServer, View, ViewNumber, WorldOp,
+    Dispatch, Done, EnvironmentProperties, Farewell, FilterRecord, FromClient, Heard, Hello, Input, JoinAs,
+    Lane, LoadReport, MAX_COST, MAX_FOUND, MAX_HEARD, MAX_INTRODUCED, MAX_OPEN_COST, MAX_OPEN_QUERIES,
+    MAX_QUERY_BYTES, MAX_TURN, MAX_TURNING_M, Member, Message, Motion, OVERLAPS_COST, Overlap, OverlapQuery,
+    Pace, Part, PartFilter, Ping, Place, Placed, Pong, Program, Push, Query, QueryParts, QueryResult,
+    RayAnswer, RayQuery, Refusal, RegionLoad, Repartition, Report, SHAPE_COST, Stamp, Stance, SyncProtocol,
+    Thresholds, ToClient, ToNode, ToServer, View, ViewNumber, WorldOp,
 };
 #[cfg(feature = "physics")]
 pub(crate) use shape::voxels_fit;

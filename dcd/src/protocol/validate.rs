@@ -673,6 +673,9 @@ impl Check for FromClient {
             Self::Introduce(ids) => {
                 must(ids.len() <= MAX_INTRODUCED, "introduce", "at most 1,024 bodies at once")
             }
+            Self::Heard(heard) => {
+                must(heard.datagrams.len() <= MAX_HEARD, "heard", "at most 64 runs of datagrams at once")
+            }
             Self::Despawn(_) | Self::Leave => Ok(()),
         }
     }

@@ -6,13 +6,6 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::protocol::{Area, SharedState};
 use crate::space::{BodyId, ClientId, Tick};
 
-/// How often a body that comes into the area or leaves it is sent: datagrams get lost.
-const TIMES: u8 = 3;
-/// The most of them that are sent at once: the rest waits, lest it push other states out.
-const AT_ONCE: usize = 200;
-/// Resting bodies in the area sent again with each batch of states.
-const REMINDERS: usize = 16;
-
 /// The newest state of each body.
 pub(super) type Latest = BTreeMap<BodyId, (SharedState, Tick)>;
 /// Bodies that moved since states were last sent, and where they were before, if that was sent.
@@ -41,11 +34,10 @@ pub(super) struct Audience {
     near: BTreeMap<BodyId, Area>,
     /// Bodies that are sent whenever they move.
     inside: BTreeSet<BodyId>,
-    /// Bodies to be sent though they may rest, and how many times more.
-    owed: BTreeMap<BodyId, u8>,
+    /// Bodies to be sent though they may rest.
+    owed: BTreeSet<BodyId>,
     /// Bodies outside that are not where the client was told last, and where that was. At most one entry per body.
     stale: BTreeMap<BodyId, [f64; 3]>,
-    reminded: BodyId,
 }
 
 impl Audience {
@@ -56,9 +48,8 @@ impl Audience {
             area,
             near: BTreeMap::new(),
             inside: BTreeSet::new(),
-            owed: BTreeMap::new(),
+            owed: BTreeSet::new(),
             stale: BTreeMap::new(),
-            reminded: BodyId::default(),
         };
         audience.settle(latest);
         audience
@@ -85,9 +76,8 @@ impl Audience {
         self.look(latest);
     }
 
-    /// Returns the states to send: of bodies that moved in the area, of bodies that came into it or left it, and of some that
-    /// rest.
-    pub(super) fn batch(&mut self, moved: &[News], latest: &Latest) -> Vec<SharedState> {
+    /// Returns the bodies to tell of, in id order: those that moved in the area, and those that came into it or left it.
+    pub(super) fn batch(&mut self, moved: &[News], latest: &Latest) -> BTreeSet<BodyId> {
         let client = self.client;
         let from = moved.partition_point(|news| news.state.id < BodyId::avatar(client, 0));
         let own = moved[from..].iter().take_while(|news| news.state.id.client() == Some(client));
@@ -99,11 +89,8 @@ impl Audience {
             self.look(latest);
         }
         let mut told = self.tell(moved);
-        self.pay(&mut told);
-        if !moved.is_empty() {
-            self.remind(&mut told);
-        }
-        told.iter().filter_map(|id| latest.get(id)).map(|&(state, _)| state).collect()
+        told.append(&mut self.owed);
+        told
     }
 
     /// Notes what has become of bodies that moved; returns those to be sent. All lists are in id order: walked side by side, so that
@@ -129,7 +116,7 @@ impl Audience {
                 }
             } else if is_inside {
                 gone.push(id);
-            } else if !is_stale && !self.owed.contains_key(&id) {
+            } else if !is_stale && !self.owed.contains(&id) {
                 match before {
                     // The area has come to where the client has it.
                     Some(before) if self.spans(before) => owed.push(id),
@@ -146,7 +133,7 @@ impl Audience {
         for id in &gone {
             self.inside.remove(id);
         }
-        self.owed.extend(gone.into_iter().chain(owed).map(|id| (id, TIMES)));
+        self.owed.extend(gone.into_iter().chain(owed));
         self.stale.extend(strays);
         told.into_iter().collect()
     }
@@ -191,7 +178,7 @@ impl Audience {
                 self.stale.remove(&id);
             }
             if is_inside != self.inside.contains(&id) {
-                self.owed.insert(id, TIMES);
+                self.owed.insert(id);
                 match is_inside {
                     true => drop(self.inside.insert(id)),
                     false => drop(self.inside.remove(&id)),
@@ -201,37 +188,13 @@ impl Audience {
         let ghosts = self.stale.iter().filter(|(_, at)| self.spans(**at));
         for id in ghosts.map(|(&id, _)| id).collect::<Vec<_>>() {
             self.stale.remove(&id);
-            self.owed.insert(id, TIMES);
+            self.owed.insert(id);
         }
     }
 
     /// Returns whether a body that comes here is sent.
     fn spans(&self, at: [f64; 3]) -> bool {
         self.area.enters(at) || self.near.values().any(|area| area.enters(at))
-    }
-
-    fn pay(&mut self, told: &mut BTreeSet<BodyId>) {
-        let due: Vec<_> = self.owed.keys().take(AT_ONCE).copied().collect();
-        for id in due {
-            told.insert(id);
-            let left = self.owed.get_mut(&id).expect("it is owed");
-            *left -= 1;
-            if *left == 0 {
-                self.owed.remove(&id);
-            }
-        }
-    }
-
-    fn remind(&mut self, told: &mut BTreeSet<BodyId>) {
-        let rest: Vec<_> = self
-            .inside
-            .range(self.reminded..)
-            .filter(|&&id| id != self.reminded && !told.contains(&id))
-            .take(REMINDERS)
-            .copied()
-            .collect();
-        self.reminded = rest.last().copied().unwrap_or_default();
-        told.extend(rest);
     }
 }
 
@@ -277,9 +240,7 @@ mod tests {
             let believed = latest.iter().map(|(&id, (state, _))| (id, state.pose.translation)).collect();
             let audience = Audience::new(CLIENT, area, &latest);
             let mut stage = Self { latest, moved: Moved::new(), audience, believed };
-            for _ in 0..TIMES {
-                stage.tell();
-            }
+            stage.tell();
             stage
         }
 
@@ -296,8 +257,9 @@ mod tests {
         fn tell(&mut self) -> Vec<BodyId> {
             let moved = news(&std::mem::take(&mut self.moved), &self.latest);
             let told = self.audience.batch(&moved, &self.latest);
-            self.believed.extend(told.iter().map(|state| (state.id, state.pose.translation)));
-            told.iter().map(|state| state.id).collect()
+            let at = |id: &BodyId| (*id, self.latest[id].0.pose.translation);
+            self.believed.extend(told.iter().map(at));
+            told.into_iter().collect()
         }
     }
 
@@ -312,12 +274,10 @@ mod tests {
     }
 
     #[test]
-    fn what_leaves_is_told_where_it_went_some_times_and_then_no_more() {
+    fn what_leaves_is_told_where_it_went_and_then_no_more() {
         let mut stage = Stage::new(&[(STONE, 0.0)], area(0.0, 10.0));
-        for x in 0..TIMES {
-            stage.put(STONE, 100.0 + f64::from(x));
-            assert_eq!(stage.tell(), [STONE]);
-        }
+        stage.put(STONE, 100.0);
+        assert_eq!(stage.tell(), [STONE]);
         stage.put(STONE, 200.0);
         assert_eq!(stage.tell(), []);
     }
@@ -370,38 +330,11 @@ mod tests {
         let mut stage = Stage::new(&bodies, area(0.0, 10.0));
         stage.put(other, 131.0);
         stage.put(STONE, 121.0);
-        assert_eq!(stage.tell(), [AVATAR], "which rests: it is told again");
+        assert_eq!(stage.tell(), []);
         // It comes to the stone, which rests by now.
         stage.put(AVATAR, 115.0);
         assert_eq!(stage.tell(), [STONE, AVATAR]);
         assert_eq!(stage.believed[&STONE][0], 121.0);
-    }
-
-    #[test]
-    fn many_that_come_in_at_once_are_told_in_parts() {
-        let bodies: Vec<_> = (0..500).map(|i| (BodyId::persistent(i), 50.0)).collect();
-        let mut stage = Stage::new(&bodies, area(0.0, 10.0));
-        stage.turn_to(area(50.0, 10.0));
-        let mut heard = BTreeSet::new();
-        for _ in 0..3 * TIMES {
-            let told = stage.tell();
-            assert!(told.len() <= AT_ONCE);
-            heard.extend(told);
-        }
-        assert_eq!(heard.len(), 500);
-    }
-
-    #[test]
-    fn what_rests_in_the_area_is_told_again_and_what_rests_elsewhere_is_not() {
-        let mut bodies: Vec<_> = (1..100).map(|i| (BodyId::persistent(i), f64::from(i))).collect();
-        bodies.push((BodyId::persistent(0), 0.0));
-        let mut stage = Stage::new(&bodies, area(0.0, 40.0));
-        let mut reminded = BTreeSet::new();
-        for i in 0..10 {
-            stage.put(BodyId::persistent(0), 0.1 * f64::from(i));
-            reminded.extend(stage.tell());
-        }
-        assert_eq!(reminded.len(), 45, "up to 44 m: the area and its margin");
     }
 
     /// Bodies, avatars and areas move and jump at random: whatever is in the area, or the client has there, the client has

@@ -3,14 +3,13 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::Leader;
-use super::interest::{Audience, Moved, news};
-use super::turns::Turns;
+use super::channel::Channel;
+use super::interest::{Audience, news};
 use crate::cluster::Peer;
-use crate::protocol::{ContactForce, ContactKey, SharedState, Stamp, ToClient, ToServer, Touch, WorldEvents};
-use crate::space::{ClientId, Tick};
-
-/// Resting bodies sent again with each batch of states, so that a client that missed their last move hears of it.
-const REMINDERS: usize = 16;
+use crate::protocol::{
+    ContactForce, ContactKey, Heard, SharedState, Stamp, ToClient, ToServer, Touch, WorldEvents,
+};
+use crate::space::{BodyId, ClientId, Tick};
 
 /// The ticks after which clients and the server at least hear that time goes on though nothing moves (a heartbeat).
 pub(in crate::cluster) const TELL_TICK: u64 = 30;
@@ -57,41 +56,26 @@ impl Leader {
         self.turn_audiences();
         let news = if self.audiences.is_empty() { Vec::new() } else { news(&moved, &self.latest) };
         for (client, mut audience) in std::mem::take(&mut self.audiences) {
-            let states = audience.batch(&news, &self.latest);
+            let bodies = audience.batch(&news, &self.latest);
             self.audiences.insert(client, audience);
-            if !states.is_empty() {
-                self.tell_in_turn(client, states);
+            if !bodies.is_empty() {
+                self.tell_in_turn(client, bodies);
             }
         }
         if !moved.is_empty() {
-            self.tell_moved(moved);
+            for client in self.hear_all() {
+                self.tell_in_turn(client, moved.keys().copied());
+            }
         }
-        let waits = |(client, turns): (&ClientId, &Turns)| {
-            let is_told = self.told.get(client) == Some(&self.tick);
-            (!turns.is_empty() && !is_told).then_some(*client)
+        let now = self.tick;
+        let waits = |(client, channel): (&ClientId, &mut Channel)| {
+            let is_told = self.told.get(client) == Some(&now);
+            (!is_told && channel.waits(now)).then_some(*client)
         };
-        for client in self.turns.iter().filter_map(waits).collect::<Vec<_>>() {
-            self.tell_in_turn(client, Vec::new());
+        for client in self.channels.iter_mut().filter_map(waits).collect::<Vec<_>>() {
+            self.tell_in_turn(client, []);
         }
         self.tell_tick();
-    }
-
-    /// Sends bodies that have moved, and some that have not, to all clients without an area of interest.
-    fn tell_moved(&mut self, moved: Moved) {
-        let reminders: Vec<_> = self
-            .latest
-            .range(self.reminded..)
-            .skip(1)
-            .map(|(&id, _)| id)
-            .filter(|id| !moved.contains_key(id))
-            .take(REMINDERS)
-            .collect();
-        self.reminded = reminders.last().copied().unwrap_or_default();
-        let told: BTreeSet<_> = moved.into_keys().chain(reminders).collect();
-        let states: Vec<_> = told.iter().filter_map(|id| Some(self.latest.get(id)?.0)).collect();
-        for client in self.hear_all() {
-            self.tell_in_turn(client, states.clone());
-        }
     }
 
     /// Sends the tick to clients that have not heard of anything for long.
@@ -127,36 +111,68 @@ impl Leader {
         self.clients.keys().filter(hears_all).copied().collect()
     }
 
-    /// Sends a client states, or as many as a batch takes, and the others with the next ones.
-    pub(super) fn tell_in_turn(&mut self, client: ClientId, states: Vec<SharedState>) {
-        let here = self.introduction.as_ref().map(|leader| Peer::Node(leader.node));
-        let is_here = self.route(client) == here;
-        // Nothing is told after the last tick.
-        let is_last = self.last_tick == Some(self.tick);
-        let turns = self.turns.entry(client).or_default();
-        if is_here || is_last || turns.is_empty() && states.len() <= turns.most() {
-            return self.tell(client, self.tick, false, states);
+    /// Tells a client of bodies, in id order: of all, in this process; elsewhere of as many as there is room for, and of the others later.
+    pub(super) fn tell_in_turn(&mut self, client: ClientId, bodies: impl IntoIterator<Item = BodyId>) {
+        let now = self.tick;
+        if self.is_here(client) {
+            let known = |id| self.latest.get(&id).map(|&(state, _)| state);
+            let states = bodies.into_iter().filter_map(known).collect();
+            return self.tell(client, now, false, states);
         }
-        let next = turns.take(states.iter().map(|state| state.id));
-        let known: Vec<_> = next.iter().filter_map(|id| self.latest.get(id).copied()).collect();
+        let dt_s = self.dt.as_secs_f64();
+        let (mut channel, latest) = (self.channel(client), &self.latest);
+        let states = channel.choose((now, dt_s), bodies, latest);
         // What waited for its turn is not as it is after this tick, but after the one of the last report.
-        let tick = known.iter().map(|&(_, tick)| tick).max().unwrap_or(self.tick);
-        self.tell(client, tick, false, known.into_iter().map(|(state, _)| state).collect());
+        let of = |state: &SharedState| latest.get(&state.id).map(|&(_, tick)| tick);
+        let tick = states.iter().filter_map(of).max().unwrap_or(now);
+        self.channels.insert(client, channel);
+        if !states.is_empty() {
+            self.tell(client, tick, false, states);
+        }
+    }
+
+    /// Returns whether a client is in this process.
+    fn is_here(&self, client: ClientId) -> bool {
+        let here = self.introduction.as_ref().map(|leader| Peer::Node(leader.node));
+        self.route(client) == here
+    }
+
+    /// Takes the channel of a client, which is to be put back.
+    fn channel(&mut self, client: ClientId) -> Channel {
+        // Views follow each other with growing numbers, and so do series.
+        let new = || Channel::new(client, self.motion, (self.view.0 as u32) << 8);
+        self.channels.remove(&client).unwrap_or_else(new)
     }
 
     /// Notes how many bytes for a client wait for its link.
     pub fn hear_backlog(&mut self, client: ClientId, bytes: usize) {
-        if self.clients.contains_key(&client) {
-            self.turns.entry(client).or_default().adapt(bytes);
+        if let Some(channel) = self.channels.get_mut(&client) {
+            channel.adapt(bytes);
         }
     }
 
-    pub(super) fn tell(&mut self, client: ClientId, tick: Tick, speculative: bool, states: Vec<SharedState>) {
+    /// Takes in which states a client has acknowledged.
+    pub fn heard(&mut self, client: ClientId, heard: &Heard) {
+        if let Some(channel) = self.channels.get_mut(&client) {
+            channel.hear(self.tick, heard, &self.latest);
+        }
+    }
+
+    /// Sends a client states, in id order; without any, that time goes on.
+    fn tell(&mut self, client: ClientId, tick: Tick, speculative: bool, states: Vec<SharedState>) {
         if !speculative {
             self.told.insert(client, self.tick);
         }
         let stamp = self.stamp(client, tick, speculative);
-        self.messages.push((client, ToClient::States { stamp, states }));
+        if states.is_empty() || self.is_here(client) {
+            self.messages.push((client, ToClient::States { stamp, states }));
+            return;
+        }
+        let mut channel = self.channel(client);
+        let parts = channel.pack(self.tick, tick, &states, speculative);
+        self.channels.insert(client, channel);
+        let message = |part| (client, ToClient::CompactStates { stamp, part });
+        self.messages.extend(parts.into_iter().map(message));
     }
 
     /// Returns the stamp of what a client is told of a tick.

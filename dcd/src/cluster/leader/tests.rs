@@ -1,7 +1,8 @@
 //! Tests what a leader dispatches, believes, and tells clients.
 
 use super::*;
-use crate::protocol::{ContactKey, Member, SharedState, Touch, Velocity, WorldPose};
+use crate::delta::Receiver;
+use crate::protocol::{self, ContactKey, Heard, Member, SharedState, Touch, Velocity, WorldPose};
 use crate::sim::{sim_body, sim_world};
 
 const CLIENT: ClientId = ClientId(4);
@@ -48,6 +49,18 @@ fn both_done(leader: &mut Leader, tick: u64, one: Vec<Touch>, two: Vec<Touch>) {
         };
         leader.done(NodeId(id), done);
     }
+}
+
+/// Returns how many bodies each message of states tells of.
+fn told_of(messages: Vec<(ClientId, ToClient)>) -> Vec<(ClientId, usize)> {
+    let count = |(client, message)| match message {
+        ToClient::States { states, .. } => Some((client, states.len())),
+        ToClient::CompactStates { part, .. } => {
+            Some((client, u16::from_le_bytes([part.states[0], part.states[1]]).into()))
+        }
+        _ => None,
+    };
+    messages.into_iter().filter_map(count).collect()
 }
 
 fn input(logical_time: u64, speed: f32) -> Input {
@@ -199,11 +212,7 @@ fn an_interest_counts_from_the_tick_on_is_handed_on_and_goes_with_the_link() {
         leader.report(NodeId(1), Report { view: ViewNumber(1), tick: Tick(tick), states });
         leader.take_messages();
         both_done(leader, tick, vec![], vec![]);
-        let states = |(client, message)| match message {
-            ToClient::States { states, .. } => Some((client, states.len())),
-            _ => None,
-        };
-        leader.take_messages().into_iter().filter_map(states).collect::<Vec<_>>()
+        told_of(leader.take_messages())
     };
     let area = Area { centre: [0.0; 3], radius_m: 10.0 };
     let other = ClientId(5);
@@ -318,42 +327,65 @@ fn clients_hear_now_and_then_that_time_goes_on_though_nothing_moves() {
         }
         both_done(&mut leader, tick, vec![], vec![]);
         for (client, message) in leader.take_messages() {
-            let ToClient::States { stamp, states } = message else { continue };
-            told.push((client, stamp.tick.0, states.len()));
+            let (ToClient::States { stamp, .. } | ToClient::CompactStates { stamp, .. }) = &message else {
+                continue;
+            };
+            let tick = stamp.tick.0;
+            if let ToClient::CompactStates { part, .. } = &message {
+                let datagrams = vec![(part.number, 1)];
+                let heard = Heard { series: part.series, datagrams, lost: false, bytes_per_s: 0 };
+                leader.heard(CLIENT, &heard);
+            }
+            told.extend(told_of(vec![(client, message)]).into_iter().map(|(_, count)| (client, tick, count)));
         }
     }
     assert_eq!(told, [(CLIENT, 30, 0), (CLIENT, 40, 1), (CLIENT, 70, 0), (CLIENT, 100, 0)]);
 }
 
+/// A client that acknowledges what it is told, and one that asked for little.
 #[test]
-fn of_thousands_that_move_each_is_told_and_no_batch_is_longer_than_a_link_takes() {
-    use super::turns::MOST_AT_ONCE;
-    let count = 4 * MOST_AT_ONCE as u32 - 9;
-    let mut leader = leader();
-    leader.take_messages();
-    let mut told = std::collections::BTreeMap::<BodyId, u64>::new();
-    for tick in 1..=12 {
-        leader.dispatch(Duration::from_secs(tick)).unwrap();
-        let state = |i| SharedState {
-            id: BodyId::persistent(i),
-            owner: RegionId(1),
-            epoch: crate::space::Epoch(0),
-            pose: WorldPose::at([tick as f64, 0.0, 0.0]),
-            velocity: Velocity::default(),
-            sleeping: false,
-        };
-        // At last all but one are at rest.
-        let states = if tick < 8 { (0..count).map(state).collect() } else { vec![state(0)] };
-        leader.report(NodeId(1), Report { view: ViewNumber(1), tick: Tick(tick), states });
-        both_done(&mut leader, tick, vec![], vec![]);
-        for (_, message) in leader.take_messages() {
-            let ToClient::States { states, .. } = message else { continue };
-            assert!(states.len() <= MOST_AT_ONCE, "{} at tick {tick}", states.len());
-            told.extend(states.iter().map(|state| (state.id, state.pose.translation[0] as u64)));
+fn of_thousands_that_move_each_is_told_and_no_batch_is_longer_than_its_room() {
+    for (bytes_per_s, ticks) in [(0, 60), (40_000, 400)] {
+        let count = 6_000;
+        let mut leader = leader();
+        leader.take_messages();
+        let mut receiver = Receiver::default();
+        receiver.set_motion(FreeMotion::of(&sim_world(2).step));
+        let mut told = BTreeMap::<BodyId, u64>::new();
+        let (mut random, mut bytes) = (crate::sim::Random::new(3), 0);
+        for tick in 1..=ticks {
+            let now = Duration::from_secs(tick);
+            leader.dispatch(now).unwrap();
+            let mut state = |i| SharedState {
+                id: BodyId::persistent(i),
+                owner: RegionId(1),
+                epoch: crate::space::Epoch(0),
+                pose: WorldPose::at([tick as f64, random.unit(), random.unit()]),
+                velocity: Velocity::default(),
+                sleeping: false,
+            };
+            // At last all but one are at rest.
+            let states = if tick < ticks / 2 { (0..count).map(state).collect() } else { vec![state(0)] };
+            leader.report(NodeId(1), Report { view: ViewNumber(1), tick: Tick(tick), states });
+            both_done(&mut leader, tick, vec![], vec![]);
+            let mut batch = 0;
+            for (_, message) in leader.take_messages() {
+                let ToClient::CompactStates { part, stamp } = message else { continue };
+                batch += part.states.len();
+                let states = receiver.take_in(now, stamp.tick, &part, false).unwrap();
+                told.extend(states.iter().map(|state| (state.id, state.pose.translation[0] as u64)));
+            }
+            assert!(batch < protocol::link::DATAGRAM_QUEUE_BYTES, "{batch} bytes at tick {tick}");
+            bytes += batch;
+            let heard = receiver.due(now + Duration::from_millis(500), bytes_per_s);
+            heard.into_iter().for_each(|heard| leader.heard(CLIENT, &heard));
         }
+        assert_eq!(told.len() as u32, count, "of {bytes_per_s} bytes a second");
+        let last = told.values().min().unwrap();
+        assert!(*last >= ticks / 2 - 1, "{last}: where they came to rest");
+        let rate = bytes as f64 * 60.0 / ticks as f64;
+        assert!(bytes_per_s == 0 || rate < 1.02 * f64::from(bytes_per_s), "{rate} bytes a second");
     }
-    assert_eq!(told.len() as u32, count);
-    assert!(told.values().all(|&last| last >= 7), "{:?}: where they came to rest", told.values().min());
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use super::{Node, NodeOutput};
 use crate::cluster::Peer;
-use crate::protocol::{FromClient, Message, ToClient, pack_states};
+use crate::protocol::{FromClient, Message, ToClient};
 use crate::space::ClientId;
 
 /// The most inputs kept from clients that hear of their new leader before it does.
@@ -22,7 +22,7 @@ impl Node {
             Some(leader) if leader == self.config.id => self.lead_client(client, message),
             Some(leader) => self.send(Peer::Node(leader), Message::FromClient(client, message)),
             // The leader to come is told it.
-            None if matches!(message, FromClient::Interest(_)) => {}
+            None if matches!(message, FromClient::Interest(_) | FromClient::Heard(_)) => {}
             None => self.send(Peer::Server, Message::FromClient(client, message)),
         }
     }
@@ -64,6 +64,9 @@ impl Node {
             }
             (Some(leader), FromClient::Interest(area)) => leader.take_interest(client, area),
             (Some(leader), FromClient::Ask(question)) => leader.ask(client, question),
+            (Some(leader), FromClient::Heard(heard)) => leader.heard(client, &heard),
+            // Of another leader's states.
+            (None, FromClient::Heard(_)) => {}
             // What lasts is put on record before it happens.
             (
                 _,
@@ -125,12 +128,6 @@ impl Node {
         match (route, message) {
             (Peer::Node(node), message) if node == self.config.id => {
                 self.outputs.push_back(NodeOutput::Client(message));
-            }
-            // One without states tells of its tick.
-            (route, ToClient::States { stamp, states }) if !states.is_empty() => {
-                for message in pack_states(client, stamp, states) {
-                    self.send(route, message);
-                }
             }
             (route, message) => self.send(route, Message::ToClient(client, message)),
         }

@@ -33,7 +33,25 @@ pub enum FromClient {
     Introduce(Vec<BodyId>),
     /// The client's query about bodies. To the leader alone, and sent again until it is answered.
     Ask(Query),
+    /// To the leader: which datagrams of states have come, and how many more may.
+    Heard(Heard),
 }
+
+/// A client's acknowledgement of states.
+#[derive(Clone, Debug, PartialEq, Eq, Encode, Decode)]
+pub struct Heard {
+    /// Which [`Part::series`] it is about.
+    pub series: u32,
+    /// The datagrams that have come since the last one: the number of the first, and how many follow each other; at most [`MAX_HEARD`].
+    pub datagrams: Vec<(u32, u32)>,
+    /// Whether the client cannot read what it is told: the series is to begin anew.
+    pub lost: bool,
+    /// The most bytes that the client wants to be sent, in a second; 0: as many as the link carries.
+    pub bytes_per_s: u32,
+}
+
+/// The most runs of datagrams that are acknowledged at once.
+pub const MAX_HEARD: usize = 64;
 
 /// The most bodies that a client asks for at once.
 pub const MAX_INTRODUCED: usize = 1_024;
@@ -161,8 +179,8 @@ pub enum ToClient {
     CompactStates {
         /// Their origin and time.
         stamp: Stamp,
-        /// For [`unpack_states`](crate::protocol::unpack_states).
-        part: Vec<u8>,
+        /// The bodies.
+        part: Part,
     },
     /// Contacts of the client's own avatars, each pair once.
     Contacts {
@@ -187,6 +205,19 @@ pub enum ToClient {
         /// Why.
         reason: Refusal,
     },
+}
+
+/// States of bodies in the format of the module `delta`: what fits a datagram of a batch, which is what a client is told at once.
+#[derive(Clone, Debug, PartialEq, Eq, Encode, Decode)]
+pub struct Part {
+    /// The series that it belongs to: nothing refers to states of an earlier one.
+    pub series: u32,
+    /// Counts batches of the series.
+    pub batch: u32,
+    /// Counts datagrams of the series.
+    pub number: u32,
+    /// The states, coded.
+    pub states: Vec<u8>,
 }
 
 /// The origin and time of states: group, tick, and whether they are speculative.

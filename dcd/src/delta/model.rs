@@ -26,6 +26,24 @@ impl<const N: usize> Adaptive<N> {
         Self { below: std::array::from_fn(|i| (i * usize::from(ONE) / N) as u16), seen: 0 }
     }
 
+    /// Returns a model that expects symbols about this one: each farther one half as often, but for a rest.
+    pub(super) fn about(usual: usize) -> Self {
+        let weight = |symbol: usize| 1 << 9 >> symbol.abs_diff(usual).min(8);
+        let all: usize = (0..N).map(weight).sum();
+        let free = usize::from(ONE) - N;
+        let (mut below, mut sum) = ([0; N], 0);
+        for (symbol, below) in below.iter_mut().enumerate() {
+            *below = (symbol + sum * free / all) as u16;
+            sum += weight(symbol);
+        }
+        Self { below, seen: 2 }
+    }
+
+    /// Returns how many bits a symbol takes.
+    pub(super) fn bits(&self, symbol: usize) -> f64 {
+        PRECISION as f64 - f64::from(self.share(symbol).get()).log2()
+    }
+
     /// Makes a symbol that has come more probable, and the others less so; none becomes impossible.
     pub(super) fn see(&mut self, symbol: usize) {
         let rate = (1 + self.seen / 2).min(SLOWEST);

@@ -1,0 +1,325 @@
+//! Measures what it costs to tell a client of a scene: bytes by field, over networks that delay and lose, in a simulation of a leader
+//! that has one client. Nothing in it depends on the machine.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::error::Error;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use clap::Args;
+use dcd::delta::{Field, FreeMotion, Receiver, Sender, Tally};
+use dcd::prelude::*;
+use dcd::protocol::{Part, STATES_BYTES, SharedState, StepRecord};
+use dcd::sim::Random;
+use dcd::space::{Epoch, RegionId, Tick};
+use serde::{Deserialize, Serialize};
+
+use crate::machine::Machine;
+use crate::page;
+use crate::results::{self, Measured, short};
+
+const FILE: &str = "bandwidth.csv";
+/// Leaders tell of every third tick.
+const EVERY: u64 = 3;
+/// Headers of UDP, QUIC and the message, and those of IP.
+const DATAGRAM_COST: u64 = 90 + 28;
+
+/// Says how long each run takes, and where its results go.
+#[derive(Args)]
+pub(crate) struct Bandwidth {
+    /// Ticks of each run.
+    #[arg(long, default_value_t = 900)]
+    ticks: u64,
+    /// A hundred ticks of two scenes.
+    #[arg(long, conflicts_with = "ticks")]
+    quick: bool,
+    /// Where the results go [default: benches/results; with `--quick` a temporary folder].
+    #[arg(long, value_name = "FOLDER")]
+    out: Option<PathBuf>,
+    /// Draws the table from the file, without measuring.
+    #[arg(long)]
+    draw: bool,
+}
+
+/// What a client costs of one scene over one network.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Row {
+    scene: String,
+    network: String,
+    moving: f64,
+    bytes_per_s: f64,
+    bytes_per_moving_body_s: f64,
+    states_per_s: f64,
+    predicted_share: f64,
+    whole_share: f64,
+    /// Bits of a state by field.
+    id: f64,
+    reference: f64,
+    owner: f64,
+    place: f64,
+    turn: f64,
+    velocity: f64,
+    spin: f64,
+    /// Bytes of headers, per state.
+    headers: f64,
+    told_error_max_mm: f64,
+}
+
+/// The network between leader and client: ticks each way, more at random, and the share of packets that is lost.
+type Network = (&'static str, u64, u64, f64);
+
+const NETWORKS: [Network; 4] = [
+    ("this machine", 0, 0, 0.0),
+    ("50 ms", 3, 0, 0.0),
+    ("100 ± 20 ms, 5 % lost", 6, 2, 0.05),
+    ("200 ± 20 ms, 1 % lost", 12, 2, 0.01),
+];
+
+/// A world, and what is done in it before each tick.
+struct Run {
+    name: &'static str,
+    world: World,
+    step: StepRecord,
+    act: Box<dyn FnMut(&mut World, u64) -> Result<(), dcd::Error>>,
+}
+
+fn scenes() -> Result<Vec<Run>, Box<dyn Error>> {
+    let mut runs = vec![pushed()?];
+    for (name, key, n) in [("dve", "n", "1000"), ("drum", "n", "300"), ("heap", "n", "1000")] {
+        let Ok(scene) = Scene::open(name, &Params::new().with(key, n)) else { continue };
+        let config = WorldConfig { partitioning: Partitioning::Regions(2), ..WorldConfig::for_scene(&scene) };
+        let step = config.step.record();
+        let world = World::from_scene(&scene, config)?;
+        runs.push(Run { name, world, step, act: Box::new(|_, _| Ok(())) });
+    }
+    Ok(runs)
+}
+
+/// 900 cubes that lie on a plane, and one that is driven through them.
+fn pushed() -> Result<Run, Box<dyn Error>> {
+    let config = WorldConfig::default();
+    let step = config.step.record();
+    let mut world = World::new(config)?;
+    world.insert(
+        RigidBodyBuilder::fixed().translation(Vector::new(0.0, -0.5, 0.0)),
+        ColliderBuilder::cuboid(50.0, 0.5, 50.0),
+    )?;
+    for i in 0..900 {
+        let at = Vector::new((i % 30) as f32 - 14.5, 0.2, (i / 30) as f32 - 14.5);
+        world.insert(RigidBodyBuilder::dynamic().translation(at), ColliderBuilder::cuboid(0.2, 0.2, 0.2))?;
+    }
+    let player = world.insert(
+        RigidBodyBuilder::dynamic().translation(Vector::new(0.0, 0.75, -18.0)),
+        ColliderBuilder::cuboid(0.75, 0.75, 0.75),
+    )?;
+    let act = move |world: &mut World, tick: u64| {
+        let phase = tick as f32 / 60.0;
+        let way = [6.0 * (0.7 * phase).cos(), 0.0, 6.0 * (0.5 * phase).sin() + 1.0];
+        let spin = [way[2] / 1.5, 0.0, -way[0] / 1.5];
+        world.set_velocity(player, Velocity { linear: way, angular: spin })
+    };
+    Ok(Run { name: "pushed", world, step, act: Box::new(act) })
+}
+
+impl Bandwidth {
+    pub(crate) fn run(self) -> Result<(), Box<dyn Error>> {
+        let folder = results::folder(self.out.as_deref(), self.quick)?;
+        if !self.draw {
+            self.measure(&folder)?;
+        }
+        let table = table(&results::read_csv(&folder.join(FILE))?);
+        println!("{table}");
+        page::put(&folder, "bandwidth", &table)
+    }
+
+    fn measure(&self, folder: &Path) -> Result<(), Box<dyn Error>> {
+        let machine = Machine::here();
+        let ticks = if self.quick { 100 } else { self.ticks };
+        let mut rows = Vec::new();
+        for run in scenes()?.into_iter().take(if self.quick { 2 } else { 9 }) {
+            for row in tell(run, ticks)? {
+                eprintln!(
+                    "{}, {}: {} B/s per moving body",
+                    row.scene,
+                    row.network,
+                    short(row.bytes_per_moving_body_s)
+                );
+                rows.push(Measured { row, machine: machine.clone() });
+            }
+            results::write_csv(&folder.join(FILE), &rows)?;
+        }
+        Ok(())
+    }
+}
+
+/// One client, and the way to it.
+struct Way {
+    network: Network,
+    sender: Sender,
+    receiver: Receiver,
+    down: Vec<(u64, Tick, Part)>,
+    up: VecDeque<(u64, dcd::protocol::Heard)>,
+    bytes: u64,
+    datagrams: u64,
+    states: u64,
+    worst: f64,
+}
+
+fn tell(mut run: Run, ticks: u64) -> Result<Vec<Row>, Box<dyn Error>> {
+    let step = run.step;
+    let motion = FreeMotion::of(&step);
+    let way = |network| {
+        let mut receiver = Receiver::default();
+        receiver.set_motion(motion);
+        let (down, up) = (Vec::new(), VecDeque::new());
+        Way {
+            network,
+            sender: Sender::new(motion, 1),
+            receiver,
+            down,
+            up,
+            bytes: 0,
+            datagrams: 0,
+            states: 0,
+            worst: 0.0,
+        }
+    };
+    let mut ways = NETWORKS.map(way);
+    let mut random = Random::new(7);
+    let mut newest = BTreeMap::<BodyId, SharedState>::new();
+    let mut moving = 0;
+    for tick in 1..=ticks {
+        (run.act)(&mut run.world, tick)?;
+        run.world.step()?;
+        let state = |body: dcd::MovableBody| SharedState {
+            id: body.id,
+            owner: RegionId(1),
+            epoch: Epoch(0),
+            pose: body.pose,
+            velocity: body.velocity,
+            sleeping: body.sleeping,
+        };
+        let mut moved = Vec::new();
+        if tick % EVERY == 0 {
+            let is_new = |state: &SharedState| newest.get(&state.id) != Some(state);
+            moved = run.world.movable_bodies().map(state).filter(is_new).collect();
+            newest.extend(moved.iter().map(|state| (state.id, *state)));
+            moving += moved.len();
+        }
+        for way in &mut ways {
+            way.tick(tick, &moved, &newest, &mut random)?;
+        }
+    }
+    let seconds = ticks as f64 * f64::from(step.dt_s);
+    let moving = moving as f64 / (ticks / EVERY) as f64;
+    Ok(ways.iter().map(|way| way.row(run.name, seconds, moving)).collect())
+}
+
+impl Way {
+    fn tick(
+        &mut self,
+        tick: u64,
+        moved: &[SharedState],
+        newest: &BTreeMap<BodyId, SharedState>,
+        random: &mut Random,
+    ) -> Result<(), Box<dyn Error>> {
+        let (now, (_, delay, jitter, loss)) = (Tick(tick), self.network);
+        let clock = Duration::from_secs_f64(tick as f64 / 60.0);
+        let come: Vec<_> = self.down.extract_if(.., |(at, ..)| *at <= tick).collect();
+        for (_, of, part) in come {
+            for told in self.receiver.take_in(clock, of, &part, false)? {
+                let is = newest[&told.id].pose.translation;
+                let off = (0..3).map(|i| (is[i] - told.pose.translation[i]).powi(2)).sum::<f64>().sqrt();
+                self.worst = if of == now { self.worst.max(off) } else { self.worst };
+            }
+        }
+        if let Some(heard) = self.receiver.due(clock, 0) {
+            if !random.chance(loss) {
+                self.up.push_back((tick + delay, heard));
+            }
+        }
+        while let Some((_, heard)) = self.up.pop_front_if(|(at, _)| *at <= tick) {
+            self.sender.hear(now, &heard);
+        }
+        let mut tells: BTreeMap<_, _> =
+            self.sender.overdue(now).iter().filter_map(|id| Some((*id, *newest.get(id)?))).collect();
+        tells.extend(moved.iter().map(|state| (state.id, *state)));
+        let states: Vec<_> = tells.into_values().collect();
+        self.states += states.len() as u64;
+        for part in self.sender.pack(now, now, &states, false, STATES_BYTES) {
+            self.bytes += part.states.len() as u64;
+            self.datagrams += 1;
+            if !random.chance(loss) {
+                self.down.push((tick + delay + random.below(1 + jitter), now, part));
+            }
+        }
+        Ok(())
+    }
+
+    fn row(&self, scene: &str, seconds: f64, moving: f64) -> Row {
+        let Tally { states, wholes, predicted, bits, .. } = *self.receiver.tally();
+        let of = |field: Field| bits[field as usize] / states as f64;
+        let headers = self.datagrams * DATAGRAM_COST;
+        let bytes_per_s = (self.bytes + headers) as f64 / seconds;
+        Row {
+            scene: scene.to_owned(),
+            network: self.network.0.to_owned(),
+            moving,
+            bytes_per_s,
+            bytes_per_moving_body_s: bytes_per_s / moving,
+            states_per_s: self.states as f64 / seconds,
+            predicted_share: predicted as f64 / states as f64,
+            whole_share: wholes as f64 / states as f64,
+            id: of(Field::Id),
+            reference: of(Field::Reference),
+            owner: of(Field::Owner),
+            place: of(Field::Place),
+            turn: of(Field::Turn),
+            velocity: of(Field::Velocity),
+            spin: of(Field::Spin),
+            headers: headers as f64 / self.states as f64,
+            told_error_max_mm: 1e3 * self.worst,
+        }
+    }
+}
+
+fn table(rows: &[Measured<Row>]) -> String {
+    let head = [
+        "scene",
+        "network",
+        "moving bodies",
+        "kbit/s",
+        "bytes/s per moving body",
+        "as predicted",
+        "told anew",
+        "bits of a state: which body",
+        "told against what",
+        "owner",
+        "place",
+        "turn",
+        "velocity",
+        "spin",
+        "headers, bits",
+    ];
+    let percent = |share: f64| format!("{:.0} %", 100.0 * share);
+    let cells = |Measured { row, .. }: &Measured<Row>| {
+        vec![
+            row.scene.clone(),
+            row.network.clone(),
+            short(row.moving),
+            short(row.bytes_per_s * 8e-3),
+            short(row.bytes_per_moving_body_s),
+            percent(row.predicted_share),
+            percent(row.whole_share),
+            short(row.id),
+            short(row.reference),
+            short(row.owner),
+            short(row.place),
+            short(row.turn),
+            short(row.velocity),
+            short(row.spin),
+            short(8.0 * row.headers),
+        ]
+    };
+    page::table(&head, rows.iter().map(cells))
+}

@@ -1,0 +1,179 @@
+//! Chooses what a client is told next, within the bytes that its link carries and that it asked for: of more bodies than there is room
+//! for those first that it has most wrong, seen from its avatars, and for longest.
+
+use std::collections::BTreeSet;
+
+use super::interest::Latest;
+use crate::delta::{FreeMotion, Sender};
+use crate::protocol::{Heard, Part, STATES_BYTES, SharedState, link};
+use crate::space::{BodyId, ClientId, Tick};
+
+/// The most bytes of a batch: all of its datagrams wait in the queue of a link at once. What is beyond would push out the first ones.
+const MOST_BYTES: usize = link::DATAGRAM_QUEUE_BYTES * 5 / 8;
+
+/// The fewest bytes that a batch may have come down to, and those of one for a client that is silent.
+const LEAST_BYTES: usize = 1_000;
+
+/// What may wait for the link when a batch follows, bytes. If nothing ever waited, QUIC would not learn what the link carries, and
+/// would send ever more slowly what there is; at twice as much the oldest are dropped.
+const WAITING_BYTES: usize = link::DATAGRAM_QUEUE_BYTES / 2;
+
+/// What a datagram costs beside its states: headers of UDP, QUIC and the message.
+const DATAGRAM_COST: usize = 90;
+
+/// The seconds whose bytes a client that was told little may be sent at once.
+const SAVED_S: f64 = 0.1;
+
+/// What a body counts though it is where the client has it, metres: so that all have their turn.
+const LEAST_ERROR_M: f64 = 0.002;
+
+/// The error of a body that the client was never told of, metres.
+const UNTOLD_ERROR_M: f64 = 10.0;
+
+/// Bodies nearer to an avatar than this are equally near, metres: it touches them, or could.
+const NEAR_M: f64 = 2.0;
+
+/// The link to a client, beginning with what it has been told.
+#[derive(Clone, Debug)]
+pub(super) struct Channel {
+    client: ClientId,
+    sender: Sender,
+    /// Bodies that it is still to be told of.
+    waiting: BTreeSet<BodyId>,
+    /// The bytes of a batch that the link carries until the next one.
+    carried: usize,
+    /// The bytes a second that the client asked for; 0: as many as the link carries.
+    asked: u32,
+    /// What may be sent at once of what the client asked for, and the tick at which that was so.
+    allowed: (f64, Tick),
+    /// What a body has taken lately, bytes.
+    body_bytes: f64,
+}
+
+impl Channel {
+    /// Returns that of a client that knows nothing of what is sent in this series.
+    pub(super) fn new(client: ClientId, motion: FreeMotion, series: u32) -> Self {
+        Self {
+            client,
+            sender: Sender::new(motion, series),
+            waiting: BTreeSet::new(),
+            carried: MOST_BYTES,
+            asked: 0,
+            allowed: (0.0, Tick(0)),
+            body_bytes: 20.0,
+        }
+    }
+
+    /// Notes how many bytes of the batches before still waited for the link when one was sent: batches become smaller while that is
+    /// much, and larger again while it is not.
+    pub(super) fn adapt(&mut self, waiting_bytes: usize) {
+        self.carried = match waiting_bytes > WAITING_BYTES {
+            true => (self.carried * 3 / 4).max(LEAST_BYTES),
+            false => (self.carried + self.carried / 16).min(MOST_BYTES),
+        };
+    }
+
+    /// Takes in what the client has acknowledged.
+    pub(super) fn hear(&mut self, now: Tick, heard: &Heard, latest: &Latest) {
+        self.asked = heard.bytes_per_s;
+        if self.sender.hear(now, heard) {
+            self.waiting.extend(latest.keys());
+        }
+    }
+
+    pub(super) fn forget(&mut self, id: BodyId) {
+        self.sender.forget(id);
+        self.waiting.remove(&id);
+    }
+
+    /// Returns whether anything waits to be told, or to be told again.
+    pub(super) fn waits(&mut self, now: Tick) -> bool {
+        self.waiting.extend(self.sender.overdue(now));
+        !self.waiting.is_empty()
+    }
+
+    /// Returns the bytes that a batch may take now.
+    fn room(&mut self, now: Tick, dt_s: f64) -> usize {
+        if self.sender.is_silent(now) {
+            return LEAST_BYTES;
+        }
+        if self.asked == 0 {
+            return self.carried;
+        }
+        let (saved, since) = self.allowed;
+        let rate = f64::from(self.asked);
+        let earned = saved + rate * dt_s * now.0.saturating_sub(since.0) as f64;
+        self.allowed = (earned.min(rate * SAVED_S), now);
+        self.carried.min(self.allowed.0.max(0.0) as usize)
+    }
+
+    /// Returns the bodies to tell of now, in id order: of these, and of those that wait.
+    pub(super) fn choose(
+        &mut self,
+        (now, dt_s): (Tick, f64),
+        bodies: impl IntoIterator<Item = BodyId>,
+        latest: &Latest,
+    ) -> Vec<SharedState> {
+        self.waiting.extend(bodies);
+        let room = self.room(now, dt_s) as f64;
+        let datagrams = (room / (STATES_BYTES + DATAGRAM_COST) as f64).ceil();
+        let count = ((room - datagrams * DATAGRAM_COST as f64) / self.body_bytes).max(0.0) as usize;
+        let known = |id: &BodyId| latest.get(id).copied();
+        if self.waiting.len() <= count {
+            return std::mem::take(&mut self.waiting)
+                .iter()
+                .filter_map(known)
+                .map(|(state, _)| state)
+                .collect();
+        }
+        if count == 0 {
+            return Vec::new();
+        }
+        let own = BodyId::avatar(self.client, 0)..=BodyId::avatar(self.client, u32::MAX);
+        let avatars: Vec<_> = latest.range(own).map(|(_, (state, _))| state.pose.translation).collect();
+        let mut ranked: Vec<_> = self
+            .waiting
+            .iter()
+            .filter_map(|id| known(id))
+            .map(|(state, tick)| (self.urgency(now, &state, tick, &avatars), state))
+            .collect();
+        if count < ranked.len() {
+            ranked.select_nth_unstable_by(count - 1, |a, b| b.0.total_cmp(&a.0).then(a.1.id.cmp(&b.1.id)));
+            ranked.truncate(count);
+        }
+        let mut told: Vec<_> = ranked.into_iter().map(|(_, state)| state).collect();
+        told.sort_unstable_by_key(|state| state.id);
+        for state in &told {
+            self.waiting.remove(&state.id);
+        }
+        told
+    }
+
+    /// Returns how much it matters that the client is told of a body: its error as seen from the nearest avatar, and the ticks since it
+    /// was told last.
+    fn urgency(&self, now: Tick, state: &SharedState, tick: Tick, avatars: &[[f64; 3]]) -> f64 {
+        if state.id.client() == Some(self.client) {
+            return f64::INFINITY;
+        }
+        let away = |at: &[f64; 3]| {
+            (0..3).map(|axis| (at[axis] - state.pose.translation[axis]).powi(2)).sum::<f64>().sqrt()
+        };
+        let nearest = avatars.iter().map(away).reduce(f64::min).unwrap_or(0.0);
+        let (error, since) = self.sender.error_m(state, tick).unwrap_or((UNTOLD_ERROR_M, Tick(0)));
+        let age = now.0.saturating_sub(since.0).min(1_000) as f64;
+        (LEAST_ERROR_M + error) * (1.0 + age) / (NEAR_M + nearest)
+    }
+
+    /// Codes the states that were chosen, as they were after a tick.
+    pub(super) fn pack(&mut self, now: Tick, tick: Tick, states: &[SharedState], guesses: bool) -> Vec<Part> {
+        let parts = self.sender.pack(now, tick, states, guesses, STATES_BYTES);
+        let bytes: usize = parts.iter().map(|part| part.states.len()).sum();
+        if !guesses && !states.is_empty() {
+            let each = bytes as f64 / states.len() as f64;
+            // Rather too few than too many.
+            self.body_bytes = each.max(self.body_bytes + (each - self.body_bytes) / 8.0);
+            self.allowed.0 -= (bytes + parts.len() * DATAGRAM_COST) as f64;
+        }
+        parts
+    }
+}

@@ -1,0 +1,23 @@
+//! Tells clients the states of bodies in few bytes (delta compression): numbers are quantised, predicted from a state of the body that
+//! the client has acknowledged, and the difference is coded by a range coder under models that adapt (the crate `constriction`).
+//!
+//! - [`Sender`], one for each client of a leader, knows which states the client has. A state within a step or so of what the client
+//!   predicts is told as predicted, for about a bit.
+//! - [`Receiver`], the client's, keeps what later states may refer to, and acknowledges datagrams.
+//!
+//! A datagram that is lost costs bytes only: later ones refer to what was acknowledged. Who computes a body keeps full precision; a
+//! client shows what it was told: positions within 0.75 mm, turns within 4 mrad, speeds within 5 mm/s and 10 mrad/s.
+
+mod coder;
+mod free_motion;
+mod model;
+mod quantise;
+mod receiver;
+mod sender;
+#[cfg(test)]
+mod tests;
+
+pub use coder::Field;
+pub use free_motion::FreeMotion;
+pub use receiver::{Receiver, Tally};
+pub use sender::Sender;

@@ -1,0 +1,215 @@
+//! Reads the states of bodies that a [`Sender`](super::Sender) wrote, and acknowledges what has come.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::time::Duration;
+
+use super::coder::{Field, Models, Reader};
+use super::free_motion::FreeMotion;
+use super::quantise::Quantised;
+use super::sender::MAX_BODIES;
+use crate::protocol::{CodecError, Heard, MAX_HEARD, Part, SharedState};
+use crate::space::{BodyId, Tick};
+
+/// The time for which an acknowledgement waits for more datagrams that it could name.
+const GATHER: Duration = Duration::from_millis(10);
+
+/// The most states of a body that are kept: more than a sender refers to.
+const KEPT: usize = 64;
+
+/// Datagrams may overtake one another by as many batches.
+const OVERTAKEN: u32 = 16;
+
+/// The ticks after which nothing refers any more to a body that is gone.
+const FORGOTTEN_TICKS: u64 = 600;
+
+/// The end of one leader's link at which states arrive.
+#[derive(Clone, Debug, Default)]
+pub struct Receiver {
+    motion: Option<FreeMotion>,
+    series: Option<u32>,
+    bodies: BTreeMap<BodyId, VecDeque<Version>>,
+    /// Bodies that are gone, and the ticks of their newest states.
+    gone: VecDeque<(u64, BodyId)>,
+    /// Datagrams that have come and are not acknowledged: the first of so many each.
+    come: Vec<(u32, u32)>,
+    due: Option<Duration>,
+    lost: bool,
+    tally: Tally,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Version {
+    batch: u32,
+    tick: u64,
+    state: Quantised,
+}
+
+/// What states have cost so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Tally {
+    /// Datagrams of states.
+    pub datagrams: u64,
+    /// States of bodies in them.
+    pub states: u64,
+    /// Of which this many were told without anything to tell them against.
+    pub wholes: u64,
+    /// Of which this many were as predicted.
+    pub predicted: u64,
+    /// The bits of each [`Field`], in order.
+    pub bits: [f64; Field::ALL.len()],
+}
+
+impl Receiver {
+    /// Says how bodies move freely in the world of which states come.
+    pub fn set_motion(&mut self, motion: FreeMotion) {
+        if self.motion.replace(motion) != Some(motion) {
+            self.reset();
+        }
+    }
+
+    /// Forgets what it was told: another leader has other series.
+    pub fn reset(&mut self) {
+        let (motion, tally) = (self.motion, self.tally);
+        *self = Self { motion, tally, ..Self::default() };
+    }
+
+    /// Forgets a body that is gone, some time later: states that were sent before may be on their way.
+    pub fn forget(&mut self, id: BodyId) {
+        if let Some(newest) = self.bodies.get(&id).and_then(VecDeque::back) {
+            self.gone.push_back((newest.tick, id));
+        }
+    }
+
+    fn sweep(&mut self, tick: Tick) {
+        while let Some(&(newest, id)) = self.gone.front()
+            && newest + FORGOTTEN_TICKS < tick.0
+        {
+            self.gone.pop_front();
+            if self.bodies.get(&id).is_some_and(|known| known.back().is_none_or(|it| it.tick <= newest)) {
+                self.bodies.remove(&id);
+            }
+        }
+    }
+
+    /// Returns what states have cost so far.
+    pub fn tally(&self) -> &Tally {
+        &self.tally
+    }
+
+    /// Reads the states of a datagram, as they were after a tick; none, if it is one of an earlier series. Guesses are not kept.
+    pub fn take_in(
+        &mut self,
+        now: Duration,
+        tick: Tick,
+        part: &Part,
+        guesses: bool,
+    ) -> Result<Vec<SharedState>, CodecError> {
+        let Some(motion) = self.motion else { return Ok(Vec::new()) };
+        match self.series {
+            Some(series) if part.series < series => return Ok(Vec::new()),
+            Some(series) if part.series == series => {}
+            _ => {
+                self.reset();
+                self.series = Some(part.series);
+            }
+        }
+        let read = self.read(&motion, tick, part);
+        match &read {
+            Err(_) => {
+                self.lost = true;
+                self.due = Some(now);
+            }
+            Ok(_) if guesses => {}
+            Ok(states) => {
+                self.keep(tick, part.batch, states);
+                self.sweep(tick);
+                self.acknowledge(part.number);
+                self.due.get_or_insert(now + GATHER);
+            }
+        }
+        Ok(read?.into_iter().map(|(state, ..)| state).collect())
+    }
+
+    fn read(
+        &mut self,
+        motion: &FreeMotion,
+        tick: Tick,
+        part: &Part,
+    ) -> Result<Vec<(SharedState, u32, Quantised)>, CodecError> {
+        let (count, bytes) = part.states.split_first_chunk::<2>().ok_or(CodecError::Compact)?;
+        let count = usize::from(u16::from_le_bytes(*count));
+        if count > MAX_BODIES {
+            return Err(CodecError::Compact);
+        }
+        let (mut reader, mut models) = (Reader::new(bytes)?, Models::new());
+        let (mut id, mut before) = (BodyId::default(), Quantised::default());
+        let mut states = Vec::with_capacity(count);
+        let (mut wholes, mut predicted) = (0, 0);
+        for _ in 0..count {
+            id = models.id(&mut reader, id, BodyId::default())?;
+            let batches = models.batches(&mut reader, 0)?;
+            let batch = part.batch.wrapping_sub(batches);
+            before = if batches == 0 {
+                wholes += 1;
+                models.whole(&mut reader, &before, &Quantised::default())?
+            } else {
+                let versions = self.bodies.get(&id).ok_or(CodecError::Compact)?;
+                let known = versions.iter().find(|version| version.batch == batch);
+                let known = known.filter(|known| known.tick <= tick.0).ok_or(CodecError::Compact)?;
+                let ticks = tick.0 - known.tick;
+                let guesses = std::array::from_fn(|guess| motion.guess(&known.state, ticks, guess));
+                let read = models.changed(&mut reader, &guesses, &Quantised::default())?;
+                predicted += u64::from(guesses.contains(&read));
+                read
+            };
+            states.push((before.state(id)?, batch, before));
+        }
+        self.tally.datagrams += 1;
+        self.tally.states += count as u64;
+        self.tally.wholes += wholes;
+        self.tally.predicted += predicted;
+        for (all, bits) in self.tally.bits.iter_mut().zip(reader.bits) {
+            *all += bits;
+        }
+        Ok(states)
+    }
+
+    /// Keeps states that later ones may refer to, and no longer those before what these referred to.
+    fn keep(&mut self, tick: Tick, batch: u32, states: &[(SharedState, u32, Quantised)]) {
+        for (state, reference, quantised) in states {
+            let versions = self.bodies.entry(state.id).or_default();
+            let is_past = |version: &Version| {
+                // What is told against nothing says nothing of what is acknowledged.
+                *reference != batch && (reference.wrapping_sub(version.batch) as i32) > OVERTAKEN as i32
+            };
+            versions.retain(|version| !is_past(version));
+            if versions.len() == KEPT {
+                versions.pop_front();
+            }
+            versions.push_back(Version { batch, tick: tick.0, state: *quantised });
+        }
+    }
+
+    fn acknowledge(&mut self, number: u32) {
+        match self.come.last_mut() {
+            Some((first, count)) if first.wrapping_add(*count) == number => *count += 1,
+            _ => self.come.push((number, 1)),
+        }
+        if self.come.len() > MAX_HEARD {
+            self.come.remove(0);
+        }
+    }
+
+    /// Returns when an acknowledgement is due.
+    pub fn timeout(&self) -> Option<Duration> {
+        self.due
+    }
+
+    /// Returns the acknowledgement, if one is due.
+    pub fn due(&mut self, now: Duration, bytes_per_s: u32) -> Option<Heard> {
+        self.due.take_if(|due| *due <= now)?;
+        let datagrams = std::mem::take(&mut self.come);
+        let lost = std::mem::take(&mut self.lost);
+        Some(Heard { series: self.series?, datagrams, lost, bytes_per_s })
+    }
+}

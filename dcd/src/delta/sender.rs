@@ -1,0 +1,291 @@
+//! Writes the states of bodies for one client, against those that it has acknowledged.
+
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+
+use super::coder::{Models, Writer};
+use super::free_motion::{FreeMotion, GUESSES};
+use super::quantise::Quantised;
+use crate::protocol::{Heard, Part, SharedState};
+use crate::space::{BodyId, Tick};
+
+/// No datagram has more bodies, however few bits they take.
+pub(super) const MAX_BODIES: usize = 1_024;
+
+/// The most bytes of one body's code: all numbers at their longest, under models that expect something else.
+const LONGEST_BYTES: usize = 180;
+
+/// The bytes of the count, and of the coder's last words.
+const FRAME_BYTES: usize = 2 + 8;
+
+/// Datagrams of which is known whether they were acknowledged. What was sent before them is taken for lost.
+const REMEMBERED: usize = 4_096;
+
+/// States of a body that are kept while they wait to be acknowledged. The receiver keeps more.
+const KEPT: usize = 48;
+
+/// The ticks that a state which nothing newer follows waits to be acknowledged, before it is sent again: at least these, and twice
+/// as many as acknowledgements took.
+const PATIENCE_TICKS: f64 = 6.0;
+
+/// The ticks without an acknowledgement after which a client is taken to be gone, or cut off.
+const SILENCE_TICKS: u64 = 60;
+
+/// One client's sender. Time is counted in ticks of the world.
+#[derive(Clone, Debug)]
+pub struct Sender {
+    motion: FreeMotion,
+    series: u32,
+    batch: u32,
+    /// Of the next datagram.
+    number: u32,
+    /// The newest datagrams, up to the one before the next.
+    flights: VecDeque<Flight>,
+    bodies: BTreeMap<BodyId, History>,
+    /// Bodies whose newest state is not acknowledged.
+    unheard: BTreeSet<BodyId>,
+    /// What acknowledgements take, ticks.
+    delay_ticks: f64,
+    /// When the client last acknowledged anything, or the first datagram since then was sent.
+    waits_since: Option<u64>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Flight {
+    sent: u64,
+    heard: bool,
+}
+
+/// The states of a body that a client may have.
+#[derive(Clone, Debug, Default)]
+struct History {
+    /// The newest that it has.
+    known: Option<Version>,
+    /// Later ones.
+    sent: VecDeque<Version>,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Version {
+    batch: u32,
+    number: u32,
+    tick: u64,
+    state: Quantised,
+}
+
+impl History {
+    /// Returns whether the newest state is acknowledged.
+    fn settle(&mut self, flights: &Flights<'_>) -> bool {
+        if let Some(at) = self.sent.iter().rposition(|version| flights.is_heard(version.number)) {
+            self.known = self.sent.drain(..=at).next_back();
+        }
+        self.sent.is_empty()
+    }
+}
+
+/// The datagrams of which is known whether they were acknowledged.
+struct Flights<'a> {
+    next: u32,
+    flights: &'a VecDeque<Flight>,
+}
+
+impl Flights<'_> {
+    fn is_heard(&self, number: u32) -> bool {
+        let before = self.next.wrapping_sub(number) as usize;
+        let at = self.flights.len().checked_sub(before);
+        at.and_then(|at| self.flights.get(at)).is_some_and(|flight| flight.heard)
+    }
+}
+
+impl Sender {
+    /// Returns one that knows nothing of its client. A later series has a higher number.
+    pub fn new(motion: FreeMotion, series: u32) -> Self {
+        Self {
+            motion,
+            series,
+            batch: 0,
+            number: 0,
+            flights: VecDeque::new(),
+            bodies: BTreeMap::new(),
+            unheard: BTreeSet::new(),
+            delay_ticks: 0.0,
+            waits_since: None,
+        }
+    }
+
+    /// Returns the number of its series.
+    pub fn series(&self) -> u32 {
+        self.series
+    }
+
+    /// Writes a batch of states of one tick, in id order, into as few parts as fit this many bytes each. Guesses are not referred to later.
+    ///
+    /// # Panics
+    /// When not even one body fits.
+    pub fn pack(
+        &mut self,
+        now: Tick,
+        tick: Tick,
+        states: &[SharedState],
+        guesses: bool,
+        limit: usize,
+    ) -> Vec<Part> {
+        assert!(limit >= FRAME_BYTES + LONGEST_BYTES, "a part of {limit} bytes cannot hold a body");
+        self.batch = self.batch.wrapping_add(1);
+        let mut states = states.iter().peekable();
+        let mut parts = Vec::new();
+        while states.peek().is_some() {
+            let number = self.number;
+            if !guesses {
+                self.number = self.number.wrapping_add(1);
+                self.flights.push_back(Flight { sent: now.0, heard: false });
+                if self.flights.len() > REMEMBERED {
+                    self.flights.pop_front();
+                }
+                self.waits_since.get_or_insert(now.0);
+            }
+            let (mut writer, mut models, mut count) = (Writer::new(), Models::new(), 0u16);
+            let (mut id, mut before) = (BodyId::default(), Quantised::default());
+            while let Some(state) = states.peek() {
+                before = self.write(&mut writer, &mut models, (id, &before), state, (tick, number, guesses));
+                id = state.id;
+                count += 1;
+                states.next();
+                let room = limit.saturating_sub(2 + writer.len());
+                if usize::from(count) == MAX_BODIES || room < LONGEST_BYTES {
+                    break;
+                }
+            }
+            let mut states = count.to_le_bytes().to_vec();
+            states.extend(writer.into_bytes());
+            parts.push(Part { series: self.series, batch: self.batch, number, states });
+        }
+        parts
+    }
+
+    fn write(
+        &mut self,
+        writer: &mut Writer,
+        models: &mut Models,
+        (id, before): (BodyId, &Quantised),
+        state: &SharedState,
+        (tick, number, guesses): (Tick, u32, bool),
+    ) -> Quantised {
+        let history = self.bodies.entry(state.id).or_default();
+        let flights = Flights { next: self.number, flights: &self.flights };
+        history.settle(&flights);
+        let known = history.known.filter(|known| known.batch != self.batch && known.tick <= tick.0);
+        let body = Quantised::of(state, known.map(|known| known.state.left_out));
+        let batches = known.map_or(0, |known| self.batch.wrapping_sub(known.batch));
+        let read = models.id(writer, id, state.id).and_then(|_| {
+            models.batches(writer, batches)?;
+            match known {
+                Some(known) => {
+                    let ticks = tick.0 - known.tick;
+                    let guesses = std::array::from_fn(|guess| self.motion.guess(&known.state, ticks, guess));
+                    models.changed(writer, &guesses, &body)
+                }
+                None => models.whole(writer, before, &body),
+            }
+        });
+        let read = read.expect("memory takes all");
+        if !guesses {
+            if history.sent.len() == KEPT {
+                history.sent.pop_front();
+            }
+            history.sent.push_back(Version { batch: self.batch, number, tick: tick.0, state: read });
+            self.unheard.insert(state.id);
+        }
+        read
+    }
+
+    /// Takes in what the client has acknowledged. Returns whether it does not understand what it is told: then a new series has begun,
+    /// which refers to nothing, and the newest states of all bodies are to be sent again.
+    pub fn hear(&mut self, now: Tick, heard: &Heard) -> bool {
+        if heard.series != self.series {
+            return false;
+        }
+        if heard.lost {
+            let series = self.series.wrapping_add(1);
+            *self = Self { delay_ticks: self.delay_ticks, ..Self::new(self.motion, series) };
+            return true;
+        }
+        self.waits_since = None;
+        let mut newest = None;
+        for &(first, count) in &heard.datagrams {
+            for number in (0..count.min(REMEMBERED as u32)).map(|i| first.wrapping_add(i)) {
+                let before = self.number.wrapping_sub(number) as usize;
+                let Some(at) = self.flights.len().checked_sub(before) else { continue };
+                if let Some(flight) = self.flights.get_mut(at).filter(|flight| !flight.heard) {
+                    flight.heard = true;
+                    newest = Some(flight.sent);
+                }
+            }
+        }
+        if let Some(sent) = newest {
+            let took = now.0.saturating_sub(sent) as f64;
+            self.delay_ticks += (took - self.delay_ticks) / 8.0;
+        }
+        false
+    }
+
+    /// Returns the bodies whose newest state was sent so long ago that its acknowledgement should have come, and had not.
+    pub fn overdue(&mut self, now: Tick) -> Vec<BodyId> {
+        let flights = Flights { next: self.number, flights: &self.flights };
+        let patience = PATIENCE_TICKS.max(2.0 * self.delay_ticks) as u64;
+        let sent_at = |number: u32| {
+            let before = self.number.wrapping_sub(number) as usize;
+            self.flights.len().checked_sub(before).and_then(|at| self.flights.get(at)).map_or(0, |f| f.sent)
+        };
+        let mut overdue = Vec::new();
+        let bodies = &mut self.bodies;
+        self.unheard.retain(|id| {
+            let Some(history) = bodies.get_mut(id) else { return false };
+            if history.settle(&flights) {
+                return false;
+            }
+            if history.sent.back().is_none_or(|version| sent_at(version.number) + patience <= now.0) {
+                overdue.push(*id);
+            }
+            true
+        });
+        overdue
+    }
+
+    /// Returns whether the client has acknowledged nothing for long, though there was something to: what waited to be is then
+    /// forgotten, and counts as lost.
+    pub fn is_silent(&mut self, now: Tick) -> bool {
+        let is_silent = self.waits_since.is_some_and(|since| since + SILENCE_TICKS < now.0);
+        if is_silent && self.flights.len() > SILENCE_TICKS as usize {
+            self.flights.clear();
+            for id in &self.unheard {
+                self.bodies.entry(*id).or_default().sent = VecDeque::new();
+            }
+        }
+        is_silent
+    }
+
+    /// Returns how far a body is from where its client has it by now, metres, if it received all and takes it to move freely; and when it
+    /// was sent last. `None`: it was never sent.
+    pub fn error_m(&self, state: &SharedState, tick: Tick) -> Option<(f64, Tick)> {
+        let history = self.bodies.get(&state.id)?;
+        let version = history.sent.back().or(history.known.as_ref())?;
+        let ticks = tick.0.saturating_sub(version.tick);
+        let off = |guess: usize| {
+            let guess = self.motion.guess(&version.state, ticks, guess).place_m();
+            (0..3).map(|axis| (guess[axis] - state.pose.translation[axis]).powi(2)).sum::<f64>().sqrt()
+        };
+        Some(((0..GUESSES).map(off).fold(f64::INFINITY, f64::min), Tick(version.tick)))
+    }
+
+    /// Returns how many states wait to be acknowledged.
+    #[cfg(test)]
+    pub(super) fn waiting_states(&self) -> usize {
+        self.bodies.values().map(|history| history.sent.len()).sum()
+    }
+
+    /// Forgets a body that is gone.
+    pub fn forget(&mut self, id: BodyId) {
+        self.bodies.remove(&id);
+        self.unheard.remove(&id);
+    }
+}

@@ -455,6 +455,7 @@ public:
         });
     }
     /* A radius of 0 is everything. */
+    Status bandwidth_set(std::uint32_t bytes_per_second) { return Status(dcd_bandwidth_set(world_, bytes_per_second)); }
     Status interest_set(const Point &centre, double radius) { return Status(dcd_interest_set(world_, centre.data(), radius)); }
     Result<std::vector<BorderInfo>> borders() const
     {

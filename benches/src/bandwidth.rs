@@ -16,6 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::machine::Machine;
 use crate::page;
+use crate::pushed;
 use crate::results::{self, Measured, short};
 
 const FILE: &str = "bandwidth.csv";
@@ -75,50 +76,23 @@ const NETWORKS: [Network; 4] = [
     ("200 ± 20 ms, 1 % lost", 12, 2, 0.01),
 ];
 
-/// A world, and what is done in it before each tick.
 struct Run {
     name: &'static str,
     world: World,
     step: StepRecord,
-    act: Box<dyn FnMut(&mut World, u64) -> Result<(), dcd::Error>>,
 }
 
 fn scenes() -> Result<Vec<Run>, Box<dyn Error>> {
-    let mut runs = vec![pushed()?];
+    let step = pushed::config().step.record();
+    let mut runs = vec![Run { name: "pushed", world: pushed::world()?, step }];
     for (name, key, n) in [("dve", "n", "1000"), ("drum", "n", "300"), ("heap", "n", "1000")] {
         let Ok(scene) = Scene::open(name, &Params::new().with(key, n)) else { continue };
         let config = WorldConfig { partitioning: Partitioning::Regions(2), ..WorldConfig::for_scene(&scene) };
         let step = config.step.record();
         let world = World::from_scene(&scene, config)?;
-        runs.push(Run { name, world, step, act: Box::new(|_, _| Ok(())) });
+        runs.push(Run { name, world, step });
     }
     Ok(runs)
-}
-
-/// 900 cubes that lie on a plane, and one that is driven through them.
-fn pushed() -> Result<Run, Box<dyn Error>> {
-    let config = WorldConfig::default();
-    let step = config.step.record();
-    let mut world = World::new(config)?;
-    world.insert(
-        RigidBodyBuilder::fixed().translation(Vector::new(0.0, -0.5, 0.0)),
-        ColliderBuilder::cuboid(50.0, 0.5, 50.0),
-    )?;
-    for i in 0..900 {
-        let at = Vector::new((i % 30) as f32 - 14.5, 0.2, (i / 30) as f32 - 14.5);
-        world.insert(RigidBodyBuilder::dynamic().translation(at), ColliderBuilder::cuboid(0.2, 0.2, 0.2))?;
-    }
-    let player = world.insert(
-        RigidBodyBuilder::dynamic().translation(Vector::new(0.0, 0.75, -18.0)),
-        ColliderBuilder::cuboid(0.75, 0.75, 0.75),
-    )?;
-    let act = move |world: &mut World, tick: u64| {
-        let phase = tick as f32 / 60.0;
-        let way = [6.0 * (0.7 * phase).cos(), 0.0, 6.0 * (0.5 * phase).sin() + 1.0];
-        let spin = [way[2] / 1.5, 0.0, -way[0] / 1.5];
-        world.set_velocity(player, Velocity { linear: way, angular: spin })
-    };
-    Ok(Run { name: "pushed", world, step, act: Box::new(act) })
 }
 
 impl Bandwidth {
@@ -189,7 +163,6 @@ fn tell(mut run: Run, ticks: u64) -> Result<Vec<Row>, Box<dyn Error>> {
     let mut newest = BTreeMap::<BodyId, SharedState>::new();
     let mut moving = 0;
     for tick in 1..=ticks {
-        (run.act)(&mut run.world, tick)?;
         run.world.step()?;
         let state = |body: dcd::MovableBody| SharedState {
             id: body.id,
@@ -233,10 +206,10 @@ impl Way {
                 self.worst = if of == now { self.worst.max(off) } else { self.worst };
             }
         }
-        if let Some(heard) = self.receiver.due(clock, 0) {
-            if !random.chance(loss) {
-                self.up.push_back((tick + delay, heard));
-            }
+        if let Some(heard) = self.receiver.due(clock, 0)
+            && !random.chance(loss)
+        {
+            self.up.push_back((tick + delay, heard));
         }
         while let Some((_, heard)) = self.up.pop_front_if(|(at, _)| *at <= tick) {
             self.sender.hear(now, &heard);

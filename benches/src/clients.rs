@@ -18,6 +18,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::machine::Machine;
 use crate::page;
+use crate::pushed;
 use crate::results::{self, Measured, short};
 
 const FILE: &str = "clients.csv";
@@ -46,6 +47,8 @@ pub(crate) struct Clients {
 struct Row {
     scene: String,
     network: String,
+    /// 0: none.
+    limit_bytes_per_s: u32,
     bodies: usize,
     moving: f64,
     bytes_per_s: f64,
@@ -66,8 +69,11 @@ struct Row {
     frames_per_s: f64,
 }
 
-const SCENES: [(&str, &[(&str, &str)]); 3] =
-    [("dve", &[("n", "1000")]), ("drum", &[("n", "300")]), ("dve", &[("n", "5000")])];
+/// Scenes by name and count; the first is measured with limits too.
+const SCENES: [(&str, &str); 4] = [("pushed", "901"), ("dve", "1000"), ("drum", "300"), ("dve", "5000")];
+
+/// What a client may be sent, bytes a second; 0: as much as the link carries.
+const LIMITS: [u32; 4] = [0, 16_000, 8_000, 4_000];
 
 fn networks() -> [(&'static str, Weather); 5] {
     let ms = Duration::from_millis;
@@ -97,29 +103,39 @@ impl Clients {
         let machine = Machine::here();
         let seconds = Duration::from_secs(if self.quick { 1 } else { self.seconds });
         let mut rows = Vec::new();
-        for (name, params) in SCENES.into_iter().take(if self.quick { 1 } else { SCENES.len() }) {
+        for (i, (name, n)) in SCENES.into_iter().enumerate().take(if self.quick { 1 } else { SCENES.len() }) {
             for (network, weather) in networks().into_iter().take(if self.quick { 2 } else { 9 }) {
-                let params = params.iter().fold(Params::new(), |all, (key, value)| all.with(key, value));
-                let scene = Scene::open(name, &params)?;
-                let row = see(&scene, name, network, weather, seconds)?;
-                eprintln!("{name}, {network}: {} mm off", short(row.shown_error_p99_mm));
-                rows.push(Measured { row, machine: machine.clone() });
-                results::write_csv(&folder.join(FILE), &rows)?;
+                for limit in LIMITS.into_iter().take(if i > 0 || self.quick { 1 } else { LIMITS.len() }) {
+                    let row = see(world(name, n)?, (name, network, limit), weather, seconds)?;
+                    eprintln!(
+                        "{name}, {network}, {limit}: {} mm off, {} B/s",
+                        short(row.shown_error_p99_mm),
+                        short(row.bytes_per_s)
+                    );
+                    rows.push(Measured { row, machine: machine.clone() });
+                    results::write_csv(&folder.join(FILE), &rows)?;
+                }
             }
         }
         Ok(())
     }
 }
 
+fn world(name: &str, n: &str) -> Result<World, Box<dyn Error>> {
+    if name == "pushed" {
+        return Ok(pushed::world()?);
+    }
+    let scene = Scene::open(name, &Params::new().with("n", n))?;
+    let config = WorldConfig { partitioning: Partitioning::Regions(2), ..WorldConfig::for_scene(&scene) };
+    Ok(World::from_scene(&scene, config)?)
+}
+
 fn see(
-    scene: &Scene,
-    name: &str,
-    network: &str,
+    local: World,
+    (name, network, limit): (&str, &str, u32),
     weather: Weather,
     seconds: Duration,
 ) -> Result<Row, Box<dyn Error>> {
-    let config = WorldConfig { partitioning: Partitioning::Regions(2), ..WorldConfig::for_scene(scene) };
-    let local = World::from_scene(scene, config)?;
     let data = tempfile::tempdir()?;
     let server = local.serve_copy(ServeConfig::new(data.path()))?;
     let join = |role| -> Result<JoinConfig, Box<dyn Error>> {
@@ -132,6 +148,7 @@ fn see(
     let node = World::join_as_node(&at)?;
     proxy.set(weather);
     let client = ClientWorld::connect(&join(JoinRole::Client)?)?;
+    client.limit((limit > 0).then_some(limit))?;
     if !client.wait_update(0, PATIENCE) {
         return Err("the world does not begin".into());
     }
@@ -181,6 +198,7 @@ fn see(
     Ok(Row {
         scene: name.to_owned(),
         network: network.to_owned(),
+        limit_bytes_per_s: limit,
         bodies: frames.first().map_or(0, |frame| frame.bodies.len()),
         moving,
         bytes_per_s,
@@ -203,7 +221,9 @@ fn table(rows: &[Measured<Row>]) -> String {
     let head = [
         "scene",
         "network",
+        "limit, kbit/s",
         "moving bodies",
+        "kbit/s",
         "bytes/s per moving body",
         "newest state, p50 and p99 ms old",
         "shown behind the world, ms",
@@ -216,7 +236,13 @@ fn table(rows: &[Measured<Row>]) -> String {
         vec![
             row.scene.clone(),
             row.network.clone(),
+            if row.limit_bytes_per_s == 0 {
+                "–".into()
+            } else {
+                short(8e-3 * f64::from(row.limit_bytes_per_s))
+            },
             format!("{} of {}", short(row.moving), row.bodies),
+            short(8e-3 * row.bytes_per_s),
             short(row.bytes_per_moving_body_s),
             list(&[row.staleness_p50_ms, row.staleness_p99_ms]),
             short(row.behind_ms),

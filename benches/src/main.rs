@@ -14,6 +14,7 @@ mod maps;
 mod page;
 #[cfg(feature = "peers")]
 mod peers;
+mod pushed;
 mod results;
 mod scale;
 mod speed;

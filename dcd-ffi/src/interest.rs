@@ -1,4 +1,4 @@
-//! Sets the area of interest of a client: the part of a served world that it is told of.
+//! Sets the area of interest of a client, the part of a served world that it is told of, and how many bytes that may cost.
 
 use dcd::protocol::{Area, WORLD_REACH_M};
 
@@ -39,5 +39,21 @@ pub unsafe extern "C" fn dcd_interest_set(world: DcdWorld, centre: *const f64, r
             Some(Area { centre, radius_m: radius.min(WORLD_REACH_M) })
         };
         with(world, |world| world.dcd.set_interest(area).map_err(Failure::from))
+    })
+}
+
+/// Limits what a client or participant is sent of bodies, in bytes a second with all headers but IP's; 0: as many as the link carries, as
+/// at first. Of more bodies than there is room for, those are told first that are most wrong here, as seen from your avatars, and for
+/// longest; what is not told for a while is shown where it was heard of last, or a little beyond (dcd_view_time). Below some 2,000 bytes
+/// a second little is told but that time goes on. For players at home 16,000 (128 kbit/s) suits some hundred moving bodies near them;
+/// what a scene costs: README, "Bandwidth".
+///
+/// A local world knows all. The limit lasts until it is set again or the world is destroyed.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_NETWORK when the link is gone, DCD_ERR_UNSUPPORTED for a server or a node.
+#[unsafe(no_mangle)]
+pub extern "C" fn dcd_bandwidth_set(world: DcdWorld, bytes_per_second: u32) -> DcdStatus {
+    guard("dcd_bandwidth_set", || {
+        let limit = (bytes_per_second > 0).then_some(bytes_per_second);
+        with(world, |world| world.dcd.set_bandwidth(limit).map_err(Failure::from))
     })
 }

@@ -86,6 +86,8 @@ pub enum ClientEvent {
     Forget(u64),
     /// The user sets the area of interest, or wants to hear of all bodies.
     Interest(Option<Area>),
+    /// The user limits what it is sent of bodies, to so many bytes a second; 0: as many as the link carries.
+    Bandwidth(u32),
     /// The user leaves.
     Leave,
 }
@@ -285,6 +287,10 @@ impl Client {
                 self.asked.remove(&number);
                 self.answers.remove(&number);
             }
+            ClientEvent::Bandwidth(bytes_per_s) => {
+                self.bytes_per_s = bytes_per_s;
+                self.receiver.speak(now);
+            }
             ClientEvent::Leave => self.ask_server(FromClient::Leave),
         }
     }
@@ -315,11 +321,6 @@ impl Client {
     /// Returns the next output, until there is none.
     pub fn poll_output(&mut self) -> Option<ClientOutput> {
         self.outputs.pop_front()
-    }
-
-    /// Limits what it is sent of bodies to so many bytes a second; 0: as many as the link carries.
-    pub fn set_bytes_per_s(&mut self, bytes_per_s: u32) {
-        self.bytes_per_s = bytes_per_s;
     }
 
     /// Returns what states have cost so far.

@@ -3,16 +3,13 @@
 use super::quantise::{Quantised, Rotation};
 use crate::protocol::StepRecord;
 
-/// The ways in which a body may have gone on.
+/// The ways in which a body may have gone on: by the two below, or it has come to a stand.
 pub(super) const GUESSES: usize = 3;
 
 /// It falls freely.
 const FALLS: usize = 0;
 /// It keeps its velocity.
 const GLIDES: usize = 1;
-/// It stands still. The last of the guesses.
-#[cfg(test)]
-pub(super) const STAYS: usize = 2;
 
 /// No guess is made of what happened in more ticks than this: what moved for so long did not do so freely.
 const LONGEST_TICKS: u64 = 120;

@@ -200,6 +200,11 @@ impl Receiver {
         }
     }
 
+    /// Acknowledges now what has come, perhaps nothing, if there is whom to say so.
+    pub fn speak(&mut self, now: Duration) {
+        self.due = self.series.map(|_| now);
+    }
+
     /// Returns when an acknowledgement is due.
     pub fn timeout(&self) -> Option<Duration> {
         self.due

@@ -59,8 +59,8 @@ fn fly(state: &mut SharedState) {
     if state.sleeping {
         return;
     }
-    for axis in 0..3 {
-        let (v, g) = (f64::from(state.velocity.linear[axis]), f64::from(gravity[axis]));
+    for (axis, g) in gravity.map(f64::from).into_iter().enumerate() {
+        let v = f64::from(state.velocity.linear[axis]);
         state.pose.translation[axis] += v * dt + g * dt * dt * (1.0 + parts) / (2.0 * parts);
         state.velocity.linear[axis] = (v + g * dt) as f32;
     }
@@ -124,10 +124,10 @@ fn send(
                 }
             }
         }
-        if let Some(heard) = receiver.due(now, 0) {
-            if random.unit() >= loss {
-                up.push_back((tick + delay, heard));
-            }
+        if let Some(heard) = receiver.due(now, 0)
+            && random.unit() >= loss
+        {
+            up.push_back((tick + delay, heard));
         }
         while up.front().is_some_and(|(at, _)| *at <= tick) {
             sender.hear(Tick(tick), &up.pop_front().unwrap().1);

@@ -10,6 +10,7 @@ use std::net::SocketAddr;
 use super::ending::GIVE_UP;
 use super::{Connections, Member, MemberConfig, NodeSummary, ProcessError};
 use crate::cluster::{BodyView, Client, ClientEvent};
+use crate::delta::Tally;
 use crate::net::{Identity, JoinRole, PeerStats, Token, join};
 use crate::physics::{ShapeError, ShapeLibrary};
 use crate::playback::{Motion, ViewTime};
@@ -250,6 +251,16 @@ impl ClientWorld {
     /// outside stay as last received, and [`BodyView::outside`] says so.
     pub fn turn_to(&self, area: Option<Area>) -> Result<(), ProcessError> {
         self.member.submit(ClientEvent::Interest(area))
+    }
+
+    /// Limits what this process is sent of bodies to so many bytes a second; `None`: as many as the link carries.
+    pub fn limit(&self, bytes_per_s: Option<u32>) -> Result<(), ProcessError> {
+        self.member.submit(ClientEvent::Bandwidth(bytes_per_s.map_or(0, |limit| limit.max(1))))
+    }
+
+    /// Returns what states of bodies have cost so far.
+    pub fn tally(&self) -> Tally {
+        self.member.shared.lock().client.as_ref().map(|client| *client.tally()).unwrap_or_default()
     }
 
     /// Sends a query for rays or shapes to the processes that compute the world; [`ClientWorld::take_answer`] has the answer once

@@ -163,6 +163,16 @@ impl World {
         }
     }
 
+    /// Limits what this process is sent of bodies, in bytes a second with all headers but IP's; `None`: as many as the link carries, as
+    /// at first. Of more bodies than there is room for, those are told first that are most wrong here, as seen from the avatars of this
+    /// process, and for longest. Below some 2,000 bytes a second little is told but that time goes on. A local world knows all.
+    pub fn set_bandwidth(&mut self, bytes_per_s: Option<u32>) -> Result<(), Error> {
+        match &mut self.inner {
+            Inner::Local(_) => Ok(()),
+            Inner::Remote(world) => world.set_bandwidth(bytes_per_s),
+        }
+    }
+
     pub(super) fn alone(&self) -> Option<&LocalWorld> {
         match &self.inner {
             Inner::Local(world) => Some(world),

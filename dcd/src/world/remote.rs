@@ -175,6 +175,10 @@ pub(super) trait Remote: Send + Sync {
         Err(self.unsupported("have an interest", Instead::JoinAsClient))
     }
 
+    fn set_bandwidth(&mut self, _bytes_per_s: Option<u32>) -> Result<(), Error> {
+        Err(self.unsupported("limit what it is sent", Instead::JoinAsClient))
+    }
+
     fn submit(&mut self, _question: Query) -> Result<u64, Error> {
         Err(self.compute("ask by rays, shapes and points", Instead::SubmitQuery))
     }

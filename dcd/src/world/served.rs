@@ -424,6 +424,11 @@ impl Remote for Served {
         Ok(self.world.turn_to(area)?)
     }
 
+    fn set_bandwidth(&mut self, bytes_per_s: Option<u32>) -> Result<(), Error> {
+        self.check_link()?;
+        Ok(self.world.limit(bytes_per_s)?)
+    }
+
     fn own_avatars(&self) -> Vec<BodyId> {
         let own = |id: &BodyId| id.client() == Some(self.world.id());
         let mut ids: Vec<_> = self.bodies.iter().map(|body| body.body.id).filter(own).collect();

@@ -341,6 +341,7 @@ static void hears_of_a_part(const char *server, const char *first, const char *s
     HOLDS(outside(watcher) == 0 && pose_of(watcher, seen).p[1] == 50.0);
     OK(dcd_body_at(watcher, 0, &ground));
 
+    OK(dcd_bandwidth_set(watcher, 200000));
     FAILS(dcd_interest_set(watcher, here, NAN), DCD_ERR_ARGUMENT, "radius");
     FAILS(dcd_interest_set(watcher, NULL, 5.0), DCD_ERR_NULL, "centre");
     here[2] = INFINITY;

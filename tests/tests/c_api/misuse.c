@@ -749,6 +749,8 @@ static void bulk(void)
     EXPECT(dcd_interest_set(world, nowhere, 1.0), DCD_ERR_ARGUMENT);
     EXPECT(dcd_interest_set(world, NULL, NAN), DCD_ERR_ARGUMENT);
     EXPECT(dcd_interest_set((DcdWorld){ 0 }, NULL, 0.0), DCD_ERR_NULL);
+    EXPECT(dcd_bandwidth_set((DcdWorld){ 0 }, 1000), DCD_ERR_NULL);
+    EXPECT(dcd_bandwidth_set(world, 1000), DCD_OK); /* a local world knows all */
     EXPECT(dcd_interest_set(world, NULL, 0.0), DCD_OK); /* a local world shows everything */
     EXPECT(dcd_body_owner(world, NO_BODY, &owner), DCD_ERR_NULL);
     EXPECT(dcd_body_owner(world, ids[2], &owner), DCD_ERR_STALE_ID);

@@ -159,6 +159,7 @@ static void a_ball_breaks_a_tower()
     HOLDS(!world.address() && world.address().status().code() == DCD_ERR_UNSUPPORTED);
 
     HOLDS(world.interest_set({ 0.0, 0.0, 0.0 }, 10.0));
+    HOLDS(world.bandwidth_set(16000));
     HOLDS(world.borders()->size() == 1 && world.body_owner(ball)->flags == DCD_OWNER_HERE);
     HOLDS(world.regions()->size() == 2 && world.own_avatars()->empty());
     HOLDS(world.connections()->empty() && world.poll(1000));

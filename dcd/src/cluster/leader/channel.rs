@@ -134,7 +134,7 @@ impl Channel {
         let mut ranked: Vec<_> = self
             .waiting
             .iter()
-            .filter_map(|id| known(id))
+            .filter_map(known)
             .map(|(state, tick)| (self.urgency(now, &state, tick, &avatars), state))
             .collect();
         if count < ranked.len() {

@@ -16,7 +16,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::machine::Machine;
 use crate::page;
-use crate::pushed;
 use crate::results::{self, Measured, short};
 
 const FILE: &str = "bandwidth.csv";
@@ -76,17 +75,31 @@ const NETWORKS: [Network; 4] = [
     ("200 ± 20 ms, 1 % lost", 12, 2, 0.01),
 ];
 
+/// Scenes by name and parameters. In `sweep` some sixty cubes are pushed about by a short arm, and some three hundred by a long one.
+const SCENES: [(&str, &[(&str, &str)]); 5] = [
+    ("sweep", &[]),
+    ("sweep, long arm", &[("reach", "13")]),
+    ("dve", &[]),
+    ("drum", &[]),
+    ("heap", &[("n", "1000")]),
+];
+
 struct Run {
     name: &'static str,
     world: World,
     step: StepRecord,
 }
 
+/// Opens the scene that the first word names.
+pub(crate) fn open(name: &str, params: &[(&str, &str)]) -> Result<Scene, Box<dyn Error>> {
+    let params = params.iter().fold(Params::new(), |all, (name, value)| all.with(name, value));
+    Ok(Scene::open(name.split(',').next().unwrap_or(name), &params)?)
+}
+
 fn scenes() -> Result<Vec<Run>, Box<dyn Error>> {
-    let step = pushed::config().step.record();
-    let mut runs = vec![Run { name: "pushed", world: pushed::world()?, step }];
-    for (name, key, n) in [("dve", "n", "1000"), ("drum", "n", "300"), ("heap", "n", "1000")] {
-        let Ok(scene) = Scene::open(name, &Params::new().with(key, n)) else { continue };
+    let mut runs = Vec::new();
+    for (name, params) in SCENES {
+        let scene = open(name, params)?;
         let config = WorldConfig { partitioning: Partitioning::Regions(2), ..WorldConfig::for_scene(&scene) };
         let step = config.step.record();
         let world = World::from_scene(&scene, config)?;

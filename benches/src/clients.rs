@@ -16,9 +16,9 @@ use dcd_tests::proxy::{Proxy, Weather, free_address};
 use dcd_tests::truth::{Frame, Quantiles, Seen, Truth};
 use serde::{Deserialize, Serialize};
 
+use crate::bandwidth;
 use crate::machine::Machine;
 use crate::page;
-use crate::pushed;
 use crate::results::{self, Measured, short};
 
 const FILE: &str = "clients.csv";
@@ -69,8 +69,14 @@ struct Row {
     frames_per_s: f64,
 }
 
-/// Scenes by name and count; the first is measured with limits too.
-const SCENES: [(&str, &str); 4] = [("pushed", "901"), ("dve", "1000"), ("drum", "300"), ("dve", "5000")];
+/// Scenes by name and parameters; the first two are measured with limits too.
+const SCENES: [(&str, &[(&str, &str)]); 5] = [
+    ("sweep", &[]),
+    ("sweep, long arm", &[("reach", "13")]),
+    ("dve", &[]),
+    ("drum", &[]),
+    ("dve, 5,000", &[("n", "5000")]),
+];
 
 /// What a client may be sent, bytes a second; 0: as much as the link carries.
 const LIMITS: [u32; 4] = [0, 16_000, 8_000, 4_000];
@@ -103,10 +109,12 @@ impl Clients {
         let machine = Machine::here();
         let seconds = Duration::from_secs(if self.quick { 1 } else { self.seconds });
         let mut rows = Vec::new();
-        for (i, (name, n)) in SCENES.into_iter().enumerate().take(if self.quick { 1 } else { SCENES.len() }) {
+        for (i, (name, params)) in
+            SCENES.into_iter().enumerate().take(if self.quick { 1 } else { SCENES.len() })
+        {
             for (network, weather) in networks().into_iter().take(if self.quick { 2 } else { 9 }) {
-                for limit in LIMITS.into_iter().take(if i > 0 || self.quick { 1 } else { LIMITS.len() }) {
-                    let row = see(world(name, n)?, (name, network, limit), weather, seconds)?;
+                for limit in LIMITS.into_iter().take(if i > 1 || self.quick { 1 } else { LIMITS.len() }) {
+                    let row = see(world(name, params)?, (name, network, limit), weather, seconds)?;
                     eprintln!(
                         "{name}, {network}, {limit}: {} mm off, {} B/s",
                         short(row.shown_error_p99_mm),
@@ -121,11 +129,8 @@ impl Clients {
     }
 }
 
-fn world(name: &str, n: &str) -> Result<World, Box<dyn Error>> {
-    if name == "pushed" {
-        return Ok(pushed::world()?);
-    }
-    let scene = Scene::open(name, &Params::new().with("n", n))?;
+fn world(name: &str, params: &[(&str, &str)]) -> Result<World, Box<dyn Error>> {
+    let scene = bandwidth::open(name, params)?;
     let config = WorldConfig { partitioning: Partitioning::Regions(2), ..WorldConfig::for_scene(&scene) };
     Ok(World::from_scene(&scene, config)?)
 }
@@ -163,7 +168,7 @@ fn see(
         client.check()?;
         let time = client.view_time();
         let Some(time) = time.filter(|_| begin.elapsed() >= warm_up) else { continue };
-        bytes.get_or_insert_with(|| (Instant::now(), client.traffic().bytes_in));
+        bytes.get_or_insert_with(|| (Instant::now(), client.traffic().udp_bytes_in));
         let told = client.with_bodies(|view| {
             let body = &view.body;
             if body.traits.kind == BodyKind::Fixed {
@@ -184,7 +189,7 @@ fn see(
     }
     let (since, bytes_before) = bytes.ok_or("no frame was measured")?;
     let measured_s = since.elapsed().as_secs_f64();
-    let bytes_per_s = (client.traffic().bytes_in - bytes_before) as f64 / measured_s;
+    let bytes_per_s = (client.traffic().udp_bytes_in - bytes_before) as f64 / measured_s;
     client.leave()?;
     drop((node, server));
 

@@ -14,7 +14,6 @@ mod maps;
 mod page;
 #[cfg(feature = "peers")]
 mod peers;
-mod pushed;
 mod results;
 mod scale;
 mod speed;

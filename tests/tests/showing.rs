@@ -119,6 +119,35 @@ fn a_world_is_shown_well_far_away_with_jitter_and_losses() {
     is_shown_well(ms(100, 20, 0.05), 20.0, 450.0);
 }
 
+/// A third of what it costs without a limit.
+#[test]
+fn a_client_that_asks_for_fewer_bytes_is_sent_no_more_and_still_shown_the_world() {
+    const LIMIT_BYTES_PER_S: u32 = 5_000;
+    let mut stage = Stage::of(gas(), ms(50, 0, 0.0));
+    let rate = |stage: &mut Stage| {
+        let (bytes, since) = (stage.client.traffic().bytes_in, Instant::now());
+        let frames = stage.show(180);
+        let bytes = (stage.client.traffic().bytes_in - bytes) as f64;
+        (frames, bytes / since.elapsed().as_secs_f64())
+    };
+    stage.wait_ticks(60);
+    let (_, unlimited) = rate(&mut stage);
+    stage.client.set_bandwidth(Some(LIMIT_BYTES_PER_S)).unwrap();
+    stage.wait_ticks(60);
+    let (frames, limited) = rate(&mut stage);
+    drop((stage.client, stage.node, stage.server, stage.proxy));
+    let (errors, _) = Truth::of(stage.local, &frames).unwrap().shown(&frames);
+    println!(
+        "{unlimited:.0} B/s, limited {limited:.0}; shown {:.1} and {:.1} mm off (p50, p99)",
+        1e3 * errors.at(0.5),
+        1e3 * errors.at(0.99)
+    );
+    let limit = f64::from(LIMIT_BYTES_PER_S);
+    assert!(unlimited > 2.0 * limit, "{unlimited}");
+    assert!((0.3 * limit..1.1 * limit).contains(&limited), "{limited}");
+    assert!(errors.at(0.5) < 0.02 && errors.at(0.99) < 0.5, "{} {}", errors.at(0.5), errors.at(0.99));
+}
+
 #[test]
 fn the_clock_of_the_world_is_known_and_so_is_the_delay_of_inputs() {
     let mut stage = Stage::of(gas(), ms(0, 0, 0.0));

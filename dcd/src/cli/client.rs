@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use rapier3d::prelude::*;
 use serde::Serialize;
 
+use super::bandwidth::Report;
 use super::common::{Common, print};
 use super::failure::Failure;
 use super::interrupt::Interrupt;
@@ -37,7 +38,7 @@ const HALF_M: f32 = 0.4;
     verbatim_doc_comment,
     after_long_help = "Prints `joined as CLIENT` first, `listening ADDR` next with --compute, and a summary last; with --json as an object\n\
                        with the keys client avatars updates contacts refusals moved_m seconds bytes_in bytes_per_s bytes_per_moving_body_s\n\
-                       staleness_ms {p50 p99} shown_behind_ms input_delay_ms outside. A server that is out of reach is\n\
+                       staleness_ms {p50 p99} shown_behind_ms input_delay_ms outside; --bandwidth adds bandwidth {messages fields bodies}. A server that is out of reach is\n\
                        dialled again; the avatars go on as long as nodes compute the world."
 )]
 pub(super) struct Client {
@@ -74,6 +75,12 @@ pub(super) struct Client {
     /// File that keeps who the client is: with it, it continues with the same avatars where they were
     #[arg(long, value_name = "FILE")]
     identity: Option<PathBuf>,
+    /// Ask for no more than so many bytes a second of states of bodies [default: as many as the link carries]
+    #[arg(long, value_name = "BYTES_PER_S", value_parser = clap::value_parser!(u32).range(1..))]
+    limit: Option<u32>,
+    /// Also print what the bytes were for: by message, by field of states, and by body
+    #[arg(long)]
+    bandwidth: bool,
     /// Print the summary as one JSON object
     #[arg(long)]
     json: bool,
@@ -100,6 +107,9 @@ struct Played {
     /// From an input to the first state that shows it.
     input_delay_ms: Option<f64>,
     outside: usize,
+    /// If asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    bandwidth: Option<Report>,
 }
 
 #[derive(Clone, Copy, Serialize)]
@@ -110,7 +120,7 @@ struct Percentiles {
 
 impl Summary for Played {
     fn rows(&self) -> Vec<(&'static str, String)> {
-        vec![
+        let mut rows = vec![
             ("client", self.client.clone()),
             (
                 "avatars",
@@ -130,7 +140,9 @@ impl Summary for Played {
             ("shown", or_none(self.shown_behind_ms, " ms behind the world")),
             ("inputs", or_none(self.input_delay_ms, " ms until a state shows them")),
             ("bytes in", format!("{}, with {} bodies outside its interest", self.bytes_in, self.outside)),
-        ]
+        ];
+        rows.extend(self.bandwidth.iter().flat_map(Report::rows));
+        rows
     }
 }
 
@@ -187,7 +199,7 @@ impl Watch {
 impl Client {
     pub(super) fn execute(self, common: &Common) -> Result<ExitCode, Failure> {
         let interrupt = Interrupt::listen()?;
-        let (json, compute, limit) = (self.json, self.compute, self.seconds);
+        let (json, bandwidth, compute, limit) = (self.json, self.bandwidth, self.compute, self.seconds);
         let join = JoinConfig {
             identity: self.identity,
             give_up: self.give_up,
@@ -202,6 +214,7 @@ impl Client {
         if let Some(address) = world.address() {
             print(&format!("listening {address}"))?;
         }
+        world.limit(self.limit)?;
         let mut crowd = Crowd::enter(world, self.avatars.into(), self.speed, self.interest.map(f64::from))?;
         let end = loop {
             let late = limit.is_some_and(|limit| crowd.start.elapsed() >= limit);
@@ -212,7 +225,7 @@ impl Client {
                 break Err(error);
             }
         };
-        crowd.played().show(json)?;
+        crowd.played(bandwidth).show(json)?;
         if interrupt.asked() {
             common.say("leaving: the avatars wait at the server");
             // A user who asked to leave does not mind that the world has ended meanwhile.
@@ -290,7 +303,7 @@ impl Crowd {
             .collect();
         let (contacts, refusals, moved_m) = (0, 0, 0.0);
         let (watch, dt_s) = (Watch::default(), f64::from(environment.step.dt_s));
-        let bytes_before = world.traffic().bytes_in;
+        let bytes_before = world.traffic().udp_bytes_in;
         Ok(Self {
             world,
             bounds,
@@ -341,8 +354,8 @@ impl Crowd {
         Ok(())
     }
 
-    fn played(&self) -> Played {
-        let bytes_in = self.world.traffic().bytes_in;
+    fn played(&self, bandwidth: bool) -> Played {
+        let bytes_in = self.world.traffic().udp_bytes_in;
         let seconds = self.start.elapsed().as_secs_f64();
         let bytes_per_s = (bytes_in - self.bytes_before) as f64 / seconds.max(1e-3);
         Played {
@@ -360,6 +373,7 @@ impl Crowd {
             shown_behind_ms: (self.watch.looks > 0).then(|| self.watch.behind_ms / self.watch.looks as f64),
             input_delay_ms: self.watch.input_delay_ms,
             outside: self.world.with_bodies(|body| body.outside.then_some(())).len(),
+            bandwidth: bandwidth.then(|| Report::of(&self.world.bandwidth())),
         }
     }
 }

@@ -3,6 +3,7 @@
 //! To add one: a file with a struct that derives [`clap::Args`] (its doc comment is the help text) and has
 //! `fn execute(self, common: &Common) -> Result<ExitCode, Failure>`, its `mod` line, and a line in `subcommands!`.
 
+mod bandwidth;
 mod client;
 mod common;
 mod completions;

@@ -328,6 +328,11 @@ impl Client {
         self.receiver.tally()
     }
 
+    /// Returns the bytes that states of bodies took, the costliest first.
+    pub fn costliest(&self, count: usize) -> Vec<(BodyId, f64)> {
+        self.receiver.costliest(count)
+    }
+
     /// Returns its id.
     pub fn id(&self) -> ClientId {
         self.id

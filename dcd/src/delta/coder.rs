@@ -32,6 +32,19 @@ impl Field {
     /// All of them.
     pub const ALL: [Self; 7] =
         [Self::Id, Self::Reference, Self::Owner, Self::Place, Self::Turn, Self::Velocity, Self::Spin];
+
+    /// Returns its name.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Id => "id",
+            Self::Reference => "reference",
+            Self::Owner => "owner",
+            Self::Place => "place",
+            Self::Turn => "turn",
+            Self::Velocity => "velocity",
+            Self::Spin => "spin",
+        }
+    }
 }
 
 /// The most bits of a number: a difference of two numbers of 64 bits.

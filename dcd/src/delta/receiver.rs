@@ -27,7 +27,7 @@ const FORGOTTEN_TICKS: u64 = 600;
 pub struct Receiver {
     motion: Option<FreeMotion>,
     series: Option<u32>,
-    bodies: BTreeMap<BodyId, VecDeque<Version>>,
+    bodies: BTreeMap<BodyId, Known>,
     /// Bodies that are gone, and the ticks of their newest states.
     gone: VecDeque<(u64, BodyId)>,
     /// Datagrams that have come and are not acknowledged: the first of so many each.
@@ -37,11 +37,27 @@ pub struct Receiver {
     tally: Tally,
 }
 
+/// What was told of a body.
+#[derive(Clone, Debug, Default)]
+struct Known {
+    versions: VecDeque<Version>,
+    bits: f64,
+}
+
 #[derive(Clone, Copy, Debug)]
 struct Version {
     batch: u32,
     tick: u64,
     state: Quantised,
+}
+
+/// A state that came in a datagram.
+struct Read {
+    state: SharedState,
+    /// The batch that it was told against; its own: against nothing.
+    reference: u32,
+    quantised: Quantised,
+    bits: f64,
 }
 
 /// What states have cost so far.
@@ -75,7 +91,7 @@ impl Receiver {
 
     /// Forgets a body that is gone, some time later: states that were sent before may be on their way.
     pub fn forget(&mut self, id: BodyId) {
-        if let Some(newest) = self.bodies.get(&id).and_then(VecDeque::back) {
+        if let Some(newest) = self.bodies.get(&id).and_then(|known| known.versions.back()) {
             self.gone.push_back((newest.tick, id));
         }
     }
@@ -85,7 +101,11 @@ impl Receiver {
             && newest + FORGOTTEN_TICKS < tick.0
         {
             self.gone.pop_front();
-            if self.bodies.get(&id).is_some_and(|known| known.back().is_none_or(|it| it.tick <= newest)) {
+            if self
+                .bodies
+                .get(&id)
+                .is_some_and(|known| known.versions.back().is_none_or(|it| it.tick <= newest))
+            {
                 self.bodies.remove(&id);
             }
         }
@@ -94,6 +114,14 @@ impl Receiver {
     /// Returns what states have cost so far.
     pub fn tally(&self) -> &Tally {
         &self.tally
+    }
+
+    /// Returns the bytes that states of bodies took which are not gone, the costliest bodies first.
+    pub fn costliest(&self, count: usize) -> Vec<(BodyId, f64)> {
+        let mut bodies: Vec<_> = self.bodies.iter().map(|(id, known)| (*id, known.bits / 8.0)).collect();
+        bodies.sort_by(|a, b| b.1.total_cmp(&a.1));
+        bodies.truncate(count);
+        bodies
     }
 
     /// Reads the states of a datagram, as they were after a tick; none, if it is one of an earlier series. Guesses are not kept.
@@ -127,15 +155,10 @@ impl Receiver {
                 self.due.get_or_insert(now + GATHER);
             }
         }
-        Ok(read?.into_iter().map(|(state, ..)| state).collect())
+        Ok(read?.into_iter().map(|read| read.state).collect())
     }
 
-    fn read(
-        &mut self,
-        motion: &FreeMotion,
-        tick: Tick,
-        part: &Part,
-    ) -> Result<Vec<(SharedState, u32, Quantised)>, CodecError> {
+    fn read(&mut self, motion: &FreeMotion, tick: Tick, part: &Part) -> Result<Vec<Read>, CodecError> {
         let (count, bytes) = part.states.split_first_chunk::<2>().ok_or(CodecError::Compact)?;
         let count = usize::from(u16::from_le_bytes(*count));
         if count > MAX_BODIES {
@@ -145,7 +168,9 @@ impl Receiver {
         let (mut id, mut before) = (BodyId::default(), Quantised::default());
         let mut states = Vec::with_capacity(count);
         let (mut wholes, mut predicted) = (0, 0);
+        let all = |reader: &Reader| reader.bits.iter().sum::<f64>();
         for _ in 0..count {
+            let bits = all(&reader);
             id = models.id(&mut reader, id, BodyId::default())?;
             let batches = models.batches(&mut reader, 0)?;
             let batch = part.batch.wrapping_sub(batches);
@@ -153,8 +178,8 @@ impl Receiver {
                 wholes += 1;
                 models.whole(&mut reader, &before, &Quantised::default())?
             } else {
-                let versions = self.bodies.get(&id).ok_or(CodecError::Compact)?;
-                let known = versions.iter().find(|version| version.batch == batch);
+                let known = self.bodies.get(&id).ok_or(CodecError::Compact)?;
+                let known = known.versions.iter().find(|version| version.batch == batch);
                 let known = known.filter(|known| known.tick <= tick.0).ok_or(CodecError::Compact)?;
                 let ticks = tick.0 - known.tick;
                 let guesses = std::array::from_fn(|guess| motion.guess(&known.state, ticks, guess));
@@ -162,7 +187,8 @@ impl Receiver {
                 predicted += u64::from(guesses.contains(&read));
                 read
             };
-            states.push((before.state(id)?, batch, before));
+            let bits = all(&reader) - bits;
+            states.push(Read { state: before.state(id)?, reference: batch, quantised: before, bits });
         }
         self.tally.datagrams += 1;
         self.tally.states += count as u64;
@@ -175,9 +201,10 @@ impl Receiver {
     }
 
     /// Keeps states that later ones may refer to, and no longer those before what these referred to.
-    fn keep(&mut self, tick: Tick, batch: u32, states: &[(SharedState, u32, Quantised)]) {
-        for (state, reference, quantised) in states {
-            let versions = self.bodies.entry(state.id).or_default();
+    fn keep(&mut self, tick: Tick, batch: u32, states: &[Read]) {
+        for read @ Read { state, reference, quantised, .. } in states {
+            let Known { versions, bits } = self.bodies.entry(state.id).or_default();
+            *bits += read.bits;
             let is_past = |version: &Version| {
                 // What is told against nothing says nothing of what is acknowledged.
                 *reference != batch && (reference.wrapping_sub(version.batch) as i32) > OVERTAKEN as i32

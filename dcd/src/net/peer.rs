@@ -182,7 +182,7 @@ impl Peer {
 
     pub(super) fn stats(&self) -> PeerStats {
         let waiting = [&self.queue, &self.program_queue].map(|queue| queue.bytes.load(Ordering::Relaxed));
-        self.counters.read(waiting.iter().sum(), &self.connection.stats().path)
+        self.counters.read(waiting.iter().sum(), &self.connection.stats())
     }
 
     /// Sends what waits, waits until the peer has it, and closes; after `limits.linger` without that.

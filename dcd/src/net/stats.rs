@@ -3,15 +3,19 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
-use quinn::PathStats;
+use quinn::ConnectionStats;
 
 /// Traffic over one connection. Bytes are those of frames and datagrams, without QUIC's own.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PeerStats {
-    /// Bytes received.
+    /// Bytes of messages received.
     pub bytes_in: u64,
-    /// Bytes given to send.
+    /// Bytes of messages given to send.
     pub bytes_out: u64,
+    /// Bytes of UDP received: messages, and what QUIC adds.
+    pub udp_bytes_in: u64,
+    /// Bytes of UDP sent.
+    pub udp_bytes_out: u64,
     /// Frames received.
     pub frames_in: u64,
     /// Frames given to send.
@@ -56,6 +60,8 @@ impl PeerStats {
     pub(crate) fn add(&mut self, other: &Self) {
         self.bytes_in += other.bytes_in;
         self.bytes_out += other.bytes_out;
+        self.udp_bytes_in += other.udp_bytes_in;
+        self.udp_bytes_out += other.udp_bytes_out;
         self.frames_in += other.frames_in;
         self.frames_out += other.frames_out;
         self.frames_held_back += other.frames_held_back;
@@ -83,11 +89,13 @@ pub(super) struct Counters {
 }
 
 impl Counters {
-    pub(super) fn read(&self, bytes_waiting: usize, path: &PathStats) -> PeerStats {
+    pub(super) fn read(&self, bytes_waiting: usize, link: &ConnectionStats) -> PeerStats {
         let value = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
         PeerStats {
             bytes_in: value(&self.bytes_in),
             bytes_out: value(&self.bytes_out),
+            udp_bytes_in: link.udp_rx.bytes,
+            udp_bytes_out: link.udp_tx.bytes,
             frames_in: value(&self.frames_in),
             frames_out: value(&self.frames_out),
             frames_held_back: value(&self.frames_held_back),
@@ -95,9 +103,9 @@ impl Counters {
             datagrams_out: value(&self.datagrams_out),
             datagrams_dropped: value(&self.datagrams_dropped),
             bytes_waiting: bytes_waiting as u64,
-            packets_out: path.sent_packets - path.sent_plpmtud_probes,
-            packets_lost: path.lost_packets,
-            rtt: path.rtt,
+            packets_out: link.path.sent_packets - link.path.sent_plpmtud_probes,
+            packets_lost: link.path.lost_packets,
+            rtt: link.path.rtt,
         }
     }
 }

@@ -10,8 +10,8 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use self::clock::TickClock;
-use self::motion::BEYOND_S;
 pub use self::motion::Motion;
+use self::motion::{BEYOND_S, Reckoning, vector};
 use self::playhead::Playhead;
 use self::track::Track;
 use crate::protocol::{SharedState, Stamp};
@@ -48,13 +48,12 @@ impl ViewTime {
 /// The states of a served world that are kept to show it.
 #[derive(Clone, Debug)]
 pub(crate) struct Playback {
-    dt_s: f64,
+    reckoning: Reckoning,
     clock: TickClock,
     playhead: Playhead,
     tracks: BTreeMap<BodyId, Track>,
-    /// Whether anything moved in the newest batch, and its tick: if so, the next is to come soon.
+    /// Whether anything moved in the newest batch: if so, the next is to come soon.
     moves: bool,
-    newest_batch: f64,
     /// The newest tick heard of that is no guess.
     settled: f64,
     /// Whether the newest tick heard of is a guess.
@@ -65,16 +64,15 @@ pub(crate) struct Playback {
 }
 
 impl Playback {
-    /// Returns one of a world with ticks of this length.
-    pub(crate) fn new(dt_s: f32) -> Self {
+    /// Returns one of a world with ticks of this length, and this gravity, m/s².
+    pub(crate) fn new(dt_s: f32, gravity: [f32; 3]) -> Self {
         let dt_s = f64::from(dt_s).max(1e-6);
         Self {
-            dt_s,
+            reckoning: Reckoning { dt_s, gravity: vector(gravity), told: f64::NEG_INFINITY },
             clock: TickClock::new(dt_s),
             playhead: Playhead::default(),
             tracks: BTreeMap::new(),
             moves: false,
-            newest_batch: f64::NEG_INFINITY,
             settled: f64::NEG_INFINITY,
             guesses: false,
             recounts: false,
@@ -114,8 +112,8 @@ impl Playback {
         let moves = states.iter().any(|state| !state.sleeping);
         if self.clock.newest() == Some(tick) {
             // A batch comes in several parts.
-            self.moves = moves || self.moves && self.newest_batch == tick;
-            (self.guesses, self.newest_batch) = (stamp.speculative, tick);
+            self.moves = moves || self.moves && self.reckoning.told == tick;
+            (self.guesses, self.reckoning.told) = (stamp.speculative, tick);
         }
         if !stamp.speculative {
             self.settled = self.settled.max(tick);
@@ -133,7 +131,7 @@ impl Playback {
             // What is shown now stays so, and all that is told from here on is of later ticks.
             let to = (shown - newest + tick).min(tick - self.playhead.cadence());
             self.playhead.rebase(to);
-            self.tracks.values_mut().for_each(|track| track.rebase(shown, to, self.dt_s));
+            self.tracks.values_mut().for_each(|track| track.rebase(shown, to, &self.reckoning));
             self.sweep_at = to;
         }
     }
@@ -145,10 +143,10 @@ impl Playback {
         let shown = self.playhead.shown().unwrap_or(tick - cadence);
         let track = self.tracks.entry(state.id).or_insert_with(|| Track::new(tick - cadence, before));
         if let (Some(known), Some(world_tick)) = (track.moves_at(), self.clock.tick_at(now)) {
-            self.playhead.note((world_tick - known) * self.clock.period_s());
+            self.playhead.note(world_tick, tick, known, self.clock.period_s());
         }
         let motion = Motion { pose: state.pose, velocity: state.velocity };
-        track.learn((tick, motion, state.sleeping), stamp.speculative, cadence, shown, self.dt_s);
+        track.learn((tick, motion, state.sleeping), stamp.speculative, cadence, shown, &self.reckoning);
     }
 
     /// Forgets a body.
@@ -165,7 +163,7 @@ impl Playback {
         let before = self.playhead.shown();
         let (shown, jumps) = self.playhead.advance(now, world_tick, limit, period_s);
         if let Some(before) = before.filter(|_| jumps) {
-            self.tracks.values_mut().for_each(|track| track.jump(before, shown, self.dt_s));
+            self.tracks.values_mut().for_each(|track| track.jump(before, shown, &self.reckoning));
         }
         if self.sweep_at <= shown {
             self.sweep_at = shown + SWEEP;
@@ -181,7 +179,7 @@ impl Playback {
 
     /// Returns how a body is shown at a tick; `None` if nothing was heard of it since long: then it is as it was told last.
     pub(crate) fn at(&self, id: BodyId, tick: f64) -> Option<Motion> {
-        Some(self.tracks.get(&id)?.at(tick, self.dt_s))
+        Some(self.tracks.get(&id)?.at(tick, &self.reckoning))
     }
 }
 
@@ -216,7 +214,7 @@ mod tests {
     #[test]
     fn what_is_told_after_ticks_are_counted_anew_is_shown() {
         for count in [3_000_000, 40] {
-            let mut playback = Playback::new(DT_S as f32);
+            let mut playback = Playback::new(DT_S as f32, [0.0; 3]);
             for tick in (0..300).step_by(3) {
                 tell(&mut playback, tick as f64 + 1.0, tick, 0.1 * tick as f64, tick == 297, false);
                 show(&mut playback, tick as f64 + 1.5);
@@ -241,7 +239,7 @@ mod tests {
 
     #[test]
     fn guesses_that_come_late_and_states_that_do_withdraw_nothing() {
-        let mut playback = Playback::new(DT_S as f32);
+        let mut playback = Playback::new(DT_S as f32, [0.0; 3]);
         for tick in (0..60).step_by(3) {
             tell(&mut playback, tick as f64 + 1.0, tick, 0.1 * tick as f64, false, false);
             show(&mut playback, tick as f64 + 1.5);

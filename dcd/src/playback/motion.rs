@@ -7,6 +7,13 @@ use crate::protocol::{BodyState, Velocity, WorldPose};
 /// The time within which an extrapolated body comes to a stop, seconds: beyond it nobody can say where the body is.
 pub(super) const BEYOND_S: f64 = 0.25;
 
+/// The time beyond the newest batch of states for which a body that was not in it is still taken to go on, seconds: about as long as
+/// the next one may take.
+const GOES_ON_S: f64 = 0.1;
+
+/// A body that nothing was told of for longer than this has not gone on as it did, seconds: its leader takes it to have come to a stand.
+const STANDS_S: f64 = 2.0;
+
 /// A change of velocity above this, m/s², was an impact: what gravity and friction do is slower.
 const IMPACT_M_S2: f64 = 40.0;
 
@@ -15,6 +22,40 @@ const LONG_TURN_RAD: f64 = 2.0;
 
 /// A body is taken to have been put elsewhere, and not to have moved there, if it is farther than its velocities explain by this, metres.
 const TELEPORT_M: f64 = 2.0;
+
+/// What is reckoned with where no state of a body is known yet (dead reckoning, thesis 3.3.11).
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Reckoning {
+    pub(super) dt_s: f64,
+    /// What falling adds to a velocity, m/s².
+    pub(super) gravity: Vector3<f64>,
+    /// The tick of the newest batch of states: who told it would have told of a body too, had it not gone on as it did.
+    pub(super) told: f64,
+}
+
+impl Reckoning {
+    /// Returns how a body goes on after its newest state, which is that after the first of these two ticks, if it keeps its acceleration:
+    /// as long as it would have been told otherwise, and then slower and slower.
+    pub(super) fn beyond(&self, last: &Motion, falls: bool, from: f64, tick: f64) -> Motion {
+        let free_s = ((self.told - from) * self.dt_s + GOES_ON_S).clamp(0.0, STANDS_S);
+        let seconds = (tick - from) * self.dt_s;
+        let free_s = seconds.min(free_s);
+        let mut motion = Motion { pose: last.pose.moved(&last.velocity, free_s), ..*last };
+        if falls {
+            for axis in 0..3 {
+                motion.pose.translation[axis] += 0.5 * self.gravity[axis] * free_s * free_s;
+                motion.velocity.linear[axis] += (self.gravity[axis] * free_s) as f32;
+            }
+        }
+        motion.beyond(seconds - free_s)
+    }
+
+    /// Returns whether a body fell freely between two states.
+    pub(super) fn falls(&self, before: &Motion, last: &Motion, ticks: f64) -> bool {
+        let gained = (vector(last.velocity.linear) - vector(before.velocity.linear)) / (ticks * self.dt_s);
+        (gained - self.gravity).norm() < 0.3 * self.gravity.norm()
+    }
+}
 
 /// The pose and velocity of a body at some time.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -9,6 +9,8 @@ const STEP_S: f64 = 0.004;
 const LATE: f32 = 0.015;
 /// What is left of the weight of earlier states with each batch: those of some two seconds count.
 const KEPT: f32 = 0.97;
+/// The most batches back that what was known of a body counts from.
+const MOST_BATCHES: f64 = 2.0;
 /// What the buffer is deeper than it must be, seconds.
 const MARGIN_S: f64 = 0.004;
 /// The depth before anything is known, seconds.
@@ -53,9 +55,14 @@ impl Playhead {
         }
     }
 
-    /// Notes that a state has come of a body that moves, and by how much the world was ahead of what was known of it until then.
-    pub(super) fn note(&mut self, behind_s: f64) {
-        if (0.0..PAUSE_S).contains(&behind_s) {
+    /// Notes that a state of this tick has come of a body that moves, and the tick of what was known of it until then. A body of which
+    /// several batches did not tell was not lost with them: it goes on as it did, or there was no room.
+    pub(super) fn note(&mut self, world_tick: f64, tick: f64, known: f64, period_s: f64) {
+        if !(0.0..PAUSE_S).contains(&((world_tick - known) * period_s)) {
+            return;
+        }
+        let behind_s = (world_tick - known.max(tick - MOST_BATCHES * self.cadence())) * period_s;
+        if behind_s >= 0.0 {
             self.late[((behind_s / STEP_S) as usize).min(DEPTHS - 1)] += 1.0;
         }
     }
@@ -136,7 +143,7 @@ mod tests {
                 let world = f64::from(frame) * 1.7;
                 while let Some((when, tick)) = next.next_if(|(when, _)| *when <= world) {
                     playhead.begin(tick.into());
-                    playhead.note((when - newest) * DT_S);
+                    playhead.note(when, tick.into(), newest, DT_S);
                     newest = newest.max(tick.into());
                 }
                 (world, playhead.advance(at(world), world, newest + 15.0, DT_S).0, newest)
@@ -178,7 +185,7 @@ mod tests {
         for tick in 0..20 {
             let tick = 3.0 * f64::from(tick);
             playhead.begin(tick);
-            playhead.note(4.0 * DT_S);
+            playhead.note(tick + 1.0, tick, tick - 3.0, DT_S);
             playhead.advance(at(tick + 1.0), tick + 1.0, tick + 15.0, DT_S);
         }
         for tick in 58..300 {
@@ -186,7 +193,7 @@ mod tests {
             assert!(playhead.advance(at(tick), tick, 72.0, DT_S).0 <= 72.0);
         }
         playhead.begin(300.0);
-        playhead.note(243.0 * DT_S);
+        playhead.note(300.0, 300.0, 57.0, DT_S);
         let (shown, jumps) = playhead.advance(at(301.0), 301.0, 315.0, DT_S);
         assert!(shown > 290.0 && jumps);
         assert!(playhead.depth_s() < 5.0 * DT_S, "the pause does not count");

@@ -7,7 +7,7 @@ use std::collections::VecDeque;
 
 use nalgebra::Vector3;
 
-use super::motion::{End, Motion, turn_between, turned, vector};
+use super::motion::{End, Motion, Reckoning, turn_between, turned, vector};
 use crate::protocol::Velocity;
 
 /// The most states kept of one body.
@@ -96,7 +96,7 @@ impl Track {
         speculative: bool,
         cadence: f64,
         shown: f64,
-        dt_s: f64,
+        reckoning: &Reckoning,
     ) {
         let (tick, motion, rests) = state;
         let newest = *self.newest();
@@ -104,7 +104,7 @@ impl Track {
         if tick <= newest.tick && !is_guessed {
             return;
         }
-        let before = self.at(shown, dt_s);
+        let before = self.at(shown, reckoning);
         while self.samples.len() > 1 && self.newest().speculative && !speculative {
             self.samples.pop_back();
         }
@@ -120,27 +120,27 @@ impl Track {
         if self.samples.len() > KEPT {
             self.samples.pop_front();
         }
-        self.melt_from(before, shown, dt_s);
+        self.melt_from(before, shown, reckoning);
     }
 
     /// Begins anew at a tick with what is shown now: ticks before and after are not of one count.
-    pub(super) fn rebase(&mut self, shown: f64, to: f64, dt_s: f64) {
+    pub(super) fn rebase(&mut self, shown: f64, to: f64, reckoning: &Reckoning) {
         let rests = self.newest().rests;
-        let motion = self.at(shown, dt_s);
+        let motion = self.at(shown, reckoning);
         *self = Self::new(to, motion);
         self.samples[0].rests = rests;
     }
 
     /// Goes from one tick that is shown to another, as smoothly as may be.
-    pub(super) fn jump(&mut self, from: f64, to: f64, dt_s: f64) {
-        let before = self.at(from, dt_s);
-        self.melt_from(before, to, dt_s);
+    pub(super) fn jump(&mut self, from: f64, to: f64, reckoning: &Reckoning) {
+        let before = self.at(from, reckoning);
+        self.melt_from(before, to, reckoning);
     }
 
     /// Notes as an error what would be shown otherwise than before.
-    fn melt_from(&mut self, before: Motion, shown: f64, dt_s: f64) {
+    fn melt_from(&mut self, before: Motion, shown: f64, reckoning: &Reckoning) {
         let melt = self.melt.take();
-        let bare = self.at(shown, dt_s);
+        let bare = self.at(shown, reckoning);
         let way_m = Vector3::from(before.pose.translation) - Vector3::from(bare.pose.translation);
         let turn_rad = turn_between(&bare.pose, &before.pose);
         if !way_m.norm().is_finite() || way_m.norm() > JUMP_M {
@@ -154,7 +154,7 @@ impl Track {
             let speed_m_s = speed_m_s.cap_magnitude(3.0 * way_m.norm() / seconds);
             let is_same = melt.is_some_and(|melt| {
                 let mut again = bare;
-                melt.apply(&mut again, shown, dt_s);
+                melt.apply(&mut again, shown, reckoning.dt_s);
                 again.distance_m(&before) < 1e-6 && turn_between(&again.pose, &before.pose).norm() < 1e-4
             });
             self.melt =
@@ -163,21 +163,27 @@ impl Track {
     }
 
     /// Returns how the body is shown at a tick.
-    pub(super) fn at(&self, tick: f64, dt_s: f64) -> Motion {
+    pub(super) fn at(&self, tick: f64, reckoning: &Reckoning) -> Motion {
         let after = self.samples.partition_point(|sample| sample.tick <= tick);
         let mut motion = match (after.checked_sub(1).map(|i| &self.samples[i]), self.samples.get(after)) {
             (Some(a), Some(b)) => {
                 let span = b.tick - a.tick;
-                a.motion.towards(&b.motion, span * dt_s, (tick - a.tick) / span)
+                a.motion.towards(&b.motion, span * reckoning.dt_s, (tick - a.tick) / span)
             }
             (Some(last), None) if last.rests => Motion::at_rest(last.motion.pose),
-            (Some(last), None) => last.motion.beyond((tick - last.tick) * dt_s),
+            (Some(last), None) => {
+                let before = after.checked_sub(2).map(|i| &self.samples[i]);
+                let falls = before.is_some_and(|before| {
+                    !before.rests && reckoning.falls(&before.motion, &last.motion, last.tick - before.tick)
+                });
+                reckoning.beyond(&last.motion, falls, last.tick, tick)
+            }
             (None, first) => {
                 Motion { velocity: Velocity::default(), ..first.expect("a track has a state").motion }
             }
         };
         if let Some(melt) = &self.melt {
-            melt.apply(&mut motion, tick, dt_s);
+            melt.apply(&mut motion, tick, reckoning.dt_s);
         }
         motion
     }
@@ -190,19 +196,22 @@ mod tests {
 
     const DT_S: f64 = 1.0 / 60.0;
     const CADENCE: f64 = 3.0;
+    /// Nothing falls, and nobody says how far states were told.
+    const RECKONING: Reckoning =
+        Reckoning { dt_s: DT_S, gravity: Vector3::new(0.0, 0.0, 0.0), told: f64::NEG_INFINITY };
 
     fn going(x: f64, speed: f32) -> Motion {
         Motion { pose: WorldPose::at([x, 0.0, 0.0]), velocity: Velocity::linear([speed, 0.0, 0.0]) }
     }
 
     fn x(track: &Track, tick: f64) -> f64 {
-        track.at(tick, DT_S).pose.translation[0]
+        track.at(tick, &RECKONING).pose.translation[0]
     }
 
     #[test]
     fn a_body_that_rested_is_shown_at_rest_until_it_began_to_move() {
         let mut track = Track::new(0.0, going(0.0, 0.0));
-        track.learn((90.0, going(0.1, 3.0), false), false, CADENCE, 85.0, DT_S);
+        track.learn((90.0, going(0.1, 3.0), false), false, CADENCE, 85.0, &RECKONING);
         assert_eq!((x(&track, 50.0), x(&track, 87.0), x(&track, 90.0)), (0.0, 0.0, 0.1));
         assert!(x(&track, 88.5) > 0.0);
     }
@@ -212,10 +221,10 @@ mod tests {
         let mut track = Track::new(0.0, going(0.0, 6.0));
         for tick in (3..12).step_by(3) {
             let tick = f64::from(tick);
-            track.learn((tick, going(0.1 * tick, 6.0), false), false, CADENCE, tick - 3.0, DT_S);
+            track.learn((tick, going(0.1 * tick, 6.0), false), false, CADENCE, tick - 3.0, &RECKONING);
         }
         let before: Vec<_> = (0..90).map(|at| x(&track, f64::from(at) / 10.0)).collect();
-        track.learn((12.0, going(0.0, -6.0), false), false, CADENCE, 9.0, DT_S);
+        track.learn((12.0, going(0.0, -6.0), false), false, CADENCE, 9.0, &RECKONING);
         let after: Vec<_> = (0..90).map(|at| x(&track, f64::from(at) / 10.0)).collect();
         assert_eq!(before, after);
     }
@@ -224,17 +233,17 @@ mod tests {
     #[test]
     fn an_error_melts_away_without_a_jump() {
         let mut track = Track::new(0.0, going(0.0, 6.0));
-        track.learn((3.0, going(0.3, 6.0), false), false, CADENCE, 0.0, DT_S);
+        track.learn((3.0, going(0.3, 6.0), false), false, CADENCE, 0.0, &RECKONING);
         let (wrong, learned) = (10.0, going(0.4, 0.0));
-        let shown = track.at(wrong, DT_S);
-        track.learn((9.0, learned, false), false, CADENCE, wrong, DT_S);
-        let again = track.at(wrong, DT_S);
+        let shown = track.at(wrong, &RECKONING);
+        track.learn((9.0, learned, false), false, CADENCE, wrong, &RECKONING);
+        let again = track.at(wrong, &RECKONING);
         assert!(shown.distance_m(&again) < 1e-9, "{shown:?} {again:?}");
         assert!((shown.velocity.linear[0] - again.velocity.linear[0]).abs() < 1e-6);
         let mut last = again;
         for step in 1..=400 {
             let at = wrong + f64::from(step) * 0.05;
-            let next = track.at(at, DT_S);
+            let next = track.at(at, &RECKONING);
             let speed_m_s = next.distance_m(&last) / (0.05 * DT_S);
             assert!(speed_m_s < 7.0, "{speed_m_s}");
             let change = f64::from(next.velocity.linear[0] - last.velocity.linear[0]).abs();
@@ -243,46 +252,46 @@ mod tests {
         }
         assert!(last.distance_m(&learned) < 1e-9);
         // The same again: what melts goes on melting.
-        track.learn((11.0, learned, true), false, CADENCE, 12.0, DT_S);
+        track.learn((11.0, learned, true), false, CADENCE, 12.0, &RECKONING);
         assert!(x(&track, 12.0) > 0.4);
     }
 
     #[test]
     fn a_guess_gives_way_to_what_is_so_without_a_jump() {
         let mut track = Track::new(0.0, going(0.0, 6.0));
-        track.learn((3.0, going(0.3, 6.0), false), false, CADENCE, 0.0, DT_S);
+        track.learn((3.0, going(0.3, 6.0), false), false, CADENCE, 0.0, &RECKONING);
         for tick in [6.0, 9.0, 12.0] {
-            track.learn((tick, going(0.1 * tick, 6.0), false), true, CADENCE, tick - 3.0, DT_S);
+            track.learn((tick, going(0.1 * tick, 6.0), false), true, CADENCE, tick - 3.0, &RECKONING);
         }
         assert!((x(&track, 12.0) - 1.2).abs() < 1e-9);
         let shown = x(&track, 9.0);
-        track.learn((6.0, going(0.35, 0.0), false), false, CADENCE, 9.0, DT_S);
+        track.learn((6.0, going(0.35, 0.0), false), false, CADENCE, 9.0, &RECKONING);
         assert!((x(&track, 9.0) - shown).abs() < 1e-9);
         assert!((x(&track, 26.0) - 0.35).abs() < 1e-9, "the guess is withdrawn");
-        track.learn((9.0, going(0.9, 6.0), false), true, CADENCE, 9.0, DT_S);
-        track.learn((7.0, going(0.35, 0.0), false), false, CADENCE, 9.0, DT_S);
+        track.learn((9.0, going(0.9, 6.0), false), true, CADENCE, 9.0, &RECKONING);
+        track.learn((7.0, going(0.35, 0.0), false), false, CADENCE, 9.0, &RECKONING);
         assert!((x(&track, 40.0) - 0.35).abs() < 1e-9, "whatever its tick");
     }
 
     #[test]
     fn what_comes_late_changes_nothing() {
         let mut track = Track::new(3.0, going(0.3, 6.0));
-        track.learn((6.0, going(0.6, 6.0), false), false, CADENCE, 3.0, DT_S);
-        track.learn((4.5, going(9.0, 6.0), false), false, CADENCE, 3.0, DT_S);
+        track.learn((6.0, going(0.6, 6.0), false), false, CADENCE, 3.0, &RECKONING);
+        track.learn((4.5, going(9.0, 6.0), false), false, CADENCE, 3.0, &RECKONING);
         assert!((x(&track, 4.5) - 0.45).abs() < 1e-9);
     }
 
     #[test]
     fn ticks_may_be_counted_anew_without_a_jump() {
         let mut track = Track::new(0.0, going(0.0, 6.0));
-        track.learn((3.0, going(0.3, 6.0), false), false, CADENCE, 0.0, DT_S);
-        let shown = track.at(2.0, DT_S);
-        track.rebase(2.0, 1_000.0, DT_S);
-        assert_eq!(track.at(1_000.0, DT_S), shown);
-        track.learn((1_003.0, going(0.5, 6.0), false), false, CADENCE, 1_001.0, DT_S);
-        let melted = track.at(1_003.0, DT_S).distance_m(&track.at(1_001.0, DT_S));
+        track.learn((3.0, going(0.3, 6.0), false), false, CADENCE, 0.0, &RECKONING);
+        let shown = track.at(2.0, &RECKONING);
+        track.rebase(2.0, 1_000.0, &RECKONING);
+        assert_eq!(track.at(1_000.0, &RECKONING), shown);
+        track.learn((1_003.0, going(0.5, 6.0), false), false, CADENCE, 1_001.0, &RECKONING);
+        let melted = track.at(1_003.0, &RECKONING).distance_m(&track.at(1_001.0, &RECKONING));
         assert!(melted < 0.3, "{melted}");
-        track.learn((1_015.0, going(0.5, 0.0), true), false, CADENCE, 1_004.0, DT_S);
+        track.learn((1_015.0, going(0.5, 0.0), true), false, CADENCE, 1_004.0, &RECKONING);
         assert!((x(&track, 1_017.0) - 0.5).abs() < 1e-9);
     }
 }

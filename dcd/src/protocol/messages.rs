@@ -71,6 +71,55 @@ pub enum Message {
     Program(Program),
 }
 
+/// What a message is about, to say what links carry.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Subject {
+    /// Poses and velocities of bodies that move.
+    States,
+    /// What bodies and joints are: when a process joins, and when they appear, change or go.
+    Bodies,
+    /// Beginnings, ends and forces of contacts.
+    Contacts,
+    /// Answers to questions.
+    Answers,
+    /// Who computes which regions, and who leads.
+    Regions,
+    /// Pings and their echoes.
+    Pings,
+    /// What programs tell one another.
+    Programs,
+    /// Greetings, refusals, and what nodes tell one another.
+    Rest,
+}
+
+impl Subject {
+    /// All of them.
+    pub const ALL: [Self; 8] = [
+        Self::States,
+        Self::Bodies,
+        Self::Contacts,
+        Self::Answers,
+        Self::Regions,
+        Self::Pings,
+        Self::Programs,
+        Self::Rest,
+    ];
+
+    /// Returns its name.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::States => "states",
+            Self::Bodies => "bodies",
+            Self::Contacts => "contacts",
+            Self::Answers => "answers",
+            Self::Regions => "regions",
+            Self::Pings => "pings",
+            Self::Programs => "programs",
+            Self::Rest => "rest",
+        }
+    }
+}
+
 /// The lane on which a message travels: reliable or datagram. Order holds within a lane only, and a dispatch or a border message may come
 /// once more in a datagram, before or after what was sent with it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -84,6 +133,27 @@ pub enum Lane {
 }
 
 impl Message {
+    /// Returns what it is about.
+    pub const fn subject(&self) -> Subject {
+        match self {
+            Self::ToClient(_, to_client) => match to_client {
+                ToClient::States { .. } | ToClient::CompactStates { .. } => Subject::States,
+                ToClient::Chunk(_)
+                | ToClient::WorldEnd
+                | ToClient::Inserted { .. }
+                | ToClient::Removed(_)
+                | ToClient::Altered(_) => Subject::Bodies,
+                ToClient::Contacts { .. } => Subject::Contacts,
+                ToClient::Answer { .. } => Subject::Answers,
+                ToClient::LeaderIs { .. } | ToClient::Regions { .. } => Subject::Regions,
+                ToClient::Welcome { .. } | ToClient::Rejected { .. } => Subject::Rest,
+            },
+            Self::Ping(_) | Self::Pong(_) => Subject::Pings,
+            Self::Program(_) => Subject::Programs,
+            _ => Subject::Rest,
+        }
+    }
+
     /// Returns the lane of this kind of message.
     pub const fn lane(&self) -> Lane {
         match self {

@@ -42,8 +42,8 @@ pub use messages::{
     Lane, LoadReport, MAX_COST, MAX_FOUND, MAX_HEARD, MAX_INTRODUCED, MAX_OPEN_COST, MAX_OPEN_QUERIES,
     MAX_QUERY_BYTES, MAX_TURN, MAX_TURNING_M, Member, Message, Motion, OVERLAPS_COST, Overlap, OverlapQuery,
     Pace, Part, PartFilter, Ping, Place, Placed, Pong, Program, Push, Query, QueryParts, QueryResult,
-    RayAnswer, RayQuery, Refusal, RegionLoad, Repartition, Report, SHAPE_COST, Stamp, Stance, SyncProtocol,
-    Thresholds, ToClient, ToNode, ToServer, View, ViewNumber, WorldOp,
+    RayAnswer, RayQuery, Refusal, RegionLoad, Repartition, Report, SHAPE_COST, Stamp, Stance, Subject,
+    SyncProtocol, Thresholds, ToClient, ToNode, ToServer, View, ViewNumber, WorldOp,
 };
 #[cfg(feature = "physics")]
 pub(crate) use shape::voxels_fit;

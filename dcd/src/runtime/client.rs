@@ -7,10 +7,10 @@ use rapier3d::prelude::*;
 
 use std::net::SocketAddr;
 
+use super::bandwidth::{Bandwidth, COSTLIEST};
 use super::ending::GIVE_UP;
 use super::{Connections, Member, MemberConfig, NodeSummary, ProcessError};
 use crate::cluster::{BodyView, Client, ClientEvent};
-use crate::delta::Tally;
 use crate::net::{Identity, JoinRole, PeerStats, Token, join};
 use crate::physics::{ShapeError, ShapeLibrary};
 use crate::playback::{Motion, ViewTime};
@@ -258,9 +258,19 @@ impl ClientWorld {
         self.member.submit(ClientEvent::Bandwidth(bytes_per_s.map_or(0, |limit| limit.max(1))))
     }
 
-    /// Returns what states of bodies have cost so far.
-    pub fn tally(&self) -> Tally {
-        self.member.shared.lock().client.as_ref().map(|client| *client.tally()).unwrap_or_default()
+    /// Returns what this process was sent since it joined, and what for, as of a tenth of a second ago.
+    pub fn bandwidth(&self) -> Bandwidth {
+        let state = self.member.shared.lock();
+        let mut bandwidth = Bandwidth {
+            udp_bytes: state.traffic.udp_bytes_in,
+            messages: state.received,
+            ..Bandwidth::default()
+        };
+        if let Some(client) = &state.client {
+            bandwidth.states = *client.tally();
+            bandwidth.bodies = client.costliest(COSTLIEST);
+        }
+        bandwidth
     }
 
     /// Sends a query for rays or shapes to the processes that compute the world; [`ClientWorld::take_answer`] has the answer once

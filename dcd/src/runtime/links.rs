@@ -15,6 +15,7 @@ use std::time::{Duration, Instant};
 
 use tracing::{debug, warn};
 
+use super::bandwidth::Received;
 use super::connections::{Connections, Delivery, Sent};
 use super::ending::{Cause, Ending, Reason};
 use super::repeats::Repeats;
@@ -73,6 +74,7 @@ pub(super) struct Links {
     given_up: Vec<LinkEvent>,
     world_bytes: usize,
     repeats: Repeats,
+    received: Received,
     /// Whether this process sends to a participant as a client too: only the server does.
     is_server: bool,
 }
@@ -101,12 +103,18 @@ impl Links {
             given_up: Vec::new(),
             world_bytes: WORLD_BYTES,
             repeats: Repeats::default(),
+            received: Received::default(),
             is_server,
         }
     }
 
     pub(super) fn totals(&self) -> NetTotals {
         self.net.totals()
+    }
+
+    /// Returns what has come, by what it is about.
+    pub(super) fn received(&self) -> Received {
+        self.received
     }
 
     /// Dials a peer; the outcome comes as an event.
@@ -343,7 +351,11 @@ impl Links {
             }
             NetEvent::Frame { peer: key, bytes, .. } | NetEvent::Datagram { peer: key, bytes } => {
                 let Some(&who) = self.names.get(&key) else { return Vec::new() };
-                let heard = match protocol::decode(&bytes) {
+                let message = protocol::decode(&bytes);
+                if let Ok(message) = &message {
+                    self.received.count(message.subject(), bytes.len());
+                }
+                let heard = match message {
                     Ok(Message::Program(program)) => match self.connections.heard(key, program) {
                         Ok(()) => return Vec::new(),
                         Err(rule) => Err(rule.to_owned()),

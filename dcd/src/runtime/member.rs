@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 
 use tracing::{debug, info, warn};
 
+use super::bandwidth::Received;
 use super::ending::{Cause, Ending, GIVE_UP, Reason};
 use super::links::{LinkEvent, Links};
 use super::{Connections, PhysicsDevice, ProcessError};
@@ -131,6 +132,7 @@ pub(super) struct State {
     pub disappeared: Vec<BodyId>,
     pub updates: u64,
     pub traffic: PeerStats,
+    pub received: Received,
     pub summary: NodeSummary,
     pub end: Option<Result<(), ProcessError>>,
 }
@@ -193,6 +195,7 @@ impl Member {
             disappeared: Vec::new(),
             updates: 0,
             traffic: PeerStats::default(),
+            received: Received::default(),
             summary,
             end: None,
         };
@@ -425,7 +428,8 @@ impl Loop {
             self.look_for_leader(now);
             if self.count_at <= now {
                 self.count_at = now + COUNT;
-                self.shared.lock().traffic = self.links.totals().traffic;
+                let mut state = self.shared.lock();
+                (state.traffic, state.received) = (self.links.totals().traffic, self.links.received());
             }
             if self.end.is_none() && self.release_by.is_some_and(|by| by <= now) {
                 self.end = Some(Err(ProcessError::NotReleased { server: self.server, waited: RELEASE }));

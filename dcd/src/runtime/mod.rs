@@ -1,6 +1,8 @@
 //! Combines physics, cluster protocol and network into what a program runs: a local world; with `net`, the loops of a server, a
 //! node, a client and a participant.
 
+#[cfg(feature = "net")]
+mod bandwidth;
 mod choice;
 #[cfg(feature = "net")]
 mod client;
@@ -35,6 +37,8 @@ mod serve_config;
 mod server;
 mod snapshot;
 
+#[cfg(feature = "net")]
+pub use bandwidth::{Bandwidth, Count, Received};
 pub use choice::{Choice, Why};
 #[cfg(feature = "net")]
 pub use client::{ClientEvents, ClientWorld, JoinConfig};

@@ -87,12 +87,16 @@ impl Showing {
 impl Client {
     /// Returns the ticks to show now; `None` until the world is heard of. From the first call on it keeps what that takes.
     pub fn view_time(&mut self, now: Duration) -> Option<ViewTime> {
-        let dt_s = self.world.as_ref()?.step.dt_s;
+        let step = self.world.as_ref()?.step;
         let leader = self.leader.as_ref().filter(|_| self.linked).map(|leader| Peer::Node(leader.node));
         let showing = self.showing.get_or_insert_with(|| {
             let mut pinger = Pinger::default();
             leader.into_iter().for_each(|leader| pinger.add(now, leader));
-            Box::new(Showing { playback: Playback::new(dt_s), pinger, inputs: InputDelay::default() })
+            Box::new(Showing {
+                playback: Playback::new(step.dt_s, step.gravity),
+                pinger,
+                inputs: InputDelay::default(),
+            })
         });
         leader.into_iter().for_each(|leader| showing.set_clock(now, leader));
         let time = showing.playback.time(now)?;

@@ -24,6 +24,9 @@ const DATAGRAM_COST: usize = 90;
 /// The seconds whose bytes a client that was told little may be sent at once.
 const SAVED_S: f64 = 0.1;
 
+/// The bytes that a batch waits for if there is more to tell than fits: of a smaller one headers would be most.
+const WORTH_BYTES: f64 = 400.0;
+
 /// What a body counts though it is where the client has it, metres: so that all have their turn.
 const LEAST_ERROR_M: f64 = 0.002;
 
@@ -75,7 +78,9 @@ impl Channel {
 
     /// Takes in what the client has acknowledged.
     pub(super) fn hear(&mut self, now: Tick, heard: &Heard, latest: &Latest) {
-        self.asked = heard.bytes_per_s;
+        if self.asked != heard.bytes_per_s {
+            (self.asked, self.allowed) = (heard.bytes_per_s, (0.0, now));
+        }
         if self.sender.hear(now, heard) {
             self.waiting.extend(latest.keys());
         }
@@ -103,7 +108,7 @@ impl Channel {
         let (saved, since) = self.allowed;
         let rate = f64::from(self.asked);
         let earned = saved + rate * dt_s * now.0.saturating_sub(since.0) as f64;
-        self.allowed = (earned.min(rate * SAVED_S), now);
+        self.allowed = (earned.min(WORTH_BYTES.max(rate * SAVED_S)), now);
         self.carried.min(self.allowed.0.max(0.0) as usize)
     }
 
@@ -126,7 +131,7 @@ impl Channel {
                 .map(|(state, _)| state)
                 .collect();
         }
-        if count == 0 {
+        if count == 0 || room < WORTH_BYTES.min(self.carried as f64) {
             return Vec::new();
         }
         let own = BodyId::avatar(self.client, 0)..=BodyId::avatar(self.client, u32::MAX);

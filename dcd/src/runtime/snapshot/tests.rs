@@ -53,7 +53,7 @@ fn zoo() -> Vec<Scene> {
         "convoy" => "cars=3 road=100",
         "vault" => "arches=2",
         "conveyor" => "n=48 belts=4",
-        "drum" | "domino_ring" => "n=60",
+        "drum" | "sweep" | "domino_ring" => "n=60",
         "net" => "edge=8",
         _ => "",
     };

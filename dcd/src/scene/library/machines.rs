@@ -1,4 +1,4 @@
-//! Builds scenes with kinematic bodies that carry others: boxes on belts, balls in a turning drum.
+//! Builds scenes with kinematic bodies that move others: boxes on belts, balls in a turning drum, cubes before an arm that sweeps.
 
 use std::f64::consts::PI;
 
@@ -33,6 +33,24 @@ pub(super) const DRUM: SceneInfo = SceneInfo {
         SEED,
     ],
     build: drum,
+};
+
+pub(super) const SWEEP: SceneInfo = SceneInfo {
+    name: "sweep",
+    summary: "cubes of 0.4 m that lie on a plane, and a kinematic arm that turns about the middle and pushes them aside",
+    params: &[
+        count("n", "900", 1, MOST, "cubes, in a square grid of 1 m"),
+        number(
+            "reach",
+            "6",
+            [0.5, 1_000.0],
+            "m",
+            "half the length of the arm: it touches the cubes within, about pi reach^2 of them, in half a turn",
+        ),
+        number("speed", "0.25", [0.0, 10.0], "rad/s", "of the arm"),
+        SLEEP,
+    ],
+    build: sweep,
 };
 
 fn conveyor(values: &Values) -> Result<Scene, SceneError> {
@@ -90,6 +108,33 @@ fn drum(values: &Values) -> Result<Scene, SceneError> {
         scene.push(WorldPose::at(place), RigidBodyBuilder::dynamic(), ball.clone());
     }
     scene.bounds = Bounds::around([0.0; 3], [radius_m; 3]);
+    Ok(scene)
+}
+
+fn sweep(values: &Values) -> Result<Scene, SceneError> {
+    const PITCH_M: f64 = 1.0;
+    const HALF_M: f32 = 0.2;
+    const HALF_HIGH_M: f32 = 0.5;
+    let (n, reach_m) = (values.count("n"), values.number("reach"));
+    let side = (1..).find(|side| side * side >= n).expect("a square is large enough");
+    let half_m = 0.5 * side as f64 * PITCH_M;
+    let along = |k: usize| (k as f64 + 0.5) * PITCH_M - half_m;
+    // Pushed cubes end up outside the grid, on the plane.
+    let plane_half_m = 2.0 * half_m.max(f64::from(reach_m)) + 10.0;
+    let mut scene = Scene::empty("sweep");
+    let plane_half = [plane_half_m as f32, 0.5, plane_half_m as f32];
+    scene.push_fixed_box([0.0, -0.5, 0.0], plane_half, &ColliderBuilder::ball(1.0));
+    let cube = ColliderBuilder::cuboid(HALF_M, HALF_M, HALF_M);
+    for i in 0..n {
+        let place = [along(i % side), f64::from(HALF_M), along(i / side)];
+        scene.push(WorldPose::at(place), RigidBodyBuilder::dynamic(), cube.clone());
+    }
+    // It turns clear of the plane, and begins between two rows.
+    let between = if side.is_multiple_of(2) { 0.0 } else { 0.5 * PITCH_M };
+    let turning = RigidBodyBuilder::kinematic_velocity_based().angvel(Vector::Y * values.number("speed"));
+    let arm = ColliderBuilder::cuboid(reach_m, HALF_HIGH_M, HALF_M);
+    scene.push(WorldPose::at([0.0, f64::from(HALF_HIGH_M) + 0.1, between]), turning, arm);
+    scene.bounds = Bounds::new([-half_m - 2.0, 0.0, -half_m - 2.0], [half_m + 2.0, 4.0, half_m + 2.0]);
     Ok(scene)
 }
 

@@ -26,7 +26,7 @@ pub struct SceneInfo {
     build: fn(&Values) -> Result<Scene, SceneError>,
 }
 
-static LIBRARY: [SceneInfo; 16] = [
+static LIBRARY: [SceneInfo; 17] = [
     stacks::TOWER,
     stacks::PYRAMID,
     stacks::WALL,
@@ -41,6 +41,7 @@ static LIBRARY: [SceneInfo; 16] = [
     vault::VAULT,
     machines::CONVEYOR,
     machines::DRUM,
+    machines::SWEEP,
     net::NET,
     dominoes::DOMINO_RING,
 ];

@@ -22,6 +22,7 @@ fn small(name: &str) -> Params {
         "vault" => params.with("arches", 2).with("rows", 2),
         "conveyor" => params.with("n", 48).with("belts", 4),
         "drum" => params.with("n", 60).with("seed", 2),
+        "sweep" => params.with("n", 81).with("speed", 0.5).with("reach", 3),
         "net" => params.with("edge", 8).with("hang", 1),
         "domino_ring" => params.with("n", 40).with("starts", 2),
         _ => panic!("give `{name}` a second set of parameters"),
@@ -323,6 +324,23 @@ fn a_drum_keeps_its_balls_and_lifts_them() {
     }
     let mean_x = dynamic(&world).map(|ball| ball.translation().x).sum::<f32>() / 60.0;
     assert!(mean_x > 0.1, "carried up on the side that rises: {mean_x} m");
+}
+
+#[test]
+fn an_arm_sweeps_cubes_out_of_its_circle() {
+    let near = |world: &PhysicsWorld| {
+        dynamic(world).map(RigidBody::translation).filter(|at| at.x.hypot(at.z) < 3.0).count()
+    };
+    let (scene, before) = run("sweep", &["n=100", "reach=4", "speed=1"], 1);
+    let (_, after) = run("sweep", &["n=100", "reach=4", "speed=1"], 600);
+    assert!(near(&after) < near(&before) / 2, "{} of {}", near(&after), near(&before));
+    let asleep = |world: &PhysicsWorld| dynamic(world).filter(|body| body.is_sleeping()).count();
+    assert!(asleep(&after) > 0, "the corners are not reached");
+    let (min, max) = (scene.bounds.min, scene.bounds.max);
+    for cube in dynamic(&after).map(RigidBody::translation) {
+        let inside = |axis: usize, at: f32| (min[axis] - 4.0..max[axis] + 4.0).contains(&f64::from(at));
+        assert!(inside(0, cube.x) && inside(2, cube.z) && (0.1..1.0).contains(&cube.y), "{cube}");
+    }
 }
 
 #[test]

@@ -17,7 +17,7 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
 use self::balancing::Balancing;
-use self::channel::Channel;
+use self::channel::{Batches, Channel};
 use self::holders::Holders;
 use self::inputs::Inputs;
 pub use self::inter_group::Deviations;
@@ -79,6 +79,8 @@ pub struct Leader {
     motion: FreeMotion,
     /// What clients in other processes are told, and in which way.
     channels: BTreeMap<ClientId, Channel>,
+    /// What moved lately.
+    batches: Batches,
     questions: Questions,
     /// Interests that clients have sent since the last tick.
     interests: BTreeMap<ClientId, Option<Area>>,
@@ -130,6 +132,7 @@ impl Leader {
             told: BTreeMap::new(),
             motion: FreeMotion::of(&world.step),
             channels: BTreeMap::new(),
+            batches: Batches::default(),
             questions: Questions::default(),
             interests: BTreeMap::new(),
             audiences: BTreeMap::new(),
@@ -214,7 +217,7 @@ impl Leader {
 
     fn tell_everything(&mut self, client: ClientId) {
         let all = self.latest.keys().copied().collect::<Vec<_>>();
-        self.tell_in_turn(client, all);
+        self.tell_soon(client, all);
     }
 
     /// Removes a client whose direct link is gone.

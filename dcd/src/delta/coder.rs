@@ -1,5 +1,7 @@
 //! The format of states in a datagram: one description serves the one who writes and the one who reads.
 
+use std::sync::LazyLock;
+
 use constriction::stream::queue::{DefaultRangeDecoder, DefaultRangeEncoder};
 use constriction::stream::{Decode, Encode};
 
@@ -48,13 +50,16 @@ impl Field {
 }
 
 /// The most bits of a number: a difference of two numbers of 64 bits.
-const CLASSES: usize = 65;
-/// What has more bits than this is rare; classes from here on share their models.
+const WIDEST: usize = 64;
+/// Numbers of so many bits or more are so rare that their width is written as it is.
+const WIDE: usize = 23;
+/// What has more bits than this is rare; widths from here on share their models.
 const RARE: usize = 15;
 /// By how many bits the numbers before took, models are kept apart.
 const CONTEXTS: usize = 8;
 
 /// The models of one datagram, which begin alike in each.
+#[derive(Clone)]
 pub(super) struct Models {
     id: Number,
     is_told_against: Adaptive<2>,
@@ -80,22 +85,24 @@ pub(super) struct Models {
 }
 
 /// The models of a single number: how many bits its magnitude has, its sign, and the bit below the highest.
+#[derive(Clone)]
 pub(super) struct Number {
-    class: Adaptive<CLASSES>,
+    width: Adaptive<{ WIDE + 1 }>,
     sign: Adaptive<2>,
     second: [Adaptive<2>; RARE + 1],
 }
 
 /// The models of three numbers that are about as large as each other: how many bits the largest has, and the highest two of each.
+#[derive(Clone)]
 pub(super) struct Triple {
-    class: [Adaptive<CLASSES>; CONTEXTS],
+    width: [Adaptive<{ WIDE + 1 }>; CONTEXTS],
     high: [Adaptive<4>; RARE + 1],
 }
 
 impl Number {
     fn new(usual: usize) -> Self {
         let second = std::array::from_fn(|_| Adaptive::new());
-        Self { class: Adaptive::about(usual), sign: Adaptive::new(), second }
+        Self { width: Adaptive::about(usual), sign: Adaptive::new(), second }
     }
 }
 
@@ -103,14 +110,20 @@ impl Triple {
     /// Returns the models of numbers of about so many bits.
     fn new(usual: impl Fn(usize) -> usize) -> Self {
         Self {
-            class: std::array::from_fn(|context| Adaptive::about(usual(context))),
+            width: std::array::from_fn(|context| Adaptive::about(usual(context))),
             high: std::array::from_fn(|_| Adaptive::new()),
         }
     }
 }
 
 impl Models {
+    /// Returns those that a datagram begins with.
     pub(super) fn new() -> Self {
+        static FIRST: LazyLock<Models> = LazyLock::new(Models::first);
+        FIRST.clone()
+    }
+
+    fn first() -> Self {
         Self {
             id: Number::new(1),
             is_told_against: Adaptive::new(),
@@ -308,19 +321,29 @@ pub(super) trait Coder {
         Ok(read)
     }
 
+    /// Codes how many bits a number has.
+    fn width(&mut self, model: &mut Adaptive<{ WIDE + 1 }>, width: usize) -> Result<usize, CodecError> {
+        let symbol = self.symbol(model, width.min(WIDE))?;
+        if symbol < WIDE {
+            return Ok(symbol);
+        }
+        let width = self.bits(7, width as u64)? as usize;
+        if (WIDE..=WIDEST).contains(&width) { Ok(width) } else { Err(CodecError::Compact) }
+    }
+
     /// Codes a number: its width, its sign, and the bits below the highest.
     fn number(&mut self, models: &mut Number, number: i64) -> Result<i64, CodecError> {
         let magnitude = number.unsigned_abs();
-        let class = self.symbol(&mut models.class, class(magnitude))? as u32;
-        if class == 0 {
+        let width = self.width(&mut models.width, width(magnitude))? as u32;
+        if width == 0 {
             return Ok(0);
         }
         let negative = self.symbol(&mut models.sign, usize::from(number < 0))? == 1;
         let mut read = 1;
-        let mut left = class - 1;
+        let mut left = width - 1;
         if left > 0 {
             left -= 1;
-            let second = &mut models.second[(class as usize).min(RARE)];
+            let second = &mut models.second[(width as usize).min(RARE)];
             read = 2 | self.symbol(second, (magnitude >> left & 1) as usize)? as u64;
         }
         let read = (read << left | self.many_bits(left, magnitude & ((1 << left) - 1))?) as i64;
@@ -334,8 +357,8 @@ pub(super) trait Coder {
         context: &mut usize,
         numbers: [i64; 3],
     ) -> Result<[i64; 3], CodecError> {
-        let widest = numbers.iter().map(|number| class(number.unsigned_abs())).max().unwrap_or(0);
-        let widest = self.symbol(&mut models.class[*context], widest)?;
+        let widest = numbers.iter().map(|number| width(number.unsigned_abs())).max().unwrap_or(0);
+        let widest = self.width(&mut models.width[*context], widest)?;
         *context = widest.min(CONTEXTS - 1);
         let mut read = [0; 3];
         if widest == 0 {
@@ -357,7 +380,7 @@ pub(super) trait Coder {
 }
 
 /// Returns how many bits a magnitude has.
-fn class(magnitude: u64) -> usize {
+fn width(magnitude: u64) -> usize {
     (u64::BITS - magnitude.leading_zeros()) as usize
 }
 

@@ -3,13 +3,8 @@
 use super::quantise::{Quantised, Rotation};
 use crate::protocol::StepRecord;
 
-/// The ways in which a body may have gone on: by the two below, or it has come to a stand.
+/// The ways in which a body may have gone on: it falls freely, it keeps its velocity, or it has come to a stand.
 pub(super) const GUESSES: usize = 3;
-
-/// It falls freely.
-const FALLS: usize = 0;
-/// It keeps its velocity.
-const GLIDES: usize = 1;
 
 /// No guess is made of what happened in more ticks than this: what moved for so long did not do so freely.
 const LONGEST_TICKS: u64 = 120;
@@ -32,23 +27,39 @@ impl FreeMotion {
         Self { fall, dt_s, parts: f64::from(step.solver_iterations.max(1)) }
     }
 
-    /// Returns what has become of a body after so many ticks, by one of the [`GUESSES`].
-    pub(super) fn guess(&self, body: &Quantised, ticks: u64, guess: usize) -> Quantised {
-        if body.sleeping || guess > GLIDES || ticks > LONGEST_TICKS {
-            return Quantised { velocity: [0; 3], spin: [0; 3], ..*body };
+    /// Returns what may have become of a body after so many ticks.
+    pub(super) fn guesses(&self, body: &Quantised, ticks: u64) -> [Quantised; GUESSES] {
+        let stands = Quantised { velocity: [0; 3], spin: [0; 3], ..*body };
+        if body.sleeping || ticks > LONGEST_TICKS {
+            return [stands; GUESSES];
         }
-        let n = ticks as f64;
-        let fall = if guess == FALLS { self.fall } else { [0.0; 3] };
         let (place, velocity) = (body.place_m(), body.velocity_m_s());
-        let way = |axis: usize| {
-            let falls = fall[axis] * (n * n + n / self.parts) / 2.0;
+        let n = ticks as f64;
+        let mut glides = *body;
+        glides.set_place_m(std::array::from_fn(|axis| place[axis] + velocity[axis] * n * self.dt_s));
+        glides.set_rotation(turned(body.rotation(), body.spin_rad_s(), n * self.dt_s));
+        let mut falls = glides;
+        let fallen = |axis: usize| {
+            let falls = self.fall[axis] * (n * n + n / self.parts) / 2.0;
             place[axis] + (velocity[axis] * n + falls) * self.dt_s
         };
-        let mut guess = *body;
-        guess.set_place_m(std::array::from_fn(way));
-        guess.set_velocity_m_s(std::array::from_fn(|axis| velocity[axis] + n * fall[axis]));
-        guess.set_rotation(turned(body.rotation(), body.spin_rad_s(), n * self.dt_s));
-        guess
+        falls.set_place_m(std::array::from_fn(fallen));
+        falls.set_velocity_m_s(std::array::from_fn(|axis| velocity[axis] + n * self.fall[axis]));
+        [falls, glides, stands]
+    }
+
+    /// Returns by how many metres a body is at least elsewhere than expected after so many ticks.
+    pub(super) fn error_m(&self, body: &Quantised, ticks: u64, place: [f64; 3]) -> f64 {
+        let (from, n) = (body.place_m(), ticks as f64);
+        let moves = !body.sleeping && ticks <= LONGEST_TICKS;
+        let velocity = if moves { body.velocity_m_s() } else { [0.0; 3] };
+        let fall = if moves { self.fall } else { [0.0; 3] };
+        let off = |velocity: [f64; 3], fall: [f64; 3]| {
+            let way = |axis: usize| (velocity[axis] * n + fall[axis] * n * n / 2.0) * self.dt_s;
+            (0..3).map(|axis| (from[axis] + way(axis) - place[axis]).powi(2)).sum::<f64>()
+        };
+        let none = [0.0; 3];
+        off(velocity, fall).min(off(velocity, none)).min(off(none, none)).sqrt()
     }
 }
 

@@ -182,7 +182,7 @@ impl Receiver {
                 let known = known.versions.iter().find(|version| version.batch == batch);
                 let known = known.filter(|known| known.tick <= tick.0).ok_or(CodecError::Compact)?;
                 let ticks = tick.0 - known.tick;
-                let guesses = std::array::from_fn(|guess| motion.guess(&known.state, ticks, guess));
+                let guesses = motion.guesses(&known.state, ticks);
                 let read = models.changed(&mut reader, &guesses, &Quantised::default())?;
                 predicted += u64::from(guesses.contains(&read));
                 read

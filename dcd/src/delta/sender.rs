@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use super::coder::{Models, Writer};
-use super::free_motion::{FreeMotion, GUESSES};
+use super::free_motion::FreeMotion;
 use super::quantise::Quantised;
 use crate::protocol::{Heard, Part, SharedState};
 use crate::space::{BodyId, Tick};
@@ -27,6 +27,9 @@ const KEPT: usize = 48;
 /// as many as acknowledgements took.
 const PATIENCE_TICKS: f64 = 6.0;
 
+/// How often what waits to be acknowledged is looked through, ticks.
+const LOOK_TICKS: u64 = 3;
+
 /// The ticks without an acknowledgement after which a client is taken to be gone, or cut off.
 const SILENCE_TICKS: u64 = 60;
 
@@ -41,8 +44,9 @@ pub struct Sender {
     /// The newest datagrams, up to the one before the next.
     flights: VecDeque<Flight>,
     bodies: BTreeMap<BodyId, History>,
-    /// Bodies whose newest state is not acknowledged.
+    /// Bodies whose newest state is not acknowledged, and when these are looked through next.
     unheard: BTreeSet<BodyId>,
+    look_at: u64,
     /// What acknowledgements take, ticks.
     delay_ticks: f64,
     /// When the client last acknowledged anything, or the first datagram since then was sent.
@@ -89,6 +93,16 @@ struct Flights<'a> {
 }
 
 impl Flights<'_> {
+    /// Returns when a datagram was sent; 0: long ago.
+    fn sent_at(&self, number: u32) -> u64 {
+        let before = self.next.wrapping_sub(number) as usize;
+        self.flights
+            .len()
+            .checked_sub(before)
+            .and_then(|at| self.flights.get(at))
+            .map_or(0, |flight| flight.sent)
+    }
+
     fn is_heard(&self, number: u32) -> bool {
         let before = self.next.wrapping_sub(number) as usize;
         let at = self.flights.len().checked_sub(before);
@@ -107,6 +121,7 @@ impl Sender {
             flights: VecDeque::new(),
             bodies: BTreeMap::new(),
             unheard: BTreeSet::new(),
+            look_at: 0,
             delay_ticks: 0.0,
             waits_since: None,
         }
@@ -181,8 +196,7 @@ impl Sender {
             match known {
                 Some(known) => {
                     let ticks = tick.0 - known.tick;
-                    let guesses = std::array::from_fn(|guess| self.motion.guess(&known.state, ticks, guess));
-                    models.changed(writer, &guesses, &body)
+                    models.changed(writer, &self.motion.guesses(&known.state, ticks), &body)
                 }
                 None => models.whole(writer, before, &body),
             }
@@ -228,14 +242,23 @@ impl Sender {
         false
     }
 
+    /// Returns the ticks after which an acknowledgement should have come.
+    fn patience(&self) -> u64 {
+        PATIENCE_TICKS.max(2.0 * self.delay_ticks) as u64
+    }
+
+    fn sent_at(&self, number: u32) -> u64 {
+        Flights { next: self.number, flights: &self.flights }.sent_at(number)
+    }
+
     /// Returns the bodies whose newest state was sent so long ago that its acknowledgement should have come, and had not.
     pub fn overdue(&mut self, now: Tick) -> Vec<BodyId> {
+        if now.0 < self.look_at {
+            return Vec::new();
+        }
+        self.look_at = now.0 + LOOK_TICKS;
         let flights = Flights { next: self.number, flights: &self.flights };
-        let patience = PATIENCE_TICKS.max(2.0 * self.delay_ticks) as u64;
-        let sent_at = |number: u32| {
-            let before = self.number.wrapping_sub(number) as usize;
-            self.flights.len().checked_sub(before).and_then(|at| self.flights.get(at)).map_or(0, |f| f.sent)
-        };
+        let patience = self.patience();
         let mut overdue = Vec::new();
         let bodies = &mut self.bodies;
         self.unheard.retain(|id| {
@@ -243,7 +266,7 @@ impl Sender {
             if history.settle(&flights) {
                 return false;
             }
-            if history.sent.back().is_none_or(|version| sent_at(version.number) + patience <= now.0) {
+            if history.sent.back().is_none_or(|version| flights.sent_at(version.number) + patience <= now.0) {
                 overdue.push(*id);
             }
             true
@@ -264,17 +287,14 @@ impl Sender {
         is_silent
     }
 
-    /// Returns how far a body is from where its client has it by now, metres, if it received all and takes it to move freely; and when it
-    /// was sent last. `None`: it was never sent.
-    pub fn error_m(&self, state: &SharedState, tick: Tick) -> Option<(f64, Tick)> {
+    /// Returns how far a body is from where its client has it by now, metres, if it has what may still be on its way and takes the body to move
+    /// freely; and of which tick that is. `None`: it was never told, or all that it was is lost.
+    pub fn error_m(&self, now: Tick, state: &SharedState, tick: Tick) -> Option<(f64, Tick)> {
         let history = self.bodies.get(&state.id)?;
-        let version = history.sent.back().or(history.known.as_ref())?;
+        let may_come = |version: &&Version| self.sent_at(version.number) + self.patience() > now.0;
+        let version = history.sent.back().filter(may_come).or(history.known.as_ref())?;
         let ticks = tick.0.saturating_sub(version.tick);
-        let off = |guess: usize| {
-            let guess = self.motion.guess(&version.state, ticks, guess).place_m();
-            (0..3).map(|axis| (guess[axis] - state.pose.translation[axis]).powi(2)).sum::<f64>().sqrt()
-        };
-        Some(((0..GUESSES).map(off).fold(f64::INFINITY, f64::min), Tick(version.tick)))
+        Some((self.motion.error_m(&version.state, ticks, state.pose.translation), Tick(version.tick)))
     }
 
     /// Returns how many states wait to be acknowledged.

@@ -1,7 +1,7 @@
 //! Chooses what a client is told next, within the bytes that its link carries and that it asked for: of more bodies than there is room
 //! for those first that it has most wrong, seen from its avatars, and for longest.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, VecDeque};
 
 use super::interest::Latest;
 use crate::delta::{FreeMotion, Sender};
@@ -36,13 +36,47 @@ const UNTOLD_ERROR_M: f64 = 10.0;
 /// Bodies nearer to an avatar than this are equally near, metres: it touches them, or could.
 const NEAR_M: f64 = 2.0;
 
+/// The batches of bodies that moved which are kept for clients that have not had their turn yet.
+const BATCHES: usize = 32;
+
+/// The bodies that moved lately, as members reported them.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Batches {
+    /// The number of the next one.
+    next: u64,
+    batches: VecDeque<Vec<BodyId>>,
+}
+
+impl Batches {
+    pub(super) fn push(&mut self, bodies: Vec<BodyId>) {
+        self.next += 1;
+        self.batches.push_back(bodies);
+        if self.batches.len() > BATCHES {
+            self.batches.pop_front();
+        }
+    }
+
+    /// Returns the number of the next batch.
+    pub(super) fn next(&self) -> u64 {
+        self.next
+    }
+
+    /// Returns the batches from this one on; `None` if some are no longer known.
+    fn since(&self, number: u64) -> Option<impl Iterator<Item = BodyId> + '_> {
+        let missed = usize::try_from(self.next - number).ok()?;
+        let first = self.batches.len().checked_sub(missed)?;
+        Some(self.batches.range(first..).flatten().copied())
+    }
+}
+
 /// The link to a client, beginning with what it has been told.
 #[derive(Clone, Debug)]
 pub(super) struct Channel {
     client: ClientId,
     sender: Sender,
-    /// Bodies that it is still to be told of.
+    /// Bodies that it is still to be told of, beside those of batches from this one on, if it hears all.
     waiting: BTreeSet<BodyId>,
+    caught_up: u64,
     /// The bytes of a batch that the link carries until the next one.
     carried: usize,
     /// The bytes a second that the client asked for; 0: as many as the link carries.
@@ -55,11 +89,12 @@ pub(super) struct Channel {
 
 impl Channel {
     /// Returns that of a client that knows nothing of what is sent in this series.
-    pub(super) fn new(client: ClientId, motion: FreeMotion, series: u32) -> Self {
+    pub(super) fn new(client: ClientId, motion: FreeMotion, series: u32, caught_up: u64) -> Self {
         Self {
             client,
             sender: Sender::new(motion, series),
             waiting: BTreeSet::new(),
+            caught_up,
             carried: MOST_BYTES,
             asked: 0,
             allowed: (0.0, Tick(0)),
@@ -91,6 +126,11 @@ impl Channel {
         self.waiting.remove(&id);
     }
 
+    /// Returns how many bodies wait.
+    pub(super) fn waiting(&self) -> usize {
+        self.waiting.len()
+    }
+
     /// Returns whether anything waits to be told, or to be told again.
     pub(super) fn waits(&mut self, now: Tick) -> bool {
         self.waiting.extend(self.sender.overdue(now));
@@ -112,14 +152,26 @@ impl Channel {
         self.carried.min(self.allowed.0.max(0.0) as usize)
     }
 
-    /// Returns the bodies to tell of now, in id order: of these, and of those that wait.
-    pub(super) fn choose(
-        &mut self,
-        (now, dt_s): (Tick, f64),
-        bodies: impl IntoIterator<Item = BodyId>,
-        latest: &Latest,
-    ) -> Vec<SharedState> {
+    /// Notes bodies that the client is to be told of.
+    pub(super) fn wait_for(&mut self, bodies: impl IntoIterator<Item = BodyId>) {
         self.waiting.extend(bodies);
+    }
+
+    /// Notes those that moved since this was called last.
+    pub(super) fn catch_up<I: Iterator<Item = BodyId>>(
+        &mut self,
+        batches: &Batches,
+        all: impl FnOnce() -> I,
+    ) {
+        match batches.since(self.caught_up) {
+            Some(bodies) => self.waiting.extend(bodies),
+            None => self.waiting.extend(all()),
+        }
+        self.caught_up = batches.next();
+    }
+
+    /// Returns the bodies to tell of now, in id order, of those that wait.
+    pub(super) fn choose(&mut self, now: Tick, dt_s: f64, latest: &Latest) -> Vec<SharedState> {
         let room = self.room(now, dt_s) as f64;
         let datagrams = (room / (STATES_BYTES + DATAGRAM_COST) as f64).ceil();
         let count = ((room - datagrams * DATAGRAM_COST as f64) / self.body_bytes).max(0.0) as usize;
@@ -164,7 +216,7 @@ impl Channel {
             (0..3).map(|axis| (at[axis] - state.pose.translation[axis]).powi(2)).sum::<f64>().sqrt()
         };
         let nearest = avatars.iter().map(away).reduce(f64::min).unwrap_or(0.0);
-        let (error, since) = self.sender.error_m(state, tick).unwrap_or((UNTOLD_ERROR_M, Tick(0)));
+        let (error, since) = self.sender.error_m(now, state, tick).unwrap_or((UNTOLD_ERROR_M, Tick(0)));
         let age = now.0.saturating_sub(since.0).min(1_000) as f64;
         (LEAST_ERROR_M + error) * (1.0 + age) / (NEAR_M + nearest)
     }

@@ -14,6 +14,12 @@ use crate::space::{BodyId, ClientId, Tick};
 /// The ticks after which clients and the server at least hear that time goes on though nothing moves (a heartbeat).
 pub(in crate::cluster) const TELL_TICK: u64 = 30;
 
+/// The most states that are coded in a tick, for all clients together: in some two milliseconds.
+pub(super) const STATES_PER_TICK: usize = 4_000;
+
+/// To find out that a body may wait takes this part of the time that coding its state takes.
+const RANKED_PER_STATE: usize = 4;
+
 impl Leader {
     /// Sends contacts to the clients whose avatars touch. A pair that two regions hold is seen by both: it begins with the
     /// first and ends with the last of them.
@@ -58,23 +64,16 @@ impl Leader {
         for (client, mut audience) in std::mem::take(&mut self.audiences) {
             let bodies = audience.batch(&news, &self.latest);
             self.audiences.insert(client, audience);
-            if !bodies.is_empty() {
-                self.tell_in_turn(client, bodies);
-            }
+            self.tell_soon(client, bodies);
         }
         if !moved.is_empty() {
-            for client in self.hear_all() {
-                self.tell_in_turn(client, moved.keys().copied());
+            let here = self.hear_all().into_iter().filter(|client| self.is_here(*client));
+            for client in here.collect::<Vec<_>>() {
+                self.tell_soon(client, moved.keys().copied());
             }
+            self.batches.push(moved.into_keys().collect());
         }
-        let now = self.tick;
-        let waits = |(client, channel): (&ClientId, &mut Channel)| {
-            let is_told = self.told.get(client) == Some(&now);
-            (!is_told && channel.waits(now)).then_some(*client)
-        };
-        for client in self.channels.iter_mut().filter_map(waits).collect::<Vec<_>>() {
-            self.tell_in_turn(client, []);
-        }
+        self.take_turns();
         self.tell_tick();
     }
 
@@ -111,23 +110,50 @@ impl Leader {
         self.clients.keys().filter(hears_all).copied().collect()
     }
 
-    /// Tells a client of bodies, in id order: of all, in this process; elsewhere of as many as there is room for, and of the others later.
-    pub(super) fn tell_in_turn(&mut self, client: ClientId, bodies: impl IntoIterator<Item = BodyId>) {
-        let now = self.tick;
-        if self.is_here(client) {
-            let known = |id| self.latest.get(&id).map(|&(state, _)| state);
-            let states = bodies.into_iter().filter_map(known).collect();
-            return self.tell(client, now, false, states);
+    /// Tells a client of bodies, in id order: in this process at once, elsewhere when it is its turn.
+    pub(super) fn tell_soon(&mut self, client: ClientId, bodies: impl IntoIterator<Item = BodyId>) {
+        if !self.is_here(client) {
+            let mut channel = self.channel(client);
+            channel.wait_for(bodies);
+            self.channels.insert(client, channel);
+            return;
         }
-        let dt_s = self.dt.as_secs_f64();
-        let (mut channel, latest) = (self.channel(client), &self.latest);
-        let states = channel.choose((now, dt_s), bodies, latest);
-        // What waited for its turn is not as it is after this tick, but after the one of the last report.
-        let of = |state: &SharedState| latest.get(&state.id).map(|&(_, tick)| tick);
-        let tick = states.iter().filter_map(of).max().unwrap_or(now);
-        self.channels.insert(client, channel);
+        let known = |id| self.latest.get(&id).map(|&(state, _)| state);
+        let states: Vec<_> = bodies.into_iter().filter_map(known).collect();
         if !states.is_empty() {
-            self.tell(client, tick, false, states);
+            self.tell(client, self.tick, false, states);
+        }
+    }
+
+    /// Tells clients in other processes what waits for them: those first that were told longest ago, and only so many that the tick takes
+    /// little longer; the others have their turn in the next one.
+    fn take_turns(&mut self) {
+        let now = self.tick;
+        let told = |client: ClientId| (self.told.get(&client).copied(), client);
+        let decided = |client: &ClientId| !self.undecided.contains(client) && !self.is_here(*client);
+        let mut clients: Vec<_> = self.clients.keys().copied().filter(decided).map(told).collect();
+        clients.sort_unstable();
+        let mut left = STATES_PER_TICK;
+        for (_, client) in clients {
+            if left == 0 {
+                break;
+            }
+            let mut channel = self.channel(client);
+            if !self.audiences.contains_key(&client) {
+                channel.catch_up(&self.batches, || self.latest.keys().copied());
+            }
+            let states = match channel.waits(now) {
+                true => channel.choose(now, self.dt.as_secs_f64(), &self.latest),
+                false => Vec::new(),
+            };
+            left = left.saturating_sub(states.len() + channel.waiting() / RANKED_PER_STATE);
+            // What waited for its turn is not as it is after this tick, but after the one of the last report.
+            let of = |state: &SharedState| self.latest.get(&state.id).map(|&(_, tick)| tick);
+            let tick = states.iter().filter_map(of).max().unwrap_or(now);
+            self.channels.insert(client, channel);
+            if !states.is_empty() {
+                self.tell(client, tick, false, states);
+            }
         }
     }
 
@@ -140,7 +166,7 @@ impl Leader {
     /// Takes the channel of a client, which is to be put back.
     fn channel(&mut self, client: ClientId) -> Channel {
         // Views follow each other with growing numbers, and so do series.
-        let new = || Channel::new(client, self.motion, (self.view.0 as u32) << 8);
+        let new = || Channel::new(client, self.motion, (self.view.0 as u32) << 8, self.batches.next());
         self.channels.remove(&client).unwrap_or_else(new)
     }
 

@@ -1,10 +1,12 @@
 //! Measures what it costs to tell a client of a scene: bytes by field, over networks that delay and lose, in a simulation of a leader
 //! that has one client. Nothing in it depends on the machine.
 
+mod picture;
+
 use std::collections::{BTreeMap, VecDeque};
 use std::error::Error;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use clap::Args;
 use dcd::delta::{Field, FreeMotion, Receiver, Sender, Tally};
@@ -36,7 +38,7 @@ pub(crate) struct Bandwidth {
     /// Where the results go [default: benches/results; with `--quick` a temporary folder].
     #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
-    /// Draws the table from the file, without measuring.
+    /// Draws from the file, without measuring.
     #[arg(long)]
     draw: bool,
 }
@@ -62,6 +64,11 @@ struct Row {
     spin: f64,
     /// Bytes of headers, per state.
     headers: f64,
+    /// Microseconds to code a state, and to read it.
+    code_us: f64,
+    read_us: f64,
+    /// The same to code for 64 clients, over the time of the steps.
+    clients_64: f64,
     told_error_max_mm: f64,
 }
 
@@ -114,7 +121,9 @@ impl Bandwidth {
         if !self.draw {
             self.measure(&folder)?;
         }
-        let table = table(&results::read_csv(&folder.join(FILE))?);
+        let rows = results::read_csv(&folder.join(FILE))?;
+        crate::draw::write(&picture::picture(&rows), &folder.join("bandwidth"))?;
+        let table = picture::table(&rows);
         println!("{table}");
         page::put(&folder, "bandwidth", &table)
     }
@@ -150,6 +159,8 @@ struct Way {
     datagrams: u64,
     states: u64,
     worst: f64,
+    code: Duration,
+    read: Duration,
 }
 
 fn tell(mut run: Run, ticks: u64) -> Result<Vec<Row>, Box<dyn Error>> {
@@ -169,14 +180,19 @@ fn tell(mut run: Run, ticks: u64) -> Result<Vec<Row>, Box<dyn Error>> {
             datagrams: 0,
             states: 0,
             worst: 0.0,
+            code: Duration::ZERO,
+            read: Duration::ZERO,
         }
     };
+    let mut steps = Duration::ZERO;
     let mut ways = NETWORKS.map(way);
     let mut random = Random::new(7);
     let mut newest = BTreeMap::<BodyId, SharedState>::new();
     let mut moving = 0;
     for tick in 1..=ticks {
+        let start = Instant::now();
         run.world.step()?;
+        steps += start.elapsed();
         let state = |body: dcd::MovableBody| SharedState {
             id: body.id,
             owner: RegionId(1),
@@ -198,7 +214,7 @@ fn tell(mut run: Run, ticks: u64) -> Result<Vec<Row>, Box<dyn Error>> {
     }
     let seconds = ticks as f64 * f64::from(step.dt_s);
     let moving = moving as f64 / (ticks / EVERY) as f64;
-    Ok(ways.iter().map(|way| way.row(run.name, seconds, moving)).collect())
+    Ok(ways.iter().map(|way| way.row(run.name, seconds, moving, steps)).collect())
 }
 
 impl Way {
@@ -213,7 +229,10 @@ impl Way {
         let clock = Duration::from_secs_f64(tick as f64 / 60.0);
         let come: Vec<_> = self.down.extract_if(.., |(at, ..)| *at <= tick).collect();
         for (_, of, part) in come {
-            for told in self.receiver.take_in(clock, of, &part, false)? {
+            let start = Instant::now();
+            let states = self.receiver.take_in(clock, of, &part, false)?;
+            self.read += start.elapsed();
+            for told in states {
                 let is = newest[&told.id].pose.translation;
                 let off = (0..3).map(|i| (is[i] - told.pose.translation[i]).powi(2)).sum::<f64>().sqrt();
                 self.worst = if of == now { self.worst.max(off) } else { self.worst };
@@ -227,12 +246,15 @@ impl Way {
         while let Some((_, heard)) = self.up.pop_front_if(|(at, _)| *at <= tick) {
             self.sender.hear(now, &heard);
         }
+        let start = Instant::now();
         let mut tells: BTreeMap<_, _> =
             self.sender.overdue(now).iter().filter_map(|id| Some((*id, *newest.get(id)?))).collect();
         tells.extend(moved.iter().map(|state| (state.id, *state)));
         let states: Vec<_> = tells.into_values().collect();
         self.states += states.len() as u64;
-        for part in self.sender.pack(now, now, &states, false, STATES_BYTES) {
+        let parts = self.sender.pack(now, now, &states, false, STATES_BYTES);
+        self.code += start.elapsed();
+        for part in parts {
             self.bytes += part.states.len() as u64;
             self.datagrams += 1;
             if !random.chance(loss) {
@@ -242,7 +264,7 @@ impl Way {
         Ok(())
     }
 
-    fn row(&self, scene: &str, seconds: f64, moving: f64) -> Row {
+    fn row(&self, scene: &str, seconds: f64, moving: f64, steps: Duration) -> Row {
         let Tally { states, wholes, predicted, bits, .. } = *self.receiver.tally();
         let of = |field: Field| bits[field as usize] / states as f64;
         let headers = self.datagrams * DATAGRAM_COST;
@@ -264,48 +286,10 @@ impl Way {
             velocity: of(Field::Velocity),
             spin: of(Field::Spin),
             headers: headers as f64 / self.states as f64,
+            code_us: 1e6 * self.code.as_secs_f64() / self.states as f64,
+            read_us: 1e6 * self.read.as_secs_f64() / states as f64,
+            clients_64: 64.0 * self.code.as_secs_f64() / steps.as_secs_f64(),
             told_error_max_mm: 1e3 * self.worst,
         }
     }
-}
-
-fn table(rows: &[Measured<Row>]) -> String {
-    let head = [
-        "scene",
-        "network",
-        "moving bodies",
-        "kbit/s",
-        "bytes/s per moving body",
-        "as predicted",
-        "told anew",
-        "bits of a state: which body",
-        "told against what",
-        "owner",
-        "place",
-        "turn",
-        "velocity",
-        "spin",
-        "headers, bits",
-    ];
-    let percent = |share: f64| format!("{:.0} %", 100.0 * share);
-    let cells = |Measured { row, .. }: &Measured<Row>| {
-        vec![
-            row.scene.clone(),
-            row.network.clone(),
-            short(row.moving),
-            short(row.bytes_per_s * 8e-3),
-            short(row.bytes_per_moving_body_s),
-            percent(row.predicted_share),
-            percent(row.whole_share),
-            short(row.id),
-            short(row.reference),
-            short(row.owner),
-            short(row.place),
-            short(row.turn),
-            short(row.velocity),
-            short(row.spin),
-            short(8.0 * row.headers),
-        ]
-    };
-    page::table(&head, rows.iter().map(cells))
 }

@@ -3,6 +3,8 @@
 //! A server, a node and a client in one process, over real QUIC; between client and node packets are delayed and lost by a proxy. Served
 //! worlds are bit-equal to local ones, so the truth is computed afterwards, on a machine that has nothing else to do.
 
+mod picture;
+
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -37,7 +39,7 @@ pub(crate) struct Clients {
     /// Where the results go [default: benches/results; with `--quick` a temporary folder].
     #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
-    /// Draws the table from the file, without measuring.
+    /// Draws from the file, without measuring.
     #[arg(long)]
     draw: bool,
 }
@@ -100,7 +102,9 @@ impl Clients {
         if !self.draw {
             self.measure(&folder)?;
         }
-        let table = table(&results::read_csv(&folder.join(FILE))?);
+        let rows = results::read_csv(&folder.join(FILE))?;
+        crate::draw::write(&picture::picture(&rows), &folder.join("clients"))?;
+        let table = picture::table(&rows);
         println!("{table}");
         page::put(&folder, "clients", &table)
     }
@@ -220,41 +224,4 @@ fn see(
         told_jump_p99_mm: 1e3 * told_jumps.at(0.99),
         frames_per_s: frames.len() as f64 / measured_s,
     })
-}
-
-fn table(rows: &[Measured<Row>]) -> String {
-    let head = [
-        "scene",
-        "network",
-        "limit, kbit/s",
-        "moving bodies",
-        "kbit/s",
-        "bytes/s per moving body",
-        "newest state, p50 and p99 ms old",
-        "shown behind the world, ms",
-        "shown off, p50 / p99 / max mm",
-        "jumps per frame, p99 / max mm",
-        "as told: off p99, jumps p99, mm",
-    ];
-    let cells = |Measured { row, .. }: &Measured<Row>| {
-        let list = |numbers: &[f64]| numbers.iter().map(|&n| short(n)).collect::<Vec<_>>().join(" / ");
-        vec![
-            row.scene.clone(),
-            row.network.clone(),
-            if row.limit_bytes_per_s == 0 {
-                "–".into()
-            } else {
-                short(8e-3 * f64::from(row.limit_bytes_per_s))
-            },
-            format!("{} of {}", short(row.moving), row.bodies),
-            short(8e-3 * row.bytes_per_s),
-            short(row.bytes_per_moving_body_s),
-            list(&[row.staleness_p50_ms, row.staleness_p99_ms]),
-            short(row.behind_ms),
-            list(&[row.shown_error_p50_mm, row.shown_error_p99_mm, row.shown_error_max_mm]),
-            list(&[row.shown_jump_p99_mm, row.shown_jump_max_mm]),
-            list(&[row.told_error_p99_mm, row.told_jump_p99_mm]),
-        ]
-    };
-    page::table(&head, rows.iter().map(cells))
 }

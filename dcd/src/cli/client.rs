@@ -14,6 +14,7 @@ use super::common::{Common, print};
 use super::failure::Failure;
 use super::interrupt::Interrupt;
 use super::summary::Summary;
+use super::truth::Truth;
 use super::values::{GIVE_UP, SERVER, address, positive, speed, wall_seconds};
 use crate::protocol::{Area, BodyKind, Velocity, WorldPose};
 use crate::runtime::{ClientWorld, JoinConfig, ProcessError};
@@ -38,7 +39,8 @@ const HALF_M: f32 = 0.4;
     verbatim_doc_comment,
     after_long_help = "Prints `joined as CLIENT` first, `listening ADDR` next with --compute, and a summary last; with --json as an object\n\
                        with the keys client avatars updates contacts refusals moved_m seconds bytes_in bytes_per_s bytes_per_moving_body_s\n\
-                       staleness_ms {p50 p99} shown_behind_ms input_delay_ms outside; --bandwidth adds bandwidth {messages fields bodies}. A server that is out of reach is\n\
+                       staleness_ms {p50 p99} shown_behind_ms input_delay_ms outside;\n\
+                       --truth adds shown_error_mm {p50 p99}, --bandwidth adds bandwidth {messages fields bodies}. A server that is out of reach is\n\
                        dialled again; the avatars go on as long as nodes compute the world."
 )]
 pub(super) struct Client {
@@ -81,6 +83,10 @@ pub(super) struct Client {
     /// Also print what the bytes were for: by message, by field of states, and by body
     #[arg(long)]
     bandwidth: bool,
+    /// Join once more with this token, another of `dcd token --role client`, and say how far what is shown is from what that link tells,
+    /// which has no limit
+    #[arg(long, value_name = "TOKEN")]
+    truth: Option<String>,
     /// Print the summary as one JSON object
     #[arg(long)]
     json: bool,
@@ -102,6 +108,9 @@ struct Played {
     bytes_per_moving_body_s: Option<f64>,
     /// The age of the newest state of a moving body when it was looked at.
     staleness_ms: Option<Percentiles>,
+    /// How far bodies that move were shown from where they were, if asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    shown_error_mm: Option<Percentiles>,
     /// The time by which what would be shown was behind the world, on average.
     shown_behind_ms: Option<f64>,
     /// From an input to the first state that shows it.
@@ -116,6 +125,15 @@ struct Played {
 struct Percentiles {
     p50: f64,
     p99: f64,
+}
+
+impl Percentiles {
+    /// Returns those of numbers in order; `None` of nothing.
+    fn of(numbers: &[f32]) -> Option<Self> {
+        let last = numbers.len().checked_sub(1)?;
+        let at = |share: f64| f64::from(numbers[(share * last as f64) as usize]);
+        Some(Self { p50: at(0.5), p99: at(0.99) })
+    }
 }
 
 impl Summary for Played {
@@ -135,6 +153,12 @@ impl Summary for Played {
                 "newest states",
                 self.staleness_ms.map_or("nothing moved".into(), |age| {
                     format!("{:.0} ms old, {:.0} at worst (p99)", age.p50, age.p99)
+                }),
+            ),
+            (
+                "shown off",
+                self.shown_error_mm.map_or("not asked for (--truth)".into(), |error| {
+                    format!("{:.1} mm, {:.1} at worst (p99)", error.p50, error.p99)
                 }),
             ),
             ("shown", or_none(self.shown_behind_ms, " ms behind the world")),
@@ -186,9 +210,7 @@ impl Watch {
     fn staleness(&self) -> Option<Percentiles> {
         let mut ages = self.stale_ms.clone();
         ages.sort_unstable_by(f32::total_cmp);
-        let at =
-            |share: f64| ages.get((share * (ages.len().max(1) - 1) as f64) as usize).copied().map(f64::from);
-        Some(Percentiles { p50: at(0.5)?, p99: at(0.99)? })
+        Percentiles::of(&ages)
     }
 
     fn moving(&self) -> Option<f64> {
@@ -209,6 +231,9 @@ impl Client {
             advertise: self.advertise,
             ..JoinConfig::new(self.server, self.token)
         };
+        let truth = self
+            .truth
+            .map(|token| JoinConfig { give_up: self.give_up, ..JoinConfig::new(self.server, token) });
         let world = if compute { ClientWorld::participate(&join)? } else { ClientWorld::connect(&join)? };
         print(&format!("joined as {}", world.id()))?;
         if let Some(address) = world.address() {
@@ -216,6 +241,7 @@ impl Client {
         }
         world.limit(self.limit)?;
         let mut crowd = Crowd::enter(world, self.avatars.into(), self.speed, self.interest.map(f64::from))?;
+        crowd.truth = truth.map(|join| ClientWorld::connect(&join)).transpose()?.map(Truth::of);
         let end = loop {
             let late = limit.is_some_and(|limit| crowd.start.elapsed() >= limit);
             if late || interrupt.asked() {
@@ -226,6 +252,9 @@ impl Client {
             }
         };
         crowd.played(bandwidth).show(json)?;
+        if let Some(truth) = crowd.truth.take() {
+            truth.leave();
+        }
         if interrupt.asked() {
             common.say("leaving: the avatars wait at the server");
             // A user who asked to leave does not mind that the world has ended meanwhile.
@@ -253,6 +282,7 @@ struct Crowd {
     refusals: u64,
     moved_m: f64,
     watch: Watch,
+    truth: Option<Truth>,
     dt_s: f64,
     bytes_before: u64,
 }
@@ -316,6 +346,7 @@ impl Crowd {
             refusals,
             moved_m,
             watch,
+            truth: None,
             dt_s,
             bytes_before,
         })
@@ -327,6 +358,9 @@ impl Crowd {
         self.world.wait_update(seen, LOOK);
         self.world.check()?;
         self.watch.look(&self.world, self.dt_s);
+        if let Some(truth) = &mut self.truth {
+            truth.look(&self.world, self.dt_s);
+        }
         let events = self.world.take_events();
         self.contacts += events.touches.len() as u64;
         self.refusals += events.refusals.len() as u64;
@@ -370,6 +404,7 @@ impl Crowd {
             bytes_per_s,
             bytes_per_moving_body_s: self.watch.moving().map(|moving| bytes_per_s / moving),
             staleness_ms: self.watch.staleness(),
+            shown_error_mm: self.truth.as_ref().and_then(|truth| Percentiles::of(&truth.errors_mm())),
             shown_behind_ms: (self.watch.looks > 0).then(|| self.watch.behind_ms / self.watch.looks as f64),
             input_delay_ms: self.watch.input_delay_ms,
             outside: self.world.with_bodies(|body| body.outside.then_some(())).len(),

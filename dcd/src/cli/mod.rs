@@ -22,6 +22,7 @@ mod serve;
 mod simulate;
 mod summary;
 mod token;
+mod truth;
 mod values;
 mod world;
 

@@ -263,12 +263,14 @@ impl Sender {
         let bodies = &mut self.bodies;
         self.unheard.retain(|id| {
             let Some(history) = bodies.get_mut(id) else { return false };
+            let newest = history.sent.back();
+            if newest.is_some_and(|version| flights.sent_at(version.number) + patience > now.0) {
+                return true;
+            }
             if history.settle(&flights) {
                 return false;
             }
-            if history.sent.back().is_none_or(|version| flights.sent_at(version.number) + patience <= now.0) {
-                overdue.push(*id);
-            }
+            overdue.push(*id);
             true
         });
         overdue

@@ -136,7 +136,7 @@ impl Motion {
         !way_m.is_finite() || !speed_m_s.is_finite() || way_m > speed_m_s * span_s + TELEPORT_M
     }
 
-    pub(super) fn distance_m(&self, other: &Self) -> f64 {
+    pub(crate) fn distance_m(&self, other: &Self) -> f64 {
         let way = |i: usize| (other.pose.translation[i] - self.pose.translation[i]).powi(2);
         (0..3).map(way).sum::<f64>().sqrt()
     }

@@ -14,8 +14,8 @@ use crate::space::{BodyId, ClientId, Tick};
 /// The ticks after which clients and the server at least hear that time goes on though nothing moves (a heartbeat).
 pub(in crate::cluster) const TELL_TICK: u64 = 30;
 
-/// The most states that are coded in a tick, for all clients together: in some two milliseconds.
-pub(super) const STATES_PER_TICK: usize = 4_000;
+/// The most states that are coded in a tick, for all clients together: in some three milliseconds.
+pub(super) const STATES_PER_TICK: usize = 3_000;
 
 /// To find out that a body may wait takes this part of the time that coding its state takes.
 const RANKED_PER_STATE: usize = 4;

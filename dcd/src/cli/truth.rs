@@ -1,0 +1,91 @@
+//! Measures how far what a client shows is from the truth, which a second link tells, without a limit.
+
+use std::collections::{BTreeMap, VecDeque};
+
+use crate::playback::Motion;
+use crate::protocol::BodyKind;
+use crate::runtime::ClientWorld;
+use crate::space::BodyId;
+
+/// The states of a body that are kept to compare with: two seconds, told twenty times a second.
+const KEPT: usize = 40;
+
+/// States farther apart than this do not say what was in between, ticks.
+const GAP: f64 = 6.0;
+
+/// The ticks after which no state comes any more that tells of an earlier one.
+const LATEST: f64 = 120.0;
+
+/// The most errors that are kept.
+const ERRORS: usize = 4 << 20;
+
+/// What is shown, until the truth of that tick is known.
+pub(super) struct Truth {
+    world: ClientWorld,
+    told: BTreeMap<BodyId, VecDeque<(f64, Motion)>>,
+    shown: VecDeque<(f64, Vec<(BodyId, Motion)>)>,
+    errors_mm: Vec<f32>,
+}
+
+impl Truth {
+    /// Takes the link that tells the truth.
+    pub(super) fn of(world: ClientWorld) -> Self {
+        Self { world, told: BTreeMap::new(), shown: VecDeque::new(), errors_mm: Vec::new() }
+    }
+
+    /// Notes what a client shows now of bodies that move.
+    pub(super) fn look(&mut self, client: &ClientWorld, dt_s: f64) {
+        for (id, tick, motion) in states(&self.world) {
+            let told = self.told.entry(id).or_default();
+            if told.back().is_none_or(|&(last, _)| last < tick) {
+                told.push_back((tick, motion));
+                if told.len() > KEPT {
+                    told.pop_front();
+                }
+            }
+        }
+        let Some(time) = client.view_time() else { return };
+        let moving = states(client);
+        let shown = client.motions_at(moving.iter().map(|&(id, ..)| (id, time.shown)));
+        let shown = moving.iter().zip(shown).filter_map(|(&(id, ..), shown)| Some((id, shown?))).collect();
+        self.shown.push_back((time.shown, shown));
+        while let Some((tick, bodies)) = self.shown.pop_front_if(|(tick, _)| *tick + LATEST < time.now) {
+            for (id, shown) in bodies {
+                let error = self.at(id, tick, dt_s).map(|is| 1e3 * is.distance_m(&shown));
+                if self.errors_mm.len() < ERRORS {
+                    self.errors_mm.extend(error.map(|mm| mm as f32));
+                }
+            }
+        }
+    }
+
+    /// Returns how a body was at a tick, if states close by tell.
+    fn at(&self, id: BodyId, tick: f64, dt_s: f64) -> Option<Motion> {
+        let told = self.told.get(&id)?;
+        let after = told.partition_point(|&(of, _)| of <= tick);
+        let ((from, a), (to, b)) = (told.get(after.checked_sub(1)?)?, told.get(after)?);
+        let span = to - from;
+        (span <= GAP).then(|| a.towards(b, span * dt_s, (tick - from) / span))
+    }
+
+    /// Returns the errors so far, in order, millimetres.
+    pub(super) fn errors_mm(&self) -> Vec<f32> {
+        let mut errors = self.errors_mm.clone();
+        errors.sort_unstable_by(f32::total_cmp);
+        errors
+    }
+
+    /// Says good-bye to the server.
+    pub(super) fn leave(self) {
+        let _ = self.world.leave();
+    }
+}
+
+/// Returns the newest states of bodies that move, with their ticks.
+fn states(world: &ClientWorld) -> Vec<(BodyId, f64, Motion)> {
+    world.with_bodies(|view| {
+        let body = &view.body;
+        let moves = !view.outside && !body.state.sleeping && body.traits.kind == BodyKind::Dynamic;
+        moves.then(|| (body.id, view.tick.0 as f64, Motion::of(&body.state)))
+    })
+}

@@ -3,7 +3,7 @@
 
 mod picture;
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::BTreeMap;
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -154,7 +154,7 @@ struct Way {
     sender: Sender,
     receiver: Receiver,
     down: Vec<(u64, Tick, Part)>,
-    up: VecDeque<(u64, dcd::protocol::Heard)>,
+    up: Vec<(u64, dcd::protocol::Heard)>,
     bytes: u64,
     datagrams: u64,
     states: u64,
@@ -169,7 +169,7 @@ fn tell(mut run: Run, ticks: u64) -> Result<Vec<Row>, Box<dyn Error>> {
     let way = |network| {
         let mut receiver = Receiver::default();
         receiver.set_motion(motion);
-        let (down, up) = (Vec::new(), VecDeque::new());
+        let (down, up) = (Vec::new(), Vec::new());
         Way {
             network,
             sender: Sender::new(motion, 1),
@@ -241,9 +241,9 @@ impl Way {
         if let Some(heard) = self.receiver.due(clock, 0)
             && !random.chance(loss)
         {
-            self.up.push_back((tick + delay, heard));
+            self.up.push((tick + delay, heard));
         }
-        while let Some((_, heard)) = self.up.pop_front_if(|(at, _)| *at <= tick) {
+        for (_, heard) in self.up.extract_if(.., |(at, _)| *at <= tick) {
             self.sender.hear(now, &heard);
         }
         let start = Instant::now();

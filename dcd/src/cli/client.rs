@@ -25,6 +25,8 @@ use crate::space::{BodyId, Bounds};
 const LOOK: Duration = Duration::from_millis(100);
 /// Time after which an avatar that has not reached its goal chooses another.
 const PATIENCE: Duration = Duration::from_secs(10);
+/// The time after which a world that one has joined is no longer among the traffic.
+const SETTLED: Duration = Duration::from_millis(500);
 /// Half the edge of an avatar's box.
 const HALF_M: f32 = 0.4;
 
@@ -84,7 +86,7 @@ pub(super) struct Client {
     #[arg(long)]
     bandwidth: bool,
     /// Join once more with this token, another of `dcd token --role client`, and say how far what is shown is from what that link tells,
-    /// which has no limit
+    /// which has no limit; between states both are interpolated
     #[arg(long, value_name = "TOKEN")]
     truth: Option<String>,
     /// Print the summary as one JSON object
@@ -147,8 +149,8 @@ impl Summary for Played {
             ("updates", self.updates.to_string()),
             ("contacts", format!("{} beginnings and ends", self.contacts)),
             ("refusals", self.refusals.to_string()),
-            ("bytes per second", format!("{:.0}", self.bytes_per_s)),
-            ("of a moving body", or_none(self.bytes_per_moving_body_s, "")),
+            ("traffic", format!("{:.0} bytes per second", self.bytes_per_s)),
+            ("moving body", or_none(self.bytes_per_moving_body_s, " bytes per second")),
             (
                 "newest states",
                 self.staleness_ms.map_or("nothing moved".into(), |age| {
@@ -284,7 +286,8 @@ struct Crowd {
     watch: Watch,
     truth: Option<Truth>,
     dt_s: f64,
-    bytes_before: u64,
+    /// When the world had come, and the bytes until then.
+    bytes_since: Option<(Instant, u64)>,
 }
 
 struct Walker {
@@ -333,7 +336,6 @@ impl Crowd {
             .collect();
         let (contacts, refusals, moved_m) = (0, 0, 0.0);
         let (watch, dt_s) = (Watch::default(), f64::from(environment.step.dt_s));
-        let bytes_before = world.traffic().udp_bytes_in;
         Ok(Self {
             world,
             bounds,
@@ -348,7 +350,7 @@ impl Crowd {
             watch,
             truth: None,
             dt_s,
-            bytes_before,
+            bytes_since: None,
         })
     }
 
@@ -357,6 +359,10 @@ impl Crowd {
         let seen = self.world.updates();
         self.world.wait_update(seen, LOOK);
         self.world.check()?;
+        // What traffic there was is known a tenth of a second later.
+        if self.bytes_since.is_none() && self.start.elapsed() > SETTLED {
+            self.bytes_since = Some((Instant::now(), self.world.traffic().udp_bytes_in));
+        }
         self.watch.look(&self.world, self.dt_s);
         if let Some(truth) = &mut self.truth {
             truth.look(&self.world, self.dt_s);
@@ -391,7 +397,8 @@ impl Crowd {
     fn played(&self, bandwidth: bool) -> Played {
         let bytes_in = self.world.traffic().udp_bytes_in;
         let seconds = self.start.elapsed().as_secs_f64();
-        let bytes_per_s = (bytes_in - self.bytes_before) as f64 / seconds.max(1e-3);
+        let (since, before) = self.bytes_since.unwrap_or((self.start, 0));
+        let bytes_per_s = (bytes_in - before) as f64 / since.elapsed().as_secs_f64().max(1e-3);
         Played {
             client: self.world.id().to_string(),
             avatars: self.world.own_avatars().len(),

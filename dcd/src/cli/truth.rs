@@ -49,7 +49,8 @@ impl Truth {
         let shown = client.motions_at(moving.iter().map(|&(id, ..)| (id, time.shown)));
         let shown = moving.iter().zip(shown).filter_map(|(&(id, ..), shown)| Some((id, shown?))).collect();
         self.shown.push_back((time.shown, shown));
-        while let Some((tick, bodies)) = self.shown.pop_front_if(|(tick, _)| *tick + LATEST < time.now) {
+        while self.shown.front().is_some_and(|(tick, _)| *tick + LATEST < time.now) {
+            let Some((tick, bodies)) = self.shown.pop_front() else { break };
             for (id, shown) in bodies {
                 let error = self.at(id, tick, dt_s).map(|is| 1e3 * is.distance_m(&shown));
                 if self.errors_mm.len() < ERRORS {

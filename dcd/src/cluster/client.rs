@@ -514,6 +514,9 @@ impl Client {
         let hearing = self.hearing();
         for BodyView { body, outside, .. } in self.bodies.values_mut() {
             *outside |= hearing.misses(body);
+            if let Some(showing) = self.showing.as_mut().filter(|_| *outside) {
+                showing.stand(body.id);
+            }
         }
         self.send_interest();
         if let Some(message) = self.surroundings.turn_to(area) {
@@ -652,6 +655,9 @@ impl Client {
                         let (is_news, handover) = view.learn(&state, stamp.tick, stamp.speculative, outside);
                         if let Some(showing) = self.showing.as_mut().filter(|_| is_news) {
                             showing.learn(self.now, &stamp, &state, before);
+                            if outside {
+                                showing.stand(state.id);
+                            }
                         }
                         keep_newest(&mut self.handovers, handover);
                     } else if !outside {

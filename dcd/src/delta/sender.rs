@@ -247,10 +247,6 @@ impl Sender {
         PATIENCE_TICKS.max(2.0 * self.delay_ticks) as u64
     }
 
-    fn sent_at(&self, number: u32) -> u64 {
-        Flights { next: self.number, flights: &self.flights }.sent_at(number)
-    }
-
     /// Returns the bodies whose newest state was sent so long ago that its acknowledgement should have come, and had not.
     pub fn overdue(&mut self, now: Tick) -> Vec<BodyId> {
         if now.0 < self.look_at {
@@ -293,8 +289,11 @@ impl Sender {
     /// freely; and of which tick that is. `None`: it was never told, or all that it was is lost.
     pub fn error_m(&self, now: Tick, state: &SharedState, tick: Tick) -> Option<(f64, Tick)> {
         let history = self.bodies.get(&state.id)?;
-        let may_come = |version: &&Version| self.sent_at(version.number) + self.patience() > now.0;
-        let version = history.sent.back().filter(may_come).or(history.known.as_ref())?;
+        let flights = Flights { next: self.number, flights: &self.flights };
+        let late = now.0.saturating_sub(self.patience());
+        let has_it =
+            |version: &&Version| flights.sent_at(version.number) > late || flights.is_heard(version.number);
+        let version = history.sent.iter().rev().find(has_it).or(history.known.as_ref())?;
         let ticks = tick.0.saturating_sub(version.tick);
         Some((self.motion.error_m(&version.state, ticks, state.pose.translation), Tick(version.tick)))
     }

@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use self::clock::TickClock;
 pub use self::motion::Motion;
-use self::motion::{BEYOND_S, Reckoning, vector};
+use self::motion::{BEYOND_S, GOES_ON_S, Reckoning, vector};
 use self::playhead::Playhead;
 use self::track::Track;
 use crate::protocol::{SharedState, Stamp};
@@ -113,13 +113,24 @@ impl Playback {
         if self.clock.newest() == Some(tick) {
             // A batch comes in several parts.
             self.moves = moves || self.moves && self.reckoning.told == tick;
-            (self.guesses, self.reckoning.told) = (stamp.speculative, tick);
+            self.guesses = stamp.speculative;
+            self.tell_up_to(tick);
         }
         if !stamp.speculative {
             self.settled = self.settled.max(tick);
         }
         if !states.is_empty() {
             self.playhead.begin(tick);
+        }
+    }
+
+    /// Notes that what is told next is of this tick. What was shown slowing down, since nothing came for long, goes on from there.
+    fn tell_up_to(&mut self, tick: f64) {
+        let former = std::mem::replace(&mut self.reckoning.told, tick);
+        let slowed = |shown: &f64| (*shown - former) * self.reckoning.dt_s > GOES_ON_S && former < tick;
+        if let Some(shown) = self.playhead.shown().filter(slowed) {
+            let before = Reckoning { told: former, ..self.reckoning };
+            self.tracks.values_mut().for_each(|track| track.reckon_anew(shown, &before, &self.reckoning));
         }
     }
 
@@ -147,6 +158,13 @@ impl Playback {
         }
         let motion = Motion { pose: state.pose, velocity: state.velocity };
         track.learn((tick, motion, state.sleeping), stamp.speculative, cadence, shown, &self.reckoning);
+    }
+
+    /// Shows a body standing where it was told last, once it is shown there: nothing more will be heard of it.
+    pub(crate) fn stand(&mut self, id: BodyId) {
+        if let (Some(track), Some(shown)) = (self.tracks.get_mut(&id), self.playhead.shown()) {
+            track.stand(shown, &self.reckoning);
+        }
     }
 
     /// Forgets a body.
@@ -234,6 +252,32 @@ mod tests {
             let (shown, x) = show(&mut playback, 4_179.0);
             assert!((x - 29.7 - 0.1 * (shown - count as f64)).abs() < 0.02, "{count}: {x} at {shown}");
             assert!(shown > count as f64 + 165.0);
+        }
+    }
+
+    /// Nothing came for a while, so all slowed down; then it comes, but for one body.
+    #[test]
+    fn a_body_that_is_not_told_of_after_a_pause_does_not_jump() {
+        let mut playback = Playback::new(DT_S as f32, [0.0; 3]);
+        for tick in (0..60).step_by(3) {
+            tell(&mut playback, tick as f64 + 1.0, tick, 0.1 * tick as f64, false, false);
+            show(&mut playback, tick as f64 + 1.5);
+        }
+        let (_, mut last) = show(&mut playback, 61.0);
+        for tenth in 610..900 {
+            let at = f64::from(tenth) / 10.0;
+            if tenth == 700 {
+                let stamp = Stamp::untimed(GroupId(1), Tick(69), false);
+                let pose = WorldPose::default();
+                let velocity = Velocity::default();
+                let id = BodyId::persistent(2);
+                let other =
+                    SharedState { id, owner: RegionId(1), epoch: Epoch(0), pose, velocity, sleeping: false };
+                playback.hear(Duration::from_secs_f64(at * DT_S), &stamp, &[other]);
+            }
+            let (_, x) = show(&mut playback, at);
+            assert!((-1e-9..0.03).contains(&(x - last)), "from {last} to {x} at {at}");
+            last = x;
         }
     }
 

@@ -9,7 +9,7 @@ pub(super) const BEYOND_S: f64 = 0.25;
 
 /// The time beyond the newest batch of states for which a body that was not in it is still taken to go on, seconds: about as long as
 /// the next one may take.
-const GOES_ON_S: f64 = 0.1;
+pub(super) const GOES_ON_S: f64 = 0.1;
 
 /// A body that nothing was told of for longer than this has not gone on as it did, seconds: its leader takes it to have come to a stand.
 const STANDS_S: f64 = 2.0;

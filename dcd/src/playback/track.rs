@@ -137,6 +137,21 @@ impl Track {
         self.melt_from(before, to, reckoning);
     }
 
+    /// Goes on from what was shown, though otherwise than reckoned with before.
+    pub(super) fn reckon_anew(&mut self, shown: f64, former: &Reckoning, reckoning: &Reckoning) {
+        let before = self.at(shown, former);
+        self.melt_from(before, shown, reckoning);
+    }
+
+    /// Stands from the newest state on.
+    pub(super) fn stand(&mut self, shown: f64, reckoning: &Reckoning) {
+        let before = self.at(shown, reckoning);
+        if let Some(newest) = self.samples.back_mut() {
+            newest.rests = true;
+        }
+        self.melt_from(before, shown, reckoning);
+    }
+
     /// Notes as an error what would be shown otherwise than before.
     fn melt_from(&mut self, before: Motion, shown: f64, reckoning: &Reckoning) {
         let melt = self.melt.take();
@@ -271,6 +286,38 @@ mod tests {
         track.learn((9.0, going(0.9, 6.0), false), true, CADENCE, 9.0, &RECKONING);
         track.learn((7.0, going(0.35, 0.0), false), false, CADENCE, 9.0, &RECKONING);
         assert!((x(&track, 40.0) - 0.35).abs() < 1e-9, "whatever its tick");
+    }
+
+    #[test]
+    fn a_body_that_batches_do_not_tell_of_goes_on_as_it_did() {
+        let told = |told: f64| Reckoning { gravity: Vector3::new(-9.81, 0.0, 0.0), told, ..RECKONING };
+        let mut track = Track::new(0.0, going(0.0, 6.0));
+        track.learn((3.0, going(0.3, 6.0), false), false, CADENCE, 0.0, &told(3.0));
+        let x = |track: &Track, tick: f64, until: f64| track.at(tick, &told(until)).pose.translation[0];
+        assert!((x(&track, 33.0, 33.0) - 3.3).abs() < 1e-6, "half a second of 6 m/s");
+        assert!(x(&track, 33.0, 3.0) < 1.9, "nobody said that it does");
+        assert!(x(&track, 1_000.0, 1_000.0) < 0.3 + 6.0 * 2.2, "not for ever");
+        // It fell between the last two states: so it falls on.
+        let mut track = Track::new(0.0, going(0.0, 6.0));
+        let fall = |ticks: f64| {
+            let s = ticks * DT_S;
+            going(6.0 * s - 4.905 * s * s, (6.0 - 9.81 * s) as f32)
+        };
+        track.learn((0.5, fall(0.5), false), false, CADENCE, 0.0, &told(0.5));
+        track.learn((3.0, fall(3.0), false), false, CADENCE, 0.0, &told(3.0));
+        let is = fall(33.0).pose.translation[0];
+        assert!((x(&track, 33.0, 33.0) - is).abs() < 1e-3, "{} {is}", x(&track, 33.0, 33.0));
+    }
+
+    #[test]
+    fn a_body_of_which_nothing_more_is_heard_stands_without_a_jump() {
+        let told = Reckoning { told: 30.0, ..RECKONING };
+        let mut track = Track::new(0.0, going(0.0, 6.0));
+        track.learn((3.0, going(0.3, 6.0), false), false, CADENCE, 0.0, &told);
+        let before = track.at(8.0, &told);
+        track.stand(8.0, &told);
+        assert!(track.at(8.0, &told).distance_m(&before) < 1e-9);
+        assert_eq!(track.at(60.0, &told), Motion::at_rest(going(0.3, 0.0).pose));
     }
 
     #[test]

@@ -78,6 +78,10 @@ impl Showing {
         self.playback.learn(now, stamp, state, before);
     }
 
+    pub(super) fn stand(&mut self, id: BodyId) {
+        self.playback.stand(id);
+    }
+
     pub(super) fn forget(&mut self, id: BodyId) {
         self.playback.forget(id);
     }

@@ -158,6 +158,8 @@ struct Way {
     bytes: u64,
     datagrams: u64,
     states: u64,
+    /// Where bodies were of which states were sent, by tick.
+    sent: BTreeMap<Tick, BTreeMap<BodyId, [f64; 3]>>,
     worst: f64,
     code: Duration,
     read: Duration,
@@ -179,6 +181,7 @@ fn tell(mut run: Run, ticks: u64) -> Result<Vec<Row>, Box<dyn Error>> {
             bytes: 0,
             datagrams: 0,
             states: 0,
+            sent: BTreeMap::new(),
             worst: 0.0,
             code: Duration::ZERO,
             read: Duration::ZERO,
@@ -233,9 +236,9 @@ impl Way {
             let states = self.receiver.take_in(clock, of, &part, false)?;
             self.read += start.elapsed();
             for told in states {
-                let is = newest[&told.id].pose.translation;
+                let is = self.sent[&of][&told.id];
                 let off = (0..3).map(|i| (is[i] - told.pose.translation[i]).powi(2)).sum::<f64>().sqrt();
-                self.worst = if of == now { self.worst.max(off) } else { self.worst };
+                self.worst = self.worst.max(off);
             }
         }
         if let Some(heard) = self.receiver.due(clock, 0)
@@ -252,6 +255,8 @@ impl Way {
         tells.extend(moved.iter().map(|state| (state.id, *state)));
         let states: Vec<_> = tells.into_values().collect();
         self.states += states.len() as u64;
+        self.sent.insert(now, states.iter().map(|state| (state.id, state.pose.translation)).collect());
+        self.sent.retain(|of, _| of.0 + 60 > tick);
         let parts = self.sender.pack(now, now, &states, false, STATES_BYTES);
         self.code += start.elapsed();
         for part in parts {

@@ -71,6 +71,7 @@ pub(super) fn table(rows: &[Measured<Row>]) -> String {
         "velocity",
         "spin",
         "headers, bits",
+        "off at most, mm",
         "µs to code, to read",
         "64 clients over a step",
     ];
@@ -92,6 +93,7 @@ pub(super) fn table(rows: &[Measured<Row>]) -> String {
             short(row.velocity),
             short(row.spin),
             short(8.0 * row.headers),
+            short(row.told_error_max_mm),
             format!("{}, {}", short(row.code_us), short(row.read_us)),
             percent(row.clients_64),
         ]

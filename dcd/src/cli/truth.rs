@@ -1,6 +1,6 @@
 //! Measures how far what a client shows is from the truth, which a second link tells, without a limit.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use crate::playback::Motion;
 use crate::protocol::BodyKind;
@@ -12,6 +12,9 @@ const KEPT: usize = 40;
 
 /// States farther apart than this do not say what was in between, ticks.
 const GAP: f64 = 6.0;
+
+/// A body of which a state came within so many ticks moves, or has just come to rest.
+const MOMENT: f64 = 60.0;
 
 /// The ticks after which no state comes any more that tells of an earlier one.
 const LATEST: f64 = 120.0;
@@ -35,7 +38,8 @@ impl Truth {
 
     /// Notes what a client shows now of bodies that move.
     pub(super) fn look(&mut self, client: &ClientWorld, dt_s: f64) {
-        for (id, tick, motion) in states(&self.world) {
+        let truth = states(&self.world);
+        for &(id, tick, motion) in &truth {
             let told = self.told.entry(id).or_default();
             if told.back().is_none_or(|&(last, _)| last < tick) {
                 told.push_back((tick, motion));
@@ -45,9 +49,10 @@ impl Truth {
             }
         }
         let Some(time) = client.view_time() else { return };
-        let moving = states(client);
-        let shown = client.motions_at(moving.iter().map(|&(id, ..)| (id, time.shown)));
-        let shown = moving.iter().zip(shown).filter_map(|(&(id, ..), shown)| Some((id, shown?))).collect();
+        // What moves in truth, or is shown moving.
+        let moving: BTreeSet<_> = states(client).into_iter().chain(truth).map(|(id, ..)| id).collect();
+        let shown = client.motions_at(moving.iter().map(|id| (*id, time.shown)));
+        let shown = moving.into_iter().zip(shown).filter_map(|(id, shown)| Some((id, shown?))).collect();
         self.shown.push_back((time.shown, shown));
         while self.shown.front().is_some_and(|(tick, _)| *tick + LATEST < time.now) {
             let Some((tick, bodies)) = self.shown.pop_front() else { break };
@@ -64,7 +69,11 @@ impl Truth {
     fn at(&self, id: BodyId, tick: f64, dt_s: f64) -> Option<Motion> {
         let told = self.told.get(&id)?;
         let after = told.partition_point(|&(of, _)| of <= tick);
-        let ((from, a), (to, b)) = (told.get(after.checked_sub(1)?)?, told.get(after)?);
+        let (from, a) = told.get(after.checked_sub(1)?)?;
+        let Some((to, b)) = told.get(after) else {
+            // Nothing more was told of it: it rests.
+            return Some(*a);
+        };
         let span = to - from;
         (span <= GAP).then(|| a.towards(b, span * dt_s, (tick - from) / span))
     }
@@ -82,11 +91,12 @@ impl Truth {
     }
 }
 
-/// Returns the newest states of bodies that move, with their ticks.
+/// Returns the newest states of bodies that moved a moment ago, with their ticks.
 fn states(world: &ClientWorld) -> Vec<(BodyId, f64, Motion)> {
+    let now = world.view_time().map_or(0.0, |time| time.now);
     world.with_bodies(|view| {
-        let body = &view.body;
-        let moves = !view.outside && !body.state.sleeping && body.traits.kind == BodyKind::Dynamic;
-        moves.then(|| (body.id, view.tick.0 as f64, Motion::of(&body.state)))
+        let (body, tick) = (&view.body, view.tick.0 as f64);
+        let moves = !view.outside && body.traits.kind == BodyKind::Dynamic && tick + MOMENT > now;
+        moves.then(|| (body.id, tick, Motion::of(&body.state)))
     })
 }

@@ -723,6 +723,7 @@ impl Client {
         };
         if self.bodies.get(&body.id).is_none_or(is_newer) {
             let outside = self.hearing().misses(&body);
+            self.receiver.remember(body.id);
             self.showing.iter_mut().for_each(|showing| showing.forget(body.id));
             self.bodies.insert(body.id, BodyView { outside, ..BodyView::new(body) });
         }

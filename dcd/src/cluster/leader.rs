@@ -198,6 +198,9 @@ impl Leader {
             match (self.audiences.get_mut(&client), area) {
                 (Some(audience), Some(area)) => audience.turn_to(area, &self.latest),
                 (None, Some(area)) => {
+                    if let Some(channel) = self.channels.get_mut(&client) {
+                        channel.catch_up(&self.batches, || self.latest.keys().copied());
+                    }
                     self.audiences.insert(client, Audience::new(client, area, &self.latest));
                 }
                 (Some(_), None) => {

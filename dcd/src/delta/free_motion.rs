@@ -9,6 +9,12 @@ pub(super) const GUESSES: usize = 3;
 /// No guess is made of what happened in more ticks than this: what moved for so long did not do so freely.
 const LONGEST_TICKS: u64 = 120;
 
+/// A client shows a body going on for so long though nothing is told of it, seconds.
+pub(crate) const UNTOLD_S: f64 = 2.0;
+
+/// A body whose acceleration is within this part of gravity falls.
+pub(crate) const LIKE_FALL: f64 = 0.3;
+
 /// What both ends know of a world: how bodies move that touch nothing.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FreeMotion {
@@ -48,18 +54,22 @@ impl FreeMotion {
         [falls, glides, stands]
     }
 
-    /// Returns by how many metres a body is at least elsewhere than expected after so many ticks.
-    pub(super) fn error_m(&self, body: &Quantised, ticks: u64, place: [f64; 3]) -> f64 {
-        let (from, n) = (body.place_m(), ticks as f64);
-        let moves = !body.sleeping && ticks <= LONGEST_TICKS;
-        let velocity = if moves { body.velocity_m_s() } else { [0.0; 3] };
-        let fall = if moves { self.fall } else { [0.0; 3] };
-        let off = |velocity: [f64; 3], fall: [f64; 3]| {
-            let way = |axis: usize| (velocity[axis] * n + fall[axis] * n * n / 2.0) * self.dt_s;
-            (0..3).map(|axis| (from[axis] + way(axis) - place[axis]).powi(2)).sum::<f64>()
-        };
-        let none = [0.0; 3];
-        off(velocity, fall).min(off(velocity, none)).min(off(none, none)).sqrt()
+    /// Returns whether a body fell freely between two states.
+    pub(super) fn falls(&self, before: &Quantised, last: &Quantised, ticks: u64) -> bool {
+        let (from, to, n) = (before.velocity_m_s(), last.velocity_m_s(), ticks as f64);
+        let off = (0..3).map(|axis| (to[axis] - from[axis] - n * self.fall[axis]).powi(2)).sum::<f64>();
+        let most = (0..3).map(|axis| (LIKE_FALL * n * self.fall[axis]).powi(2)).sum::<f64>();
+        off < most
+    }
+
+    /// Returns by how many metres a body is elsewhere than a client shows it that has heard nothing of it for so many ticks: it goes on, and
+    /// comes to a stand after [`UNTOLD_S`].
+    pub(super) fn error_m(&self, body: &Quantised, falls: bool, ticks: u64, place: [f64; 3]) -> f64 {
+        let n = if body.sleeping { 0.0 } else { (ticks as f64).min(UNTOLD_S / self.dt_s) };
+        let (from, velocity) = (body.place_m(), body.velocity_m_s());
+        let fall = if falls { self.fall } else { [0.0; 3] };
+        let way = |axis: usize| (velocity[axis] * n + fall[axis] * n * n / 2.0) * self.dt_s;
+        (0..3).map(|axis| (from[axis] + way(axis) - place[axis]).powi(2)).sum::<f64>().sqrt()
     }
 }
 

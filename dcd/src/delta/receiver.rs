@@ -16,7 +16,7 @@ const GATHER: Duration = Duration::from_millis(10);
 /// The most states of a body that are kept: more than a sender refers to.
 const KEPT: usize = 64;
 
-/// Datagrams may overtake one another by as many batches.
+/// A body's states before one that was referred to are kept for as many batches more: datagrams overtake one another.
 const OVERTAKEN: u32 = 16;
 
 /// The ticks after which nothing refers any more to a body that is gone.
@@ -28,12 +28,14 @@ pub struct Receiver {
     motion: Option<FreeMotion>,
     series: Option<u32>,
     bodies: BTreeMap<BodyId, Known>,
-    /// Bodies that are gone, and the ticks of their newest states.
+    /// Bodies that are gone, and the newest ticks heard of then.
     gone: VecDeque<(u64, BodyId)>,
     /// Datagrams that have come and are not acknowledged: the first of so many each.
     come: Vec<(u32, u32)>,
     due: Option<Duration>,
     lost: bool,
+    /// The newest batch and tick that could be read.
+    newest: Option<(u32, u64)>,
     tally: Tally,
 }
 
@@ -41,6 +43,8 @@ pub struct Receiver {
 #[derive(Clone, Debug, Default)]
 struct Known {
     versions: VecDeque<Version>,
+    /// A batch that was referred to, and the one that did: what is older is soon forgotten.
+    referred: Option<(u32, u32)>,
     bits: f64,
 }
 
@@ -91,23 +95,20 @@ impl Receiver {
 
     /// Forgets a body that is gone, some time later: states that were sent before may be on their way.
     pub fn forget(&mut self, id: BodyId) {
-        if let Some(newest) = self.bodies.get(&id).and_then(|known| known.versions.back()) {
-            self.gone.push_back((newest.tick, id));
-        }
+        self.gone.push_back((self.newest.map_or(0, |(_, tick)| tick), id));
+    }
+
+    /// Goes on with a body that appears, perhaps again.
+    pub fn remember(&mut self, id: BodyId) {
+        self.gone.retain(|(_, gone)| *gone != id);
     }
 
     fn sweep(&mut self, tick: Tick) {
-        while let Some(&(newest, id)) = self.gone.front()
-            && newest + FORGOTTEN_TICKS < tick.0
+        while let Some(&(since, id)) = self.gone.front()
+            && since + FORGOTTEN_TICKS < tick.0
         {
             self.gone.pop_front();
-            if self
-                .bodies
-                .get(&id)
-                .is_some_and(|known| known.versions.back().is_none_or(|it| it.tick <= newest))
-            {
-                self.bodies.remove(&id);
-            }
+            self.bodies.remove(&id);
         }
     }
 
@@ -134,7 +135,7 @@ impl Receiver {
     ) -> Result<Vec<SharedState>, CodecError> {
         let Some(motion) = self.motion else { return Ok(Vec::new()) };
         match self.series {
-            Some(series) if part.series < series => return Ok(Vec::new()),
+            Some(series) if (part.series.wrapping_sub(series) as i32) < 0 => return Ok(Vec::new()),
             Some(series) if part.series == series => {}
             _ => {
                 self.reset();
@@ -143,12 +144,17 @@ impl Receiver {
         }
         let read = self.read(&motion, tick, part);
         match &read {
+            // What was overtaken by long may refer to what is forgotten.
+            Err(_) if self.newest.is_some_and(|(batch, _)| part.batch.wrapping_sub(batch) as i32 <= 0) => {}
             Err(_) => {
                 self.lost = true;
                 self.due = Some(now);
             }
             Ok(_) if guesses => {}
             Ok(states) => {
+                if self.newest.is_none_or(|(batch, _)| part.batch.wrapping_sub(batch) as i32 > 0) {
+                    self.newest = Some((part.batch, tick.0));
+                }
                 self.keep(tick, part.batch, states);
                 self.sweep(tick);
                 self.acknowledge(part.number);
@@ -203,13 +209,18 @@ impl Receiver {
     /// Keeps states that later ones may refer to, and no longer those before what these referred to.
     fn keep(&mut self, tick: Tick, batch: u32, states: &[Read]) {
         for read @ Read { state, reference, quantised, .. } in states {
-            let Known { versions, bits } = self.bodies.entry(state.id).or_default();
+            let Known { versions, referred, bits } = self.bodies.entry(state.id).or_default();
             *bits += read.bits;
-            let is_past = |version: &Version| {
+            let later = |a: u32, b: u32| a.wrapping_sub(b) as i32;
+            match *referred {
+                Some((floor, by)) if later(batch, by) > OVERTAKEN as i32 => {
+                    versions.retain(|version| later(version.batch, floor) >= 0);
+                    *referred = (*reference != batch).then_some((*reference, batch));
+                }
                 // What is told against nothing says nothing of what is acknowledged.
-                *reference != batch && (reference.wrapping_sub(version.batch) as i32) > OVERTAKEN as i32
-            };
-            versions.retain(|version| !is_past(version));
+                None if *reference != batch => *referred = Some((*reference, batch)),
+                _ => {}
+            }
             if versions.len() == KEPT {
                 versions.pop_front();
             }

@@ -30,8 +30,11 @@ const PATIENCE_TICKS: f64 = 6.0;
 /// How often what waits to be acknowledged is looked through, ticks.
 const LOOK_TICKS: u64 = 3;
 
-/// The ticks without an acknowledgement after which a client is taken to be gone, or cut off.
-const SILENCE_TICKS: u64 = 60;
+/// A series is not given up sooner after it began, ticks.
+const RESTART_TICKS: u64 = 30;
+
+/// The most series that a sender begins; the next one's begin where these end.
+pub(crate) const RESTARTS: u32 = 1 << 12;
 
 /// One client's sender. Time is counted in ticks of the world.
 #[derive(Clone, Debug)]
@@ -49,8 +52,10 @@ pub struct Sender {
     look_at: u64,
     /// What acknowledgements take, ticks.
     delay_ticks: f64,
-    /// When the client last acknowledged anything, or the first datagram since then was sent.
-    waits_since: Option<u64>,
+    /// Whether anything was sent since the client last acknowledged anything new.
+    waits: bool,
+    /// When the series began.
+    began: u64,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -74,6 +79,8 @@ struct Version {
     number: u32,
     tick: u64,
     state: Quantised,
+    /// Whether it is shown falling from there.
+    falls: bool,
 }
 
 impl History {
@@ -123,7 +130,8 @@ impl Sender {
             unheard: BTreeSet::new(),
             look_at: 0,
             delay_ticks: 0.0,
-            waits_since: None,
+            waits: false,
+            began: 0,
         }
     }
 
@@ -156,7 +164,7 @@ impl Sender {
                 if self.flights.len() > REMEMBERED {
                     self.flights.pop_front();
                 }
-                self.waits_since.get_or_insert(now.0);
+                self.waits = true;
             }
             let (mut writer, mut models, mut count) = (Writer::new(), Models::new(), 0u16);
             let (mut id, mut before) = (BodyId::default(), Quantised::default());
@@ -206,40 +214,48 @@ impl Sender {
             if history.sent.len() == KEPT {
                 history.sent.pop_front();
             }
-            history.sent.push_back(Version { batch: self.batch, number, tick: tick.0, state: read });
+            let before = history.sent.back().or(history.known.as_ref()).filter(|before| before.tick < tick.0);
+            let falls = before.is_some_and(|it| self.motion.falls(&it.state, &read, tick.0 - it.tick));
+            history.sent.push_back(Version { batch: self.batch, number, tick: tick.0, state: read, falls });
             self.unheard.insert(state.id);
         }
         read
     }
 
-    /// Takes in what the client has acknowledged. Returns whether it does not understand what it is told: then a new series has begun,
-    /// which refers to nothing, and the newest states of all bodies are to be sent again.
+    /// Takes in what the client has acknowledged. Returns whether any of it is new.
     pub fn hear(&mut self, now: Tick, heard: &Heard) -> bool {
         if heard.series != self.series {
             return false;
         }
-        if heard.lost {
-            let series = self.series.wrapping_add(1);
-            *self = Self { delay_ticks: self.delay_ticks, ..Self::new(self.motion, series) };
-            return true;
-        }
-        self.waits_since = None;
         let mut newest = None;
-        for &(first, count) in &heard.datagrams {
-            for number in (0..count.min(REMEMBERED as u32)).map(|i| first.wrapping_add(i)) {
-                let before = self.number.wrapping_sub(number) as usize;
-                let Some(at) = self.flights.len().checked_sub(before) else { continue };
-                if let Some(flight) = self.flights.get_mut(at).filter(|flight| !flight.heard) {
-                    flight.heard = true;
-                    newest = Some(flight.sent);
-                }
+        let numbers =
+            heard.datagrams.iter().flat_map(|&(first, count)| (0..count).map(move |i| first.wrapping_add(i)));
+        for number in numbers.take(REMEMBERED) {
+            let before = self.number.wrapping_sub(number) as usize;
+            let Some(at) = self.flights.len().checked_sub(before) else { continue };
+            if let Some(flight) = self.flights.get_mut(at).filter(|flight| !flight.heard) {
+                flight.heard = true;
+                newest = Some(flight.sent);
             }
         }
-        if let Some(sent) = newest {
-            let took = now.0.saturating_sub(sent) as f64;
-            self.delay_ticks += (took - self.delay_ticks) / 8.0;
+        let Some(sent) = newest else { return false };
+        self.waits = false;
+        let took = now.0.saturating_sub(sent) as f64;
+        self.delay_ticks += (took - self.delay_ticks) / 8.0;
+        true
+    }
+
+    /// Begins another series, which refers to nothing, for a client that does not understand what it is told in this one, unless that has only
+    /// just begun. Returns the bodies whose newest states it may not have.
+    pub fn restart(&mut self, now: Tick, series: u32) -> BTreeSet<BodyId> {
+        let may = self.number > 0 && now.0 >= self.began + RESTART_TICKS;
+        if series != self.series || !may || self.series % RESTARTS == RESTARTS - 1 {
+            return BTreeSet::new();
         }
-        false
+        let again = std::mem::take(&mut self.unheard);
+        let began = now.0;
+        *self = Self { delay_ticks: self.delay_ticks, began, ..Self::new(self.motion, self.series + 1) };
+        again
     }
 
     /// Returns the ticks after which an acknowledgement should have come.
@@ -260,6 +276,10 @@ impl Sender {
         self.unheard.retain(|id| {
             let Some(history) = bodies.get_mut(id) else { return false };
             let newest = history.sent.back();
+            if newest.is_none() {
+                overdue.push(*id);
+                return true;
+            }
             if newest.is_some_and(|version| flights.sent_at(version.number) + patience > now.0) {
                 return true;
             }
@@ -272,21 +292,21 @@ impl Sender {
         overdue
     }
 
-    /// Returns whether the client has acknowledged nothing for long, though there was something to: what waited to be is then
-    /// forgotten, and counts as lost.
-    pub fn is_silent(&mut self, now: Tick) -> bool {
-        let is_silent = self.waits_since.is_some_and(|since| since + SILENCE_TICKS < now.0);
-        if is_silent && self.flights.len() > SILENCE_TICKS as usize {
-            self.flights.clear();
-            for id in &self.unheard {
-                self.bodies.entry(*id).or_default().sent = VecDeque::new();
-            }
-        }
-        is_silent
+    /// Returns whether anything was sent since the client last acknowledged anything new.
+    pub fn waits(&self) -> bool {
+        self.waits
     }
 
-    /// Returns how far a body is from where its client has it by now, metres, if it has what may still be on its way and takes the body to move
-    /// freely; and of which tick that is. `None`: it was never told, or all that it was is lost.
+    /// Takes all for lost that waits to be acknowledged, and forgets it.
+    pub fn give_up(&mut self) {
+        self.flights.clear();
+        for id in &self.unheard {
+            self.bodies.entry(*id).or_default().sent = VecDeque::new();
+        }
+    }
+
+    /// Returns how far a body is from where its client shows it by now, metres, if it has what may still be on its way; and of which tick
+    /// that is. `None`: it was never told, or all that it was is lost.
     pub fn error_m(&self, now: Tick, state: &SharedState, tick: Tick) -> Option<(f64, Tick)> {
         let history = self.bodies.get(&state.id)?;
         let flights = Flights { next: self.number, flights: &self.flights };
@@ -295,7 +315,10 @@ impl Sender {
             |version: &&Version| flights.sent_at(version.number) > late || flights.is_heard(version.number);
         let version = history.sent.iter().rev().find(has_it).or(history.known.as_ref())?;
         let ticks = tick.0.saturating_sub(version.tick);
-        Some((self.motion.error_m(&version.state, ticks, state.pose.translation), Tick(version.tick)))
+        Some((
+            self.motion.error_m(&version.state, version.falls, ticks, state.pose.translation),
+            Tick(version.tick),
+        ))
     }
 
     /// Returns how many states wait to be acknowledged.

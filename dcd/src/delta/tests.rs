@@ -222,37 +222,83 @@ fn a_client_that_cannot_read_what_it_is_told_is_told_anew() {
             .map(|s| s.len())
             .sum();
         let heard = receiver.due(now + Duration::from_millis(20), 7).unwrap();
-        (read, sender.hear(Tick(tick), &heard))
+        sender.hear(Tick(tick), &heard);
+        let again = if heard.lost { sender.restart(Tick(tick), heard.series).len() } else { 0 };
+        (read, again)
     };
-    assert_eq!(tell(&mut sender, &mut receiver, 1), (40, false));
-    assert_eq!(tell(&mut sender, &mut receiver, 2), (40, false));
+    assert_eq!(tell(&mut sender, &mut receiver, 101), (40, 0));
+    assert_eq!(tell(&mut sender, &mut receiver, 102), (40, 0));
     // Its process is another, with the same link.
     receiver.reset();
-    assert_eq!(tell(&mut sender, &mut receiver, 3), (0, true));
+    assert_eq!(tell(&mut sender, &mut receiver, 103), (0, 40));
     assert_eq!(sender.series(), 2);
-    assert_eq!(tell(&mut sender, &mut receiver, 4), (40, false));
-    assert_eq!(tell(&mut sender, &mut receiver, 5), (40, false));
+    assert!(sender.restart(Tick(110), 2).is_empty(), "it has only just begun");
+    assert_eq!(tell(&mut sender, &mut receiver, 104), (40, 0));
+    assert_eq!(tell(&mut sender, &mut receiver, 105), (40, 0));
     assert!(sender.overdue(Tick(500)).is_empty());
 }
 
+/// Bodies that wake after long are told against a state of long ago, until the first acknowledgement; then against a new one.
 #[test]
-fn a_client_that_is_silent_costs_no_memory_and_is_told_again_when_it_speaks() {
+fn bodies_that_wake_are_understood_though_datagrams_overtake_one_another() {
+    for (delay, jitter) in [(0, 6), (3, 9), (12, 12)] {
+        let bodies = heap(60, &mut Random::new(8));
+        let outcome = send(1_200, (delay, jitter, 0.05), bodies, |tick, bodies, random| {
+            for (i, body) in (0..).zip(bodies) {
+                let wakes = (tick / 60 + i) % 4 == 0;
+                body.sleeping = !wakes;
+                body.velocity = if wakes { body.velocity } else { Velocity::default() };
+                if wakes && random.below(8) == 0 {
+                    body.velocity = Velocity::linear([0; 3].map(|_: i32| unit(random) as f32));
+                }
+            }
+        });
+        assert!(outcome.tally.states > 2_000 && outcome.worst <= 1.0, "{}", outcome.worst);
+        // All were told anew once, and again only until the first acknowledgement.
+        assert!(outcome.tally.wholes < 60 * 20, "{}", outcome.tally.wholes);
+    }
+}
+
+#[test]
+fn what_a_client_did_not_hear_while_it_was_silent_it_is_told_again() {
     let (mut sender, mut receiver) = ends();
     let bodies = heap(40, &mut Random::new(5));
     for tick in 1..1_000 {
         sender.pack(Tick(tick), Tick(tick), &bodies, false, LIMIT);
-        assert_eq!(sender.is_silent(Tick(tick)), tick > 61, "{tick}");
+        assert!(sender.waits());
+        if tick % 60 == 0 {
+            sender.give_up();
+            assert_eq!((sender.waiting_states(), sender.overdue(Tick(tick)).len()), (0, bodies.len()));
+        }
     }
-    assert!(sender.waiting_states() <= 61 * bodies.len(), "{}", sender.waiting_states());
-    for tick in 1_000..1_003 {
+    let now = Duration::from_secs(1_000);
+    for part in sender.pack(Tick(1_000), Tick(1_000), &bodies, false, LIMIT) {
+        assert!(!receiver.take_in(now, Tick(1_000), &part, false).unwrap().is_empty());
+    }
+    assert!(sender.hear(Tick(1_000), &receiver.due(now + Duration::from_millis(20), 0).unwrap()));
+    assert!(!sender.waits() && sender.overdue(Tick(1_020)).is_empty());
+}
+
+/// Bodies that came and went: what is still on its way of them is understood, and nothing is kept.
+#[test]
+fn bodies_that_are_gone_are_forgotten_and_those_that_come_back_are_not() {
+    let (mut sender, mut receiver) = ends();
+    let bodies = heap(20, &mut Random::new(5));
+    let tell = |sender: &mut Sender, receiver: &mut Receiver, tick: u64, bodies: &[SharedState]| {
         let now = Duration::from_secs(tick);
-        for part in sender.pack(Tick(tick), Tick(tick), &bodies, false, LIMIT) {
-            assert!(!receiver.take_in(now, Tick(tick), &part, false).unwrap().is_empty());
+        for part in sender.pack(Tick(tick), Tick(tick), bodies, false, LIMIT) {
+            receiver.take_in(now, Tick(tick), &part, false).unwrap();
         }
         sender.hear(Tick(tick), &receiver.due(now + Duration::from_millis(20), 0).unwrap());
-        assert!(!sender.is_silent(Tick(tick)));
-    }
-    assert!(sender.overdue(Tick(1_004)).is_empty());
+    };
+    tell(&mut sender, &mut receiver, 1, &bodies);
+    tell(&mut sender, &mut receiver, 2_000, &bodies[..10]);
+    bodies.iter().for_each(|body| receiver.forget(body.id));
+    // It was on its way, and two are back.
+    tell(&mut sender, &mut receiver, 2_001, &bodies);
+    bodies[..2].iter().for_each(|body| receiver.remember(body.id));
+    tell(&mut sender, &mut receiver, 2_700, &bodies[..1]);
+    assert_eq!(receiver.costliest(99).len(), 2);
 }
 
 #[test]

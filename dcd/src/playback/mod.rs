@@ -52,8 +52,9 @@ pub(crate) struct Playback {
     clock: TickClock,
     playhead: Playhead,
     tracks: BTreeMap<BodyId, Track>,
-    /// Whether anything moved in the newest batch: if so, the next is to come soon.
+    /// Whether anything moved in the newest batch, and its tick: if so, the next is to come soon.
     moves: bool,
+    newest_batch: f64,
     /// The newest tick heard of that is no guess.
     settled: f64,
     /// Whether the newest tick heard of is a guess.
@@ -73,6 +74,7 @@ impl Playback {
             playhead: Playhead::default(),
             tracks: BTreeMap::new(),
             moves: false,
+            newest_batch: f64::NEG_INFINITY,
             settled: f64::NEG_INFINITY,
             guesses: false,
             recounts: false,
@@ -112,9 +114,12 @@ impl Playback {
         let moves = states.iter().any(|state| !state.sleeping);
         if self.clock.newest() == Some(tick) {
             // A batch comes in several parts.
-            self.moves = moves || self.moves && self.reckoning.told == tick;
-            self.guesses = stamp.speculative;
-            self.tell_up_to(tick);
+            self.moves = moves || self.moves && self.newest_batch == tick;
+            (self.guesses, self.newest_batch) = (stamp.speculative, tick);
+            // Who guesses does not know what other nodes would tell of.
+            if !stamp.speculative {
+                self.tell_up_to(tick);
+            }
         }
         if !stamp.speculative {
             self.settled = self.settled.max(tick);

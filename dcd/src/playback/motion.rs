@@ -2,6 +2,7 @@
 
 use nalgebra::{UnitQuaternion, Vector3};
 
+use crate::delta::{LIKE_FALL, UNTOLD_S};
 use crate::protocol::{BodyState, Velocity, WorldPose};
 
 /// The time within which an extrapolated body comes to a stop, seconds: beyond it nobody can say where the body is.
@@ -10,9 +11,6 @@ pub(super) const BEYOND_S: f64 = 0.25;
 /// The time beyond the newest batch of states for which a body that was not in it is still taken to go on, seconds: about as long as
 /// the next one may take.
 pub(super) const GOES_ON_S: f64 = 0.1;
-
-/// A body that nothing was told of for longer than this has not gone on as it did, seconds: its leader takes it to have come to a stand.
-const STANDS_S: f64 = 2.0;
 
 /// A change of velocity above this, m/s², was an impact: what gravity and friction do is slower.
 const IMPACT_M_S2: f64 = 40.0;
@@ -37,7 +35,7 @@ impl Reckoning {
     /// Returns how a body goes on after its newest state, which is that after the first of these two ticks, if it keeps its acceleration:
     /// as long as it would have been told otherwise, and then slower and slower.
     pub(super) fn beyond(&self, last: &Motion, falls: bool, from: f64, tick: f64) -> Motion {
-        let free_s = ((self.told - from) * self.dt_s + GOES_ON_S).clamp(0.0, STANDS_S);
+        let free_s = ((self.told - from).max(0.0) * self.dt_s + GOES_ON_S).min(UNTOLD_S);
         let seconds = (tick - from) * self.dt_s;
         let free_s = seconds.min(free_s);
         let mut motion = Motion { pose: last.pose.moved(&last.velocity, free_s), ..*last };
@@ -53,7 +51,7 @@ impl Reckoning {
     /// Returns whether a body fell freely between two states.
     pub(super) fn falls(&self, before: &Motion, last: &Motion, ticks: f64) -> bool {
         let gained = (vector(last.velocity.linear) - vector(before.velocity.linear)) / (ticks * self.dt_s);
-        (gained - self.gravity).norm() < 0.3 * self.gravity.norm()
+        (gained - self.gravity).norm() < LIKE_FALL * self.gravity.norm()
     }
 }
 

@@ -378,7 +378,7 @@ struct Loop {
     /// When the network's counters are read next.
     count_at: Duration,
     /// The tick of the newest states given to the link of each client.
-    told: BTreeMap<ClientId, Tick>,
+    told: BTreeMap<ClientId, u32>,
     end: Option<Result<(), ProcessError>>,
     /// Why the loop ends, where `end` does not say.
     reason: Option<Reason>,
@@ -642,11 +642,11 @@ impl Loop {
         }
     }
 
-    /// Tells the node what still waits of the states before, with the first message of each tick's states for a client.
+    /// Tells the node what still waits of the states before, with the first message of each batch for a client.
     fn look_at_backlog(&mut self, to: Peer, message: &Message) {
-        let Message::ToClient(client, ToClient::CompactStates { stamp, .. }) = message else { return };
+        let Message::ToClient(client, ToClient::CompactStates { part, .. }) = message else { return };
         let (client, bytes) = (*client, self.links.datagrams_waiting(to));
-        if self.told.insert(client, stamp.tick) != Some(stamp.tick)
+        if self.told.insert(client, part.batch) != Some(part.batch)
             && let Some(node) = &mut self.node
         {
             node.handle(self.start.elapsed(), NodeEvent::Backlog { client, bytes });

@@ -2,6 +2,7 @@
 //! for those first that it has most wrong, seen from its avatars, and for longest.
 
 use std::collections::{BTreeSet, VecDeque};
+use std::time::Duration;
 
 use super::interest::Latest;
 use crate::delta::{FreeMotion, Sender};
@@ -21,8 +22,23 @@ const WAITING_BYTES: usize = link::DATAGRAM_QUEUE_BYTES / 2;
 /// What a datagram costs beside its states: headers of UDP, QUIC and the message.
 const DATAGRAM_COST: usize = 90;
 
-/// The seconds whose bytes a client that was told little may be sent at once.
+/// The bytes of a batch for a client that has not acknowledged anything yet, and may be going to ask for few.
+const FIRST_BYTES: usize = 4_000;
+
+/// A client that has acknowledged nothing for so long, though there was something to, is gone, or cut off.
+const SILENCE: Duration = Duration::from_secs(1);
+
+/// The ticks between two batches to a client that is silent.
+const PROBE_TICKS: u64 = 15;
+
+/// The seconds whose bytes a client that was told little may be sent at once, beside those since its last turn.
 const SAVED_S: f64 = 0.1;
+
+/// The most seconds since its last turn that count.
+const TURN_S: f64 = 0.5;
+
+/// The most seconds for whose bytes a client waits that was sent too many.
+const OWED_S: f64 = 1.0;
 
 /// The bytes that a batch waits for if there is more to tell than fits: of a smaller one headers would be most.
 const WORTH_BYTES: f64 = 400.0;
@@ -85,6 +101,13 @@ pub(super) struct Channel {
     allowed: (f64, Tick),
     /// What a body has taken lately, bytes.
     body_bytes: f64,
+    /// When it had its last turn.
+    turn: Tick,
+    /// Whether it has acknowledged anything, and since when it has not though there was something to.
+    is_heard: bool,
+    silent_since: Option<Duration>,
+    /// When it is sent something though it is silent.
+    probe_at: Tick,
 }
 
 impl Channel {
@@ -99,6 +122,10 @@ impl Channel {
             asked: 0,
             allowed: (0.0, Tick(0)),
             body_bytes: 20.0,
+            turn: Tick(0),
+            is_heard: false,
+            silent_since: None,
+            probe_at: Tick(0),
         }
     }
 
@@ -112,23 +139,32 @@ impl Channel {
     }
 
     /// Takes in what the client has acknowledged.
-    pub(super) fn hear(&mut self, now: Tick, heard: &Heard, latest: &Latest) {
+    pub(super) fn hear(&mut self, now: Tick, heard: &Heard) {
         if self.asked != heard.bytes_per_s {
             (self.asked, self.allowed) = (heard.bytes_per_s, (0.0, now));
         }
+        self.is_heard = true;
         if self.sender.hear(now, heard) {
-            self.waiting.extend(latest.keys());
+            self.silent_since = None;
         }
+        if heard.lost {
+            self.waiting.extend(self.sender.restart(now, heard.series));
+        }
+    }
+
+    /// Returns whether the client asked for few bytes.
+    pub(super) fn is_limited(&self) -> bool {
+        self.asked > 0
+    }
+
+    /// Returns when it had its last turn.
+    pub(super) fn turn(&self) -> Tick {
+        self.turn
     }
 
     pub(super) fn forget(&mut self, id: BodyId) {
         self.sender.forget(id);
         self.waiting.remove(&id);
-    }
-
-    /// Returns how many bodies wait.
-    pub(super) fn waiting(&self) -> usize {
-        self.waiting.len()
     }
 
     /// Returns whether anything waits to be told, or to be told again.
@@ -137,19 +173,41 @@ impl Channel {
         !self.waiting.is_empty()
     }
 
-    /// Returns the bytes that a batch may take now.
-    fn room(&mut self, now: Tick, dt_s: f64) -> usize {
-        if self.sender.is_silent(now) {
-            return LEAST_BYTES;
+    /// Returns whether the client has acknowledged nothing for long; what waits to be is then taken for lost.
+    fn is_silent(&mut self, clock: Duration) -> bool {
+        if !self.sender.waits() {
+            self.silent_since = None;
+            return false;
         }
+        let is_silent = *self.silent_since.get_or_insert(clock) + SILENCE < clock;
+        if is_silent {
+            self.sender.give_up();
+        }
+        is_silent
+    }
+
+    /// Returns the bytes that a batch may take now.
+    fn room(&mut self, now: Tick, clock: Duration, dt_s: f64) -> usize {
+        let most = if self.is_silent(clock) {
+            if now < self.probe_at {
+                return 0;
+            }
+            self.probe_at = Tick(now.0 + PROBE_TICKS);
+            LEAST_BYTES
+        } else if self.is_heard {
+            self.carried
+        } else {
+            self.carried.min(FIRST_BYTES)
+        };
         if self.asked == 0 {
-            return self.carried;
+            return most;
         }
         let (saved, since) = self.allowed;
         let rate = f64::from(self.asked);
-        let earned = saved + rate * dt_s * now.0.saturating_sub(since.0) as f64;
-        self.allowed = (earned.min(WORTH_BYTES.max(rate * SAVED_S)), now);
-        self.carried.min(self.allowed.0.max(0.0) as usize)
+        let earned_s = (dt_s * now.0.saturating_sub(since.0) as f64).min(TURN_S);
+        let allowed = saved.min(WORTH_BYTES.max(rate * SAVED_S)) + rate * earned_s;
+        self.allowed = (allowed.max(-rate * OWED_S), now);
+        most.min(allowed.max(0.0) as usize)
     }
 
     /// Notes bodies that the client is to be told of.
@@ -170,29 +228,32 @@ impl Channel {
         self.caught_up = batches.next();
     }
 
-    /// Returns the bodies to tell of now, in id order, of those that wait.
-    pub(super) fn choose(&mut self, now: Tick, dt_s: f64, latest: &Latest) -> Vec<SharedState> {
-        let room = self.room(now, dt_s) as f64;
+    /// Returns the bodies to tell of now, in id order, of those that wait; and how many were compared for that.
+    pub(super) fn choose(
+        &mut self,
+        (now, clock, dt_s): (Tick, Duration, f64),
+        latest: &Latest,
+    ) -> (Vec<SharedState>, usize) {
+        self.turn = now;
+        let room = self.room(now, clock, dt_s) as f64;
         let datagrams = (room / (STATES_BYTES + DATAGRAM_COST) as f64).ceil();
         let count = ((room - datagrams * DATAGRAM_COST as f64) / self.body_bytes).max(0.0) as usize;
-        let known = |id: &BodyId| latest.get(id).copied();
         if self.waiting.len() <= count {
-            return std::mem::take(&mut self.waiting)
-                .iter()
-                .filter_map(known)
-                .map(|(state, _)| state)
-                .collect();
+            return (self.choose_all(latest), 0);
         }
         if count == 0 || room < WORTH_BYTES.min(self.carried as f64) {
-            return Vec::new();
+            return (Vec::new(), 0);
         }
+        // What is gone does not wait.
+        self.waiting.retain(|id| latest.contains_key(id));
+        let compared = self.waiting.len();
         let own = BodyId::avatar(self.client, 0)..=BodyId::avatar(self.client, u32::MAX);
         let avatars: Vec<_> = latest.range(own).map(|(_, (state, _))| state.pose.translation).collect();
         let mut ranked: Vec<_> = self
             .waiting
             .iter()
-            .filter_map(known)
-            .map(|(state, tick)| (self.urgency(now, &state, tick, &avatars), state))
+            .filter_map(|id| latest.get(id))
+            .map(|&(state, tick)| (self.urgency(now, &state, tick, &avatars), state))
             .collect();
         if count < ranked.len() {
             ranked.select_nth_unstable_by(count - 1, |a, b| b.0.total_cmp(&a.0).then(a.1.id.cmp(&b.1.id)));
@@ -203,7 +264,13 @@ impl Channel {
         for state in &told {
             self.waiting.remove(&state.id);
         }
-        told
+        (told, compared)
+    }
+
+    /// Returns all that wait.
+    pub(super) fn choose_all(&mut self, latest: &Latest) -> Vec<SharedState> {
+        let waiting = std::mem::take(&mut self.waiting);
+        waiting.iter().filter_map(|id| latest.get(id)).map(|(state, _)| *state).collect()
     }
 
     /// Returns how much it matters that the client is told of a body: its error as seen from the nearest avatar, and the ticks since it

@@ -149,6 +149,13 @@ impl Audience {
         id.client() == Some(self.client) || reach(&self.area) || self.near.values().any(reach)
     }
 
+    /// Notes where the client has been told now that a body is.
+    pub(super) fn has_told(&mut self, state: &SharedState) {
+        if let Some(at) = self.stale.get_mut(&state.id) {
+            *at = state.pose.translation;
+        }
+    }
+
     pub(super) fn forget(&mut self, id: BodyId) {
         self.near.remove(&id);
         self.inside.remove(&id);

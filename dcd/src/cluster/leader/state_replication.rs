@@ -6,6 +6,7 @@ use super::Leader;
 use super::channel::Channel;
 use super::interest::{Audience, news};
 use crate::cluster::Peer;
+use crate::delta::RESTARTS;
 use crate::protocol::{
     ContactForce, ContactKey, Heard, SharedState, Stamp, ToClient, ToServer, Touch, WorldEvents,
 };
@@ -17,8 +18,8 @@ pub(in crate::cluster) const TELL_TICK: u64 = 30;
 /// The most states that are coded in a tick, for all clients together: in some three milliseconds.
 pub(super) const STATES_PER_TICK: usize = 3_000;
 
-/// To find out that a body may wait takes this part of the time that coding its state takes.
-const RANKED_PER_STATE: usize = 4;
+/// So many bodies are compared by how much they matter in the time that the state of one takes.
+const COMPARED_PER_STATE: usize = 4;
 
 impl Leader {
     /// Sends contacts to the clients whose avatars touch. A pair that two regions hold is seen by both: it begins with the
@@ -125,35 +126,51 @@ impl Leader {
         }
     }
 
-    /// Tells clients in other processes what waits for them: those first that were told longest ago, and only so many that the tick takes
-    /// little longer; the others have their turn in the next one.
+    /// Tells clients in other processes what waits for them: those first that had their turn longest ago, and only so many that the tick
+    /// takes little longer; the others have their turn in the next one. After the last tick all are told all.
     fn take_turns(&mut self) {
-        let now = self.tick;
-        let told = |client: ClientId| (self.told.get(&client).copied(), client);
+        let is_last = self.last_tick == Some(self.tick);
         let decided = |client: &ClientId| !self.undecided.contains(client) && !self.is_here(*client);
-        let mut clients: Vec<_> = self.clients.keys().copied().filter(decided).map(told).collect();
+        let turn = |client| (self.channels.get(&client).map_or(Tick(0), Channel::turn), client);
+        let mut clients: Vec<_> = self.clients.keys().copied().filter(decided).map(turn).collect();
         clients.sort_unstable();
         let mut left = STATES_PER_TICK;
         for (_, client) in clients {
-            if left == 0 {
+            if left == 0 && !is_last {
                 break;
             }
             let mut channel = self.channel(client);
             if !self.audiences.contains_key(&client) {
                 channel.catch_up(&self.batches, || self.latest.keys().copied());
             }
-            let states = match channel.waits(now) {
-                true => channel.choose(now, self.dt.as_secs_f64(), &self.latest),
-                false => Vec::new(),
-            };
-            left = left.saturating_sub(states.len() + channel.waiting() / RANKED_PER_STATE);
-            // What waited for its turn is not as it is after this tick, but after the one of the last report.
-            let of = |state: &SharedState| self.latest.get(&state.id).map(|&(_, tick)| tick);
-            let tick = states.iter().filter_map(of).max().unwrap_or(now);
-            self.channels.insert(client, channel);
-            if !states.is_empty() {
-                self.tell(client, tick, false, states);
+            let mut states = Vec::new();
+            if is_last {
+                states = channel.choose_all(&self.latest);
+            } else if channel.waits(self.tick) {
+                let now = (self.tick, self.opened, self.dt.as_secs_f64());
+                let compared;
+                (states, compared) = channel.choose(now, &self.latest);
+                left = left.saturating_sub(states.len() + compared / COMPARED_PER_STATE);
             }
+            self.channels.insert(client, channel);
+            self.tell_by_tick(client, states);
+        }
+    }
+
+    /// Tells a client states as they are after the ticks that members reported them of; what rests is still so after the newest of these.
+    fn tell_by_tick(&mut self, client: ClientId, states: Vec<SharedState>) {
+        let of = |state: &SharedState| self.latest.get(&state.id).map_or(self.tick, |&(_, tick)| tick);
+        let Some(newest) = states.iter().map(of).max() else { return };
+        let mut by_tick: BTreeMap<Tick, Vec<SharedState>> = BTreeMap::new();
+        for state in states {
+            let tick = if state.sleeping { newest } else { of(&state) };
+            by_tick.entry(tick).or_default().push(state);
+        }
+        if let Some(audience) = self.audiences.get_mut(&client) {
+            by_tick.values().flatten().for_each(|state| audience.has_told(state));
+        }
+        for (tick, states) in by_tick {
+            self.tell(client, tick, false, states);
         }
     }
 
@@ -166,7 +183,14 @@ impl Leader {
     /// Takes the channel of a client, which is to be put back.
     fn channel(&mut self, client: ClientId) -> Channel {
         // Views follow each other with growing numbers, and so do series.
-        let new = || Channel::new(client, self.motion, (self.view.0 as u32) << 8, self.batches.next());
+        let new = || {
+            Channel::new(
+                client,
+                self.motion,
+                (self.view.0 as u32).wrapping_mul(RESTARTS),
+                self.batches.next(),
+            )
+        };
         self.channels.remove(&client).unwrap_or_else(new)
     }
 
@@ -180,7 +204,7 @@ impl Leader {
     /// Takes in which states a client has acknowledged.
     pub fn heard(&mut self, client: ClientId, heard: &Heard) {
         if let Some(channel) = self.channels.get_mut(&client) {
-            channel.hear(self.tick, heard, &self.latest);
+            channel.hear(self.tick, heard);
         }
     }
 
@@ -215,12 +239,13 @@ impl Leader {
     pub fn tell_speculative(&mut self, tick: Tick, states: &[SharedState]) {
         let of =
             |audience: &Audience| states.iter().filter(|state| audience.reaches(state)).copied().collect();
-        let parts: Vec<(_, Vec<_>)> = self.audiences.iter().map(|(&client, all)| (client, of(all))).collect();
-        for (client, states) in parts {
+        // Who asked for few bytes is sent no guesses.
+        let is_limited = |client: &ClientId| self.channels.get(client).is_some_and(Channel::is_limited);
+        let parts = self.audiences.iter().map(|(&client, all)| (client, of(all)));
+        let all = self.hear_all().into_iter().map(|client| (client, states.to_vec()));
+        let told: Vec<(_, Vec<_>)> = parts.chain(all).filter(|(client, _)| !is_limited(client)).collect();
+        for (client, states) in told {
             self.tell(client, tick, true, states);
-        }
-        for client in self.hear_all() {
-            self.tell(client, tick, true, states.to_vec());
         }
     }
 }

@@ -205,7 +205,7 @@ fn an_interest_counts_from_the_tick_on_is_handed_on_and_goes_with_the_link() {
     let mut leader = leader();
     let body = BodyId::persistent(1);
     let told_at = |leader: &mut Leader, tick: u64, x: f64| {
-        leader.dispatch(Duration::from_secs(tick)).unwrap();
+        leader.dispatch(Duration::from_millis(20 * tick)).unwrap();
         let pose = WorldPose::at([x, 0.0, 0.0]);
         let (epoch, velocity) = (crate::space::Epoch(0), Velocity::default());
         let states =
@@ -220,7 +220,7 @@ fn an_interest_counts_from_the_tick_on_is_handed_on_and_goes_with_the_link() {
     leader.admit(other);
     assert_eq!(told_at(&mut leader, 1, 50.0), [(CLIENT, 1), (other, 0)], "but that time goes on");
     leader.take_interest(other, None);
-    assert_eq!(told_at(&mut leader, 2, 50.5), [(CLIENT, 1), (other, 1)], "all of it");
+    assert_eq!(told_at(&mut leader, 2, 50.5), [(other, 1), (CLIENT, 1)], "all of it");
     leader.take_interest(CLIENT, Some(area));
     leader.take_interest(ClientId(6), Some(area));
     assert_eq!(told_at(&mut leader, 3, 51.0), [(other, 1)]);
@@ -392,8 +392,8 @@ fn of_thousands_that_move_each_is_told_and_no_batch_is_longer_than_its_room() {
 /// More states than a tick has time for.
 #[test]
 fn of_many_clients_each_has_its_turn_and_no_tick_codes_more_than_it_may() {
-    const BODIES: u32 = 600;
-    const CLIENTS: u32 = 64;
+    const BODIES: u32 = 3_000;
+    const CLIENTS: u32 = 40;
     let mut leader = leader();
     let mut clients = BTreeMap::new();
     for client in (100..100 + CLIENTS).map(ClientId) {
@@ -406,8 +406,8 @@ fn of_many_clients_each_has_its_turn_and_no_tick_codes_more_than_it_may() {
     leader.take_messages();
     let mut random = crate::sim::Random::new(5);
     let round = (CLIENTS * BODIES).div_ceil(STATES_PER_TICK as u32);
-    for tick in 1..=120 {
-        let now = Duration::from_secs(tick);
+    for tick in 1..=4 * u64::from(round) {
+        let now = Duration::from_millis(17 * tick);
         leader.dispatch(now).unwrap();
         if tick % 3 == 1 {
             let mut state = |i| SharedState {
@@ -436,7 +436,7 @@ fn of_many_clients_each_has_its_turn_and_no_tick_codes_more_than_it_may() {
             assert!(*told + u64::from(round) + 4 >= tick, "{client} was told at {told}, not until {tick}");
         }
     }
-    assert!(clients.values().all(|(receiver, _)| receiver.tally().states > 5 * u64::from(BODIES)));
+    assert!(clients.values().all(|(receiver, _)| receiver.tally().states > u64::from(BODIES)));
 }
 
 #[test]

@@ -6,6 +6,9 @@ use crate::results::{Measured, short};
 
 use super::Row;
 
+/// Of what was measured with limits, the table has this network; the picture has all.
+const LIMITED: &str = "100 ± 20 ms, 5 % lost";
+
 /// A panel for each scene that was measured with limits: few bytes to the left, small errors at the bottom.
 pub(super) fn picture(rows: &[Measured<Row>]) -> LinePanels {
     let machine = rows.last().map_or(String::new(), |row| row.machine.caption());
@@ -77,5 +80,6 @@ pub(super) fn table(rows: &[Measured<Row>]) -> String {
             list(&[row.told_error_p99_mm, row.told_jump_p99_mm]),
         ]
     };
-    markdown(&head, rows.iter().map(cells))
+    let is_shown = |row: &&Measured<Row>| row.row.limit_bytes_per_s == 0 || row.row.network == LIMITED;
+    markdown(&head, rows.iter().filter(is_shown).map(cells))
 }

@@ -377,7 +377,7 @@ struct Loop {
     joined: bool,
     /// When the network's counters are read next.
     count_at: Duration,
-    /// The tick of the newest states given to the link of each client.
+    /// The newest batch of states given to the link of each client.
     told: BTreeMap<ClientId, u32>,
     end: Option<Result<(), ProcessError>>,
     /// Why the loop ends, where `end` does not say.

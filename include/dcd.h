@@ -2676,9 +2676,9 @@ DCD_API DcdStatus dcd_interest_set(DcdWorld world, const double *centre, double 
 
 // Limits what a client or participant is sent of bodies, in bytes a second with all headers but IP's; 0: as many as the link carries, as
 // at first. Of more bodies than there is room for, those are told first that are most wrong here, as seen from your avatars, and for
-// longest; what is not told for a while is shown where it was heard of last, or a little beyond (dcd_view_time). Below some 2,000 bytes
-// a second little is told but that time goes on. For players at home 16,000 (128 kbit/s) suits some hundred moving bodies near them;
-// what a scene costs: README, "Bandwidth".
+// longest; what is not told for a while is shown going on as it did, for two seconds at most (dcd_view_time). Below some
+// 2,000 bytes a second little is told but that time goes on. For players at home 16,000 (128 kbit/s) suits some hundred moving bodies near
+// them; `dcd client --bandwidth` says what the bytes of a world are for.
 //
 // A local world knows all. The limit lasts until it is set again or the world is destroyed.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_NETWORK when the link is gone, DCD_ERR_UNSUPPORTED for a server or a node.

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::error::Error;
+use std::time::Instant;
 
 use dcd::prelude::*;
 
@@ -17,6 +18,8 @@ pub struct Seen {
 
 /// What a client sees in one frame.
 pub struct Frame {
+    /// When it is drawn.
+    pub at: Instant,
     /// The ticks that it shows.
     pub time: dcd::ViewTime,
     /// The movable bodies.

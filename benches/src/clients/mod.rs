@@ -189,7 +189,7 @@ fn see(
             .into_iter()
             .zip(shown)
             .filter_map(|((id, told), shown)| Some(Seen { id, told, shown: shown?.pose }));
-        frames.push(Frame { time, bodies: bodies.collect() });
+        frames.push(Frame { at: Instant::now(), time, bodies: bodies.collect() });
     }
     let (since, bytes_before) = bytes.ok_or("no frame was measured")?;
     let measured_s = since.elapsed().as_secs_f64();

@@ -68,6 +68,8 @@ pub mod net;
 #[cfg(feature = "physics")]
 #[doc(hidden)]
 pub mod physics;
+#[cfg(all(feature = "net", feature = "physics"))]
+mod prediction;
 #[cfg(feature = "physics")]
 #[doc(hidden)]
 pub mod runtime;
@@ -117,6 +119,8 @@ pub mod network {
     #[cfg(feature = "physics")]
     pub use crate::cluster::{GroupPolicy, Grouping, Hint, HintUse, PollRules};
     pub use crate::net::{JoinRole, PeerName, PeerStats};
+    #[cfg(feature = "physics")]
+    pub use crate::prediction::Prediction;
     #[cfg(feature = "physics")]
     pub use crate::protocol::{DelayThresholds, Pace, Thresholds};
     #[cfg(feature = "physics")]

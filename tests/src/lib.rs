@@ -2,4 +2,5 @@
 
 pub mod proxy;
 pub mod served;
+pub mod stage;
 pub mod truth;

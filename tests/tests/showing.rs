@@ -2,85 +2,18 @@
 //! that a local world is shown alike.
 
 use std::collections::BTreeMap;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use dcd::MovableBody;
-use dcd::network::{JoinConfig, JoinRole, ServeConfig};
 use dcd::prelude::*;
-use dcd_tests::proxy::{Proxy, Weather, free_address};
-use dcd_tests::truth::{Frame, Seen, Truth};
-
-const PATIENCE: Duration = Duration::from_secs(30);
-
-/// A world served by one node, and a client that hears of it through a proxy.
-struct Stage {
-    client: World,
-    server: World,
-    node: World,
-    proxy: Proxy,
-    local: World,
-    _data: tempfile::TempDir,
-}
-
-impl Stage {
-    fn of(local: World, weather: Weather) -> Self {
-        let data = tempfile::tempdir().unwrap();
-        let server = local.serve_copy(ServeConfig::new(data.path())).unwrap();
-        let join = |role| dcd_tests::served::join(&server, role);
-        let (proxy, address) = (Proxy::start(5), free_address());
-        let advertise = Some(proxy.front(address));
-        let at = JoinConfig { listen: Some(address), advertise, ..join(JoinRole::Node) };
-        let node = World::join_as_node(&at).unwrap();
-        proxy.set(weather);
-        let client = World::connect(&join(JoinRole::Client)).unwrap();
-        Self { client, server, node, proxy, local, _data: data }
-    }
-
-    /// Waits until the client has heard of so many ticks.
-    fn wait_ticks(&mut self, ticks: u64) {
-        let (first, deadline) = (self.client.tick().0, Instant::now() + PATIENCE);
-        while self.client.tick().0 < first + ticks {
-            assert!(Instant::now() < deadline, "no {ticks} ticks came");
-            self.client.view_time();
-            self.client.poll(Duration::from_millis(5));
-            self.client.step().unwrap();
-        }
-    }
-
-    /// Shows so many frames, one per 16 ms.
-    fn show(&mut self, count: usize) -> Vec<Frame> {
-        let mut next = Instant::now();
-        (0..count)
-            .map(|_| {
-                next += Duration::from_millis(16);
-                while let Some(left) =
-                    next.checked_duration_since(Instant::now()).filter(|left| !left.is_zero())
-                {
-                    self.client.poll(left);
-                    self.client.step().unwrap();
-                }
-                let time = self.client.view_time();
-                let shown = self.client.movable_bodies_at(&time);
-                let seen = |body: MovableBody| Seen {
-                    id: body.id,
-                    told: self.client.pose(body.id).unwrap(),
-                    shown: body.pose,
-                };
-                Frame { at: Instant::now(), time, bodies: shown.map(seen).collect() }
-            })
-            .collect()
-    }
-}
+use dcd_tests::proxy::Weather;
+use dcd_tests::stage::{PATIENCE, Stage, ms};
+use dcd_tests::truth::Truth;
 
 fn gas() -> World {
     let scene = Scene::open("gas", &Params::new().with("n", 120).with("cubes", 0.5)).unwrap();
     let config = WorldConfig { partitioning: Partitioning::Regions(2), ..WorldConfig::for_scene(&scene) };
     World::from_scene(&scene, config).unwrap()
-}
-
-fn ms(delay: u64, jitter: u64, loss: f64) -> Weather {
-    let ms = Duration::from_millis;
-    Weather { delay: ms(delay), jitter: ms(jitter), loss, ..Weather::default() }
 }
 
 /// Shows a gas of balls and cubes for three seconds over this network; what is shown is within so many millimetres of the truth.

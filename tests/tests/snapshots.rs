@@ -31,6 +31,7 @@ fn the_bytes_of_a_message() {
     let input = Input {
         body: BodyId::avatar(client, 2),
         logical_time: 300,
+        tick: Tick(1_000),
         velocity: Velocity { linear: [1.0, 0.0, -2.0], angular: [0.0, 0.5, 0.0] },
         pose: Some(WorldPose::at([100_000.5, 0.0, -1.0])),
         drive: None,

@@ -41,7 +41,7 @@ const HALF_M: f32 = 0.4;
     verbatim_doc_comment,
     after_long_help = "Prints `joined as CLIENT` first, `listening ADDR` next with --compute, and a summary last; with --json as an object\n\
                        with the keys client avatars updates contacts refusals moved_m seconds bytes_in bytes_per_s bytes_per_moving_body_s\n\
-                       staleness_ms {p50 p99} shown_behind_ms input_delay_ms outside;\n\
+                       staleness_ms {p50 p99} shown_behind_ms input_delay_ms corrections largest_correction_mm predicted_ticks outside;\n\
                        --truth adds shown_error_mm {p50 p99}, --bandwidth adds bandwidth {messages fields bodies}. A server that is out of reach is\n\
                        dialled again; the avatars go on as long as nodes compute the world."
 )]
@@ -117,6 +117,10 @@ struct Played {
     shown_behind_ms: Option<f64>,
     /// From an input to the first state that shows it.
     input_delay_ms: Option<f64>,
+    /// Times that avatars, or what they touch, turned out to be shown more than 2 cm off.
+    corrections: u64,
+    largest_correction_mm: f64,
+    predicted_ticks: u64,
     outside: usize,
     /// If asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -165,6 +169,13 @@ impl Summary for Played {
             ),
             ("shown", or_none(self.shown_behind_ms, " ms behind the world")),
             ("inputs", or_none(self.input_delay_ms, " ms until a state shows them")),
+            (
+                "predicted",
+                format!(
+                    "{} ticks, with {} corrections above 20 mm, the largest {:.0} mm",
+                    self.predicted_ticks, self.corrections, self.largest_correction_mm
+                ),
+            ),
             ("bytes in", format!("{}, with {} bodies outside its interest", self.bytes_in, self.outside)),
         ];
         rows.extend(self.bandwidth.iter().flat_map(Report::rows));
@@ -190,7 +201,7 @@ struct Watch {
 const AGES: usize = 4 << 20;
 
 impl Watch {
-    fn look(&mut self, world: &ClientWorld, dt_s: f64) {
+    fn look(&mut self, world: &mut ClientWorld, dt_s: f64) {
         let Some(time) = world.view_time() else { return };
         let tick_ms = 1e3 * dt_s;
         self.looks += 1;
@@ -363,9 +374,9 @@ impl Crowd {
         if self.bytes_since.is_none() && self.start.elapsed() > SETTLED {
             self.bytes_since = Some((Instant::now(), self.world.traffic().udp_bytes_in));
         }
-        self.watch.look(&self.world, self.dt_s);
+        self.watch.look(&mut self.world, self.dt_s);
         if let Some(truth) = &mut self.truth {
-            truth.look(&self.world, self.dt_s);
+            truth.look(&mut self.world, self.dt_s);
         }
         let events = self.world.take_events();
         self.contacts += events.touches.len() as u64;
@@ -399,6 +410,7 @@ impl Crowd {
         let seconds = self.start.elapsed().as_secs_f64();
         let (since, before) = self.bytes_since.unwrap_or((self.start, 0));
         let bytes_per_s = (bytes_in - before) as f64 / since.elapsed().as_secs_f64().max(1e-3);
+        let predicted = self.world.prediction().unwrap_or_default();
         Played {
             client: self.world.id().to_string(),
             avatars: self.world.own_avatars().len(),
@@ -414,6 +426,9 @@ impl Crowd {
             shown_error_mm: self.truth.as_ref().and_then(|truth| Percentiles::of(&truth.errors_mm())),
             shown_behind_ms: (self.watch.looks > 0).then(|| self.watch.behind_ms / self.watch.looks as f64),
             input_delay_ms: self.watch.input_delay_ms,
+            corrections: predicted.corrections,
+            largest_correction_mm: 1e3 * predicted.largest_correction_m,
+            predicted_ticks: predicted.ticks,
             outside: self.world.with_bodies(|body| body.outside.then_some(())).len(),
             bandwidth: bandwidth.then(|| Report::of(&self.world.bandwidth())),
         }

@@ -37,8 +37,8 @@ impl Truth {
     }
 
     /// Notes what a client shows now of bodies that move.
-    pub(super) fn look(&mut self, client: &ClientWorld, dt_s: f64) {
-        let truth = states(&self.world);
+    pub(super) fn look(&mut self, client: &mut ClientWorld, dt_s: f64) {
+        let truth = states(&mut self.world);
         for &(id, tick, motion) in &truth {
             let told = self.told.entry(id).or_default();
             if told.back().is_none_or(|&(last, _)| last < tick) {
@@ -51,8 +51,7 @@ impl Truth {
         let Some(time) = client.view_time() else { return };
         // What moves in truth, or is shown moving.
         let moving: BTreeSet<_> = states(client).into_iter().chain(truth).map(|(id, ..)| id).collect();
-        let shown = client.motions_at(moving.iter().map(|id| (*id, time.shown)));
-        let shown = moving.into_iter().zip(shown).filter_map(|(id, shown)| Some((id, shown?))).collect();
+        let shown = moving.into_iter().filter_map(|id| Some((id, client.motion_at(id, time.shown)?))).collect();
         self.shown.push_back((time.shown, shown));
         while self.shown.front().is_some_and(|(tick, _)| *tick + LATEST < time.now) {
             let Some((tick, bodies)) = self.shown.pop_front() else { break };
@@ -92,7 +91,7 @@ impl Truth {
 }
 
 /// Returns the newest states of bodies that moved a moment ago, with their ticks.
-fn states(world: &ClientWorld) -> Vec<(BodyId, f64, Motion)> {
+fn states(world: &mut ClientWorld) -> Vec<(BodyId, f64, Motion)> {
     let now = world.view_time().map_or(0.0, |time| time.now);
     world.with_bodies(|view| {
         let (body, tick) = (&view.body, view.tick.0 as f64);

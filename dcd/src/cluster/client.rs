@@ -9,6 +9,7 @@ mod surroundings;
 mod tests;
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::ops::Bound;
 use std::time::Duration;
 
 use tracing::debug;
@@ -66,6 +67,8 @@ pub enum ClientEvent {
     Input {
         /// Which.
         body: BodyId,
+        /// The tick that is to apply it, by [`Client::name_tick`]; 0: the next one.
+        tick: Tick,
         /// Wanted velocity.
         velocity: Velocity,
         /// Wanted pose, for a jump.
@@ -75,6 +78,8 @@ pub enum ClientEvent {
     Drive {
         /// Which.
         body: BodyId,
+        /// The tick that is to apply it, by [`Client::name_tick`]; 0: the next one.
+        tick: Tick,
         /// Its controls from now on.
         drive: Drive,
     },
@@ -269,13 +274,12 @@ impl Client {
             ClientEvent::Message { .. } => {}
             ClientEvent::Node(message) => self.told(message),
             ClientEvent::Spawn { body, shapes } => self.want(FromClient::Spawn { body, shapes }),
-            ClientEvent::Input { body, velocity, pose } => {
-                let input = Input { body, logical_time: 0, velocity, pose, drive: None };
-                self.send_newest(input);
+            ClientEvent::Input { body, tick, velocity, pose } => {
+                self.send_newest(Input { body, logical_time: 0, tick, velocity, pose, drive: None });
             }
-            ClientEvent::Drive { body, drive } => {
-                let velocity = Velocity::default();
-                self.send_newest(Input { body, logical_time: 0, velocity, pose: None, drive: Some(drive) });
+            ClientEvent::Drive { body, tick, drive } => {
+                let (velocity, pose, drive) = (Velocity::default(), None, Some(drive));
+                self.send_newest(Input { body, logical_time: 0, tick, velocity, pose, drive });
             }
             ClientEvent::Despawn(body) => self.want(FromClient::Despawn(body)),
             ClientEvent::Interest(area) => self.turn_to(area),
@@ -388,6 +392,18 @@ impl Client {
         self.bodies.values()
     }
 
+    /// Returns the bodies whose ids follow one, or all, in id order.
+    pub fn bodies_after(&self, id: Option<BodyId>) -> impl Iterator<Item = &BodyView> {
+        let from = id.map_or(Bound::Unbounded, Bound::Excluded);
+        self.bodies.range((from, Bound::Unbounded)).map(|(_, view)| view)
+    }
+
+    /// Returns its avatars in the world, in id order.
+    pub fn own_avatars(&self) -> impl Iterator<Item = &BodyView> {
+        let own = BodyId::avatar(self.id, 0)..=BodyId::avatar(self.id, u32::MAX);
+        self.bodies.range(own).map(|(_, view)| view)
+    }
+
     /// Returns all shapes by hash.
     pub fn shapes(&self) -> &BTreeMap<ShapeHash, ShapeRecord> {
         &self.shapes
@@ -473,7 +489,7 @@ impl Client {
         self.logical_time += 1;
         let input = Input { logical_time: self.logical_time, ..input };
         self.newest.keep(input, self.now);
-        self.showing.iter_mut().for_each(|showing| showing.sent(self.now, input.logical_time));
+        self.showing.iter_mut().for_each(|showing| showing.sent(self.now, input.logical_time, input.tick));
         self.send_input(input);
     }
 
@@ -492,11 +508,9 @@ impl Client {
     }
 
     fn hearing(&self) -> Hearing {
-        let own = BodyId::avatar(self.id, 0)..=BodyId::avatar(self.id, u32::MAX);
         let around = |view: &BodyView| Area::around_avatar(view.body.state.pose.translation);
-        let areas = self.area.map(|area| {
-            std::iter::once(area).chain(self.bodies.range(own).map(|(_, view)| around(view))).collect()
-        });
+        let areas =
+            self.area.map(|area| std::iter::once(area).chain(self.own_avatars().map(around)).collect());
         Hearing { client: self.id, areas }
     }
 

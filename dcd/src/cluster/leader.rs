@@ -19,7 +19,7 @@ use std::time::Duration;
 use self::balancing::Balancing;
 use self::channel::{Batches, Channel};
 use self::holders::Holders;
-use self::inputs::Inputs;
+use self::inputs::{Inputs, Taken};
 pub use self::inter_group::Deviations;
 use self::inter_group::InterGroup;
 use self::interest::{Audience, Latest, Moved};
@@ -72,8 +72,8 @@ pub struct Leader {
     introduction: Option<Member>,
     /// Clients that have not said yet what they want to hear of: they are told no states.
     undecided: BTreeSet<ClientId>,
-    /// The logical time of each client's newest input that a tick has applied.
-    applied: BTreeMap<ClientId, u64>,
+    /// The logical time of each client's newest input that a tick has applied, and how early it came.
+    applied: BTreeMap<ClientId, (u64, i16)>,
     /// The tick that each client was last sent.
     told: BTreeMap<ClientId, Tick>,
     motion: FreeMotion,
@@ -367,14 +367,14 @@ impl Leader {
 
     /// Takes the inputs of the tick, and notes up to which each client's are applied.
     fn take_inputs(&mut self) -> impl Iterator<Item = Input> + use<> {
-        let inputs: Vec<_> = self.inputs.take_next().collect();
-        for input in &inputs {
+        let taken: Vec<_> = self.inputs.take(self.tick).collect();
+        for Taken { input, early } in &taken {
             if let Some(client) = input.body.client().filter(|client| self.clients.contains_key(client)) {
                 let applied = self.applied.entry(client).or_default();
-                *applied = input.logical_time.max(*applied);
+                *applied = (input.logical_time, *early).max(*applied);
             }
         }
-        inputs.into_iter()
+        taken.into_iter().map(|taken| taken.input)
     }
 
     /// Returns the change of the tree before this tick, if the load asks for one.
@@ -459,9 +459,9 @@ impl Leader {
         self.forget_in_other_groups(id);
     }
 
-    /// Returns the inputs that are not dispatched yet, for speculative ticks.
+    /// Returns the inputs that the next tick is to apply, for speculative ticks.
     pub fn inputs(&self) -> impl Iterator<Item = Input> {
-        self.inputs.next()
+        self.inputs.due(self.tick.next())
     }
 
     /// Returns what another leader must know of clients: inputs that are not dispatched yet, and their interests.

@@ -287,18 +287,7 @@ impl Record {
 
     /// Returns how far a body reaches from its origin at most, metres.
     pub(super) fn reach_m(&self, body: &BodyRecord) -> f64 {
-        let length = |v: [f32; 3]| v.iter().map(|v| v * v).sum::<f32>().sqrt();
-        let of = |hash: &ShapeHash| self.shape(*hash).map_or(0.0, ShapeRecord::reach_m);
-        let reach = body.traits.colliders.iter().map(|collider| {
-            let own = match self.shape(collider.shape) {
-                Some(ShapeRecord::Compound(parts)) => {
-                    parts.iter().map(|(pose, hash)| length(pose.translation) + of(hash)).fold(0.0, f32::max)
-                }
-                _ => of(&collider.shape),
-            };
-            length(collider.pose.translation) + own
-        });
-        f64::from(reach.fold(0.0, f32::max))
+        body.reach_m(|hash| self.shape(hash))
     }
 
     /// Returns a shape that is on record, or brought by a new avatar.

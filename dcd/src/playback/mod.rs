@@ -2,6 +2,8 @@
 //! interpolation, bounded extrapolation, and errors that melt away (thesis 3.3.11, 4.3.2.10).
 
 mod clock;
+mod lead;
+mod melt;
 mod motion;
 mod playhead;
 mod track;
@@ -10,6 +12,9 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use self::clock::TickClock;
+pub(crate) use self::lead::Lead;
+#[cfg(all(feature = "net", feature = "physics"))]
+pub(crate) use self::melt::Melt;
 pub use self::motion::Motion;
 use self::motion::{BEYOND_S, GOES_ON_S, Reckoning, vector};
 use self::playhead::Playhead;
@@ -30,6 +35,9 @@ pub struct ViewTime {
     /// The tick whose states have come by now, a little ago: for all else. It goes forward evenly, unless ticks are counted anew: where a
     /// guess is withdrawn, or the world goes back to a save.
     pub shown: f64,
+    /// The tick that applies what an own avatar is asked now, where a client predicts ([`World::set_prediction`](crate::World::set_prediction)):
+    /// own avatars are shown at it, with what they touch. Otherwise the same as `now`.
+    pub predicted: f64,
     /// The bound on the error of `now` that comes from clocks, seconds; `None` until pings tell, where no network is between, and in a
     /// participant, which counts the way of what it is told as nothing.
     pub clock_error_s: Option<f64>,
@@ -41,7 +49,7 @@ impl ViewTime {
     /// Returns the times at which to show own avatars, and all else: to look at a time of one's own choice.
     #[must_use]
     pub const fn new(now: f64, shown: f64) -> Self {
-        Self { now, shown, clock_error_s: None, input_delay_s: None }
+        Self { now, shown, predicted: now, clock_error_s: None, input_delay_s: None }
     }
 }
 
@@ -192,12 +200,24 @@ impl Playback {
             self.sweep_at = shown + SWEEP;
             self.tracks.retain(|_, track| !track.rests_since_before(shown - SWEEP));
         }
-        Some(ViewTime {
-            now: world_tick.min(limit).max(shown),
-            shown,
-            clock_error_s: self.clock.error_s(),
-            input_delay_s: None,
-        })
+        let now = world_tick.min(limit).max(shown);
+        Some(ViewTime { clock_error_s: self.clock.error_s(), ..ViewTime::new(now, shown) })
+    }
+
+    /// Returns the tick that the world is at, whether or not anything was heard of it lately, and the seconds that a tick takes.
+    pub(crate) fn world_tick(&self, now: Duration) -> Option<(f64, f64)> {
+        Some((self.clock.tick_at(now)?, self.clock.period_s()))
+    }
+
+    /// Returns the newest tick of which all that moves was told, guesses left out.
+    pub(crate) fn told(&self) -> Option<f64> {
+        self.reckoning.told.is_finite().then_some(self.reckoning.told)
+    }
+
+    /// Returns how a body was at a tick by what was told of it, and whether it rested; `None` if nothing was heard of it since long.
+    pub(crate) fn told_at(&self, id: BodyId, tick: f64) -> Option<(Motion, bool)> {
+        let track = self.tracks.get(&id)?;
+        Some((track.told_at(tick, &self.reckoning), track.rests_at(tick)))
     }
 
     /// Returns how a body is shown at a tick; `None` if nothing was heard of it since long: then it is as it was told last.

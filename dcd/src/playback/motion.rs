@@ -75,6 +75,11 @@ impl Motion {
         Self { pose, velocity: Velocity::default() }
     }
 
+    /// Returns the angle between two rotations, radians.
+    pub(crate) fn turn_rad(&self, other: &Self) -> f64 {
+        turn_between(&self.pose, &other.pose).norm()
+    }
+
     /// Returns the motion at `share` (0 to 1) of the `span_s` seconds between this state and the next: positions by a cubic Hermite
     /// spline, or by two straight lines where the velocities tell of an impact in between; rotations by SLERP.
     pub(crate) fn towards(&self, next: &Self, span_s: f64, share: f64) -> Self {

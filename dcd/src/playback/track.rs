@@ -5,22 +5,12 @@
 
 use std::collections::VecDeque;
 
-use nalgebra::Vector3;
-
-use super::motion::{End, Motion, Reckoning, turn_between, turned, vector};
+use super::melt::Melt;
+use super::motion::{Motion, Reckoning};
 use crate::protocol::Velocity;
 
 /// The most states kept of one body.
 const KEPT: usize = 16;
-
-/// The time in which a small error that was shown melts away, seconds.
-const MELT_S: f64 = 0.2;
-
-/// A larger error takes so much longer, seconds per metre.
-const MELT_S_PER_M: f64 = 0.1;
-
-/// An error above this is shown at once, metres: a body that slides so far looks stranger than one that jumps.
-const JUMP_M: f64 = 3.0;
 
 /// The state of a body after one tick.
 #[derive(Clone, Copy, Debug)]
@@ -29,35 +19,6 @@ struct Sample {
     motion: Motion,
     rests: bool,
     speculative: bool,
-}
-
-/// An error that was shown, and how it changes, from a tick on.
-#[derive(Clone, Copy, Debug)]
-struct Melt {
-    from: f64,
-    seconds: f64,
-    way_m: Vector3<f64>,
-    speed_m_s: Vector3<f64>,
-    turn_rad: Vector3<f64>,
-}
-
-impl Melt {
-    /// Adds what is left of the error at a tick.
-    fn apply(&self, motion: &mut Motion, at: f64, dt_s: f64) {
-        let share = (at - self.from) * dt_s / self.seconds;
-        if !(0.0..1.0).contains(&share) {
-            return;
-        }
-        let none = End { at: 0.0, speed: 0.0 };
-        for axis in 0..3 {
-            let error = End { at: self.way_m[axis], speed: self.speed_m_s[axis] };
-            let left = error.hermite(none, self.seconds, share);
-            motion.pose.translation[axis] += left.at;
-            motion.velocity.linear[axis] += left.speed as f32;
-        }
-        let left = End { at: 1.0, speed: 0.0 }.hermite(none, self.seconds, share).at;
-        motion.pose.rotation = turned(&motion.pose, self.turn_rad * left);
-    }
 }
 
 /// The last states of one body, in order of ticks.
@@ -154,33 +115,28 @@ impl Track {
 
     /// Notes as an error what would be shown otherwise than before.
     fn melt_from(&mut self, before: Motion, shown: f64, reckoning: &Reckoning) {
-        let melt = self.melt.take();
-        let bare = self.at(shown, reckoning);
-        let way_m = Vector3::from(before.pose.translation) - Vector3::from(bare.pose.translation);
-        let turn_rad = turn_between(&bare.pose, &before.pose);
-        if !way_m.norm().is_finite() || way_m.norm() > JUMP_M {
-            return;
-        }
-        // Between states nothing has changed but what melts already.
-        if way_m.norm() > 1e-6 || turn_rad.norm() > 1e-4 {
-            let seconds = MELT_S + MELT_S_PER_M * way_m.norm();
-            // No faster than that the error grows no more.
-            let speed_m_s = vector(before.velocity.linear) - vector(bare.velocity.linear);
-            let speed_m_s = speed_m_s.cap_magnitude(3.0 * way_m.norm() / seconds);
-            let is_same = melt.is_some_and(|melt| {
-                let mut again = bare;
-                melt.apply(&mut again, shown, reckoning.dt_s);
-                again.distance_m(&before) < 1e-6 && turn_between(&again.pose, &before.pose).norm() < 1e-4
-            });
-            self.melt =
-                if is_same { melt } else { Some(Melt { from: shown, seconds, way_m, speed_m_s, turn_rad }) };
-        }
+        let bare = self.told_at(shown, reckoning);
+        self.melt = Melt::after(self.melt.take(), &before, &bare, shown, reckoning.dt_s);
     }
 
     /// Returns how the body is shown at a tick.
     pub(super) fn at(&self, tick: f64, reckoning: &Reckoning) -> Motion {
+        let mut motion = self.told_at(tick, reckoning);
+        if let Some(melt) = &self.melt {
+            melt.apply(&mut motion, tick, reckoning.dt_s);
+        }
+        motion
+    }
+
+    /// Returns whether the body rests at a tick, as far as known.
+    pub(super) fn rests_at(&self, tick: f64) -> bool {
+        self.samples.iter().rev().find(|sample| sample.tick <= tick).is_none_or(|sample| sample.rests)
+    }
+
+    /// Returns how the body is at a tick by what is known of it.
+    pub(super) fn told_at(&self, tick: f64, reckoning: &Reckoning) -> Motion {
         let after = self.samples.partition_point(|sample| sample.tick <= tick);
-        let mut motion = match (after.checked_sub(1).map(|i| &self.samples[i]), self.samples.get(after)) {
+        match (after.checked_sub(1).map(|i| &self.samples[i]), self.samples.get(after)) {
             (Some(a), Some(b)) => {
                 let span = b.tick - a.tick;
                 a.motion.towards(&b.motion, span * reckoning.dt_s, (tick - a.tick) / span)
@@ -196,11 +152,7 @@ impl Track {
             (None, first) => {
                 Motion { velocity: Velocity::default(), ..first.expect("a track has a state").motion }
             }
-        };
-        if let Some(melt) = &self.melt {
-            melt.apply(&mut motion, tick, reckoning.dt_s);
         }
-        motion
     }
 }
 

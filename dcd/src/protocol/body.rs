@@ -307,6 +307,22 @@ pub struct BodyRecord {
 }
 
 impl BodyRecord {
+    /// Returns how far it reaches from its origin at most, metres; shapes that are not found count as points.
+    pub fn reach_m<'a>(&self, find: impl Fn(ShapeHash) -> Option<&'a ShapeRecord>) -> f64 {
+        let length = |v: [f32; 3]| v.iter().map(|v| v * v).sum::<f32>().sqrt();
+        let of = |hash: &ShapeHash| find(*hash).map_or(0.0, ShapeRecord::reach_m);
+        let reach = self.traits.colliders.iter().map(|collider| {
+            let own = match find(collider.shape) {
+                Some(ShapeRecord::Compound(parts)) => {
+                    parts.iter().map(|(pose, hash)| length(pose.translation) + of(hash)).fold(0.0, f32::max)
+                }
+                _ => of(&collider.shape),
+            };
+            length(collider.pose.translation) + own
+        });
+        f64::from(reach.fold(0.0, f32::max))
+    }
+
     /// Returns whether a client may have it as an avatar: all shapes that it names are found, and suit clients.
     pub fn suits_clients<'a>(&self, find: impl Fn(ShapeHash) -> Option<&'a ShapeRecord>) -> bool {
         let suits = |hash| find(hash).filter(|shape| shape.suits_clients());

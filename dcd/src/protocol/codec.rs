@@ -18,7 +18,7 @@ use super::{Check, Chunk, Invalid, Message};
 use crate::protocol::SharedState;
 
 /// Version of the protocol. It grows with every change of the message set; peers of unequal versions refuse each other.
-pub const VERSION: u32 = 17;
+pub const VERSION: u32 = 18;
 
 /// The most bytes of a message. A single shape (a height field of 2,000 × 2,000) is what needs most.
 pub const MAX_MESSAGE_BYTES: usize = 16 << 20;
@@ -188,6 +188,7 @@ mod tests {
         let input = crate::protocol::Input {
             body: BodyId::avatar(ClientId(3), 1),
             logical_time: 9,
+            tick: Tick(301),
             velocity: Velocity::default(),
             pose: Some(WorldPose::default()),
             drive: None,
@@ -251,7 +252,7 @@ mod tests {
     fn a_full_part_of_states_fits_a_datagram() {
         let part =
             Part { series: u32::MAX, batch: u32::MAX, number: u32::MAX, states: vec![7; STATES_BYTES] };
-        let stamp = Stamp { opened_us: u64::MAX, applied: u64::MAX, ..stamp(u64::MAX) };
+        let stamp = Stamp { opened_us: u64::MAX, applied: u64::MAX, early: i16::MIN, ..stamp(u64::MAX) };
         let message = Message::ToClient(ClientId(u32::MAX), ToClient::CompactStates { stamp, part });
         assert!((DATAGRAM_BYTES - 8..=DATAGRAM_BYTES).contains(&encode(&message).len()));
     }

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use rapier3d::prelude::*;
+use tracing::warn;
 
 use std::net::SocketAddr;
 
@@ -14,9 +15,10 @@ use crate::cluster::{BodyView, Client, ClientEvent};
 use crate::net::{Identity, JoinRole, PeerStats, Token, join};
 use crate::physics::{ShapeError, ShapeLibrary};
 use crate::playback::{Motion, ViewTime};
+use crate::prediction::{Prediction, Predictor};
 use crate::protocol::{
-    Area, ContactForce, Controller, Drive, EnvironmentProperties, Handover, Query, QueryResult, Refusal,
-    Touch, Velocity, WorldPose,
+    Area, ContactForce, Controller, Drive, EnvironmentProperties, Handover, Input, Query, QueryResult,
+    Refusal, Touch, Velocity, WorldPose,
 };
 use crate::space::{BodyId, ClientId, DistributionTree, NodeId, RegionId, Tick};
 
@@ -101,6 +103,9 @@ pub struct ClientWorld {
     client: ClientId,
     next_avatar: u32,
     shapes: ShapeLibrary,
+    predicts: bool,
+    /// Once its user shows the world.
+    predictor: Option<Box<Predictor>>,
 }
 
 impl ClientWorld {
@@ -135,7 +140,8 @@ impl ClientWorld {
         if !member.shared.wait(left, joined) {
             return Err(ProcessError::Timeout { server: config.server, waited: config.timeout });
         }
-        let world = Self { member, client, next_avatar: 0, shapes: ShapeLibrary::default() };
+        let shapes = ShapeLibrary::default();
+        let world = Self { member, client, next_avatar: 0, shapes, predicts: true, predictor: None };
         world.check()?;
         Ok(world)
     }
@@ -234,17 +240,41 @@ impl ClientWorld {
 
     /// Sends an avatar input: a velocity, and with `pose` a new place. The newest input before a tick counts.
     pub fn send_input(
-        &self,
+        &mut self,
         avatar: BodyId,
         velocity: Velocity,
         pose: Option<WorldPose>,
     ) -> Result<(), ProcessError> {
-        self.member.submit(ClientEvent::Input { body: avatar, velocity, pose })
+        let tick = self.predict(Input { body: avatar, logical_time: 1, tick: Tick(0), velocity, pose, drive: None });
+        self.member.submit(ClientEvent::Input { body: avatar, tick, velocity, pose })
     }
 
     /// Says what the driver of a vehicle does from now on.
-    pub fn drive(&self, vehicle: BodyId, drive: Drive) -> Result<(), ProcessError> {
-        self.member.submit(ClientEvent::Drive { body: vehicle, drive })
+    pub fn drive(&mut self, vehicle: BodyId, drive: Drive) -> Result<(), ProcessError> {
+        let (velocity, pose, drives) = (Velocity::default(), None, Some(drive));
+        let tick = self.predict(Input { body: vehicle, logical_time: 1, tick: Tick(0), velocity, pose, drive: drives });
+        self.member.submit(ClientEvent::Drive { body: vehicle, tick, drive })
+    }
+
+    /// Lets an input act in what is predicted; returns the tick that it is to name, 0 where nothing is predicted.
+    fn predict(&mut self, input: Input) -> Tick {
+        let Some(predictor) = &mut self.predictor else { return Tick(0) };
+        let now = self.member.shared.start.elapsed();
+        let named = self.member.shared.lock().client.as_mut().and_then(|client| client.name_tick(now));
+        named.inspect(|&tick| predictor.input(Input { tick, ..input })).unwrap_or(Tick(0))
+    }
+
+    /// Sets whether own avatars are predicted, with what they touch; they are at first.
+    pub fn set_prediction(&mut self, predicts: bool) {
+        self.predicts = predicts;
+        if !predicts {
+            self.predictor = None;
+        }
+    }
+
+    /// Returns what is predicted, and how well; `None` where nothing is.
+    pub fn prediction(&self) -> Option<Prediction> {
+        self.predictor.as_ref().map(|predictor| predictor.stats())
     }
 
     /// Sets the area of interest: from now on bodies in it and around own avatars are received; `None`: all, as at first. Bodies
@@ -306,20 +336,45 @@ impl ClientWorld {
     }
 
     /// Returns the ticks to show now; `None` until the world is heard of.
-    pub fn view_time(&self) -> Option<ViewTime> {
+    pub fn view_time(&mut self) -> Option<ViewTime> {
         let now = self.member.shared.start.elapsed();
-        self.member.shared.lock().client.as_mut()?.view_time(now)
+        let mut state = self.member.shared.lock();
+        let client = state.client.as_mut()?;
+        let mut time = client.view_time(now)?;
+        let predicted = client.predicted_tick(now).filter(|_| self.predicts);
+        let world = client.world().filter(|_| predicted.is_some());
+        if let (None, Some(world)) = (&self.predictor, world) {
+            let predictor = Predictor::new(self.client, world);
+            self.predictor = predictor.inspect_err(|error| warn!(%error, "nothing is predicted")).ok().map(Box::new);
+        }
+        if let (Some(predictor), Some(predicted)) = (&mut self.predictor, predicted) {
+            predictor.listen(client);
+            // Others wait for the client.
+            drop(state);
+            time.predicted = predicted.max(time.now);
+            predictor.advance(&time);
+        }
+        Some(time)
     }
 
     /// Returns how a body is shown at a tick; `None` if it is not known.
     pub fn motion_at(&self, id: BodyId, tick: f64) -> Option<Motion> {
-        self.member.shared.lock().client.as_ref()?.view(id, tick)
+        let predicted = self.predictor.as_ref().and_then(|predictor| predictor.at(id, tick));
+        predicted.or_else(|| self.member.shared.lock().client.as_ref()?.view(id, tick))
     }
 
-    /// Returns how each body is shown at its tick.
-    pub fn motions_at(&self, bodies: impl Iterator<Item = (BodyId, f64)>) -> Vec<Option<Motion>> {
+    /// Returns how each body is shown beside the others.
+    pub fn motions_at(&self, bodies: impl Iterator<Item = BodyId>, time: &ViewTime) -> Vec<Option<Motion>> {
         let state = self.member.shared.lock();
-        bodies.map(|(id, tick)| state.client.as_ref()?.view(id, tick)).collect()
+        let shown = |id: BodyId| {
+            let predictor = self.predictor.as_ref();
+            let ahead = predictor.and_then(|predictor| predictor.tick_of(id, time));
+            let is_own = id.client() == Some(self.client);
+            let tick = ahead.unwrap_or(if is_own { time.now } else { time.shown });
+            let predicted = predictor.and_then(|predictor| predictor.at(id, tick));
+            predicted.or_else(|| state.client.as_ref()?.view(id, tick))
+        };
+        bodies.map(shown).collect()
     }
 
     /// Takes the events since the last call.

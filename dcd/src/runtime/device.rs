@@ -9,7 +9,7 @@ use tracing::warn;
 use crate::cluster::{PhysicsCommand, PhysicsEvent, Sampling, TickStats, correction, deviation_m};
 use crate::physics::{HostError, Partition, RegionHost};
 use crate::protocol::{
-    Answer, BodyCheckpoint, BodyKind, BodyRecord, BorderMessage, Chunk, Claim, EnvironmentProperties, Input,
+    Answer, BodyCheckpoint, BodyKind, BodyRecord, BorderMessage, Chunk, Claim, EnvironmentProperties,
     LoadReport, Query, RegionLoad, SharedState, WorldOp,
 };
 use crate::space::{BodyId, ClientId, DistributionTree, Load, RegionId, Tick, summarised};
@@ -375,7 +375,7 @@ fn apply(host: &mut RegionHost, ops: Vec<WorldOp>, band_m: f64) -> Vec<BodyRecor
             WorldOp::RemoveJoint(id) => {
                 host.remove_joint(id);
             }
-            WorldOp::Input(input) => steer(host, &input),
+            WorldOp::Input(input) => host.obey(&input),
             WorldOp::Push(push) => {
                 host.push(&push);
             }
@@ -415,18 +415,6 @@ fn lead(host: &mut RegionHost, target: &SharedState, lag_s: f64, band_m: f64) {
         body.set_linvel(Vector::from_array(velocity.linear), true);
         body.set_angvel(Vector::from_array(velocity.angular), true);
     });
-}
-
-fn steer(host: &mut RegionHost, input: &Input) {
-    // Most inputs are no jumps.
-    let jump = || input.jump_of(&host.record(input.body)?.traits);
-    if let Some(pose) = input.pose.and_then(|_| jump()) {
-        host.move_copies(input.body, pose);
-    }
-    match &input.drive {
-        Some(drive) => host.drive(input.body, drive),
-        None => host.steer(input.body, &input.velocity),
-    };
 }
 
 /// Counts pairs near enough to touch; counting those that do touch would visit every pair.

@@ -1,7 +1,7 @@
 //! Says twice what a tick waits for, over links that lose packets: once more in a datagram, a little later.
 //!
 //! In a stream of a few packets a tick QUIC notices a loss by its probes alone, after several round trips, and waits twice as long for each next
-//! one. Only what may overtake anything is repeated: border messages and dispatches name their tick, and whoever has heard of it, or of
+//! one. Only what may overtake anything is repeated: border messages, dispatches and inputs name their tick, and whoever has heard of it, or of
 //! none before it, drops them. A member's `Done` may not overtake its reports and earlier ones.
 
 use std::collections::{BTreeMap, VecDeque};
@@ -9,7 +9,8 @@ use std::time::{Duration, Instant};
 
 use crate::cluster::Peer;
 use crate::net::PeerStats;
-use crate::protocol::{DATAGRAM_BYTES, Message};
+use crate::protocol::{DATAGRAM_BYTES, FromClient, Message};
+use crate::space::Tick;
 
 /// When it is said again: in a packet of its own, and not in the same burst of losses.
 const LATER: Duration = Duration::from_millis(4);
@@ -48,7 +49,11 @@ impl Repeats {
 
     /// Keeps a message that was sent now, if a tick waits for it, the link loses packets, and it fits into one.
     pub(super) fn sent(&mut self, now: Instant, link: Peer, message: &Message, bytes: &[u8]) {
-        let is_awaited = matches!(message, Message::Border(_) | Message::Dispatch(_));
+        let is_awaited = match message {
+            Message::Border(_) | Message::Dispatch(_) => true,
+            Message::FromClient(_, FromClient::Input(input)) => input.tick != Tick(0),
+            _ => false,
+        };
         let is_lossy = self.links.get(&link).is_some_and(|losses| losses.share > LOSSY);
         if is_awaited && is_lossy && bytes.len() <= DATAGRAM_BYTES {
             self.waiting.push_back((now + LATER, link, bytes.to_vec()));
@@ -76,7 +81,7 @@ impl Repeats {
 mod tests {
     use super::*;
     use crate::protocol::{Dispatch, ViewNumber};
-    use crate::space::{NodeId, Tick};
+    use crate::space::NodeId;
 
     fn stats(packets_out: u64, packets_lost: u64) -> PeerStats {
         PeerStats { packets_out, packets_lost, ..PeerStats::default() }

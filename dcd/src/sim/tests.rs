@@ -235,7 +235,7 @@ fn chaos(seed: u64) {
             _ => {
                 for &(client, _) in clients.iter().filter(|(_, here)| *here) {
                     let velocity = Velocity { linear: [5.0, -3.0, 1.0], angular: [0.0; 3] };
-                    sim.submit(client, ClientEvent::Input { body: avatar(client), velocity, pose: None });
+                    sim.submit(client, ClientEvent::Input { body: avatar(client), tick: Tick(0), velocity, pose: None });
                 }
             }
         }
@@ -278,7 +278,7 @@ fn playing(seed: u64) -> (Sim, ClientId) {
     );
     sim.run_until(|sim| sim.states().contains_key(&avatar(client))).unwrap();
     let velocity = Velocity { linear: [6.0, 0.0, 0.0], angular: [0.0; 3] };
-    sim.submit(client, ClientEvent::Input { body: avatar(client), velocity, pose: None });
+    sim.submit(client, ClientEvent::Input { body: avatar(client), tick: Tick(0), velocity, pose: None });
     sim.run_until(|sim| sim.states().get(&avatar(client)).is_some_and(|s| s.pose.translation[0] > 9.0))
         .unwrap();
     (sim, client)
@@ -299,7 +299,7 @@ fn an_avatar_returns_with_its_client_where_it_was() {
         // Stop it first, so that "where it was" is a place.
         sim.submit(
             client,
-            ClientEvent::Input { body: avatar(client), velocity: Velocity::default(), pose: None },
+            ClientEvent::Input { body: avatar(client), tick: Tick(0), velocity: Velocity::default(), pose: None },
         );
         sim.run_until(|sim| sim.states()[&avatar(client)].velocity == Velocity::default()).unwrap();
         let parked = sim.states()[&avatar(client)].pose;
@@ -349,7 +349,7 @@ fn a_client_goes_on_with_the_new_leader_when_its_leader_is_killed() {
         sim.crash(Peer::Node(old));
         let velocity = Velocity { linear: [0.0, 3.5, 0.0], angular: [0.0; 3] };
         sim.run_until(|sim| sim.client(client).leader() != Some(old)).unwrap();
-        sim.submit(client, ClientEvent::Input { body: avatar(client), velocity, pose: None });
+        sim.submit(client, ClientEvent::Input { body: avatar(client), tick: Tick(0), velocity, pose: None });
         let driven = |sim: &Sim| {
             sim.client(client).body(avatar(client)).is_some_and(|view| view.body.state.velocity == velocity)
         };
@@ -363,7 +363,7 @@ fn inputs_against_the_rules_are_refused_with_the_reason() {
     let other = sim.start_client(None);
     sim.run_until(|sim| sim.client(other).is_joined() && sim.client(other).leader().is_some()).unwrap();
     let fast = Velocity { linear: [21.0, 0.0, 0.0], angular: [0.0; 3] };
-    let input = |body, velocity| ClientEvent::Input { body, velocity, pose: None };
+    let input = |body, velocity| ClientEvent::Input { body, tick: Tick(0), velocity, pose: None };
     let refusal_of = |sim: &mut Sim, who, input| {
         let known = sim.told().len();
         sim.submit(who, input);
@@ -414,7 +414,7 @@ fn a_participant_plays_through_its_own_node_whether_it_leads_or_not() {
         sim.submit(client, ClientEvent::Spawn { body, shapes: Vec::new() });
         sim.run_until(|sim| sim.states().contains_key(&avatar(client))).unwrap();
         let velocity = Velocity { linear: [6.0, 0.0, 0.0], angular: [0.0; 3] };
-        sim.submit(client, ClientEvent::Input { body: avatar(client), velocity, pose: None });
+        sim.submit(client, ClientEvent::Input { body: avatar(client), tick: Tick(0), velocity, pose: None });
         let is_seen = |sim: &Sim| {
             let view = sim.client(client).body(avatar(client));
             view.is_some_and(|view| view.body.state.pose.translation[0] > 9.0)

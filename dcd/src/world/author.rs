@@ -16,7 +16,7 @@ use crate::protocol::{
     Push, ShapeHash, ShapeRecord, Velocity, WorldPose,
 };
 use crate::runtime::{ServerProcess, WorldError};
-use crate::space::{BodyId, JointId};
+use crate::space::{BodyId, JointId, Tick};
 
 /// What a server's program has done since the last step, and what nodes have not confirmed yet.
 pub(super) struct Author {
@@ -131,7 +131,7 @@ impl Author {
         for (body, Move { velocity, pose, drive }) in std::mem::take(&mut self.moves) {
             let Some(known) = self.known(server, body).map(|known| known.asked()) else { continue };
             let input =
-                Input { body, logical_time: 0, velocity: velocity.unwrap_or(known), pose, drive: None };
+                Input { body, logical_time: 0, tick: Tick(0), velocity: velocity.unwrap_or(known), pose, drive: None };
             if velocity.is_some() || pose.is_some() {
                 ops.push(ProgramOp::Move(input));
             }

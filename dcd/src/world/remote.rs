@@ -11,6 +11,8 @@ use super::view::{Body, BodyChange, MovableBody, Owner, RegionInfo};
 #[cfg(feature = "net")]
 use crate::net::PeerStats;
 use crate::playback::{Motion, ViewTime};
+#[cfg(feature = "net")]
+use crate::prediction::Prediction;
 use crate::protocol::{
     Area, BodyRecord, Controller, Drive, Handover, JointRecord, Push, Query, QueryResult, Velocity,
     WorldEvents, WorldPose,
@@ -177,6 +179,15 @@ pub(super) trait Remote: Send + Sync {
 
     fn set_bandwidth(&mut self, _bytes_per_s: Option<u32>) -> Result<(), Error> {
         Err(self.unsupported("limit what it is sent", Instead::JoinAsClient))
+    }
+
+    fn set_prediction(&mut self, _predicts: bool) -> Result<(), Error> {
+        Err(self.unsupported("predict avatars", Instead::JoinAsClient))
+    }
+
+    #[cfg(feature = "net")]
+    fn prediction(&self) -> Option<Prediction> {
+        None
     }
 
     fn submit(&mut self, _question: Query) -> Result<u64, Error> {

@@ -18,6 +18,7 @@ use crate::cluster::BodyView as Heard;
 use crate::net::PeerStats;
 use crate::physics::ShapeLibrary;
 use crate::playback::{Motion, ViewTime};
+use crate::prediction::Prediction;
 use crate::protocol::{
     Area, BodyKind, BodyRecord, Controller, Drive, EnvironmentProperties, Handover, Query, QueryResult,
     Velocity, WorldEvents, WorldPose,
@@ -343,12 +344,8 @@ impl Remote for Served {
     }
 
     fn movable_bodies_at(&self, time: &ViewTime) -> Box<dyn Iterator<Item = MovableBody> + '_> {
-        let at = |id: BodyId| {
-            let is_own = id.client() == Some(self.world.id());
-            if is_own { time.now } else { time.shown }
-        };
         let bodies: Vec<_> = self.movable_bodies().collect();
-        let shown = self.world.motions_at(bodies.iter().map(|body| (body.id, at(body.id))));
+        let shown = self.world.motions_at(bodies.iter().map(|body| body.id), time);
         let moved = move |(body, shown): (MovableBody, Option<Motion>)| match shown {
             Some(shown) => body.moved_to(shown),
             None => body,
@@ -427,6 +424,15 @@ impl Remote for Served {
     fn set_bandwidth(&mut self, bytes_per_s: Option<u32>) -> Result<(), Error> {
         self.check_link()?;
         Ok(self.world.limit(bytes_per_s)?)
+    }
+
+    fn set_prediction(&mut self, predicts: bool) -> Result<(), Error> {
+        self.world.set_prediction(predicts);
+        Ok(())
+    }
+
+    fn prediction(&self) -> Option<Prediction> {
+        self.world.prediction()
     }
 
     fn own_avatars(&self) -> Vec<BodyId> {

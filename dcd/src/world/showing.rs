@@ -3,9 +3,12 @@
 use std::collections::HashMap;
 use std::time::Instant;
 
+use super::error::Error;
 use super::view::MovableBody;
 use super::{Inner, World};
 use crate::playback::{Motion, ViewTime};
+#[cfg(feature = "net")]
+use crate::prediction::Prediction;
 use crate::protocol::{Velocity, WorldPose};
 use crate::runtime::LocalWorld;
 use crate::space::BodyId;
@@ -99,7 +102,32 @@ impl World {
         Some((shown.pose, shown.velocity))
     }
 
-    /// Returns [`World::movable_bodies`] as they are shown: own avatars at [`ViewTime::now`], all others at [`ViewTime::shown`].
+    /// Sets whether a client shows its own avatars, and what they touch, ahead of the world, so that they answer at once; it does at first.
+    ///
+    /// Once [`World::view_time`] was called, a client keeps a small world of what is within some metres of its avatars. What it asks of them
+    /// acts there in the same frame, and names the tick for which it is meant ([`ViewTime::predicted`]), so that nodes do it in just that
+    /// one. Where states that come are not as predicted, what follows is computed again, and the difference melts away; so do the
+    /// bounds of [`World::motion_at`] hold. At most 64 bodies are predicted, with what joints tie to them, for at most a second; assemblies
+    /// with multibodies are not, nor is anything in a world whose ticks are not paced. A local world has nothing to predict.
+    pub fn set_prediction(&mut self, predicts: bool) -> Result<(), Error> {
+        match &mut self.inner {
+            Inner::Local(_) => Ok(()),
+            Inner::Remote(world) => world.set_prediction(predicts),
+        }
+    }
+
+    /// Returns what a client predicts, and how often it was wrong; `None` where nothing is predicted.
+    #[cfg(feature = "net")]
+    #[must_use]
+    pub fn prediction(&self) -> Option<Prediction> {
+        match &self.inner {
+            Inner::Local(_) => None,
+            Inner::Remote(world) => world.prediction(),
+        }
+    }
+
+    /// Returns [`World::movable_bodies`] as they are shown: own avatars, with what they touch, at [`ViewTime::predicted`], all others at
+    /// [`ViewTime::shown`]. What comes near goes from the one to the other within about half a second.
     #[must_use]
     pub fn movable_bodies_at(&self, time: &ViewTime) -> Box<dyn Iterator<Item = MovableBody> + '_> {
         let world = match &self.inner {

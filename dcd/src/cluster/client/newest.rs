@@ -40,7 +40,7 @@ impl NewestInputs {
 mod tests {
     use super::*;
     use crate::protocol::{Drive, Velocity};
-    use crate::space::ClientId;
+    use crate::space::{ClientId, Tick};
 
     #[test]
     fn inputs_are_said_again_in_the_order_in_which_they_were_made() {
@@ -48,6 +48,7 @@ mod tests {
         let input = |body, logical_time, drives: bool| Input {
             body,
             logical_time,
+            tick: Tick(0),
             velocity: Velocity::default(),
             pose: None,
             drive: drives.then(Drive::default),

@@ -5,9 +5,9 @@ use std::time::Duration;
 
 use super::Client;
 use crate::cluster::{Peer, Pinger};
-use crate::playback::{Motion, Playback, ViewTime};
-use crate::protocol::{Message, Pong, SharedState, Stamp};
-use crate::space::{BodyId, NodeId};
+use crate::playback::{Lead, Motion, Playback, ViewTime};
+use crate::protocol::{Message, Pace, Pong, SharedState, Stamp};
+use crate::space::{BodyId, NodeId, Tick};
 
 /// The most inputs that wait to be applied.
 const WAITING: usize = 256;
@@ -20,6 +20,9 @@ pub(super) struct Showing {
     playback: Playback,
     pinger: Pinger,
     inputs: InputDelay,
+    lead: Lead,
+    /// The newest tick that an input named.
+    named: Tick,
 }
 
 impl Showing {
@@ -41,6 +44,9 @@ impl Showing {
         if let Some(clock) = self.pinger.clock(now, leader) {
             self.playback.set_offset_us(clock.offset_us, clock.error_us);
         }
+        if let Some(delay_us) = self.pinger.delay_us(leader) {
+            self.lead.set_round_trip_s(1e-6 * delay_us);
+        }
     }
 
     /// Has another leader, or the same over a new link.
@@ -56,20 +62,29 @@ impl Showing {
     pub(super) fn change_leader(&mut self, former: Option<NodeId>) {
         former.into_iter().for_each(|node| self.pinger.remove(Peer::Node(node)));
         self.playback.change_leader();
+        self.lead.change_leader();
     }
 
     /// Begins to count ticks anew with the next one heard of: that of another group, or of a world that was restored.
     pub(super) fn recount(&mut self) {
         self.playback.recount();
+        self.lead.recount();
+        self.inputs.waiting.clear();
+        self.named = Tick(0);
     }
 
-    pub(super) fn sent(&mut self, now: Duration, logical_time: u64) {
-        self.inputs.sent(now, logical_time);
+    /// Notes that an input was sent, which names a tick, or none (0).
+    pub(super) fn sent(&mut self, now: Duration, logical_time: u64, named: Tick) {
+        let world_tick = self.playback.world_tick(now).filter(|_| named != Tick(0)).map(|(tick, _)| tick);
+        self.inputs.sent(Sent { logical_time, at: now, named, world_tick });
     }
 
     pub(super) fn hear(&mut self, now: Duration, stamp: &Stamp, states: &[SharedState]) {
         if !stamp.speculative {
-            self.inputs.applied(now, stamp.applied);
+            let newest = self.inputs.applied(now, stamp.applied);
+            if let Some(Sent { named, world_tick: Some(world_tick), .. }) = newest {
+                self.lead.measure(named.0 as f64, world_tick, stamp.early);
+            }
         }
         self.playback.hear(now, stamp, states);
     }
@@ -100,11 +115,47 @@ impl Client {
                 playback: Playback::new(step.dt_s, step.gravity),
                 pinger,
                 inputs: InputDelay::default(),
+                lead: Lead::default(),
+                named: Tick(0),
             })
         });
         leader.into_iter().for_each(|leader| showing.set_clock(now, leader));
         let time = showing.playback.time(now)?;
         Some(ViewTime { input_delay_s: showing.inputs.median_s(), ..time })
+    }
+
+    /// Returns the tick that applies what is asked now, if the user shows the world and it goes by the clock.
+    pub fn predicted_tick(&mut self, now: Duration) -> Option<f64> {
+        if self.world.as_ref()?.pace != Pace::RealTime {
+            return None;
+        }
+        let showing = self.showing.as_mut()?;
+        let (world_tick, period_s) = showing.playback.world_tick(now)?;
+        Some(showing.lead.advance(now, world_tick, period_s))
+    }
+
+    /// Returns the tick that an input of now is to name.
+    pub fn name_tick(&mut self, now: Duration) -> Option<Tick> {
+        let predicted = self.predicted_tick(now)?;
+        let showing = self.showing.as_mut()?;
+        showing.named = showing.named.max(Tick(predicted.max(0.0) as u64 + 1));
+        Some(showing.named)
+    }
+
+    /// Returns the newest tick of which all that moves was told, guesses left out.
+    pub fn told_tick(&self) -> Option<Tick> {
+        Some(Tick(self.showing.as_ref()?.playback.told()? as u64))
+    }
+
+    /// Returns the tick that the oldest input named of those that were not applied by [`Client::told_tick`].
+    pub fn first_unapplied(&self) -> Option<Tick> {
+        self.showing.as_ref()?.inputs.waiting.front().map(|sent| sent.named)
+    }
+
+    /// Returns how a body was at a tick by what was told of it, and whether it rested.
+    pub fn told_at(&self, id: BodyId, tick: Tick) -> Option<(Motion, bool)> {
+        let told = self.showing.as_ref().and_then(|showing| showing.playback.told_at(id, tick.0 as f64));
+        told.or_else(|| self.bodies.get(&id).map(|view| (Motion::of(&view.body.state), view.body.state.sleeping)))
     }
 
     /// Returns how a body is shown at a tick; `None` if it is not known.
@@ -114,30 +165,42 @@ impl Client {
     }
 }
 
+/// An input that is not applied yet.
+#[derive(Clone, Copy, Debug)]
+struct Sent {
+    logical_time: u64,
+    at: Duration,
+    /// The tick that it names; 0: none.
+    named: Tick,
+    /// The tick that the world was at, if it names one.
+    world_tick: Option<f64>,
+}
+
 /// Measures the time from an input to the first state that shows it.
 #[derive(Clone, Debug, Default)]
 struct InputDelay {
-    /// The logical times of inputs that are not applied yet, and when they were sent.
-    waiting: VecDeque<(u64, Duration)>,
+    /// In the order in which they were sent.
+    waiting: VecDeque<Sent>,
     delays: VecDeque<Duration>,
 }
 
 impl InputDelay {
-    fn sent(&mut self, now: Duration, logical_time: u64) {
-        self.waiting.push_back((logical_time, now));
+    fn sent(&mut self, input: Sent) {
+        self.waiting.push_back(input);
         if self.waiting.len() > WAITING {
             self.waiting.pop_front();
         }
     }
 
-    /// Notes that this input is applied; those before it were, or were replaced by it.
-    fn applied(&mut self, now: Duration, logical_time: u64) {
-        let count = self.waiting.partition_point(|(waiting, _)| *waiting <= logical_time);
-        let Some((_, sent)) = self.waiting.drain(..count).next_back() else { return };
-        self.delays.push_back(now.saturating_sub(sent));
+    /// Notes that this input is applied; those before it were, or were replaced by it. Returns it, if it was not known to be.
+    fn applied(&mut self, now: Duration, logical_time: u64) -> Option<Sent> {
+        let count = self.waiting.partition_point(|waiting| waiting.logical_time <= logical_time);
+        let newest = self.waiting.drain(..count).next_back()?;
+        self.delays.push_back(now.saturating_sub(newest.at));
         if self.delays.len() > DELAYS {
             self.delays.pop_front();
         }
+        Some(newest).filter(|newest| newest.logical_time == logical_time)
     }
 
     fn median_s(&self) -> Option<f64> {
@@ -157,7 +220,8 @@ mod tests {
         assert_eq!(inputs.median_s(), None);
         let at = Duration::from_millis;
         for logical_time in 1..=9 {
-            inputs.sent(at(10 * logical_time), logical_time);
+            let named = Tick(0);
+            inputs.sent(Sent { logical_time, at: at(10 * logical_time), named, world_tick: None });
         }
         inputs.applied(at(60), 0);
         assert_eq!(inputs.median_s(), None, "a new leader has applied none");

@@ -1,4 +1,5 @@
-//! Takes in clients' inputs for their avatars: of each the newest counts, if it is within the world's limits.
+//! Takes in clients' inputs for their avatars, within the world's limits, and keeps them until the ticks that they name: of those of one
+//! avatar for one tick the newest counts.
 
 use std::collections::BTreeMap;
 
@@ -10,14 +11,30 @@ use crate::space::{BodyId, ClientId, Tick};
 /// How long an input waits for its avatar to appear, in ticks.
 const EARLY_TICKS: u64 = 60;
 
-/// The inputs that the next tick takes, and the avatars that they may be for.
+/// An input that names a tick farther ahead goes into the next one, in ticks.
+const AHEAD_TICKS: u64 = 60;
+
+/// The most inputs of a client that wait for the ticks that they name; others go into the next one.
+const WAITING: usize = 1_024;
+
+/// The inputs that the next ticks take, and the avatars that they may be for.
 #[derive(Clone, Debug)]
 pub(super) struct Inputs {
     limits: AvatarLimits,
     avatars: BTreeMap<BodyId, Avatar>,
-    next: BTreeMap<(BodyId, bool), Input>,
+    /// By the tick that is to take them; with how many ticks before that one they came.
+    waiting: BTreeMap<(Tick, (BodyId, bool)), Taken>,
+    /// How many of these are each client's.
+    counts: BTreeMap<ClientId, usize>,
     /// Newest inputs for avatars not heard of yet, and since when they wait.
     early: BTreeMap<BodyId, (Input, Tick)>,
+}
+
+/// An input for a tick, and how many ticks before the one that it names it came.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Taken {
+    pub(super) input: Input,
+    pub(super) early: i16,
 }
 
 /// An avatar in the world.
@@ -25,6 +42,8 @@ pub(super) struct Inputs {
 struct Avatar {
     /// The logical time of its newest input.
     newest: Option<u64>,
+    /// The last tick for which an input of it waits, or waited.
+    last: Tick,
     /// As last heard of, or where it jumps to.
     place: [f64; 3],
     /// How far it could jump after this tick, metres.
@@ -35,22 +54,30 @@ struct Avatar {
 impl Inputs {
     pub(super) fn new(world: &EnvironmentProperties) -> Self {
         let limits = AvatarLimits::of(world);
-        Self { limits, avatars: BTreeMap::new(), next: BTreeMap::new(), early: BTreeMap::new() }
+        Self { limits, avatars: BTreeMap::new(), waiting: BTreeMap::new(), counts: BTreeMap::new(), early: BTreeMap::new() }
     }
 
     /// Notes where an avatar is after this tick.
     pub(super) fn see(&mut self, avatar: BodyId, place: [f64; 3], tick: Tick) {
-        let new = Avatar { newest: None, place, jump_m: self.limits.longest_jump_m(), since: tick };
+        let new = Avatar { newest: None, last: tick, place, jump_m: self.limits.longest_jump_m(), since: tick };
         self.avatars.entry(avatar).or_insert(new).place = place;
     }
 
     pub(super) fn forget(&mut self, avatar: BodyId) {
         self.avatars.remove(&avatar);
-        self.next.retain(|(id, _), _| *id != avatar);
+        self.drop_waiting(|_, id| id == avatar);
     }
 
-    /// Accepts an input for the next tick if the avatar is the client's own, and the input is newer than the last one and within the
-    /// world's limits.
+    /// Drops inputs of a kind.
+    fn drop_waiting(&mut self, is_dropped: impl Fn(Tick, BodyId) -> bool) {
+        let counts = &mut self.counts;
+        for ((_, (id, _)), _) in self.waiting.extract_if(.., |(tick, (id, _)), _| is_dropped(*tick, *id)) {
+            uncount(counts, id);
+        }
+    }
+
+    /// Accepts an input for the tick that it names, or the next one, if the avatar is the client's own, and the input is newer than the last
+    /// one and within the world's limits. One that names its tick and comes late, or twice, is passed over: nobody is told.
     pub(super) fn accept(&mut self, client: ClientId, input: Input, now: Tick) -> Result<(), Refusal> {
         if input.body.client() != Some(client) {
             return Err(Refusal::NotYours);
@@ -61,7 +88,7 @@ impl Inputs {
         }
         self.limits.allow(&input.velocity)?;
         if self.avatars.contains_key(&input.body) {
-            return self.take(input, now);
+            return self.admit(input, now);
         }
         // A new leader, or one whom the input reached before the server's word, may yet hear of the avatar.
         let range = BodyId::avatar(client, 0)..=BodyId::avatar(client, u32::MAX);
@@ -75,14 +102,17 @@ impl Inputs {
         Ok(())
     }
 
-    fn take(&mut self, input: Input, now: Tick) -> Result<(), Refusal> {
+    fn admit(&mut self, input: Input, now: Tick) -> Result<(), Refusal> {
         let avatar = self.avatars.get_mut(&input.body).ok_or(Refusal::Unknown)?;
         // Sent again because it might have been lost.
         if avatar.newest == Some(input.logical_time) {
             return Ok(());
         }
+        let next = now.next();
+        let names_tick = input.tick != Tick(0);
         if avatar.newest > Some(input.logical_time) {
-            return Err(Refusal::Late);
+            // One that is said twice, since packets are lost, may come before one that was said before it.
+            return if names_tick { Ok(()) } else { Err(Refusal::Late) };
         }
         if let Some(pose) = input.pose {
             let way = (0..3).map(|k| (pose.translation[k] - avatar.place[k]).powi(2));
@@ -95,7 +125,20 @@ impl Inputs {
             avatar.place = pose.translation;
         }
         avatar.newest = Some(input.logical_time);
-        self.next.insert(input.slot(), input);
+        let client = input.body.client().unwrap_or(ClientId::NOBODY);
+        let count = self.counts.get(&client).copied().unwrap_or(0);
+        let waits = names_tick && input.tick.0 <= next.0 + AHEAD_TICKS && count < WAITING;
+        let tick = if waits { input.tick.max(next) } else { next };
+        let early = if names_tick { input.tick.0 as i64 - next.0 as i64 } else { 0 };
+        let early = early.clamp(i16::MIN.into(), i16::MAX.into()) as i16;
+        // What was to come after it is older.
+        let overtakes = std::mem::replace(&mut avatar.last, tick) > tick;
+        if overtakes {
+            self.drop_waiting(|of, id| of > tick && id == input.body);
+        }
+        if self.waiting.insert((tick, input.slot()), Taken { input, early }).is_none() {
+            *self.counts.entry(client).or_default() += 1;
+        }
         Ok(())
     }
 
@@ -104,7 +147,7 @@ impl Inputs {
         let mut refused = Vec::new();
         for (id, (input, since)) in std::mem::take(&mut self.early) {
             if self.avatars.contains_key(&id) {
-                match self.take(input, now) {
+                match self.admit(input, now) {
                     // A later input may have come since the avatar appeared.
                     Ok(()) | Err(Refusal::Late) => {}
                     Err(refusal) => refused.push((id, refusal)),
@@ -118,21 +161,38 @@ impl Inputs {
         refused
     }
 
-    /// Takes the inputs of the next tick, in id order.
-    pub(super) fn take_next(&mut self) -> impl Iterator<Item = Input> + use<> {
-        std::mem::take(&mut self.next).into_values()
+    /// Takes the inputs of a tick, in id order: of each kind for each avatar the newest.
+    pub(super) fn take(&mut self, tick: Tick) -> impl Iterator<Item = Taken> + use<> {
+        let mut due = BTreeMap::new();
+        while let Some(entry) = self.waiting.first_entry().filter(|entry| entry.key().0 <= tick) {
+            let ((_, slot), taken) = entry.remove_entry();
+            uncount(&mut self.counts, slot.0);
+            due.insert(slot, taken);
+        }
+        due.into_values()
     }
 
-    /// Returns the inputs of the next tick.
-    pub(super) fn next(&self) -> impl Iterator<Item = Input> {
-        self.next.values().copied()
+    /// Returns the inputs that are due by a tick.
+    pub(super) fn due(&self, tick: Tick) -> impl Iterator<Item = Input> {
+        self.waiting.iter().take_while(move |((of, _), _)| *of <= tick).map(|(_, taken)| taken.input)
     }
 
     /// Returns all inputs that no tick has taken, of each avatar in the order in which they were made.
     pub(super) fn into_untaken(self) -> impl Iterator<Item = Input> {
         let early = self.early.into_values().map(|(input, _)| input);
-        let mut untaken: Vec<_> = self.next.into_values().chain(early).collect();
+        let mut untaken: Vec<_> =
+            self.waiting.into_values().map(|taken| taken.input).chain(early).collect();
         untaken.sort_by_key(|input| (input.body, input.logical_time));
         untaken.into_iter()
+    }
+}
+
+fn uncount(counts: &mut BTreeMap<ClientId, usize>, body: BodyId) {
+    let client = body.client().unwrap_or(ClientId::NOBODY);
+    if let Some(count) = counts.get_mut(&client) {
+        *count -= 1;
+        if *count == 0 {
+            counts.remove(&client);
+        }
     }
 }

@@ -102,6 +102,7 @@ impl Leader {
             self.ops.push(WorldOp::Input(Input {
                 body: id,
                 logical_time: 0,
+                tick: Tick(0),
                 velocity,
                 pose: None,
                 drive: None,
@@ -348,7 +349,7 @@ mod tests {
     /// Returns the operation that ends a correction: the body is to move as it does in the other group.
     fn let_go() -> Vec<WorldOp> {
         let velocity = moving(0.0, 0.5).velocity;
-        vec![WorldOp::Input(Input { body: BODY, logical_time: 0, velocity, pose: None, drive: None })]
+        vec![WorldOp::Input(Input { body: BODY, logical_time: 0, tick: Tick(0), velocity, pose: None, drive: None })]
     }
 
     #[test]

@@ -231,8 +231,8 @@ impl Leader {
         let apart = |a: Tick, b: Tick| self.dt * u32::try_from(a.0.saturating_sub(b.0)).unwrap_or(u32::MAX);
         let opened = (self.opened + apart(tick, self.tick)).saturating_sub(apart(self.tick, tick));
         let opened_us = opened.as_micros() as u64;
-        let applied = self.applied.get(&client).copied().unwrap_or(0);
-        Stamp { group: self.group, tick, opened_us, applied, speculative }
+        let (applied, early) = self.applied.get(&client).copied().unwrap_or_default();
+        Stamp { group: self.group, tick, opened_us, applied, early, speculative }
     }
 
     /// Sends clients the states of a speculative tick, computed without the other nodes.

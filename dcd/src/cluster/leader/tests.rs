@@ -66,7 +66,14 @@ fn told_of(messages: Vec<(ClientId, ToClient)>) -> Vec<(ClientId, usize)> {
 
 fn input(logical_time: u64, speed: f32) -> Input {
     let velocity = Velocity { linear: [0.0, speed, 0.0], angular: [0.0; 3] };
-    Input { body: AVATAR, logical_time, velocity, pose: Some(WorldPose::default()), drive: None }
+    Input {
+        body: AVATAR,
+        logical_time,
+        tick: Tick(0),
+        velocity,
+        pose: Some(WorldPose::default()),
+        drive: None,
+    }
 }
 
 #[test]

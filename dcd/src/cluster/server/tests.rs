@@ -639,6 +639,7 @@ fn what_the_program_does_while_no_leader_hears_it_is_told_to_the_next_but_for_im
     let to = |speed| Input {
         body,
         logical_time: 0,
+        tick: Tick(0),
         velocity: Velocity::linear([speed, 0.0, 0.0]),
         pose: None,
         drive: None,

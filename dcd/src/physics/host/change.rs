@@ -9,8 +9,10 @@ use super::{HostError, RegionHost, Side};
 use crate::physics::articulation::LinkSettings;
 use crate::physics::convert;
 use crate::physics::region::{Ownership, Region};
-use crate::protocol::{BodyRecord, BodyState, Drive, JointRecord, LinkMotion, Push, Velocity, WorldPose};
-use crate::space::{BodyId, JointId};
+use crate::protocol::{
+    BodyRecord, BodyState, Drive, Input, JointRecord, LinkMotion, Push, Velocity, WorldPose,
+};
+use crate::space::{BodyId, JointId, Tick};
 
 impl RegionHost {
     /// Applies a change to every copy of a body held here, so that owner and replicas stay alike. Returns what the
@@ -29,6 +31,30 @@ impl RegionHost {
             }
         }
         result
+    }
+
+    /// Does what the user of a body asks for by an input, in every copy held here.
+    pub fn obey(&mut self, input: &Input) {
+        // Most inputs are no jumps.
+        let jump = || input.jump_of(&self.record(input.body)?.traits);
+        if let Some(pose) = input.pose.and_then(|_| jump()) {
+            self.move_copies(input.body, pose);
+        }
+        match &input.drive {
+            Some(drive) => self.drive(input.body, drive),
+            None => self.steer(input.body, &input.velocity),
+        };
+    }
+
+    /// Puts bodies held here into states that they were in after a tick, as if they had just come into them, and goes on from that tick.
+    pub(crate) fn rewind<'a>(&mut self, tick: Tick, states: impl Iterator<Item = (BodyId, &'a BodyState)>) {
+        self.tick = tick;
+        for (id, state) in states {
+            for Side { region, .. } in &mut self.sides {
+                region.restore(id, state);
+            }
+        }
+        self.sides.iter_mut().for_each(|side| side.region.find_moved());
     }
 
     /// Sets the velocity of a body, in every copy held here, and wakes it: of a character, the velocity that it wants. Returns

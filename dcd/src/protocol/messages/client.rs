@@ -231,6 +231,8 @@ pub struct Stamp {
     pub opened_us: u64,
     /// The logical time of the receiver's newest input that the tick, or one before it, has applied; 0 if there was none.
     pub applied: u64,
+    /// How many ticks before the one that it names that input came, in 0 or more; below 0: too late by so many. 0 if it names none.
+    pub early: i16,
     /// Whether the tick was speculative: computed without the other members. A later one that is not counts whatever its tick.
     pub speculative: bool,
 }
@@ -238,7 +240,7 @@ pub struct Stamp {
 impl Stamp {
     /// Returns the stamp of a tick of which is not known when it was opened.
     pub fn untimed(group: GroupId, tick: Tick, speculative: bool) -> Self {
-        Self { group, tick, opened_us: 0, applied: 0, speculative }
+        Self { group, tick, opened_us: 0, applied: 0, early: 0, speculative }
     }
 }
 
@@ -326,6 +328,8 @@ pub struct Input {
     pub body: BodyId,
     /// The client's clock, above 0: an older input never overwrites a newer one. 0 in what the server's program asks.
     pub logical_time: u64,
+    /// The tick that is to apply it; the next one, if that is over, or 0.
+    pub tick: Tick,
     /// Wanted velocity.
     pub velocity: Velocity,
     /// Wanted pose, for a jump.

@@ -61,7 +61,7 @@ fn ticks(sim: &Sim) -> BTreeMap<GroupId, u64> {
 
 fn input(sim: &mut Sim, client: ClientId, linear: [f32; 3]) -> Velocity {
     let velocity = Velocity { linear, angular: [0.0; 3] };
-    sim.submit(client, ClientEvent::Input { body: avatar(client), velocity, pose: None });
+    sim.submit(client, ClientEvent::Input { body: avatar(client), tick: Tick(0), velocity, pose: None });
     velocity
 }
 

@@ -64,7 +64,7 @@ fn a_world_goes_back_with_all_that_came_and_went() {
     insert(&mut sim, gone);
     let (saved, _) = saved(&mut sim);
     let velocity = Velocity { linear: [2.0, 0.0, 0.0], angular: [0.0; 3] };
-    sim.submit(client, ClientEvent::Input { body: early, velocity, pose: None });
+    sim.submit(client, ClientEvent::Input { body: early, tick: Tick(0), velocity, pose: None });
     spawn(&mut sim, late, 9.0);
     insert(&mut sim, new);
     sim.order(ServerEvent::Program(vec![ProgramOp::Remove(gone)]));

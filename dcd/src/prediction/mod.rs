@@ -1,0 +1,430 @@
+//! Predicts own avatars and what they touch ahead of the world, so that they answer to their user at once (client-side prediction).
+//!
+//! A client keeps a small Rapier world of what is near its avatars. An input acts there in the tick that it names, at once; the node that
+//! computes the world applies it in the same tick, some time later. When the states of a tick come and are not as predicted, that tick is
+//! put right and those after it are computed again with the inputs since (rollback); what that changes of what is shown melts away.
+
+mod near;
+mod shown;
+#[cfg(test)]
+mod tests;
+
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use tracing::warn;
+
+use self::near::{Chosen, Search};
+use self::shown::Shown;
+use crate::cluster::Client;
+use crate::physics::{HostError, Partition, RegionHost};
+use crate::playback::{Motion, ViewTime};
+use crate::protocol::{
+    BodyKind, BodyRecord, BodyState, BodyTraits, EnvironmentProperties, Gait, Input, JointRecord, ShapeHash,
+    ShapeRecord,
+};
+use crate::space::{BodyId, ClientId, DistributionTree, JointId, Tick};
+
+/// No tick is predicted farther beyond the last one told.
+const AHEAD_TICKS: u64 = 60;
+/// How often it is looked for what is near, in ticks.
+const SEARCH_TICKS: u64 = 6;
+/// Bodies that nothing of ours is about to touch are put right no more often, in ticks.
+const PATIENCE_TICKS: u64 = 30;
+/// A body that is predicted within this is as told, metres, radians, m/s: states are told in steps of about a tenth of it.
+const LIKE_M: f64 = 0.004;
+/// See [`LIKE_M`].
+const LIKE_RAD: f64 = 0.01;
+/// See [`LIKE_M`].
+const LIKE_M_S: f32 = 0.1;
+/// A correction above this is counted, metres.
+const COUNTED_M: f64 = 0.02;
+
+/// Counts what a client predicted, and how often it was wrong ([`World::prediction`](crate::World::prediction)).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct Prediction {
+    /// Movable bodies that are predicted now: own avatars and what is near.
+    pub bodies: usize,
+    /// Ticks predicted so far.
+    pub ticks: u64,
+    /// Times that something was not as told, and was computed again.
+    pub replays: u64,
+    /// Replays by which an own avatar, or what it touches, was shown more than 2 cm off.
+    pub corrections: u64,
+    /// The largest of them, metres.
+    pub largest_correction_m: f64,
+    /// Wall time of the last frame's predictions.
+    pub last_frame: Duration,
+    /// The longest of them.
+    pub longest_frame: Duration,
+}
+
+/// A movable body that is predicted.
+struct Near {
+    traits: Arc<BodyTraits>,
+    /// Its states from the base tick on.
+    states: VecDeque<BodyState>,
+    shown: Shown,
+}
+
+/// What the world tells of the tick that predictions begin from.
+struct Told {
+    tick: Tick,
+    states: BTreeMap<BodyId, (Motion, bool)>,
+    first_unapplied: Option<Tick>,
+}
+
+/// A change of what is predicted.
+struct Changes {
+    chosen: Chosen,
+    bodies: Vec<BodyRecord>,
+    /// Parts before the compounds that use them.
+    shapes: Vec<ShapeRecord>,
+    joints: Vec<JointRecord>,
+}
+
+/// The small world that a client predicts.
+pub(crate) struct Predictor {
+    client: ClientId,
+    host: RegionHost,
+    dt_s: f64,
+    near: BTreeMap<BodyId, Near>,
+    scenery: BTreeSet<BodyId>,
+    joints: BTreeSet<JointId>,
+    search: Search,
+    search_at: Tick,
+    /// What was heard since the last frame.
+    changes: Option<Changes>,
+    told: Option<Told>,
+    /// Inputs that may have to act again, in the order of the ticks that they name.
+    inputs: VecDeque<Input>,
+    first_unapplied: Option<Tick>,
+    /// The newest tick told, from which it is predicted, and the newest predicted.
+    base: Tick,
+    tip: Tick,
+    /// The ticks to be computed again begin with this one.
+    stale: Option<Tick>,
+    put_right: Tick,
+    /// The newest tick that was ever predicted.
+    newest: Tick,
+    stats: Prediction,
+}
+
+impl Predictor {
+    pub(crate) fn new(client: ClientId, world: &EnvironmentProperties) -> Result<Self, HostError> {
+        let tree = DistributionTree::halved(world.tree.bounds(), 1)?;
+        let regions: Vec<_> = tree.leaves().collect();
+        let host = RegionHost::new(Partition::new(tree, world.halo_m), world.step.into(), 1, &regions)?;
+        Ok(Self {
+            client,
+            host,
+            dt_s: f64::from(world.step.dt_s),
+            near: BTreeMap::new(),
+            scenery: BTreeSet::new(),
+            joints: BTreeSet::new(),
+            search: Search::default(),
+            search_at: Tick(0),
+            changes: None,
+            told: None,
+            inputs: VecDeque::new(),
+            first_unapplied: None,
+            base: Tick(0),
+            tip: Tick(0),
+            stale: None,
+            put_right: Tick(0),
+            newest: Tick(0),
+            stats: Prediction::default(),
+        })
+    }
+
+    pub(crate) fn stats(&self) -> Prediction {
+        Prediction { bodies: self.near.len(), ..self.stats }
+    }
+
+    /// Takes in an input that was made now; it names a tick.
+    pub(crate) fn input(&mut self, input: Input) {
+        self.inputs.push_back(input);
+        if input.tick <= self.tip {
+            self.stale = Some(self.stale.map_or(input.tick, |stale| stale.min(input.tick)));
+        }
+    }
+
+    /// Takes in what the client was told since the last frame.
+    pub(crate) fn listen(&mut self, client: &Client) {
+        let start = Instant::now();
+        self.look(client);
+        self.told = client.told_tick().map(|tick| Told {
+            tick,
+            states: self.near.keys().filter_map(|&id| Some((id, client.told_at(id, tick)?))).collect(),
+            first_unapplied: client.first_unapplied(),
+        });
+        self.stats.last_frame = start.elapsed();
+    }
+
+    /// Predicts up to the tick `time.predicted`; call it once per frame.
+    pub(crate) fn advance(&mut self, time: &ViewTime) {
+        let start = Instant::now();
+        let is_changed = self.change();
+        if let Some(told) = self.told.take().filter(|_| !self.near.is_empty()) {
+            self.predict(&told, is_changed, time);
+        }
+        self.stats.last_frame += start.elapsed();
+        self.stats.longest_frame = self.stats.longest_frame.max(self.stats.last_frame);
+    }
+
+    /// Returns how a body is shown at a tick; `None` if that is not predicted.
+    pub(crate) fn at(&self, id: BodyId, tick: f64) -> Option<Motion> {
+        let near = self.near.get(&id)?;
+        let mut motion = self.bare_at(near, tick)?;
+        near.shown.melt(&mut motion, tick, self.dt_s);
+        Some(motion)
+    }
+
+    /// Returns the tick at which a body is shown beside others, if it is predicted.
+    pub(crate) fn tick_of(&self, id: BodyId, time: &ViewTime) -> Option<f64> {
+        let ahead = self.near.get(&id)?.shown.ahead();
+        Some(time.shown + ahead * (time.predicted - time.shown))
+    }
+
+    fn bare_at(&self, near: &Near, tick: f64) -> Option<Motion> {
+        let since = tick - self.base.0 as f64;
+        let last = near.states.len().checked_sub(1)?;
+        if since < 0.0 || self.base == self.tip {
+            return None;
+        }
+        let from = (since as usize).min(last);
+        let motion = |index: usize| Motion::of(&near.states[index]);
+        let next = (from + 1).min(last);
+        Some(motion(from).towards(&motion(next), self.dt_s, (since - from as f64).min(1.0)))
+    }
+
+    /// Looks for what is near, now and then, and for bodies that have changed.
+    fn look(&mut self, client: &Client) {
+        let waits = client.tick() < self.search_at && client.tick().0 + SEARCH_TICKS >= self.search_at.0;
+        if waits || self.changes.is_some() {
+            return;
+        }
+        let present =
+            Chosen { movable: self.near.keys().copied().collect(), scenery: self.scenery.clone() };
+        let Some(chosen) = self.search.go_on(client, &present) else { return };
+        self.search_at = Tick(client.tick().0 + SEARCH_TICKS);
+        let traits_of = |id: &BodyId| client.body(*id).map(|view| &view.body.traits);
+        let is_other = |id: &BodyId| {
+            self.near.get(id).is_none_or(|near| traits_of(id).is_none_or(|told| !is_of(&near.traits, told)))
+        };
+        let absent = chosen.movable.iter().filter(|id| is_other(id));
+        let absent = absent.chain(chosen.scenery.iter().filter(|id| !self.scenery.contains(id)));
+        let bodies: Vec<_> = absent.filter_map(|id| Some(client.body(*id)?.body.clone())).collect();
+        let named: BTreeSet<_> = bodies.iter().flat_map(|body| &body.traits.colliders).map(|part| part.shape).collect();
+        let find = |hash: &ShapeHash| client.shapes().get(hash);
+        let whole = || named.iter().filter_map(find);
+        let parts = whole().flat_map(ShapeRecord::parts).filter_map(|hash| find(&hash));
+        let shapes = parts.chain(whole()).cloned().collect();
+        let holds = |id: &BodyId| chosen.movable.contains(id) || chosen.scenery.contains(id);
+        let joints = client.joints().iter().filter(|joint| holds(&joint.a) && holds(&joint.b));
+        let joints = joints.cloned().collect();
+        self.changes = Some(Changes { chosen, bodies, shapes, joints });
+    }
+
+    fn drop_body(&mut self, id: BodyId) {
+        self.host.remove(id);
+        self.near.remove(&id);
+        self.scenery.remove(&id);
+    }
+
+    /// Changes what is predicted; returns whether there is anything new.
+    fn change(&mut self) -> bool {
+        let Some(Changes { chosen, bodies, shapes, joints }) = self.changes.take() else { return false };
+        let gone = self.near.keys().filter(|id| !chosen.movable.contains(id));
+        let gone = gone.chain(self.scenery.iter().filter(|id| !chosen.scenery.contains(id)));
+        let changed = bodies.iter().map(|body| &body.id);
+        gone.chain(changed).copied().collect::<Vec<_>>().into_iter().for_each(|id| self.drop_body(id));
+        self.joints.retain(|joint| self.host.joint(*joint).is_some());
+        let joints: Vec<_> = joints.into_iter().filter(|joint| !self.joints.contains(&joint.id)).collect();
+        let is_new = !(bodies.is_empty() && joints.is_empty());
+        if let Err(error) = self.insert(bodies, shapes, &joints) {
+            warn!(%error, "what is near an avatar is not predicted");
+        }
+        is_new
+    }
+
+    fn insert(
+        &mut self,
+        bodies: Vec<BodyRecord>,
+        shapes: Vec<ShapeRecord>,
+        joints: &[JointRecord],
+    ) -> Result<(), HostError> {
+        for shape in shapes {
+            self.host.shapes_mut().add(shape)?;
+        }
+        let bodies: Vec<_> = bodies.into_iter().map(predictable).collect();
+        self.host.insert(bodies.clone(), joints)?;
+        self.joints.extend(joints.iter().map(|joint| joint.id));
+        for body in bodies {
+            if body.traits.kind == BodyKind::Fixed {
+                self.scenery.insert(body.id);
+                continue;
+            }
+            let is_own = body.id.client() == Some(self.client);
+            let reach_m = body.reach_m(|hash| self.host.shapes().record_of(hash));
+            let near = Near { states: VecDeque::new(), shown: Shown::new(is_own, reach_m), traits: body.traits };
+            self.near.insert(body.id, near);
+        }
+        Ok(())
+    }
+
+    fn predict(&mut self, told: &Told, is_changed: bool, time: &ViewTime) {
+        let before = self.as_shown();
+        let is_wrong = self.begin_from(told, is_changed);
+        if let Some(stale) = self.stale.take().filter(|_| !is_wrong) {
+            // The input of this frame acts on what was predicted in the last one.
+            self.go_back(Tick(stale.0.max(self.base.0 + 1) - 1));
+        }
+        let goal = Tick((time.predicted.max(0.0) as u64 + 1).min(self.base.0 + AHEAD_TICKS)).max(self.tip);
+        self.stats.ticks += goal.0.saturating_sub(self.newest.0).min(AHEAD_TICKS);
+        self.newest = goal;
+        while self.tip < goal {
+            if let Err(error) = self.step() {
+                warn!(%error, "nothing is predicted");
+                self.near.clear();
+                return;
+            }
+        }
+        if is_wrong {
+            self.melt(before);
+        }
+        shown::advance(&mut self.near, &self.host, self.dt_s, time);
+    }
+
+    /// Returns how bodies were shown in the last frame, at the ticks of that frame.
+    fn as_shown(&self) -> Vec<(BodyId, f64, Motion)> {
+        let of = |(id, near): (&BodyId, &Near)| {
+            let tick = near.shown.tick()?;
+            Some((*id, tick, self.at(*id, tick)?))
+        };
+        self.near.iter().filter_map(of).collect()
+    }
+
+    /// Lets what a replay changed of what is shown melt away, and counts it.
+    fn melt(&mut self, before: Vec<(BodyId, f64, Motion)>) {
+        let mut most_m = 0.0_f64;
+        for (id, tick, shown) in before {
+            let Some(bare) = self.near.get(&id).and_then(|near| self.bare_at(near, tick)) else { continue };
+            let Some(near) = self.near.get_mut(&id) else { continue };
+            let off_m = near.shown.melt_from(&shown, &bare, tick, self.dt_s);
+            if near.shown.ahead() > 0.5 {
+                most_m = most_m.max(off_m);
+            }
+        }
+        if most_m > COUNTED_M {
+            self.stats.corrections += 1;
+        }
+        self.stats.largest_correction_m = self.stats.largest_correction_m.max(most_m);
+    }
+
+    /// Begins from the newest tick told; returns whether what was predicted is to be computed again from there.
+    fn begin_from(&mut self, told: &Told, is_changed: bool) -> bool {
+        self.first_unapplied = told.first_unapplied;
+        let is_known = (self.base..=self.tip).contains(&told.tick);
+        if is_known {
+            let over = (told.tick.0 - self.base.0) as usize;
+            // What is new has no states yet.
+            self.near.values_mut().for_each(|near| drop(near.states.drain(..over.min(near.states.len()))));
+        }
+        let is_late = |input: &Input| self.first_unapplied.is_some_and(|first| first <= input.tick);
+        let is_refused = |input: &Input| input.tick.0 + AHEAD_TICKS < told.tick.0;
+        self.inputs.retain(|input| input.tick > told.tick || is_late(input) && !is_refused(input));
+        self.base = told.tick;
+        let unlike = |(id, near): (&BodyId, &Near)| {
+            let (motion, rests) = told.states.get(id)?;
+            let state = near.states.front()?;
+            (!is_like(state, motion, *rests)).then_some(near.shown.is_engaged())
+        };
+        let unlike: Vec<_> = self.near.iter().filter_map(unlike).collect();
+        let is_urgent = unlike.contains(&true) || self.base.0 >= self.put_right.0 + PATIENCE_TICKS && !unlike.is_empty();
+        if is_known && !is_changed && !is_urgent {
+            return false;
+        }
+        for (id, near) in &mut self.near {
+            let Some((motion, rests)) = told.states.get(id) else { continue };
+            let state = near.states.front().filter(|_| is_known).copied();
+            let state = match state {
+                Some(state) if is_like(&state, motion, *rests) => state,
+                _ => {
+                    let former = near.states.front().copied();
+                    let former = former.or_else(|| Some(self.host.record(*id)?.state));
+                    let Some(former) = former else { continue };
+                    put_right(former, motion, *rests, near.shown.is_own())
+                }
+            };
+            near.states.clear();
+            near.states.push_back(state);
+        }
+        self.put_right = self.base;
+        self.stats.replays += u64::from(self.tip > self.base);
+        self.go_back(self.base);
+        true
+    }
+
+    /// Goes back to a tick that is known.
+    fn go_back(&mut self, tick: Tick) {
+        let index = tick.0.saturating_sub(self.base.0) as usize;
+        self.near.values_mut().for_each(|near| near.states.truncate(index + 1));
+        let states = self.near.iter().filter_map(|(id, near)| Some((*id, near.states.back()?)));
+        self.host.rewind(tick, states);
+        self.tip = tick;
+    }
+
+    /// Predicts the next tick.
+    fn step(&mut self) -> Result<(), HostError> {
+        let next = self.tip.next();
+        // What was not applied in the tick that it named comes with the next one.
+        let due = |input: &&Input| input.tick.max(self.base.next()) == next;
+        let inputs: Vec<_> = self.inputs.iter().filter(due).copied().collect();
+        inputs.iter().for_each(|input| self.host.obey(input));
+        self.host.step()?;
+        self.host.clear_events();
+        self.tip = next;
+        for (id, near) in &mut self.near {
+            if let Some((region, handle)) = self.host.owned(*id) {
+                near.states.push_back(region.body_state(handle));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Returns whether traits are predicted as told: what follows poses is predicted as going on.
+fn is_of(predicted: &BodyTraits, told: &Arc<BodyTraits>) -> bool {
+    *predicted == **told || told.kind == BodyKind::KinematicPosition && predicted.kind == BodyKind::KinematicVelocity
+}
+
+/// Returns a body as it is predicted: of one that follows poses the next pose is not known, so it goes on.
+fn predictable(mut body: BodyRecord) -> BodyRecord {
+    if body.traits.kind == BodyKind::KinematicPosition {
+        Arc::make_mut(&mut body.traits).kind = BodyKind::KinematicVelocity;
+    }
+    body
+}
+
+/// Returns whether a predicted state is as told.
+fn is_like(state: &BodyState, told: &Motion, rests: bool) -> bool {
+    let predicted = Motion::of(state);
+    let speeds = predicted.velocity.linear.iter().zip(&told.velocity.linear);
+    predicted.distance_m(told) < LIKE_M
+        && predicted.turn_rad(told) < LIKE_RAD
+        && (rests || speeds.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max) < LIKE_M_S)
+}
+
+/// Returns the state of a body as told; how it walks or is driven is as predicted, since that is not told.
+fn put_right(former: BodyState, told: &Motion, rests: bool, is_own: bool) -> BodyState {
+    let gait = former.gait.map(|gait| match is_own {
+        true => gait,
+        // What others want is what they do.
+        false => Gait { wanted: told.velocity.linear, ..gait },
+    });
+    let velocity = if rests { Default::default() } else { told.velocity };
+    BodyState { pose: told.pose, velocity, sleeping: rests, still_s: 0.0, gait, ..former }
+}

@@ -1,0 +1,158 @@
+//! Chooses which bodies a client predicts: those that its avatars may touch within a second, with what is tied to them, and the scenery
+//! around.
+
+use std::collections::BTreeSet;
+
+use crate::cluster::{BodyView, Client};
+use crate::protocol::{BodyKind, BodyRecord, JointRecord, ShapeHash, ShapeRecord};
+use crate::space::BodyId;
+
+/// The bodies looked at in one frame: of a larger world a part each time.
+const LOOKS: usize = 1_024;
+/// The most movable bodies that are predicted, avatars included, and the most immovable ones.
+const MOVABLE: usize = 64;
+const SCENERY: usize = 256;
+/// Bodies are predicted from this gap to an avatar on, metres, and beyond that what either moves in a second.
+const GAP_M: f64 = 8.0;
+/// One that is predicted stays so for as much more, metres.
+const HYSTERESIS_M: f64 = 2.0;
+/// The time within which bodies may meet, seconds.
+const AHEAD_S: f64 = 1.0;
+/// No motion is looked ahead for faster, m/s.
+const FASTEST_M_S: f64 = 50.0;
+
+/// An own avatar, as a ball that moves.
+#[derive(Clone, Copy, Debug)]
+struct Avatar {
+    place: [f64; 3],
+    velocity: [f32; 3],
+    reach_m: f64,
+}
+
+impl Avatar {
+    /// Returns the gap to a body that moves like this, less what the two may come closer within a second.
+    fn gap_m(&self, body: &BodyRecord, reach_m: f64) -> f64 {
+        let apart = (0..3).map(|i| (body.state.pose.translation[i] - self.place[i]).powi(2));
+        let apart_m = apart.sum::<f64>().sqrt();
+        let speed = (0..3).map(|i| f64::from(body.state.velocity.linear[i] - self.velocity[i]).powi(2));
+        apart_m - self.reach_m - reach_m - AHEAD_S * speed.sum::<f64>().sqrt().min(FASTEST_M_S)
+    }
+}
+
+/// The bodies to predict.
+#[derive(Debug, Default, PartialEq)]
+pub(super) struct Chosen {
+    pub(super) movable: BTreeSet<BodyId>,
+    pub(super) scenery: BTreeSet<BodyId>,
+}
+
+/// Looks through a client's bodies for those to predict, some in each frame.
+#[derive(Debug, Default)]
+pub(super) struct Search {
+    avatars: Vec<Avatar>,
+    /// The body looked at last; `None` before a search begins.
+    last: Option<BodyId>,
+    movable: Vec<(f64, BodyId)>,
+    scenery: Vec<(f64, BodyId)>,
+}
+
+impl Search {
+    /// Looks at some bodies; returns which to predict when all were looked at. `present` are predicted now.
+    pub(super) fn go_on(&mut self, client: &Client, present: &Chosen) -> Option<Chosen> {
+        let find = |hash| client.shapes().get(&hash);
+        if self.last.is_none() {
+            *self = Self::default();
+            self.avatars = client.own_avatars().map(|view| avatar(view, find)).collect();
+            if self.avatars.is_empty() {
+                return Some(Chosen::default());
+            }
+        }
+        let mut looked = 0;
+        for view in client.bodies_after(self.last).take(LOOKS) {
+            looked += 1;
+            self.last = Some(view.body.id);
+            let gap_m = self.gap_m(&view.body, find);
+            if view.body.traits.kind == BodyKind::Fixed {
+                if gap_m < GAP_M {
+                    self.scenery.push((gap_m, view.body.id));
+                }
+                continue;
+            }
+            let stays_m = if present.movable.contains(&view.body.id) { HYSTERESIS_M } else { 0.0 };
+            let gap_m = if view.body.id.client() == Some(client.id()) { f64::NEG_INFINITY } else { gap_m - stays_m };
+            if gap_m < GAP_M && !view.outside {
+                self.movable.push((gap_m, view.body.id));
+            }
+        }
+        if looked == LOOKS {
+            return None;
+        }
+        self.last = None;
+        let movable = nearest(std::mem::take(&mut self.movable), MOVABLE);
+        let scenery = nearest(std::mem::take(&mut self.scenery), SCENERY);
+        Some(tied(client, movable, scenery))
+    }
+
+    fn gap_m<'a>(&self, body: &BodyRecord, find: impl Fn(ShapeHash) -> Option<&'a ShapeRecord>) -> f64 {
+        let nearest = |reach_m: f64| {
+            self.avatars.iter().map(|avatar| avatar.gap_m(body, reach_m)).fold(f64::INFINITY, f64::min)
+        };
+        // Few bodies are near: most need no look at their shapes.
+        let as_point_m = nearest(0.0);
+        if as_point_m < GAP_M { as_point_m } else { as_point_m - body.reach_m(find) }
+    }
+}
+
+fn avatar<'a>(
+    view: &BodyView,
+    find: impl Fn(ShapeHash) -> Option<&'a ShapeRecord>,
+) -> Avatar {
+    let state = &view.body.state;
+    Avatar {
+        place: state.pose.translation,
+        velocity: view.body.asked().linear,
+        reach_m: view.body.reach_m(find),
+    }
+}
+
+fn nearest(mut bodies: Vec<(f64, BodyId)>, most: usize) -> BTreeSet<BodyId> {
+    bodies.sort_unstable_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    bodies.into_iter().take(most).map(|(_, id)| id).collect()
+}
+
+/// Adds what joints tie to the chosen bodies. An assembly that has a multibody, which cannot be put into a state from outside, or is too
+/// large is left out whole.
+fn tied(client: &Client, movable: BTreeSet<BodyId>, mut scenery: BTreeSet<BodyId>) -> Chosen {
+    let kind = |id: &BodyId| client.body(*id).map(|view| view.body.traits.kind);
+    let is_movable = |id: &BodyId| kind(id).is_some_and(|kind| kind != BodyKind::Fixed);
+    let joints = client.joints();
+    let mut all = movable;
+    spread(joints, &mut all, |id, size| size < 2 * MOVABLE && is_movable(id));
+    let is_left_out = |id: &BodyId| is_movable(id) && !all.contains(id);
+    let parts = joints.iter().filter(|joint| all.contains(&joint.a) || all.contains(&joint.b));
+    let broken = parts.clone().filter(|joint| {
+        joint.link.is_some() || is_left_out(&joint.a) || is_left_out(&joint.b)
+    });
+    let mut without: BTreeSet<_> = broken.flat_map(|joint| [joint.a, joint.b]).collect();
+    spread(joints, &mut without, |id, _| all.contains(id));
+    let anchors = parts.flat_map(|joint| [joint.a, joint.b]);
+    scenery.extend(anchors.filter(|id| kind(id) == Some(BodyKind::Fixed)));
+    Chosen { movable: all.difference(&without).copied().collect(), scenery }
+}
+
+/// Adds what joints tie to these bodies, and what is tied to that, as far as allowed; `is_allowed` is told how many there are.
+fn spread(joints: &[JointRecord], bodies: &mut BTreeSet<BodyId>, is_allowed: impl Fn(&BodyId, usize) -> bool) {
+    loop {
+        let before = bodies.len();
+        for joint in joints {
+            for (one, other) in [(joint.a, joint.b), (joint.b, joint.a)] {
+                if bodies.contains(&one) && !bodies.contains(&other) && is_allowed(&other, bodies.len()) {
+                    bodies.insert(other);
+                }
+            }
+        }
+        if bodies.len() == before {
+            return;
+        }
+    }
+}

@@ -3,7 +3,6 @@
 use std::time::{Duration, Instant};
 
 use dcd::prelude::*;
-use dcd_tests::proxy::Weather;
 use dcd_tests::stage::{PATIENCE, Stage, ms};
 
 /// A floor with a stack of ten boxes.
@@ -20,7 +19,6 @@ fn stack() -> World {
 /// What a player sees of an avatar in a frame.
 #[derive(Clone, Copy, Debug)]
 struct Sight {
-    at: Instant,
     x: f64,
     speed: f32,
 }
@@ -38,7 +36,7 @@ fn play(stage: &mut Stage, avatar: BodyId, frames: u32, mut ask: impl FnMut(&mut
         stage.client.step().unwrap();
         let time = stage.client.view_time();
         let shown = stage.client.movable_bodies_at(&time).find(|body| body.id == avatar).unwrap();
-        seen.push(Sight { at: Instant::now(), x: shown.pose.translation[0], speed: shown.velocity.linear[0] });
+        seen.push(Sight { x: shown.pose.translation[0], speed: shown.velocity.linear[0] });
     }
     seen
 }

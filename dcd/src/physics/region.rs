@@ -3,6 +3,7 @@
 mod assembly;
 mod change;
 mod characters;
+mod checkpoint;
 mod contacts;
 mod contents;
 mod floating_origin;
@@ -30,6 +31,7 @@ use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize, Serializer};
 
 use self::characters::Walking;
+pub(super) use self::checkpoint::Checkpoint;
 use self::kinematic_targets::KinematicTargets;
 use self::ties::{HeldJoint, JointNews};
 use self::vehicles::Driving;

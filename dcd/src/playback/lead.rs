@@ -91,14 +91,13 @@ mod tests {
     /// Plays for some seconds with inputs that take so long, by their number; returns how early the last ones came, and the least step of
     /// the predicted tick.
     fn play(lead: &mut Lead, from_s: f64, seconds: f64, way_s: impl Fn(u32) -> f64) -> (Vec<i16>, f64) {
-        let mut under_way = VecDeque::new();
+        let mut under_way = VecDeque::<(f64, f64, f64, i16)>::new();
         let (mut early, mut least, mut last) = (Vec::new(), f64::INFINITY, None);
         for frame in 0..(60.0 * seconds) as u32 {
             let now_s = from_s + f64::from(frame) * DT_S;
             let world_tick = now_s / DT_S;
             // An answer comes 0.1 s after its input.
-            while let Some(&(at, named, of, came)) = under_way.front().filter(|(at, ..)| *at <= now_s) {
-                let _: f64 = at;
+            while let Some(&(_, named, of, came)) = under_way.front().filter(|(at, ..)| *at <= now_s) {
                 lead.measure(named, of, came);
                 under_way.pop_front();
             }

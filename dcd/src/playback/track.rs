@@ -158,6 +158,8 @@ impl Track {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Vector3;
+
     use super::*;
     use crate::protocol::WorldPose;
 

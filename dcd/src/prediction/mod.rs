@@ -18,7 +18,7 @@ use tracing::warn;
 use self::near::{Chosen, Search};
 use self::shown::Shown;
 use crate::cluster::Client;
-use crate::physics::{HostError, Partition, RegionHost};
+use crate::physics::{Checkpoint, HostError, Partition, RegionHost};
 use crate::playback::{Motion, ViewTime};
 use crate::protocol::{
     BodyKind, BodyRecord, BodyState, BodyTraits, EnvironmentProperties, Gait, Input, JointRecord, ShapeHash,
@@ -38,6 +38,8 @@ const LIKE_M: f64 = 0.004;
 const LIKE_RAD: f64 = 0.01;
 /// See [`LIKE_M`].
 const LIKE_M_S: f32 = 0.1;
+/// Every how many ticks a checkpoint is made: states are told every third tick.
+const CHECKPOINT_TICKS: u64 = 3;
 /// A correction above this is counted, metres.
 const COUNTED_M: f64 = 0.02;
 
@@ -104,6 +106,8 @@ pub(crate) struct Predictor {
     /// The newest tick told, from which it is predicted, and the newest predicted.
     base: Tick,
     tip: Tick,
+    /// What the small world held after the base tick and some of those since: contacts too, without which stacks fall otherwise.
+    checkpoints: VecDeque<Checkpoint>,
     /// The ticks to be computed again begin with this one.
     stale: Option<Tick>,
     put_right: Tick,
@@ -132,6 +136,7 @@ impl Predictor {
             first_unapplied: None,
             base: Tick(0),
             tip: Tick(0),
+            checkpoints: VecDeque::new(),
             stale: None,
             put_right: Tick(0),
             newest: Tick(0),
@@ -167,8 +172,11 @@ impl Predictor {
     pub(crate) fn advance(&mut self, time: &ViewTime) {
         let start = Instant::now();
         let is_changed = self.change();
-        if let Some(told) = self.told.take().filter(|_| !self.near.is_empty()) {
-            self.predict(&told, is_changed, time);
+        if let Some(told) = self.told.take().filter(|_| !self.near.is_empty())
+            && let Err(error) = self.predict(&told, is_changed, time)
+        {
+            warn!(%error, "avatars are not predicted");
+            self.near.keys().copied().collect::<Vec<_>>().into_iter().for_each(|id| self.drop_body(id));
         }
         self.stats.last_frame += start.elapsed();
         self.stats.longest_frame = self.stats.longest_frame.max(self.stats.last_frame);
@@ -275,27 +283,24 @@ impl Predictor {
         Ok(())
     }
 
-    fn predict(&mut self, told: &Told, is_changed: bool, time: &ViewTime) {
+    fn predict(&mut self, told: &Told, is_changed: bool, time: &ViewTime) -> Result<(), HostError> {
         let before = self.as_shown();
-        let is_wrong = self.begin_from(told, is_changed);
+        let is_wrong = self.begin_from(told, is_changed)?;
         if let Some(stale) = self.stale.take().filter(|_| !is_wrong) {
             // The input of this frame acts on what was predicted in the last one.
-            self.go_back(Tick(stale.0.max(self.base.0 + 1) - 1));
+            self.go_back(Tick(stale.0.max(self.base.0 + 1) - 1))?;
         }
         let goal = Tick((time.predicted.max(0.0) as u64 + 1).min(self.base.0 + AHEAD_TICKS)).max(self.tip);
         self.stats.ticks += goal.0.saturating_sub(self.newest.0).min(AHEAD_TICKS);
         self.newest = goal;
         while self.tip < goal {
-            if let Err(error) = self.step() {
-                warn!(%error, "nothing is predicted");
-                self.near.clear();
-                return;
-            }
+            self.step()?;
         }
         if is_wrong {
             self.melt(before);
         }
         shown::advance(&mut self.near, &self.host, self.dt_s, time);
+        Ok(())
     }
 
     /// Returns how bodies were shown in the last frame, at the ticks of that frame.
@@ -325,75 +330,121 @@ impl Predictor {
     }
 
     /// Begins from the newest tick told; returns whether what was predicted is to be computed again from there.
-    fn begin_from(&mut self, told: &Told, is_changed: bool) -> bool {
-        self.first_unapplied = told.first_unapplied;
+    fn begin_from(&mut self, told: &Told, is_changed: bool) -> Result<bool, HostError> {
         let is_known = (self.base..=self.tip).contains(&told.tick);
+        if is_changed || !is_known {
+            self.checkpoints.clear();
+        }
         if is_known {
             let over = (told.tick.0 - self.base.0) as usize;
             // What is new has no states yet.
             self.near.values_mut().for_each(|near| drop(near.states.drain(..over.min(near.states.len()))));
         }
-        let is_late = |input: &Input| self.first_unapplied.is_some_and(|first| first <= input.tick);
-        let is_refused = |input: &Input| input.tick.0 + AHEAD_TICKS < told.tick.0;
-        self.inputs.retain(|input| input.tick > told.tick || is_late(input) && !is_refused(input));
-        self.base = told.tick;
-        let unlike = |(id, near): (&BodyId, &Near)| {
-            let (motion, rests) = told.states.get(id)?;
-            let state = near.states.front()?;
-            (!is_like(state, motion, *rests)).then_some(near.shown.is_engaged())
-        };
-        let unlike: Vec<_> = self.near.iter().filter_map(unlike).collect();
-        let is_urgent = unlike.contains(&true) || self.base.0 >= self.put_right.0 + PATIENCE_TICKS && !unlike.is_empty();
-        if is_known && !is_changed && !is_urgent {
-            return false;
-        }
-        for (id, near) in &mut self.near {
+        (self.base, self.first_unapplied) = (told.tick, told.first_unapplied);
+        self.forget_before_base();
+        let mut unlike = BTreeMap::new();
+        let mut is_urgent = is_changed || !is_known;
+        for (id, near) in &self.near {
             let Some((motion, rests)) = told.states.get(id) else { continue };
-            let state = near.states.front().filter(|_| is_known).copied();
-            let state = match state {
-                Some(state) if is_like(&state, motion, *rests) => state,
-                _ => {
-                    let former = near.states.front().copied();
-                    let former = former.or_else(|| Some(self.host.record(*id)?.state));
-                    let Some(former) = former else { continue };
-                    put_right(former, motion, *rests, near.shown.is_own())
-                }
-            };
-            near.states.clear();
-            near.states.push_back(state);
+            let state = near.states.front().filter(|_| is_known);
+            if !state.is_some_and(|state| is_like(state, motion, *rests)) {
+                is_urgent |= near.shown.is_engaged();
+                unlike.insert(*id, (*motion, *rests));
+            }
+        }
+        let is_due = self.base.0 >= self.put_right.0 + PATIENCE_TICKS && !unlike.is_empty();
+        if !is_urgent && !is_due {
+            return Ok(false);
         }
         self.put_right = self.base;
         self.stats.replays += u64::from(self.tip > self.base);
-        self.go_back(self.base);
-        true
+        if is_known {
+            self.go_back(self.base)?;
+        }
+        self.put_states(&unlike);
+        Ok(true)
     }
 
-    /// Goes back to a tick that is known.
-    fn go_back(&mut self, tick: Tick) {
-        let index = tick.0.saturating_sub(self.base.0) as usize;
-        self.near.values_mut().for_each(|near| near.states.truncate(index + 1));
-        let states = self.near.iter().filter_map(|(id, near)| Some((*id, near.states.back()?)));
-        self.host.rewind(tick, states);
+    /// Forgets what is not needed to compute the base tick again.
+    fn forget_before_base(&mut self) {
+        while self.checkpoints.get(1).is_some_and(|second| second.tick() <= self.base) {
+            self.checkpoints.pop_front();
+        }
+        let from = self.checkpoints.front().map_or(self.base, Checkpoint::tick);
+        let (base, first) = (self.base, self.first_unapplied);
+        self.inputs.retain(|input| input.tick > from || is_late(input, base, first));
+    }
+
+    /// Puts bodies into the states told of the base tick, and all others into those predicted, where contacts are not known any more.
+    fn put_states(&mut self, told: &BTreeMap<BodyId, (Motion, bool)>) {
+        let mut states = Vec::new();
+        for (id, near) in &mut self.near {
+            let Some(held) = self.host.owned(*id).map(|(region, handle)| region.body_state(handle)) else { continue };
+            let former = near.states.front().copied().unwrap_or(held);
+            let state = match told.get(id) {
+                Some((motion, rests)) => put_right(former, motion, *rests, near.shown.is_own()),
+                None => former,
+            };
+            near.states.clear();
+            near.states.push_back(state);
+            if state != held {
+                states.push((*id, state));
+            }
+        }
+        self.host.put(self.base, states.iter().map(|(id, state)| (*id, state)));
+        self.tip = self.base;
+        self.checkpoints.clear();
+        self.checkpoints.push_back(self.host.checkpoint());
+    }
+
+    /// Goes back to a tick that was predicted, with the contacts that there were.
+    fn go_back(&mut self, tick: Tick) -> Result<(), HostError> {
+        self.checkpoints.truncate(self.checkpoints.partition_point(|checkpoint| checkpoint.tick() <= tick));
+        if let Some(checkpoint) = self.checkpoints.back() {
+            self.host.restore(checkpoint);
+            while self.host.tick() < tick {
+                self.compute()?;
+            }
+        }
         self.tip = tick;
+        let count = tick.0.saturating_sub(self.base.0) as usize + 1;
+        self.near.values_mut().for_each(|near| near.states.truncate(count));
+        Ok(())
+    }
+
+    /// Computes the next tick with its inputs.
+    fn compute(&mut self) -> Result<(), HostError> {
+        let next = self.host.tick().next();
+        let (base, first) = (self.base, self.first_unapplied);
+        // What was not applied in the tick that it named comes after it.
+        let is_due = |input: &&Input| input.tick == next || next == base.next() && is_late(input, base, first);
+        let inputs: Vec<_> = self.inputs.iter().filter(is_due).copied().collect();
+        inputs.iter().for_each(|input| self.host.obey(input));
+        self.host.step()?;
+        self.host.clear_events();
+        Ok(())
     }
 
     /// Predicts the next tick.
     fn step(&mut self) -> Result<(), HostError> {
-        let next = self.tip.next();
-        // What was not applied in the tick that it named comes with the next one.
-        let due = |input: &&Input| input.tick.max(self.base.next()) == next;
-        let inputs: Vec<_> = self.inputs.iter().filter(due).copied().collect();
-        inputs.iter().for_each(|input| self.host.obey(input));
-        self.host.step()?;
-        self.host.clear_events();
-        self.tip = next;
+        self.compute()?;
+        self.tip = self.host.tick();
         for (id, near) in &mut self.near {
             if let Some((region, handle)) = self.host.owned(*id) {
                 near.states.push_back(region.body_state(handle));
             }
         }
+        if self.checkpoints.back().is_none_or(|last| last.tick().0 + CHECKPOINT_TICKS <= self.tip.0) {
+            self.checkpoints.push_back(self.host.checkpoint());
+        }
         Ok(())
     }
+}
+
+/// Returns whether an input was not applied in the tick that it named, and may yet be: one that is refused never is.
+fn is_late(input: &Input, base: Tick, first_unapplied: Option<Tick>) -> bool {
+    let was_due = input.tick <= base && input.tick.0 + AHEAD_TICKS > base.0;
+    was_due && first_unapplied.is_some_and(|first| first <= input.tick)
 }
 
 /// Returns whether traits are predicted as told: what follows poses is predicted as going on.

@@ -12,7 +12,7 @@ use crate::physics::region::{Ownership, Region};
 use crate::protocol::{
     BodyRecord, BodyState, Drive, Input, JointRecord, LinkMotion, Push, Velocity, WorldPose,
 };
-use crate::space::{BodyId, JointId, Tick};
+use crate::space::{BodyId, JointId};
 
 impl RegionHost {
     /// Applies a change to every copy of a body held here, so that owner and replicas stay alike. Returns what the
@@ -44,17 +44,6 @@ impl RegionHost {
             Some(drive) => self.drive(input.body, drive),
             None => self.steer(input.body, &input.velocity),
         };
-    }
-
-    /// Puts bodies held here into states that they were in after a tick, as if they had just come into them, and goes on from that tick.
-    pub(crate) fn rewind<'a>(&mut self, tick: Tick, states: impl Iterator<Item = (BodyId, &'a BodyState)>) {
-        self.tick = tick;
-        for (id, state) in states {
-            for Side { region, .. } in &mut self.sides {
-                region.restore(id, state);
-            }
-        }
-        self.sides.iter_mut().for_each(|side| side.region.find_moved());
     }
 
     /// Sets the velocity of a body, in every copy held here, and wakes it: of a character, the velocity that it wants. Returns

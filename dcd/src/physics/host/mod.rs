@@ -3,6 +3,7 @@
 
 mod borders;
 mod change;
+mod checkpoint;
 mod giants;
 mod place;
 #[cfg(test)]
@@ -14,6 +15,7 @@ mod threads;
 mod validate;
 
 pub use self::borders::BorderView;
+pub(crate) use self::checkpoint::Checkpoint;
 pub use self::validate::Inconsistency;
 
 use std::collections::BTreeSet;

@@ -127,6 +127,7 @@ DCD_STRUCT_(WorldInfo, DCD_WORLD_INFO_INIT);
 DCD_STRUCT_(BodyInfo, DCD_BODY_INFO_INIT);
 DCD_STRUCT_(Owner, DCD_OWNER_INIT);
 DCD_STRUCT_(Stats, DCD_STATS_INIT);
+DCD_STRUCT_(Prediction, DCD_PREDICTION_INIT);
 DCD_STRUCT_(ConnectionInfo, DCD_CONNECTION_INFO_INIT);
 #undef DCD_STRUCT_
 
@@ -455,6 +456,11 @@ public:
         });
     }
     /* A radius of 0 is everything. */
+    Status prediction_set(bool predicts) { return Status(dcd_prediction_set(world_, predicts)); }
+    Result<Prediction> prediction() const
+    {
+        return got<Prediction>([&](Prediction *out) { return dcd_prediction(world_, out); });
+    }
     Status bandwidth_set(std::uint32_t bytes_per_second) { return Status(dcd_bandwidth_set(world_, bytes_per_second)); }
     Status interest_set(const Point &centre, double radius) { return Status(dcd_interest_set(world_, centre.data(), radius)); }
     Result<std::vector<BorderInfo>> borders() const

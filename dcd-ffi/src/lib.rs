@@ -59,6 +59,8 @@ pub mod state;
 
 pub mod view;
 
+pub mod prediction;
+
 pub mod connection;
 
 pub mod message;

@@ -22,6 +22,9 @@ pub struct DcdViewTime {
     /// The tick whose states have come by now, a little ago: for all else. It goes forward evenly, unless ticks are counted anew: where a
     /// guess is withdrawn, or the world goes back to a save.
     pub shown: f64,
+    /// The tick that applies what an own avatar is asked now, where a client predicts (dcd_prediction_set): own avatars are shown at it,
+    /// with what they touch. Otherwise the same as `now`.
+    pub predicted: f64,
     /// The bound on the error of `now` that comes from clocks, seconds; below 0 until it is known, where no network is between,
     /// and in a participant, which counts the way of what it is told as nothing.
     pub clock_error: f64,
@@ -54,6 +57,7 @@ pub unsafe extern "C" fn dcd_view_time(world: DcdWorld, out: *mut DcdViewTime) -
                 reserved: 0,
                 now: time.now,
                 shown: time.shown,
+                predicted: time.predicted,
                 clock_error: time.clock_error_s.unwrap_or(-1.0),
                 input_delay: time.input_delay_s.unwrap_or(-1.0),
             });
@@ -92,8 +96,9 @@ pub unsafe extern "C" fn dcd_view_body(
     })
 }
 
-/// Lends every movable body as it is shown, as dcd_state_view lends them as they are: own avatars at time->now, all others at
-/// time->shown; set both to the same where an own avatar is to be shown with the others. `tick` of the view is that of the newest state.
+/// Lends every movable body as it is shown, as dcd_state_view lends them as they are: own avatars, with what they touch, at
+/// time->predicted, all others at time->shown; what comes near goes from the one to the other within about half a second. Set both to
+/// the same where an own avatar is to be shown with the others. `tick` of the view is that of the newest state.
 ///
 /// The arrays are the library's: do not write or free them. They keep their content until the next dcd_view_state of this world; the
 /// memory stays readable until the world is destroyed.
@@ -111,9 +116,10 @@ pub unsafe extern "C" fn dcd_view_state(
         check_reserved(time.reserved)?;
         check_tick(time.now)?;
         check_tick(time.shown)?;
+        check_tick(time.predicted)?;
         with(world, |world| {
             world.dcd.sees("see the bodies of its world")?;
-            let time = dcd::ViewTime::new(time.now, time.shown);
+            let time = dcd::ViewTime::new(time.now, time.shown).predicting(time.predicted);
             out.write(world.shown.show(&world.dcd, world.mark, &time));
             Ok(())
         })

@@ -16,6 +16,7 @@ use dcd_ffi::join::*;
 use dcd_ffi::joint::*;
 use dcd_ffi::message::*;
 use dcd_ffi::motion::*;
+use dcd_ffi::prediction::*;
 use dcd_ffi::properties::*;
 use dcd_ffi::query::*;
 use dcd_ffi::serve::*;
@@ -113,7 +114,10 @@ fn layouts() -> Vec<Layout> {
             struct_size, joint_type, a, b, user_data, frame_a, frame_b, offset, position, force,
             natural_frequency, damping_ratio, flags, locked, coupled, limited, driven
         }
-        DcdViewTime { struct_size, reserved, now, shown, clock_error, input_delay }
+        DcdViewTime { struct_size, reserved, now, shown, predicted, clock_error, input_delay }
+        DcdPrediction {
+            struct_size, bodies, ticks, replays, corrections, largest_correction, last_frame, longest_frame
+        }
         DcdStateView { struct_size, reserved, tick, count, ids, poses, velocities, user_data, flags, regions }
         DcdConnectionEvent { connection, state, role, node, client, cause, reserved, reason }
         DcdConnectionInfo {
@@ -238,7 +242,8 @@ const MACROS: &str = "
       { 0.0f, 0.0f, 0.0f }, 0.0f, 0.0f, 0, 0, 0, 0, 0 }
 #define DCD_STATE_VIEW_INIT \\
     { (uint32_t)sizeof(DcdStateView), 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL }
-#define DCD_VIEW_TIME_INIT { (uint32_t)sizeof(DcdViewTime), 0, 0.0, 0.0, -1.0, -1.0 }
+#define DCD_VIEW_TIME_INIT { (uint32_t)sizeof(DcdViewTime), 0, 0.0, 0.0, 0.0, -1.0, -1.0 }
+#define DCD_PREDICTION_INIT { (uint32_t)sizeof(DcdPrediction), 0, 0, 0, 0, 0.0, 0.0, 0.0 }
 #define DCD_EVENT_VIEW_INIT \\
     { (uint32_t)sizeof(DcdEventView), 0, 0, NULL, 0, NULL, 0, NULL, 0, NULL, 0, \\
       NULL, 0, NULL, 0 }

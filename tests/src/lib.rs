@@ -1,5 +1,6 @@
 //! What tests and benches of several programs share.
 
+pub mod course;
 pub mod proxy;
 pub mod served;
 pub mod stage;

@@ -51,7 +51,8 @@ impl Truth {
         let Some(time) = client.view_time() else { return };
         // What moves in truth, or is shown moving.
         let moving: BTreeSet<_> = states(client).into_iter().chain(truth).map(|(id, ..)| id).collect();
-        let shown = moving.into_iter().filter_map(|id| Some((id, client.motion_at(id, time.shown)?))).collect();
+        let shown =
+            moving.into_iter().filter_map(|id| Some((id, client.motion_at(id, time.shown)?))).collect();
         self.shown.push_back((time.shown, shown));
         while self.shown.front().is_some_and(|(tick, _)| *tick + LATEST < time.now) {
             let Some((tick, bodies)) = self.shown.pop_front() else { break };

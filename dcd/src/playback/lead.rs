@@ -8,7 +8,9 @@ const FIRST_S: f64 = 0.1;
 /// The inputs by which the lead is measured: those of a few seconds.
 const MEASURED: usize = 64;
 /// The share of them that may come too late.
-const LATE: f64 = 0.02;
+const LATE: f64 = 0.01;
+/// The lead is longer than it must be by so much, ticks: an input that comes too late is seen, one too early is not.
+const MARGIN: f64 = 0.5;
 /// No lead is longer, seconds.
 const MOST_S: f64 = 1.0;
 /// The share by which the predicted tick goes faster or slower to get where it should be.
@@ -62,7 +64,7 @@ impl Lead {
         let late = (LATE * needed.len() as f64) as usize;
         // Before inputs tell, a tick more than pings do: these go both ways alike.
         let first = || self.way_s.map_or(FIRST_S / period_s, |way_s| way_s / period_s + 1.0);
-        needed.get(late).copied().unwrap_or_else(first).clamp(0.0, MOST_S / period_s)
+        (needed.get(late).copied().unwrap_or_else(first) + MARGIN).clamp(0.0, MOST_S / period_s)
     }
 
     /// Returns the predicted tick, which never goes back. A tick takes `period_s` now.
@@ -117,10 +119,11 @@ mod tests {
     fn inputs_come_in_time_and_not_much_too_early() {
         let mut lead = Lead::default();
         let (early, least) = play(&mut lead, 10.0, 6.0, |_| 0.1);
-        assert!(early.iter().all(|early| (0..=1).contains(early)), "{early:?}");
+        assert!(early.iter().all(|early| (0..=2).contains(early)), "{early:?}");
         assert!(least > 0.0, "{least}: time never goes back");
         // The way becomes longer, and uneven.
-        let (early, least) = play(&mut lead, 16.0, 12.0, |frame| 0.18 + 0.04 * f64::from(frame * 7 % 11) / 10.0);
+        let (early, least) =
+            play(&mut lead, 16.0, 12.0, |frame| 0.18 + 0.04 * f64::from(frame * 7 % 11) / 10.0);
         let late = early.iter().filter(|early| **early < 0).count();
         assert!(late * 20 < early.len(), "{late} of {} come late", early.len());
         assert!(early.iter().all(|early| *early <= 4), "{early:?}");
@@ -130,12 +133,13 @@ mod tests {
     #[test]
     fn before_inputs_tell_pings_do() {
         let mut lead = Lead::default();
-        let ahead = |lead: &mut Lead, at: f64| lead.advance(Duration::from_secs_f64(at), at / DT_S, DT_S) - at / DT_S;
-        assert!((ahead(&mut lead, 5.0) - 6.0).abs() < 1e-6);
+        let ahead =
+            |lead: &mut Lead, at: f64| lead.advance(Duration::from_secs_f64(at), at / DT_S, DT_S) - at / DT_S;
+        assert!((ahead(&mut lead, 5.0) - 6.5).abs() < 1e-6);
         lead.set_round_trip_s(0.3);
-        (1..120).for_each(|frame| drop(ahead(&mut lead, 5.0 + f64::from(frame) * DT_S)));
-        assert!((ahead(&mut lead, 7.0) - 10.0).abs() < 1e-6);
+        (1..120).for_each(|frame| assert!(ahead(&mut lead, 5.0 + f64::from(frame) * DT_S) > 0.0));
+        assert!((ahead(&mut lead, 7.0) - 10.5).abs() < 1e-6);
         lead.recount();
-        assert!((ahead(&mut lead, 1.0) - 6.0).abs() < 1e-6, "of another count nothing is known");
+        assert!((ahead(&mut lead, 1.0) - 6.5).abs() < 1e-6, "of another count nothing is known");
     }
 }

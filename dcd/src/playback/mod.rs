@@ -46,10 +46,16 @@ pub struct ViewTime {
 }
 
 impl ViewTime {
-    /// Returns the times at which to show own avatars, and all else: to look at a time of one's own choice.
+    /// Returns the times at which to show own avatars, and all else, without prediction: to look at a time of one's own choice.
     #[must_use]
     pub const fn new(now: f64, shown: f64) -> Self {
         Self { now, shown, predicted: now, clock_error_s: None, input_delay_s: None }
+    }
+
+    /// Returns the same with another time for own avatars and what they touch.
+    #[must_use]
+    pub const fn predicting(self, tick: f64) -> Self {
+        Self { predicted: tick, ..self }
     }
 }
 

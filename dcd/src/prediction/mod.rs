@@ -38,6 +38,8 @@ const LIKE_M: f64 = 0.004;
 const LIKE_RAD: f64 = 0.01;
 /// See [`LIKE_M`].
 const LIKE_M_S: f32 = 0.1;
+/// A body that moves less than this from a moment behind the world to the predicted tick is shown at either, metres.
+const STILL_M: f64 = 0.002;
 /// Every how many ticks a checkpoint is made: states are told every third tick.
 const CHECKPOINT_TICKS: u64 = 3;
 /// A correction above this is counted, metres.
@@ -75,6 +77,8 @@ struct Near {
 struct Told {
     tick: Tick,
     states: BTreeMap<BodyId, (Motion, bool)>,
+    /// Bodies as shown a moment behind the world, at the ticks of the last frame.
+    behind: BTreeMap<BodyId, Motion>,
     first_unapplied: Option<Tick>,
 }
 
@@ -163,6 +167,11 @@ impl Predictor {
         self.told = client.told_tick().map(|tick| Told {
             tick,
             states: self.near.keys().filter_map(|&id| Some((id, client.told_at(id, tick)?))).collect(),
+            behind: self
+                .near
+                .iter()
+                .filter_map(|(&id, near)| Some((id, client.view(id, near.shown.tick()?)?)))
+                .collect(),
             first_unapplied: client.first_unapplied(),
         });
         self.stats.last_frame = start.elapsed();
@@ -214,8 +223,7 @@ impl Predictor {
         if waits || self.changes.is_some() {
             return;
         }
-        let present =
-            Chosen { movable: self.near.keys().copied().collect(), scenery: self.scenery.clone() };
+        let present = Chosen { movable: self.near.keys().copied().collect(), scenery: self.scenery.clone() };
         let Some(chosen) = self.search.go_on(client, &present) else { return };
         self.search_at = Tick(client.tick().0 + SEARCH_TICKS);
         let traits_of = |id: &BodyId| client.body(*id).map(|view| &view.body.traits);
@@ -225,7 +233,8 @@ impl Predictor {
         let absent = chosen.movable.iter().filter(|id| is_other(id));
         let absent = absent.chain(chosen.scenery.iter().filter(|id| !self.scenery.contains(id)));
         let bodies: Vec<_> = absent.filter_map(|id| Some(client.body(*id)?.body.clone())).collect();
-        let named: BTreeSet<_> = bodies.iter().flat_map(|body| &body.traits.colliders).map(|part| part.shape).collect();
+        let named: BTreeSet<_> =
+            bodies.iter().flat_map(|body| &body.traits.colliders).map(|part| part.shape).collect();
         let find = |hash: &ShapeHash| client.shapes().get(hash);
         let whole = || named.iter().filter_map(find);
         let parts = whole().flat_map(ShapeRecord::parts).filter_map(|hash| find(&hash));
@@ -277,7 +286,8 @@ impl Predictor {
             }
             let is_own = body.id.client() == Some(self.client);
             let reach_m = body.reach_m(|hash| self.host.shapes().record_of(hash));
-            let near = Near { states: VecDeque::new(), shown: Shown::new(is_own, reach_m), traits: body.traits };
+            let near =
+                Near { states: VecDeque::new(), shown: Shown::new(is_own, reach_m), traits: body.traits };
             self.near.insert(body.id, near);
         }
         Ok(())
@@ -299,8 +309,25 @@ impl Predictor {
         if is_wrong {
             self.melt(before);
         }
-        shown::advance(&mut self.near, &self.host, self.dt_s, time);
+        let still: BTreeSet<_> = self
+            .near
+            .iter()
+            .filter(|(id, near)| self.is_still(**id, near, told))
+            .map(|(id, _)| *id)
+            .collect();
+        shown::advance(&mut self.near, &self.host, &still, self.dt_s, time);
         Ok(())
+    }
+
+    /// Returns whether a body has not moved, and will not, from the tick at which it was shown last to the newest predicted.
+    fn is_still(&self, id: BodyId, near: &Near, told: &Told) -> bool {
+        let predicted = near.shown.tick().and_then(|tick| self.at(id, tick));
+        let (Some(now), Some(last)) = (predicted.or(told.behind.get(&id).copied()), near.states.back())
+        else {
+            return false;
+        };
+        let is_there = |motion: &Motion| motion.distance_m(&Motion::of(last)) < STILL_M;
+        is_there(&now) && near.states.front().is_some_and(|first| is_there(&Motion::of(first)))
     }
 
     /// Returns how bodies were shown in the last frame, at the ticks of that frame.
@@ -379,7 +406,9 @@ impl Predictor {
     fn put_states(&mut self, told: &BTreeMap<BodyId, (Motion, bool)>) {
         let mut states = Vec::new();
         for (id, near) in &mut self.near {
-            let Some(held) = self.host.owned(*id).map(|(region, handle)| region.body_state(handle)) else { continue };
+            let Some(held) = self.host.owned(*id).map(|(region, handle)| region.body_state(handle)) else {
+                continue;
+            };
             let former = near.states.front().copied().unwrap_or(held);
             let state = match told.get(id) {
                 Some((motion, rests)) => put_right(former, motion, *rests, near.shown.is_own()),
@@ -417,7 +446,8 @@ impl Predictor {
         let next = self.host.tick().next();
         let (base, first) = (self.base, self.first_unapplied);
         // What was not applied in the tick that it named comes after it.
-        let is_due = |input: &&Input| input.tick == next || next == base.next() && is_late(input, base, first);
+        let is_due =
+            |input: &&Input| input.tick == next || next == base.next() && is_late(input, base, first);
         let inputs: Vec<_> = self.inputs.iter().filter(is_due).copied().collect();
         inputs.iter().for_each(|input| self.host.obey(input));
         self.host.step()?;
@@ -449,7 +479,8 @@ fn is_late(input: &Input, base: Tick, first_unapplied: Option<Tick>) -> bool {
 
 /// Returns whether traits are predicted as told: what follows poses is predicted as going on.
 fn is_of(predicted: &BodyTraits, told: &Arc<BodyTraits>) -> bool {
-    *predicted == **told || told.kind == BodyKind::KinematicPosition && predicted.kind == BodyKind::KinematicVelocity
+    *predicted == **told
+        || told.kind == BodyKind::KinematicPosition && predicted.kind == BodyKind::KinematicVelocity
 }
 
 /// Returns a body as it is predicted: of one that follows poses the next pose is not known, so it goes on.

@@ -79,7 +79,8 @@ impl Search {
                 continue;
             }
             let stays_m = if present.movable.contains(&view.body.id) { HYSTERESIS_M } else { 0.0 };
-            let gap_m = if view.body.id.client() == Some(client.id()) { f64::NEG_INFINITY } else { gap_m - stays_m };
+            let gap_m =
+                if view.body.id.client() == Some(client.id()) { f64::NEG_INFINITY } else { gap_m - stays_m };
             if gap_m < GAP_M && !view.outside {
                 self.movable.push((gap_m, view.body.id));
             }
@@ -103,10 +104,7 @@ impl Search {
     }
 }
 
-fn avatar<'a>(
-    view: &BodyView,
-    find: impl Fn(ShapeHash) -> Option<&'a ShapeRecord>,
-) -> Avatar {
+fn avatar<'a>(view: &BodyView, find: impl Fn(ShapeHash) -> Option<&'a ShapeRecord>) -> Avatar {
     let state = &view.body.state;
     Avatar {
         place: state.pose.translation,
@@ -130,9 +128,8 @@ fn tied(client: &Client, movable: BTreeSet<BodyId>, mut scenery: BTreeSet<BodyId
     spread(joints, &mut all, |id, size| size < 2 * MOVABLE && is_movable(id));
     let is_left_out = |id: &BodyId| is_movable(id) && !all.contains(id);
     let parts = joints.iter().filter(|joint| all.contains(&joint.a) || all.contains(&joint.b));
-    let broken = parts.clone().filter(|joint| {
-        joint.link.is_some() || is_left_out(&joint.a) || is_left_out(&joint.b)
-    });
+    let broken =
+        parts.clone().filter(|joint| joint.link.is_some() || is_left_out(&joint.a) || is_left_out(&joint.b));
     let mut without: BTreeSet<_> = broken.flat_map(|joint| [joint.a, joint.b]).collect();
     spread(joints, &mut without, |id, _| all.contains(id));
     let anchors = parts.flat_map(|joint| [joint.a, joint.b]);
@@ -141,7 +138,11 @@ fn tied(client: &Client, movable: BTreeSet<BodyId>, mut scenery: BTreeSet<BodyId
 }
 
 /// Adds what joints tie to these bodies, and what is tied to that, as far as allowed; `is_allowed` is told how many there are.
-fn spread(joints: &[JointRecord], bodies: &mut BTreeSet<BodyId>, is_allowed: impl Fn(&BodyId, usize) -> bool) {
+fn spread(
+    joints: &[JointRecord],
+    bodies: &mut BTreeSet<BodyId>,
+    is_allowed: impl Fn(&BodyId, usize) -> bool,
+) {
     loop {
         let before = bodies.len();
         for joint in joints {

@@ -1,7 +1,7 @@
 //! Decides at which tick each predicted body is shown: own avatars and what they touch ahead of the world, all else a moment behind it, and
 //! what changes from the one to the other by and by.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::Near;
 use crate::physics::RegionHost;
@@ -14,9 +14,6 @@ const GAP_M: f64 = 0.5;
 const SOON_S: f64 = 0.4;
 /// The time in which a body that moves gets from one time to the other, seconds.
 const CHANGE_S: f64 = 0.6;
-/// A body that moves less than this from the one time to the other is shown at the other at once, metres.
-const STILL_M: f64 = 0.002;
-
 /// At which tick a body is shown, and which error of that melts away.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shown {
@@ -31,7 +28,14 @@ pub(super) struct Shown {
 
 impl Shown {
     pub(super) fn new(is_own: bool, reach_m: f64) -> Self {
-        Self { is_own, reach_m, ahead: f64::from(u8::from(is_own)), is_engaged: is_own, tick: None, melt: None }
+        Self {
+            is_own,
+            reach_m,
+            ahead: f64::from(u8::from(is_own)),
+            is_engaged: is_own,
+            tick: None,
+            melt: None,
+        }
     }
 
     pub(super) fn is_own(&self) -> bool {
@@ -66,8 +70,14 @@ impl Shown {
     }
 }
 
-/// Finds what is engaged with own avatars, and moves the time at which bodies are shown.
-pub(super) fn advance(near: &mut BTreeMap<BodyId, Near>, host: &RegionHost, dt_s: f64, time: &ViewTime) {
+/// Finds what is engaged with own avatars, and moves the time at which bodies are shown: of those that are `still` at once.
+pub(super) fn advance(
+    near: &mut BTreeMap<BodyId, Near>,
+    host: &RegionHost,
+    still: &BTreeSet<BodyId>,
+    dt_s: f64,
+    time: &ViewTime,
+) {
     let engaged = engaged(near, host);
     for (id, near) in near {
         let shown = &mut near.shown;
@@ -75,17 +85,14 @@ pub(super) fn advance(near: &mut BTreeMap<BodyId, Near>, host: &RegionHost, dt_s
         let goal = f64::from(u8::from(shown.is_engaged));
         let tick = |ahead: f64| time.shown + ahead * (time.predicted - time.shown);
         let frame = shown.tick.map_or(1.0, |last| (tick(shown.ahead) - last).clamp(0.0, 4.0));
-        let still = near.states.front().zip(near.states.back()).is_some_and(|(first, last)| {
-            Motion::of(first).distance_m(&Motion::of(last)) < STILL_M
-        });
-        let most = if still { 1.0 } else { frame * dt_s / CHANGE_S };
+        let most = if still.contains(id) { 1.0 } else { frame * dt_s / CHANGE_S };
         shown.ahead += (goal - shown.ahead).clamp(-most, most);
         shown.tick = Some(tick(shown.ahead));
     }
 }
 
 /// Returns the bodies that own avatars touch, also by way of others, or soon may.
-fn engaged(near: &BTreeMap<BodyId, Near>, host: &RegionHost) -> std::collections::BTreeSet<BodyId> {
+fn engaged(near: &BTreeMap<BodyId, Near>, host: &RegionHost) -> BTreeSet<BodyId> {
     let newest = |near: &Near| near.states.back().map(|state| (Motion::of(state), near.shown.reach_m));
     let own: Vec<_> = near.values().filter(|near| near.shown.is_own).filter_map(newest).collect();
     let mut groups = Groups::default();
@@ -105,12 +112,14 @@ fn engaged(near: &BTreeMap<BodyId, Near>, host: &RegionHost) -> std::collections
     let meets = |near: &Near| {
         let Some((motion, reach_m)) = newest(near) else { return false };
         own.iter().any(|(avatar, avatar_reach_m)| {
-            let speed = (0..3).map(|i| f64::from(motion.velocity.linear[i] - avatar.velocity.linear[i]).powi(2));
+            let speed =
+                (0..3).map(|i| f64::from(motion.velocity.linear[i] - avatar.velocity.linear[i]).powi(2));
             let gap_m = motion.distance_m(avatar) - reach_m - avatar_reach_m;
             gap_m < GAP_M + SOON_S * speed.sum::<f64>().sqrt()
         })
     };
-    let met: Vec<_> = near.iter().filter(|(_, near)| near.shown.is_own || meets(near)).map(|(id, _)| *id).collect();
-    let roots: std::collections::BTreeSet<_> = met.iter().map(|id| groups.root(*id)).collect();
+    let met: Vec<_> =
+        near.iter().filter(|(_, near)| near.shown.is_own || meets(near)).map(|(id, _)| *id).collect();
+    let roots: BTreeSet<_> = met.iter().map(|id| groups.root(*id)).collect();
     near.keys().filter(|id| roots.contains(&groups.root(**id))).copied().collect()
 }

@@ -245,14 +245,22 @@ impl ClientWorld {
         velocity: Velocity,
         pose: Option<WorldPose>,
     ) -> Result<(), ProcessError> {
-        let tick = self.predict(Input { body: avatar, logical_time: 1, tick: Tick(0), velocity, pose, drive: None });
+        let tick =
+            self.predict(Input { body: avatar, logical_time: 1, tick: Tick(0), velocity, pose, drive: None });
         self.member.submit(ClientEvent::Input { body: avatar, tick, velocity, pose })
     }
 
     /// Says what the driver of a vehicle does from now on.
     pub fn drive(&mut self, vehicle: BodyId, drive: Drive) -> Result<(), ProcessError> {
         let (velocity, pose, drives) = (Velocity::default(), None, Some(drive));
-        let tick = self.predict(Input { body: vehicle, logical_time: 1, tick: Tick(0), velocity, pose, drive: drives });
+        let tick = self.predict(Input {
+            body: vehicle,
+            logical_time: 1,
+            tick: Tick(0),
+            velocity,
+            pose,
+            drive: drives,
+        });
         self.member.submit(ClientEvent::Drive { body: vehicle, tick, drive })
     }
 
@@ -345,7 +353,8 @@ impl ClientWorld {
         let world = client.world().filter(|_| predicted.is_some());
         if let (None, Some(world)) = (&self.predictor, world) {
             let predictor = Predictor::new(self.client, world);
-            self.predictor = predictor.inspect_err(|error| warn!(%error, "nothing is predicted")).ok().map(Box::new);
+            self.predictor =
+                predictor.inspect_err(|error| warn!(%error, "nothing is predicted")).ok().map(Box::new);
         }
         if let (Some(predictor), Some(predicted)) = (&mut self.predictor, predicted) {
             predictor.listen(client);

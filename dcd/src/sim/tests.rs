@@ -235,7 +235,10 @@ fn chaos(seed: u64) {
             _ => {
                 for &(client, _) in clients.iter().filter(|(_, here)| *here) {
                     let velocity = Velocity { linear: [5.0, -3.0, 1.0], angular: [0.0; 3] };
-                    sim.submit(client, ClientEvent::Input { body: avatar(client), tick: Tick(0), velocity, pose: None });
+                    sim.submit(
+                        client,
+                        ClientEvent::Input { body: avatar(client), tick: Tick(0), velocity, pose: None },
+                    );
                 }
             }
         }
@@ -299,7 +302,12 @@ fn an_avatar_returns_with_its_client_where_it_was() {
         // Stop it first, so that "where it was" is a place.
         sim.submit(
             client,
-            ClientEvent::Input { body: avatar(client), tick: Tick(0), velocity: Velocity::default(), pose: None },
+            ClientEvent::Input {
+                body: avatar(client),
+                tick: Tick(0),
+                velocity: Velocity::default(),
+                pose: None,
+            },
         );
         sim.run_until(|sim| sim.states()[&avatar(client)].velocity == Velocity::default()).unwrap();
         let parked = sim.states()[&avatar(client)].pose;

@@ -130,8 +130,14 @@ impl Author {
         }
         for (body, Move { velocity, pose, drive }) in std::mem::take(&mut self.moves) {
             let Some(known) = self.known(server, body).map(|known| known.asked()) else { continue };
-            let input =
-                Input { body, logical_time: 0, tick: Tick(0), velocity: velocity.unwrap_or(known), pose, drive: None };
+            let input = Input {
+                body,
+                logical_time: 0,
+                tick: Tick(0),
+                velocity: velocity.unwrap_or(known),
+                pose,
+                drive: None,
+            };
             if velocity.is_some() || pose.is_some() {
                 ops.push(ProgramOp::Move(input));
             }

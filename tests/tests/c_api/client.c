@@ -192,14 +192,35 @@ static void shows(DcdWorld world, DcdBodyId avatar)
     HOLDS(gets_beyond(world, avatar, pose_of(world, avatar).p[0] + 3.0));
     OK(dcd_view_time(world, &time));
     HOLDS(time.shown > before.shown && time.now >= time.shown);
-    OK(dcd_view_body(world, avatar, time.now, &now, NULL));
+    HOLDS(time.predicted >= time.now);
+    OK(dcd_view_body(world, avatar, time.predicted, &now, NULL));
     OK(dcd_view_body(world, avatar, time.shown, &shown, &velocity));
     HOLDS(now.p[0] >= shown.p[0] && shown.p[0] > now.p[0] - 10.0 && velocity.linear[0] > 5.0f);
     OK(dcd_view_state(world, &time, &view));
     HOLDS(view.count == 101 && view.ids[100].v == avatar.v && view.poses[100].p[0] == now.p[0]);
-    time.now = time.shown;
+    time.predicted = time.shown;
     OK(dcd_view_state(world, &time, &view));
     HOLDS(view.poses[100].p[0] == shown.p[0]);
+}
+
+/* An avatar of one's own answers in the frame of the input. */
+static void answers(DcdWorld world, DcdBodyId avatar)
+{
+    DcdPrediction prediction = DCD_PREDICTION_INIT;
+    DcdViewTime time = DCD_VIEW_TIME_INIT;
+    DcdVelocity velocity = { { -4.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } };
+    OK(dcd_prediction(world, &prediction));
+    HOLDS(prediction.bodies >= 1 && prediction.ticks > 0);
+    OK(dcd_body_set_velocity(world, avatar, &velocity));
+    OK(dcd_step(world));
+    OK(dcd_view_time(world, &time));
+    velocity.linear[0] = 0.0f;
+    OK(dcd_view_body(world, avatar, time.predicted, NULL, &velocity));
+    HOLDS(velocity.linear[0] < -1.0f);
+    OK(dcd_prediction_set(world, false));
+    OK(dcd_prediction(world, &prediction));
+    HOLDS(prediction.bodies == 0);
+    OK(dcd_prediction_set(world, true));
 }
 
 /* The whole life of an avatar, and what can be read of the others. */
@@ -235,6 +256,7 @@ static void plays(DcdWorld world, DcdRole expected, const char *role)
     OK(dcd_body_set_velocity(world, avatar, &east));
     HOLDS(gets_beyond(world, avatar, -10.0));
     shows(world, avatar);
+    answers(world, avatar);
 
     /* A jump keeps the velocity; asked for in one step with another velocity, both count. */
     DcdPose far = def.pose;

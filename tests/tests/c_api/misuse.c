@@ -751,6 +751,14 @@ static void bulk(void)
     EXPECT(dcd_interest_set((DcdWorld){ 0 }, NULL, 0.0), DCD_ERR_NULL);
     EXPECT(dcd_bandwidth_set((DcdWorld){ 0 }, 1000), DCD_ERR_NULL);
     EXPECT(dcd_bandwidth_set(world, 1000), DCD_OK); /* a local world knows all */
+    DcdPrediction prediction = DCD_PREDICTION_INIT;
+    EXPECT(dcd_prediction_set((DcdWorld){ 0 }, true), DCD_ERR_NULL);
+    EXPECT(dcd_prediction_set(world, true), DCD_OK); /* and has nothing to predict */
+    EXPECT(dcd_prediction(world, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_prediction(world, &prediction), DCD_OK);
+    HOLDS(prediction.bodies == 0 && prediction.ticks == 0);
+    prediction.struct_size = 4;
+    EXPECT(dcd_prediction(world, &prediction), DCD_ERR_STRUCT);
     EXPECT(dcd_interest_set(world, NULL, 0.0), DCD_OK); /* a local world shows everything */
     EXPECT(dcd_body_owner(world, NO_BODY, &owner), DCD_ERR_NULL);
     EXPECT(dcd_body_owner(world, ids[2], &owner), DCD_ERR_STALE_ID);

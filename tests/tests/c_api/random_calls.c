@@ -451,6 +451,7 @@ static DcdStatus play(void)
         size_t count;
         return dice(3) ? dcd_body_owner(world, named, &owner)
                : dice(3) == 0 ? dcd_bandwidth_set(world, dice(100000))
+               : dice(3) == 0 ? dcd_prediction_set(world, dice(2) == 0)
                : dice(2) ? dcd_borders(world, borders, dice(5), &count)
                          : dcd_interest_set(world, dice(2) ? pose.p : NULL, (double)number());
     }

@@ -293,6 +293,7 @@ int main(int argc, char **argv)
     FAILS(dcd_state_hash(server, &hash), DCD_ERR_UNSUPPORTED, "server");
     FAILS(dcd_interest_set(server, NULL, 0.0), DCD_ERR_UNSUPPORTED, "server");
     FAILS(dcd_bandwidth_set(server, 1000), DCD_ERR_UNSUPPORTED, "server");
+    FAILS(dcd_prediction_set(server, true), DCD_ERR_UNSUPPORTED, "server");
     OK(dcd_world_create(&cut, &local));
     FAILS(dcd_address(local, address, sizeof address, &needed), DCD_ERR_UNSUPPORTED, "local");
     FAILS(dcd_address(client, address, sizeof address, &needed), DCD_ERR_UNSUPPORTED, "client");

@@ -361,6 +361,8 @@ CALL(dcd_regions) {
 }
 CALL(dcd_borders) { DcdBorderInfo borders[8]; return dcd_borders(s->world, borders, 8, &count); }
 CALL(dcd_body_owner) { DcdOwner owner = DCD_OWNER_INIT; return dcd_body_owner(s->world, s->body, &owner); }
+CALL(dcd_prediction_set) { return dcd_prediction_set(s->world, true); }
+CALL(dcd_prediction) { DcdPrediction prediction = DCD_PREDICTION_INIT; return dcd_prediction(s->world, &prediction); }
 CALL(dcd_bandwidth_set) { return dcd_bandwidth_set(s->world, 0); }
 CALL(dcd_interest_set) { return dcd_interest_set(s->world, NULL, 0.0); }
 CALL(dcd_stats) { DcdStats stats = DCD_STATS_INIT; return dcd_stats(s->world, &stats); }
@@ -405,7 +407,7 @@ CALL(dcd_world_destroy) {
     of(dcd_overlap_boxes) of(dcd_rays_submit) of(dcd_query_poll) of(dcd_query_cancel) of(dcd_regions) \
     of(dcd_shape_casts_submit) of(dcd_overlap_shapes_submit) of(dcd_overlap_points_submit) \
     of(dcd_overlap_boxes_submit) of(dcd_query_poll_casts) of(dcd_query_poll_overlaps) \
-    of(dcd_borders) of(dcd_body_owner) of(dcd_interest_set) of(dcd_bandwidth_set) of(dcd_stats) of(dcd_stats_text) of(dcd_state_hash) \
+    of(dcd_borders) of(dcd_body_owner) of(dcd_interest_set) of(dcd_bandwidth_set) of(dcd_prediction_set) of(dcd_prediction) of(dcd_stats) of(dcd_stats_text) of(dcd_state_hash) \
     of(dcd_snapshot_save) of(dcd_snapshot_load) of(dcd_snapshot_save_file) of(dcd_snapshot_load_file) \
     of(dcd_server_suspend) of(dcd_world_destroy)
 #define ENTRY(name) { #name, try_##name },

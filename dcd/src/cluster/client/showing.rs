@@ -155,7 +155,9 @@ impl Client {
     /// Returns how a body was at a tick by what was told of it, and whether it rested.
     pub fn told_at(&self, id: BodyId, tick: Tick) -> Option<(Motion, bool)> {
         let told = self.showing.as_ref().and_then(|showing| showing.playback.told_at(id, tick.0 as f64));
-        told.or_else(|| self.bodies.get(&id).map(|view| (Motion::of(&view.body.state), view.body.state.sleeping)))
+        told.or_else(|| {
+            self.bodies.get(&id).map(|view| (Motion::of(&view.body.state), view.body.state.sleeping))
+        })
     }
 
     /// Returns how a body is shown at a tick; `None` if it is not known.

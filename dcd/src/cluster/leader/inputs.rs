@@ -54,12 +54,19 @@ struct Avatar {
 impl Inputs {
     pub(super) fn new(world: &EnvironmentProperties) -> Self {
         let limits = AvatarLimits::of(world);
-        Self { limits, avatars: BTreeMap::new(), waiting: BTreeMap::new(), counts: BTreeMap::new(), early: BTreeMap::new() }
+        Self {
+            limits,
+            avatars: BTreeMap::new(),
+            waiting: BTreeMap::new(),
+            counts: BTreeMap::new(),
+            early: BTreeMap::new(),
+        }
     }
 
     /// Notes where an avatar is after this tick.
     pub(super) fn see(&mut self, avatar: BodyId, place: [f64; 3], tick: Tick) {
-        let new = Avatar { newest: None, last: tick, place, jump_m: self.limits.longest_jump_m(), since: tick };
+        let new =
+            Avatar { newest: None, last: tick, place, jump_m: self.limits.longest_jump_m(), since: tick };
         self.avatars.entry(avatar).or_insert(new).place = place;
     }
 
@@ -180,8 +187,7 @@ impl Inputs {
     /// Returns all inputs that no tick has taken, of each avatar in the order in which they were made.
     pub(super) fn into_untaken(self) -> impl Iterator<Item = Input> {
         let early = self.early.into_values().map(|(input, _)| input);
-        let mut untaken: Vec<_> =
-            self.waiting.into_values().map(|taken| taken.input).chain(early).collect();
+        let mut untaken: Vec<_> = self.waiting.into_values().map(|taken| taken.input).chain(early).collect();
         untaken.sort_by_key(|input| (input.body, input.logical_time));
         untaken.into_iter()
     }

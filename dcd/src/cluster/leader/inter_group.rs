@@ -349,7 +349,14 @@ mod tests {
     /// Returns the operation that ends a correction: the body is to move as it does in the other group.
     fn let_go() -> Vec<WorldOp> {
         let velocity = moving(0.0, 0.5).velocity;
-        vec![WorldOp::Input(Input { body: BODY, logical_time: 0, tick: Tick(0), velocity, pose: None, drive: None })]
+        vec![WorldOp::Input(Input {
+            body: BODY,
+            logical_time: 0,
+            tick: Tick(0),
+            velocity,
+            pose: None,
+            drive: None,
+        })]
     }
 
     #[test]

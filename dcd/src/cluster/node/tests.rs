@@ -284,7 +284,8 @@ fn member_out_of_step() -> Node {
     settle(&mut node);
     border(&mut node, 1, 1, vec![handing_over(1, &[DRIVEN, REMOVED])]);
     border(&mut node, 1, 2, vec![handing_over(2, &[OTHER])]);
-    let input = Input { body: DRIVEN, logical_time: 1, tick: Tick(0), velocity: FAST, pose: None, drive: None };
+    let input =
+        Input { body: DRIVEN, logical_time: 1, tick: Tick(0), velocity: FAST, pose: None, drive: None };
     complete(&mut node, 1, vec![]);
     complete(&mut node, 2, vec![WorldOp::Input(input), WorldOp::Remove(REMOVED)]);
     node

@@ -21,7 +21,10 @@ impl Checkpoint {
 impl RegionHost {
     /// Returns what it holds now, after a whole tick.
     pub(crate) fn checkpoint(&self) -> Checkpoint {
-        Checkpoint { tick: self.tick, regions: self.sides.iter().map(|side| side.region.checkpoint()).collect() }
+        Checkpoint {
+            tick: self.tick,
+            regions: self.sides.iter().map(|side| side.region.checkpoint()).collect(),
+        }
     }
 
     /// Goes back to what it held.

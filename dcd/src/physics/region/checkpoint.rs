@@ -86,7 +86,9 @@ impl Region {
         bodies.propagate_modified_body_positions_to_colliders(colliders);
         let moved = touched.iter().filter_map(|&handle| bodies.get(handle)).flat_map(RigidBody::colliders);
         for &handle in moved {
-            let Some(collider) = colliders.get(handle).filter(|collider| collider.is_enabled()) else { continue };
+            let Some(collider) = colliders.get(handle).filter(|collider| collider.is_enabled()) else {
+                continue;
+            };
             let aabb = collider.compute_broad_phase_aabb(integration_parameters, bodies);
             broad_phase.set_aabb(integration_parameters, handle, aabb);
         }

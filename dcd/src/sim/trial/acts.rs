@@ -254,7 +254,10 @@ impl Trial<'_> {
         let linear = std::array::from_fn(|_| (self.random.unit() * 10.0 - 5.0) as f32);
         let velocity = Velocity { linear, angular: [0.0; 3] };
         self.inputs.insert(client, (self.sim.now, velocity));
-        self.sim.submit(client, ClientEvent::Input { body: avatar, tick: crate::space::Tick(0), velocity, pose: None });
+        self.sim.submit(
+            client,
+            ClientEvent::Input { body: avatar, tick: crate::space::Tick(0), velocity, pose: None },
+        );
     }
 }
 

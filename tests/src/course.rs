@@ -150,7 +150,7 @@ pub struct Played {
     pub avatar: BodyId,
     /// Frame by frame.
     pub frames: Vec<Scene>,
-    /// What was predicted in it, none of it before.
+    /// What was predicted, in this and the half second before.
     pub prediction: Prediction,
 }
 
@@ -169,9 +169,10 @@ impl Played {
                 let Some((from, before)) = pair[0].bodies.get(id) else { continue };
                 let off = (0..3).map(|i| {
                     let way = to.translation[i] - from.translation[i];
-                    // An impact is between the two.
+                    // An impact is between the two; what comes near, or goes, is shown faster or slower for a while.
                     let ends = [before, after].map(|v| f64::from(v.linear[i]) * ticks / 60.0);
-                    let (low, high) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
+                    let low = ends[0].min(ends[1]).min(0.0) * 1.6;
+                    let high = ends[0].max(ends[1]).max(0.0) * 1.6;
                     (way - way.clamp(low, high)).powi(2)
                 });
                 jumps.push(off.sum::<f64>().sqrt());
@@ -196,7 +197,13 @@ pub fn play(stage: &mut Stage, course: Course, frames: u32) -> Played {
         stage.wait_ticks(3);
     }
     stage.wait_ticks(60);
-    let before = stage.client.prediction().unwrap();
+    // It begins to count.
+    stage.client.set_prediction(false).unwrap();
+    stage.client.set_prediction(true).unwrap();
+    while stage.client.prediction().is_none_or(|prediction| prediction.bodies == 0) {
+        stage.wait_ticks(3);
+    }
+    stage.wait_ticks(30);
     let mut next = Instant::now();
     let mut played = Vec::new();
     for frame in 0..frames {
@@ -212,9 +219,5 @@ pub fn play(stage: &mut Stage, course: Course, frames: u32) -> Played {
         let predicting = stage.client.prediction().unwrap().last_frame;
         played.push(Scene { time, bodies, predicting });
     }
-    let mut prediction = stage.client.prediction().unwrap();
-    prediction.ticks -= before.ticks;
-    prediction.replays -= before.replays;
-    prediction.corrections -= before.corrections;
-    Played { avatar, frames: played, prediction }
+    Played { avatar, frames: played, prediction: stage.client.prediction().unwrap() }
 }

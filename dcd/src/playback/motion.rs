@@ -133,7 +133,7 @@ impl Motion {
     }
 
     /// Returns whether the body cannot have moved from here to there.
-    pub(super) fn is_teleported_to(&self, next: &Self, span_s: f64) -> bool {
+    pub(crate) fn is_teleported_to(&self, next: &Self, span_s: f64) -> bool {
         let speed_m_s = vector(self.velocity.linear).norm() + vector(next.velocity.linear).norm();
         let way_m = self.distance_m(next);
         !way_m.is_finite() || !speed_m_s.is_finite() || way_m > speed_m_s * span_s + TELEPORT_M

@@ -214,7 +214,16 @@ impl Predictor {
         let from = (since as usize).min(last);
         let motion = |index: usize| Motion::of(&near.states[index]);
         let next = (from + 1).min(last);
-        Some(motion(from).towards(&motion(next), self.dt_s, (since - from as f64).min(1.0)))
+        let share = (since - from as f64).min(1.0);
+        let (a, b) = (motion(from), motion(next));
+        // Within a tick a body goes straight on, at the velocity that it has after it.
+        let mut between = a.towards(&b, self.dt_s, share);
+        if !a.is_teleported_to(&b, self.dt_s) {
+            let [a, to] = [a, b].map(|motion| motion.pose.translation);
+            between.pose.translation = std::array::from_fn(|i| a[i] + (to[i] - a[i]) * share);
+            between.velocity = b.velocity;
+        }
+        Some(between)
     }
 
     /// Looks for what is near, now and then, and for bodies that have changed.

@@ -13,7 +13,7 @@ const GAP_M: f64 = 0.5;
 /// The same as a time: gaps that are closed within it, seconds.
 const SOON_S: f64 = 0.4;
 /// The time in which a body that moves gets from one time to the other, seconds.
-const CHANGE_S: f64 = 0.6;
+const CHANGE_S: f64 = 1.0;
 /// At which tick a body is shown, and which error of that melts away.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shown {

@@ -1,109 +1,284 @@
-use super::*;
-use crate::physics::StepSettings;
-use crate::space::Bounds;
+//! Plays a client against a world of the same physics, tick by tick, with a delay each way.
+
 use rapier3d::prelude::*;
 
-fn host() -> RegionHost {
-    let bounds = Bounds::around([0.0; 3], [64.0; 3]);
-    let tree = DistributionTree::halved(bounds, 1).unwrap();
-    let regions: Vec<_> = tree.leaves().collect();
-    RegionHost::new(Partition::new(tree, None), StepSettings::default(), 1, &regions).unwrap()
+use super::*;
+use crate::cluster::{ClientEvent, ClientOutput, Peer};
+use crate::physics::ShapeLibrary;
+use crate::protocol::{
+    Chunk, FromClient, LinkRecord, Member, Message, SharedState, Stamp, StepRecord, ToClient, Velocity,
+    ViewNumber, WorldPose,
+};
+use crate::sim::sim_world;
+use crate::space::{ClientId, GroupId, NodeId};
+
+const DT_S: f64 = 1.0 / 60.0;
+const ME: ClientId = ClientId(1);
+const AVATAR: BodyId = BodyId::avatar(ME, 0);
+const LEADER: Peer = Peer::Node(NodeId(1));
+
+const LINK: LinkRecord = LinkRecord {
+    kinematic: false,
+    damping: None,
+    armature: [0.0; 6],
+    friction: [0.0; 6],
+    springs: [[0.0; 2]; 6],
+    motion: None,
+};
+
+/// A world, and a client that hears of it `delay` ticks later, and is heard as much later.
+struct Game {
+    world: RegionHost,
+    client: Client,
+    predictor: Predictor,
+    delay: u64,
+    to_client: VecDeque<(u64, ToClient)>,
+    to_world: VecDeque<(u64, Input)>,
+    waiting: Vec<Input>,
+    applied: (u64, i16),
+    /// Where the avatar was after each tick, and where it was predicted to be.
+    truth: BTreeMap<u64, f64>,
+    predicted: BTreeMap<u64, f64>,
+    time: ViewTime,
 }
 
-fn stack(host: &mut RegionHost) -> Vec<BodyRecord> {
-    let mut bodies = Vec::new();
-    let shapes = host.shapes_mut();
-    let at = |x: f64, y: f64| crate::protocol::WorldPose::at([x, y, 0.0]);
-    let cube = [ColliderBuilder::cuboid(0.5, 0.5, 0.5)];
-    let floor = [ColliderBuilder::cuboid(30.0, 0.5, 30.0)];
-    bodies.push(
-        shapes
-            .describe(BodyId::persistent(0), at(0.0, 0.0), &RigidBodyBuilder::fixed().build(), &floor)
-            .unwrap(),
-    );
-    for i in 0..10 {
-        let body = RigidBodyBuilder::dynamic().build();
+fn environment() -> EnvironmentProperties {
+    let world = sim_world(1);
+    let step = StepRecord { gravity: [0.0, -9.81, 0.0], ..world.step };
+    EnvironmentProperties { step, ..world }
+}
+
+fn cube(half: f32) -> [ColliderBuilder; 1] {
+    [ColliderBuilder::cuboid(half, half, half)]
+}
+
+impl Game {
+    /// A floor, an avatar at x = -4 that is a kinematic box, and `bodies`, which `describe` makes.
+    fn of(
+        delay: u64,
+        describe: impl FnOnce(&mut ShapeLibrary) -> (Vec<BodyRecord>, Vec<JointRecord>),
+    ) -> Self {
+        let environment = environment();
+        let tree = environment.tree.clone();
+        let regions: Vec<_> = tree.leaves().collect();
+        let mut world =
+            RegionHost::new(Partition::new(tree, None), environment.step.into(), 1, &regions).unwrap();
+        let shapes = world.shapes_mut();
+        let (mut bodies, joints) = describe(shapes);
+        let floor = [ColliderBuilder::cuboid(100.0, 0.5, 100.0)];
+        let fixed = RigidBodyBuilder::fixed().build();
         bodies.push(
-            shapes.describe(BodyId::persistent(i + 1), at(0.0, 1.0 + f64::from(i)), &body, &cube).unwrap(),
+            shapes.describe(BodyId::persistent(1_000_000), WorldPose::at([0.0; 3]), &fixed, &floor).unwrap(),
         );
+        let avatar = RigidBodyBuilder::kinematic_velocity_based().build();
+        bodies.push(shapes.describe(AVATAR, WorldPose::at([-4.0, 1.2, 0.0]), &avatar, &cube(0.5)).unwrap());
+        world.insert(bodies.clone(), &joints).unwrap();
+        let mut client = Client::new(ME, None, None);
+        let welcome = ToClient::Welcome { id: ME, logical_time: 1, world: environment.clone() };
+        let leader = Member { node: NodeId(1), address: ([127, 0, 0, 1], 1).into(), client: None };
+        let told = [
+            welcome,
+            ToClient::Chunk(Chunk::Shapes(world.shapes().records())),
+            ToClient::Chunk(Chunk::Bodies(bodies)),
+            ToClient::Chunk(Chunk::Joints(joints)),
+            ToClient::WorldEnd,
+            ToClient::LeaderIs {
+                group: GroupId(1),
+                view: ViewNumber(1),
+                leader: Some(leader),
+                tree: None,
+                allocation: Default::default(),
+            },
+        ];
+        client.handle(Duration::ZERO, ClientEvent::Connected(Peer::Server));
+        for message in told {
+            let message = Message::ToClient(ME, message);
+            client.handle(Duration::ZERO, ClientEvent::Message { from: Peer::Server, message });
+        }
+        client.handle(Duration::ZERO, ClientEvent::Connected(LEADER));
+        Self {
+            world,
+            client,
+            predictor: Predictor::new(ME, &environment).unwrap(),
+            delay,
+            to_client: VecDeque::new(),
+            to_world: VecDeque::new(),
+            waiting: Vec::new(),
+            applied: (0, 0),
+            truth: BTreeMap::new(),
+            predicted: BTreeMap::new(),
+            time: ViewTime::new(0.0, 0.0),
+        }
     }
-    let body = RigidBodyBuilder::kinematic_velocity_based().linvel(Vector::new(2.0, 0.0, 0.0)).build();
-    bodies.push(shapes.describe(BodyId::persistent(11), at(-2.0, 1.2), &body, &cube).unwrap());
-    bodies
+
+    /// Computes a tick of the world, and tells every third.
+    fn tick(&mut self) {
+        let next = self.world.tick().next();
+        while let Some((_, input)) = pop_if(&mut self.to_world, |at| at < next.0) {
+            self.waiting.push(input);
+            let early = input.tick.0 as i64 - next.0 as i64;
+            self.applied = self.applied.max((input.logical_time, early as i16));
+        }
+        let due: Vec<_> = self.waiting.extract_if(.., |input| input.tick <= next).collect();
+        due.iter().for_each(|input| self.world.obey(input));
+        // As the leader, who tells of those that a tick has applied.
+        let newest = due.iter().map(|input| input.logical_time).max();
+        if let Some(newest) = newest {
+            self.applied.0 = newest;
+        }
+        self.world.step().unwrap();
+        let (region, handle) = self.world.owned(AVATAR).unwrap();
+        self.truth.insert(next.0, region.motion(handle).0.translation[0]);
+        if next.0.is_multiple_of(3) {
+            let states = self.world.owned_bodies().map(|(_, region, handle)| region.shared_state(handle));
+            let states: Vec<SharedState> = states.collect();
+            let opened_us = (1e6 * next.0 as f64 * DT_S) as u64;
+            let stamp = Stamp {
+                opened_us,
+                applied: self.applied.0,
+                early: self.applied.1,
+                ..Stamp::untimed(GroupId(1), next, false)
+            };
+            self.to_client.push_back((next.0 + self.delay, ToClient::States { stamp, states }));
+        }
+    }
+
+    /// Shows a frame, in which `speed` is asked for if anything is.
+    fn frame(&mut self, speed: Option<f32>) {
+        let at = self.world.tick().0;
+        let now = Duration::from_secs_f64((at as f64 + 0.4) * DT_S);
+        while let Some((_, message)) = pop_if(&mut self.to_client, |due| due <= at) {
+            let message = Message::ToClient(ME, message);
+            self.client.handle(now, ClientEvent::Message { from: LEADER, message });
+        }
+        if let (Some(speed), Some(tick)) = (speed, self.client.name_tick(now)) {
+            let velocity = Velocity::linear([speed, 0.0, 0.0]);
+            self.predictor.input(Input {
+                body: AVATAR,
+                logical_time: 1,
+                tick,
+                velocity,
+                pose: None,
+                drive: None,
+            });
+            self.client.handle(now, ClientEvent::Input { body: AVATAR, tick, velocity, pose: None });
+        }
+        while let Some(output) = self.client.poll_output() {
+            if let ClientOutput::Send { message: Message::FromClient(_, FromClient::Input(input)), .. } =
+                output
+            {
+                self.to_world.push_back((at + self.delay, input));
+            }
+        }
+        let Some(time) = self.client.view_time(now) else { return };
+        let Some(predicted) = self.client.predicted_tick(now) else { return };
+        self.time = time.predicting(predicted);
+        self.predictor.listen(&self.client);
+        self.predictor.advance(&self.time);
+        let whole = predicted.floor();
+        if let Some(motion) = self.predictor.at(AVATAR, whole) {
+            self.predicted.insert(whole as u64, motion.pose.translation[0]);
+        }
+    }
+
+    fn play(&mut self, ticks: u64, ask: impl Fn(u64) -> Option<f32>) {
+        for i in 0..ticks {
+            self.tick();
+            self.frame(ask(i));
+        }
+    }
+
+    /// Returns how far the avatar was predicted from where it came to be, at worst.
+    fn worst_m(&self) -> f64 {
+        let off = |(tick, x): (&u64, &f64)| self.truth.get(tick).map(|truth| (truth - x).abs());
+        self.predicted.iter().filter_map(off).fold(0.0, f64::max)
+    }
 }
 
-fn states(host: &RegionHost) -> BTreeMap<BodyId, BodyState> {
-    host.owned_bodies().map(|(id, region, handle)| (id, region.body_state(handle))).collect()
+fn pop_if<T>(queue: &mut VecDeque<(u64, T)>, is_due: impl Fn(u64) -> bool) -> Option<(u64, T)> {
+    if is_due(queue.front()?.0) { queue.pop_front() } else { None }
+}
+
+fn stack(shapes: &mut ShapeLibrary) -> (Vec<BodyRecord>, Vec<JointRecord>) {
+    let body = RigidBodyBuilder::dynamic().build();
+    let at = |i: u32| WorldPose::at([0.0, 1.0 + f64::from(i), 0.0]);
+    (
+        (0..6).map(|i| shapes.describe(BodyId::persistent(i), at(i), &body, &cube(0.5)).unwrap()).collect(),
+        Vec::new(),
+    )
+}
+
+/// Steps that a player might make: to and fro, with pauses.
+fn to_and_fro(i: u64) -> Option<f32> {
+    Some([0.0, 2.0, 2.0, -1.0, 1.5][(i / 40) as usize % 5])
 }
 
 #[test]
-fn experiment() {
-    let mut truth = host();
-    let bodies = stack(&mut truth);
-    truth.insert(bodies.clone(), &[]).unwrap();
-    let mut history = vec![states(&truth)];
-    for _ in 0..240 {
-        truth.step().unwrap();
-        history.push(states(&truth));
+fn an_input_acts_in_its_frame_and_the_world_does_the_same_some_time_later() {
+    for delay in [0, 6, 12] {
+        let mut game = Game::of(delay, stack);
+        game.play(60, |_| Some(0.0));
+        game.predicted.clear();
+        game.play(240, to_and_fro);
+        let shown = game.predictor.at(AVATAR, game.time.predicted).unwrap();
+        assert!((shown.velocity.linear[0] - to_and_fro(239).unwrap()).abs() < 1e-3, "{shown:?}");
+        assert!(game.time.predicted > game.time.now + delay as f64, "{:?}", game.time);
+        assert!(game.predicted.len() > 230 && game.worst_m() < 1e-4, "{} m off", game.worst_m());
+        // Of the stack too: it is computed alike, from states told exactly.
+        let prediction = game.predictor.stats();
+        assert!(prediction.bodies == 7 && prediction.corrections == 0, "{prediction:?}");
     }
-    let worst = |host: &RegionHost, tick: usize| {
-        states(host)
-            .iter()
-            .map(|(id, state)| Motion::of(state).distance_m(&Motion::of(&history[tick][id])))
-            .fold(0.0, f64::max)
-    };
-    let quantised = |state: &BodyState| {
-        let mut state = *state;
-        let round = |v: f64, step: f64| (v / step).round() * step;
-        state.pose.translation = state.pose.translation.map(|v| round(v, 0.0015));
-        state.velocity.linear = state.velocity.linear.map(|v| round(f64::from(v), 0.01) as f32);
-        state.velocity.angular = state.velocity.angular.map(|v| round(f64::from(v), 0.02) as f32);
-        let q = state.pose.rotation.map(|v| round(f64::from(v), 0.003));
-        let n = q.iter().map(|v| v * v).sum::<f64>().sqrt();
-        state.pose.rotation = q.map(|v| (v / n) as f32);
-        state
-    };
-    for variant in
-        ["fresh exact", "fresh quantised", "warm exact", "warm quantised", "warm18 exact", "warm18 quantised"]
-    {
-        let mut errors = Vec::new();
-        for from in (70..200).step_by(5) {
-            let mut host = host();
-            stack(&mut host);
-            if variant.starts_with("fresh") {
-                let mut bodies = bodies.clone();
-                for body in bodies.iter_mut().skip(1) {
-                    body.state = history[from][&body.id];
-                    if variant.ends_with("quantised") {
-                        body.state = quantised(&body.state);
-                    }
-                }
-                host.insert(bodies, &[]).unwrap();
-            } else {
-                host.insert(bodies.clone(), &[]).unwrap();
-                let until = if variant.starts_with("warm18") { from + 18 } else { from };
-                for _ in 0..until {
-                    host.step().unwrap();
-                }
-                let put: Vec<_> = history[from]
-                    .iter()
-                    .map(|(id, state)| {
-                        (*id, if variant.ends_with("quantised") { quantised(state) } else { *state })
-                    })
-                    .collect();
-                host.put(Tick(from as u64), put.iter().map(|(id, state)| (*id, state)));
-            }
-            for _ in 0..18 {
-                host.step().unwrap();
-            }
-            errors.push(worst(&host, from + 18));
-        }
-        errors.sort_by(f64::total_cmp);
-        println!(
-            "{variant}: median {:.4} p90 {:.4} max {:.4}",
-            errors[errors.len() / 2],
-            errors[errors.len() * 9 / 10],
-            errors[errors.len() - 1]
-        );
+}
+
+#[test]
+fn what_does_not_come_as_predicted_is_put_right_and_melts_away() {
+    let mut game = Game::of(6, stack);
+    game.play(60, |_| Some(0.0));
+    // An input is late by a quarter of a second.
+    game.play(1, |_| Some(3.0));
+    game.to_world.iter_mut().for_each(|(at, _)| *at += 15);
+    let mut last = game.predictor.at(AVATAR, game.time.predicted).unwrap();
+    for _ in 0..60 {
+        game.play(1, |_| None);
+        let shown = game.predictor.at(AVATAR, game.time.predicted).unwrap();
+        let way_m = shown.pose.translation[0] - last.pose.translation[0];
+        assert!((-0.1..0.15).contains(&way_m), "no jump: {way_m}");
+        last = shown;
     }
+    let prediction = game.predictor.stats();
+    assert!(prediction.corrections > 0 && prediction.largest_correction_m > 0.3, "{prediction:?}");
+    game.predicted.clear();
+    game.play(60, |_| None);
+    assert!(game.worst_m() < 1e-3, "it is where it is: {} m off", game.worst_m());
+}
+
+#[test]
+fn what_is_near_is_predicted_with_what_is_tied_to_it_and_what_is_far_is_not() {
+    let mut game = Game::of(3, |shapes| {
+        let body = RigidBodyBuilder::dynamic().build();
+        let mut describe = |index: u32, x: f64| {
+            shapes
+                .describe(BodyId::persistent(index), WorldPose::at([x, 0.8, 3.0]), &body, &cube(0.25))
+                .unwrap()
+        };
+        // A chain from near to far, a pair that is a multibody, and a field of others.
+        let mut bodies: Vec<_> = (0..30).map(|i| describe(i, f64::from(i))).collect();
+        bodies.extend((30..32).map(|i| describe(i, f64::from(i) - 38.0)));
+        bodies.extend((100..3_000).map(|i| describe(i, 50.0 + f64::from(i))));
+        let tie = |a: u32, link| {
+            let joint = FixedJointBuilder::new().local_anchor1(Vector::X).build();
+            let [a, b] = [a, a + 1].map(BodyId::persistent);
+            let record = crate::physics::joint_record(JointId(u64::from(a.index())), a, b, &joint.into());
+            JointRecord { link, ..record }
+        };
+        let joints = (0..29).map(|i| tie(i, None)).chain([tie(30, Some(LINK))]).collect();
+        (bodies, joints)
+    });
+    game.play(30, |_| Some(0.0));
+    let ids: Vec<_> = game.predictor.near.keys().copied().collect();
+    let chain = (0..30).map(BodyId::persistent);
+    assert_eq!(ids, chain.chain([AVATAR]).collect::<Vec<_>>());
+    // It goes away.
+    game.play(400, |_| Some(-3.0));
+    assert_eq!(game.predictor.near.keys().collect::<Vec<_>>(), [&AVATAR]);
 }

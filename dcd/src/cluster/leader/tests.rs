@@ -150,6 +150,65 @@ fn only_the_newest_input_of_an_avatar_is_dispatched() {
     assert_eq!(ops, [WorldOp::Input(input(7, 2.0))]);
 }
 
+/// Opens the next tick; returns the logical times of the inputs that it takes.
+fn taken(leader: &mut Leader) -> Vec<u64> {
+    let tick = leader.opened().0.0;
+    both_done(leader, tick, vec![], vec![]);
+    let ops = leader.dispatch(Duration::from_secs(tick)).unwrap().ops;
+    let time = |op| if let WorldOp::Input(input) = op { Some(input.logical_time) } else { None };
+    ops.into_iter().filter_map(time).collect()
+}
+
+#[test]
+fn an_input_that_names_a_tick_waits_for_it_and_the_client_is_told_how_early_it_came() {
+    let mut leader = leader();
+    leader.dispatch(Duration::ZERO);
+    let named = |time, tick| Input { tick: Tick(tick), pose: None, ..input(time, 1.0) };
+    let stamp = |leader: &Leader| {
+        let stamp = leader.stamp(CLIENT, Tick(1), false);
+        (stamp.applied, stamp.early)
+    };
+    assert_eq!(leader.accept_input(CLIENT, named(5, 4)), Ok(()));
+    assert_eq!(leader.accept_input(CLIENT, named(6, 4)), Ok(()));
+    assert_eq!(leader.accept_input(CLIENT, named(5, 4)), Ok(()), "said twice, and overtaken: nobody minds");
+    assert_eq!(leader.accept_input(CLIENT, named(7, 5)), Ok(()));
+    let speculative: Vec<_> = leader.inputs().collect();
+    assert_eq!(speculative, [], "it is not due");
+    assert_eq!((taken(&mut leader), taken(&mut leader)), (vec![], vec![]), "ticks 2 and 3");
+    assert_eq!(stamp(&leader), (0, 0));
+    assert_eq!((taken(&mut leader), stamp(&leader)), (vec![6], (6, 2)), "the newest of tick 4");
+    assert_eq!((taken(&mut leader), stamp(&leader)), (vec![7], (7, 3)));
+    // Too late, by one, and one that nobody could mean.
+    assert_eq!(leader.accept_input(CLIENT, named(8, 5)), Ok(()));
+    assert_eq!((taken(&mut leader), stamp(&leader)), (vec![8], (8, -1)));
+    assert_eq!(leader.accept_input(CLIENT, named(9, u64::MAX)), Ok(()));
+    assert_eq!(taken(&mut leader), [9]);
+    // What is asked later, for sooner, is what counts.
+    assert_eq!(leader.accept_input(CLIENT, named(10, 20)), Ok(()));
+    assert_eq!(leader.accept_input(CLIENT, named(11, 10)), Ok(()));
+    let all: Vec<_> = (0..20).flat_map(|_| taken(&mut leader)).collect();
+    assert_eq!(all, [11]);
+}
+
+#[test]
+fn a_client_cannot_have_inputs_wait_without_end() {
+    let mut leader = leader();
+    leader.dispatch(Duration::ZERO);
+    let avatar = |index| BodyId::avatar(CLIENT, index);
+    let bodies = (0..2_000).map(|index| sim_body(avatar(index), [1.0; 3])).collect();
+    leader.apply(vec![WorldOp::Insert { bodies, shapes: vec![], joints: vec![] }]);
+    taken(&mut leader);
+    for index in 0..2_000 {
+        let named =
+            Input { body: avatar(index), tick: Tick(60), pose: None, ..input(u64::from(index) + 1, 1.0) };
+        assert_eq!(leader.accept_input(CLIENT, named), Ok(()));
+    }
+    assert_eq!(taken(&mut leader).len(), 2_000 - 1_024, "those that have no room do not wait");
+    leader.apply(vec![WorldOp::Remove(avatar(0))]);
+    let rest: Vec<_> = (0..60).flat_map(|_| taken(&mut leader)).collect();
+    assert_eq!(rest.len(), 1_023);
+}
+
 #[test]
 fn an_avatar_jumps_no_farther_than_it_could_have_moved() {
     let mut leader = leader();

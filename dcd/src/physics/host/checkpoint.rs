@@ -45,3 +45,69 @@ impl RegionHost {
         self.sides.iter_mut().for_each(|side| side.region.find_moved());
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::physics::{Partition, StepSettings};
+    use crate::protocol::{Drive, Velocity};
+    use crate::scene::{Params, Scene};
+    use crate::space::{BodyId, DistributionTree};
+
+    fn host(scene: &str) -> RegionHost {
+        let scene = Scene::open(scene, &Params::default()).unwrap();
+        let tree = DistributionTree::halved(scene.bounds, 1).unwrap();
+        let regions: Vec<_> = tree.leaves().collect();
+        let settings: StepSettings = scene.step_settings();
+        let mut host = RegionHost::new(Partition::new(tree, None), settings, 1, &regions).unwrap();
+        let (bodies, joints) = scene.records(host.shapes_mut()).unwrap();
+        host.insert(bodies, &joints).unwrap();
+        host
+    }
+
+    fn states(host: &RegionHost) -> Vec<(BodyId, BodyState)> {
+        host.owned_bodies().map(|(id, region, handle)| (id, region.body_state(handle))).collect()
+    }
+
+    /// Piles, chains and balls that bounce: what contacts remember counts.
+    #[test]
+    fn ticks_computed_again_from_a_checkpoint_are_the_same_to_the_bit() {
+        for scene in ["pile", "chain", "sweep"] {
+            let mut host = host(scene);
+            (0..40).for_each(|_| host.step().unwrap());
+            let checkpoint = host.checkpoint();
+            let push = |host: &mut RegionHost| {
+                host.steer(BodyId::persistent(3), &Velocity::linear([1.0, 2.0, 0.0]));
+                host.drive(BodyId::persistent(3), &Drive::default());
+            };
+            push(&mut host);
+            (0..30).for_each(|_| host.step().unwrap());
+            let once = states(&host);
+            (0..7).for_each(|_| host.step().unwrap());
+            assert_ne!(states(&host), once, "{scene} moves");
+            for _ in 0..2 {
+                host.restore(&checkpoint);
+                assert_eq!((host.tick(), checkpoint.tick()), (Tick(40), Tick(40)));
+                push(&mut host);
+                (0..30).for_each(|_| host.step().unwrap());
+                assert!(states(&host) == once, "{scene}");
+            }
+        }
+    }
+
+    #[test]
+    fn bodies_are_put_into_states_awake_and_asleep() {
+        let mut host = host("pile");
+        let first = states(&host);
+        (0..60).for_each(|_| host.step().unwrap());
+        let sleeper = first[0].0;
+        let state = |state: &BodyState, sleeping| BodyState { sleeping, ..*state };
+        let put: Vec<_> = first.iter().map(|(id, was)| (*id, state(was, *id == sleeper))).collect();
+        host.put(Tick(7), put.iter().map(|(id, state)| (*id, state)));
+        assert_eq!(host.tick(), Tick(7));
+        for ((id, is), (_, was)) in states(&host).iter().zip(&first) {
+            assert_eq!(is.pose, was.pose);
+            assert_eq!(is.sleeping, *id == sleeper, "{id}");
+        }
+    }
+}

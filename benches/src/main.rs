@@ -14,6 +14,7 @@ mod maps;
 mod page;
 #[cfg(feature = "peers")]
 mod peers;
+mod prediction;
 mod results;
 mod scale;
 mod speed;
@@ -54,6 +55,8 @@ enum Suite {
     /// The same boxes in bare Rapier, Rapier's `parallel`, Box3D, Jolt and dcd: time beside penetration, energy and sag.
     #[cfg(feature = "peers")]
     Peers(peers::Peers),
+    /// How well a client predicts its own avatars, over good and bad networks: corrections, jumps and time per frame.
+    Prediction(prediction::Predictions),
     /// Scenes of 180 to 40,000 bodies with bodies at every border: time and error of the same settings in the same row.
     Scale(scale::Scale),
     #[command(hide = true)]
@@ -81,6 +84,7 @@ fn main() -> ExitCode {
         Suite::Faults(faults) => faults.run(),
         #[cfg(feature = "peers")]
         Suite::Peers(peers) => peers.run().map(done),
+        Suite::Prediction(prediction) => prediction.run().map(done),
         Suite::Scale(scale) => scale.run().map(done),
         Suite::ScaleWorker(worker) => worker.run().map(done),
         Suite::Speed(speed) => speed.run().map(done),

@@ -156,7 +156,7 @@ fn see(
     let at = JoinConfig { listen: Some(address), advertise: Some(front), ..join(JoinRole::Node)? };
     let node = World::join_as_node(&at)?;
     proxy.set(weather);
-    let client = ClientWorld::connect(&join(JoinRole::Client)?)?;
+    let mut client = ClientWorld::connect(&join(JoinRole::Client)?)?;
     client.limit((limit > 0).then_some(limit))?;
     if !client.wait_update(0, PATIENCE) {
         return Err("the world does not begin".into());
@@ -184,7 +184,7 @@ fn see(
             }
             Some((body.id, body.state.pose))
         });
-        let shown = client.motions_at(told.iter().map(|(id, _)| (*id, time.shown)));
+        let shown = client.motions_at(told.iter().map(|(id, _)| *id), &time);
         let bodies = told
             .into_iter()
             .zip(shown)

@@ -82,6 +82,9 @@ pub(super) struct Client {
     /// Ask for no more than so many bytes a second of states of bodies [default: as many as the link carries]
     #[arg(long, value_name = "BYTES_PER_S", value_parser = clap::value_parser!(u32).range(1..))]
     limit: Option<u32>,
+    /// Show avatars as they were told last, instead of predicting them
+    #[arg(long)]
+    no_prediction: bool,
     /// Also print what the bytes were for: by message, by field of states, and by body
     #[arg(long)]
     bandwidth: bool,
@@ -247,7 +250,8 @@ impl Client {
         let truth = self
             .truth
             .map(|token| JoinConfig { give_up: self.give_up, ..JoinConfig::new(self.server, token) });
-        let world = if compute { ClientWorld::participate(&join)? } else { ClientWorld::connect(&join)? };
+        let mut world = if compute { ClientWorld::participate(&join)? } else { ClientWorld::connect(&join)? };
+        world.set_prediction(!self.no_prediction);
         print(&format!("joined as {}", world.id()))?;
         if let Some(address) = world.address() {
             print(&format!("listening {address}"))?;

@@ -310,7 +310,8 @@ impl Predictor {
             self.go_back(Tick(stale.0.max(self.base.0 + 1) - 1))?;
         }
         let goal = Tick((time.predicted.max(0.0) as u64 + 1).min(self.base.0 + AHEAD_TICKS)).max(self.tip);
-        self.stats.ticks += goal.0.saturating_sub(self.newest.0).min(AHEAD_TICKS);
+        let before_goal = if self.newest == Tick(0) { goal } else { self.newest };
+        self.stats.ticks += goal.0.saturating_sub(before_goal.0);
         self.newest = goal;
         while self.tip < goal {
             self.step()?;

@@ -12,6 +12,8 @@ const LOOKS: usize = 1_024;
 /// The most movable bodies that are predicted, avatars included, and the most immovable ones.
 const MOVABLE: usize = 64;
 const SCENERY: usize = 256;
+/// The most avatars around which it is looked for what is near.
+const AVATARS: usize = 16;
 /// Bodies are predicted from this gap to an avatar on, metres, and beyond that what either moves in a second.
 const GAP_M: f64 = 8.0;
 /// One that is predicted stays so for as much more, metres.
@@ -62,7 +64,7 @@ impl Search {
         let find = |hash| client.shapes().get(&hash);
         if self.last.is_none() {
             *self = Self::default();
-            self.avatars = client.own_avatars().map(|view| avatar(view, find)).collect();
+            self.avatars = client.own_avatars().take(AVATARS).map(|view| avatar(view, find)).collect();
             if self.avatars.is_empty() {
                 return Some(Chosen::default());
             }

@@ -215,11 +215,22 @@ fn pop_if<T>(queue: &mut VecDeque<(u64, T)>, is_due: impl Fn(u64) -> bool) -> Op
     if is_due(queue.front()?.0) { queue.pop_front() } else { None }
 }
 
+/// Rounds a state to the steps in which clients are told.
+fn round(state: &mut SharedState) {
+    let steps = |v: f64, step: f64| (v / step).round() * step;
+    state.pose.translation = state.pose.translation.map(|v| steps(v, 1.5e-3));
+    let turn = state.pose.rotation.map(|v| steps(f64::from(v), 2e-3));
+    let length = turn.iter().map(|v| v * v).sum::<f64>().sqrt();
+    state.pose.rotation = turn.map(|v| (v / length) as f32);
+    state.velocity.linear = state.velocity.linear.map(|v| steps(f64::from(v), 0.01) as f32);
+    state.velocity.angular = state.velocity.angular.map(|v| steps(f64::from(v), 0.02) as f32);
+}
+
 fn stack(shapes: &mut ShapeLibrary) -> (Vec<BodyRecord>, Vec<JointRecord>) {
     let body = RigidBodyBuilder::dynamic().build();
     let at = |i: u32| WorldPose::at([0.0, 1.0 + f64::from(i), 0.0]);
     (
-        (0..6).map(|i| shapes.describe(BodyId::persistent(i), at(i), &body, &cube(0.5)).unwrap()).collect(),
+        (0..10).map(|i| shapes.describe(BodyId::persistent(i), at(i), &body, &cube(0.5)).unwrap()).collect(),
         Vec::new(),
     )
 }
@@ -259,7 +270,6 @@ fn a_stack_that_is_pushed_is_predicted_within_centimetres_over_a_bad_network() {
         let corrected = (after.corrections - before.corrections) as f64 / (after.ticks - before.ticks) as f64;
         println!("jitter of {jitter} ticks: {corrected}, {after:?}");
         assert!(corrected <= 0.05 && after.largest_correction_m < 0.2, "{jitter}: {corrected}, {after:?}");
-        assert!(after.replays > before.replays, "rounding alone sees to that");
     }
 }
 

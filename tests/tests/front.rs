@@ -30,17 +30,44 @@ fn served() -> Served {
     Served { client, node, server, _data: data }
 }
 
-/// The program of the README, but for the line that makes the world.
-fn until_the_cube_rests(mut world: World) -> Result<f64, Error> {
+/// The program of the README from the line on that makes the world.
+fn until_the_cube_rests(mut world: World) -> Result<f64, Box<dyn std::error::Error>> {
     let cube = world.insert(
         RigidBodyBuilder::dynamic().translation(Vector::new(4.0, 3.0, 0.0)),
         ColliderBuilder::cuboid(0.5, 0.5, 0.5),
     )?;
     while !world.body(cube).is_none_or(|cube| cube.sleeping) {
-        world.poll(Duration::from_secs(1));
+        world.poll(std::time::Duration::from_secs(1)); // a local world does not wait
         world.step()?;
     }
-    Ok(world.pose(cube).expect("it is not refused").translation[1])
+    println!("it rests at {:?}", world.pose(cube).ok_or("it was refused")?.translation);
+    Ok(world.pose(cube).expect("it was there").translation[1])
+}
+
+/// The line of the README that makes the world a served one: only compiled, as nobody listens there.
+#[expect(dead_code, unused_mut)]
+fn in_a_served_world() -> Result<World, Box<dyn std::error::Error>> {
+    let mut world = World::connect(&JoinConfig::new("192.0.2.7:7420".parse()?, "dcd1-..."))?;
+    Ok(world)
+}
+
+#[test]
+fn the_program_of_the_readme_is_short_and_is_the_one_that_runs_here() {
+    let readme = include_str!("../../README.md");
+    let (_, program) = readme.split_once("```rust\n").expect("it has a program");
+    let (program, _) = program.split_once("```").expect("it ends");
+    assert!(program.lines().count() <= 25, "{program}");
+    let imports: Vec<_> = program.lines().filter(|line| line.starts_with("use ")).collect();
+    assert_eq!(imports, ["use dcd::prelude::*;"]);
+    assert_eq!(program.matches("dcd::").count(), 1, "the prelude is enough");
+    // Its doctest runs the local world, the tests below both.
+    let here = include_str!("front.rs");
+    let (before, after) = program.split_once("    let cube").expect("it inserts a cube");
+    let after = after.strip_suffix("    Ok(())\n}\n").expect("it ends well");
+    assert!(here.contains(&format!("    let cube{after}")), "{after}");
+    let served =
+        before.lines().find_map(|line| line.strip_prefix("    // ")).expect("it names the other line");
+    assert!(here.lines().any(|line| line.trim_start() == served), "{served}");
 }
 
 #[test]

@@ -47,6 +47,7 @@ pub struct JoinConfig {
 
 impl JoinConfig {
     /// Returns the usual settings: no identity file, ten seconds to join, thirty for a server that is lost, one thread, any port.
+    #[must_use]
     pub fn new(server: SocketAddr, token: impl Into<String>) -> Self {
         Self {
             server,
@@ -62,6 +63,7 @@ impl JoinConfig {
     }
 
     /// Trades the token for an identity of this role.
+    #[doc(hidden)]
     pub fn join(&self, role: JoinRole) -> Result<Identity, ProcessError> {
         let token: Token = self.token.trim().parse()?;
         token.require(role)?;

@@ -64,6 +64,7 @@ impl Default for WorldConfig {
 
 impl WorldConfig {
     /// Returns the configuration that a scene asks for, its coupling too, on one thread.
+    #[must_use]
     pub fn for_scene(scene: &Scene) -> Self {
         Self {
             bounds: scene.bounds,
@@ -86,6 +87,7 @@ impl WorldConfig {
 
     /// Returns the distribution tree that this configuration asks for; with [`Partitioning::Auto`] that of a world without
     /// bodies.
+    #[doc(hidden)]
     pub fn tree(&self) -> Result<DistributionTree, TreeError> {
         match &self.partitioning {
             Partitioning::Auto => DistributionTree::halved(self.bounds, 1),
@@ -143,6 +145,7 @@ pub enum WorldError {
 
 /// Statistics of a local world so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct Stats {
     /// Ticks done.
     pub ticks: u64,

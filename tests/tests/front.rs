@@ -205,3 +205,143 @@ fn what_a_ray_hits_and_what_touches_have_ids_that_changes_take() {
     world.remove_collider(lid).unwrap();
     assert_eq!(world.collider_count(ground), 1);
 }
+
+/// Types by name, which all have these traits: it does not compile else.
+macro_rules! with_traits {
+    ($bound:path, $extra:path; $($name:ty),* $(,)?) => {{
+        fn has<T: $bound + $extra>() {}
+        $(has::<$name>();)*
+        vec![$(stringify!($name)),*]
+    }};
+}
+
+#[test]
+fn every_public_type_can_be_printed_and_passes_between_threads() {
+    trait Passes: Send + Sync {}
+    impl<T: Send + Sync> Passes for T {}
+    let mut known = with_traits![std::fmt::Debug, Passes;
+        dcd::Axis,
+        dcd::BodyChange,
+        dcd::BodyKind,
+        dcd::Costs,
+        dcd::Coupling,
+        dcd::Error,
+        dcd::Inconsistency,
+        dcd::Instead,
+        dcd::Partitioning,
+        dcd::Preset,
+        dcd::Refusal,
+        dcd::Role,
+        dcd::Why,
+        dcd::error::ConnectionError,
+        dcd::error::ControlError,
+        dcd::error::HostError,
+        dcd::error::ProcessError,
+        dcd::error::QueryError,
+        dcd::error::SceneError,
+        dcd::error::ShapeError,
+        dcd::error::SnapshotError,
+        dcd::error::TreeError,
+        dcd::error::WorldError,
+        dcd::network::Cause,
+        dcd::network::ConnectionChange,
+        dcd::network::Delivery,
+        dcd::network::GroupPolicy,
+        dcd::network::HintUse,
+        dcd::network::JoinRole,
+        dcd::network::Pace,
+        dcd::network::PeerName,
+        dcd::network::Arrivals,
+        dcd::network::Connection,
+        dcd::network::ConnectionEvent,
+        dcd::network::ConnectionId,
+        dcd::network::DelayThresholds,
+        dcd::network::GroupConfig,
+        dcd::network::Grouping,
+        dcd::network::Hint,
+        dcd::network::JoinConfig,
+        dcd::network::PeerStats,
+        dcd::network::PollRules,
+        dcd::network::ProgramMessage,
+        dcd::network::Reason,
+        dcd::network::ServeConfig,
+        dcd::network::Thresholds,
+        dcd::query::Place,
+        dcd::query::QueryParts,
+        dcd::query::QueryResult,
+        dcd::query::ShapeRecord,
+        dcd::query::CastAnswer,
+        dcd::query::CastQuery,
+        dcd::query::FilterRecord,
+        dcd::query::Overlap,
+        dcd::query::OverlapQuery,
+        dcd::query::PartFilter,
+        dcd::query::PointHit,
+        dcd::query::Queries<'static>,
+        dcd::query::Query,
+        dcd::query::RayAnswer,
+        dcd::query::RayHit,
+        dcd::query::RayQuery,
+        dcd::query::ShapeHash,
+        dcd::query::ShapeHit,
+        dcd::query::WorldMotion,
+        dcd::query::WorldRay,
+        dcd::Area,
+        dcd::Balance,
+        dcd::Body,
+        dcd::BodyId,
+        dcd::BodyRecord,
+        dcd::BodyState,
+        dcd::BodyTraits,
+        dcd::BorderView,
+        dcd::Bounds,
+        dcd::Cell,
+        dcd::Character,
+        dcd::CharacterHit,
+        dcd::Choice,
+        dcd::ClientId,
+        dcd::ColliderId,
+        dcd::ContactForce,
+        dcd::ContactKey,
+        dcd::Drive,
+        dcd::Epoch,
+        dcd::Gait,
+        dcd::Handover,
+        dcd::HookedPair<'static>,
+        dcd::JointId,
+        dcd::JointRecord,
+        dcd::LinkMotion,
+        dcd::LinkSettings,
+        dcd::MovableBody,
+        dcd::NodeId,
+        dcd::Owner,
+        dcd::Params,
+        dcd::Push,
+        dcd::RegionId,
+        dcd::RegionInfo,
+        dcd::Scene,
+        dcd::Stats,
+        dcd::StepSettings,
+        dcd::Tick,
+        dcd::Touch,
+        dcd::Unsupported,
+        dcd::Vehicle,
+        dcd::VehicleController,
+        dcd::Velocity,
+        dcd::ViewTime,
+        dcd::Wheel,
+        dcd::World,
+        dcd::WorldConfig,
+        dcd::WorldEvents,
+        dcd::WorldPose
+    ];
+    // These borrow a predicate of their user's, as Rapier's filters do.
+    known.extend(with_traits![std::fmt::Debug, std::any::Any; dcd::query::BodyFilter<'static>, dcd::CharacterMove<'static>]);
+    let listed = include_str!("../../dcd/public-items.txt").lines().filter_map(|item| {
+        let (path, name) = item.split_once("struct.").or_else(|| item.split_once("enum."))?;
+        (!name.contains("::")).then(|| format!("dcd::{}{name}", path.replace('/', "::")))
+    });
+    let known: Vec<_> = known.iter().map(|name| name.split('<').next().unwrap()).collect();
+    let missing: Vec<_> = listed.filter(|name| !known.contains(&&name[..])).collect();
+    assert!(missing.is_empty(), "name them above: {missing:?}");
+}

@@ -201,3 +201,9 @@ fn every_file_says_first_what_it_does() {
         assert!(!says_what_it_does(silent), "{silent}");
     }
 }
+
+#[test]
+fn the_public_surface_is_small() {
+    let items = include_str!("../../dcd/public-items.txt").lines().count();
+    assert!((100..=350).contains(&items), "{items} types, traits and methods");
+}

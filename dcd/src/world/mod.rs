@@ -197,15 +197,3 @@ impl World {
         }
     }
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_world_and_its_errors_pass_between_threads() {
-        fn passes<T: Send + Sync>() {}
-        passes::<World>();
-        passes::<Error>();
-    }
-}

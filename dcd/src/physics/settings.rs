@@ -100,7 +100,6 @@ impl Preset {
 impl StepSettings {
     /// Returns the settings that nodes of a served world are sent: all but `integration`, which is Rapier's own there.
     #[doc(hidden)]
-    #[doc(hidden)]
     pub fn record(&self) -> StepRecord {
         let Self {
             gravity,

@@ -255,7 +255,7 @@ impl ClientWorld {
         self.member.submit(ClientEvent::Interest(area))
     }
 
-    /// Limits what this process is sent of bodies to so many bytes a second; `None`: as many as the link carries.
+    /// Limits what this process is sent of bodies to so many bytes per second; `None`: as many as the link carries.
     pub fn limit(&self, bytes_per_s: Option<u32>) -> Result<(), ProcessError> {
         self.member.submit(ClientEvent::Bandwidth(bytes_per_s.map_or(0, |limit| limit.max(1))))
     }

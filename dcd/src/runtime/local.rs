@@ -29,7 +29,7 @@ pub enum Partitioning {
     Cuts(Vec<(Axis, f64)>),
 }
 
-/// The settings of a local world.
+/// The settings of a local world; of those of a served one its cut and its steps.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WorldConfig {
     /// The box that is cut into regions, in metres. Bodies may leave it: outer regions reach to infinity.
@@ -143,7 +143,7 @@ pub enum WorldError {
     Full,
 }
 
-/// Statistics of a local world so far.
+/// Statistics of a world so far, as far as its process knows them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Stats {

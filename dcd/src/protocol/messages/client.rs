@@ -319,7 +319,7 @@ pub enum Costs {
     /// Wheels of a vehicle: too many, too far out, too stiff.
     #[error(
         "a vehicle of a client has at most 8 wheels within 10 m of its origin, whose suspensions together speed it up by at most 200 \
-         m/s² and are damped by at most 60 a second"
+         m/s² and are damped by at most 60 per second"
     )]
     Wheels,
     /// Avatars of the same client where it would begin.

@@ -167,7 +167,7 @@ pub enum ToServer {
         /// Whether no more follow.
         last: bool,
     },
-    /// Bodies that moved since the last checkpoint, several times a second.
+    /// Bodies that moved since the last checkpoint, several times per second.
     Checkpoint {
         /// The present view.
         view: ViewNumber,

@@ -347,7 +347,7 @@ typedef struct DcdWorldDef {
     DcdCoupling coupling;
     // DCD_PRESET_...: what stands for DCD_COUPLING_AUTO and the four numbers below; with another coupling it must be 0.
     DcdPreset preset;
-    // Exchanges between regions a step, 1 to 64; with DCD_COUPLING_AUTO the most that a border may take. 0 is what suits
+    // Exchanges between regions per step, 1 to 64; with DCD_COUPLING_AUTO the most that a border may take. 0 is what suits
     // the coupling, as in the next three.
     uint32_t exchanges;
     // Contact hops across a border within which bodies live in both regions, 1 to 16.

@@ -11,8 +11,8 @@ use crate::space::{Balance, BodyId, ClientId, RegionId};
 /// Events, statistics, regions.
 impl World {
     /// Returns the contacts that began, ceased or exceeded their force threshold in the last step, for colliders with Rapier's
-    /// `ActiveEvents` on either side; in a served world those of avatars of this process, while what bodies of the scene touch
-    /// is reported to nobody. A kinematic body notices fixed ones and their sensors only with
+    /// `ActiveEvents` on either side. Of a served world a client is told those of its avatars, and the server's program those of all
+    /// bodies (`ServeConfig::events`). A kinematic body notices fixed ones and their sensors only with
     /// `active_collision_types(ActiveCollisionTypes::all())`, as in Rapier.
     ///
     /// ```
@@ -136,7 +136,8 @@ impl World {
 
     /// Checks what must hold between two ticks: exactly one owner per body, an owner index that leads to it, owners and regions
     /// that agree on who holds what, lists in order, parts of masses that add up, finite numbers. Nothing is returned as long as all is
-    /// well; it costs a look at every body. A world that others compute has nothing to check here. The feature `validate` does it after every tick, and panics.
+    /// well; it costs a look at every body. A world that others compute has nothing to check here. The feature `validate` does it
+    /// after every tick, and panics.
     #[must_use]
     pub fn validate(&self) -> Vec<Inconsistency> {
         self.alone().map(|world| world.host().validate()).unwrap_or_default()

@@ -75,7 +75,7 @@
 // In DcdBodyDef.flags: is not there until dcd_body_set_properties takes this away; it keeps its place, its joints wait.
 #define DCD_BODY_DISABLED 16
 
-// In DcdBodyDef.flags: may turn by more than a quarter turn a step, as wheels and propellers.
+// In DcdBodyDef.flags: may turn by more than a quarter turn per step, as wheels and propellers.
 #define DCD_BODY_FAST_SPIN 32
 
 // In DcdBodyDef.flags: its spin is not changed by its own inertia, as that of a thrown book is.
@@ -331,7 +331,7 @@ typedef struct DcdWorldDef {
     // Regions that the world is cut into, 1 to 256; 0 is as many as the scene asks for, else 1, which is exact and has all
     // threads; more only where the bodies of a scene lie too far apart for the f32 of one region.
     uint32_t regions;
-    // Iterations of the solver a step, 1 to 1000. More makes tall stacks stiffer and costs time.
+    // Iterations of the solver per step, 1 to 1000. More makes tall stacks stiffer and costs time.
     uint32_t solver_iterations;
     // m/s².
     float gravity[3];
@@ -347,7 +347,7 @@ typedef struct DcdWorldDef {
     DcdCoupling coupling;
     // DCD_PRESET_...: what stands for DCD_COUPLING_AUTO and the four numbers below; with another coupling it must be 0.
     DcdPreset preset;
-    // Exchanges between regions a step, 1 to 64; with DCD_COUPLING_AUTO the most that a border may take. 0 is what suits
+    // Exchanges between regions per step, 1 to 64; with DCD_COUPLING_AUTO the most that a border may take. 0 is what suits
     // the coupling, as in the next three.
     uint32_t exchanges;
     // Contact hops across a border within which bodies live in both regions, 1 to 16.
@@ -2674,10 +2674,10 @@ DCD_API DcdStatus dcd_body_owner(DcdWorld world, DcdBodyId body, DcdOwner *out);
 // DCD_ERR_NETWORK when the link is gone, DCD_ERR_UNSUPPORTED for a server or a node.
 DCD_API DcdStatus dcd_interest_set(DcdWorld world, const double *centre, double radius);
 
-// Limits what a client or participant is sent of bodies, in bytes a second with all headers but IP's; 0: as many as the link carries, as
+// Limits what a client or participant is sent of bodies, in bytes per second with all headers but IP's; 0: as many as the link carries, as
 // at first. Of more bodies than there is room for, those are told first that are most wrong here, as seen from your avatars, and for
 // longest; what is not told for a while is shown going on as it did, for two seconds at most (dcd_view_time). Below some
-// 2,000 bytes a second little is told but that time goes on. For players at home 16,000 (128 kbit/s) suits some hundred moving bodies near
+// 2,000 bytes per second little is told but that time goes on. For players at home 16,000 (128 kbit/s) suits some hundred moving bodies near
 // them; `dcd client --bandwidth` says what the bytes of a world are for.
 //
 // A local world knows all. The limit lasts until it is set again or the world is destroyed.

@@ -42,10 +42,10 @@ pub unsafe extern "C" fn dcd_interest_set(world: DcdWorld, centre: *const f64, r
     })
 }
 
-/// Limits what a client or participant is sent of bodies, in bytes a second with all headers but IP's; 0: as many as the link carries, as
+/// Limits what a client or participant is sent of bodies, in bytes per second with all headers but IP's; 0: as many as the link carries, as
 /// at first. Of more bodies than there is room for, those are told first that are most wrong here, as seen from your avatars, and for
 /// longest; what is not told for a while is shown going on as it did, for two seconds at most (dcd_view_time). Below some
-/// 2,000 bytes a second little is told but that time goes on. For players at home 16,000 (128 kbit/s) suits some hundred moving bodies near
+/// 2,000 bytes per second little is told but that time goes on. For players at home 16,000 (128 kbit/s) suits some hundred moving bodies near
 /// them; `dcd client --bandwidth` says what the bytes of a world are for.
 ///
 /// A local world knows all. The limit lasts until it is set again or the world is destroyed.

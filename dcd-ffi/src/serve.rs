@@ -168,7 +168,7 @@ pub unsafe extern "C" fn dcd_server_create(def: *const DcdServerDef, out: *mut D
         if !(def.avatar_speed > 0.0 && def.avatar_speed <= 1e5) {
             let speed = def.avatar_speed;
             return Err(Failure::argument(format!(
-                "avatar_speed is {speed}; give metres a second up to 100000"
+                "avatar_speed is {speed}; give metres per second up to 100000"
             )));
         }
         if def.flags & !(DCD_SERVER_FRESH | DCD_SERVER_UNPACED) != 0 {

@@ -97,7 +97,7 @@ pub const DCD_BODY_NO_SLEEP: u32 = 4;
 pub const DCD_BODY_ASLEEP: u32 = 8;
 /// In DcdBodyDef.flags: is not there until dcd_body_set_properties takes this away; it keeps its place, its joints wait.
 pub const DCD_BODY_DISABLED: u32 = 16;
-/// In DcdBodyDef.flags: may turn by more than a quarter turn a step, as wheels and propellers.
+/// In DcdBodyDef.flags: may turn by more than a quarter turn per step, as wheels and propellers.
 pub const DCD_BODY_FAST_SPIN: u32 = 32;
 /// In DcdBodyDef.flags: its spin is not changed by its own inertia, as that of a thrown book is.
 pub const DCD_BODY_NO_GYRO: u32 = 64;

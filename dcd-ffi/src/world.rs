@@ -53,7 +53,7 @@ pub struct DcdWorldDef {
     /// Regions that the world is cut into, 1 to 256; 0 is as many as the scene asks for, else 1, which is exact and has all
     /// threads; more only where the bodies of a scene lie too far apart for the f32 of one region.
     pub regions: u32,
-    /// Iterations of the solver a step, 1 to 1000. More makes tall stacks stiffer and costs time.
+    /// Iterations of the solver per step, 1 to 1000. More makes tall stacks stiffer and costs time.
     pub solver_iterations: u32,
     /// m/s².
     pub gravity: [f32; 3],
@@ -69,7 +69,7 @@ pub struct DcdWorldDef {
     pub coupling: DcdCoupling,
     /// DCD_PRESET_...: what stands for DCD_COUPLING_AUTO and the four numbers below; with another coupling it must be 0.
     pub preset: DcdPreset,
-    /// Exchanges between regions a step, 1 to 64; with DCD_COUPLING_AUTO the most that a border may take. 0 is what suits
+    /// Exchanges between regions per step, 1 to 64; with DCD_COUPLING_AUTO the most that a border may take. 0 is what suits
     /// the coupling, as in the next three.
     pub exchanges: u32,
     /// Contact hops across a border within which bodies live in both regions, 1 to 16.

@@ -1,4 +1,4 @@
-//! `include/dcd.h` is what cbindgen makes of this crate, no more and no less.
+//! Tests that `include/dcd.h` is what cbindgen makes of this crate, no more and no less.
 //!
 //! `UPDATE=1 cargo test -p dcd-ffi --test header` writes it anew.
 

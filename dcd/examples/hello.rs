@@ -1,4 +1,4 @@
-//! A cube falls beside a tower until it rests: in a local world, or, given a server and a token, in a served one.
+//! Drops a cube beside a tower and steps until it rests: in a local world, or, given a server and a token, in a served one.
 //!
 //! `cargo run --release -p dcd --example hello [SERVER TOKEN]`
 

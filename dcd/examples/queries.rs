@@ -1,4 +1,4 @@
-//! Asking where things are, over the border of two regions: a ray, a shape that moves, an overlap.
+//! Asks where things are, over the border of two regions: a ray, a shape that moves, an overlap.
 //!
 //! `cargo run --release -p dcd --example queries`
 

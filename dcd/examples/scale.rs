@@ -1,4 +1,4 @@
-//! How a world is cut, and what that costs: a pile of boxes in 1 to 8 regions, by one thread and by all.
+//! Shows how a world is cut, and what that costs: a pile of boxes in 1 to 8 regions, by one thread and by all.
 //!
 //! `cargo run --release -p dcd --example scale`
 

@@ -1,4 +1,4 @@
-//! A sensor over the border of two regions: who enters a gate, who leaves it, and how hard balls land.
+//! Reads a sensor over the border of two regions: who enters a gate, who leaves it, and how hard balls land.
 //!
 //! `cargo run --release -p dcd --example sensor`
 

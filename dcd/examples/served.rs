@@ -1,4 +1,4 @@
-//! A game loop in a served world: a server, two nodes and a client, here in one process, over real QUIC links. On machines of their
+//! Runs a game loop in a served world: a server, two nodes and a client, here in one process, over real QUIC links. On machines of their
 //! own each part is the same few lines.
 //!
 //! `cargo run --release -p dcd --example served`

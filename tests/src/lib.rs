@@ -1,4 +1,4 @@
-//! What tests and benches of several programs share.
+//! Holds what tests and benches of several programs share.
 
 pub mod course;
 pub mod proxy;

@@ -1,4 +1,5 @@
-//! The command line under test: the same entry point as `dcd/src/bin/dcd.rs`.
+//! Runs the command line under test, by the same entry point as `dcd/src/bin/dcd.rs`.
+
 use std::process::ExitCode;
 
 fn main() -> ExitCode {

@@ -276,7 +276,7 @@ fn wrong_usage_names_cause_and_remedy_and_exits_with_2() {
         (&["run", "tower", "--exchanges", "65"], &["65 is not in 1..=64"]),
         (&["run", "tower", "--depth", "0"], &["0 is not in 1..=16"]),
         (&["run", "tower", "--island-limit", "65535"], &["65535 is not in 0..=65534"]),
-        (&["run", "tower", "--tolerance", "nan"], &["write metres a second above 0, as 0.03"]),
+        (&["run", "tower", "--tolerance", "nan"], &["write metres per second above 0, as 0.03"]),
         (&["run", "tower", "--threads", "0"], &["0 is not in 1..=1024"]),
         (&["run", "tower", "--seconds", "nan"], &["write simulated seconds"]),
         (&["rnu"], &["unrecognized subcommand 'rnu'"]),

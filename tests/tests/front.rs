@@ -30,17 +30,44 @@ fn served() -> Served {
     Served { client, node, server, _data: data }
 }
 
-/// The program of the README, but for the line that makes the world.
-fn until_the_cube_rests(mut world: World) -> Result<f64, Error> {
+/// The program of the README from the line on that makes the world.
+fn until_the_cube_rests(mut world: World) -> Result<f64, Box<dyn std::error::Error>> {
     let cube = world.insert(
         RigidBodyBuilder::dynamic().translation(Vector::new(4.0, 3.0, 0.0)),
         ColliderBuilder::cuboid(0.5, 0.5, 0.5),
     )?;
     while !world.body(cube).is_none_or(|cube| cube.sleeping) {
-        world.poll(Duration::from_secs(1));
+        world.poll(std::time::Duration::from_secs(1)); // a local world does not wait
         world.step()?;
     }
-    Ok(world.pose(cube).expect("it is not refused").translation[1])
+    println!("it rests at {:?}", world.pose(cube).ok_or("it was refused")?.translation);
+    Ok(world.pose(cube).expect("it was there").translation[1])
+}
+
+/// The line of the README that makes the world a served one: only compiled, as nobody listens there.
+#[expect(dead_code, unused_mut)]
+fn in_a_served_world() -> Result<World, Box<dyn std::error::Error>> {
+    let mut world = World::connect(&JoinConfig::new("192.0.2.7:7420".parse()?, "dcd1-..."))?;
+    Ok(world)
+}
+
+#[test]
+fn the_program_of_the_readme_is_short_and_is_the_one_that_runs_here() {
+    let readme = include_str!("../../README.md");
+    let (_, program) = readme.split_once("```rust\n").expect("it has a program");
+    let (program, _) = program.split_once("```").expect("it ends");
+    assert!(program.lines().count() <= 25, "{program}");
+    let imports: Vec<_> = program.lines().filter(|line| line.starts_with("use ")).collect();
+    assert_eq!(imports, ["use dcd::prelude::*;"]);
+    assert_eq!(program.matches("dcd::").count(), 1, "the prelude is enough");
+    // Its doctest runs the local world, the tests below both.
+    let here = include_str!("front.rs");
+    let (before, after) = program.split_once("    let cube").expect("it inserts a cube");
+    let after = after.strip_suffix("    Ok(())\n}\n").expect("it ends well");
+    assert!(here.contains(&format!("    let cube{after}")), "{after}");
+    let served =
+        before.lines().find_map(|line| line.strip_prefix("    // ")).expect("it names the other line");
+    assert!(here.lines().any(|line| line.trim_start() == served), "{served}");
 }
 
 #[test]
@@ -177,4 +204,144 @@ fn what_a_ray_hits_and_what_touches_have_ids_that_changes_take() {
     assert_eq!(key.colliders(), [ground.into(), ball.into()]);
     world.remove_collider(lid).unwrap();
     assert_eq!(world.collider_count(ground), 1);
+}
+
+/// Types by name, which all have these traits: it does not compile else.
+macro_rules! with_traits {
+    ($bound:path, $extra:path; $($name:ty),* $(,)?) => {{
+        fn has<T: $bound + $extra>() {}
+        $(has::<$name>();)*
+        vec![$(stringify!($name)),*]
+    }};
+}
+
+#[test]
+fn every_public_type_can_be_printed_and_passes_between_threads() {
+    trait Passes: Send + Sync {}
+    impl<T: Send + Sync> Passes for T {}
+    let mut known = with_traits![std::fmt::Debug, Passes;
+        dcd::Axis,
+        dcd::BodyChange,
+        dcd::BodyKind,
+        dcd::Costs,
+        dcd::Coupling,
+        dcd::Error,
+        dcd::Inconsistency,
+        dcd::Instead,
+        dcd::Partitioning,
+        dcd::Preset,
+        dcd::Refusal,
+        dcd::Role,
+        dcd::Why,
+        dcd::error::ConnectionError,
+        dcd::error::ControlError,
+        dcd::error::HostError,
+        dcd::error::ProcessError,
+        dcd::error::QueryError,
+        dcd::error::SceneError,
+        dcd::error::ShapeError,
+        dcd::error::SnapshotError,
+        dcd::error::TreeError,
+        dcd::error::WorldError,
+        dcd::network::Cause,
+        dcd::network::ConnectionChange,
+        dcd::network::Delivery,
+        dcd::network::GroupPolicy,
+        dcd::network::HintUse,
+        dcd::network::JoinRole,
+        dcd::network::Pace,
+        dcd::network::PeerName,
+        dcd::network::Arrivals,
+        dcd::network::Connection,
+        dcd::network::ConnectionEvent,
+        dcd::network::ConnectionId,
+        dcd::network::DelayThresholds,
+        dcd::network::GroupConfig,
+        dcd::network::Grouping,
+        dcd::network::Hint,
+        dcd::network::JoinConfig,
+        dcd::network::PeerStats,
+        dcd::network::PollRules,
+        dcd::network::ProgramMessage,
+        dcd::network::Reason,
+        dcd::network::ServeConfig,
+        dcd::network::Thresholds,
+        dcd::query::Place,
+        dcd::query::QueryParts,
+        dcd::query::QueryResult,
+        dcd::query::ShapeRecord,
+        dcd::query::CastAnswer,
+        dcd::query::CastQuery,
+        dcd::query::FilterRecord,
+        dcd::query::Overlap,
+        dcd::query::OverlapQuery,
+        dcd::query::PartFilter,
+        dcd::query::PointHit,
+        dcd::query::Queries<'static>,
+        dcd::query::Query,
+        dcd::query::RayAnswer,
+        dcd::query::RayHit,
+        dcd::query::RayQuery,
+        dcd::query::ShapeHash,
+        dcd::query::ShapeHit,
+        dcd::query::WorldMotion,
+        dcd::query::WorldRay,
+        dcd::Area,
+        dcd::Balance,
+        dcd::Body,
+        dcd::BodyId,
+        dcd::BodyRecord,
+        dcd::BodyState,
+        dcd::BodyTraits,
+        dcd::BorderView,
+        dcd::Bounds,
+        dcd::Cell,
+        dcd::Character,
+        dcd::CharacterHit,
+        dcd::Choice,
+        dcd::ClientId,
+        dcd::ColliderId,
+        dcd::ContactForce,
+        dcd::ContactKey,
+        dcd::Drive,
+        dcd::Epoch,
+        dcd::Gait,
+        dcd::Handover,
+        dcd::HookedPair<'static>,
+        dcd::JointId,
+        dcd::JointRecord,
+        dcd::LinkMotion,
+        dcd::LinkSettings,
+        dcd::MovableBody,
+        dcd::NodeId,
+        dcd::Owner,
+        dcd::Params,
+        dcd::Push,
+        dcd::RegionId,
+        dcd::RegionInfo,
+        dcd::Scene,
+        dcd::Stats,
+        dcd::StepSettings,
+        dcd::Tick,
+        dcd::Touch,
+        dcd::Unsupported,
+        dcd::Vehicle,
+        dcd::VehicleController,
+        dcd::Velocity,
+        dcd::ViewTime,
+        dcd::Wheel,
+        dcd::World,
+        dcd::WorldConfig,
+        dcd::WorldEvents,
+        dcd::WorldPose
+    ];
+    // These borrow a predicate of their user's, as Rapier's filters do.
+    known.extend(with_traits![std::fmt::Debug, std::any::Any; dcd::query::BodyFilter<'static>, dcd::CharacterMove<'static>]);
+    let listed = include_str!("../../dcd/public-items.txt").lines().filter_map(|item| {
+        let (path, name) = item.split_once("struct.").or_else(|| item.split_once("enum."))?;
+        (!name.contains("::")).then(|| format!("dcd::{}{name}", path.replace('/', "::")))
+    });
+    let known: Vec<_> = known.iter().map(|name| name.split('<').next().unwrap()).collect();
+    let missing: Vec<_> = listed.filter(|name| !known.contains(&&name[..])).collect();
+    assert!(missing.is_empty(), "name them above: {missing:?}");
 }

@@ -1,4 +1,4 @@
-//! Tests that the files of each crate depend on each other in one direction only.
+//! Tests the house rules that no compiler checks: files depend on each other in one direction only, and say first what they do.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -161,4 +161,49 @@ fn a_circle_is_found_through_groups_and_over_several_files() {
     ];
     assert_eq!(of(&three).len(), 1);
     assert_eq!(of(&three)[0].len(), 3, "a child of one of them is only led to");
+}
+
+/// Whether a file begins with a sentence about it that has a verb: `//! Computes ...`, `//! Defines, ...`.
+fn says_what_it_does(source: &str) -> bool {
+    let verb = source.strip_prefix("//! ").and_then(|line| line.split(' ').next()).unwrap_or_default();
+    let verb = verb.strip_suffix(',').unwrap_or(verb);
+    verb.starts_with(|first: char| first.is_ascii_uppercase()) && verb.len() > 2 && verb.ends_with('s')
+}
+
+/// All Rust files below a folder, by path.
+fn rust_files(folder: &Path, found: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        let is_output = path.ends_with("target");
+        match path.extension() {
+            Some(extension) if extension == "rs" => found.push(path),
+            None if path.is_dir() && !is_output => rust_files(&path, found),
+            _ => {}
+        }
+    }
+}
+
+#[test]
+fn every_file_says_first_what_it_does() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let mut files = Vec::new();
+    for crate_folder in ["dcd", "dcd-ffi", "benches", "tests"] {
+        rust_files(&root.join(crate_folder), &mut files);
+    }
+    assert!(files.len() > 500, "{} files were found", files.len());
+    let silent: Vec<_> =
+        files.iter().filter(|path| !says_what_it_does(&fs::read_to_string(path).unwrap())).collect();
+    assert!(silent.is_empty(), "the first line of these has no verb: {silent:#?}");
+    assert!(says_what_it_does("//! Creates, finds and destroys bodies.\n"));
+    for silent in
+        ["", "use std::fmt;\n", "//! The format of states.\n", "//! Taking in what others say.\n", "//! is\n"]
+    {
+        assert!(!says_what_it_does(silent), "{silent}");
+    }
+}
+
+#[test]
+fn the_public_surface_is_small() {
+    let items = include_str!("../../dcd/public-items.txt").lines().count();
+    assert!((100..=350).contains(&items), "{items} types, traits and methods");
 }

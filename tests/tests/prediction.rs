@@ -49,7 +49,8 @@ fn walkers_balls_and_cars_are_predicted_over_bad_networks() {
         for weather in [ms(0, 0, 0.0), ms(100, 0, 0.0), ms(100, 20, 0.05), ms(100, 50, 0.05)] {
             let played = run(course, weather);
             let jump_m = played.jumps_m().last().copied().unwrap();
-            if played.prediction.largest_correction_m > 1.0 || jump_m > 0.4 {
+            // Where a car hits boxes at full speed, a tick decides where they fly.
+            if played.corrected() > 0.2 || jump_m > 0.5 {
                 failures.push(format!("{}, {weather:?}: {:?}, {jump_m}", course.name(), played.prediction));
             }
         }

@@ -165,7 +165,7 @@ impl Running {
             }
             let linear = way.map(|way| (way / distance_m.max(0.1) * AVATAR_SPEED_M_S) as f32);
             let velocity = Velocity { linear, angular: [0.0; 3] };
-            self.sim.submit(client, ClientEvent::Input { body, tick: Tick(0), velocity, pose: None });
+            self.sim.submit(client, ClientEvent::Input { body, tick: dcd::Tick(0), velocity, pose: None });
         }
     }
 

@@ -1,4 +1,4 @@
-//! A participant of the thesis's test application: computes a region of the world, and has one avatar, which it steers. It runs as a
+//! Runs a participant of the thesis's test application: it computes a region of the world, and has one avatar, which it steers. It runs as a
 //! process of its own, and says at the end what a tick cost it.
 
 use std::error::Error;

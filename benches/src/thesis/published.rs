@@ -1,4 +1,4 @@
-//! The figures of the thesis, chapter 5: milliseconds of a simulation step, measured in 2006 on a cluster of 2.8 GHz Pentium 4 PCs.
+//! Lists the figures of the thesis, chapter 5: milliseconds of a simulation step, measured in 2006 on a cluster of 2.8 GHz Pentium 4 PCs.
 
 /// One row of tables 5.1 and 5.7, or one column of table 5.2: a world of so many objects.
 pub(super) struct Published {

@@ -79,7 +79,7 @@ pub(super) struct Client {
     /// File that keeps who the client is: with it, it continues with the same avatars where they were
     #[arg(long, value_name = "FILE")]
     identity: Option<PathBuf>,
-    /// Ask for no more than so many bytes a second of states of bodies [default: as many as the link carries]
+    /// Ask for no more than so many bytes per second of states of bodies [default: as many as the link carries]
     #[arg(long, value_name = "BYTES_PER_S", value_parser = clap::value_parser!(u32).range(1..))]
     limit: Option<u32>,
     /// Show avatars as they were told last, instead of predicting them

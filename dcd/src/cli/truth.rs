@@ -7,7 +7,7 @@ use crate::protocol::BodyKind;
 use crate::runtime::ClientWorld;
 use crate::space::BodyId;
 
-/// The states of a body that are kept to compare with: two seconds, told twenty times a second.
+/// The states of a body that are kept to compare with: two seconds, told twenty times per second.
 const KEPT: usize = 40;
 
 /// States farther apart than this do not say what was in between, ticks.

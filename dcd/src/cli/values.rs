@@ -59,7 +59,7 @@ pub(super) fn wall_seconds(text: &str) -> Result<Duration, String> {
 
 /// Parses metres per second, above 0.
 pub(super) fn speed(text: &str) -> Result<f32, String> {
-    let wrong = || "write metres a second, above 0 and up to 100000".to_owned();
+    let wrong = || "write metres per second, above 0 and up to 100000".to_owned();
     let value: f32 = text.parse().map_err(|_| wrong())?;
     if value > 0.0 && value <= 1e5 { Ok(value) } else { Err(wrong()) }
 }

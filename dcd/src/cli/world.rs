@@ -146,7 +146,7 @@ fn coupling() -> impl TypedValueParser<Value = Coupling> {
 }
 
 fn tolerance(text: &str) -> Result<f32, String> {
-    let wrong = || "write metres a second above 0, as 0.03".to_owned();
+    let wrong = || "write metres per second above 0, as 0.03".to_owned();
     let value: f32 = text.parse().map_err(|_| wrong())?;
     if value > 0.0 && value.is_finite() { Ok(value) } else { Err(wrong()) }
 }

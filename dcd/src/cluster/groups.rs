@@ -112,6 +112,7 @@ pub enum HintUse {
 
 impl Hint {
     /// Returns whether these hints let two nodes share a group. If not, nobody needs to measure their delay.
+    #[doc(hidden)]
     pub fn allow(hints: &[Self], a: NodeId, b: NodeId) -> bool {
         let parts = |hint: &Self| hint.usage == HintUse::Prune && hint.same_key(a, b) == Some(false);
         !hints.iter().any(parts)

@@ -1,4 +1,4 @@
-//! The format of states in a datagram: one description serves the one who writes and the one who reads.
+//! Defines the format of states in a datagram: one description serves the one who writes and the one who reads.
 
 use std::sync::LazyLock;
 

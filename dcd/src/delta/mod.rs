@@ -6,7 +6,7 @@
 //! - [`Receiver`], the client's, keeps what later states may refer to, and acknowledges datagrams.
 //!
 //! A datagram that is lost costs bytes only: later ones refer to what was acknowledged. Who computes a body keeps full precision; a
-//! client shows what it was told: positions within 0.75 mm an axis, turns within 4 mrad, speeds within 5 mm/s and 10 mrad/s.
+//! client shows what it was told: positions within 0.75 mm per axis, turns within 4 mrad, speeds within 5 mm/s and 10 mrad/s.
 
 mod coder;
 mod free_motion;

@@ -34,12 +34,8 @@ impl Placement {
         settings: &StepSettings,
     ) -> Result<Self, ShapeError> {
         let mut groups = PlaceGroups::new(bodies.len());
-        let movable = |id| {
-            let place = bodies.binary_search_by_key(&id, |body| body.id).ok()?;
-            (bodies[place].traits.kind != BodyKind::Fixed).then_some(place)
-        };
         for joint in joints {
-            if let (Some(a), Some(b)) = (movable(joint.a), movable(joint.b)) {
+            if let [Some(a), Some(b)] = movable_ends(joint, bodies) {
                 groups.join(a, b);
             }
         }
@@ -105,16 +101,20 @@ impl Placement {
     }
 }
 
+/// Returns the places of the bodies that a joint ties in a list in id order; a fixed body is tied to nothing.
+pub(super) fn movable_ends(joint: &JointRecord, bodies: &[BodyRecord]) -> [Option<usize>; 2] {
+    [joint.a, joint.b].map(|id| {
+        let place = bodies.binary_search_by_key(&id, |body| body.id).ok()?;
+        (bodies[place].traits.kind != BodyKind::Fixed).then_some(place)
+    })
+}
+
 /// Returns for each body the first body of its multibody and of what is tied to that; a body without a multibody is by itself.
 fn articulated(bodies: &[BodyRecord], joints: &[JointRecord]) -> Vec<u32> {
     let mut groups = PlaceGroups::new(bodies.len());
-    let movable = |id| {
-        let place = bodies.binary_search_by_key(&id, |body| body.id).ok()?;
-        (bodies[place].traits.kind != BodyKind::Fixed).then_some(place)
-    };
     let mut linked = vec![false; bodies.len()];
     for joint in joints {
-        let ends = [movable(joint.a), movable(joint.b)];
+        let ends = movable_ends(joint, bodies);
         if let [Some(a), Some(b)] = ends {
             groups.join(a, b);
         }

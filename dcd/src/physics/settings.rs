@@ -163,11 +163,13 @@ impl From<StepRecord> for StepSettings {
 
 impl StepSettings {
     /// Returns the settings with another coupling and its usual exchanges.
+    #[must_use]
     pub fn with_coupling(self, coupling: Coupling) -> Self {
         Self { coupling, exchanges: coupling.usual_exchanges(), ..self }
     }
 
     /// Returns the settings with [`Coupling::Auto`] and the values of the preset.
+    #[must_use]
     pub fn with_preset(self, preset: Preset) -> Self {
         let (exchanges, depth, island_limit, tolerance_m_s) = match preset {
             Preset::Draft => (2, 2, 256, 0.1),

@@ -16,6 +16,7 @@ use crate::protocol::{SHAPE_LEAST_M, SHAPE_REACH_M, ShapeHash, ShapeRecord, voxe
 
 /// An error: a shape cannot be recorded or built.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum ShapeError {
     /// Parry has such shapes, the wire format does not.
     #[error(

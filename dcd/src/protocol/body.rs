@@ -21,6 +21,7 @@ pub struct WorldPose {
 
 impl WorldPose {
     /// Returns the pose at this position without rotation.
+    #[must_use]
     pub const fn at(translation: [f64; 3]) -> Self {
         Self { translation, rotation: [0.0, 0.0, 0.0, 1.0] }
     }
@@ -34,6 +35,7 @@ impl WorldPose {
 
     /// Interpolates between this pose (`t` = 0) and `other` (`t` = 1): positions in a straight line, rotations by SLERP the
     /// shorter way (thesis 4.3.2.10). For drawing between ticks; `t` outside 0 to 1 extrapolates.
+    #[must_use]
     pub fn interpolated(&self, other: &Self, t: f64) -> Self {
         let (a, b) = (self.isometry(), other.isometry());
         let translation = a.translation.vector.lerp(&b.translation.vector, t);
@@ -46,6 +48,7 @@ impl WorldPose {
     }
 
     /// Extrapolates the pose by `seconds` at this velocity: a straight line and a constant turn.
+    #[must_use]
     pub fn moved(&self, velocity: &Velocity, seconds: f64) -> Self {
         let turn = velocity.angular.map(f64::from);
         let turn = UnitQuaternion::from_scaled_axis(nalgebra::Vector3::from(turn) * seconds);
@@ -91,11 +94,13 @@ pub struct Velocity {
 
 impl Velocity {
     /// Moves without turning, m/s.
+    #[must_use]
     pub const fn linear(linear: [f32; 3]) -> Self {
         Self { linear, angular: [0.0; 3] }
     }
 
     /// Turns in place: about this axis, by its length in rad/s.
+    #[must_use]
     pub const fn angular(angular: [f32; 3]) -> Self {
         Self { linear: [0.0; 3], angular }
     }
@@ -106,6 +111,7 @@ impl Velocity {
     }
 
     /// Returns whether its linear speed is at most this, m/s.
+    #[doc(hidden)]
     pub fn is_within(&self, speed_m_s: f32) -> bool {
         self.linear.iter().map(|v| v * v).sum::<f32>() <= speed_m_s * speed_m_s
     }
@@ -324,6 +330,7 @@ impl BodyRecord {
     }
 
     /// Returns whether a client may have it as an avatar: all shapes that it names are found, and suit clients.
+    #[doc(hidden)]
     pub fn suits_clients<'a>(&self, find: impl Fn(ShapeHash) -> Option<&'a ShapeRecord>) -> bool {
         let suits = |hash| find(hash).filter(|shape| shape.suits_clients());
         self.traits.colliders.iter().all(|collider| {

@@ -16,6 +16,7 @@ pub enum Controller<'a> {
 impl BodyRecord {
     /// Gives a body a controller, if there is one to give. A character never sleeps, and its velocity is what it wants.
     #[must_use]
+    #[doc(hidden)]
     pub fn with_controller(mut self, controller: Option<Controller<'_>>) -> Self {
         match controller {
             None => {}
@@ -35,12 +36,14 @@ impl BodyRecord {
     }
 
     /// Changes what the body is; one that is no character any more does not walk, one that is no vehicle does not drive.
+    #[doc(hidden)]
     pub fn set_traits(&mut self, traits: Arc<BodyTraits>) {
         self.traits = traits;
         self.set_state(self.state);
     }
 
     /// Changes the state, of which only what suits the body counts: it may be of a time when the body was something else.
+    #[doc(hidden)]
     pub fn set_state(&mut self, state: BodyState) {
         let gait = self.traits.character.map(|_| state.gait.unwrap_or_default());
         let drive = self.traits.vehicle.as_ref().map(|_| state.drive.unwrap_or_default());
@@ -49,12 +52,14 @@ impl BodyRecord {
 
     /// Returns the velocity that the user of the body has asked for last, as far as it is known; of a body that is no character
     /// its own.
+    #[doc(hidden)]
     pub fn asked(&self) -> Velocity {
         let own = self.state.velocity;
         self.state.gait.map_or(own, |gait| Velocity { linear: gait.wanted, ..own })
     }
 
     /// Applies what the user of the body asks for, but a jump: a velocity, or what a driver does.
+    #[doc(hidden)]
     pub fn obey(&mut self, input: &Input) {
         match (&mut self.state.drive, input.drive) {
             (Some(drive), Some(wanted)) => *drive = wanted,
@@ -64,6 +69,7 @@ impl BodyRecord {
     }
 
     /// Sets the velocity that the user of the body asks for.
+    #[doc(hidden)]
     pub fn steer(&mut self, velocity: Velocity) {
         match &mut self.state.gait {
             Some(gait) => {

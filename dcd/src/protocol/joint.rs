@@ -56,6 +56,7 @@ pub struct LinkRecord {
 
 /// The position and velocity of a link, in the coordinates of its joint.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Encode, Decode, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct LinkMotion {
     /// By axis, metres and radians.
     pub coordinates: [f32; 6],

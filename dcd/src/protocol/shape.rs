@@ -93,12 +93,14 @@ impl ShapeRecord {
     }
 
     /// Returns whether it is made of other shapes.
+    #[doc(hidden)]
     pub fn is_compound(&self) -> bool {
         matches!(self, Self::Compound(_))
     }
 
     /// Returns whether clients may use it in queries and as an avatar: it is no mesh, and is bounded. Nor is it made of voxels: Parry
     /// aborts the process where they meet a half-space, and a cast goes along them cell by cell, however small they are.
+    #[doc(hidden)]
     pub fn suits_clients(&self) -> bool {
         !matches!(
             self,
@@ -111,6 +113,7 @@ impl ShapeRecord {
     }
 
     /// Returns its largest dimension in metres; infinity unless it suits clients. Parts of a compound have their own.
+    #[doc(hidden)]
     pub fn largest_m(&self) -> f32 {
         let of = |points: &[[f32; 3]], more: &[f32]| {
             points.as_flattened().iter().chain(more).fold(0.0f32, |most, v| most.max(v.abs()))
@@ -139,6 +142,7 @@ impl ShapeRecord {
     }
 
     /// Returns how far it reaches from its origin at most, metres; infinity for a half-space. Parts of a compound have their own.
+    #[doc(hidden)]
     pub fn reach_m(&self) -> f32 {
         let of = |points: &[[f32; 3]]| points.as_flattened().iter().fold(0.0f32, |most, v| most.max(v.abs()));
         let largest_m = match self {
@@ -159,6 +163,7 @@ impl ShapeRecord {
     }
 
     /// Returns how many corners it has, 1 for what is round or made of other shapes: what a contact with it costs.
+    #[doc(hidden)]
     pub fn corner_count(&self) -> usize {
         match self {
             Self::ConvexPolyhedron(vertices, _)
@@ -171,6 +176,7 @@ impl ShapeRecord {
     }
 
     /// Returns the shapes that this one is made of.
+    #[doc(hidden)]
     pub fn parts(&self) -> impl Iterator<Item = ShapeHash> {
         let parts: &[(Pose, ShapeHash)] = match self {
             Self::Compound(parts) => parts,

@@ -31,7 +31,7 @@ impl Coupling {
     /// All methods.
     pub const ALL: [Self; 5] = [Self::Proxy, Self::Owner, Self::Overlap, Self::Island, Self::Auto];
 
-    /// Its name on the command line and in files.
+    /// Returns its name on the command line and in files.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Proxy => "proxy",
@@ -42,7 +42,7 @@ impl Coupling {
         }
     }
 
-    /// Exchanges per tick that suit it; of `auto`, the most it may take.
+    /// Returns the exchanges per tick that suit it; of `auto`, the most it may take.
     pub const fn usual_exchanges(self) -> usize {
         match self {
             Self::Proxy | Self::Owner => 1,

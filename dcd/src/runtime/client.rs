@@ -49,6 +49,7 @@ pub struct JoinConfig {
 
 impl JoinConfig {
     /// Returns the usual settings: no identity file, ten seconds to join, thirty for a server that is lost, one thread, any port.
+    #[must_use]
     pub fn new(server: SocketAddr, token: impl Into<String>) -> Self {
         Self {
             server,
@@ -64,6 +65,7 @@ impl JoinConfig {
     }
 
     /// Trades the token for an identity of this role.
+    #[doc(hidden)]
     pub fn join(&self, role: JoinRole) -> Result<Identity, ProcessError> {
         let token: Token = self.token.trim().parse()?;
         token.require(role)?;
@@ -291,7 +293,7 @@ impl ClientWorld {
         self.member.submit(ClientEvent::Interest(area))
     }
 
-    /// Limits what this process is sent of bodies to so many bytes a second; `None`: as many as the link carries.
+    /// Limits what this process is sent of bodies to so many bytes per second; `None`: as many as the link carries.
     pub fn limit(&self, bytes_per_s: Option<u32>) -> Result<(), ProcessError> {
         self.member.submit(ClientEvent::Bandwidth(bytes_per_s.map_or(0, |limit| limit.max(1))))
     }

@@ -32,6 +32,7 @@ pub struct ConnectionId(pub u64);
 
 /// A connection as it is now.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Connection {
     /// The id of the connection.
     pub id: ConnectionId,
@@ -53,6 +54,7 @@ pub struct Connection {
 
 /// An event of a connection: it is new, lost, back or gone.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct ConnectionEvent {
     /// The id of the connection.
     pub id: ConnectionId,
@@ -86,6 +88,7 @@ pub enum Delivery {
 
 /// A message from the program at the other end of a connection.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct ProgramMessage {
     /// The connection it came over; it may be gone by now.
     pub from: ConnectionId,

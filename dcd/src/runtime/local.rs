@@ -29,7 +29,7 @@ pub enum Partitioning {
     Cuts(Vec<(Axis, f64)>),
 }
 
-/// The settings of a local world.
+/// The settings of a local world; of those of a served one its cut and its steps.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WorldConfig {
     /// The box that is cut into regions, in metres. Bodies may leave it: outer regions reach to infinity.
@@ -64,6 +64,7 @@ impl Default for WorldConfig {
 
 impl WorldConfig {
     /// Returns the configuration that a scene asks for, its coupling too, on one thread.
+    #[must_use]
     pub fn for_scene(scene: &Scene) -> Self {
         Self {
             bounds: scene.bounds,
@@ -86,6 +87,7 @@ impl WorldConfig {
 
     /// Returns the distribution tree that this configuration asks for; with [`Partitioning::Auto`] that of a world without
     /// bodies.
+    #[doc(hidden)]
     pub fn tree(&self) -> Result<DistributionTree, TreeError> {
         match &self.partitioning {
             Partitioning::Auto => DistributionTree::halved(self.bounds, 1),
@@ -141,8 +143,9 @@ pub enum WorldError {
     Full,
 }
 
-/// Statistics of a local world so far.
+/// Statistics of a world so far, as far as its process knows them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
 pub struct Stats {
     /// Ticks done.
     pub ticks: u64,

@@ -41,6 +41,7 @@ pub struct ServeConfig {
 impl ServeConfig {
     /// Returns the usual settings: any free port of this machine alone, one node to wait for, in real time, until it is stopped,
     /// avatars of up to 20 m/s that wait an hour for their client.
+    #[must_use]
     pub fn new(data: impl Into<PathBuf>) -> Self {
         Self {
             listen: SocketAddr::from(([127, 0, 0, 1], 0)),

@@ -6,6 +6,7 @@ use thiserror::Error;
 
 /// The reason why a scene could not be made. Each message names the cause and the remedy.
 #[derive(Debug, Error)]
+#[non_exhaustive]
 pub enum SceneError {
     /// No scene of the library has this name.
     #[error(

@@ -135,6 +135,7 @@ impl Scene {
     }
 
     /// Returns a scene without bodies, to be filled: Earth's gravity, 60 steps per second, Rapier's 4 iterations.
+    #[must_use]
     pub fn empty(name: &str) -> Self {
         Self {
             name: name.to_owned(),

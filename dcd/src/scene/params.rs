@@ -58,6 +58,7 @@ pub(super) const fn number(
 
 impl Params {
     /// Returns no parameters: defaults everywhere.
+    #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
@@ -76,6 +77,7 @@ impl Params {
     }
 
     /// Returns these and one more (or one changed).
+    #[must_use]
     pub fn with(mut self, name: &str, value: impl fmt::Display) -> Self {
         self.set(name, value);
         self

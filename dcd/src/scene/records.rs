@@ -7,6 +7,7 @@ use crate::space::{BodyId, JointId};
 
 impl Scene {
     /// Returns the scene's bodies and joints by id; their shapes are added to `shapes`.
+    #[doc(hidden)]
     pub fn records(
         &self,
         shapes: &mut ShapeLibrary,

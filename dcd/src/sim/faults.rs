@@ -340,7 +340,7 @@ impl FaultProfile {
     }
 }
 
-/// Returns settings that find something to change in the small world of a trial several times a second.
+/// Returns settings that find something to change in the small world of a trial several times per second.
 fn quick_balance() -> Balance {
     Balance { every_ticks: 10, tolerance: 1.1, smallest_edge_m: 0.25, ..Balance::by_nodes() }
 }

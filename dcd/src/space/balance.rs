@@ -58,21 +58,25 @@ impl Default for Balance {
 
 impl Balance {
     /// Returns settings that keep this many regions, whatever the load.
+    #[must_use]
     pub fn keeping(regions: usize) -> Self {
         Self { least_regions: regions, most_regions: regions, ..Self::default() }
     }
 
     /// Returns the settings by which each node of a served world has one region, in proportion to its speed, as nodes come and go.
+    #[must_use]
     pub fn by_nodes() -> Self {
         Self { split_above: 1e9, merge_below: 0.5e9, load: Load::Times, ..Self::default() }
     }
 
     /// Returns the same settings for so many nodes: none of them is to be without a region.
+    #[doc(hidden)]
     pub fn among(self, nodes: usize) -> Self {
         Self { least_regions: self.least_regions.max(nodes).min(self.most_regions), ..self }
     }
 
     /// Returns what is wrong with the settings, if anything: the name of the setting, its value, and what it may be.
+    #[doc(hidden)]
     pub fn fault(&self) -> Option<(&'static str, String, &'static str)> {
         let Self { every_ticks, tolerance, split_above, merge_below, least_regions, most_regions, .. } =
             *self;

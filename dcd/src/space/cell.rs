@@ -35,12 +35,14 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    /// A box from its corners.
+    /// Creates a box from its corners.
+    #[must_use]
     pub const fn new(min: [f64; 3], max: [f64; 3]) -> Self {
         Self { min, max }
     }
 
-    /// A box from its middle and half its size.
+    /// Creates a box from its middle and half its size.
+    #[must_use]
     pub fn around(centre: [f64; 3], half: [f64; 3]) -> Self {
         Self {
             min: std::array::from_fn(|i| centre[i] - half[i]),
@@ -48,12 +50,14 @@ impl Bounds {
         }
     }
 
-    /// The box grown by `margin_m` on every side.
+    /// Returns the box grown by `margin_m` on every side.
+    #[must_use]
     pub fn grown(&self, margin_m: f64) -> Self {
         Self { min: self.min.map(|v| v - margin_m), max: self.max.map(|v| v + margin_m) }
     }
 
-    /// The smallest box that holds both.
+    /// Returns the smallest box that holds both.
+    #[must_use]
     pub fn union(&self, other: &Self) -> Self {
         Self {
             min: std::array::from_fn(|i| self.min[i].min(other.min[i])),
@@ -71,17 +75,17 @@ impl Bounds {
         (0..3).all(|i| self.min[i] <= other.min[i] && other.max[i] <= self.max[i])
     }
 
-    /// Edge lengths.
+    /// Returns the lengths of the edges.
     pub fn size(&self) -> [f64; 3] {
         std::array::from_fn(|i| self.max[i] - self.min[i])
     }
 
-    /// The middle.
+    /// Returns the middle.
     pub fn centre(&self) -> [f64; 3] {
         std::array::from_fn(|i| 0.5 * (self.min[i] + self.max[i]))
     }
 
-    /// The axis of the longest edge; the first of equals.
+    /// Returns the axis of the longest edge; the first of equals.
     pub fn longest_axis(&self) -> Axis {
         let size = self.size();
         Axis::ALL.into_iter().fold(
@@ -122,12 +126,14 @@ impl Cell {
     }
 
     /// Returns whether every point of the closed box lies in the cell.
+    #[doc(hidden)]
     pub fn contains_box(&self, bounds: &Bounds) -> bool {
         (0..3).all(|i| self.min[i] <= bounds.min[i] && bounds.max[i] < self.max[i])
     }
 
     /// Returns how far two cells are from each other on the axis on which they are farthest apart, metres; not above 0 when they
     /// touch.
+    #[doc(hidden)]
     pub fn gap_m(&self, other: &Self) -> f64 {
         (0..3)
             .map(|i| (self.min[i] - other.max[i]).max(other.min[i] - self.max[i]))
@@ -135,6 +141,7 @@ impl Cell {
     }
 
     /// Returns how far the point lies outside on the worst axis; negative inside (then the distance to the nearest face).
+    #[doc(hidden)]
     pub fn excess_m(&self, point: [f64; 3]) -> f64 {
         (0..3).map(|i| (self.min[i] - point[i]).max(point[i] - self.max[i])).fold(f64::NEG_INFINITY, f64::max)
     }

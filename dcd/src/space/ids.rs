@@ -83,17 +83,20 @@ id!(
 pub struct BodyId(u64);
 
 impl BodyId {
-    /// The `index`-th persistent body of the world.
+    /// Returns the id of the `index`-th persistent body of the world.
+    #[must_use]
     pub const fn persistent(index: u32) -> Self {
         Self(index as u64)
     }
 
-    /// The `index`-th avatar of `client`.
+    /// Returns the id of the `index`-th avatar of `client`.
+    #[must_use]
     pub const fn avatar(client: ClientId, index: u32) -> Self {
         Self(((client.0 as u64) << 32) | index as u64)
     }
 
     /// Returns the id whose [`BodyId::bits`] these are.
+    #[must_use]
     pub const fn from_bits(bits: u64) -> Self {
         Self(bits)
     }
@@ -111,7 +114,7 @@ impl BodyId {
         }
     }
 
-    /// The body's number among those of its client, or among the persistent ones.
+    /// Returns the body's number among those of its client, or among the persistent ones.
     pub const fn index(self) -> u32 {
         self.0 as u32
     }
@@ -134,6 +137,7 @@ impl fmt::Debug for BodyId {
 
 impl Tick {
     /// Returns the tick after this one.
+    #[must_use]
     pub const fn next(self) -> Self {
         Self(self.0 + 1)
     }
@@ -144,6 +148,7 @@ impl Epoch {
     const TRANSFER_BITS: u32 = 24;
 
     /// Returns the first epoch of bodies that the server places in the view of this number.
+    #[doc(hidden)]
     pub const fn placed_in(view: u64) -> Self {
         Self(view << Self::TRANSFER_BITS)
     }
@@ -155,11 +160,13 @@ impl Epoch {
 
     /// Returns whether a body can have this epoch after this tick when no view has a higher number than this: it was placed in one of
     /// those, and transferred at most once per tick.
+    #[doc(hidden)]
     pub const fn is_possible(self, newest_view: u64, tick: Tick) -> bool {
         self.0 >> Self::TRANSFER_BITS <= newest_view && self.transfers() <= tick.0
     }
 
     /// Returns the epoch after one more transfer.
+    #[must_use]
     pub const fn next(self) -> Self {
         Self(self.0 + 1)
     }

@@ -27,6 +27,7 @@ impl Default for Limits {
 
 /// An error: a tree cannot be made or changed as asked.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum TreeError {
     /// The bounds of the world are not a box.
     #[error("the world's bounds from {:?} to {:?} are no finite box: give a lowest corner (min) below a highest one (max)", .0.min, .0.max)]

@@ -20,9 +20,9 @@ pub(super) const CHANGE_SURFACE: &str = "change the surface of a body";
 impl World {
     /// Inserts a body with one collider, at the body's own position: in world space, exact near the origin.
     ///
-    /// In a served world it is an avatar, dynamic or kinematic by velocity. Its id is valid at once, and it stands where it was
-    /// put; [`BodyChange`](super::BodyChange) reports that it is in the world, or refused. Its speed may be limited by the
-    /// server (`ServeConfig::avatar_speed_limit`). A kinematic one notices fixed bodies and sensors only with
+    /// A server's program inserts any body, with its next step. A client's is an avatar, dynamic or kinematic by velocity. Its id
+    /// is valid at once, and it stands where it was put; [`BodyChange`](super::BodyChange) reports that it is in the world, or
+    /// refused. Its speed may be limited by the server (`ServeConfig::avatar_speed_limit`). A kinematic one notices fixed bodies and sensors only with
     /// `active_collision_types(ActiveCollisionTypes::all())`, as in Rapier.
     pub fn insert(&mut self, body: impl Into<RigidBody>, collider: ColliderBuilder) -> Result<BodyId, Error> {
         let body = body.into();
@@ -163,7 +163,7 @@ impl World {
         }
     }
 
-    /// Removes a body with its colliders and joints; in a served world an avatar of this process, for good.
+    /// Removes a body with its colliders and joints, for good; a server any body with its next step, a client an avatar of its own.
     pub fn remove(&mut self, body: BodyId) -> Result<(), Error> {
         match &mut self.inner {
             Inner::Local(world) => Ok(world.remove(body)?),
@@ -295,8 +295,8 @@ impl World {
         self.remote().map_or(Ok(()), |world| world.sees(what))
     }
 
-    /// Moves a body to a pose at once, whatever is there, and wakes it; in a served world an avatar of this process, by the next
-    /// step.
+    /// Moves a body to a pose at once, whatever is there, and wakes it; in a served world by the next step: a server any movable
+    /// body, a client an avatar of its own.
     pub fn set_pose(&mut self, body: BodyId, pose: WorldPose) -> Result<(), Error> {
         match &mut self.inner {
             Inner::Local(world) => Ok(world.set_pose(body, pose)?),
@@ -304,7 +304,8 @@ impl World {
         }
     }
 
-    /// Sets the velocity of a body, and wakes it; in a served world an avatar of this process, by the next step.
+    /// Sets the velocity of a body, and wakes it; in a served world by the next step: a server that of any movable body, a client
+    /// that of an avatar of its own.
     pub fn set_velocity(&mut self, body: BodyId, velocity: Velocity) -> Result<(), Error> {
         match &mut self.inner {
             Inner::Local(world) => Ok(world.set_velocity(body, velocity)?),

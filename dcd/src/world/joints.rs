@@ -1,4 +1,4 @@
-//! Inserts, changes and reads joints and multibody joints, in local worlds.
+//! Inserts, changes and reads joints and multibody joints, in local worlds and by a server's program.
 
 use rapier3d::prelude::GenericJoint;
 

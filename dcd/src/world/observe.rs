@@ -11,8 +11,8 @@ use crate::space::{Balance, BodyId, ClientId, RegionId};
 /// Events, statistics, regions.
 impl World {
     /// Returns the contacts that began, ceased or exceeded their force threshold in the last step, for colliders with Rapier's
-    /// `ActiveEvents` on either side; in a served world those of avatars of this process, while what bodies of the scene touch
-    /// is reported to nobody. A kinematic body notices fixed ones and their sensors only with
+    /// `ActiveEvents` on either side. Of a served world a client is told those of its avatars, and the server's program those of all
+    /// bodies (`ServeConfig::events`). A kinematic body notices fixed ones and their sensors only with
     /// `active_collision_types(ActiveCollisionTypes::all())`, as in Rapier.
     ///
     /// ```
@@ -135,8 +135,9 @@ impl World {
     }
 
     /// Checks what must hold between two ticks: exactly one owner per body, an owner index that leads to it, owners and regions
-    /// that agree on who holds what, parts of masses that add up, finite numbers. Nothing is returned as long as all is well; it costs a look at every body. A
-    /// world that others compute has nothing to check here. The feature `validate` does it after every tick, and panics.
+    /// that agree on who holds what, lists in order, parts of masses that add up, finite numbers. Nothing is returned as long as all is
+    /// well; it costs a look at every body. A world that others compute has nothing to check here. The feature `validate` does it
+    /// after every tick, and panics.
     #[must_use]
     pub fn validate(&self) -> Vec<Inconsistency> {
         self.alone().map(|world| world.host().validate()).unwrap_or_default()
@@ -163,9 +164,9 @@ impl World {
         }
     }
 
-    /// Limits what this process is sent of bodies, in bytes a second with all headers but IP's; `None`: as many as the link carries, as
+    /// Limits what this process is sent of bodies, in bytes per second with all headers but IP's; `None`: as many as the link carries, as
     /// at first. Of more bodies than there is room for, those are told first that are most wrong here, as seen from the avatars of this
-    /// process, and for longest. Below some 2,000 bytes a second little is told but that time goes on. A local world knows all.
+    /// process, and for longest. Below some 2,000 bytes per second little is told but that time goes on. A local world knows all.
     pub fn set_bandwidth(&mut self, bytes_per_s: Option<u32>) -> Result<(), Error> {
         match &mut self.inner {
             Inner::Local(_) => Ok(()),

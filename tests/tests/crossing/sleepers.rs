@@ -4,6 +4,7 @@ use std::cell::RefCell;
 use std::f32::consts::TAU;
 
 use dcd::protocol::WorldPose;
+use dcd::sim::Random;
 use dcd::space::Bounds;
 
 use super::*;
@@ -204,15 +205,12 @@ fn a_slow_lift_raises_what_sleeps_on_its_half_in_another_region() {
     }
 }
 
-/// A seeded source of numbers between two others (Steele, Lea and Flood's SplitMix64).
-struct Dice(u64);
+/// A seeded source of numbers between two others.
+struct Dice(Random);
 
 impl Dice {
     fn between(&mut self, low: f32, high: f32) -> f32 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let v = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let v = (v ^ (v >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        low + (high - low) * ((v ^ (v >> 31)) >> 40) as f32 / (1 << 24) as f32
+        low + (high - low) * (self.0.bits() >> 40) as f32 / (1 << 24) as f32
     }
 
     fn below(&mut self, count: u32) -> u32 {
@@ -290,12 +288,12 @@ fn drive_in(world: &mut LocalWorld, dice: &mut Dice) -> Vec<Lane> {
 fn driven(config: WorldConfig, seed: u64) -> (Vec<f64>, Vec<bool>) {
     let (from, lanes) = (RefCell::new(Vec::new()), RefCell::new(Vec::new()));
     let lay = |world: &mut LocalWorld| {
-        let sleepers = scatter(world, &mut Dice(seed));
+        let sleepers = scatter(world, &mut Dice(Random::new(seed)));
         from.replace(sleepers.iter().map(|&id| at(world, id)).collect());
         sleepers
     };
     let drive = |world: &mut LocalWorld| {
-        lanes.replace(drive_in(world, &mut Dice(seed + 100)));
+        lanes.replace(drive_in(world, &mut Dice(Random::new(seed + 100))));
         steps(world, 300);
     };
     let ways = ways(config, lay, drive);

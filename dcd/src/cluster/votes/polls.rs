@@ -52,6 +52,7 @@ impl Default for PollRules {
 
 impl PollRules {
     /// Returns the rules, if they can be followed.
+    #[doc(hidden)]
     pub fn checked(self) -> Result<Self, VoteError> {
         let Self { max_votes, window, .. } = self;
         if max_votes == 0 || window.is_zero() {

@@ -44,6 +44,7 @@ impl std::fmt::Debug for CharacterMove<'_> {
 
 /// A collision of a character with a collider.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct CharacterHit {
     /// Where the character stood then.
     pub pose: WorldPose,

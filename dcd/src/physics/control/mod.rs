@@ -22,6 +22,7 @@ use crate::space::{BodyId, Bounds};
 
 /// An error of a controller.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ControlError {
     /// A pose or a desired movement is not valid.
     #[error(transparent)]

@@ -33,6 +33,7 @@ impl std::fmt::Debug for VehicleController {
 
 impl VehicleController {
     /// Creates a vehicle without wheels: add them by `controller.add_wheel`.
+    #[must_use]
     pub fn new(chassis: BodyId) -> Self {
         Self {
             chassis,

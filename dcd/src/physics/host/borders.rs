@@ -7,6 +7,7 @@ use crate::space::{BodyId, Cell, RegionId, RegionSet};
 
 /// The border of two regions.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct BorderView {
     /// The region of the lower id.
     pub a: RegionId,

@@ -40,6 +40,7 @@ use crate::space::{BodyId, JointId, RegionId, RegionSet, Tick, TreeError};
 
 /// An error of a [`RegionHost`].
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum HostError {
     /// A shape cannot be held.
     #[error(transparent)]

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::{HostError, RegionHost, StepSettings};
 use crate::physics::coupling::{Moment, Side};
 use crate::physics::owner_index::Home;
-use crate::physics::placement::Placement;
+use crate::physics::placement::{Placement, movable_ends};
 use crate::physics::region::{Ownership, Region, better_anchor};
 use crate::physics::shapes::{ShapeError, ShapeLibrary};
 use crate::physics::{articulation, convert, joints};
@@ -339,11 +339,7 @@ impl RegionHost {
 
     /// Makes the region of each end of a joint hold the other end too, however far they lie apart.
     fn share_ends(&mut self, joint: &JointRecord, bodies: &[BodyRecord], owners: &[usize]) {
-        let owner_of = |id| {
-            let place = bodies.binary_search_by_key(&id, |body| body.id).ok()?;
-            (bodies[place].traits.kind != BodyKind::Fixed).then_some(owners[place])
-        };
-        let (Some(a), Some(b)) = (owner_of(joint.a), owner_of(joint.b)) else { return };
+        let [Some(a), Some(b)] = movable_ends(joint, bodies).map(|end| Some(owners[end?])) else { return };
         if a == b || !self.settings.coupling.shares_mass() {
             return;
         }

@@ -1,9 +1,9 @@
 //! Checks the invariants of all regions between two ticks, as Box2D's `b2Validate` functions do for one world.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::RegionHost;
-use crate::physics::region::Ownership;
+use crate::physics::region::{BodyRef, Ownership};
 use crate::space::{BodyId, RegionId, RegionSet};
 
 /// A violated invariant between two ticks: a fault of dcd, or a peer's.
@@ -50,6 +50,12 @@ pub enum Inconsistency {
         /// The region whose part is not what the owner's copy says.
         region: RegionId,
     },
+    /// A region's lists of shared bodies and replicas are not those of its bodies, each once and in id order.
+    #[error("the lists of shared bodies and replicas in {region} are not those of its bodies in id order")]
+    Lists {
+        /// The region.
+        region: RegionId,
+    },
     /// A body's place or motion is not a number, or infinite.
     #[error("the state of {body} in {region} is not finite")]
     NotFinite {
@@ -71,27 +77,39 @@ impl RegionHost {
         let mut parts: BTreeMap<BodyId, Vec<(usize, RegionSet)>> = BTreeMap::new();
         let region_of = |rank: usize| self.partition.leaves()[rank];
         for region in self.regions() {
+            let (mut shared, mut replicas) = (BTreeSet::new(), BTreeSet::new());
             for (body, role, handle, rigid_body) in region.bodies() {
                 let id = region.id();
                 match role {
                     Ownership::Owner => {
-                        owners.entry(body).or_default().push((region.rank(), region.slot(handle).holders));
+                        let holders = region.slot(handle).holders;
+                        owners.entry(body).or_default().push((region.rank(), holders));
+                        if !holders.is_empty() {
+                            shared.insert(body);
+                        }
                         if self.owned(body).is_none_or(|(owner, at)| owner.id() != id || at != handle) {
                             found.push(Inconsistency::Index { body, region: id });
                         }
                     }
                     Ownership::Replica { .. } => {
                         held.entry(body).or_insert(RegionSet::EMPTY).insert(region.rank());
+                        replicas.insert(body);
                     }
                     Ownership::Immovable => {}
                 }
                 if let Some(split) = region.mass_split(handle) {
                     parts.entry(body).or_default().push((region.rank(), split.among));
                 }
-                let is_finite = rigid_body.position().is_finite() && rigid_body.linvel().is_finite();
+                let is_finite = rigid_body.position().is_finite()
+                    && rigid_body.linvel().is_finite()
+                    && rigid_body.angvel().is_finite();
                 if !is_finite && !region.quarantined().contains(&body) {
                     found.push(Inconsistency::NotFinite { body, region: id });
                 }
+            }
+            let listed = |list: &[BodyRef], bodies| list.iter().map(|link| link.id).eq(bodies);
+            if !listed(region.shared(), shared) || !listed(region.replicas(), replicas) {
+                found.push(Inconsistency::Lists { region: region.id() });
             }
         }
         if self.sides.len() == self.partition.len() {
@@ -120,5 +138,74 @@ impl RegionHost {
         }
         found.sort_unstable();
         found
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rapier3d::prelude::*;
+
+    use super::*;
+    use crate::physics::host::processes::Processes;
+    use crate::physics::{Coupling, StepSettings};
+    use crate::scene::{Params, Scene};
+
+    const OWNER: usize = 0;
+    const HOLDER: usize = 1;
+
+    /// A tower on the border of two regions, of which `break_it` breaks something about a box that both hold.
+    fn found(break_it: impl FnOnce(&mut RegionHost, BodyId, [RigidBodyHandle; 2])) -> Vec<Inconsistency> {
+        let scene = Scene::named("tower", &Params::default()).unwrap();
+        let settings = StepSettings::default().with_coupling(Coupling::Overlap);
+        let mut world = Processes::of(&scene, settings, 2, 1);
+        world.step();
+        let host = &mut world.0[0];
+        assert_eq!(host.validate(), []);
+        let body = host.sides[OWNER].region.shared()[0];
+        let there = host.sides[HOLDER].region.handle_of(body.id).expect("the other holds it");
+        break_it(host, body.id, [body.handle, there]);
+        host.validate()
+    }
+
+    #[test]
+    fn whatever_is_broken_is_found_and_named() {
+        let region = |rank: usize| RegionId([1, 2][rank]);
+        let role = |rank: usize, role| {
+            found(|host, _, handles| host.sides[rank].region.slot_mut(handles[rank]).role = role)
+        };
+        let owners = |found: &[Inconsistency], count| {
+            found
+                .iter()
+                .any(|fault| matches!(fault, Inconsistency::Owners { owners, .. } if *owners == count))
+        };
+        let two = role(HOLDER, Ownership::Owner);
+        assert!(
+            owners(&two, 2) && two.iter().any(|fault| matches!(fault, Inconsistency::Index { .. })),
+            "{two:?}"
+        );
+        assert!(two.contains(&Inconsistency::Lists { region: region(HOLDER) }), "{two:?}");
+        assert!(owners(&role(OWNER, Ownership::Replica { owner: HOLDER }), 0));
+
+        let unknown =
+            found(|host, _, [own, _]| host.sides[OWNER].region.slot_mut(own).holders = RegionSet::EMPTY);
+        let [Inconsistency::UnknownReplica { region: at, .. }, Inconsistency::Lists { .. }] = unknown[..]
+        else {
+            panic!("{unknown:?}")
+        };
+        assert_eq!(at, region(HOLDER));
+
+        let parts = found(|host, _, [own, _]| {
+            let split = host.sides[OWNER].region.slot_mut(own).mass_split.as_mut();
+            split.expect("its mass is split").among = RegionSet::only(OWNER);
+        });
+        assert!(matches!(parts[..], [Inconsistency::Mass { .. }]), "{parts:?}");
+
+        let spins = found(|host, id, _| {
+            host.update(id, |body| body.set_angvel(Vector::splat(f32::NAN), true));
+        });
+        assert!(
+            matches!(spins[..], [Inconsistency::NotFinite { .. }, Inconsistency::NotFinite { .. }]),
+            "{spins:?}"
+        );
     }
 }

@@ -48,6 +48,7 @@ impl From<QueryFilterFlags> for FilterRecord {
 
 impl Queries<'_> {
     /// Answers the queries of one message. An invalid query finds nothing.
+    #[doc(hidden)]
     pub fn answer(&self, query: &Query) -> QueryResult {
         let mut shapes = ShapeLibrary::default();
         for record in &query.shapes {
@@ -82,16 +83,19 @@ impl Queries<'_> {
     }
 
     /// Returns the first hit of one ray.
+    #[doc(hidden)]
     pub fn ask_ray(&self, all: &FilterRecord, ray: &RayQuery) -> Result<Option<RayHit>, QueryError> {
         self.asking(all, &ray.filter, |queries, filter| queries.cast_ray(&straight(ray), filter))
     }
 
     /// Returns all hits of one ray, the nearest first.
+    #[doc(hidden)]
     pub fn ask_ray_through(&self, all: &FilterRecord, ray: &RayQuery) -> Result<Vec<RayHit>, QueryError> {
         self.asking(all, &ray.filter, |queries, filter| queries.intersect_ray(&straight(ray), filter))
     }
 
     /// Returns the first hit of one moving shape, within one unit of time.
+    #[doc(hidden)]
     pub fn ask_cast(
         &self,
         all: &FilterRecord,
@@ -116,6 +120,7 @@ impl Queries<'_> {
     }
 
     /// Returns all colliders that overlap one shape, point or box, by id; none if its shape is not known.
+    #[doc(hidden)]
     pub fn ask_overlap(
         &self,
         all: &FilterRecord,
@@ -133,6 +138,7 @@ impl Queries<'_> {
     }
 
     /// Returns the point of any collider that is nearest to a given point, as [`Queries::project_point`].
+    #[doc(hidden)]
     pub fn ask_nearest(
         &self,
         all: &FilterRecord,

@@ -11,6 +11,7 @@ use crate::space::BodyId;
 
 /// The hit of a moving shape on a collider.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct ShapeHit {
     /// Which body.
     pub body: BodyId,

@@ -5,6 +5,7 @@ use crate::space::Bounds;
 
 /// An error in the arguments of a query.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum QueryError {
     /// A number is NaN or infinite.
     #[error("the {0} of the query is not finite; check its numbers")]

@@ -9,6 +9,7 @@ use crate::space::{BodyId, Bounds};
 
 /// The point of a collider that is nearest to a given point.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct PointHit {
     /// Which body.
     pub body: BodyId,

@@ -25,11 +25,13 @@ pub struct WorldRay {
 
 impl WorldRay {
     /// Creates a ray without an end, which hits the bodies that it starts in.
+    #[must_use]
     pub const fn new(origin: [f64; 3], direction: [f32; 3]) -> Self {
         Self { origin, direction, max_m: f64::INFINITY, solid: true }
     }
 
     /// Returns the same ray, limited to this distance.
+    #[must_use]
     pub const fn up_to(self, max_m: f64) -> Self {
         Self { max_m, ..self }
     }
@@ -37,6 +39,7 @@ impl WorldRay {
 
 /// The hit of a ray on a collider.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct RayHit {
     /// Which body.
     pub body: BodyId,

@@ -10,7 +10,7 @@ use crate::physics::record;
 use crate::protocol::{BodyKind, BodyTraits, ColliderMass, ExtraMass, MassRecord};
 use crate::space::RegionSet;
 
-/// A remembered force may grow by this factor a step; more is an impact, and no load to be evened out.
+/// A remembered force may grow by this factor per step; more is an impact, and no load to be evened out.
 const IMPACT: f32 = 4.0;
 /// The memory of forces follows in this part of a tick, however many exchanges the tick has. Contact forces of shorter steps
 /// are rougher, and copies that answer to them at once drive each other apart: four exchanges squeezed boxes out from under a

@@ -69,17 +69,20 @@ pub struct Area {
 impl Area {
     /// Returns the area around an avatar of its own of which a client always receives states: what may touch it, unless it is long.
     /// Bodies count by their origins, since leaders do not know their sizes.
+    #[doc(hidden)]
     pub const fn around_avatar(centre: [f64; 3]) -> Self {
         Self { centre, radius_m: 8.0 }
     }
 
     /// Returns the area in which a client with this interest knows the scenery: so much wider that it need not ask often.
     #[must_use]
+    #[doc(hidden)]
     pub fn with_surroundings(&self) -> Self {
         Self { radius_m: 1.5 * self.radius_m + 8.0, ..*self }
     }
 
     /// Returns whether a body at this point, which reaches so far, is in it or at its edge.
+    #[doc(hidden)]
     pub fn meets(&self, point: [f64; 3], reach_m: f64) -> bool {
         self.is_within(point, self.radius_m + self.margin_m() + reach_m)
     }
@@ -94,26 +97,31 @@ impl Area {
     }
 
     /// Returns whether states of bodies at this point are certain to be sent: in the area and half a margin.
+    #[doc(hidden)]
     pub fn covers(&self, point: [f64; 3]) -> bool {
         self.is_within(point, self.radius_m + 0.5 * self.margin_m())
     }
 
     /// Returns whether states of a body that comes to this point are sent from then on.
+    #[doc(hidden)]
     pub fn enters(&self, point: [f64; 3]) -> bool {
         self.is_within(point, self.radius_m + self.margin_m())
     }
 
     /// Returns whether a body whose states are already sent continues to be sent at this point.
+    #[doc(hidden)]
     pub fn keeps(&self, point: [f64; 3]) -> bool {
         self.is_within(point, self.radius_m + 1.5 * self.margin_m())
     }
 
     /// Returns whether what this area covers contains all of the other.
+    #[doc(hidden)]
     pub fn stands_for(&self, other: &Self) -> bool {
         self.radius_m == other.radius_m && self.is_within(other.centre, 0.5 * self.margin_m())
     }
 
     /// Returns whether a smaller area lies in this one.
+    #[doc(hidden)]
     pub fn contains(&self, other: &Self) -> bool {
         self.is_within(other.centre, self.radius_m - other.radius_m) && other.radius_m <= self.radius_m
     }
@@ -313,7 +321,7 @@ pub enum Costs {
     /// Wheels of a vehicle: too many, too far out, too stiff.
     #[error(
         "a vehicle of a client has at most 8 wheels within 10 m of its origin, whose suspensions together speed it up by at most 200 \
-         m/s² and are damped by at most 60 a second"
+         m/s² and are damped by at most 60 per second"
     )]
     Wheels,
     /// Avatars of the same client where it would begin.

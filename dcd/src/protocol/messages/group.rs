@@ -167,7 +167,7 @@ pub enum ToServer {
         /// Whether no more follow.
         last: bool,
     },
-    /// Bodies that moved since the last checkpoint, several times a second.
+    /// Bodies that moved since the last checkpoint, several times per second.
     Checkpoint {
         /// The present view.
         view: ViewNumber,
@@ -436,16 +436,19 @@ pub struct Push {
 
 impl Push {
     /// Makes an impulse at the centre of mass, N s.
+    #[must_use]
     pub const fn impulse(body: BodyId, linear: [f32; 3]) -> Self {
         Self { body, linear, angular: [0.0; 3], point: None, lasts: false }
     }
 
     /// Makes an angular impulse, N m s.
+    #[must_use]
     pub const fn torque_impulse(body: BodyId, angular: [f32; 3]) -> Self {
         Self { body, linear: [0.0; 3], angular, point: None, lasts: false }
     }
 
     /// Makes a force at the centre of mass, N, and a torque, N m, that last until others replace them; zeros end them.
+    #[must_use]
     pub const fn force(body: BodyId, linear: [f32; 3], angular: [f32; 3]) -> Self {
         Self { body, linear, angular, point: None, lasts: true }
     }

@@ -124,6 +124,7 @@ pub struct PartFilter {
 
 impl PartFilter {
     /// Ignores one body.
+    #[must_use]
     pub fn excluding(body: BodyId) -> Self {
         Self { exclude: Some(body), ..Self::default() }
     }
@@ -142,18 +143,21 @@ impl Query {
     }
 
     /// Asks for the first hit of each ray.
+    #[must_use]
     pub fn rays(rays: impl IntoIterator<Item = RayQuery>) -> Self {
         Self::of(QueryParts::Rays(rays.into_iter().collect()))
     }
 
     /// Asks for the colliders at each place. A [`Place::Shape`] is one of `shapes`, which is filled in by the caller;
     /// [`Query::intersect_shape`] asks about one shape.
+    #[must_use]
     pub fn overlaps(places: impl IntoIterator<Item = Place>) -> Self {
         let overlap = |place| OverlapQuery { place, filter: PartFilter::default() };
         Self::of(QueryParts::Overlaps(places.into_iter().map(overlap).collect()))
     }
 
     /// Returns the cost of answering it, in rays.
+    #[doc(hidden)]
     pub fn cost(&self) -> usize {
         let of = |place: &Place| if matches!(place, Place::Shape(..)) { SHAPE_COST } else { 1 };
         match &self.parts {
@@ -166,6 +170,7 @@ impl Query {
     }
 
     /// Returns whether it is short enough to be sent.
+    #[doc(hidden)]
     pub fn fits(&self) -> bool {
         encoded_len(self) <= MAX_QUERY_BYTES
     }
@@ -173,6 +178,7 @@ impl Query {
 
 impl RayQuery {
     /// Makes a ray without end that is solid and finds everything.
+    #[must_use]
     pub fn new(origin: [f64; 3], direction: [f32; 3]) -> Self {
         Self { origin, direction, max_m: f64::INFINITY, solid: true, filter: PartFilter::default() }
     }
@@ -192,6 +198,7 @@ impl RayQuery {
 
 impl QueryParts {
     /// Returns the answer of a world without bodies.
+    #[doc(hidden)]
     pub fn nothing(&self) -> QueryResult {
         match self {
             Self::Rays(rays) => QueryResult::Rays(vec![None; rays.len()]),
@@ -266,6 +273,7 @@ pub enum QueryResult {
 impl QueryResult {
     /// Merges what others found for the same question: the nearest hit counts, and of equally near ones that of the lowest id.
     /// Returns whether both answer the same question.
+    #[doc(hidden)]
     pub fn join(&mut self, other: Self) -> bool {
         match (&mut *self, other) {
             (Self::Rays(ours), Self::Rays(theirs)) if ours.len() == theirs.len() => {

@@ -1,0 +1,157 @@
+//! Tests what the server does with what clients ask for avatars, and its program for bodies.
+
+use super::*;
+
+#[test]
+fn an_avatar_of_a_shape_that_nodes_cannot_have_is_refused_and_not_on_record() {
+    let mut server = server();
+    let client = ClientId(7);
+    let hello = Message::Hello(Hello { version: VERSION, role: JoinAs::Client { interest: None } });
+    server.handle(NOW, ServerEvent::Message { from: Peer::Client(client), message: hello });
+    let spawned = |server: &mut Server, index, of: &ShapeRecord, shapes: Vec<ShapeRecord>| {
+        let mut body = sim_body(BodyId::avatar(client, index), [1.0; 3]);
+        Arc::make_mut(&mut body.traits).colliders.push(collider(of));
+        let message = Message::FromClient(client, FromClient::Spawn { body, shapes });
+        server.handle(NOW, ServerEvent::Message { from: Peer::Client(client), message });
+        let refused = |output: ServerOutput| {
+            let ServerOutput::Send { message: Message::ToClient(_, message), .. } = output else {
+                return false;
+            };
+            matches!(message, ToClient::Rejected { reason: Refusal::Shape, .. })
+        };
+        let refused = std::iter::from_fn(|| server.poll_output()).any(refused);
+        assert_ne!(refused, server.record().body(BodyId::avatar(client, index)).is_some());
+        !refused
+    };
+    let [ball, cone] = [ShapeRecord::Ball(0.5), ShapeRecord::Cone(0.5, 0.5)];
+    let voxels = ShapeRecord::Voxels([1.0; 3], vec![[0; 3]]);
+    let compound = |part: &ShapeRecord| ShapeRecord::Compound(vec![(collider(part).pose, part.hash())]);
+    assert!(!spawned(&mut server, 0, &ball, vec![]), "nobody has sent it");
+    assert!(spawned(&mut server, 0, &ball, vec![ball.clone()]));
+    assert!(spawned(&mut server, 1, &ball, vec![]), "it is on record");
+    assert!(spawned(&mut server, 2, &compound(&ball), vec![compound(&ball)]), "and so is its part");
+    assert!(!spawned(&mut server, 3, &cone, vec![cone.clone()]), "it cannot be built");
+    assert!(!spawned(&mut server, 3, &ball, vec![cone.clone()]), "nor what else comes along");
+    assert!(!spawned(&mut server, 3, &cone, vec![]), "it was not kept");
+    assert!(!spawned(&mut server, 3, &voxels, vec![voxels.clone()]), "an avatar cannot be of voxels");
+    let hidden = vec![voxels.clone(), compound(&voxels)];
+    assert!(!spawned(&mut server, 3, &compound(&voxels), hidden), "nor a part of it");
+}
+
+#[test]
+fn avatars_wait_for_their_client_and_not_for_ever() {
+    let mut server = server();
+    let hello = || Message::Hello(Hello { version: VERSION, role: JoinAs::Client { interest: None } });
+    let says = |server: &mut Server, now, client: u32, message| {
+        server.handle(now, ServerEvent::Message { from: Peer::Client(ClientId(client)), message });
+    };
+    let avatar = |client: u32| BodyId::avatar(ClientId(client), 0);
+    let comes = |server: &mut Server, client: u32| {
+        says(server, NOW, client, hello());
+        let spawn = FromClient::Spawn { body: sim_body(avatar(client), [1.0; 3]), shapes: Vec::new() };
+        says(server, NOW, client, Message::FromClient(ClientId(client), spawn));
+        says(server, NOW, client, Message::FromClient(ClientId(client), FromClient::Leave));
+    };
+    let (stays_away, returns, leaves_again) = (1, 2, 3);
+    [stays_away, returns, leaves_again].into_iter().for_each(|client| comes(&mut server, client));
+    let waits = |server: &Server, client| server.record().body(avatar(client)).is_some();
+    let expiry = config(1).avatar_expiry;
+    says(&mut server, expiry / 2, returns, hello());
+    says(&mut server, expiry / 2, leaves_again, hello());
+    says(
+        &mut server,
+        expiry / 2,
+        leaves_again,
+        Message::FromClient(ClientId(leaves_again), FromClient::Leave),
+    );
+    // Any event will do.
+    says(&mut server, expiry - Duration::from_millis(1), 9, hello());
+    assert!([stays_away, returns, leaves_again].into_iter().all(|client| waits(&server, client)));
+    says(&mut server, expiry, 9, hello());
+    assert!(!waits(&server, stays_away) && waits(&server, returns) && waits(&server, leaves_again));
+    says(&mut server, expiry + expiry / 2, 9, hello());
+    assert!(waits(&server, returns) && !waits(&server, leaves_again));
+}
+
+#[test]
+fn what_the_program_does_while_no_leader_hears_it_is_told_to_the_next_but_for_impulses() {
+    use crate::cluster::ProgramOp;
+    use crate::protocol::{Input, Push, Velocity, WorldOp};
+    let mut server = server();
+    let outputs = hello(&mut server, 1, VERSION);
+    obey(&mut server, 1, outputs);
+    let body = BodyId::persistent(0);
+    let to = |speed| Input {
+        body,
+        logical_time: 0,
+        tick: Tick(0),
+        velocity: Velocity::linear([speed, 0.0, 0.0]),
+        pose: None,
+        drive: None,
+    };
+    let applied = |outputs: Vec<ServerOutput>| {
+        let ops = outputs.into_iter().filter_map(|output| match output {
+            ServerOutput::Send { message: Message::ToNode(ToNode::Apply { ops, .. }), .. } => Some(ops),
+            _ => None,
+        });
+        ops.flatten().collect::<Vec<_>>()
+    };
+    let does = |server: &mut Server, op| {
+        let now = server.common.now;
+        server.handle(now, ServerEvent::Program(vec![op]));
+        applied(std::iter::from_fn(|| server.poll_output()).collect())
+    };
+    assert_eq!(does(&mut server, ProgramOp::Move(to(1.0))), [WorldOp::Input(to(1.0))]);
+    server.handle(server.common.now, ServerEvent::Disconnected(Peer::Node(NodeId(1))));
+    let force = |up| Push::force(body, [0.0, up, 0.0], [0.0; 3]);
+    for i in 0..1_000 {
+        assert_eq!(does(&mut server, ProgramOp::Move(to(i as f32))), []);
+        assert_eq!(does(&mut server, ProgramOp::Push(force(i as f32))), []);
+        assert_eq!(does(&mut server, ProgramOp::Push(Push::impulse(body, [1.0; 3]))), []);
+    }
+    let gone = Input { body: BodyId::persistent(1), ..to(2.0) };
+    does(&mut server, ProgramOp::Move(gone));
+    does(&mut server, ProgramOp::Remove(gone.body));
+    let outputs = hello(&mut server, 1, VERSION);
+    let outputs = obey(&mut server, 1, outputs);
+    assert_eq!(applied(outputs), [WorldOp::Input(to(999.0)), WorldOp::Push(force(999.0))]);
+}
+
+#[test]
+fn every_leader_is_told_what_the_program_has_changed() {
+    use crate::cluster::ProgramOp;
+    use crate::protocol::{Alteration, WorldOp};
+    let mut server = server();
+    let outputs = hello(&mut server, 1, VERSION);
+    obey(&mut server, 1, outputs);
+    let altered = |outputs: Vec<ServerOutput>| {
+        let ops = outputs.into_iter().filter_map(|output| match output {
+            ServerOutput::Send { message: Message::ToNode(ToNode::Apply { ops, .. }), .. } => Some(ops),
+            _ => None,
+        });
+        let alteration = |op| match op {
+            WorldOp::Alter(Alteration::Body { body, traits, wakes }) => (body, traits.gravity_scale, wakes),
+            op => panic!("{op:?}"),
+        };
+        ops.flatten().map(alteration).collect::<Vec<_>>()
+    };
+    let alter = |server: &mut Server, id: BodyId, gravity_scale: f32, wakes: bool| {
+        let mut traits = (*sim_body(id, [0.0; 3]).traits).clone();
+        traits.gravity_scale = gravity_scale;
+        let op = ProgramOp::Alter(Alteration::Body { body: id, traits: Arc::new(traits), wakes });
+        server.handle(server.common.now, ServerEvent::Program(vec![op]));
+        altered(std::iter::from_fn(|| server.poll_output()).collect())
+    };
+    let [woken, other, stranger] = [0, 1, 77].map(BodyId::persistent);
+    assert_eq!(alter(&mut server, woken, 0.25, true), [(woken, 0.25, true)]);
+    assert_eq!(alter(&mut server, stranger, 0.25, true), []);
+    // It may not have passed it on; nobody hears the next.
+    server.handle(server.common.now, ServerEvent::Disconnected(Peer::Node(NodeId(1))));
+    assert_eq!(alter(&mut server, other, 0.5, false), []);
+    assert_eq!(server.record().body(other).unwrap().traits.gravity_scale, 0.5);
+    let outputs = hello(&mut server, 1, VERSION);
+    assert_eq!(altered(obey(&mut server, 1, outputs)), [(woken, 0.25, true), (other, 0.5, false)]);
+    server.handle(server.common.now, ServerEvent::Disconnected(Peer::Node(NodeId(1))));
+    let outputs = hello(&mut server, 1, VERSION);
+    assert_eq!(altered(obey(&mut server, 1, outputs)), [(woken, 0.25, false), (other, 0.5, false)]);
+}

@@ -4,7 +4,7 @@
 use std::process::Command;
 
 use dcd::protocol::{self, FromClient, Input, Message, Velocity, WorldPose};
-use dcd::space::{BodyId, ClientId};
+use dcd::space::{BodyId, ClientId, Tick};
 
 fn dcd(arguments: &[&str]) -> String {
     let output = Command::new(env!("CARGO_BIN_EXE_dcd-under-test")).args(arguments).output().unwrap();

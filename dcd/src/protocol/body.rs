@@ -314,7 +314,7 @@ pub struct BodyRecord {
 
 impl BodyRecord {
     /// Returns how far it reaches from its origin at most, metres; shapes that are not found count as points.
-    pub fn reach_m<'a>(&self, find: impl Fn(ShapeHash) -> Option<&'a ShapeRecord>) -> f64 {
+    pub(crate) fn reach_m<'a>(&self, find: impl Fn(ShapeHash) -> Option<&'a ShapeRecord>) -> f64 {
         let length = |v: [f32; 3]| v.iter().map(|v| v * v).sum::<f32>().sqrt();
         let of = |hash: &ShapeHash| find(*hash).map_or(0.0, ShapeRecord::reach_m);
         let reach = self.traits.colliders.iter().map(|collider| {

@@ -78,9 +78,13 @@ impl Inputs {
     /// Drops inputs of a kind.
     fn drop_waiting(&mut self, is_dropped: impl Fn(Tick, BodyId) -> bool) {
         let counts = &mut self.counts;
-        for ((_, (id, _)), _) in self.waiting.extract_if(.., |(tick, (id, _)), _| is_dropped(*tick, *id)) {
-            uncount(counts, id);
-        }
+        self.waiting.retain(|(tick, (id, _)), _| {
+            let drops = is_dropped(*tick, *id);
+            if drops {
+                uncount(counts, *id);
+            }
+            !drops
+        });
     }
 
     /// Accepts an input for the tick that it names, or the next one, if the avatar is the client's own, and the input is newer than the last

@@ -215,9 +215,11 @@ impl Playback {
         Some((self.clock.tick_at(now)?, self.clock.period_s()))
     }
 
-    /// Returns the newest tick of which all that moves was told, guesses left out.
+    /// Returns the newest tick of which all that moves was told, guesses left out: where nothing moves, little is told.
     pub(crate) fn told(&self) -> Option<f64> {
-        self.reckoning.told.is_finite().then_some(self.reckoning.told)
+        let told = Some(self.reckoning.told).filter(|told| told.is_finite())?;
+        let still = self.playhead.shown().filter(|_| !self.moves && !self.guesses);
+        Some(still.map_or(told, |shown| told.max(shown)))
     }
 
     /// Returns how a body was at a tick by what was told of it, and whether it rested; `None` if nothing was heard of it since long.

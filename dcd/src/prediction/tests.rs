@@ -34,6 +34,8 @@ struct Game {
     delay: u64,
     /// States are told in steps, come up to so many ticks later, and one batch in twenty does not come at all.
     jitter: Option<u64>,
+    /// Nothing is told.
+    silent: bool,
     to_client: VecDeque<(u64, ToClient)>,
     to_world: VecDeque<(u64, Input)>,
     waiting: Vec<Input>,
@@ -104,6 +106,7 @@ impl Game {
             predictor: Predictor::new(ME, &environment).unwrap(),
             delay,
             jitter: None,
+            silent: false,
             to_client: VecDeque::new(),
             to_world: VecDeque::new(),
             waiting: Vec::new(),
@@ -132,7 +135,7 @@ impl Game {
         self.world.step().unwrap();
         let (region, handle) = self.world.owned(AVATAR).unwrap();
         self.truth.insert(next.0, region.motion(handle).0.translation[0]);
-        if next.0.is_multiple_of(3) {
+        if next.0.is_multiple_of(3) && !self.silent {
             let states = self.world.owned_bodies().map(|(_, region, handle)| region.shared_state(handle));
             let mut states: Vec<SharedState> = states.collect();
             if self.jitter.is_some() {
@@ -293,6 +296,27 @@ fn what_does_not_come_as_predicted_is_put_right_and_melts_away() {
     game.predicted.clear();
     game.play(60, |_| None);
     assert!(game.worst_m() < 1e-3, "it is where it is: {} m off", game.worst_m());
+}
+
+#[test]
+fn an_avatar_answers_after_a_silence_in_which_all_rested() {
+    let mut game = Game::of(6, |_| (Vec::new(), Vec::new()));
+    game.play(1, |_| None);
+    // A body that stands is told of as one that sleeps.
+    game.to_client.clear();
+    let (region, handle) = game.world.owned(AVATAR).unwrap();
+    let states = vec![SharedState { sleeping: true, ..region.shared_state(handle) }];
+    let stamp = Stamp { opened_us: (2e6 * DT_S) as u64, ..Stamp::untimed(GroupId(1), Tick(2), false) };
+    game.to_client.push_back((2, ToClient::States { stamp, states }));
+    game.silent = true;
+    game.play(400, |_| None);
+    game.play(1, |_| Some(2.0));
+    game.play(1, |_| None);
+    let shown = game.predictor.at(AVATAR, game.time.predicted).unwrap();
+    assert!((shown.velocity.linear[0] - 2.0).abs() < 1e-3, "{shown:?} at {:?}", game.time);
+    game.silent = false;
+    game.play(60, |_| None);
+    assert!(game.worst_m() < 1e-3 && game.predictor.stats().corrections == 0, "{} m off", game.worst_m());
 }
 
 #[test]

@@ -167,7 +167,6 @@ impl Leader {
     pub fn admit(&mut self, client: ClientId) {
         self.clients.insert(client, Peer::Client(client));
         self.channels.remove(&client);
-        self.told.remove(&client);
         self.uninterest(client);
         self.undecided.insert(client);
     }

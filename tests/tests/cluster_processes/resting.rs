@@ -1,4 +1,4 @@
-//! Measures what a world at rest costs a client that shows it, and how clients and servers hear of each other's death.
+//! Measures what a world at rest costs a client that shows it.
 
 use std::time::{Duration, Instant};
 
@@ -19,7 +19,7 @@ fn show(client: &ClientWorld, time: Duration) -> u64 {
     let (start, before) = (Instant::now(), client.traffic().udp_bytes_in);
     let mut last = 0.0;
     while start.elapsed() < time {
-        let shown = client.view_time().expect("the world is known").shown;
+        let shown = client.view_time().map_or(0.0, |time| time.shown);
         assert!(shown >= last, "{shown} after {last}");
         last = shown;
         client.wait_update(client.updates(), FRAME);
@@ -30,8 +30,8 @@ fn show(client: &ClientWorld, time: Duration) -> u64 {
 #[test]
 fn a_world_at_rest_costs_a_client_fifty_bytes_per_second_in_all() {
     let _alone = alone();
-    let server = Server::start(&["pyramid", "--set", "n=4", "--nodes", "2", "--regions", "2"]);
-    let _nodes = [server.node(), server.node()];
+    let server = Server::start(&["pyramid", "--set", "base=4", "--nodes", "1", "--regions", "1"]);
+    let _node = server.node();
     let address = server.address.parse().unwrap();
     let client = ClientWorld::connect(&JoinConfig::new(address, server.token("client"))).unwrap();
     let deadline = Instant::now() + 2 * LIMIT;

@@ -17,9 +17,9 @@ const FRAME: Duration = Duration::from_millis(50);
 /// Shows the world for a time; returns the bytes of UDP that came meanwhile.
 fn show(client: &ClientWorld, time: Duration) -> u64 {
     let (start, before) = (Instant::now(), client.traffic().udp_bytes_in);
-    let mut last = 0.0;
+    let mut last = f64::NEG_INFINITY;
     while start.elapsed() < time {
-        let shown = client.view_time().map_or(0.0, |time| time.shown);
+        let shown = client.view_time().map_or(last, |time| time.shown);
         assert!(shown >= last, "{shown} after {last}");
         last = shown;
         client.wait_update(client.updates(), FRAME);

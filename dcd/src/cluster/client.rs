@@ -7,6 +7,7 @@ mod showing;
 mod surroundings;
 #[cfg(test)]
 mod tests;
+mod vigil;
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::ops::Bound;
@@ -18,7 +19,8 @@ pub use self::body_view::BodyView;
 use self::newest::NewestInputs;
 use self::showing::Showing;
 use self::surroundings::Surroundings;
-use super::Peer;
+use self::vigil::Vigil;
+use super::{Peer, Pinger};
 use crate::delta::{FreeMotion, Receiver, Tally};
 use crate::playback::Motion;
 use crate::protocol::{
@@ -169,6 +171,7 @@ pub struct Client {
     bytes_per_s: u32,
     /// While its user shows the world.
     showing: Option<Box<Showing>>,
+    vigil: Vigil,
     /// Questions without an answer, by number, and when they are asked again; and answers that are not fetched yet.
     asked: BTreeMap<u64, (Query, Duration)>,
     answers: BTreeMap<u64, QueryResult>,
@@ -211,6 +214,7 @@ impl Client {
             receiver: Receiver::default(),
             bytes_per_s: 0,
             showing: None,
+            vigil: Vigil::default(),
             asked: BTreeMap::new(),
             answers: BTreeMap::new(),
             area,
@@ -260,6 +264,7 @@ impl Client {
             ClientEvent::Disconnected(peer) if self.is_leader(peer) => {
                 self.linked = false;
                 self.dial_leader_at = Some(now + AGAIN);
+                self.vigil.rest();
                 self.showing.iter_mut().for_each(|showing| showing.disconnected(peer));
             }
             ClientEvent::Connected(_) | ClientEvent::Disconnected(_) => {}
@@ -269,6 +274,9 @@ impl Client {
                 }
             }
             ClientEvent::Message { from, message: Message::Pong(pong) } => {
+                if self.is_leader(from) {
+                    self.vigil.heard(now, false);
+                }
                 self.showing.iter_mut().for_each(|showing| showing.pong(now, from, pong));
             }
             ClientEvent::Message { .. } => {}
@@ -309,6 +317,10 @@ impl Client {
         for (to, ping) in self.showing.as_mut().map(|showing| showing.pings(now)).unwrap_or_default() {
             self.send(to, ping);
         }
+        if self.vigil.is_due(now) {
+            let leader = self.leader.as_ref().map(|leader| Peer::Node(leader.node));
+            leader.into_iter().chain([Peer::Server]).for_each(|peer| self.send(peer, Pinger::ask(now)));
+        }
         if self.dial_leader_at.take_if(|at| *at <= now).is_some() && self.node.is_none() && !self.linked {
             self.outputs.extend(self.leader.clone().map(ClientOutput::Connect));
         }
@@ -319,7 +331,8 @@ impl Client {
         let ask = self.asked.values().map(|&(_, at)| at).min();
         let ping = self.showing.as_ref().and_then(|showing| showing.timeout());
         let heard = self.receiver.timeout();
-        self.dial_server_at.into_iter().chain(self.dial_leader_at).chain(ask).chain(ping).chain(heard).min()
+        let dial = self.dial_server_at.into_iter().chain(self.dial_leader_at);
+        dial.chain(ask).chain(ping).chain(heard).chain(self.vigil.timeout()).min()
     }
 
     /// Returns the next output, until there is none.
@@ -377,7 +390,7 @@ impl Client {
         self.group
     }
 
-    /// Returns the newest tick heard of, speculative ones included; in a world at rest too, every half second or so.
+    /// Returns the newest tick heard of, speculative ones included; in a world at rest too, every five seconds or so.
     pub fn tick(&self) -> Tick {
         self.tick
     }
@@ -655,6 +668,9 @@ impl Client {
             }
             ToClient::States { stamp, states } if self.group.is_none_or(|own| own == stamp.group) => {
                 self.tick = self.tick.max(stamp.tick);
+                if self.linked {
+                    self.vigil.heard(self.now, !states.is_empty());
+                }
                 self.showing.iter_mut().for_each(|showing| showing.hear(self.now, &stamp, &states));
                 let hearing = self.hearing();
                 let mut strangers = Vec::new();
@@ -748,19 +764,22 @@ impl Client {
     }
 
     fn follow(&mut self, leader: Option<Member>) {
-        let former = self.leader.as_ref().map(|member| member.node);
-        let next = leader.as_ref().map(|member| member.node);
+        // One that was started again elsewhere is another, whatever its link seems to be.
+        let place = |member: &Member| (member.node, member.address);
+        let (former, next) = (self.leader.as_ref().map(place), leader.as_ref().map(place));
         self.leader = leader.clone();
+        let former_node = former.map(|(node, _)| node);
         if former != next {
             self.receiver.reset();
-            self.showing.iter_mut().for_each(|showing| showing.change_leader(former));
+            self.vigil.rest();
+            self.showing.iter_mut().for_each(|showing| showing.change_leader(former_node));
         }
         if self.node.is_some() || (former == next && self.linked) {
             return;
         }
         self.linked = false;
         if former != next {
-            self.outputs.extend(former.map(ClientOutput::Disconnect));
+            self.outputs.extend(former_node.map(ClientOutput::Disconnect));
         }
         self.outputs.extend(leader.map(ClientOutput::Connect));
     }

@@ -25,7 +25,7 @@ use self::inter_group::InterGroup;
 use self::interest::{Audience, Latest, Moved};
 use self::questions::Questions;
 pub(super) use self::state_replication::TELL_TICK;
-
+use self::state_replication::Told;
 use super::Peer;
 use crate::delta::FreeMotion;
 use crate::protocol::{
@@ -74,8 +74,8 @@ pub struct Leader {
     undecided: BTreeSet<ClientId>,
     /// The logical time of each client's newest input that a tick has applied, and how early it came.
     applied: BTreeMap<ClientId, (u64, i16)>,
-    /// The tick that each client was last sent.
-    told: BTreeMap<ClientId, Tick>,
+    /// When each client was last told of a tick.
+    told: BTreeMap<ClientId, Told>,
     motion: FreeMotion,
     /// What clients in other processes are told, and in which way.
     channels: BTreeMap<ClientId, Channel>,

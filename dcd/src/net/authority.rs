@@ -18,7 +18,7 @@ use super::join::{Admission, JoinRequest};
 use super::key::Key;
 use super::ledger::Ledger;
 use super::renewal_request::RenewalRequest;
-use super::token::{NONCE_BYTES, Secret, unix_seconds};
+use super::token::{NONCE_BYTES, Secret, reset_key, unix_seconds};
 use super::verify::{fingerprint, is_signed_by, owner_of, random};
 use super::{Identity, JoinRefusal, JoinRole, NetError, PeerName, ResumeKey, Token};
 
@@ -118,6 +118,11 @@ impl Authority {
             expires_unix_s: unix_seconds(now + SERVER_CERTIFICATE_LIFE),
             resume: None,
         })
+    }
+
+    /// Returns the key by which this server recognises links of its predecessor, and proves to their peers that they are over.
+    pub(super) fn reset_key(&self) -> [u8; 64] {
+        reset_key(&self.secret.0)
     }
 
     /// Opens the ledger, which locks the folder for this server; an error says that another one has it.

@@ -158,7 +158,7 @@ async fn call(
     addr: SocketAddr,
     expected: PeerName,
 ) -> Result<(PeerName, Connection, Lanes), NetError> {
-    let failed = |error| explain(addr, expected, shared.limits.idle_timeout, error);
+    let failed = |error| explain(addr, expected, shared.limits.idle_timeout_of(shared.who), error);
     let name = &expected.dns_names()[0];
     let config = shared.dial.read().unwrap_or_else(PoisonError::into_inner).clone();
     let connection = shared

@@ -6,13 +6,13 @@ use std::sync::atomic::AtomicU64;
 use std::sync::{Arc, Mutex, PoisonError, RwLock};
 use std::time::{Duration, SystemTime};
 
-use quinn::{Endpoint, EndpointConfig, TokioRuntime};
+use quinn::{Endpoint, TokioRuntime};
 use tokio::runtime::Runtime;
 use tokio::sync::Semaphore;
 use tokio::task::JoinHandle;
 
 use super::calls::{Shared, accept, dial};
-use super::quic_config::{client_config, server_config};
+use super::quic_config::{client_config, endpoint_config, server_config};
 use super::renewal::renew_in_time;
 use super::seldom::Seldom;
 use super::{
@@ -65,7 +65,8 @@ impl Net {
             .map_err(NetError::Threads)?;
         let endpoint = {
             let _context = runtime.enter();
-            Endpoint::new(EndpointConfig::default(), Some(answer), socket, Arc::new(TokioRuntime))
+            let config = endpoint_config(authority.as_deref(), &identity);
+            Endpoint::new(config, Some(answer), socket, Arc::new(TokioRuntime))
                 .map_err(|source| NetError::Bind { addr: listen, source })?
         };
         let local_addr = endpoint.local_addr().map_err(|source| NetError::Bind { addr: listen, source })?;

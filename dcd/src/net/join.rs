@@ -240,7 +240,8 @@ pub(super) fn anonymous(
     let crypto = QuicClientConfig::try_from(joining(fingerprint)?)
         .map_err(|error| NetError::Tls(error.to_string()))?;
     let mut config = quinn::ClientConfig::new(Arc::new(crypto));
-    config.transport_config(Limits { idle_timeout: timeout, ..Limits::default() }.transport(0));
+    let limits = Limits::default();
+    config.transport_config(limits.transport(timeout, Some(limits.keep_alive), 0));
     let name = &PeerName::Server.dns_names()[0];
     let connecting = endpoint
         .connect_with(config, server, name)

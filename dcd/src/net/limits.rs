@@ -16,10 +16,15 @@ pub const MAX_DATAGRAM_BYTES: usize = crate::protocol::DATAGRAM_BYTES;
 /// Time-outs and sizes of a process's network. The defaults suit a cluster that steps at 60 ticks per second.
 #[derive(Clone, Debug)]
 pub struct Limits {
-    /// A peer that is silent for this long is reported as closed: killed, cut off, or stopped.
+    /// A peer that is silent for this long is reported as closed: killed, cut off, or stopped. Who dialled decides, up to the longer of
+    /// this and [`Self::client_idle_timeout`].
     pub idle_timeout: Duration,
-    /// How often an idle side sends a keep-alive.
+    /// How often the side that dialled sends a keep-alive when all is idle.
     pub keep_alive: Duration,
+    /// The same as [`Self::idle_timeout`] where a process dialled that is a client only.
+    pub client_idle_timeout: Duration,
+    /// The same as [`Self::keep_alive`] where a process dialled that is a client only.
+    pub client_keep_alive: Duration,
     /// How long the handshake may take, from the first packet to the last greeting; also a join.
     pub handshake_timeout: Duration,
     /// How long closing waits until the peer has what was sent before.
@@ -48,6 +53,8 @@ impl Default for Limits {
         Self {
             idle_timeout: link::IDLE_TIMEOUT,
             keep_alive: link::KEEP_ALIVE,
+            client_idle_timeout: link::CLIENT_IDLE_TIMEOUT,
+            client_keep_alive: link::CLIENT_KEEP_ALIVE,
             handshake_timeout: link::HANDSHAKE_TIMEOUT,
             linger: link::LINGER,
             frame_bytes: link::FRAME_BYTES,
@@ -106,13 +113,35 @@ impl Limits {
         link::inbox_bytes(self.frame_bytes_of(who))
     }
 
-    pub(super) fn transport(&self, bidirectional_streams: u8) -> Arc<TransportConfig> {
+    /// Returns the longest silence on a link that `who` has dialled.
+    pub(super) fn idle_timeout_of(&self, who: PeerName) -> Duration {
+        if is_client_only(who) { self.client_idle_timeout } else { self.idle_timeout }
+    }
+
+    /// Returns the settings of links that `who`, this process, dials: it says how long silence may last, and breaks it.
+    pub(super) fn dialling(&self, who: PeerName) -> Arc<TransportConfig> {
+        let keep_alive = if is_client_only(who) { self.client_keep_alive } else { self.keep_alive };
+        self.transport(self.idle_timeout_of(who), Some(keep_alive), 0)
+    }
+
+    /// Returns the settings of links that others dial: the shorter of both sides' time-outs counts, so that ours only bounds theirs.
+    pub(super) fn answering(&self, bidirectional_streams: u8) -> Arc<TransportConfig> {
+        self.transport(self.idle_timeout.max(self.client_idle_timeout), None, bidirectional_streams)
+    }
+
+    /// Returns settings with this longest silence, for a side that breaks it so often, or never.
+    pub(super) fn transport(
+        &self,
+        idle_timeout: Duration,
+        keep_alive: Option<Duration>,
+        bidirectional_streams: u8,
+    ) -> Arc<TransportConfig> {
         let mut transport = TransportConfig::default();
         transport
             .max_idle_timeout(Some(
-                IdleTimeout::try_from(self.idle_timeout).unwrap_or(IdleTimeout::from(VarInt::MAX)),
+                IdleTimeout::try_from(idle_timeout).unwrap_or(IdleTimeout::from(VarInt::MAX)),
             ))
-            .keep_alive_interval(Some(self.keep_alive))
+            .keep_alive_interval(keep_alive)
             .initial_rtt(link::FIRST_TRIP)
             .max_concurrent_uni_streams(VarInt::from_u32(LANES as u32))
             .max_concurrent_bidi_streams(VarInt::from(bidirectional_streams))

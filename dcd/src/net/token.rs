@@ -109,6 +109,11 @@ impl ResumeKey {
         key
     }
 
+    /// Returns the key by which a process recognises links of its predecessor, and proves to their peers that they are over.
+    pub(super) fn reset_key(&self) -> [u8; 64] {
+        reset_key(&self.seal)
+    }
+
     pub(super) fn is_sealed_by(&self, secret: &Secret) -> bool {
         secret.has_sealed(b"resume", &self.content(), &self.seal)
     }
@@ -161,6 +166,13 @@ impl Secret {
         let expected = self.seal(purpose, content);
         blake3::keyed_hash(&self.0, &expected) == blake3::keyed_hash(&self.0, seal)
     }
+}
+
+/// Derives the key of stateless resets from a secret that outlives the process.
+pub(super) fn reset_key(secret: &[u8]) -> [u8; 64] {
+    let mut key = [0; 64];
+    blake3::Hasher::new_derive_key("dcd 2026 stateless resets").update(secret).finalize_xof().fill(&mut key);
+    key
 }
 
 /// Returns whole seconds since 1970; 0 before that.

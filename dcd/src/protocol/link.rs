@@ -5,8 +5,13 @@ use std::time::Duration;
 
 /// An end that hears nothing for this long takes the link for dead: the other end is killed, cut off, or stopped.
 pub const IDLE_TIMEOUT: Duration = Duration::from_millis(1_000);
-/// Interval of keep-alives of an idle end.
+/// Interval of keep-alives of an idle end. It is the end that dialled; the other acknowledges, which is all that it says.
 pub const KEEP_ALIVE: Duration = Duration::from_millis(100);
+/// The same as [`IDLE_TIMEOUT`] for links that a process dialled which is a client only: it shall cost little where nothing happens. That its
+/// leader is gone its server tells it, and that its server is back a reset of what it still believes in.
+pub const CLIENT_IDLE_TIMEOUT: Duration = Duration::from_secs(10);
+/// The same as [`KEEP_ALIVE`] for those links.
+pub const CLIENT_KEEP_ALIVE: Duration = Duration::from_secs(4);
 /// Time from the first packet to the last greeting; then the call is given up.
 pub const HANDSHAKE_TIMEOUT: Duration = Duration::from_millis(2_500);
 /// Assumed round trip until there is a measurement. QUIC guesses 333 ms, and so sends again after one, two and four seconds:

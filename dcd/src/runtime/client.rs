@@ -192,8 +192,8 @@ impl ClientWorld {
         }
     }
 
-    /// Returns the newest tick received: some milliseconds old while bodies move, up to half a second of the world's time while
-    /// all rest.
+    /// Returns the newest tick received: some milliseconds old while bodies move, up to five seconds of the world's time while all
+    /// rest.
     pub fn tick(&self) -> Tick {
         self.member.shared.lock().client.as_ref().map_or(Tick(0), Client::tick)
     }

@@ -197,9 +197,10 @@ impl Network {
         self.push(time, Event::Physics(node, event));
     }
 
-    /// Starts a process.
-    pub(super) fn start(&mut self, who: Peer) {
+    /// Starts a process, perhaps again.
+    pub(super) fn start(&mut self, now: Duration, who: Peer) {
         self.alive.insert(who, None);
+        self.recall(now, who);
     }
 
     /// Dials another process, which answers if it is there.
@@ -274,10 +275,10 @@ impl Network {
 
     /// Returns the time after which a packet without an acknowledgement is sent again: a round trip and some, doubled each time, and
     /// no longer than until a keep-alive's acknowledgement reveals the loss.
-    fn patience(&self, from: Peer, to: Peer, retries: u32) -> Duration {
+    fn patience(&self, from: Peer, to: Peer, retries: u32, keep_alive: Duration) -> Duration {
         let trip =
             self.conditions.path(from, to).longest() + self.conditions.path(to, from).longest() + ACK_DELAY;
-        (trip * (1 << retries.min(8))).min(trip.max(KEEP_ALIVE))
+        (trip * (1 << retries.min(8))).min(trip.max(keep_alive))
     }
 
     fn send_frame(&mut self, now: Duration, id: LinkId, from: Peer, lane: usize, bytes: Vec<u8>) {
@@ -298,6 +299,7 @@ impl Network {
         let missing = 1 + bytes.len() as u64 / PACKET_BYTES as u64;
         let number = end.push(lane, Frame { bytes, missing, retries: 0 });
         self.transmit(now, id, side, lane, number);
+        self.probe_by_sending(now, id, side);
     }
 
     /// Sends the packets of a frame that the other end lacks; lost ones are sent again later.
@@ -307,6 +309,7 @@ impl Network {
         let end = link.end_mut(side);
         let from = end.who;
         let Some(&mut Frame { missing, retries, .. }) = end.frame(lane, number) else { return };
+        let keep_alive = link.keep_alive();
         let loss = self.conditions.loss;
         let lost = match self.passes(now, from, to) {
             false => missing,
@@ -318,7 +321,7 @@ impl Network {
             self.push(now + delay, Event::Packets(id, side, lane, number, missing - lost));
         }
         if lost > 0 {
-            let again = now + self.patience(from, to, retries);
+            let again = now + self.patience(from, to, retries, keep_alive);
             self.push(again, Event::Resend(id, side, lane, number));
         }
     }
@@ -342,7 +345,7 @@ impl Network {
 
     fn packets(&mut self, now: Duration, id: LinkId, side: Side, lane: usize, number: u64, count: u64) {
         let Some(link) = self.links.get(&id) else { return };
-        let (from, to) = (link.end(side).who, link.end(side.other()).who);
+        let (from, to, keep_alive) = (link.end(side).who, link.end(side.other()).who, link.keep_alive());
         if self.passes(now, from, to) {
             let frame = self.links.get_mut(&id).and_then(|link| link.end_mut(side).frame(lane, number));
             let Some(frame) = frame else { return };
@@ -350,7 +353,7 @@ impl Network {
             self.hear(now, id, side.other());
             self.give(now, id, side);
         } else {
-            let again = now + self.patience(from, to, 0);
+            let again = now + self.patience(from, to, 0, keep_alive);
             self.push(again, Event::Resend(id, side, lane, number));
         }
     }
@@ -377,6 +380,7 @@ impl Network {
 
     fn send_datagram(&mut self, now: Duration, id: LinkId, from: Peer, to: Peer, bytes: Vec<u8>) {
         let Some(side) = self.links.get(&id).map(|link| link.side_of(from)) else { return };
+        self.probe_by_sending(now, id, side);
         if !self.passes(now, from, to) || self.random.chance(self.conditions.loss) {
             self.traffic.datagrams_lost += 1;
             return;

@@ -327,7 +327,7 @@ impl Sim {
             }
         };
         self.hosts.insert(who, Host::new(clock));
-        self.network.start(who);
+        self.network.start(self.now, who);
     }
 
     /// Kills a process from one instant to the next.

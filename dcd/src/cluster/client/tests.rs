@@ -46,14 +46,18 @@ fn tell(client: &mut Client, message: ToClient) {
 }
 
 fn follow(client: &mut Client, node: u32) {
-    let leader = Member { node: NodeId(node), address: ([127, 0, 0, 1], 1).into(), client: None };
+    name_leader(client, node, 1);
+    client.handle(Duration::ZERO, ClientEvent::Connected(Peer::Node(NodeId(node))));
+}
+
+fn name_leader(client: &mut Client, node: u32, port: u16) {
+    let leader = Member { node: NodeId(node), address: ([127, 0, 0, 1], port).into(), client: None };
     let view = crate::protocol::ViewNumber(node.into());
     let allocation = [(RegionId(1), NodeId(node))].into();
     tell(
         client,
         ToClient::LeaderIs { group: GroupId(1), view, leader: Some(leader), tree: None, allocation },
     );
-    client.handle(Duration::ZERO, ClientEvent::Connected(Peer::Node(NodeId(node))));
 }
 
 /// Returns the interests that it sends to its leaders.
@@ -220,4 +224,70 @@ fn a_body_that_another_region_owns_than_before_is_a_transfer() {
     assert_eq!((client.computed_by(RegionId(1)), client.computed_by(RegionId(2))), (Some(NodeId(7)), None));
     assert_eq!(client.body(id).unwrap().owner, None);
     assert_eq!(hear(&mut client, 2, 1, 1, false), (Some(1), vec![]));
+}
+
+#[test]
+fn a_leader_that_was_started_again_elsewhere_is_dialled_there_though_its_link_seems_to_be_up() {
+    let mut client = linked();
+    let dials = |client: &mut Client| {
+        let outputs = std::iter::from_fn(|| client.poll_output());
+        let dial = |output| match output {
+            ClientOutput::Connect(member) => Some(format!("dials {}", member.address.port())),
+            ClientOutput::Disconnect(node) => Some(format!("leaves {node}")),
+            _ => None,
+        };
+        outputs.filter_map(dial).collect::<Vec<_>>()
+    };
+    dials(&mut client);
+    name_leader(&mut client, 1, 1);
+    assert_eq!(dials(&mut client), [""; 0]);
+    name_leader(&mut client, 1, 2);
+    assert_eq!(dials(&mut client), ["leaves n1", "dials 2"]);
+}
+
+#[test]
+fn a_leader_that_falls_silent_while_things_move_is_asked_and_so_is_the_server_until_it_is_heard() {
+    let mut client = linked();
+    let leader = Peer::Node(NodeId(1));
+    let hear = |client: &mut Client, at: Duration, bodies: usize| {
+        let state = SharedState {
+            id: BodyId::persistent(0),
+            owner: RegionId(1),
+            epoch: Epoch(0),
+            pose: WorldPose::default(),
+            velocity: Velocity::default(),
+            sleeping: false,
+        };
+        let stamp = Stamp::untimed(GroupId(1), Tick(at.as_millis() as u64), false);
+        let message = Message::ToClient(ClientId(1), ToClient::States { stamp, states: vec![state; bodies] });
+        client.handle(at, ClientEvent::Message { from: leader, message });
+    };
+    let asked = |client: &mut Client, at: Duration| {
+        client.handle_timeout(at);
+        let ping = |output| match output {
+            ClientOutput::Send { to, message: Message::Ping(_) } => Some(to),
+            _ => None,
+        };
+        std::iter::from_fn(|| client.poll_output()).filter_map(ping).collect::<Vec<_>>()
+    };
+    let at = Duration::from_millis;
+    assert_eq!(client.poll_timeout(), None, "nothing is expected yet");
+    for ms in (0..3_000).step_by(50) {
+        hear(&mut client, at(ms), 1);
+        assert_eq!(asked(&mut client, at(ms)), []);
+    }
+    assert_eq!(asked(&mut client, at(3_600)), []);
+    assert_eq!(asked(&mut client, at(3_700)), [leader, Peer::Server]);
+    assert_eq!(asked(&mut client, at(4_500)), [leader, Peer::Server], "again and again");
+    let pong = crate::protocol::Pong { sent_us: 0, received_us: 0, answered_us: 0 };
+    client.handle(at(4_600), ClientEvent::Message { from: Peer::Server, message: Message::Pong(pong) });
+    assert_eq!(asked(&mut client, at(5_300)), [leader, Peer::Server], "the server is not the leader");
+    client.handle(at(5_400), ClientEvent::Message { from: leader, message: Message::Pong(pong) });
+    assert_eq!(client.poll_timeout(), None, "it lives, and nothing moves");
+    hear(&mut client, at(10_000), 1);
+    hear(&mut client, at(10_500), 0);
+    assert_eq!(client.poll_timeout(), None, "it says that nothing moves");
+    hear(&mut client, at(11_000), 1);
+    client.handle(at(11_100), ClientEvent::Disconnected(leader));
+    assert_eq!(asked(&mut client, at(30_000)), [], "nobody is there to be heard");
 }

@@ -1,6 +1,7 @@
 //! Sends clients contacts of their avatars and the states of bodies (state replication from the leader to clients).
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
 
 use super::Leader;
 use super::channel::Channel;
@@ -12,8 +13,26 @@ use crate::protocol::{
 };
 use crate::space::{BodyId, ClientId, Tick};
 
-/// The ticks after which clients and the server at least hear that time goes on though nothing moves (a heartbeat).
+/// The ticks after which clients and the server at the earliest hear that time goes on though nothing moves (a heartbeat).
 pub(in crate::cluster) const TELL_TICK: u64 = 30;
+
+/// So many heartbeats to a client are sent so early after states, since some may be lost.
+const FIRST_BEATS: u32 = 3;
+
+/// The time between later ones in a world that goes at the pace of its clock.
+const REST: Duration = Duration::from_secs(5);
+
+/// By how much that pace may be missed between two heartbeats: who shows the world reckons with it.
+const PACE_MISSED: Duration = Duration::from_millis(250);
+
+/// When a client was last told of anything.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Told {
+    tick: Tick,
+    opened: Duration,
+    /// The heartbeats since the last states.
+    beats: u32,
+}
 
 /// The most states that are coded in a tick, for all clients together: in some three milliseconds.
 pub(super) const STATES_PER_TICK: usize = 3_000;
@@ -80,15 +99,29 @@ impl Leader {
 
     /// Sends the tick to clients that have not heard of anything for long.
     fn tell_tick(&mut self) {
-        let is_due = |client: &ClientId| {
-            self.told.get(client).is_none_or(|&Tick(told)| told + TELL_TICK <= self.tick.0)
-        };
+        let is_due = |client: &ClientId| self.is_heartbeat_due(*client);
         for client in self.clients.keys().copied().filter(is_due).collect::<Vec<_>>() {
             if self.undecided.contains(&client) {
                 self.introduce(client);
             }
             self.tell(client, self.tick, false, Vec::new());
         }
+    }
+
+    /// Returns whether a client is to hear that time goes on: rarely, where all that it would learn is that it does so as ever.
+    fn is_heartbeat_due(&self, client: ClientId) -> bool {
+        let Some(Told { tick, opened, beats }) = self.told.get(&client).copied() else { return true };
+        let ticks = self.tick.0.saturating_sub(tick.0);
+        if ticks < TELL_TICK {
+            return false;
+        }
+        let passed = self.opened.saturating_sub(opened);
+        let reckoned = self.dt.saturating_mul(u32::try_from(ticks).unwrap_or(u32::MAX));
+        beats < FIRST_BEATS
+            || passed >= REST
+            || passed.abs_diff(reckoned) > PACE_MISSED
+            || self.undecided.contains(&client)
+            || self.is_here(client)
     }
 
     /// Tells a client who leads, and so asks it for its interest: what it said may be lost.
@@ -211,7 +244,9 @@ impl Leader {
     /// Sends a client states, in id order; without any, that time goes on.
     fn tell(&mut self, client: ClientId, tick: Tick, speculative: bool, states: Vec<SharedState>) {
         if !speculative {
-            self.told.insert(client, self.tick);
+            let before = self.told.get(&client).map_or(0, |told| told.beats);
+            let beats = if states.is_empty() { before.saturating_add(1) } else { 0 };
+            self.told.insert(client, Told { tick: self.tick, opened: self.opened, beats });
         }
         let stamp = self.stamp(client, tick, speculative);
         if states.is_empty() || self.is_here(client) {

@@ -18,19 +18,76 @@ fn a_killed_peer_is_reported_within_the_idle_time_out() {
     assert!(waited < Duration::from_secs(3), "{waited:?}");
 }
 
-#[test]
-fn a_silent_peer_that_lives_is_kept() {
-    let limits = Limits {
+/// Times of a client that the tests need not wait long for.
+fn impatient() -> Limits {
+    Limits {
         idle_timeout: Duration::from_millis(400),
         keep_alive: Duration::from_millis(50),
+        client_idle_timeout: Duration::from_millis(600),
+        client_keep_alive: Duration::from_millis(100),
         ..Limits::default()
-    };
-    let server = Server::with_limits(limits.clone());
-    let node = Process::start(server.join(JoinRole::Node), None, limits);
-    let (here, _) = node.connect_to(&server.process);
-    assert!(node.events.recv_timeout(Duration::from_millis(1_200)).is_err(), "nothing happens for long");
-    node.net.send(here, Lane::Admin, b"still here").unwrap();
-    assert_eq!(server.process.frame().1, b"still here");
+    }
+}
+
+#[test]
+fn a_silent_peer_that_lives_is_kept() {
+    let server = Server::with_limits(impatient());
+    for role in [JoinRole::Node, JoinRole::Client] {
+        let peer = Process::start(server.join(role), None, impatient());
+        let (here, _) = peer.connect_to(&server.process);
+        assert!(peer.events.recv_timeout(Duration::from_millis(1_500)).is_err(), "nothing happens for long");
+        peer.net.send(here, Lane::Client, b"still here").unwrap();
+        assert_eq!(server.process.frame().1, b"still here");
+        peer.net.shutdown();
+        server.process.closed();
+    }
+}
+
+#[test]
+fn whoever_dials_says_how_long_silence_may_last_and_who_answers_has_the_last_word() {
+    let patient = Limits { client_idle_timeout: HOUR, client_keep_alive: HOUR, ..Limits::default() };
+    let server = Server::with_limits(Limits { client_idle_timeout: Duration::from_secs(2), ..impatient() });
+    for (theirs, range_ms) in [(impatient(), 400..2_000), (patient, 1_500..10_000)] {
+        let client = Process::start(server.join(JoinRole::Client), None, theirs);
+        client.connect_to(&server.process);
+        let start = Instant::now();
+        client.net.vanish();
+        assert_eq!(server.process.closed().0, CloseCause::TimedOut);
+        let waited_ms = start.elapsed().as_millis();
+        assert!(range_ms.contains(&waited_ms), "{waited_ms} ms, expected {range_ms:?}");
+    }
+}
+
+#[test]
+fn a_client_hears_that_its_server_is_gone_though_only_the_client_breaks_the_silence() {
+    let server = Server::start();
+    let client = Process::start(server.join(JoinRole::Client), None, impatient());
+    client.connect_to(&server.process);
+    let Server { process, .. } = server;
+    process.net.vanish();
+    assert_eq!(client.closed().0, CloseCause::TimedOut);
+}
+
+#[test]
+fn a_server_that_is_started_again_ends_the_links_of_its_predecessor_at_once() {
+    let server = Server::start();
+    let listen = server.addr();
+    // They would never notice by themselves.
+    let patient = Limits { idle_timeout: HOUR, client_idle_timeout: HOUR, ..Limits::default() };
+    let client = Process::start(server.join(JoinRole::Client), None, patient.clone());
+    let node = Process::start(server.join(JoinRole::Node), None, patient);
+    let (here, _) = client.connect_to(&server.process);
+    node.connect_to(&server.process);
+    let Server { process, authority, folder } = server;
+    process.net.vanish();
+    drop((process.events, authority));
+    let authority = Arc::new(Authority::load_or_create(folder.path()).unwrap());
+    let (identity, limits) = (authority.server_identity().unwrap(), Limits::default());
+    let config = NetConfig { listen, identity, authority: Some(authority), renewed_by: None, limits };
+    let (_net, _events) = Net::start(config).unwrap();
+    assert_eq!(node.closed().0, CloseCause::Forgotten, "by its keep-alives");
+    client.net.send(here, Lane::Client, b"are you there?").unwrap();
+    assert_eq!(client.closed().0, CloseCause::Forgotten, "by what it sends");
 }
 
 #[test]

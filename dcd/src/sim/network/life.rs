@@ -3,10 +3,10 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-use super::link::{LANES, LinkId, Side, State};
+use super::link::{LANES, Link, LinkId, Side, State};
 use super::{Arrival, Cut, Delivery, Event, Network};
 use crate::cluster::Peer;
-use crate::protocol::link::{FIRST_PROBE, IDLE_TIMEOUT, KEEP_ALIVE, LINGER};
+use crate::protocol::link::{FIRST_PROBE, KEEP_ALIVE, LINGER};
 
 impl Network {
     /// Closes a process's link to another: its sent messages arrive, then the other end hears of it.
@@ -73,6 +73,18 @@ impl Network {
         }
     }
 
+    /// Has the peers of a process that is started again hear of it when they next send over the links of its predecessor. A node may be
+    /// back at another address, where nobody asks about them; but then its clients are told so, and only theirs last for long.
+    pub(super) fn recall(&mut self, now: Duration, who: Peer) {
+        for (id, side) in self.ends_of(who) {
+            let link = &self.links[&id];
+            let is_forgotten = link.end(side).state == State::Closed && link.is_open(side.other());
+            if is_forgotten && (who == Peer::Server || link.is_calm()) {
+                self.probe_later(now, id, side.other());
+            }
+        }
+    }
+
     /// Stops a process.
     pub(in crate::sim) fn stop(&mut self, now: Duration, who: Peer) {
         self.alive.insert(who, Some(now));
@@ -92,7 +104,7 @@ impl Network {
             }
             let link = &self.links[&id];
             let heard = link.end(side).deaf.map_or(since, |deaf| deaf.min(since));
-            if !link.is_open(side) || heard + IDLE_TIMEOUT > now {
+            if !link.is_open(side) || heard + link.idle_timeout() > now {
                 continue;
             }
             // Packets lie in its buffer unless it was deaf before; whether they or the time-out come first is chance.
@@ -125,7 +137,7 @@ impl Network {
             Event::GiveUp(id) if self.is_opening(id) => self.expire(now, id, Side::Dialler),
             Event::GiveUp(_) => {}
             Event::Idle(id, side, since) => {
-                let is_due = |link: &super::Link| link.is_open(side) && link.end(side).deaf == Some(since);
+                let is_due = |link: &Link| link.is_open(side) && link.end(side).deaf == Some(since);
                 if self.links.get(&id).is_some_and(is_due) && !self.is_stopped(self.links[&id].end(side).who)
                 {
                     self.expire(now, id, side);
@@ -157,7 +169,7 @@ impl Network {
     }
 
     fn ends_of(&self, who: Peer) -> Vec<(LinkId, Side)> {
-        let side = |link: &super::Link| Side::BOTH.into_iter().find(|&side| link.end(side).who == who);
+        let side = |link: &Link| Side::BOTH.into_iter().find(|&side| link.end(side).who == who);
         self.links.iter().filter_map(|(&id, link)| Some((id, side(link)?))).collect()
     }
 
@@ -187,7 +199,8 @@ impl Network {
 
     /// Notes that an end hears nothing from now on; the last it heard was a keep-alive some time ago, or anything since.
     fn deafen(&mut self, now: Duration, id: LinkId, side: Side) {
-        let since = now.saturating_sub(self.random.up_to(KEEP_ALIVE));
+        let Some(keep_alive) = self.links.get(&id).map(Link::keep_alive) else { return };
+        let since = now.saturating_sub(self.random.up_to(keep_alive));
         self.deafen_since(since, id, side);
     }
 
@@ -195,7 +208,8 @@ impl Network {
         let Some(link) = self.links.get_mut(&id) else { return };
         if link.is_open(side) && link.end(side).deaf.is_none() {
             link.end_mut(side).deaf = Some(since);
-            self.push(since + IDLE_TIMEOUT, Event::Idle(id, side, since));
+            let idle_timeout = link.idle_timeout();
+            self.push(since + idle_timeout, Event::Idle(id, side, since));
         }
     }
 
@@ -203,7 +217,7 @@ impl Network {
         self.cuts.retain(|cut| now < cut.until);
         for (id, side) in self.open_ends() {
             if self.links[&id].end(side).deaf.is_some() && self.is_audible(now, id, side) {
-                let soon = now + self.random.up_to(KEEP_ALIVE);
+                let soon = now + self.random.up_to(self.links[&id].keep_alive());
                 self.push(soon, Event::Hears(id, side));
             }
         }
@@ -216,7 +230,7 @@ impl Network {
             if !self.random.chance(self.conditions.loss) {
                 break;
             }
-            time += self.patience(from, to, retries);
+            time += self.patience(from, to, retries, KEEP_ALIVE);
         }
         time
     }
@@ -350,9 +364,21 @@ impl Network {
         self.probe_later(now, id, side.other());
     }
 
+    /// Has an end find out by its next keep-alive that the other has forgotten the link.
     fn probe_later(&mut self, now: Duration, id: LinkId, side: Side) {
-        let time = now + self.random.up_to(KEEP_ALIVE);
-        self.push(time, Event::Probe(id, side));
+        let Some(link) = self.links.get(&id) else { return };
+        if side == Side::Dialler || !link.is_calm() {
+            let time = now + self.random.up_to(link.keep_alive());
+            self.push(time, Event::Probe(id, side));
+        }
+    }
+
+    /// Has an end find out by what it sends that the other has forgotten a calm link; other links do not wait for that.
+    pub(super) fn probe_by_sending(&mut self, now: Duration, id: LinkId, side: Side) {
+        let is_over = |link: &Link| link.is_calm() && link.end(side.other()).state == State::Closed;
+        if self.links.get(&id).is_some_and(is_over) {
+            self.push(now, Event::Probe(id, side));
+        }
     }
 
     /// Answers a packet for a link that its process has forgotten by a reset.
@@ -400,7 +426,7 @@ impl Network {
     }
 
     fn tidy(&mut self, id: LinkId) {
-        if self.links.get(&id).is_some_and(super::Link::is_over) {
+        if self.links.get(&id).is_some_and(Link::is_over) {
             self.links.remove(&id);
         }
     }

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use crate::cluster::Peer;
 use crate::protocol::Lane;
+use crate::protocol::link::{CLIENT_IDLE_TIMEOUT, CLIENT_KEEP_ALIVE, IDLE_TIMEOUT, KEEP_ALIVE};
 
 /// The number of a connection; later ones between the same two processes have higher numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -84,6 +85,21 @@ impl Link {
             lingers: false,
         };
         Self { ends: [end(dialler), end(listener)] }
+    }
+
+    /// Returns whether a process has dialled that is a client only: it then breaks the silence rarely, and the other end never.
+    pub(super) fn is_calm(&self) -> bool {
+        matches!(self.end(Side::Dialler).who, Peer::Client(_))
+    }
+
+    /// Returns the longest silence.
+    pub(super) fn idle_timeout(&self) -> Duration {
+        if self.is_calm() { CLIENT_IDLE_TIMEOUT } else { IDLE_TIMEOUT }
+    }
+
+    /// Returns the longest time between two packets that the ends of a link that lives hear.
+    pub(super) fn keep_alive(&self) -> Duration {
+        if self.is_calm() { CLIENT_KEEP_ALIVE } else { KEEP_ALIVE }
     }
 
     pub(super) fn end(&self, side: Side) -> &End {

@@ -1,7 +1,9 @@
 //! Tests the network alone: which messages arrive, in which order, and when links end.
 
 use super::*;
-use crate::protocol::link::{FIRST_PROBE, HANDSHAKE_TIMEOUT, IDLE_TIMEOUT};
+use crate::protocol::link::{
+    CLIENT_IDLE_TIMEOUT, CLIENT_KEEP_ALIVE, FIRST_PROBE, HANDSHAKE_TIMEOUT, IDLE_TIMEOUT,
+};
 use crate::space::ClientId;
 
 const A: Peer = Peer::Node(NodeId(1));
@@ -26,7 +28,7 @@ impl World {
 
     fn bounded(conditions: NetworkConditions, bounds: Bounds, seed: u64) -> Self {
         let mut network = Network::new(conditions, bounds, seed);
-        [A, B, C].into_iter().for_each(|peer| network.start(peer));
+        [A, B, C].into_iter().for_each(|peer| network.start(Duration::ZERO, peer));
         Self { network, now: Duration::ZERO, log: Vec::new() }
     }
 
@@ -274,6 +276,43 @@ fn the_links_of_a_dead_process_end_by_time_out_or_sooner() {
         assert!(world.network.links.is_empty(), "seed {seed}");
     }
     assert!((10..50).contains(&quick), "{quick} of 100");
+}
+
+#[test]
+fn the_links_of_a_client_end_by_a_longer_time_out() {
+    for (dead, lives) in [(C, B), (B, C)] {
+        for seed in 0..50 {
+            let mut world = World::new(calm(), seed);
+            world.network.dial(Duration::ZERO, C, B);
+            world.run_to(100 * MS);
+            world.network.crash(world.now, dead);
+            world.run_to(20_000 * MS);
+            let after = world.ended(lives).unwrap() - 100 * MS;
+            let in_time = CLIENT_IDLE_TIMEOUT - CLIENT_KEEP_ALIVE..=CLIENT_IDLE_TIMEOUT;
+            assert!(after < 50 * MS || in_time.contains(&after), "seed {seed}: {after:?}");
+            assert!(world.network.links.is_empty(), "seed {seed}");
+        }
+    }
+}
+
+#[test]
+fn a_client_learns_by_what_it_sends_or_by_its_keep_alive_that_its_peer_was_started_again() {
+    for (seed, sends) in (0..50).flat_map(|seed| [(seed, true), (seed, false)]) {
+        let mut world = World::new(calm(), seed);
+        world.network.dial(Duration::ZERO, C, B);
+        world.run_to(100 * MS);
+        world.network.crash(world.now, B);
+        world.run_to(500 * MS);
+        world.network.start(world.now, B);
+        if sends && world.ended(C).is_none() {
+            world.send(C, B, Lane::Control, 1);
+        }
+        world.run_to(9_000 * MS);
+        let within = if sends { 10 * MS } else { CLIENT_KEEP_ALIVE + 10 * MS };
+        let ended = world.ended(C).unwrap();
+        assert!(ended <= 500 * MS + within, "seed {seed}, sends {sends}: {ended:?}");
+        assert!(world.frames(B, false).is_empty(), "the one that is back knows of no link");
+    }
 }
 
 #[test]

@@ -1,0 +1,56 @@
+//! Measures what a world at rest costs a client that shows it.
+
+use std::time::{Duration, Instant};
+
+use dcd::protocol::BodyKind;
+use dcd::runtime::{ClientWorld, JoinConfig};
+
+use crate::process::{LIMIT, Server, alone};
+
+/// Of all links of a client, keep-alives included, in bytes per second.
+const AT_REST: u64 = 50;
+/// The time over which that is counted: two heartbeats, and more keep-alives.
+const STRETCH: Duration = Duration::from_secs(12);
+/// Longest frame of who shows the world.
+const FRAME: Duration = Duration::from_millis(50);
+
+/// Shows the world for a time; returns the bytes of UDP that came meanwhile.
+fn show(client: &ClientWorld, time: Duration) -> u64 {
+    let (start, before) = (Instant::now(), client.traffic().udp_bytes_in);
+    let mut last = f64::NEG_INFINITY;
+    while start.elapsed() < time {
+        let shown = client.view_time().map_or(last, |time| time.shown);
+        assert!(shown >= last, "{shown} after {last}");
+        last = shown;
+        client.wait_update(client.updates(), FRAME);
+    }
+    client.traffic().udp_bytes_in - before
+}
+
+#[test]
+fn a_world_at_rest_costs_a_client_fifty_bytes_per_second_in_all() {
+    let _alone = alone();
+    let server = Server::start(&["pyramid", "--set", "base=4", "--nodes", "1", "--regions", "1"]);
+    let _node = server.node();
+    let address = server.address.parse().unwrap();
+    let client = ClientWorld::connect(&JoinConfig::new(address, server.token("client"))).unwrap();
+    let deadline = Instant::now() + 2 * LIMIT;
+    let rests = |client: &ClientWorld| {
+        let is_awake = |view: &dcd::cluster::BodyView| {
+            view.body.traits.kind == BodyKind::Dynamic && !view.body.state.sleeping
+        };
+        client.with_bodies(|view| is_awake(view).then_some(())).is_empty()
+    };
+    while !rests(&client) {
+        assert!(Instant::now() < deadline, "the pyramid does not come to rest");
+        show(&client, FRAME);
+    }
+    // The leader's word that it rests comes thrice, and its clock is looked at.
+    show(&client, Duration::from_secs(3));
+    let (tick, bytes) = (client.tick(), show(&client, STRETCH));
+    assert!(bytes <= AT_REST * STRETCH.as_secs(), "{bytes} bytes in {STRETCH:?}");
+    println!("{:.1} bytes per second", bytes as f64 / STRETCH.as_secs_f64());
+    assert!(client.tick().0 > tick.0 + 300, "it hears that time goes on");
+    drop(client);
+    server.stop();
+}

@@ -15,7 +15,7 @@ const STRETCH: Duration = Duration::from_secs(12);
 const FRAME: Duration = Duration::from_millis(50);
 
 /// Shows the world for a time; returns the bytes of UDP that came meanwhile.
-fn show(client: &ClientWorld, time: Duration) -> u64 {
+fn show(client: &mut ClientWorld, time: Duration) -> u64 {
     let (start, before) = (Instant::now(), client.traffic().udp_bytes_in);
     let mut last = f64::NEG_INFINITY;
     while start.elapsed() < time {
@@ -33,7 +33,7 @@ fn a_world_at_rest_costs_a_client_fifty_bytes_per_second_in_all() {
     let server = Server::start(&["pyramid", "--set", "base=4", "--nodes", "1", "--regions", "1"]);
     let _node = server.node();
     let address = server.address.parse().unwrap();
-    let client = ClientWorld::connect(&JoinConfig::new(address, server.token("client"))).unwrap();
+    let mut client = ClientWorld::connect(&JoinConfig::new(address, server.token("client"))).unwrap();
     let deadline = Instant::now() + 2 * LIMIT;
     let rests = |client: &ClientWorld| {
         let is_awake = |view: &dcd::cluster::BodyView| {
@@ -43,11 +43,11 @@ fn a_world_at_rest_costs_a_client_fifty_bytes_per_second_in_all() {
     };
     while !rests(&client) {
         assert!(Instant::now() < deadline, "the pyramid does not come to rest");
-        show(&client, FRAME);
+        show(&mut client, FRAME);
     }
     // The leader's word that it rests comes thrice, and its clock is looked at.
-    show(&client, Duration::from_secs(3));
-    let (tick, bytes) = (client.tick(), show(&client, STRETCH));
+    show(&mut client, Duration::from_secs(3));
+    let (tick, bytes) = (client.tick(), show(&mut client, STRETCH));
     assert!(bytes <= AT_REST * STRETCH.as_secs(), "{bytes} bytes in {STRETCH:?}");
     println!("{:.1} bytes per second", bytes as f64 / STRETCH.as_secs_f64());
     assert!(client.tick().0 > tick.0 + 300, "it hears that time goes on");

@@ -24,7 +24,7 @@ impl Witness {
         let avatar = world
             .spawn(WorldPose::at([-4.0, 20.0, 0.0]), &body.build(), &[ColliderBuilder::ball(0.5)])
             .unwrap();
-        let witness = Self { world, avatar };
+        let mut witness = Self { world, avatar };
         assert!(witness.world.wait_body(avatar, LIMIT));
         let sideways = Velocity { linear: [0.0, 0.0, 0.5], angular: [0.0; 3] };
         witness.world.send_input(avatar, sideways, None).unwrap();

@@ -39,7 +39,7 @@ unsafe impl Sized32 for DcdPrediction {
 /// Once dcd_view_time was called, a client keeps a small world of what is within some metres of its avatars. What you ask of them acts there
 /// in the same frame, and names the step for which it is meant (DcdViewTime.predicted), so that nodes do it in just that one. Where states
 /// that come are not as predicted, what follows is computed again, and the difference melts away as dcd_view_body says. At most 64
-/// bodies are predicted, with what joints tie to them, for at most a second; assemblies with multibodies are not, nor is anything in a
+/// bodies are predicted, with what joints tie to them, for at most a second and a half; assemblies with multibodies are not, nor is anything in a
 /// world whose steps are not paced. A local world has nothing to predict.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED for a server or a node.
 #[unsafe(no_mangle)]

@@ -73,7 +73,7 @@ pub struct Leader {
     /// Clients that have not said yet what they want to hear of: they are told no states.
     undecided: BTreeSet<ClientId>,
     /// The logical time of each client's newest input that a tick has applied, and how early it came.
-    applied: BTreeMap<ClientId, (u64, i16)>,
+    applied: BTreeMap<ClientId, (u64, i8)>,
     /// When each client was last told of a tick.
     told: BTreeMap<ClientId, Told>,
     motion: FreeMotion,

@@ -50,7 +50,7 @@ impl Lead {
     }
 
     /// Takes in that an input named a tick, was made when the world was at another, and came so many ticks before the one it named.
-    pub(crate) fn measure(&mut self, named: f64, world_tick: f64, early: i16) {
+    pub(crate) fn measure(&mut self, named: f64, world_tick: f64, early: i8) {
         self.needed.push_back(named - world_tick - f64::from(early));
         if self.needed.len() > MEASURED {
             self.needed.pop_front();
@@ -92,8 +92,8 @@ mod tests {
 
     /// Plays for some seconds with inputs that take so long, by their number; returns how early the last ones came, and the least step of
     /// the predicted tick.
-    fn play(lead: &mut Lead, from_s: f64, seconds: f64, way_s: impl Fn(u32) -> f64) -> (Vec<i16>, f64) {
-        let mut under_way = VecDeque::<(f64, f64, f64, i16)>::new();
+    fn play(lead: &mut Lead, from_s: f64, seconds: f64, way_s: impl Fn(u32) -> f64) -> (Vec<i8>, f64) {
+        let mut under_way = VecDeque::<(f64, f64, f64, i8)>::new();
         let (mut early, mut least, mut last) = (Vec::new(), f64::INFINITY, None);
         for frame in 0..(60.0 * seconds) as u32 {
             let now_s = from_s + f64::from(frame) * DT_S;
@@ -108,7 +108,7 @@ mod tests {
             last = Some(predicted);
             let named = predicted.floor() + 1.0;
             let opens_next = ((now_s + way_s(frame)) / DT_S).floor() + 1.0;
-            let came = (named - opens_next) as i16;
+            let came = (named - opens_next) as i8;
             early.push(came);
             under_way.push_back((now_s + way_s(frame) + 0.1, named, world_tick, came));
         }

@@ -22,6 +22,9 @@ use self::track::Track;
 use crate::protocol::{SharedState, Stamp};
 use crate::space::BodyId;
 
+/// Where nothing moves, so many ticks before the one that is shown all is taken to have been told.
+const STILL_UNTOLD: f64 = 20.0;
+
 /// How often tracks of bodies that rest are dropped, ticks.
 const SWEEP: f64 = 60.0;
 
@@ -219,7 +222,8 @@ impl Playback {
     pub(crate) fn told(&self) -> Option<f64> {
         let told = Some(self.reckoning.told).filter(|told| told.is_finite())?;
         let still = self.playhead.shown().filter(|_| !self.moves && !self.guesses);
-        Some(still.map_or(told, |shown| told.max(shown)))
+        // What begins to move is told of some time after it did.
+        Some(still.map_or(told, |shown| told.max(shown - STILL_UNTOLD)))
     }
 
     /// Returns how a body was at a tick by what was told of it, and whether it rested; `None` if nothing was heard of it since long.

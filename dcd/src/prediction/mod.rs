@@ -27,7 +27,7 @@ use crate::protocol::{
 use crate::space::{BodyId, ClientId, DistributionTree, JointId, Tick};
 
 /// No tick is predicted farther beyond the last one told.
-const AHEAD_TICKS: u64 = 60;
+const AHEAD_TICKS: u64 = 90;
 /// How often it is looked for what is near, in ticks.
 const SEARCH_TICKS: u64 = 6;
 /// Bodies that nothing of ours is about to touch are put right no more often, in ticks.
@@ -161,9 +161,9 @@ impl Predictor {
     }
 
     /// Takes in what the client was told since the last frame.
-    pub(crate) fn listen(&mut self, client: &Client) {
+    pub(crate) fn listen(&mut self, client: &Client, predicted: f64) {
         let start = Instant::now();
-        self.look(client);
+        self.look(client, Tick(predicted.max(0.0) as u64));
         self.told = client.told_tick().map(|tick| Told {
             tick,
             states: self.near.keys().filter_map(|&id| Some((id, client.told_at(id, tick)?))).collect(),
@@ -227,14 +227,14 @@ impl Predictor {
     }
 
     /// Looks for what is near, now and then, and for bodies that have changed.
-    fn look(&mut self, client: &Client) {
-        let waits = client.tick() < self.search_at && client.tick().0 + SEARCH_TICKS >= self.search_at.0;
+    fn look(&mut self, client: &Client, now: Tick) {
+        let waits = now < self.search_at && now.0 + SEARCH_TICKS >= self.search_at.0;
         if waits || self.changes.is_some() {
             return;
         }
         let present = Chosen { movable: self.near.keys().copied().collect(), scenery: self.scenery.clone() };
         let Some(chosen) = self.search.go_on(client, &present) else { return };
-        self.search_at = Tick(client.tick().0 + SEARCH_TICKS);
+        self.search_at = Tick(now.0 + SEARCH_TICKS);
         let traits_of = |id: &BodyId| client.body(*id).map(|view| &view.body.traits);
         let is_other = |id: &BodyId| {
             self.near.get(id).is_none_or(|near| traits_of(id).is_none_or(|told| !is_of(&near.traits, told)))

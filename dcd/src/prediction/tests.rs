@@ -39,7 +39,7 @@ struct Game {
     to_client: VecDeque<(u64, ToClient)>,
     to_world: VecDeque<(u64, Input)>,
     waiting: Vec<Input>,
-    applied: (u64, i16),
+    applied: (u64, i8),
     /// Where the avatar was after each tick, and where it was predicted to be.
     truth: BTreeMap<u64, f64>,
     predicted: BTreeMap<u64, f64>,
@@ -123,7 +123,7 @@ impl Game {
         while let Some((_, input)) = pop_if(&mut self.to_world, |at| at < next.0) {
             self.waiting.push(input);
             let early = input.tick.0 as i64 - next.0 as i64;
-            self.applied = self.applied.max((input.logical_time, early as i16));
+            self.applied = self.applied.max((input.logical_time, early as i8));
         }
         let due: Vec<_> = self.waiting.extract_if(.., |input| input.tick <= next).collect();
         due.iter().for_each(|input| self.world.obey(input));
@@ -192,7 +192,7 @@ impl Game {
         let Some(time) = self.client.view_time(now) else { return };
         let Some(predicted) = self.client.predicted_tick(now) else { return };
         self.time = time.predicting(predicted);
-        self.predictor.listen(&self.client);
+        self.predictor.listen(&self.client, predicted);
         self.predictor.advance(&self.time);
         let whole = predicted.floor();
         if let Some(motion) = self.predictor.at(AVATAR, whole) {

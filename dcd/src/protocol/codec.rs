@@ -148,7 +148,7 @@ pub fn chunks<T: Encode>(items: impl IntoIterator<Item = T>, chunk: fn(Vec<T>) -
 }
 
 /// The envelope of a datagram of states: two tags, client id, group, three times, a flag, three counters and a length, each at its longest.
-const ENVELOPE_BYTES: usize = 2 + 5 + 5 + 3 * 9 + 1 + 3 * 5 + 3;
+const ENVELOPE_BYTES: usize = 2 + 5 + 5 + 3 * 9 + 1 + 1 + 3 * 5 + 3;
 
 /// The most bytes of [`Part::states`](super::Part::states) in a datagram.
 pub const STATES_BYTES: usize = DATAGRAM_BYTES - ENVELOPE_BYTES;
@@ -252,7 +252,7 @@ mod tests {
     fn a_full_part_of_states_fits_a_datagram() {
         let part =
             Part { series: u32::MAX, batch: u32::MAX, number: u32::MAX, states: vec![7; STATES_BYTES] };
-        let stamp = Stamp { opened_us: u64::MAX, applied: u64::MAX, early: i16::MIN, ..stamp(u64::MAX) };
+        let stamp = Stamp { opened_us: u64::MAX, applied: u64::MAX, early: i8::MIN, ..stamp(u64::MAX) };
         let message = Message::ToClient(ClientId(u32::MAX), ToClient::CompactStates { stamp, part });
         assert!((DATAGRAM_BYTES - 8..=DATAGRAM_BYTES).contains(&encode(&message).len()));
     }

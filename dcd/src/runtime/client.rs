@@ -359,7 +359,7 @@ impl ClientWorld {
                 predictor.inspect_err(|error| warn!(%error, "nothing is predicted")).ok().map(Box::new);
         }
         if let (Some(predictor), Some(predicted)) = (&mut self.predictor, predicted) {
-            predictor.listen(client);
+            predictor.listen(client, predicted);
             // Others wait for the client.
             drop(state);
             time.predicted = predicted.max(time.now);

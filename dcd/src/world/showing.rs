@@ -107,7 +107,7 @@ impl World {
     /// Once [`World::view_time`] was called, a client keeps a small world of what is within some metres of its avatars. What it asks of them
     /// acts there in the same frame, and names the tick for which it is meant ([`ViewTime::predicted`]), so that nodes do it in just that
     /// one. Where states that come are not as predicted, what follows is computed again, and the difference melts away; so do the
-    /// bounds of [`World::motion_at`] hold. At most 64 bodies are predicted, with what joints tie to them, for at most a second; assemblies
+    /// bounds of [`World::motion_at`] hold. At most 64 bodies are predicted, with what joints tie to them, for at most a second and a half; assemblies
     /// with multibodies are not, nor is anything in a world whose ticks are not paced. A local world has nothing to predict.
     pub fn set_prediction(&mut self, predicts: bool) -> Result<(), Error> {
         match &mut self.inner {

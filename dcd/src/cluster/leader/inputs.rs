@@ -34,7 +34,7 @@ pub(super) struct Inputs {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Taken {
     pub(super) input: Input,
-    pub(super) early: i16,
+    pub(super) early: i8,
 }
 
 /// An avatar in the world.
@@ -141,7 +141,7 @@ impl Inputs {
         let waits = names_tick && input.tick.0 <= next.0 + AHEAD_TICKS && count < WAITING;
         let tick = if waits { input.tick.max(next) } else { next };
         let early = if names_tick { input.tick.0 as i64 - next.0 as i64 } else { 0 };
-        let early = early.clamp(i16::MIN.into(), i16::MAX.into()) as i16;
+        let early = early.clamp(i8::MIN.into(), i8::MAX.into()) as i8;
         // What was to come after it is older.
         let overtakes = std::mem::replace(&mut avatar.last, tick) > tick;
         if overtakes {

@@ -240,7 +240,7 @@ pub struct Stamp {
     /// The logical time of the receiver's newest input that the tick, or one before it, has applied; 0 if there was none.
     pub applied: u64,
     /// How many ticks before the one that it names that input came, in 0 or more; below 0: too late by so many. 0 if it names none.
-    pub early: i16,
+    pub early: i8,
     /// Whether the tick was speculative: computed without the other members. A later one that is not counts whatever its tick.
     pub speculative: bool,
 }

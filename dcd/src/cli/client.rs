@@ -16,7 +16,7 @@ use super::interrupt::Interrupt;
 use super::summary::Summary;
 use super::truth::Truth;
 use super::values::{GIVE_UP, SERVER, address, positive, speed, wall_seconds};
-use super::view::{ANY_PORT, look_on};
+use super::view::{self, ANY_PORT};
 use crate::Viewer;
 use crate::protocol::{Area, BodyKind, Velocity, WorldPose};
 use crate::runtime::{ClientWorld, JoinConfig, ProcessError};
@@ -249,7 +249,7 @@ impl Client {
         }
         world.limit(self.limit)?;
         let name = format!("{} of {}", world.id(), self.server);
-        let viewer = self.view.map(|at| look_on(at, &name, common)).transpose()?;
+        let viewer = self.view.map(|at| view::open(at, &name)).transpose()?;
         let mut crowd = Crowd::enter(world, self.avatars.into(), self.speed, self.interest.map(f64::from))?;
         crowd.viewer = viewer;
         crowd.truth = truth.map(|join| ClientWorld::connect(&join)).transpose()?.map(Truth::of);

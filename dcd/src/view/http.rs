@@ -75,7 +75,10 @@ fn judge(
         return Err(Refused("403 Forbidden", "only the viewer's own page may read the stream"));
     }
     if !has_key {
-        return Err(Refused("403 Forbidden", "the key is not this viewer's: open the address that it printed"));
+        return Err(Refused(
+            "403 Forbidden",
+            "the key is not this viewer's: open the address that it printed",
+        ));
     }
     let asks = |name, what: &str| {
         header(name).is_some_and(|value| value.split(',').any(|v| v.trim().eq_ignore_ascii_case(what)))
@@ -157,8 +160,14 @@ mod tests {
         assert_eq!(good, Ok(Request::Stream { accept, rest: b"rest".to_vec() }));
         assert!(stream("localhost:4000", "http://localhost:4000", "key=secret").is_ok());
         let refused = |host, origin, query| stream(host, origin, query).unwrap_err().0;
-        assert_eq!(refused("rebound.example:4000", "http://rebound.example:4000", "key=secret"), "421 Misdirected Request");
-        assert_eq!(refused("127.0.0.1:4001", "http://127.0.0.1:4001", "key=secret"), "421 Misdirected Request");
+        assert_eq!(
+            refused("rebound.example:4000", "http://rebound.example:4000", "key=secret"),
+            "421 Misdirected Request"
+        );
+        assert_eq!(
+            refused("127.0.0.1:4001", "http://127.0.0.1:4001", "key=secret"),
+            "421 Misdirected Request"
+        );
         assert_eq!(refused("127.0.0.1:4000", "http://evil.example", "key=secret"), "403 Forbidden");
         assert_eq!(refused("127.0.0.1:4000", "null", "key=secret"), "403 Forbidden");
         assert_eq!(refused("127.0.0.1:4000", "http://127.0.0.1:4000", "key=other"), "403 Forbidden");
@@ -173,6 +182,9 @@ mod tests {
         assert_eq!(answer(&long), Err(MALFORMED));
         let upgrade = answer("GET /stream?key=secret HTTP/1.1\r\nHost: 127.0.0.1:4000\r\n\r\n");
         assert_eq!(upgrade.unwrap_err().0, "426 Upgrade Required");
-        assert_eq!(answer("GET /view.js?x HTTP/1.1\r\nHost: [::1]:4000\r\n\r\n"), Ok(Request::File("/view.js".into())));
+        assert_eq!(
+            answer("GET /view.js?x HTTP/1.1\r\nHost: [::1]:4000\r\n\r\n"),
+            Ok(Request::File("/view.js".into()))
+        );
     }
 }

@@ -38,12 +38,16 @@ use source::{Sample, Source};
 const PERIOD: Duration = Duration::from_millis(30);
 /// Between two looks at the world pass so many times the time that the last look took: what a viewer costs is a hundredth.
 const SPARING: u32 = 100;
+/// The most time between two looks for that reason: the system may have had the thread wait in the middle of one.
+const MOST_SPARED: Duration = Duration::from_secs(1);
 /// How long the thread of a paused world waits before it looks whether the program is to end.
 const LOOK: Duration = Duration::from_millis(50);
 
 /// The error that a viewer cannot be opened.
 #[derive(Debug, thiserror::Error)]
-#[error("cannot show the world at {address}: {cause}; choose an address of this machine and a free port, or port 0 for any")]
+#[error(
+    "cannot show the world at {address}: {cause}; choose an address of this machine and a free port, or port 0 for any"
+)]
 pub struct ViewError {
     address: SocketAddr,
     cause: io::Error,
@@ -75,6 +79,8 @@ pub struct Viewer {
     encoder: SyncSender<Moment>,
     /// Not before then is the world looked at again.
     due: Option<Instant>,
+    /// How long the last looks took.
+    costs: [Duration; 4],
     /// The tick and the wishes of the last look.
     last: Option<(u64, moment::Wishes)>,
     bytes: u64,
@@ -109,6 +115,7 @@ impl Viewer {
             looker: Looker::default(),
             encoder,
             due: None,
+            costs: [MOST_SPARED; 4],
             last: None,
             bytes: 0,
         })
@@ -127,12 +134,16 @@ impl Viewer {
         Ok(())
     }
 
-    /// Lets viewers pause the world and step it: see [`Viewer::wait`].
-    pub(crate) fn with_controls(self) -> Self {
+    /// Lets viewers pause the world and step it: [`Viewer::wait`] says when.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn with_controls(self) -> Self {
         Self { controls: true, ..self }
     }
 
-    pub(crate) fn show_local(&mut self, world: &LocalWorld) {
+    /// Shows a local world, as [`Viewer::show`].
+    #[doc(hidden)]
+    pub fn show_local(&mut self, world: &LocalWorld) {
         if !self.hub.is_viewed() {
             return;
         }
@@ -150,7 +161,8 @@ impl Viewer {
     }
 
     /// Shows a client's world as its player would see it now.
-    pub(crate) fn show_client(&mut self, world: &ClientWorld, handovers: &[Handover]) {
+    #[doc(hidden)]
+    pub fn show_client(&mut self, world: &ClientWorld, handovers: &[Handover]) {
         let bytes = world.traffic().udp_bytes_in;
         let told = if self.hub.is_viewed() { Told::of(world) } else { None };
         let Some(told) = told else {
@@ -173,7 +185,8 @@ impl Viewer {
 
     /// Waits until the next step of a world is due that viewers may pause and step, and shows it meanwhile; not before the first
     /// viewer has come. Returns whether it is due, and not the program that `ends`.
-    pub(crate) fn wait(&mut self, world: &LocalWorld, mut ends: impl FnMut() -> bool) -> bool {
+    #[doc(hidden)]
+    pub fn wait(&mut self, world: &LocalWorld, mut ends: impl FnMut() -> bool) -> bool {
         let dt_s = world.host().settings().dt_s;
         while !ends() {
             if self.hub.wait_for_step(dt_s, LOOK) {
@@ -205,7 +218,10 @@ impl Viewer {
         // The thread that encodes has ended only if this one panicked.
         let _ = self.encoder.send(moment);
         let end = Instant::now();
-        self.due = Some((start + PERIOD).max(end + (end - start) * SPARING));
+        self.costs.rotate_left(1);
+        self.costs[0] = end - start;
+        let cost = self.costs.into_iter().min().unwrap_or_default();
+        self.due = Some((start + PERIOD).max(end + (cost * SPARING).min(MOST_SPARED)));
     }
 
     fn fixed(&self, world: &impl Source, moment: &Moment, dt_s: f32) -> Fixed {

@@ -165,9 +165,8 @@ pub(super) fn frame(moment: &Moment, origin: [f64; 3]) -> Vec<u8> {
         for (bytes, v) in turns[8 * slot..][..8].chunks_exact_mut(2).zip(seen.turn) {
             bytes.copy_from_slice(&((v * 32767.0) as i16).to_le_bytes());
         }
-        let bits = PRESENT
-            | if seen.sleeping { SLEEPING } else { 0 }
-            | if seen.outside { OUTSIDE } else { 0 };
+        let bits =
+            PRESENT | if seen.sleeping { SLEEPING } else { 0 } | if seen.outside { OUTSIDE } else { 0 };
         let mark = [seen.owner.min(255) as u8, bits, 0, eighths(seen.speed_m_s)];
         marks[4 * slot..][..4].copy_from_slice(&mark);
     }

@@ -17,6 +17,7 @@ use super::scenes;
 use super::values::address;
 use super::view::{self, ANY_PORT};
 use super::world::{CutArgs, explained};
+use crate::Viewer;
 use crate::runtime::measure::{Cast, Plan, Subject, run};
 use crate::runtime::{Partitioning, WorldConfig};
 use crate::scene::{Params, Scene};
@@ -77,7 +78,8 @@ impl Run {
         let interrupt = Interrupt::listen()?;
         let out = self.out.map(csv::Target::check).transpose()?;
         let save = self.save.map(snapshot::Target::check).transpose()?;
-        let mut viewer = self.view.map(|at| view::open(at, &cast.name, common)).transpose()?;
+        let mut viewer =
+            self.view.map(|at| view::open(at, &cast.name).map(Viewer::with_controls)).transpose()?;
         tracing::info!(scene = cast.name, ticks = plan.ticks, "stepping");
         let mut live = live::Live::new(common, plan.ticks, self.json);
         if let (Some(viewer), Subject::Regions(world)) = (&mut viewer, &subject) {

@@ -68,7 +68,8 @@ impl RegionHost {
     /// Returns the ghosts here: every copy of a movable body in a region that does not own it, with that region and Rapier's handle
     /// there.
     pub fn ghosts(&self) -> impl Iterator<Item = (BodyId, &Region, RigidBodyHandle)> {
-        self.regions().flat_map(|region| region.replicas().iter().map(move |copy| (copy.id, region, copy.handle)))
+        self.regions()
+            .flat_map(|region| region.replicas().iter().map(move |copy| (copy.id, region, copy.handle)))
     }
 
     /// Returns how many bodies each two regions both hold, by their ranks in ascending order.

@@ -10,14 +10,14 @@ const settings = new URLSearchParams(location.hash.slice(1));
 const canvas = get("scene");
 
 // What tests and curious people look at.
-const counters = { frames: 0, drawn: 0, bytes: 0, bodies: 0, asleep: 0, instances: 0, tick: 0, drawnPerSecond: 0, firstPictureMs: null, connected: false, paused: false };
+const counters = { frames: 0, drawn: 0, bytes: 0, bodies: 0, asleep: 0, instances: 0, tick: 0, drawnPerSecond: 0, firstPictureMs: null, smooth: false, connected: false, paused: false };
 window.dcd = { counters };
 
 const PALETTE = ["4269d0", "efb118", "3ca951", "ff725c", "a463f2", "38b2c4", "ff8ab7", "9c6b4e", "7f8ba0", "b8c13a", "5fa8e8", "d8763a"];
 const rgb = (hex) => [0, 2, 4].map((at) => parseInt(hex.slice(at, at + 2), 16) / 255);
 const THEMES = {
-  light: { back: rgb("f4f5f7"), ground: rgb("dcdfe3"), quiet: rgb("c9cdd3"), light: 1.05, bar: "#2f5fd0", mark: "#d1662b", line: "#7f8ba0", soft: "#66707c", panel: "#ffffff" },
-  dark: { back: rgb("14171b"), ground: rgb("3a4048"), quiet: rgb("3c424a"), light: 0.95, bar: "#86aaff", mark: "#f0a35e", line: "#7f8ba0", soft: "#98a2ad", panel: "#1d2127" },
+  light: { back: rgb("f4f5f7"), ground: rgb("dcdfe3"), quiet: rgb("c9cdd3"), light: 1, bar: "#2f5fd0", mark: "#d1662b", line: "#7f8ba0", soft: "#66707c", panel: "#ffffff" },
+  dark: { back: rgb("14171b"), ground: rgb("3a4048"), quiet: rgb("3c424a"), light: 0.92, bar: "#86aaff", mark: "#f0a35e", line: "#7f8ba0", soft: "#98a2ad", panel: "#1d2127" },
 };
 const palette = new Float32Array(PALETTE.flatMap(rgb));
 let theme = THEMES.light;
@@ -41,7 +41,11 @@ let socket = null, pending = false;
 function connect() {
   socket = new WebSocket(`ws://${location.host}/stream?key=${new URLSearchParams(location.search).get("key") ?? ""}`);
   socket.binaryType = "arraybuffer";
-  socket.onopen = () => { counters.connected = true; pending = false; };
+  socket.onopen = () => {
+    counters.connected = true;
+    pending = false;
+    if (options.contacts) send(ASK.contacts, 1n);
+  };
   socket.onclose = () => {
     counters.connected = false;
     get("status").textContent = hello ? "the world is gone: its program has ended, or the link is lost" : "refused: open the address that the program printed";
@@ -76,7 +80,7 @@ const take = {
     const now = performance.now(), jump = past !== null || state?.paused || now - arrived > 600;
     interval = jump ? interval : 0.8 * interval + 0.2 * Math.min(300, Math.max(15, now - arrived));
     arrived = now;
-    between = jump ? 1 : 0;
+    between = jump || scene.slow ? 1 : 0;
     scene.show(frame, jump);
     counters.frames++;
     counters.tick = frame.tick;
@@ -284,7 +288,7 @@ function look() {
   return {
     matrix: camera.matrix(aspect), eye: camera.eye(), far: camera.distance * 25 + 250, between, palette, chosen: marked,
     back: theme.back, ground: theme.ground, quiet: theme.quiet, light: theme.light,
-    colouring: Number(get("colour").value), topSpeed: 8, topOff: 0.25, ...options,
+    outside: hello && !hello.controls, colouring: Number(get("colour").value), topSpeed: 8, topOff: 0.25, ...options,
   };
 }
 
@@ -304,29 +308,41 @@ addEventListener("keydown", (event) => {
   key();
 });
 
-let last = performance.now(), drawnAt = [];
+const CALM = 20;
+// Coarser pictures of what moves, where they take a processor too long.
+let last = performance.now(), drawnAt = [], calm = 0, coarse = 1, wide = 0, high = 0;
 function paint(now) {
   requestAnimationFrame(paint);
   if (!pending && socket?.readyState === WebSocket.OPEN) {
     pending = true;
     send(past === null ? ASK.see : ASK.past, past === null ? 0n : BigInt(Math.round(past)));
   }
-  const scale = Number(settings.get("scale")) || Math.min(2, devicePixelRatio || 1);
-  const [width, height] = [Math.round(canvas.clientWidth * scale), Math.round(canvas.clientHeight * scale)];
-  if (canvas.width !== width || canvas.height !== height) { Object.assign(canvas, { width, height }); painting = true; timeline.changed = true; }
-  if (between < 1) { between = Math.min(1, between + (now - last) / interval); painting = true; }
+  const spent = now - last;
   last = now;
+  if (between < 1) { between = Math.min(1, between + spent / interval); painting = true; }
   if (following) {
     const place = scene.place(chosen, between);
     if (place) camera.target = place;
   }
+  if (canvas.clientWidth !== wide || canvas.clientHeight !== high) {
+    [wide, high] = [canvas.clientWidth, canvas.clientHeight];
+    painting = timeline.changed = true;
+  }
   timeline.draw({ bar: theme.bar, mark: theme.mark, line: theme.line, soft: theme.soft, back: theme.panel }, hello?.dt ?? 0);
-  if (!painting && !camera.moved) return;
+  const still = !painting && !camera.moved;
+  // What rests is drawn once more, in full and with smooth edges, where that takes time.
+  if (still && !(scene.slow && ++calm === CALM)) return;
+  if (!still && scene.slow && calm === 0) coarse = Math.min(1, Math.max(0.6, coarse * (spent > 80 ? 0.9 : spent < 40 ? 1.05 : 1)));
+  if (!still) calm = 0;
   painting = camera.moved = false;
-  scene.draw(look());
+  const scale = (Number(settings.get("scale")) || Math.min(2, devicePixelRatio || 1)) * (still || !scene.slow ? 1 : coarse);
+  const size = { width: Math.round(wide * scale), height: Math.round(high * scale) };
+  if (canvas.width !== size.width || canvas.height !== size.height) Object.assign(canvas, size);
+  scene.draw({ ...look(), smooth: still || !scene.slow });
   tellStatus();
   if (!scene.frame) return;
   counters.drawn++;
+  counters.smooth = still || !scene.slow;
   counters.instances = scene.instances ?? 0;
   drawnAt.push(now);
   drawnAt = drawnAt.filter((at) => at > now - 1000);
@@ -335,7 +351,7 @@ function paint(now) {
 }
 
 try {
-  scene = new Scene(canvas, settings.get("smooth") !== "0");
+  scene = new Scene(canvas);
   window.dcd.scene = scene;
   window.dcd.camera = camera;
   window.dcd.choose = choose;

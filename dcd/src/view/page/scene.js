@@ -1,11 +1,13 @@
 // Draws the world: every body's pose stands in textures that are filled straight from the stream, and every part of a body is one
 // instance of a geometry that reads its pose there.
 
-import { CAPSULE, FIRST_MESH, PLANE, custom, primitive } from "/shapes.js";
+import { BOX, CAPSULE, FIRST_MESH, PLANE, custom, primitive } from "/shapes.js";
 import { FIXED, parts } from "/wire.js";
 
 const WIDE = 1024;
 const NOBODY = 0xffffffff;
+// The most vertices that instances are spread to.
+const SPREAD = 3 << 20;
 
 const POSES = `
 uniform highp sampler2D placesNow, placesThen;
@@ -42,7 +44,7 @@ layout(location = 3) in vec3 partAt;
 layout(location = 4) in vec4 partTurn;
 layout(location = 5) in vec3 size;
 uniform mat4 camera;
-uniform bool capsule;
+uniform bool capsule, central, flatSides;
 uniform uint colouring;
 uniform float topSpeed, topOff;
 uniform vec3 palette[12];
@@ -56,7 +58,7 @@ flat out vec4 tint;
 flat out vec4 rim;
 out vec3 inside;
 flat out vec3 extent;
-flat out uint slotOut;
+flat out uint slotOut, isFixed;
 vec3 heat(float t) { return mix(mix(vec3(.16, .36, .75), vec3(.93, .80, .35), smoothstep(0., .5, t)), vec3(.86, .20, .16), smoothstep(.5, 1., t)); }
 void main() {
   vec3 at; vec4 turn; uvec4 mark;
@@ -65,14 +67,17 @@ void main() {
   vec3 p = capsule ? corner.xyz * size.x + vec3(0, corner.w * size.y, 0) : corner.xyz * size;
   vec3 n = capsule ? side : side / max(size, vec3(1e-6));
   inside = p; extent = size;
-  place = at + turned(turn, partAt + turned(partTurn, p));
-  normal = turned(turn, turned(partTurn, n));
+  place = at + turned(turn, central ? p : partAt + turned(partTurn, p));
+  normal = flatSides ? vec3(0) : turned(turn, turned(partTurn, n));
   bool fixedBody = who.x == 0xffffffffu, sensor = (who.y & 1u) != 0u;
   vec3 colour = fixedBody ? ground : palette[mark.x % 12u];
+  // Bodies of one owner are told apart.
+  if (!fixedBody) colour *= 1.0 + 0.14 * (fract(float(who.x) * 0.618034) - 0.5);
   if (!fixedBody && colouring == 1u) colour = heat(float(mark.w) / 8.0 / topSpeed);
   if (!fixedBody && colouring == 2u) colour = heat(float(mark.z) / 64.0 / topOff);
   if (!fixedBody && (mark.y & 2u) != 0u) colour = mix(colour, quiet, 0.52);
   tint = vec4(colour, sensor ? 0.35 : (mark.y & 8u) != 0u ? 0.45 : 1.0);
+  isFixed = fixedBody ? 1u : 0u;
   rim = vec4(0);
   if (!fixedBody && ghosts && (mark.y & 4u) != 0u) {
     uint holder = texelFetch(holders, cell(who.x), 0).x;
@@ -91,7 +96,7 @@ in vec3 inside;
 flat in vec4 tint;
 flat in vec4 rim;
 flat in vec3 extent;
-flat in uint slotOut;
+flat in uint slotOut, isFixed;
 uniform vec3 eye, sky, haze;
 uniform bool boxes, flatSides, grid, pick;
 uniform float light, far;
@@ -110,7 +115,7 @@ void main() {
   if (dot(n, to) < 0.0) n = -n;
   float key = max(dot(n, normalize(vec3(0.45, 0.8, 0.35))), 0.0);
   float day = 0.5 + 0.5 * n.y;
-  vec3 c = tint.rgb * (mix(0.50, 0.80, day) * light + 0.42 * key);
+  vec3 c = tint.rgb * (mix(0.46, 0.70, day) * light + 0.36 * key);
   float edge = 0.0;
   if (boxes) {
     vec3 gap = extent - abs(inside), w = fwidth(inside);
@@ -118,9 +123,9 @@ void main() {
     float a = min(near.x + near.y, min(near.y + near.z, near.x + near.z));
     edge = 1.0 - clamp(a, 0.0, 1.0);
     edge *= 1.0 - smoothstep(0.1, 0.5, max(w.x, max(w.y, w.z)) / max(min(extent.x, min(extent.y, extent.z)), 1e-6));
+    c *= 1.0 - 0.3 * edge;
   }
-  c = mix(c, c * 0.62, edge * 0.8);
-  if (grid && n.y > 0.7) {
+  if (grid && isFixed != 0u && n.y > 0.7) {
     c = mix(c, c * 0.9, 0.7 * lines(place.xz, 1.0, 1.2));
     c = mix(c, c * 0.8, 0.8 * lines(place.xz, 10.0, 1.4));
   }
@@ -193,9 +198,13 @@ function product(a, b) {
 }
 
 export class Scene {
-  constructor(canvas, smooth) {
-    const gl = canvas.getContext("webgl2", { antialias: smooth, alpha: false, powerPreference: "high-performance", preserveDrawingBuffer: true });
+  constructor(canvas) {
+    const gl = canvas.getContext("webgl2", { antialias: false, powerPreference: "high-performance" });
     if (!gl) throw new Error("this browser has no WebGL 2");
+    // Where a processor draws, what moves is drawn without smooth edges, and what rests with them.
+    const named = gl.getExtension("WEBGL_debug_renderer_info")?.UNMASKED_RENDERER_WEBGL ?? gl.RENDERER;
+    this.slow = /swiftshader|llvmpipe|software/i.test(gl.getParameter(named));
+    this.smooth = { target: gl.createFramebuffer(), buffers: [gl.createRenderbuffer(), gl.createRenderbuffer()], size: "" };
     Object.assign(this, { gl, canvas, bodies: new Map(), meshes: new Map(), batches: new Map(), joints: [], stale: false });
     this.body = program(gl, BODY_VERTEX, BODY_FRAGMENT);
     this.flat = program(gl, FLAT_VERTEX, FLAT_FRAGMENT);
@@ -277,35 +286,57 @@ export class Scene {
       });
       this.drop(this.batches.get(number));
       const shape = number < FIRST_MESH ? primitive(number, list.length) : this.meshes.get(number);
-      this.batches.set(number, this.batch(shape, data, list.length));
+      const batch = this.batch(shape, data, list.length);
+      batch.clear = list.some(([, part]) => part.sensor);
+      batch.central = list.every(([body, { at, turn }]) => body.slot < FIXED && !at.some((v) => v) && turn[3] === 1);
+      this.batches.set(number, batch);
     }
     this.stale = false;
     this.instances = [...this.batches.values()].reduce((sum, batch) => sum + batch.count, 0);
   }
 
+  // Makes what one call draws. A processor takes long over instances: there every vertex has what its instance has.
   batch(shape, data, count) {
-    const gl = this.gl, array = gl.createVertexArray(), buffers = [0, 1, 2].map(() => gl.createBuffer());
-    gl.bindVertexArray(array);
-    gl.bindBuffer(gl.ARRAY_BUFFER, buffers[0]);
-    gl.bufferData(gl.ARRAY_BUFFER, new Float32Array(shape.vertices), gl.STATIC_DRAW);
-    gl.enableVertexAttribArray(0);
-    gl.vertexAttribPointer(0, 4, gl.FLOAT, false, 28, 0);
-    gl.enableVertexAttribArray(1);
-    gl.vertexAttribPointer(1, 3, gl.FLOAT, false, 28, 16);
-    gl.bindBuffer(gl.ARRAY_BUFFER, buffers[1]);
-    gl.bufferData(gl.ARRAY_BUFFER, data, gl.STATIC_DRAW);
-    gl.enableVertexAttribArray(2);
-    gl.vertexAttribIPointer(2, 2, gl.UNSIGNED_INT, 48, 0);
-    for (const [at, size, offset] of [[3, 3, 8], [4, 4, 20], [5, 3, 36]]) {
-      gl.enableVertexAttribArray(at);
-      gl.vertexAttribPointer(at, size, gl.FLOAT, false, 48, offset);
+    const gl = this.gl, array = gl.createVertexArray(), corners = shape.vertices.length / 7;
+    const spread = this.slow && count * corners <= SPREAD;
+    let { indices } = shape;
+    let contents = [new Float32Array(shape.vertices), data];
+    if (spread) {
+      const [from, to] = [new Uint32Array(data), new Uint32Array(19 * corners * count)];
+      const vertices = new Uint32Array(contents[0].buffer);
+      indices = new Uint32Array(indices.length * count);
+      for (let i = 0, at = 0; i < count; i++) {
+        const one = from.subarray(12 * i, 12 * i + 12);
+        for (let k = 0; k < corners; k++, at += 19) {
+          to.set(vertices.subarray(7 * k, 7 * k + 7), at);
+          to.set(one, at + 7);
+        }
+        for (let k = 0; k < shape.indices.length; k++) indices[i * shape.indices.length + k] = i * corners + shape.indices[k];
+      }
+      contents = [to];
     }
-    for (const at of [2, 3, 4, 5]) gl.vertexAttribDivisor(at, 1);
-    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, buffers[2]);
-    const indices = new Uint32Array(shape.indices);
-    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, indices, gl.STATIC_DRAW);
+    const buffers = [...contents, new Uint32Array(indices)].map((content, i) => {
+      const buffer = gl.createBuffer();
+      gl.bindVertexArray(array);
+      const target = i === contents.length ? gl.ELEMENT_ARRAY_BUFFER : gl.ARRAY_BUFFER;
+      gl.bindBuffer(target, buffer);
+      gl.bufferData(target, content, gl.STATIC_DRAW);
+      return buffer;
+    });
+    const reals = (at, size, stride, offset) => { gl.enableVertexAttribArray(at); gl.vertexAttribPointer(at, size, gl.FLOAT, false, stride, offset); };
+    gl.bindBuffer(gl.ARRAY_BUFFER, buffers[0]);
+    const [wide, skip] = spread ? [76, 28] : [48, 0];
+    reals(0, 4, spread ? 76 : 28, 0);
+    reals(1, 3, spread ? 76 : 28, 16);
+    if (!spread) gl.bindBuffer(gl.ARRAY_BUFFER, buffers[1]);
+    gl.enableVertexAttribArray(2);
+    gl.vertexAttribIPointer(2, 2, gl.UNSIGNED_INT, wide, skip);
+    reals(3, 3, wide, skip + 8);
+    reals(4, 4, wide, skip + 20);
+    reals(5, 3, wide, skip + 36);
+    if (!spread) for (const at of [2, 3, 4, 5]) gl.vertexAttribDivisor(at, 1);
     gl.bindVertexArray(null);
-    return { array, buffers, count, length: indices.length, mode: shape.lines ? gl.LINES : gl.TRIANGLES };
+    return { array, buffers, count, spread, length: indices.length, mode: shape.lines ? gl.LINES : gl.TRIANGLES };
   }
 
   drop(batch) {
@@ -373,17 +404,42 @@ export class Scene {
   draw(look) {
     const gl = this.gl, { canvas } = this;
     if (this.stale) this.sort();
+    if (look.smooth) this.smoothly();
     gl.viewport(0, 0, canvas.width, canvas.height);
     gl.clearColor(...look.back, 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    if (!this.frame) return;
+    if (this.frame) this.drawAll(look);
+    if (look.smooth) {
+      const { width, height } = canvas;
+      gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, null);
+      gl.blitFramebuffer(0, 0, width, height, 0, 0, width, height, gl.COLOR_BUFFER_BIT, gl.NEAREST);
+      gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    }
+  }
+
+  // Draws to a picture of four samples a pixel.
+  smoothly() {
+    const gl = this.gl, { target, buffers, size } = this.smooth, { width, height } = this.canvas;
+    gl.bindFramebuffer(gl.FRAMEBUFFER, target);
+    if (size === `${width} ${height}`) return;
+    this.smooth.size = `${width} ${height}`;
+    const samples = Math.min(4, gl.getParameter(gl.MAX_SAMPLES));
+    for (const [buffer, kind, where] of [[buffers[0], gl.RGBA8, gl.COLOR_ATTACHMENT0], [buffers[1], gl.DEPTH_COMPONENT24, gl.DEPTH_ATTACHMENT]]) {
+      gl.bindRenderbuffer(gl.RENDERBUFFER, buffer);
+      gl.renderbufferStorageMultisample(gl.RENDERBUFFER, samples, kind, width, height);
+      gl.framebufferRenderbuffer(gl.FRAMEBUFFER, where, gl.RENDERBUFFER, buffer);
+    }
+  }
+
+  drawAll(look) {
+    const gl = this.gl;
     this.drawBodies(look, false);
     const { made, at } = this.flat;
     gl.useProgram(made);
     gl.uniformMatrix4fv(at.camera, false, look.matrix);
     this.poses(at, look.between);
     gl.enable(gl.BLEND);
-    gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA);
+    gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
     gl.depthMask(false);
     const draw = (name, mode, points) => {
       const flat = this.flats[name];
@@ -420,17 +476,21 @@ export class Scene {
     gl.uniform1i(at.ghosts, look.ghosts ? 1 : 0);
     gl.uniform1i(at.pick, pick ? 1 : 0);
     this.poses(at, look.between);
-    // What is seen through comes last; which parts those are is known to the shader alone, so all blend.
-    if (!pick) { gl.enable(gl.BLEND); gl.blendFunc(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA); }
+    gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
     for (const [number, batch] of [...this.batches].sort(([a], [b]) => (b === PLANE) - (a === PLANE))) {
       gl.uniform1i(at.capsule, number === CAPSULE ? 1 : 0);
-      gl.uniform1i(at.boxes, number === 0 ? 1 : 0);
-      gl.uniform1i(at.grid, number === 0 || number === PLANE ? 1 : 0);
-      gl.uniform1i(at.flatSides, number >= FIRST_MESH ? 1 : 0);
+      gl.uniform1i(at.boxes, number === BOX ? 1 : 0);
+      gl.uniform1i(at.grid, number === BOX || number === PLANE ? 1 : 0);
+      gl.uniform1i(at.flatSides, number === BOX || number >= FIRST_MESH ? 1 : 0);
+      gl.uniform1i(at.central, batch.central ? 1 : 0);
+      if (number < PLANE) gl.enable(gl.CULL_FACE); else gl.disable(gl.CULL_FACE);
+      if (!pick && (batch.clear || look.outside)) gl.enable(gl.BLEND); else gl.disable(gl.BLEND);
       gl.bindVertexArray(batch.array);
-      gl.drawElementsInstanced(batch.mode, batch.length, gl.UNSIGNED_INT, 0, batch.count);
+      if (batch.spread) gl.drawElements(batch.mode, batch.length, gl.UNSIGNED_INT, 0);
+      else gl.drawElementsInstanced(batch.mode, batch.length, gl.UNSIGNED_INT, 0, batch.count);
     }
     gl.disable(gl.BLEND);
+    gl.disable(gl.CULL_FACE);
     gl.bindVertexArray(null);
   }
 

@@ -85,6 +85,7 @@ pub(super) struct Progress {
     meshes: usize,
     joints: u64,
     samples: u64,
+    /// The number of the picture that it shows.
     frame: u64,
     details: Option<Details>,
 }
@@ -305,13 +306,11 @@ impl Hub {
             Want::Newest => inner.frames.back().filter(|frame| frame.number > to.frame),
             Want::Past(tick) => {
                 let after = inner.frames.partition_point(|frame| frame.tick <= tick);
-                inner.frames.get(after.saturating_sub(1))
+                inner.frames.get(after.saturating_sub(1)).filter(|frame| frame.number != to.frame)
             }
         };
         if let Some(frame) = frame {
-            if want == Want::Newest {
-                to.frame = frame.number;
-            }
+            to.frame = frame.number;
             answer.push(frame.bytes.clone());
         }
         answer.push(Bytes::from(wire::state(&inner.state())));

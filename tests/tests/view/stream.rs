@@ -55,6 +55,9 @@ fn a_page_pauses_the_world_steps_it_and_goes_back() {
     assert_ne!(page.seen.rows, now);
     page.look(PAST, u64::MAX);
     assert_eq!((page.seen.tick, &page.seen.rows), (paused + 3.0, &now));
+    page.look(PAST, oldest as u64);
+    page.look(SEE, 0);
+    assert_eq!((page.seen.tick, &page.seen.rows), (paused + 3.0, &now), "it comes back while nothing moves");
     page.ask(PAUSE, 0);
     page.until("it goes on", |seen| seen.newest > paused + 10.0);
 }

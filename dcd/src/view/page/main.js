@@ -17,7 +17,7 @@ const PALETTE = ["4269d0", "efb118", "3ca951", "ff725c", "a463f2", "38b2c4", "ff
 const rgb = (hex) => [0, 2, 4].map((at) => parseInt(hex.slice(at, at + 2), 16) / 255);
 const THEMES = {
   light: { back: rgb("f4f5f7"), ground: rgb("dcdfe3"), quiet: rgb("c9cdd3"), light: 1, bar: "#2f5fd0", mark: "#d1662b", line: "#7f8ba0", soft: "#66707c", panel: "#ffffff" },
-  dark: { back: rgb("14171b"), ground: rgb("3a4048"), quiet: rgb("3c424a"), light: 0.92, bar: "#86aaff", mark: "#f0a35e", line: "#7f8ba0", soft: "#98a2ad", panel: "#1d2127" },
+  dark: { back: rgb("14171b"), ground: rgb("434a54"), quiet: rgb("5a626d"), light: 0.92, bar: "#86aaff", mark: "#f0a35e", line: "#7f8ba0", soft: "#98a2ad", panel: "#1d2127" },
 };
 const palette = new Float32Array(PALETTE.flatMap(rgb));
 let theme = THEMES.light;

@@ -75,7 +75,7 @@ void main() {
   if (!fixedBody) colour *= 1.0 + 0.14 * (fract(float(who.x) * 0.618034) - 0.5);
   if (!fixedBody && colouring == 1u) colour = heat(float(mark.w) / 8.0 / topSpeed);
   if (!fixedBody && colouring == 2u) colour = heat(float(mark.z) / 64.0 / topOff);
-  if (!fixedBody && (mark.y & 2u) != 0u) colour = mix(colour, quiet, 0.52);
+  if (!fixedBody && (mark.y & 2u) != 0u) colour = mix(colour, quiet, 0.48);
   tint = vec4(colour, sensor ? 0.35 : (mark.y & 8u) != 0u ? 0.45 : 1.0);
   isFixed = fixedBody ? 1u : 0u;
   rim = vec4(0);

@@ -41,13 +41,16 @@ export class Timeline {
     ].filter(([, , top]) => top > 0);
     const high = h / Math.max(1, rows.length);
     rows.forEach(([name, label, top, words, colour], row) => {
-      const base = (row + 1) * high - 1, scaled = (v) => v / top * (high - 3);
+      // A rare peak is cut off, so that the rest is seen.
+      const usual = all.map((sample) => sample[name]).sort((a, b) => a - b)[Math.floor(0.98 * all.length)];
+      const full = usual > 0 ? Math.min(top, 1.6 * usual) : top;
+      const base = (row + 1) * high - 1, scaled = (v) => Math.min(1, v / full) * (high - 3);
       to.fillStyle = colour;
       all.forEach((sample, i) => {
         const v = scaled(sample[name]);
         if (v > 0) to.fillRect(x(i), base - v, 1, v);
       });
-      if (name === "ms" && dt * 1e3 < top) {
+      if (name === "ms" && dt * 1e3 < full) {
         to.fillStyle = colours.soft;
         to.fillRect(0, base - scaled(dt * 1e3), w, 0.5);
       }

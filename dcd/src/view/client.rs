@@ -90,23 +90,9 @@ impl Source for Told<'_> {
     }
 
     fn regions(&self) -> Vec<RegionSeen> {
-        let mut counts = vec![[0; 2]; self.places.len()];
-        self.world.with_bodies(|view| {
-            if view.body.traits.kind != BodyKind::Fixed {
-                let state = &view.body.state;
-                let owner = view.owner.unwrap_or_else(|| self.tree.leaf_at(state.pose.translation));
-                if let Some(&place) = self.places.get(&owner) {
-                    counts[usize::from(place)][0] += 1;
-                    counts[usize::from(place)][1] += usize::from(!state.sleeping);
-                }
-            }
-            None::<()>
-        });
-        let seen = self.tree.leaves().zip(counts).map(|(id, [owned, awake])| RegionSeen {
+        let seen = self.tree.leaves().map(|id| RegionSeen {
             id: id.0,
             node: self.world.computed_by(id).map(|node| node.0),
-            owned,
-            awake,
             ghosts: 0,
             step_ms: 0.0,
             cell: self.tree.cell(id),

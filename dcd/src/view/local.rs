@@ -57,8 +57,6 @@ impl Source for LocalWorld {
         let seen = |region: &Region| RegionSeen {
             id: region.id().0,
             node: None,
-            owned: region.owned_count(),
-            awake: region.awake_count(),
             ghosts: region.replica_count(),
             step_ms: region.last_step().as_secs_f32() * 1e3,
             cell: *region.cell(),

@@ -36,8 +36,8 @@ use source::{Sample, Source};
 
 /// The shortest time between two pictures.
 const PERIOD: Duration = Duration::from_millis(30);
-/// Between two looks at the world pass so many times the time that the last look took: what a viewer costs is a hundredth.
-const SPARING: u32 = 100;
+/// Between two looks at the world pass so many times the time that a look takes: viewers cost the thread that steps below two percent.
+const SPARING: u32 = 60;
 /// The most time between two looks for that reason: the system may have had the thread wait in the middle of one.
 const MOST_SPARED: Duration = Duration::from_secs(1);
 /// How long the thread of a paused world waits before it looks whether the program is to end.
@@ -127,8 +127,8 @@ impl Viewer {
         format!("http://{}/?key={}", self.server.address(), self.hub.key)
     }
 
-    /// Shows a local world as it is after a step; call it after each. It costs nothing while no page is open, and at most a hundredth
-    /// of the time while one is.
+    /// Shows a local world as it is after a step; call it after each. It costs nothing while no page is open, and below two percent of
+    /// the time while one is.
     pub fn show(&mut self, world: &World) -> Result<(), Error> {
         self.show_local(world.local("be shown by a viewer", Instead::LookLocal)?);
         Ok(())
@@ -221,6 +221,7 @@ impl Viewer {
         self.costs.rotate_left(1);
         self.costs[0] = end - start;
         let cost = self.costs.into_iter().min().unwrap_or_default();
+        tracing::debug!(took = ?self.costs[0], "looked at the world");
         self.due = Some((start + PERIOD).max(end + (cost * SPARING).min(MOST_SPARED)));
     }
 

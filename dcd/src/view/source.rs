@@ -27,10 +27,6 @@ pub(crate) struct RegionSeen {
     pub(crate) id: u32,
     /// The node that computes it, as far as known.
     pub(crate) node: Option<u32>,
-    /// Bodies that it owns.
-    pub(crate) owned: usize,
-    /// Of these, how many are awake; 0 where that is not known.
-    pub(crate) awake: usize,
     /// Copies of other regions' bodies that it holds.
     pub(crate) ghosts: usize,
     /// Wall time of its last step, milliseconds.

@@ -138,10 +138,19 @@ pub(super) fn frame(moment: &Moment, origin: [f64; 3]) -> Vec<u8> {
         [moment.regions.len(), moment.borders.len(), count, moment.ghosts.len(), moment.contacts.len()];
     lists.iter().for_each(|&length| to.u32(length as u32));
     to.u32(0);
-    for region in &moment.regions {
+    // Bodies by owner, and those that are awake.
+    let mut owned = vec![[0u32; 2]; moment.regions.len()];
+    for seen in &moment.rows {
+        if let Some(counts) = owned.get_mut(usize::from(seen.owner)) {
+            counts[0] += 1;
+            counts[1] += u32::from(!seen.sleeping);
+        }
+    }
+    for (region, counts) in moment.regions.iter().zip(owned) {
         to.u32(region.id);
         to.u32(region.node.unwrap_or(u32::MAX));
-        [region.owned, region.awake, region.ghosts].iter().for_each(|&count| to.u32(count as u32));
+        counts.into_iter().for_each(|count| to.u32(count));
+        to.u32(region.ghosts as u32);
         to.f32(region.step_ms);
         to.f32s(&relative(region.cell.min, origin));
         to.f32s(&relative(region.cell.max, origin));

@@ -44,7 +44,8 @@ layout(location = 3) in vec3 partAt;
 layout(location = 4) in vec4 partTurn;
 layout(location = 5) in vec3 size;
 uniform mat4 camera;
-uniform bool capsule, central, flatSides;
+uniform bool capsule, central, flatSides, boxes;
+uniform vec3 eye;
 uniform uint colouring;
 uniform float topSpeed, topOff;
 uniform vec3 palette[12];
@@ -66,6 +67,11 @@ void main() {
   slotOut = who.x == 0xffffffffu ? who.y >> 8 : who.x;
   vec3 p = capsule ? corner.xyz * size.x + vec3(0, corner.w * size.y, 0) : corner.xyz * size;
   vec3 n = capsule ? side : side / max(size, vec3(1e-6));
+  if (boxes) {
+    vec3 e = turned(vec4(-turn.xyz, turn.w), eye - at);
+    if (!central) e = turned(vec4(-partTurn.xyz, partTurn.w), e - partAt);
+    p *= mix(vec3(-1), vec3(1), greaterThanEqual(e, vec3(0)));
+  }
   inside = p; extent = size;
   place = at + turned(turn, central ? p : partAt + turned(partTurn, p));
   normal = flatSides ? vec3(0) : turned(turn, turned(partTurn, n));
@@ -98,7 +104,7 @@ flat in vec4 rim;
 flat in vec3 extent;
 flat in uint slotOut, isFixed;
 uniform vec3 eye, sky, haze;
-uniform bool boxes, flatSides, grid, pick;
+uniform bool boxes, edges, flatSides, grid, pick;
 uniform float light, far;
 out vec4 colour;
 float lines(vec2 at, float step, float wide) {
@@ -117,7 +123,7 @@ void main() {
   float day = 0.5 + 0.5 * n.y;
   vec3 c = tint.rgb * (mix(0.46, 0.70, day) * light + 0.36 * key);
   float edge = 0.0;
-  if (boxes) {
+  if (edges) {
     vec3 gap = extent - abs(inside), w = fwidth(inside);
     vec3 near = smoothstep(vec3(0), max(1.6 * w, vec3(1e-6)), gap);
     float a = min(near.x + near.y, min(near.y + near.z, near.x + near.z));
@@ -480,10 +486,12 @@ export class Scene {
     for (const [number, batch] of [...this.batches].sort(([a], [b]) => (b === PLANE) - (a === PLANE))) {
       gl.uniform1i(at.capsule, number === CAPSULE ? 1 : 0);
       gl.uniform1i(at.boxes, number === BOX ? 1 : 0);
+      // Edges of many small boxes are not seen, and take a processor long.
+      gl.uniform1i(at.edges, number === BOX && !(this.slow && batch.count > 8000 && !look.smooth) ? 1 : 0);
       gl.uniform1i(at.grid, number === BOX || number === PLANE ? 1 : 0);
       gl.uniform1i(at.flatSides, number === BOX || number >= FIRST_MESH ? 1 : 0);
       gl.uniform1i(at.central, batch.central ? 1 : 0);
-      if (number < PLANE) gl.enable(gl.CULL_FACE); else gl.disable(gl.CULL_FACE);
+      if (number !== BOX && number < PLANE) gl.enable(gl.CULL_FACE); else gl.disable(gl.CULL_FACE);
       if (!pick && (batch.clear || look.outside)) gl.enable(gl.BLEND); else gl.disable(gl.BLEND);
       gl.bindVertexArray(batch.array);
       if (batch.spread) gl.drawElements(batch.mode, batch.length, gl.UNSIGNED_INT, 0);

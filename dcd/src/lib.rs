@@ -43,6 +43,8 @@ pub use rapier3d;
 pub mod manual;
 #[cfg(feature = "physics")]
 pub mod prelude;
+#[cfg(feature = "view")]
+mod view;
 #[cfg(feature = "physics")]
 mod world;
 
@@ -99,6 +101,8 @@ pub use runtime::{Choice, Partitioning, Stats, Why, WorldConfig};
 #[cfg(feature = "physics")]
 pub use scene::{Params, Scene};
 pub use space::{Axis, Balance, BodyId, Bounds, Cell, ClientId, Epoch, JointId, NodeId, RegionId, Tick};
+#[cfg(feature = "view")]
+pub use view::{ViewError, Viewer};
 #[cfg(feature = "physics")]
 pub use world::{Body, BodyChange, Error, Instead, MovableBody, Owner, RegionInfo, Role, Unsupported, World};
 

@@ -1,7 +1,9 @@
 //! Holds what tests and benches of several programs share.
 
+pub mod browser;
 pub mod course;
 pub mod proxy;
 pub mod served;
+pub mod socket;
 pub mod stage;
 pub mod truth;

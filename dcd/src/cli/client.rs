@@ -16,6 +16,8 @@ use super::interrupt::Interrupt;
 use super::summary::Summary;
 use super::truth::Truth;
 use super::values::{GIVE_UP, SERVER, address, positive, speed, wall_seconds};
+use super::view::{self, ANY_PORT};
+use crate::Viewer;
 use crate::protocol::{Area, BodyKind, Velocity, WorldPose};
 use crate::runtime::{ClientWorld, JoinConfig, ProcessError};
 use crate::scene::Dice;
@@ -92,6 +94,10 @@ pub(super) struct Client {
     /// which has no limit; between states both are interpolated
     #[arg(long, value_name = "TOKEN")]
     truth: Option<String>,
+    /// Show what this client is told in the browser, by a page at this address, which is printed on standard error: any free port of
+    /// this machine if none is given
+    #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = ANY_PORT, value_parser = address)]
+    view: Option<SocketAddr>,
     /// Print the summary as one JSON object
     #[arg(long)]
     json: bool,
@@ -257,7 +263,10 @@ impl Client {
             print(&format!("listening {address}"))?;
         }
         world.limit(self.limit)?;
+        let name = format!("{} of {}", world.id(), self.server);
+        let viewer = self.view.map(|at| view::open(at, &name)).transpose()?;
         let mut crowd = Crowd::enter(world, self.avatars.into(), self.speed, self.interest.map(f64::from))?;
+        crowd.viewer = viewer;
         crowd.truth = truth.map(|join| ClientWorld::connect(&join)).transpose()?.map(Truth::of);
         let end = loop {
             let late = limit.is_some_and(|limit| crowd.start.elapsed() >= limit);
@@ -300,6 +309,7 @@ struct Crowd {
     moved_m: f64,
     watch: Watch,
     truth: Option<Truth>,
+    viewer: Option<Viewer>,
     dt_s: f64,
     /// When the world had come, and the bytes until then.
     bytes_since: Option<(Instant, u64)>,
@@ -364,6 +374,7 @@ impl Crowd {
             moved_m,
             watch,
             truth: None,
+            viewer: None,
             dt_s,
             bytes_since: None,
         })
@@ -385,6 +396,9 @@ impl Crowd {
         let events = self.world.take_events();
         self.contacts += events.touches.len() as u64;
         self.refusals += events.refusals.len() as u64;
+        if let Some(viewer) = &mut self.viewer {
+            viewer.show_client(&mut self.world, &events.handovers);
+        }
         if let Some(radius_m) = self.interest_m {
             let first = self.walkers.keys().next().and_then(|&first| self.world.body(first));
             let centre = first.map_or(self.bounds.centre(), |body| body.body.state.pose.translation);

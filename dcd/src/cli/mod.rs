@@ -24,6 +24,7 @@ mod summary;
 mod token;
 mod truth;
 mod values;
+mod view;
 mod world;
 
 use std::process::ExitCode;

@@ -14,8 +14,10 @@ use super::run::snapshot;
 use super::scenes;
 use super::summary::{Served, Summary};
 use super::values::{SERVER, address, duration, positive, speed};
+use super::view::{ANY_PORT, Onlooker};
 use super::world::{CutArgs, explained};
 use crate::cluster::{GroupPolicy, Grouping, PollRules};
+use crate::net::JoinRole;
 use crate::protocol::{DelayThresholds, MAX_LAG, Pace, Thresholds, View, ViewNumber};
 use crate::runtime::{GroupConfig, LocalWorld, Origin, ServeConfig, ServerProcess, WorldConfig};
 use crate::scene::{Params, Scene};
@@ -23,6 +25,8 @@ use crate::space::{Allocation, MAX_REGIONS, Tick};
 
 /// Interval at which Ctrl-C is looked for.
 const LOOK: Duration = Duration::from_millis(50);
+/// How long the token of the viewer of this process is valid.
+const AT_ONCE: Duration = Duration::from_secs(60);
 /// How long a first Ctrl-C waits for a second one, which ends the world.
 const AGAIN: Duration = Duration::from_secs(2);
 
@@ -90,6 +94,10 @@ pub(super) struct Serve {
     /// How far a body may be from where the group that is authoritative for it has it, metres
     #[arg(long, value_name = "M", default_value_t = 0.1, value_parser = positive)]
     agree: f32,
+    /// Show the world in the browser as a client is told of it, by a page at this address, which is printed on standard error: any free
+    /// port of this machine if none is given
+    #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = ANY_PORT, value_parser = address)]
+    view: Option<SocketAddr>,
     /// Print the summary as one JSON object
     #[arg(long)]
     json: bool,
@@ -148,7 +156,9 @@ impl Serve {
             )
         });
         // What cannot be printed ends no world.
-        let watched = printed.and_then(|()| self.watch(&server, interrupt, common));
+        let watched = printed
+            .and_then(|()| self.onlooker(&server))
+            .and_then(|onlooker| self.watch(&server, onlooker, interrupt, common));
         if watched.is_err() || interrupt.asked() && !self.ends(interrupt, common) {
             server.suspend();
             watched?;
@@ -243,8 +253,19 @@ impl Serve {
         Ok(GroupConfig { lag_ticks: self.lag, thresholds, grouping })
     }
 
+    fn onlooker(&self, server: &ServerProcess) -> Result<Option<Onlooker>, Failure> {
+        let join = |at| Onlooker::join(at, server.address, server.token(JoinRole::Client, AT_ONCE)?);
+        self.view.map(join).transpose()
+    }
+
     /// Reports memberships until the world ends or the user asks for its end.
-    fn watch(&self, server: &ServerProcess, interrupt: Interrupt, common: &Common) -> Result<(), Failure> {
+    fn watch(
+        &self,
+        server: &ServerProcess,
+        mut onlooker: Option<Onlooker>,
+        interrupt: Interrupt,
+        common: &Common,
+    ) -> Result<(), Failure> {
         let bar = common.progress(self.ticks.unwrap_or(0), "ticks", self.json || self.ticks.is_none());
         let mut told = None;
         while !server.is_over() && !interrupt.asked() {
@@ -252,6 +273,7 @@ impl Serve {
             let view = server.view();
             bar.set_position(server.summary().tick.0);
             requests::obey(&self.data, server);
+            onlooker.iter_mut().for_each(Onlooker::look);
             if shares(view.as_ref()) != told {
                 told = shares(view.as_ref());
                 bar.suspend(|| print(&membership(view.as_ref())))?;

@@ -20,6 +20,8 @@ use crate::protocol::{
     Area, ContactForce, Controller, Drive, EnvironmentProperties, Handover, Input, Query, QueryResult,
     Refusal, Touch, Velocity, WorldPose,
 };
+#[cfg(feature = "view")]
+use crate::protocol::{ShapeHash, ShapeRecord};
 use crate::space::{BodyId, ClientId, DistributionTree, NodeId, RegionId, Tick};
 
 /// The settings with which a process joins a served world.
@@ -337,6 +339,12 @@ impl ClientWorld {
     /// Returns a body as last received.
     pub fn body(&self, id: BodyId) -> Option<BodyView> {
         self.member.shared.lock().client.as_ref()?.body(id).cloned()
+    }
+
+    /// Returns a shape of a body that is known here.
+    #[cfg(feature = "view")]
+    pub(crate) fn shape(&self, hash: ShapeHash) -> Option<ShapeRecord> {
+        self.member.shared.lock().client.as_ref()?.shapes().get(&hash).cloned()
     }
 
     /// Calls `look` for every body in id order, as last received, and collects what it returns.

@@ -5,6 +5,7 @@ mod live;
 pub(in crate::cli) mod snapshot;
 mod table;
 
+use std::net::SocketAddr;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -13,7 +14,10 @@ use super::common::{Common, print};
 use super::failure::Failure;
 use super::interrupt::Interrupt;
 use super::scenes;
+use super::values::address;
+use super::view::{self, ANY_PORT};
 use super::world::{CutArgs, explained};
+use crate::Viewer;
 use crate::runtime::measure::{Cast, Plan, Subject, run};
 use crate::runtime::{Partitioning, WorldConfig};
 use crate::scene::{Params, Scene};
@@ -29,6 +33,7 @@ use crate::space::MAX_REGIONS;
 ///   dcd run tower --cut y=5 --seconds 60 --out tower.csv
 ///   dcd run convoy --set cars=200 --set road=20000 --regions 4 --balance
 ///   dcd run pile --save pile.dcd, and then dcd run pile.dcd
+///   dcd run pile --set n=2000 --regions 4 --view
 ///   dcd run robot.urdf --set copies=100 --set ground=1 --regions 2
 #[derive(clap::Args)]
 #[command(verbatim_doc_comment, allow_negative_numbers = true, after_long_help = after_help())]
@@ -49,9 +54,13 @@ pub(super) struct Run {
     /// depend on it [default: all cores]
     #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
-    /// How long to run, in simulated seconds
-    #[arg(long, value_name = "S", default_value_t = 10.0, value_parser = seconds)]
-    seconds: f64,
+    /// How long to run, in simulated seconds [default: 10, or with --view until Ctrl-C]
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    seconds: Option<f64>,
+    /// Show the world in the browser, by a page at this address, which is printed on standard error: any free port of this machine if
+    /// none is given. The world begins when the page is opened, goes as fast as time, and can be paused and stepped there
+    #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = ANY_PORT, value_parser = address)]
+    view: Option<SocketAddr>,
     /// Print the result as one JSON object
     #[arg(long)]
     json: bool,
@@ -69,10 +78,19 @@ impl Run {
         let interrupt = Interrupt::listen()?;
         let out = self.out.map(csv::Target::check).transpose()?;
         let save = self.save.map(snapshot::Target::check).transpose()?;
+        let mut viewer =
+            self.view.map(|at| view::open(at, &cast.name).map(Viewer::with_controls)).transpose()?;
         tracing::info!(scene = cast.name, ticks = plan.ticks, "stepping");
         let mut live = live::Live::new(common, plan.ticks, self.json);
+        if let (Some(viewer), Subject::Regions(world)) = (&mut viewer, &subject) {
+            viewer.wait(world, || interrupt.asked());
+        }
         let report = run(&cast, &plan, &mut subject, |tick, subject| {
             live.tell(tick, subject);
+            if let (Some(viewer), Subject::Regions(world)) = (&mut viewer, subject) {
+                viewer.show_local(world);
+                viewer.wait(world, || interrupt.asked());
+            }
             if interrupt.asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         });
         live.finish();
@@ -112,7 +130,11 @@ impl Run {
         if snapshot::is_one(&self.scene) {
             return self.resume(common);
         }
-        let needs = [("--save", self.save.is_some()), ("--balance", self.cuts.balances())];
+        let needs = [
+            ("--save", self.save.is_some()),
+            ("--view", self.view.is_some()),
+            ("--balance", self.cuts.balances()),
+        ];
         if let Some((name, _)) = needs.into_iter().find(|(_, given)| self.regions == Some(0) && *given) {
             return Err(Failure::usage(format!(
                 "{name} takes a world of regions, --regions 0 is one bare Rapier world; leave one of them out"
@@ -145,12 +167,16 @@ impl Run {
             balance: world.host().balance().copied(),
             step: *world.host().settings(),
         };
-        let plan = Plan { config: Some(config), ticks: Plan::ticks_of(self.seconds, cast.dt_s) };
+        let plan = Plan { config: Some(config), ticks: Plan::ticks_of(self.seconds(), cast.dt_s) };
         Ok((cast, plan, Subject::Regions(Box::new(world))))
     }
 
+    fn seconds(&self) -> f64 {
+        self.seconds.unwrap_or(if self.view.is_some() { MOST_SECONDS } else { 10.0 })
+    }
+
     fn plan(&self, scene: &Scene) -> Result<Plan, Failure> {
-        let ticks = Plan::ticks_of(self.seconds, scene.dt_s);
+        let ticks = Plan::ticks_of(self.seconds(), scene.dt_s);
         if self.regions == Some(0) {
             return Ok(Plan { config: None, ticks });
         }

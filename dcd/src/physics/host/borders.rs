@@ -2,7 +2,10 @@
 
 use std::collections::BTreeMap;
 
+use rapier3d::prelude::RigidBodyHandle;
+
 use super::{RegionHost, Side};
+use crate::physics::region::Region;
 use crate::space::{BodyId, Cell, RegionId, RegionSet};
 
 /// The border of two regions.
@@ -61,6 +64,13 @@ impl RegionHost {
             Some((region, handle)) => 1 + region.slot(handle).holders.len(),
             None => self.regions().filter(|region| region.handle_of(id).is_some()).count(),
         }
+    }
+
+    /// Returns the ghosts here: every copy of a movable body in a region that does not own it, with that region and Rapier's handle
+    /// there.
+    pub fn ghosts(&self) -> impl Iterator<Item = (BodyId, &Region, RigidBodyHandle)> {
+        self.regions()
+            .flat_map(|region| region.replicas().iter().map(move |copy| (copy.id, region, copy.handle)))
     }
 
     /// Returns how many bodies each two regions both hold, by their ranks in ascending order.

@@ -1,0 +1,40 @@
+//! Opens the viewer of a subcommand, and says where; looks on at a served world as a client of it.
+
+use std::io::Write;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+
+use super::failure::Failure;
+use crate::Viewer;
+use crate::runtime::{ClientWorld, JoinConfig};
+
+/// Where `--view` without an address shows the world.
+pub(super) const ANY_PORT: &str = "127.0.0.1:0";
+
+/// Opens a viewer, and says where on standard error: also to those who want no messages, since nobody could open it otherwise.
+pub(super) fn open(address: SocketAddr, name: &str) -> Result<Viewer, Failure> {
+    let viewer = Viewer::open(address, name).map_err(|error| Failure::usage(error.to_string()))?;
+    let _ = writeln!(std::io::stderr(), "view {}", viewer.url());
+    Ok(viewer)
+}
+
+/// A client without avatars that is there to be looked at.
+pub(super) struct Onlooker {
+    viewer: Viewer,
+    world: ClientWorld,
+}
+
+impl Onlooker {
+    /// Joins the world of a server of this process with a token of its own.
+    pub(super) fn join(view: SocketAddr, server: SocketAddr, token: String) -> Result<Self, Failure> {
+        let viewer = open(view, &format!("the world of {server}"))?;
+        let ip = if server.ip().is_unspecified() { IpAddr::V4(Ipv4Addr::LOCALHOST) } else { server.ip() };
+        let join = JoinConfig::new(SocketAddr::new(ip, server.port()), token);
+        Ok(Self { viewer, world: ClientWorld::connect(&join)? })
+    }
+
+    /// Shows the world as it is told of it now.
+    pub(super) fn look(&mut self) {
+        let events = self.world.take_events();
+        self.viewer.show_client(&mut self.world, &events.handovers);
+    }
+}

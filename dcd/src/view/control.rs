@@ -1,0 +1,132 @@
+//! Decides when the next step of a world is due that viewers may pause and step.
+
+use std::time::{Duration, Instant};
+
+/// How far a world that cannot keep its pace may fall behind before the time it lost is forgotten.
+const MOST_BEHIND: Duration = Duration::from_millis(100);
+/// The most single steps that are asked for and not done yet.
+const MOST_STEPS: u32 = 1000;
+
+/// Pause, single steps and speed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Control {
+    paused: bool,
+    /// Steps to take although it is paused.
+    steps: u32,
+    /// Seconds of the world per second; 0: as fast as it can.
+    speed: f32,
+    due: Option<Instant>,
+}
+
+/// When the next step is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Next {
+    /// It is due.
+    Now,
+    /// Not before.
+    At(Instant),
+    /// When somebody asks for it.
+    Asked,
+}
+
+impl Default for Control {
+    fn default() -> Self {
+        Self { paused: false, steps: 0, speed: 1.0, due: None }
+    }
+}
+
+impl Control {
+    pub(super) fn is_paused(&self) -> bool {
+        self.paused
+    }
+
+    pub(super) fn speed(&self) -> f32 {
+        self.speed
+    }
+
+    pub(super) fn pause(&mut self, paused: bool) {
+        (self.paused, self.steps, self.due) = (paused, 0, None);
+    }
+
+    /// Takes so many steps, and then no more.
+    pub(super) fn step(&mut self, count: u32) {
+        self.paused = true;
+        self.steps = self.steps.saturating_add(count).min(MOST_STEPS);
+    }
+
+    /// Sets the speed; what is no speed is ignored.
+    pub(super) fn set_speed(&mut self, speed: f32) {
+        if speed == 0.0 || (0.001..=1000.0).contains(&speed) {
+            (self.speed, self.due) = (speed, None);
+        }
+    }
+
+    /// Says when the next step of `dt_s` seconds is, and takes note of it if that is now.
+    pub(super) fn next(&mut self, now: Instant, dt_s: f32) -> Next {
+        if self.paused {
+            if self.steps == 0 {
+                return Next::Asked;
+            }
+            self.steps -= 1;
+            return Next::Now;
+        }
+        if self.speed == 0.0 {
+            return Next::Now;
+        }
+        let due = self.due.unwrap_or(now);
+        if due > now {
+            return Next::At(due);
+        }
+        let period = Duration::from_secs_f32((dt_s / self.speed).clamp(0.0, 3600.0));
+        let forgotten = now.checked_sub(MOST_BEHIND).unwrap_or(now);
+        self.due = Some(due.max(forgotten) + period);
+        Next::Now
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DT_S: f32 = 0.5;
+
+    #[test]
+    fn steps_are_due_at_the_speed_that_was_asked_for() {
+        let start = Instant::now();
+        let mut control = Control::default();
+        assert_eq!(control.next(start, DT_S), Next::Now);
+        assert_eq!(control.next(start, DT_S), Next::At(start + Duration::from_millis(500)));
+        control.set_speed(2.0);
+        assert_eq!(control.next(start, DT_S), Next::Now);
+        assert_eq!(control.next(start, DT_S), Next::At(start + Duration::from_millis(250)));
+        control.set_speed(0.0);
+        assert_eq!((control.next(start, DT_S), control.next(start, DT_S)), (Next::Now, Next::Now));
+        control.set_speed(f32::NAN);
+        control.set_speed(-1.0);
+        assert_eq!(control.speed(), 0.0);
+    }
+
+    #[test]
+    fn time_that_was_lost_is_not_made_up() {
+        let start = Instant::now();
+        let mut control = Control::default();
+        control.next(start, DT_S);
+        let late = start + Duration::from_secs(100);
+        assert_eq!(control.next(late, DT_S), Next::Now);
+        assert_eq!(control.next(late, DT_S), Next::At(late + Duration::from_millis(400)));
+    }
+
+    #[test]
+    fn a_paused_world_takes_single_steps() {
+        let now = Instant::now();
+        let mut control = Control::default();
+        control.pause(true);
+        assert_eq!(control.next(now, DT_S), Next::Asked);
+        control.step(2);
+        assert_eq!([0; 3].map(|_| control.next(now, DT_S)), [Next::Now, Next::Now, Next::Asked]);
+        control.step(u32::MAX);
+        assert_eq!(control.steps, MOST_STEPS);
+        control.pause(false);
+        assert_eq!(control.next(now, DT_S), Next::Now);
+    }
+}

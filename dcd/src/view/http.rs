@@ -1,0 +1,190 @@
+//! Reads requests of browsers, checks that they come from the viewer's own page, and writes answers.
+
+use std::io::{self, Read, Write};
+use std::net::{IpAddr, SocketAddr};
+
+use ring::digest::{SHA1_FOR_LEGACY_USE_ONLY, digest};
+
+/// The longest head of a request, and the most headers.
+const MOST_HEAD: usize = 16 << 10;
+const MOST_HEADERS: usize = 64;
+
+/// A request for a page, or for the stream of pictures.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) enum Request {
+    /// A file of the page.
+    File(String),
+    /// The stream: what its WebSocket's key is answered with, and bytes that came after the request.
+    Stream { accept: String, rest: Vec<u8> },
+}
+
+/// The reason why a request is refused: its status, and a text for people.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) struct Refused(pub(super) &'static str, pub(super) &'static str);
+
+const MALFORMED: Refused = Refused("400 Bad Request", "this is no request of a browser");
+
+/// Reads the head of a request, and decides what it is for. `key` is the secret of the viewer, which the stream takes.
+pub(super) fn read(
+    from: &mut impl Read,
+    here: SocketAddr,
+    key: &str,
+) -> io::Result<Result<Request, Refused>> {
+    let mut head = Vec::new();
+    loop {
+        let mut part = [0; 2048];
+        let count = from.read(&mut part)?;
+        if count == 0 {
+            return Err(io::ErrorKind::UnexpectedEof.into());
+        }
+        head.extend(&part[..count]);
+        let mut headers = [httparse::EMPTY_HEADER; MOST_HEADERS];
+        let mut request = httparse::Request::new(&mut headers);
+        match request.parse(&head) {
+            Ok(httparse::Status::Complete(length)) => return Ok(judge(&request, &head[length..], here, key)),
+            Ok(httparse::Status::Partial) if head.len() < MOST_HEAD => {}
+            _ => return Ok(Err(MALFORMED)),
+        }
+    }
+}
+
+fn judge(
+    request: &httparse::Request<'_, '_>,
+    rest: &[u8],
+    here: SocketAddr,
+    key: &str,
+) -> Result<Request, Refused> {
+    let header = |name: &str| {
+        let found = request.headers.iter().find(|header| header.name.eq_ignore_ascii_case(name));
+        found.and_then(|header| std::str::from_utf8(header.value).ok()).map(str::trim)
+    };
+    let (Some("GET"), Some(path), Some(host)) = (request.method, request.path, header("host")) else {
+        return Err(MALFORMED);
+    };
+    if !is_ours(host, here) {
+        // A name of another's may be made to lead here, and its page would then be of the same origin.
+        return Err(Refused("421 Misdirected Request", "open the viewer by the address that it printed"));
+    }
+    let (file, query) = path.split_once('?').unwrap_or((path, ""));
+    if file != "/stream" {
+        return Ok(Request::File(file.to_owned()));
+    }
+    let is_own_page = header("origin").is_none_or(|origin| origin.strip_prefix("http://") == Some(host));
+    let has_key = query.split('&').any(|part| part.strip_prefix("key=") == Some(key));
+    if !is_own_page {
+        return Err(Refused("403 Forbidden", "only the viewer's own page may read the stream"));
+    }
+    if !has_key {
+        return Err(Refused(
+            "403 Forbidden",
+            "the key is not this viewer's: open the address that it printed",
+        ));
+    }
+    let asks = |name, what: &str| {
+        header(name).is_some_and(|value| value.split(',').any(|v| v.trim().eq_ignore_ascii_case(what)))
+    };
+    match header("sec-websocket-key") {
+        Some(nonce) if asks("upgrade", "websocket") && asks("sec-websocket-version", "13") => {
+            Ok(Request::Stream { accept: accept(nonce), rest: rest.to_vec() })
+        }
+        _ => Err(Refused("426 Upgrade Required", "the stream is a WebSocket, version 13")),
+    }
+}
+
+/// Returns whether a request that names this host was meant for us: by an address in numbers, or by `localhost`.
+fn is_ours(host: &str, here: SocketAddr) -> bool {
+    let (name, port) = match host.rsplit_once(':') {
+        Some((name, port)) if !port.ends_with(']') => (name, port.parse().ok()),
+        _ => (host, Some(80)),
+    };
+    let name = name.trim_start_matches('[').trim_end_matches(']');
+    let is_name = name.eq_ignore_ascii_case("localhost") && here.ip().is_loopback();
+    port == Some(here.port()) && (is_name || name.parse::<IpAddr>().is_ok())
+}
+
+/// Answers the key of a WebSocket's handshake (RFC 6455, 4.2.2).
+fn accept(nonce: &str) -> String {
+    const MAGIC: &str = "258EAFA5-E914-47DA-95CA-C5AB0DC85B11";
+    let hash = digest(&SHA1_FOR_LEGACY_USE_ONLY, format!("{nonce}{MAGIC}").as_bytes());
+    data_encoding::BASE64.encode(hash.as_ref())
+}
+
+/// Writes a file of the page. It may load nothing from elsewhere, nor be framed.
+pub(super) fn write_file(to: &mut impl Write, kind: &str, content: &[u8]) -> io::Result<()> {
+    write!(
+        to,
+        "HTTP/1.1 200 OK\r\nContent-Type: {kind}\r\nContent-Length: {}\r\nConnection: close\r\nCache-Control: no-store\r\n\
+         Content-Security-Policy: default-src 'self'; img-src data:; frame-ancestors 'none'\r\n\
+         X-Content-Type-Options: nosniff\r\nReferrer-Policy: no-referrer\r\nCross-Origin-Resource-Policy: same-origin\r\n\r\n",
+        content.len()
+    )?;
+    to.write_all(content)
+}
+
+pub(super) fn write_refusal(to: &mut impl Write, Refused(status, why): &Refused) -> io::Result<()> {
+    let length = why.len() + 1;
+    write!(
+        to,
+        "HTTP/1.1 {status}\r\nContent-Type: text/plain\r\nContent-Length: {length}\r\nConnection: close\r\n\r\n{why}\n"
+    )
+}
+
+pub(super) fn write_upgrade(to: &mut impl Write, accept: &str) -> io::Result<()> {
+    write!(
+        to,
+        "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Accept: {accept}\r\n\r\n"
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn answer(request: &str) -> Result<Request, Refused> {
+        let here = "127.0.0.1:4000".parse().unwrap();
+        read(&mut request.as_bytes(), here, "secret").unwrap()
+    }
+
+    fn stream(host: &str, origin: &str, query: &str) -> Result<Request, Refused> {
+        answer(&format!(
+            "GET /stream?{query} HTTP/1.1\r\nHost: {host}\r\nOrigin: {origin}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n\
+             Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\nrest"
+        ))
+    }
+
+    #[test]
+    fn the_stream_takes_the_key_the_host_and_the_page_of_this_viewer() {
+        // The example of RFC 6455, 1.3.
+        let accept = "s3pPLMBiTxaQ9kYGzzhZRbK+xOo=".to_owned();
+        let good = stream("127.0.0.1:4000", "http://127.0.0.1:4000", "key=secret");
+        assert_eq!(good, Ok(Request::Stream { accept, rest: b"rest".to_vec() }));
+        assert!(stream("localhost:4000", "http://localhost:4000", "key=secret").is_ok());
+        let refused = |host, origin, query| stream(host, origin, query).unwrap_err().0;
+        assert_eq!(
+            refused("rebound.example:4000", "http://rebound.example:4000", "key=secret"),
+            "421 Misdirected Request"
+        );
+        assert_eq!(
+            refused("127.0.0.1:4001", "http://127.0.0.1:4001", "key=secret"),
+            "421 Misdirected Request"
+        );
+        assert_eq!(refused("127.0.0.1:4000", "http://evil.example", "key=secret"), "403 Forbidden");
+        assert_eq!(refused("127.0.0.1:4000", "null", "key=secret"), "403 Forbidden");
+        assert_eq!(refused("127.0.0.1:4000", "http://127.0.0.1:4000", "key=other"), "403 Forbidden");
+    }
+
+    #[test]
+    fn requests_that_are_none_are_refused() {
+        assert_eq!(answer("POST / HTTP/1.1\r\nHost: 127.0.0.1:4000\r\n\r\n"), Err(MALFORMED));
+        assert_eq!(answer("GET / HTTP/1.1\r\n\r\n"), Err(MALFORMED));
+        assert_eq!(answer("\u{1}\r\n\r\n"), Err(MALFORMED));
+        let long = format!("GET / HTTP/1.1\r\nHost: {}", "x".repeat(1 << 20));
+        assert_eq!(answer(&long), Err(MALFORMED));
+        let upgrade = answer("GET /stream?key=secret HTTP/1.1\r\nHost: 127.0.0.1:4000\r\n\r\n");
+        assert_eq!(upgrade.unwrap_err().0, "426 Upgrade Required");
+        assert_eq!(
+            answer("GET /view.js?x HTTP/1.1\r\nHost: [::1]:4000\r\n\r\n"),
+            Ok(Request::File("/view.js".into()))
+        );
+    }
+}

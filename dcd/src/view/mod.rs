@@ -1,0 +1,237 @@
+//! Shows a world in the browser: a page that is part of the program, served to this machine, and a stream of pictures.
+//!
+//! Whoever steps the world calls [`Viewer`] between two steps. It copies what is seen only if somebody waits for a picture, and hands it
+//! to a thread that encodes it once for all; each viewer has a thread of its own, and is sent the newest picture whenever it asks for
+//! one. So a slow browser sees fewer pictures and holds up nobody.
+
+mod client;
+mod control;
+mod geometry;
+mod http;
+mod hub;
+mod local;
+mod moment;
+mod page;
+mod server;
+mod slots;
+mod source;
+mod wire;
+
+use std::io;
+use std::net::SocketAddr;
+use std::sync::Arc;
+use std::sync::mpsc::{SyncSender, sync_channel};
+use std::time::{Duration, Instant};
+
+use ring::rand::{SecureRandom, SystemRandom};
+
+use crate::protocol::Handover;
+use crate::runtime::{ClientWorld, LocalWorld};
+use crate::world::{Error, Instead, World};
+use client::Told;
+use hub::{Fixed, Hub};
+use moment::{Looker, Moment};
+use server::Server;
+use source::{Sample, Source};
+
+/// The shortest time between two pictures.
+const PERIOD: Duration = Duration::from_millis(30);
+/// Between two looks at the world pass so many times the time that a look takes: viewers cost the thread that steps below two percent.
+const SPARING: u32 = 60;
+/// The most time between two looks for that reason: the system may have had the thread wait in the middle of one.
+const MOST_SPARED: Duration = Duration::from_secs(1);
+/// How long the thread of a paused world waits before it looks whether the program is to end.
+const LOOK: Duration = Duration::from_millis(50);
+
+/// The error that a viewer cannot be opened.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "cannot show the world at {address}: {cause}; choose an address of this machine and a free port, or port 0 for any"
+)]
+pub struct ViewError {
+    address: SocketAddr,
+    cause: io::Error,
+}
+
+/// A page in the browser that shows a world.
+///
+/// ```no_run
+/// use dcd::prelude::*;
+///
+/// let scene = Scene::open("tower", &Params::default())?;
+/// let mut world = World::from_scene(&scene, WorldConfig::for_scene(&scene))?;
+/// let mut viewer = dcd::Viewer::open(([127, 0, 0, 1], 0).into(), "tower")?;
+/// println!("open {}", viewer.url());
+/// loop {
+///     world.step()?;
+///     viewer.show(&world)?;
+/// }
+/// # #[allow(unreachable_code)]
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub struct Viewer {
+    hub: Arc<Hub>,
+    server: Server,
+    name: String,
+    /// Whether the page may pause the world and step it.
+    controls: bool,
+    looker: Looker,
+    encoder: SyncSender<Moment>,
+    /// Not before then is the world looked at again.
+    due: Option<Instant>,
+    /// How long the last looks took.
+    costs: [Duration; 4],
+    /// The tick and the wishes of the last look.
+    last: Option<(u64, moment::Wishes)>,
+    bytes: u64,
+}
+
+impl std::fmt::Debug for Viewer {
+    fn fmt(&self, to: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        to.debug_struct("Viewer").field("address", &self.server.address()).finish_non_exhaustive()
+    }
+}
+
+impl Viewer {
+    /// Opens a viewer at an address of this machine, port 0 for any free port. Its page shows nothing until the first
+    /// [`Viewer::show`].
+    pub fn open(address: SocketAddr, name: &str) -> Result<Self, ViewError> {
+        let error = |cause| ViewError { address, cause };
+        let mut key = [0; 16];
+        let random = SystemRandom::new().fill(&mut key);
+        random.map_err(|_| error(io::Error::other("the system has no randomness")))?;
+        let hub = Arc::new(Hub::new(data_encoding::HEXLOWER.encode(&key)));
+        // One moment is encoded while the next is made.
+        let (encoder, moments) = sync_channel::<Moment>(1);
+        let encoding = Arc::clone(&hub);
+        let encode = move || moments.into_iter().for_each(|moment| encoding.publish(moment));
+        std::thread::Builder::new().name("dcd-view-encode".into()).spawn(encode).map_err(error)?;
+        let server = Server::start(address, Arc::clone(&hub)).map_err(error)?;
+        Ok(Self {
+            hub,
+            server,
+            name: name.to_owned(),
+            controls: false,
+            looker: Looker::default(),
+            encoder,
+            due: None,
+            costs: [MOST_SPARED; 4],
+            last: None,
+            bytes: 0,
+        })
+    }
+
+    /// Returns the address of the page, with the key that its stream takes: whoever has it can look on.
+    #[must_use]
+    pub fn url(&self) -> String {
+        format!("http://{}/?key={}", self.server.address(), self.hub.key)
+    }
+
+    /// Shows a local world as it is after a step; call it after each. It costs nothing while no page is open, and below two percent of
+    /// the time while one is.
+    pub fn show(&mut self, world: &World) -> Result<(), Error> {
+        self.show_local(world.local("be shown by a viewer", Instead::LookLocal)?);
+        Ok(())
+    }
+
+    /// Lets viewers pause the world and step it: [`Viewer::wait`] says when.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn with_controls(self) -> Self {
+        Self { controls: true, ..self }
+    }
+
+    /// Shows a local world, as [`Viewer::show`].
+    #[doc(hidden)]
+    pub fn show_local(&mut self, world: &LocalWorld) {
+        if !self.hub.is_viewed() {
+            return;
+        }
+        let stats = world.stats();
+        let sample = Sample {
+            tick: stats.ticks,
+            step_ms: stats.last_step.as_secs_f32() * 1e3,
+            transfers: world.handovers().len() as u32,
+            exchanges: stats.exchanges as u32,
+            bytes: 0,
+            disagreement_m_s: stats.disagreement_m_s,
+        };
+        self.hub.note(sample, world.handovers());
+        self.look(world, world.host().settings().dt_s);
+    }
+
+    /// Shows a client's world as its player would see it now.
+    #[doc(hidden)]
+    pub fn show_client(&mut self, world: &mut ClientWorld, handovers: &[Handover]) {
+        let bytes = world.traffic().udp_bytes_in;
+        let dt_s = world.environment().map_or(0.0, |environment| environment.step.dt_s);
+        let told = if self.hub.is_viewed() { Told::of(world) } else { None };
+        let Some(told) = told else {
+            self.bytes = bytes;
+            return;
+        };
+        let sample = Sample {
+            tick: told.tick(),
+            transfers: handovers.len() as u32,
+            bytes: (bytes - self.bytes) as u32,
+            ..Sample::default()
+        };
+        self.bytes = bytes;
+        self.hub.note(sample, handovers);
+        // It moves on between two ticks that it hears of.
+        self.last = None;
+        self.look(&told, dt_s);
+    }
+
+    /// Waits until the next step of a world is due that viewers may pause and step, and shows it meanwhile; not before the first
+    /// viewer has come. Returns whether it is due, and not the program that `ends`.
+    #[doc(hidden)]
+    pub fn wait(&mut self, world: &LocalWorld, mut ends: impl FnMut() -> bool) -> bool {
+        let dt_s = world.host().settings().dt_s;
+        while !ends() {
+            if self.hub.wait_for_step(dt_s, LOOK) {
+                return true;
+            }
+            self.look(world, dt_s);
+        }
+        false
+    }
+
+    fn look(&mut self, world: &impl Source, dt_s: f32) {
+        if !self.hub.is_wanted() {
+            return;
+        }
+        let start = Instant::now();
+        if self.due.is_some_and(|due| start < due) {
+            return;
+        }
+        let wishes = self.hub.wishes();
+        let look = (world.tick(), wishes);
+        if self.last.as_ref() == Some(&look) && self.hub.has_picture() {
+            return;
+        }
+        let moment = self.looker.look(world, &look.1, self.hub.take_memory());
+        if self.last.is_none() && moment.number == 1 {
+            self.hub.set_fixed(self.fixed(world, &moment, dt_s));
+        }
+        self.last = Some(look);
+        // The thread that encodes has ended only if this one panicked.
+        let _ = self.encoder.send(moment);
+        let end = Instant::now();
+        self.costs.rotate_left(1);
+        self.costs[0] = end - start;
+        let cost = self.costs.into_iter().min().unwrap_or_default();
+        tracing::debug!(took = ?self.costs[0], "looked at the world");
+        self.due = Some((start + PERIOD).max(end + (cost * SPARING).min(MOST_SPARED)));
+    }
+
+    fn fixed(&self, world: &impl Source, moment: &Moment, dt_s: f32) -> Fixed {
+        let bounds = world.bounds();
+        let count = moment.rows.len().max(1) as f64;
+        // What the page computes with in f32 is near the bodies.
+        let mean = |i: usize| (moment.rows.iter().map(|row| row.at[i]).sum::<f64>() / count).round();
+        let origin = std::array::from_fn(|i| Some(mean(i)).filter(|v| v.is_finite()).unwrap_or(0.0));
+        let bounds = [bounds.min, bounds.max];
+        Fixed { name: self.name.clone(), controls: self.controls, dt_s, origin, bounds }
+    }
+}

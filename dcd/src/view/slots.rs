@@ -1,0 +1,114 @@
+//! Gives every body that is drawn a slot, a small number that it keeps while the pictures that show it are kept.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use crate::space::BodyId;
+
+/// The slots of bodies, in id order.
+#[derive(Default)]
+pub(super) struct Slots {
+    ids: Vec<BodyId>,
+    slots: Arc<Vec<u32>>,
+    /// Slots of bodies that went, and the frames in which they did, the oldest first.
+    free: VecDeque<(u64, u32)>,
+    count: u32,
+}
+
+/// What came and went.
+#[derive(Debug, Default, PartialEq)]
+pub(super) struct Change {
+    /// Bodies and their new slots.
+    pub(super) came: Vec<(BodyId, u32)>,
+    /// Slots that are empty now.
+    pub(super) went: Vec<u32>,
+}
+
+impl Slots {
+    /// Returns the slots of the bodies, in id order.
+    pub(super) fn in_order(&self) -> &Arc<Vec<u32>> {
+        &self.slots
+    }
+
+    /// Returns how many slots there are, empty ones too.
+    pub(super) fn count(&self) -> u32 {
+        self.count
+    }
+
+    /// Returns whether these are the bodies that have slots.
+    pub(super) fn are(&self, ids: &[BodyId]) -> bool {
+        self.ids == ids
+    }
+
+    /// Returns the slot of a body.
+    pub(super) fn of(&self, id: BodyId) -> Option<u32> {
+        Some(self.slots[self.ids.binary_search(&id).ok()?])
+    }
+
+    /// Takes in which bodies there are at a frame, in id order. A slot that became empty less than `kept` frames before is not
+    /// given again: pictures of what was in it are kept.
+    pub(super) fn update(&mut self, now: &[BodyId], frame: u64, kept: u64) -> Change {
+        let mut change = Change::default();
+        if self.are(now) {
+            return change;
+        }
+        let mut slots = Vec::with_capacity(now.len());
+        let mut before = self.ids.iter().zip(self.slots.iter()).peekable();
+        for &id in now {
+            while let Some((_, &slot)) = before.next_if(|(former, _)| **former < id) {
+                change.went.push(slot);
+            }
+            if let Some((_, &slot)) = before.next_if(|(former, _)| **former == id) {
+                slots.push(slot);
+                continue;
+            }
+            let slot = match self.free.front() {
+                Some(&(went, slot)) if went + kept < frame => {
+                    self.free.pop_front();
+                    slot
+                }
+                _ => {
+                    self.count += 1;
+                    self.count - 1
+                }
+            };
+            slots.push(slot);
+            change.came.push((id, slot));
+        }
+        change.went.extend(before.map(|(_, &slot)| slot));
+        self.free.extend(change.went.iter().map(|&slot| (frame, slot)));
+        self.ids = now.to_vec();
+        self.slots = Arc::new(slots);
+        change
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ids(numbers: &[u32]) -> Vec<BodyId> {
+        numbers.iter().map(|&number| BodyId::persistent(number)).collect()
+    }
+
+    #[test]
+    fn bodies_keep_their_slots_while_others_come_and_go() {
+        let mut slots = Slots::default();
+        let change = slots.update(&ids(&[3, 5]), 1, 10);
+        assert_eq!(change.came, [(BodyId::persistent(3), 0), (BodyId::persistent(5), 1)]);
+        let change = slots.update(&ids(&[1, 5, 9]), 2, 10);
+        assert_eq!(change.came, [(BodyId::persistent(1), 2), (BodyId::persistent(9), 3)]);
+        assert_eq!((change.went, &slots.in_order()[..]), (vec![0], &[2, 1, 3][..]));
+        assert_eq!((slots.of(BodyId::persistent(5)), slots.of(BodyId::persistent(3))), (Some(1), None));
+    }
+
+    #[test]
+    fn a_slot_is_given_again_once_no_picture_shows_what_was_in_it() {
+        let mut slots = Slots::default();
+        slots.update(&ids(&[1]), 1, 10);
+        slots.update(&ids(&[]), 2, 10);
+        assert_eq!(slots.update(&ids(&[2]), 12, 10).came, [(BodyId::persistent(2), 1)]);
+        assert_eq!(slots.update(&ids(&[2, 3]), 13, 10).came, [(BodyId::persistent(3), 0)]);
+        assert_eq!(slots.count(), 2);
+    }
+}

@@ -1,0 +1,143 @@
+//! Defines the trait `Source`: what a world tells its viewer, and the values in which it does.
+
+use crate::protocol::{BodyRecord, JointRecord, ShapeHash, ShapeRecord, WorldPose};
+use crate::space::{BodyId, Bounds, Cell, Epoch};
+
+/// A movable body as it is drawn.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Seen {
+    /// Metres, in world space.
+    pub(crate) at: [f64; 3],
+    /// Unit quaternion, scalar last.
+    pub(crate) turn: [f32; 4],
+    /// Metres per second.
+    pub(crate) speed_m_s: f32,
+    /// Its owner: the place of a region in [`Source::regions`].
+    pub(crate) owner: u16,
+    /// Whether it sleeps.
+    pub(crate) sleeping: bool,
+    /// Whether it was last heard of some time ago.
+    pub(crate) outside: bool,
+}
+
+/// A region as it is drawn.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct RegionSeen {
+    /// Its id.
+    pub(crate) id: u32,
+    /// The node that computes it, as far as known.
+    pub(crate) node: Option<u32>,
+    /// Copies of other regions' bodies that it holds.
+    pub(crate) ghosts: usize,
+    /// Wall time of its last step, milliseconds.
+    pub(crate) step_ms: f32,
+    /// The space that is its own.
+    pub(crate) cell: Cell,
+}
+
+/// The border of two regions, named by their places in [`Source::regions`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct BorderSeen {
+    /// One region, and the other.
+    pub(crate) between: [u16; 2],
+    /// Bodies that both hold.
+    pub(crate) bodies: usize,
+    /// Exchanges per tick.
+    pub(crate) exchanges: usize,
+    /// By how much their copies disagree, m/s.
+    pub(crate) disagreement_m_s: f32,
+}
+
+/// A copy of a body in a region that does not own it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Ghost {
+    /// The body.
+    pub(crate) id: BodyId,
+    /// The place of the region that holds it.
+    pub(crate) holder: u16,
+    /// By how much its velocity differs from the owner's, m/s.
+    pub(crate) off_m_s: f32,
+}
+
+/// A pair of bodies that touch.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct ContactSeen {
+    /// Where, in world space.
+    pub(crate) at: [f64; 3],
+    /// The force on one of the two, newtons.
+    pub(crate) force_n: [f32; 3],
+}
+
+/// What is told of one body that a viewer has chosen.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Details {
+    /// The body.
+    pub(crate) id: BodyId,
+    /// The epoch of its owner.
+    pub(crate) epoch: Epoch,
+    /// Its mass, kilograms, where it is known.
+    pub(crate) mass_kg: Option<f32>,
+    /// The number that its user gave it.
+    pub(crate) user_data: u128,
+    /// How many regions hold it; 0 where that is not known.
+    pub(crate) holders: usize,
+}
+
+/// Numbers of one tick, for the timeline.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Sample {
+    /// Which tick.
+    pub(crate) tick: u64,
+    /// Wall time of the step, milliseconds; 0 where others compute it.
+    pub(crate) step_ms: f32,
+    /// Bodies that changed owner.
+    pub(crate) transfers: u32,
+    /// Exchanges of the busiest border.
+    pub(crate) exchanges: u32,
+    /// Bytes that came over the network.
+    pub(crate) bytes: u32,
+    /// Disagreement at the worst border, m/s.
+    pub(crate) disagreement_m_s: f32,
+}
+
+/// A world that can be looked at between two of its steps.
+pub(crate) trait Source {
+    /// Returns how many ticks are done.
+    fn tick(&self) -> u64;
+
+    /// Returns the box in which borders are drawn.
+    fn bounds(&self) -> Bounds;
+
+    /// Visits every movable body in id order.
+    fn for_each_movable(&self, look: impl FnMut(BodyId, Seen));
+
+    /// Visits every fixed body in id order.
+    fn for_each_fixed(&self, look: impl FnMut(BodyId, &WorldPose));
+
+    /// Returns the whole record of a body.
+    fn record(&self, id: BodyId) -> Option<BodyRecord>;
+
+    /// Returns a shape by its name.
+    fn shape(&self, hash: ShapeHash) -> Option<ShapeRecord>;
+
+    /// Returns the joints of a body.
+    fn joints_of(&self, id: BodyId) -> Vec<JointRecord>;
+
+    /// Returns the regions in the order of their ids.
+    fn regions(&self) -> Vec<RegionSeen>;
+
+    /// Returns the borders between regions, as far as they are known.
+    fn borders(&self) -> Vec<BorderSeen>;
+
+    /// Returns the copies of bodies in regions that do not own them, as far as they are known.
+    fn ghosts(&self) -> Vec<Ghost>;
+
+    /// Returns what touches, the first `most` pairs.
+    fn contacts(&self, most: usize) -> Vec<ContactSeen>;
+
+    /// Returns more of one body.
+    fn details(&self, id: BodyId) -> Option<Details>;
+
+    /// Returns whether a body is an avatar of this process.
+    fn is_own(&self, id: BodyId) -> bool;
+}

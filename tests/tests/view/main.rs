@@ -1,0 +1,6 @@
+//! Tests the viewer of `dcd run`, `dcd serve` and `dcd client` as real processes: the stream that their page reads, who may read it, and
+//! the page as seen in a browser.
+
+mod process;
+mod seen;
+mod stream;

@@ -2,29 +2,27 @@
  *
  *   mmo_client SERVER TOKEN [SECONDS]
  *
- * Prediction: the avatar is where the world last said, plus what was asked of it since that the world had not heard by then.
- * Smooth correction: where the two disagree (somebody was in the way), what is drawn slides over in a quarter of a second. Others
- * are drawn as they were a moment ago (dcd_view_time), evenly, however their states come. Interest: it hears of what is near its avatar, and no more. It greets
+ * Its avatar, and what that touches, are drawn as they will be once the world has heard what the player asks now; others as
+ * they were a moment ago, evenly, however their states come (dcd_view_time, dcd_view_state). Where somebody was in the way
+ * that is corrected, and what is drawn slides over. Interest: it hears of what is near its avatar, and no more. It greets
  * the server's program, if one listens, and shows what that says. What it says last is for programs, in one line:
  *
- *   mmo_client: steps=<steps> delay=<steps from asking to hearing> moved_m=<way that was drawn>
- *               ahead_m=<mean distance from what was heard> corrected_m=<most that prediction was off>
+ *   mmo_client: steps=<steps> moved_m=<way that was drawn> ahead_m=<mean distance from what was heard>
+ *               ticks=<steps predicted> replays=<times they were computed again> corrections=<those above 2 cm>
+ *               largest_m=<the largest>
  */
 #define _POSIX_C_SOURCE 200809L /* clock_gettime, nanosleep */
 
 #include "dcd.h"
 
+#include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <time.h>
 
-enum { REMEMBERED = 256 }; /* steps of asking that are remembered: more than the world is ever behind */
-
 static const double PATIENCE = 20.0; /* seconds for the avatar to appear */
 static const double SPEED = 3.0;     /* m/s */
-static const double SLIDE = 0.25;    /* seconds within which a correction is out of sight */
-static const double JUMP = 2.0;      /* metres beyond which it is shown at once */
 static const double SIGHT = 12.0;    /* metres that the player sees */
 
 static void check(DcdStatus status)
@@ -55,17 +53,6 @@ static void sleep_until(double when)
     }
 }
 
-/* The avatar as its own player sees it. */
-struct Player {
-    DcdBodyId avatar;
-    double asked[REMEMBERED][2]; /* how far along x and z each of the last steps asks it to go */
-    unsigned long steps;         /* how many asked */
-    unsigned long delay;         /* steps from asking until the world shows it */
-    double drawn[3];             /* where it is drawn */
-    double error[3];             /* what of a correction is not shown yet */
-    double corrected;            /* the largest */
-};
-
 /* What the player wants in this step: a round about where he started. */
 static DcdVelocity wish(unsigned long step, double dt)
 {
@@ -74,48 +61,6 @@ static DcdVelocity wish(unsigned long step, double dt)
     velocity.linear[0] = (float)(SPEED * cos(turn));
     velocity.linear[2] = (float)(SPEED * sin(turn));
     return velocity;
-}
-
-static void ask(DcdWorld world, struct Player *player, double dt)
-{
-    const DcdVelocity velocity = wish(player->steps, dt);
-    double *step = player->asked[player->steps++ % REMEMBERED];
-    step[0] = (double)velocity.linear[0] * dt;
-    step[1] = (double)velocity.linear[2] * dt;
-    check(dcd_body_set_velocity(world, player->avatar, &velocity));
-}
-
-/* Where the avatar will be once the world has heard everything. */
-static void predict(const struct Player *player, const DcdPose *heard, double out[3])
-{
-    for (int axis = 0; axis < 3; axis++) {
-        out[axis] = heard->p[axis];
-    }
-    for (unsigned long i = 0; i < player->delay && i < player->steps; i++) {
-        const double *step = player->asked[(player->steps - 1 - i) % REMEMBERED];
-        out[0] += step[0];
-        out[2] += step[1];
-    }
-}
-
-/* Draws the avatar: on from where it was drawn, by what the player asked and a part of what was wrong. */
-static void draw(struct Player *player, const DcdPose *heard, double dt)
-{
-    const double *step = player->asked[(player->steps - 1) % REMEMBERED];
-    double target[3], off = 0.0;
-    player->drawn[0] += step[0];
-    player->drawn[2] += step[1];
-    predict(player, heard, target);
-    for (int axis = 0; axis < 3; axis++) {
-        player->error[axis] = target[axis] - player->drawn[axis];
-        off += player->error[axis] * player->error[axis];
-    }
-    off = sqrt(off);
-    player->corrected = off > player->corrected ? off : player->corrected;
-    const double share = off > JUMP ? 1.0 : 1.0 - exp(-3.0 * dt / SLIDE);
-    for (int axis = 0; axis < 3; axis++) {
-        player->drawn[axis] += share * player->error[axis];
-    }
 }
 
 static DcdWorld join(const char *server, const char *token)
@@ -144,12 +89,15 @@ static void chat(DcdWorld world)
     }
 }
 
-/* Makes the avatar and waits until the world has it. */
-static DcdBodyId enter(DcdWorld world, DcdPose *at, double dt)
+/* Makes the avatar and waits until the world has it, and it is predicted. */
+static DcdBodyId enter(DcdWorld world, const DcdPose *at, double dt)
 {
     const float half[3] = { 0.4f, 0.9f, 0.4f };
     DcdBodyDef def = DCD_BODY_DEF_INIT;
+    DcdViewTime time = DCD_VIEW_TIME_INIT;
+    DcdPrediction prediction = DCD_PREDICTION_INIT;
     DcdBodyId avatar;
+    bool appeared = false;
     check(dcd_shape_box(world, half, &def.shape));
     def.body_type = DCD_KINEMATIC;
     def.flags = DCD_BODY_NO_SLEEP;
@@ -161,9 +109,13 @@ static DcdBodyId enter(DcdWorld world, DcdPose *at, double dt)
         chat(world);
         check(dcd_events(world, &events));
         for (size_t i = 0; i < events.change_count; i++) {
-            if (events.changes[i].body.v == avatar.v && events.changes[i].kind == DCD_BODY_APPEARED) {
-                return avatar;
-            }
+            const DcdBodyChange *change = &events.changes[i];
+            appeared = appeared || (change->body.v == avatar.v && change->kind == DCD_BODY_APPEARED);
+        }
+        check(dcd_view_time(world, &time)); /* from the first call on it predicts */
+        check(dcd_prediction(world, &prediction));
+        if (appeared && prediction.bodies > 0) {
+            return avatar;
         }
     }
     fprintf(stderr, "mmo_client: the avatar does not appear; does a node compute the world?\n");
@@ -182,56 +134,50 @@ int main(int argc, char **argv)
     check(dcd_world_info(world, &info));
     const double dt = (double)info.dt;
 
-    DcdPose start = { { -10.0, 1.0, 6.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } };
-    struct Player player = { { 0 }, { { 0.0, 0.0 } }, 0, 0, { 0.0, 0.0, 0.0 }, { 0.0, 0.0, 0.0 }, 0.0 };
-    player.avatar = enter(world, &start, dt);
+    DcdPose told, drawn = { { -10.0, 1.0, 6.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } };
+    const DcdBodyId avatar = enter(world, &drawn, dt);
 
     DcdStateView view = DCD_STATE_VIEW_INIT;
     DcdViewTime time = DCD_VIEW_TIME_INIT;
-    bool moves = false;
+    unsigned long steps = 0;
     double moved = 0.0, ahead = 0.0, others = 0.0;
-    size_t near = 0, all = 0;
-    DcdPose heard = start;
-    for (int axis = 0; axis < 3; axis++) {
-        player.drawn[axis] = start.p[axis];
-    }
+    size_t near = 0;
     const double begin = now();
     for (double next = begin; next < begin + seconds; next += dt, sleep_until(next)) {
-        ask(world, &player, dt);
-        check(dcd_interest_set(world, player.drawn, SIGHT));
+        const DcdVelocity velocity = wish(steps++, dt);
+        check(dcd_body_set_velocity(world, avatar, &velocity));
+        check(dcd_interest_set(world, drawn.p, SIGHT));
         check(dcd_step(world)); /* sends what was asked, takes in what has come */
         chat(world);
-        check(dcd_body_get(world, player.avatar, &heard, NULL));
 
-        /* Until the world shows the first wish, none of them is in what it says. */
-        if (!moves) {
-            moves = hypot(heard.p[0] - start.p[0], heard.p[2] - start.p[2]) > 1e-6;
-            player.delay = moves ? player.delay : player.delay + 1;
-        }
-        const double from[3] = { player.drawn[0], player.drawn[1], player.drawn[2] };
-        draw(&player, &heard, dt);
-        moved += hypot(player.drawn[0] - from[0], player.drawn[2] - from[2]);
-        ahead += hypot(player.drawn[0] - heard.p[0], player.drawn[2] - heard.p[2]);
-
-        /* Everybody else, as it was a moment ago. A game would draw them here. */
+        /* A game would draw here. */
         check(dcd_view_time(world, &time));
         check(dcd_view_state(world, &time, &view));
         near = 0;
-        all = view.count;
         for (size_t i = 0; i < view.count; i++) {
+            const DcdPose *pose = &view.poses[i];
             if ((view.flags[i] & DCD_STATE_OUTSIDE) != 0) {
                 continue; /* out of sight, and perhaps elsewhere by now */
             }
             near++;
-            if (view.ids[i].v != player.avatar.v) {
-                others = view.poses[i].p[1] > others ? view.poses[i].p[1] : others;
+            if (view.ids[i].v == avatar.v) {
+                moved += hypot(pose->p[0] - drawn.p[0], pose->p[2] - drawn.p[2]);
+                drawn = *pose;
+            } else {
+                others = pose->p[1] > others ? pose->p[1] : others;
             }
         }
+        check(dcd_body_get(world, avatar, &told, NULL));
+        ahead += hypot(drawn.p[0] - told.p[0], drawn.p[2] - told.p[2]);
     }
+    DcdPrediction prediction = DCD_PREDICTION_INIT;
+    check(dcd_prediction(world, &prediction));
     check(dcd_world_destroy(world));
-    printf("%zu of %zu bodies in sight, others up to %.2f m high, shown %.0f ms behind the world\n", near, all, others,
-           1e3 * dt * (time.now - time.shown));
-    printf("mmo_client: steps=%lu delay=%lu moved_m=%.3f ahead_m=%.3f corrected_m=%.3f\n", player.steps, player.delay,
-           moved, ahead / (double)player.steps, player.corrected);
+    printf("%zu of %zu bodies in sight, others up to %.2f m high, shown %.0f ms behind the world, the avatar %.0f ms ahead\n",
+           near, view.count, others, 1e3 * dt * (time.now - time.shown), 1e3 * dt * (time.predicted - time.now));
+    printf("mmo_client: steps=%lu moved_m=%.3f ahead_m=%.3f ticks=%" PRIu64 " replays=%" PRIu64 " corrections=%" PRIu64
+           " largest_m=%.3f\n",
+           steps, moved, ahead / (double)steps, prediction.ticks, prediction.replays, prediction.corrections,
+           prediction.largest_correction);
     return EXIT_SUCCESS;
 }

@@ -974,12 +974,35 @@ typedef struct DcdViewTime {
     // The tick whose states have come by now, a little ago: for all else. It goes forward evenly, unless ticks are counted anew: where a
     // guess is withdrawn, or the world goes back to a save.
     double shown;
+    // The tick that applies what an own avatar is asked now, where a client predicts (dcd_prediction_set): own avatars are shown at it,
+    // with what they touch. Otherwise the same as `now`.
+    double predicted;
     // The bound on the error of `now` that comes from clocks, seconds; below 0 until it is known, where no network is between,
     // and in a participant, which counts the way of what it is told as nothing.
     double clock_error;
     // The time from an input to the first state that shows it, seconds: the median of the last ones. Below 0 before the first.
     double input_delay;
 } DcdViewTime;
+
+// What a client predicts, and how often it was wrong. Start from DCD_PREDICTION_INIT.
+typedef struct DcdPrediction {
+    // sizeof(DcdPrediction).
+    uint32_t struct_size;
+    // Movable bodies that are predicted now: own avatars and what is near them. 0 where nothing is predicted.
+    uint32_t bodies;
+    // Steps of the world predicted so far.
+    uint64_t ticks;
+    // Times that something was not as the world told then, and was computed again.
+    uint64_t replays;
+    // Those of them by which an own avatar, or what it touches, was shown more than 2 cm off.
+    uint64_t corrections;
+    // The largest of them, metres.
+    double largest_correction;
+    // What the predictions of the last dcd_view_time took, seconds.
+    double last_frame;
+    // The longest of these, seconds.
+    double longest_frame;
+} DcdPrediction;
 
 // A connection of one world with another process; 0 is null. It outlives a link that breaks and is made anew.
 typedef struct DcdConnectionId {
@@ -2369,8 +2392,9 @@ DcdStatus dcd_view_body(DcdWorld world,
                         DcdPose *pose,
                         DcdVelocity *velocity);
 
-// Lends every movable body as it is shown, as dcd_state_view lends them as they are: own avatars at time->now, all others at
-// time->shown; set both to the same where an own avatar is to be shown with the others. `tick` of the view is that of the newest state.
+// Lends every movable body as it is shown, as dcd_state_view lends them as they are: own avatars, with what they touch, at
+// time->predicted, all others at time->shown; what comes near goes from the one to the other within about half a second. Set both to
+// the same where an own avatar is to be shown with the others. `tick` of the view is that of the newest state.
 //
 // The arrays are the library's: do not write or free them. They keep their content until the next dcd_view_state of this world; the
 // memory stays readable until the world is destroyed.
@@ -2380,6 +2404,23 @@ DCD_API
 DcdStatus dcd_view_state(DcdWorld world,
                          const DcdViewTime *time,
                          DcdStateView *out);
+
+// Sets whether a client or participant shows its own avatars, and what they touch, ahead of the world, so that they answer at once; it
+// does at first.
+//
+// Once dcd_view_time was called, a client keeps a small world of what is within some metres of its avatars. What you ask of them acts there
+// in the same frame, and names the step for which it is meant (DcdViewTime.predicted), so that nodes do it in just that one. Where states
+// that come are not as predicted, what follows is computed again, and the difference melts away as dcd_view_body says. At most 64
+// bodies are predicted, with what joints tie to them, for at most a second and a half; assemblies with multibodies are not, nor is anything in a
+// world whose steps are not paced. A local world has nothing to predict.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED for a server or a node.
+DCD_API
+DcdStatus dcd_prediction_set(DcdWorld world,
+                             bool predicts);
+
+// Reads what a client predicts, and how often it was wrong; all 0 where nothing is predicted.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
+DCD_API DcdStatus dcd_prediction(DcdWorld world, DcdPrediction *out);
 
 // Lists the connections of a world into `out`, which has `cap` entries, the oldest first, and their number into `count`. With
 // `cap` 0 `out` may be null, to ask for the number. A server has one with each node, client and participant; others have one
@@ -2841,7 +2882,8 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
       { 0.0f, 0.0f, 0.0f }, 0.0f, 0.0f, 0, 0, 0, 0, 0 }
 #define DCD_STATE_VIEW_INIT \
     { (uint32_t)sizeof(DcdStateView), 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL }
-#define DCD_VIEW_TIME_INIT { (uint32_t)sizeof(DcdViewTime), 0, 0.0, 0.0, -1.0, -1.0 }
+#define DCD_VIEW_TIME_INIT { (uint32_t)sizeof(DcdViewTime), 0, 0.0, 0.0, 0.0, -1.0, -1.0 }
+#define DCD_PREDICTION_INIT { (uint32_t)sizeof(DcdPrediction), 0, 0, 0, 0, 0.0, 0.0, 0.0 }
 #define DCD_EVENT_VIEW_INIT \
     { (uint32_t)sizeof(DcdEventView), 0, 0, NULL, 0, NULL, 0, NULL, 0, NULL, 0, \
       NULL, 0, NULL, 0 }
@@ -3130,13 +3172,23 @@ DCD_ASSERT_(offsetof(DcdJointInfo, locked) == 144);
 DCD_ASSERT_(offsetof(DcdJointInfo, coupled) == 148);
 DCD_ASSERT_(offsetof(DcdJointInfo, limited) == 152);
 DCD_ASSERT_(offsetof(DcdJointInfo, driven) == 156);
-DCD_ASSERT_(sizeof(DcdViewTime) == 40);
+DCD_ASSERT_(sizeof(DcdViewTime) == 48);
 DCD_ASSERT_(offsetof(DcdViewTime, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdViewTime, reserved) == 4);
 DCD_ASSERT_(offsetof(DcdViewTime, now) == 8);
 DCD_ASSERT_(offsetof(DcdViewTime, shown) == 16);
-DCD_ASSERT_(offsetof(DcdViewTime, clock_error) == 24);
-DCD_ASSERT_(offsetof(DcdViewTime, input_delay) == 32);
+DCD_ASSERT_(offsetof(DcdViewTime, predicted) == 24);
+DCD_ASSERT_(offsetof(DcdViewTime, clock_error) == 32);
+DCD_ASSERT_(offsetof(DcdViewTime, input_delay) == 40);
+DCD_ASSERT_(sizeof(DcdPrediction) == 56);
+DCD_ASSERT_(offsetof(DcdPrediction, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdPrediction, bodies) == 4);
+DCD_ASSERT_(offsetof(DcdPrediction, ticks) == 8);
+DCD_ASSERT_(offsetof(DcdPrediction, replays) == 16);
+DCD_ASSERT_(offsetof(DcdPrediction, corrections) == 24);
+DCD_ASSERT_(offsetof(DcdPrediction, largest_correction) == 32);
+DCD_ASSERT_(offsetof(DcdPrediction, last_frame) == 40);
+DCD_ASSERT_(offsetof(DcdPrediction, longest_frame) == 48);
 DCD_ASSERT_(sizeof(DcdStateView) == 72);
 DCD_ASSERT_(offsetof(DcdStateView, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdStateView, reserved) == 4);

@@ -8,5 +8,6 @@ mod long;
 mod packaging;
 mod programs;
 mod served;
+mod strips;
 mod table;
 mod toolchain;

@@ -20,7 +20,7 @@
 #include <string.h>
 #include <time.h>
 
-enum { PICTURES = 10, EVERY = 4, FRAMES = 120 }; /* of a strip; frames from one to the next, and in all */
+enum { PICTURES = 10, EVERY = 4, FRAMES = 120, SWAY = 60 }; /* of a strip; frames from one to the next, in all, before */
 enum { SIDE = 120, GROUND = 104, WIDTH = PICTURES * SIDE, HEIGHT = SIDE }; /* pixels */
 enum { ROW = 1 + WIDTH / 4, ROWS = HEIGHT * ROW }; /* bytes: a filter, then four pixels each */
 enum { PAPER, INK, BOX, AVATAR };                  /* colours */
@@ -30,6 +30,7 @@ static const double PATIENCE = 20.0;           /* seconds for the avatar to appe
 static const double LEFT = -3.4, SCALE = 20.0; /* metres where a picture begins, pixels per metre */
 static const double START[2] = { -2.5, 0.52 }; /* of the avatar, metres */
 static const double SPEED = 6.0, HALF = 0.5;   /* m/s of the avatar, metres of all boxes */
+static const double TURN = 6.283185307179586;  /* radians */
 
 static void check(DcdStatus status)
 {
@@ -225,15 +226,17 @@ int main(int argc, char **argv)
     check(dcd_shape_box(world, half, &box.shape));
     check(dcd_body_create(world, &box, &avatar));
 
-    /* It stands until the world has answered, and a second more: by then the client knows how late its inputs arrive. */
+    /* Until the world has answered it stands, and sways out of the picture and back for a second: by then the client knows how
+     * late its inputs arrive, and how late states come. */
     DcdViewTime time = DCD_VIEW_TIME_INIT;
     DcdStateView view = DCD_STATE_VIEW_INIT;
     struct timespec begin;
     clock_gettime(CLOCK_MONOTONIC, &begin);
-    const double start = (double)begin.tv_sec;
-    int frame = -60;
-    for (double next = start; frame < FRAMES; next += dt, wait_until(next)) {
-        const DcdVelocity velocity = { { frame < 0 ? 0.0f : (float)SPEED, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } };
+    const double start = (double)begin.tv_sec + 1.0;
+    int frame = -SWAY;
+    for (double next = start; frame < FRAMES; wait_until(next += dt)) {
+        DcdVelocity velocity = { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } };
+        velocity.linear[frame < 0 ? 2 : 0] = (float)(frame < 0 ? 0.5 * sin(TURN * frame / SWAY) : SPEED);
         check(dcd_body_set_velocity(world, avatar, &velocity));
         check(dcd_step(world));
         check(dcd_view_time(world, &time));

@@ -1,6 +1,7 @@
 //! Tests the pictures that a C program draws of what its player sees, at 100 ms each way.
 
 use std::collections::BTreeSet;
+use std::ops::Range;
 use std::path::Path;
 use std::process::Command;
 
@@ -31,11 +32,10 @@ fn strip(file: &Path) -> Vec<u8> {
     bytes.iter().flat_map(|byte| [byte >> 6, byte >> 4 & 3, byte >> 2 & 3, byte & 3]).collect()
 }
 
-/// The columns of a picture in which the avatar is.
-fn avatar(strip: &[u8], picture: usize) -> BTreeSet<usize> {
-    let is_there = |column: &usize| {
-        (0..GROUND).any(|row| strip[row * PICTURES * SIDE + picture * SIDE + column] == AVATAR)
-    };
+/// The columns of a picture that have the colour of the avatar in some of these rows.
+fn avatar(strip: &[u8], picture: usize, rows: Range<usize>) -> BTreeSet<usize> {
+    let is_there =
+        |column: &usize| rows.clone().any(|row| strip[(row * PICTURES + picture) * SIDE + column] == AVATAR);
     (0..SIDE).filter(is_there).collect()
 }
 
@@ -54,20 +54,23 @@ fn strips_show_an_avatar_that_answers_at_once_and_told_states_that_do_not() {
     assert!(shown_frames <= 2.0 && told_frames > 8.0, "{said}");
 
     let names = ["told.png", "shown.png"];
-    let [told, shown] = names.map(|name| strip(&folder.path().join(name)));
-    let left = |strip: &[u8], picture| *avatar(strip, picture).first().expect("it is in the picture");
-    assert_eq!([&told, &shown].map(|strip| left(strip, 0)), [left(&told, 1); 2], "it begins where it stood");
-    // 6 m/s are 8 pixels from one picture to the next.
-    for picture in 1..PICTURES {
-        let way = left(&shown, picture) - left(&shown, picture - 1);
-        assert!((6..=10).contains(&way), "picture {picture}: {way} pixels");
-        assert!(left(&told, picture) + 40 < left(&shown, picture).max(80), "told is behind");
-    }
     if std::env::var_os("UPDATE").is_some() {
         for name in names {
             std::fs::copy(folder.path().join(name), root().join("dcd/manual").join(name)).unwrap();
         }
     }
+    let [told, shown] = names.map(|name| strip(&folder.path().join(name)));
+    let left = |strip: &[u8], picture| *avatar(strip, picture, 0..GROUND).first().expect("it is there");
+    assert_eq!(left(&told, 1), left(&told, 0), "at first it stands");
+    for picture in 1..PICTURES {
+        // 6 m/s are 8 pixels from one picture to the next; some come late on a busy machine.
+        let way = left(&shown, picture) - left(&shown, picture - 1);
+        assert!((3..=13).contains(&way), "picture {picture}: {way} pixels");
+        assert!(picture < 3 || left(&told, picture) + 16 < left(&shown, picture), "picture {picture}");
+    }
+    // The lines below the ground: one per frame, or per batch of states.
+    let lines = [&told, &shown].map(|strip| avatar(strip, PICTURES - 1, GROUND + 8..GROUND + 9).len());
+    assert!(lines[0] > 1 && 3 * lines[0] < lines[1], "{lines:?}");
 }
 
 #[test]

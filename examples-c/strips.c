@@ -27,7 +27,7 @@ enum { PAPER, INK, BOX, AVATAR };                  /* colours */
 _Static_assert(ROWS <= 65535, "one block of deflate holds the picture");
 
 static const double PATIENCE = 20.0;           /* seconds for the avatar to appear */
-static const double LEFT = -3.4, SCALE = 20.0; /* metres where a picture begins, pixels per metre */
+static const double LEFT = -3.2, SCALE = 20.0; /* metres where a picture begins, pixels per metre */
 static const double START[2] = { -2.5, 0.52 }; /* of the avatar, metres */
 static const double SPEED = 6.0, HALF = 0.5;   /* m/s of the avatar, metres of all boxes */
 static const double TURN = 6.283185307179586;  /* radians */

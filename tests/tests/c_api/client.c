@@ -257,6 +257,7 @@ static void plays(DcdWorld world, DcdRole expected, const char *role)
     HOLDS(gets_beyond(world, avatar, -10.0));
     shows(world, avatar);
     answers(world, avatar);
+    OK(dcd_body_set_velocity(world, avatar, &east));
 
     /* A jump keeps the velocity; asked for in one step with another velocity, both count. */
     DcdPose far = def.pose;

@@ -30,7 +30,6 @@ static const double PATIENCE = 20.0;           /* seconds for the avatar to appe
 static const double LEFT = -3.2, SCALE = 20.0; /* metres where a picture begins, pixels per metre */
 static const double START[2] = { -2.5, 0.52 }; /* of the avatar, metres */
 static const double SPEED = 6.0, HALF = 0.5;   /* m/s of the avatar, metres of all boxes */
-static const double TURN = 6.283185307179586;  /* radians */
 
 static void check(DcdStatus status)
 {
@@ -42,7 +41,6 @@ static void check(DcdStatus status)
     }
 }
 
-/* Waits until a moment, in seconds. */
 static void wait_until(double when)
 {
     const struct timespec time = { (time_t)when, (long)((when - floor(when)) * 1e9) };
@@ -104,12 +102,11 @@ static void save_strip(struct Strip *strip)
     static const uint8_t magic[8] = { 0x89, 'P', 'N', 'G', '\r', '\n', 0x1A, '\n' };
     static const uint8_t colours[16] = { 'P', 'L', 'T', 'E', 250, 250, 246, 40, 44, 52, 172, 182, 196, 240, 128, 32 };
     uint8_t header[17] = { 'I', 'H', 'D', 'R', [12] = 2, 3 }; /* 2 bits each, of a palette */
-    const uint8_t head[11] = { 'I', 'D', 'A', 'T', 0x78, 1, 1, ROWS & 255, ROWS >> 8, ~ROWS & 255, ~ROWS >> 8 & 255 };
-    uint8_t stream[sizeof head + ROWS + 4] = { 0 }, *rows = stream + sizeof head;
+    uint8_t stream[11 + ROWS + 4] = { 'I', 'D', 'A', 'T', 0x78, 1, 1, ROWS & 255, ROWS >> 8, ~ROWS & 255, ~ROWS >> 8 & 255 };
+    uint8_t *rows = stream + 11;
     uint32_t a = 1, b = 0; /* Adler-32 */
     put_u32(header + 4, WIDTH);
     put_u32(header + 8, HEIGHT);
-    memcpy(stream, head, sizeof head);
     for (size_t i = 0; i < WIDTH * HEIGHT; i++) {
         const size_t x = i % WIDTH, y = i / WIDTH;
         rows[y * ROW + 1 + x / 4] |= (uint8_t)(strip->pixels[y][x] << (6 - 2 * (x % 4)));
@@ -138,8 +135,7 @@ static double depth(const DcdPose *box, double x, double y)
 /* Writes a number below 100 into a corner, in digits of 3 by 5, each twice as large. */
 static void draw_number(struct Strip *strip, int left, int number)
 {
-    static const uint16_t digits[10] = { 075557, 026222, 071747, 071717, 055711,
-                                         074717, 074757, 071111, 075757, 075717 };
+    static const uint16_t digits[] = { 075557, 026222, 071747, 071717, 055711, 074717, 074757, 071111, 075757, 075717 };
     for (int i = 0; i < 120; i++) {
         const int x = i % 6, y = i / 6 % 10, digit = i < 60 ? number / 10 : number % 10;
         if ((digits[digit] >> (14 - (y / 2 * 3 + x / 2)) & 1) != 0 && (i >= 60 || number >= 10)) {
@@ -187,10 +183,8 @@ static void see(struct Strip *strip, const DcdStateView *view, DcdBodyId avatar,
     for (size_t i = 0; i < view->count; i++) {
         if (view->ids[i].v == avatar.v) {
             strip->trail[frame] = view->poses[i].p[0];
+            strip->answered = strip->answered < 0 && strip->trail[frame] > START[0] + 0.01 ? frame : strip->answered;
         }
-    }
-    if (strip->answered < 0 && strip->trail[frame] - START[0] > 0.01) {
-        strip->answered = frame;
     }
     if (frame % EVERY == 0 && frame / EVERY < PICTURES) {
         draw_picture(strip, view, avatar, frame, dt);
@@ -226,17 +220,15 @@ int main(int argc, char **argv)
     check(dcd_shape_box(world, half, &box.shape));
     check(dcd_body_create(world, &box, &avatar));
 
-    /* Until the world has answered it stands, and sways out of the picture and back for a second: by then the client knows how
-     * late its inputs arrive, and how late states come. */
+    /* Once the world answers it sways towards us and back for a second: by then it is known how late inputs and states come. */
     DcdViewTime time = DCD_VIEW_TIME_INIT;
     DcdStateView view = DCD_STATE_VIEW_INIT;
     struct timespec begin;
     clock_gettime(CLOCK_MONOTONIC, &begin);
-    const double start = (double)begin.tv_sec + 1.0;
     int frame = -SWAY;
-    for (double next = start; frame < FRAMES; wait_until(next += dt)) {
+    for (double start = (double)begin.tv_sec + 1.0, next = start; frame < FRAMES; wait_until(next += dt)) {
         DcdVelocity velocity = { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } };
-        velocity.linear[frame < 0 ? 2 : 0] = (float)(frame < 0 ? 0.5 * sin(TURN * frame / SWAY) : SPEED);
+        velocity.linear[frame < 0 ? 2 : 0] = (float)(frame < 0 ? 0.5 * sin(6.2832 * frame / SWAY) : SPEED);
         check(dcd_body_set_velocity(world, avatar, &velocity));
         check(dcd_step(world));
         check(dcd_view_time(world, &time));

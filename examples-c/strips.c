@@ -20,7 +20,7 @@
 #include <string.h>
 #include <time.h>
 
-enum { PICTURES = 10, EVERY = 4, FRAMES = 120, SWAY = 60 }; /* of a strip; frames from one to the next, in all, before */
+enum { PICTURES = 10, EVERY = 4, FRAMES = 120, STAND = 60 }; /* of a strip; frames from one to the next, in all, before */
 enum { SIDE = 120, GROUND = 104, WIDTH = PICTURES * SIDE, HEIGHT = SIDE }; /* pixels */
 enum { ROW = 1 + WIDTH / 4, ROWS = HEIGHT * ROW }; /* bytes: a filter, then four pixels each */
 enum { PAPER, INK, BOX, AVATAR };                  /* colours */
@@ -220,15 +220,15 @@ int main(int argc, char **argv)
     check(dcd_shape_box(world, half, &box.shape));
     check(dcd_body_create(world, &box, &avatar));
 
-    /* Once the world answers it sways towards us and back for a second: by then it is known how late inputs and states come. */
+    /* It stands for a second once the world answers. */
     DcdViewTime time = DCD_VIEW_TIME_INIT;
     DcdStateView view = DCD_STATE_VIEW_INIT;
     struct timespec begin;
     clock_gettime(CLOCK_MONOTONIC, &begin);
-    int frame = -SWAY;
+    int frame = -STAND;
     for (double start = (double)begin.tv_sec + 1.0, next = start; frame < FRAMES; wait_until(next += dt)) {
         DcdVelocity velocity = { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } };
-        velocity.linear[frame < 0 ? 2 : 0] = (float)(frame < 0 ? 0.5 * sin(6.2832 * frame / SWAY) : SPEED);
+        velocity.linear[0] = frame < 0 ? 0.0f : (float)SPEED;
         check(dcd_body_set_velocity(world, avatar, &velocity));
         check(dcd_step(world));
         check(dcd_view_time(world, &time));

@@ -261,6 +261,7 @@ fn every_public_type_can_be_printed_and_passes_between_threads() {
         dcd::network::Hint,
         dcd::network::JoinConfig,
         dcd::network::PeerStats,
+        dcd::network::Prediction,
         dcd::network::PollRules,
         dcd::network::ProgramMessage,
         dcd::network::Reason,

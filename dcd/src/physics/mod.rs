@@ -36,6 +36,7 @@ pub use choice::{CouplingChoice, Method};
 pub use collider_id::ColliderId;
 pub use control::{CharacterHit, CharacterMove, ControlError, VehicleController};
 pub use hooks::{ContactHooks, HookedPair};
+#[cfg(feature = "net")]
 pub(crate) use host::Checkpoint;
 pub use host::{BorderView, HostError, Inconsistency, RegionHost};
 pub use joints::joint_record;

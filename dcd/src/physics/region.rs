@@ -3,6 +3,7 @@
 mod assembly;
 mod change;
 mod characters;
+#[cfg(feature = "net")]
 mod checkpoint;
 mod contacts;
 mod contents;
@@ -31,6 +32,7 @@ use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize, Serializer};
 
 use self::characters::Walking;
+#[cfg(feature = "net")]
 pub(super) use self::checkpoint::Checkpoint;
 use self::kinematic_targets::KinematicTargets;
 use self::ties::{HeldJoint, JointNews};

@@ -76,6 +76,7 @@ impl Motion {
     }
 
     /// Returns the angle between two rotations, radians.
+    #[cfg(all(feature = "net", feature = "physics"))]
     pub(crate) fn turn_rad(&self, other: &Self) -> f64 {
         turn_between(&self.pose, &other.pose).norm()
     }

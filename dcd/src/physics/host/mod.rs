@@ -3,6 +3,7 @@
 
 mod borders;
 mod change;
+#[cfg(feature = "net")]
 mod checkpoint;
 mod giants;
 mod place;
@@ -15,6 +16,7 @@ mod threads;
 mod validate;
 
 pub use self::borders::BorderView;
+#[cfg(feature = "net")]
 pub(crate) use self::checkpoint::Checkpoint;
 pub use self::validate::Inconsistency;
 

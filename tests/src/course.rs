@@ -150,7 +150,7 @@ pub struct Played {
     pub avatar: BodyId,
     /// Frame by frame.
     pub frames: Vec<Scene>,
-    /// What was predicted, in this and the half second before.
+    /// What was predicted; its largest correction may be of the moments before.
     pub prediction: Prediction,
 }
 
@@ -204,6 +204,7 @@ pub fn play(stage: &mut Stage, course: Course, frames: u32) -> Played {
         stage.wait_ticks(3);
     }
     stage.wait_ticks(30);
+    let before = stage.client.prediction().unwrap();
     let mut next = Instant::now();
     let mut played = Vec::new();
     for frame in 0..frames {
@@ -219,5 +220,9 @@ pub fn play(stage: &mut Stage, course: Course, frames: u32) -> Played {
         let predicting = stage.client.prediction().unwrap().last_frame;
         played.push(Scene { time, bodies, predicting });
     }
-    Played { avatar, frames: played, prediction: stage.client.prediction().unwrap() }
+    let mut prediction = stage.client.prediction().unwrap();
+    prediction.ticks -= before.ticks;
+    prediction.replays -= before.replays;
+    prediction.corrections -= before.corrections;
+    Played { avatar, frames: played, prediction }
 }

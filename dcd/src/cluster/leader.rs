@@ -367,7 +367,7 @@ impl Leader {
 
     /// Takes the inputs of the tick, and notes up to which each client's are applied.
     fn take_inputs(&mut self) -> impl Iterator<Item = Input> + use<> {
-        let taken: Vec<_> = self.inputs.take(self.tick).collect();
+        let taken = self.inputs.take(self.tick);
         for Taken { input, early } in &taken {
             if let Some(client) = input.body.client().filter(|client| self.clients.contains_key(client)) {
                 let applied = self.applied.entry(client).or_default();

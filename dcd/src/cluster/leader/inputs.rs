@@ -22,9 +22,7 @@ const WAITING: usize = 1_024;
 pub(super) struct Inputs {
     limits: AvatarLimits,
     avatars: BTreeMap<BodyId, Avatar>,
-    /// By the tick that is to take them; with how many ticks before that one they came.
-    waiting: BTreeMap<(Tick, (BodyId, bool)), Taken>,
-    /// How many of these are each client's.
+    /// How many inputs of each client wait for the ticks that they name.
     counts: BTreeMap<ClientId, usize>,
     /// Newest inputs for avatars not heard of yet, and since when they wait.
     early: BTreeMap<BodyId, (Input, Tick)>,
@@ -38,12 +36,12 @@ pub(super) struct Taken {
 }
 
 /// An avatar in the world.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct Avatar {
     /// The logical time of its newest input.
     newest: Option<u64>,
-    /// The last tick for which an input of it waits, or waited.
-    last: Tick,
+    /// Its inputs by the tick that is to take them, and their kind.
+    waiting: BTreeMap<(Tick, bool), Taken>,
     /// As last heard of, or where it jumps to.
     place: [f64; 3],
     /// How far it could jump after this tick, metres.
@@ -57,7 +55,6 @@ impl Inputs {
         Self {
             limits,
             avatars: BTreeMap::new(),
-            waiting: BTreeMap::new(),
             counts: BTreeMap::new(),
             early: BTreeMap::new(),
         }
@@ -65,26 +62,15 @@ impl Inputs {
 
     /// Notes where an avatar is after this tick.
     pub(super) fn see(&mut self, avatar: BodyId, place: [f64; 3], tick: Tick) {
-        let new =
-            Avatar { newest: None, last: tick, place, jump_m: self.limits.longest_jump_m(), since: tick };
-        self.avatars.entry(avatar).or_insert(new).place = place;
+        let jump_m = self.limits.longest_jump_m();
+        let new = || Avatar { newest: None, waiting: BTreeMap::new(), place, jump_m, since: tick };
+        self.avatars.entry(avatar).or_insert_with(new).place = place;
     }
 
-    pub(super) fn forget(&mut self, avatar: BodyId) {
-        self.avatars.remove(&avatar);
-        self.drop_waiting(|_, id| id == avatar);
-    }
-
-    /// Drops inputs of a kind.
-    fn drop_waiting(&mut self, is_dropped: impl Fn(Tick, BodyId) -> bool) {
-        let counts = &mut self.counts;
-        self.waiting.retain(|(tick, (id, _)), _| {
-            let drops = is_dropped(*tick, *id);
-            if drops {
-                uncount(counts, *id);
-            }
-            !drops
-        });
+    pub(super) fn forget(&mut self, id: BodyId) {
+        if let Some(avatar) = self.avatars.remove(&id) {
+            uncount(&mut self.counts, id, avatar.waiting.len());
+        }
     }
 
     /// Accepts an input for the tick that it names, or the next one, if the avatar is the client's own, and the input is newer than the last
@@ -143,11 +129,10 @@ impl Inputs {
         let early = if names_tick { input.tick.0 as i64 - next.0 as i64 } else { 0 };
         let early = early.clamp(i8::MIN.into(), i8::MAX.into()) as i8;
         // What was to come after it is older.
-        let overtakes = std::mem::replace(&mut avatar.last, tick) > tick;
-        if overtakes {
-            self.drop_waiting(|of, id| of > tick && id == input.body);
-        }
-        if self.waiting.insert((tick, input.slot()), Taken { input, early }).is_none() {
+        let overtaken = avatar.waiting.split_off(&(tick.next(), false));
+        uncount(&mut self.counts, input.body, overtaken.len());
+        let (_, kind) = input.slot();
+        if avatar.waiting.insert((tick, kind), Taken { input, early }).is_none() {
             *self.counts.entry(client).or_default() += 1;
         }
         Ok(())
@@ -173,34 +158,39 @@ impl Inputs {
     }
 
     /// Takes the inputs of a tick, in id order: of each kind for each avatar the newest.
-    pub(super) fn take(&mut self, tick: Tick) -> impl Iterator<Item = Taken> + use<> {
-        let mut due = BTreeMap::new();
-        while let Some(entry) = self.waiting.first_entry().filter(|entry| entry.key().0 <= tick) {
-            let ((_, slot), taken) = entry.remove_entry();
-            uncount(&mut self.counts, slot.0);
-            due.insert(slot, taken);
+    pub(super) fn take(&mut self, tick: Tick) -> Vec<Taken> {
+        let mut due = Vec::new();
+        for (id, avatar) in &mut self.avatars {
+            let later = avatar.waiting.split_off(&(tick.next(), false));
+            let now = std::mem::replace(&mut avatar.waiting, later);
+            uncount(&mut self.counts, *id, now.len());
+            let newest: BTreeMap<_, _> = now.into_iter().map(|((_, kind), taken)| (kind, taken)).collect();
+            due.extend(newest.into_values());
         }
-        due.into_values()
+        due
     }
 
     /// Returns the inputs that are due by a tick.
     pub(super) fn due(&self, tick: Tick) -> impl Iterator<Item = Input> {
-        self.waiting.iter().take_while(move |((of, _), _)| *of <= tick).map(|(_, taken)| taken.input)
+        let waiting = self.avatars.values().flat_map(move |avatar| avatar.waiting.range(..=(tick, true)));
+        waiting.map(|(_, taken)| taken.input)
     }
 
     /// Returns all inputs that no tick has taken, of each avatar in the order in which they were made.
     pub(super) fn into_untaken(self) -> impl Iterator<Item = Input> {
         let early = self.early.into_values().map(|(input, _)| input);
-        let mut untaken: Vec<_> = self.waiting.into_values().map(|taken| taken.input).chain(early).collect();
+        let waiting = self.avatars.into_values().flat_map(|avatar| avatar.waiting.into_values());
+        let mut untaken: Vec<_> = waiting.map(|taken| taken.input).chain(early).collect();
         untaken.sort_by_key(|input| (input.body, input.logical_time));
         untaken.into_iter()
     }
 }
 
-fn uncount(counts: &mut BTreeMap<ClientId, usize>, body: BodyId) {
-    let client = body.client().unwrap_or(ClientId::NOBODY);
+/// Notes that so many inputs of a client's avatar wait no more.
+fn uncount(counts: &mut BTreeMap<ClientId, usize>, avatar: BodyId, gone: usize) {
+    let client = avatar.client().unwrap_or(ClientId::NOBODY);
     if let Some(count) = counts.get_mut(&client) {
-        *count -= 1;
+        *count -= gone;
         if *count == 0 {
             counts.remove(&client);
         }

@@ -59,6 +59,8 @@ pub mod playback;
 #[doc(hidden)]
 pub mod protocol;
 #[doc(hidden)]
+pub mod recording;
+#[doc(hidden)]
 pub mod space;
 
 #[cfg(feature = "cli")]

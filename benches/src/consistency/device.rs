@@ -5,9 +5,10 @@ use std::fmt;
 use dcd::cluster::{PhysicsCommand, PhysicsEvent};
 use dcd::physics::Ownership;
 use dcd::protocol::{BodyState, Claim, WorldPose};
+use dcd::recording::{BodyBits, Physics, Readout};
 use dcd::runtime::PhysicsDevice;
 use dcd::sim::Engine;
-use dcd::space::{BodyId, Epoch};
+use dcd::space::{BodyId, Epoch, RegionId};
 
 /// The physics of a real node.
 pub(super) struct Device {
@@ -27,21 +28,41 @@ impl fmt::Debug for Device {
     }
 }
 
-impl Engine for Device {
-    fn execute(&mut self, command: PhysicsCommand) -> Option<PhysicsEvent> {
+impl Physics for Device {
+    fn execute(&mut self, command: PhysicsCommand) -> Result<Option<PhysicsEvent>, String> {
         match &command {
             PhysicsCommand::Step { rounds, .. } => self.rounds = *rounds,
             PhysicsCommand::World(_) | PhysicsCommand::Rebuild { .. } => self.rounds = 0,
             _ => {}
         }
-        let mut event = self.device.run(command).expect("what is simulated fits the physics");
+        let mut event = self.device.execute(command)?;
         if let Some(PhysicsEvent::Settled { stats, .. }) = &mut event {
             // The only thing that is told of the machine's own time: a seed is to give the same run.
             stats.compute_us = 0;
         }
-        event
+        Ok(event)
+    }
+}
+
+impl Readout for Device {
+    fn regions(&self) -> Vec<RegionId> {
+        self.device.regions()
     }
 
+    fn bodies(&self, region: RegionId) -> Box<dyn Iterator<Item = (BodyId, BodyBits)> + '_> {
+        self.device.bodies(region)
+    }
+
+    fn set(&mut self, body: BodyId, bits: &BodyBits) -> bool {
+        self.device.set(body, bits)
+    }
+
+    fn touching(&self, body: BodyId) -> Vec<BodyId> {
+        self.device.touching(body)
+    }
+}
+
+impl Engine for Device {
     fn claims(&self) -> Vec<Claim> {
         let host = self.device.host().into_iter();
         let mut claims: Vec<_> = host

@@ -8,11 +8,13 @@ mod client;
 mod common;
 mod completions;
 mod demo;
+mod diff;
 mod end;
 mod failure;
 mod interrupt;
 mod man;
 mod node;
+mod replay;
 mod requests;
 mod restore;
 mod run;
@@ -62,6 +64,8 @@ subcommands! {
     Save in save,
     Restore in restore,
     End in end,
+    Replay in replay,
+    Diff in diff,
     Demo in demo,
     Simulate in simulate,
     Completions in completions,

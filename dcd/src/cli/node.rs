@@ -53,6 +53,9 @@ pub(super) struct Node {
     /// How long to wait for a server that gets out of reach after joining, in seconds
     #[arg(long, value_name = "SECONDS", default_value = GIVE_UP, value_parser = wall_seconds)]
     give_up: Duration,
+    /// Record all that the node is given, and a digest of each region after each tick: `dcd replay FILE` computes it again
+    #[arg(long, value_name = "FILE")]
+    record: Option<PathBuf>,
     /// Print the summary as one JSON object
     #[arg(long)]
     json: bool,
@@ -72,6 +75,7 @@ impl Node {
         config.listen = self.listen.unwrap_or(config.listen);
         config.advertise = self.advertise;
         config.give_up = self.give_up;
+        config.record = self.record;
         config.threads = self
             .threads
             .map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from);

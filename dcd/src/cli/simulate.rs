@@ -1,6 +1,9 @@
 //! Implements `dcd simulate`: runs whole clusters in virtual time, under faults, from seeds.
 
+use std::collections::BTreeMap;
+use std::fs;
 use std::ops::Range;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
@@ -9,7 +12,9 @@ use serde::Serialize;
 use super::common::{Common, print};
 use super::failure::Failure;
 use super::interrupt::Interrupt;
-use crate::sim::{FaultProfile, Row, TrialConfig, run_trial, simulate};
+use super::replay::RECORDING;
+use crate::sim::{FaultProfile, Row, Tape, TrialConfig, run_trial, simulate};
+use crate::space::NodeId;
 
 /// Runs whole clusters in virtual time, under faults, and checks that nothing is lost or doubled
 ///
@@ -39,6 +44,9 @@ pub(super) struct Simulate {
     /// Print what happened even when nothing failed; of one seed
     #[arg(long, conflicts_with = "json")]
     timeline: bool,
+    /// Record the nodes of runs that fail, and of a single seed in any case: a folder for each, for `dcd replay`
+    #[arg(long, value_name = "DIR")]
+    record: Option<PathBuf>,
     /// Print one JSON object a row
     #[arg(long)]
     json: bool,
@@ -79,6 +87,17 @@ impl Simulate {
                 let seed = self.seeds.start;
                 print(&run_trial(&config, profile, seed, &profile.schedule(seed)).timeline.to_string())?;
             }
+            if let Some(folder) = &self.record {
+                let failed = row.failures.iter().map(|failure| (failure.seed, failure.schedule.clone()));
+                let single = || (count == 1).then(|| (self.seeds.start, profile.schedule(self.seeds.start)));
+                for (seed, schedule) in failed.collect::<Vec<_>>().into_iter().chain(single()) {
+                    let config = TrialConfig { record: true, ..config };
+                    let tapes = run_trial(&config, profile, seed, &schedule).tapes;
+                    let folder = folder.join(format!("{profile}-{seed}"));
+                    keep(&folder, &tapes)?;
+                    common.say(&format!("recorded: dcd replay {} --check", folder.display()));
+                }
+            }
             if interrupt.asked() {
                 break;
             }
@@ -100,6 +119,22 @@ impl Simulate {
         }
         Ok(())
     }
+}
+
+/// Writes the recordings of a run.
+fn keep(folder: &Path, tapes: &BTreeMap<NodeId, Tape>) -> Result<(), Failure> {
+    let write = || {
+        fs::create_dir_all(folder)?;
+        tapes
+            .iter()
+            .try_for_each(|(node, tape)| fs::write(folder.join(format!("{node}.{RECORDING}")), tape.bytes()))
+    };
+    write().map_err(|error| {
+        let folder = folder.display();
+        Failure::run(format!(
+            "cannot write to {folder}: {error}; check the path, its permissions and the disk"
+        ))
+    })
 }
 
 /// A row of the fault table, for programs.

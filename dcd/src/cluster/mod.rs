@@ -27,6 +27,8 @@ mod record;
 mod server;
 mod votes;
 
+use bincode::{Decode, Encode};
+
 use crate::space::{ClientId, NodeId};
 
 pub use client::{BodyView, Client, ClientEvent, ClientOutput};
@@ -48,7 +50,7 @@ pub use votes::{
 };
 
 /// The other end of a link, as its certificate names it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Encode, Decode)]
 pub enum Peer {
     /// The one server.
     Server,

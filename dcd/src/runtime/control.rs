@@ -48,6 +48,7 @@ impl LocalWorld {
         mass_kg: f32,
         hits: &[CharacterHit],
     ) -> Result<(), WorldError> {
+        self.tape_spoilt();
         Ok(self.host_mut().push_by_character(character, mass_kg, hits)?)
     }
 
@@ -80,6 +81,7 @@ impl LocalWorld {
         vehicle: &mut VehicleController,
         filter: &BodyFilter<'_>,
     ) -> Result<(), WorldError> {
+        self.tape_spoilt();
         Ok(self.host_mut().update_vehicle(vehicle, filter)?)
     }
 

@@ -66,6 +66,10 @@ impl PhysicsDevice {
         self.host.as_ref()
     }
 
+    pub(super) fn host_mut(&mut self) -> Option<&mut RegionHost> {
+        self.host.as_mut()
+    }
+
     /// Carries out one command; returns `None` when the command has no answer.
     ///
     /// # Panics

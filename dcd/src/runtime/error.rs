@@ -1,6 +1,7 @@
 //! Defines the error with which a process of a cluster fails to start or to go on.
 
 use std::net::SocketAddr;
+use std::path::PathBuf;
 use std::time::Duration;
 
 use super::{DeviceError, WorldError};
@@ -28,6 +29,14 @@ pub enum ProcessError {
     /// The regions cannot be as asked.
     #[error(transparent)]
     Tree(#[from] TreeError),
+    /// The recording cannot be written.
+    #[error("cannot record to {path}: {cause}; check the path, its permissions and the disk")]
+    Record {
+        /// The file.
+        path: PathBuf,
+        /// The system's reason.
+        cause: std::io::Error,
+    },
     /// The world cannot be as asked.
     #[error(transparent)]
     World(#[from] WorldError),

@@ -38,6 +38,12 @@ impl LocalWorld {
     /// # Ok::<(), dcd::runtime::WorldError>(())
     /// ```
     pub fn set_hooks(&mut self, hooks: Option<Arc<dyn ContactHooks>>) {
+        if hooks.is_some() && self.is_recorded() {
+            tracing::warn!(
+                "the recording ends here: contact hooks are the program's own code, and cannot be repeated"
+            );
+            self.stop_recording();
+        }
         self.host_mut().set_hooks(hooks);
     }
 }

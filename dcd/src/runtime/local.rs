@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 use rapier3d::prelude::*;
 
 use super::choice::{self, Choice, Why};
+use super::tape::{Copies, Tape};
 use crate::physics::{
     ControlError, Handover, HostError, LinkSettings, Ownership, Partition, Queries, Region, RegionHost,
     StepSettings, joint_record,
@@ -13,6 +14,7 @@ use crate::protocol::{
     Check, ContactLedger, Controller, Drive, Invalid, JointRecord, LinkMotion, Push, StateHasher, Velocity,
     WorldEvents, WorldPose,
 };
+use crate::recording::Operation;
 use crate::scene::Scene;
 use crate::space::{Axis, Balance, BodyId, Bounds, DistributionTree, JointId, RegionId, Tick, TreeError};
 
@@ -192,6 +194,7 @@ pub struct LocalWorld {
     pub(super) next_joint: u64,
     pub(super) last_step: Duration,
     pub(super) why: Why,
+    pub(super) tape: Option<Box<Tape>>,
 }
 
 impl LocalWorld {
@@ -221,6 +224,7 @@ impl LocalWorld {
             next_joint: 0,
             last_step: Duration::ZERO,
             why,
+            tape: None,
         })
     }
 
@@ -273,14 +277,19 @@ impl LocalWorld {
         let id = BodyId::persistent(self.next_body);
         let next = self.next_body.checked_add(1).ok_or(WorldError::Full)?;
         let record = self.host.shapes_mut().describe(id, pose, body, colliders).map_err(HostError::from)?;
-        self.host.insert(vec![record.with_controller(controller)], &[])?;
+        let record = record.with_controller(controller);
+        let taped = self.tape.is_some().then(|| record.clone());
+        self.host.insert(vec![record], &[])?;
+        self.tape_bodies(taped.into_iter().collect());
         self.next_body = next;
         Ok(id)
     }
 
     /// Removes a body with its colliders and joints.
     pub fn remove(&mut self, body: BodyId) -> Result<(), WorldError> {
-        if self.host.remove(body) { Ok(()) } else { Err(WorldError::NoBody(body)) }
+        let done = self.host.remove(body);
+        self.tape(done, || Operation::Remove(body));
+        if done { Ok(()) } else { Err(WorldError::NoBody(body)) }
     }
 
     /// Inserts a joint between two bodies.
@@ -307,6 +316,7 @@ impl LocalWorld {
 
     /// Changes damping, armature, friction and springs of a multibody joint.
     pub fn update_link(&mut self, joint: JointId, settings: &LinkSettings) -> Result<(), WorldError> {
+        self.tape_spoilt();
         if self.host.update_link(joint, settings) { Ok(()) } else { Err(WorldError::NoJoint(joint)) }
     }
 
@@ -322,6 +332,7 @@ impl LocalWorld {
             let (what, range) = ("velocity", "six finite numbers");
             return Err(WorldError::Setting { what, value: format!("{velocity:?}"), range });
         }
+        self.tape_spoilt();
         if self.host.set_link_velocity(joint, velocity) { Ok(()) } else { Err(WorldError::NoJoint(joint)) }
     }
 
@@ -339,23 +350,33 @@ impl LocalWorld {
         }
         let id = JointId(self.next_joint);
         let link = link.map(|settings| settings.record());
-        self.host.tie(JointRecord { link, ..joint_record(id, a, b, joint) })?;
+        let record = JointRecord { link, ..joint_record(id, a, b, joint) };
+        self.host.tie(record.clone())?;
+        self.tape(true, || Operation::InsertJoint(Box::new(record)));
         self.next_joint += 1;
         Ok(id)
     }
 
     /// Removes a joint.
     pub fn remove_joint(&mut self, joint: JointId) -> Result<(), WorldError> {
-        if self.host.remove_joint(joint) { Ok(()) } else { Err(WorldError::NoJoint(joint)) }
+        let done = self.host.remove_joint(joint);
+        self.tape(done, || Operation::RemoveJoint(joint));
+        if done { Ok(()) } else { Err(WorldError::NoJoint(joint)) }
     }
 
     /// Changes a joint in place: motors, limits, whether it acts.
     pub fn update_joint(
         &mut self,
         joint: JointId,
-        change: impl FnMut(&mut GenericJoint),
+        mut change: impl FnMut(&mut GenericJoint),
     ) -> Result<(), WorldError> {
-        if self.host.update_joint(joint, change) { Ok(()) } else { Err(WorldError::NoJoint(joint)) }
+        let mut copies = Copies::new(self.tape.is_some());
+        let done = self.host.update_joint(joint, |joint| {
+            change(joint);
+            copies.note(joint);
+        });
+        self.tape_joint(joint, copies);
+        if done { Ok(()) } else { Err(WorldError::NoJoint(joint)) }
     }
 
     /// Returns a joint as it is now: its motors are whole, however many regions share it.
@@ -376,14 +397,23 @@ impl LocalWorld {
 
     /// Advances the world by one tick.
     pub fn step(&mut self) -> Result<(), WorldError> {
+        self.tape_seed();
         let start = Instant::now();
         self.host.step()?;
         self.ledger.merge(self.host.events(), &mut self.events);
         self.host.clear_events();
+        self.last_step = start.elapsed();
+        self.tape_step();
+        let start = Instant::now();
+        let tree = self.tape.is_some().then(|| self.host.partition().tree().clone());
         for (from, to) in self.host.rebalance()? {
             self.ledger.rename(from, to);
         }
-        self.last_step = start.elapsed();
+        self.last_step += start.elapsed();
+        // The time that steps take is never the same twice.
+        if self.follows_times() && tree.as_ref().is_some_and(|tree| tree != self.host.partition().tree()) {
+            self.tape_spoilt();
+        }
         Ok(())
     }
 
@@ -444,9 +474,16 @@ impl LocalWorld {
     pub fn update<R>(
         &mut self,
         body: BodyId,
-        change: impl FnMut(&mut RigidBody) -> R,
+        mut change: impl FnMut(&mut RigidBody) -> R,
     ) -> Result<R, WorldError> {
-        let result = self.host.update(body, change).ok_or(WorldError::NoBody(body))?;
+        let mut copies = Copies::new(self.tape.is_some());
+        let changed = self.host.update(body, |body| {
+            let result = change(body);
+            copies.note(body);
+            result
+        });
+        let result = changed.ok_or(WorldError::NoBody(body))?;
+        self.tape_update(body, copies);
         self.host.settle_kind(body)?;
         Ok(result)
     }
@@ -458,17 +495,21 @@ impl LocalWorld {
             value: format!("{push:?}"),
             range: rule,
         })?;
-        if self.host.push(push) { Ok(()) } else { Err(WorldError::NoBody(push.body)) }
+        let done = self.host.push(push);
+        self.tape(done, || Operation::Push(*push));
+        if done { Ok(()) } else { Err(WorldError::NoBody(push.body)) }
     }
 
     /// Adds a collider to a body, as the last of its list.
     pub fn insert_collider(&mut self, body: BodyId, collider: ColliderBuilder) -> Result<(), WorldError> {
+        self.tape_spoilt();
         if self.host.insert_collider(body, &collider)? { Ok(()) } else { Err(WorldError::NoBody(body)) }
     }
 
     /// Removes a collider from a body; those after it move up.
     pub fn remove_collider(&mut self, body: BodyId, index: usize) -> Result<(), WorldError> {
         let count = self.body(body).ok_or(WorldError::NoBody(body))?.colliders().len();
+        self.tape_spoilt();
         if self.host.remove_collider(body, index)? {
             return Ok(());
         }
@@ -483,18 +524,23 @@ impl LocalWorld {
         change: impl FnMut(&mut Collider) -> R,
     ) -> Result<R, WorldError> {
         let count = self.body(body).ok_or(WorldError::NoBody(body))?.colliders().len();
+        self.tape_spoilt();
         let changed = self.host.update_collider(body, index, change)?;
         changed.ok_or(WorldError::NoCollider { body, index, count })
     }
 
     /// Moves a body to a pose at once.
     pub fn set_pose(&mut self, body: BodyId, pose: WorldPose) -> Result<(), WorldError> {
-        if self.host.teleport(body, pose)? { Ok(()) } else { Err(WorldError::NoBody(body)) }
+        let done = self.host.teleport(body, pose)?;
+        self.tape(done, || Operation::SetPose(body, pose));
+        if done { Ok(()) } else { Err(WorldError::NoBody(body)) }
     }
 
     /// Sets the kinematic target of a position-based kinematic body: it is there at the end of the next tick.
     pub fn set_next_pose(&mut self, body: BodyId, pose: WorldPose) -> Result<(), WorldError> {
-        if self.host.send_to(body, pose)? { Ok(()) } else { Err(WorldError::NoBody(body)) }
+        let done = self.host.send_to(body, pose)?;
+        self.tape(done, || Operation::SetNextPose(body, pose));
+        if done { Ok(()) } else { Err(WorldError::NoBody(body)) }
     }
 
     /// Sets a body's velocity and wakes it.
@@ -502,12 +548,16 @@ impl LocalWorld {
         if !velocity.is_finite() {
             return Err(HostError::NotFinite(body).into());
         }
-        if self.host.steer(body, &velocity) { Ok(()) } else { Err(WorldError::NoBody(body)) }
+        let done = self.host.steer(body, &velocity);
+        self.tape(done, || Operation::SetVelocity(body, velocity));
+        if done { Ok(()) } else { Err(WorldError::NoBody(body)) }
     }
 
     /// Says what the driver of a vehicle does from now on, and wakes it.
     pub(crate) fn drive(&mut self, body: BodyId, drive: &Drive) -> Result<(), WorldError> {
-        match self.host.drive(body, drive) {
+        let done = self.host.drive(body, drive);
+        self.tape(done, || Operation::Drive(body, *drive));
+        match done {
             true => Ok(()),
             false if self.contains(body) => Err(WorldError::NoVehicle(body)),
             false => Err(WorldError::NoBody(body)),
@@ -523,7 +573,9 @@ impl LocalWorld {
             let axis = tree.cut_of(vertex).map_or(Axis::X, |(axis, _)| axis);
             return Err(TreeError::Plane { axis, at }.into());
         }
-        Ok(self.host.refit(tree)?)
+        self.host.refit(tree)?;
+        self.tape(true, || Operation::MovePlane(vertex, at));
+        Ok(())
     }
 
     /// Sets the load balance: the regions follow the load from now on; `None` leaves them as they are.
@@ -532,6 +584,7 @@ impl LocalWorld {
             return Err(WorldError::Setting { what, value, range });
         }
         self.host.set_balance(balance);
+        self.tape_spoilt();
         Ok(())
     }
 

@@ -2,15 +2,18 @@
 //! its own, and shares with the user what the user reads.
 
 mod event_loop;
+mod recorded_node;
 
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::PathBuf;
 use std::sync::mpsc::{self, SyncSender};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use self::event_loop::Loop;
+use self::recorded_node::RecordedNode;
 use super::bandwidth::Received;
 use super::ending::{GIVE_UP, Reason};
 use super::links::Links;
@@ -18,6 +21,7 @@ use super::{Connections, PhysicsDevice, ProcessError};
 use crate::cluster::{Client, ClientEvent, Node, NodeConfig, Peer};
 use crate::net::{Identity, Limits, Net, NetConfig, NetEvent, NetEvents, PeerStats};
 use crate::protocol::{Area, Refusal};
+use crate::recording::{Background, Recorder};
 use crate::space::{BodyId, NodeId, Tick};
 
 /// Events that may wait for the loop; beyond that the network holds its peers back.
@@ -45,6 +49,8 @@ pub struct MemberConfig {
     pub give_up: Duration,
     /// The area that a client wants to be told of; `None`: the whole world.
     pub interest: Option<Area>,
+    /// A file to record the node to: all that it is given, and a digest of each region after each tick.
+    pub record: Option<PathBuf>,
 }
 
 impl MemberConfig {
@@ -61,6 +67,7 @@ impl MemberConfig {
             patience: Duration::from_millis(100),
             give_up: GIVE_UP,
             interest: None,
+            record: None,
         }
     }
 }
@@ -165,17 +172,24 @@ impl Member {
         let address = net.local_addr();
         let advertised = config.advertise.unwrap_or_else(|| reachable(address, config.server));
         let client = who.client().map(|client| Client::new(client, who.node(), config.interest));
-        let node = who.node().map(|id| {
-            Node::new(NodeConfig {
-                id,
-                address: advertised,
-                client: who.client(),
-                interest: config.interest,
-                report_every: config.report_every,
-                checkpoint_every: config.checkpoint_every,
-                patience: config.patience,
-            })
+        let node = who.node().map(|id| NodeConfig {
+            id,
+            address: advertised,
+            client: who.client(),
+            interest: config.interest,
+            report_every: config.report_every,
+            checkpoint_every: config.checkpoint_every,
+            patience: config.patience,
         });
+        let recorder = match (&node, config.record) {
+            (Some(node), Some(path)) => Some(
+                Background::create(&path)
+                    .and_then(|file| Recorder::of_node(file, node, false))
+                    .map_err(|cause| ProcessError::Record { path, cause })?,
+            ),
+            _ => None,
+        };
+        let node = node.map(|config| RecordedNode::new(Node::new(config), recorder));
         let summary = NodeSummary { node: who.node().unwrap_or_default(), ..NodeSummary::default() };
         let state = State {
             client,

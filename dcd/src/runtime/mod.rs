@@ -27,8 +27,11 @@ pub mod measure;
 mod member;
 #[cfg(feature = "net")]
 mod origin;
+mod recorded;
+mod recording;
 #[cfg(feature = "net")]
 mod repeats;
+mod replays;
 #[cfg(feature = "net")]
 mod saved;
 #[cfg(feature = "net")]
@@ -36,6 +39,7 @@ mod serve_config;
 #[cfg(feature = "net")]
 mod server;
 mod snapshot;
+mod tape;
 
 #[cfg(feature = "net")]
 pub use bandwidth::{Bandwidth, Count, Received};
@@ -61,6 +65,7 @@ pub use local::{LocalWorld, Partitioning, Stats, WorldConfig, WorldError};
 pub use member::{Member, MemberConfig, NodeSummary};
 #[cfg(feature = "net")]
 pub use origin::Origin;
+pub use replays::open_recording;
 #[cfg(feature = "net")]
 pub use serve_config::{GroupConfig, ServeConfig};
 #[cfg(feature = "net")]

@@ -43,6 +43,7 @@ pub(super) fn local_of(
     host.insert(saved.bodies, &saved.joints)?;
     let (next_body, next_joint) = saved.next_ids;
     Ok(LocalWorld {
+        tape: None,
         host,
         ledger: ContactLedger::default(),
         events: WorldEvents::default(),

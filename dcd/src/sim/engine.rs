@@ -3,14 +3,12 @@
 use std::fmt;
 use std::time::Duration;
 
-use crate::cluster::{PhysicsCommand, PhysicsEvent};
 use crate::protocol::{BodyState, Claim, View, ViewNumber, WorldPose};
+use crate::recording::Physics;
 use crate::space::{BodyId, Epoch, GroupId, NodeId, Tick};
 
 /// The physics of one simulated node: the [`StandIn`](super::StandIn), or the real one.
-pub trait Engine: fmt::Debug {
-    /// Executes a command; `None` for those without an answer.
-    fn execute(&mut self, command: PhysicsCommand) -> Option<PhysicsEvent>;
+pub trait Engine: Physics + fmt::Debug {
     /// Returns every owned body, in id order.
     fn claims(&self) -> Vec<Claim>;
     /// Returns every replica with the epoch of its owner as known here, and its pose here.

@@ -8,9 +8,10 @@ use crate::cluster::{PhysicsCommand, PhysicsEvent, Sampling, TickStats, correcti
 use crate::protocol::{
     Answer, BodyCheckpoint, BodyKind, BodyRecord, BodyState, BorderMessage, CastAnswer, CastQuery, Claim,
     ContactKey, EnvironmentProperties, LoadReport, Overlap, OverlapQuery, Place, Placed, Query, QueryParts,
-    QueryResult, RayAnswer, RayQuery, RegionEvents, RegionLoad, SharedState, Touch, Transfer, WorldOp,
-    WorldPose,
+    QueryResult, RayAnswer, RayQuery, RegionEvents, RegionLoad, SharedState, Touch, Transfer, Velocity,
+    WorldOp, WorldPose,
 };
+use crate::recording::{BodyBits, Physics, Readout};
 use crate::space::{
     BodyId, Bounds, Burden, ClientId, Epoch, RegionId, RegionSet, Renaming, Tick, TreeChange, summarised,
 };
@@ -128,7 +129,76 @@ fn fly(state: &mut BodyState, bounds: &Bounds, dt_s: f64) {
 }
 
 impl Engine for StandIn {
-    fn execute(&mut self, command: PhysicsCommand) -> Option<PhysicsEvent> {
+    fn claims(&self) -> Vec<Claim> {
+        let of = |(&region, content): (&RegionId, &Region)| {
+            let claim = move |(&id, owned): (&BodyId, &Owned)| Claim { id, epoch: owned.body.epoch, region };
+            content.owned.iter().map(claim).collect::<Vec<_>>()
+        };
+        let mut claims: Vec<_> = self.regions.iter().flat_map(of).collect();
+        claims.sort_by_key(|claim| claim.id);
+        claims
+    }
+
+    fn replicas(&self) -> Vec<(BodyId, Epoch, WorldPose)> {
+        let of = |body: &BodyRecord| (body.id, body.epoch, body.state.pose);
+        self.regions.values().flat_map(|region| region.replicas.values().map(of)).collect()
+    }
+
+    fn state(&self, id: BodyId) -> Option<BodyState> {
+        self.regions.values().find_map(|region| region.owned.get(&id)).map(|owned| owned.body.state)
+    }
+
+    fn rounds(&self) -> u32 {
+        self.rounds
+    }
+
+    // Rounds that the regions here want for the next tick: the world's first region something that changes, all others 1.
+    fn rounds_wanted(&self) -> u32 {
+        let first = self.world().tree.leaves().next();
+        let bodies = first.and_then(|first| self.regions.get(&first)).map(|region| region.owned.len());
+        bodies.map_or(1, |bodies| 1 + bodies as u32 % 3)
+    }
+}
+
+impl Physics for StandIn {
+    fn execute(&mut self, command: PhysicsCommand) -> Result<Option<PhysicsEvent>, String> {
+        Ok(self.carry_out(command))
+    }
+}
+
+impl Readout for StandIn {
+    fn regions(&self) -> Vec<RegionId> {
+        self.regions.keys().copied().collect()
+    }
+
+    fn bodies(&self, region: RegionId) -> Box<dyn Iterator<Item = (BodyId, BodyBits)> + '_> {
+        let owned = self.regions.get(&region).into_iter().flat_map(|region| &region.owned);
+        Box::new(owned.map(|(&id, owned)| {
+            let BodyState { pose, velocity, .. } = owned.body.state;
+            (id, BodyBits::of_f64(pose.translation, pose.rotation, velocity.linear, velocity.angular))
+        }))
+    }
+
+    fn set(&mut self, body: BodyId, bits: &BodyBits) -> bool {
+        let Some(owned) = self.regions.values_mut().find_map(|region| region.owned.get_mut(&body)) else {
+            return false;
+        };
+        let BodyState { pose, velocity, .. } = &mut owned.body.state;
+        *pose = WorldPose { translation: bits.translation_f64(), rotation: bits.rotation() };
+        *velocity = Velocity { linear: bits.linvel(), angular: bits.angvel() };
+        true
+    }
+
+    fn touching(&self, body: BodyId) -> Vec<BodyId> {
+        let keys = self.regions.values().flat_map(|region| &region.touching);
+        let others: BTreeSet<_> = keys.filter_map(|key| key.other(body)).collect();
+        others.into_iter().collect()
+    }
+}
+
+impl StandIn {
+    /// Carries out a command; `None` for those without an answer.
+    fn carry_out(&mut self, command: PhysicsCommand) -> Option<PhysicsEvent> {
         match command {
             PhysicsCommand::World(world) => {
                 *self = Self { world: Some(world), ..Self::default() };
@@ -181,38 +251,6 @@ impl Engine for StandIn {
         }
     }
 
-    fn claims(&self) -> Vec<Claim> {
-        let of = |(&region, content): (&RegionId, &Region)| {
-            let claim = move |(&id, owned): (&BodyId, &Owned)| Claim { id, epoch: owned.body.epoch, region };
-            content.owned.iter().map(claim).collect::<Vec<_>>()
-        };
-        let mut claims: Vec<_> = self.regions.iter().flat_map(of).collect();
-        claims.sort_by_key(|claim| claim.id);
-        claims
-    }
-
-    fn replicas(&self) -> Vec<(BodyId, Epoch, WorldPose)> {
-        let of = |body: &BodyRecord| (body.id, body.epoch, body.state.pose);
-        self.regions.values().flat_map(|region| region.replicas.values().map(of)).collect()
-    }
-
-    fn state(&self, id: BodyId) -> Option<BodyState> {
-        self.regions.values().find_map(|region| region.owned.get(&id)).map(|owned| owned.body.state)
-    }
-
-    fn rounds(&self) -> u32 {
-        self.rounds
-    }
-
-    // Rounds that the regions here want for the next tick: the world's first region something that changes, all others 1.
-    fn rounds_wanted(&self) -> u32 {
-        let first = self.world().tree.leaves().next();
-        let bodies = first.and_then(|first| self.regions.get(&first)).map(|region| region.owned.len());
-        bodies.map_or(1, |bodies| 1 + bodies as u32 % 3)
-    }
-}
-
-impl StandIn {
     fn world(&self) -> &EnvironmentProperties {
         self.world.as_ref().expect("the world comes first")
     }

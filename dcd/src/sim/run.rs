@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use super::network::{Arrival, Delivery};
 use super::world::{NodeProcess, Sim, name};
-use super::{Sample, Scope, Violation};
+use super::{Sample, Scope, Violation, records};
 use crate::cluster::directory::Directory;
 use crate::cluster::{
     Client, ClientEvent, ClientOutput, NodeEvent, NodeOutput, Peer, PhysicsCommand, PhysicsEvent, Server,
@@ -14,7 +14,8 @@ use crate::playback::ViewTime;
 use crate::protocol::{
     BodyRecord, DATAGRAM_BYTES, Message, ToClient, ToNode, ToServer, View, ViewNumber, decode, encode,
 };
-use crate::space::{BodyId, ClientId, GroupId, NodeId};
+use crate::recording::{digests_of, tick_of};
+use crate::space::{BodyId, ClientId, GroupId, NodeId, Tick};
 
 /// The most events at one instant; then a run is taken to turn in circles.
 const MOST_AT_ONCE: u32 = 100_000;
@@ -85,6 +86,7 @@ impl Sim {
             }
             Peer::Node(node) => {
                 if let Some(process) = self.nodes.get_mut(&node) {
+                    process.recorder.iter_mut().for_each(|recorder| recorder.node_timeout(local));
                     process.machine.handle_timeout(local);
                 }
                 self.drain_node(node);
@@ -175,6 +177,7 @@ impl Sim {
     pub(super) fn node_event(&mut self, node: NodeId, event: NodeEvent) {
         let local = self.local(Peer::Node(node));
         if let Some(process) = self.nodes.get_mut(&node) {
+            process.recorder.iter_mut().for_each(|recorder| recorder.node_event(local, &event));
             process.machine.handle(local, event);
             self.drain_node(node);
             self.set_timer(Peer::Node(node));
@@ -329,6 +332,18 @@ impl Sim {
         });
     }
 
+    /// Disturbs a node that has computed a tick, if it is to be, and records what it has computed.
+    fn computed(&mut self, id: NodeId, tick: Tick) {
+        let local = self.local(Peer::Node(id));
+        let Some(process) = self.nodes.get_mut(&id) else { return };
+        if self.flip_at.is_some_and(|(node, from)| node == id && from <= tick) && self.flipped.is_none() {
+            self.flipped = records::flip(&mut *process.physics, id, tick, &mut self.random);
+        }
+        if let Some(recorder) = &mut process.recorder {
+            recorder.settled(local, tick, &digests_of(&*process.physics));
+        }
+    }
+
     fn drain_node(&mut self, id: NodeId) {
         while let Some(process) = self.nodes.get_mut(&id) {
             let Some(output) = process.machine.poll_output() else { return };
@@ -345,7 +360,12 @@ impl Sim {
                     if matches!(command, PhysicsCommand::World(_)) {
                         self.checker.forget_node(id);
                     }
-                    let answer: Option<PhysicsEvent> = process.physics.execute(command);
+                    let tick = tick_of(&command);
+                    let answer = process.physics.execute(command).expect("what is simulated fits");
+                    if let (Some(tick), Some(PhysicsEvent::Settled { .. })) = (tick, &answer) {
+                        self.computed(id, tick);
+                    }
+                    let Some(process) = self.nodes.get_mut(&id) else { return };
                     if let Some(mut event) = answer {
                         let times =
                             self.slow_node.filter(|(slow, _)| *slow == id).map_or(1.0, |(_, times)| times);

@@ -10,7 +10,10 @@ use std::time::Duration;
 use self::groups::Lately;
 pub use self::looks::Staleness;
 use super::faults::{FaultProfile, Moment, Planned, Promise, Schedule};
-use super::{Comparer, NetworkConditions, Path, Random, Sim, SimConfig, Tally, Timeline, Traffic, Violation};
+use super::{
+    Comparer, Flipped, NetworkConditions, Path, Random, Sim, SimConfig, Tally, Tape, Timeline, Traffic,
+    Violation,
+};
 use crate::cluster::Peer;
 use crate::protocol::{DelayThresholds, SyncProtocol, Thresholds, Velocity};
 use crate::space::{ClientId, NodeId, Tick};
@@ -55,11 +58,25 @@ pub struct TrialConfig {
     pub lag_ticks: u32,
     /// A bug to plant: so many transfers are lost after the third second.
     pub lost_transfers: u32,
+    /// A bug to plant: a bit of a body is flipped after this tick, on one of the first nodes.
+    pub flip: Option<Tick>,
+    /// Whether nodes are recorded.
+    pub record: bool,
 }
 
 impl Default for TrialConfig {
     fn default() -> Self {
-        Self { nodes: 4, clients: 2, regions: 8, bodies: 30, rate: 30, lag_ticks: 0, lost_transfers: 0 }
+        Self {
+            nodes: 4,
+            clients: 2,
+            regions: 8,
+            bodies: 30,
+            rate: 30,
+            lag_ticks: 0,
+            lost_transfers: 0,
+            flip: None,
+            record: false,
+        }
     }
 }
 
@@ -84,6 +101,10 @@ pub struct Outcome {
     pub staleness: Staleness,
     /// The timeline, for people.
     pub timeline: Timeline,
+    /// The bit that was flipped, if one was to be and its node came so far.
+    pub flipped: Option<Flipped>,
+    /// The recordings of all nodes, those that died too.
+    pub tapes: BTreeMap<NodeId, Tape>,
 }
 
 impl Outcome {
@@ -99,6 +120,8 @@ impl Outcome {
             time: Duration::ZERO,
             staleness: Staleness::default(),
             timeline: Timeline::default(),
+            flipped: None,
+            tapes: BTreeMap::new(),
         }
     }
 }
@@ -217,6 +240,7 @@ impl<'a> Trial<'a> {
             },
             report_every,
             checkpoint_every: (rate / 5).max(1).into(),
+            record: config.record,
             ..SimConfig::default()
         });
         let mut trial = Self {
@@ -269,6 +293,9 @@ impl<'a> Trial<'a> {
             trial.plan(Duration::from_secs(2) + at, Action::Populate(count));
         }
         let nodes: Vec<_> = trial.sim.nodes.keys().copied().collect();
+        if let Some(tick) = config.flip {
+            trial.sim.flip(nodes[seed as usize % nodes.len()], tick);
+        }
         if let Some(pick) = schedule.slow_node {
             let node = nodes[pick as usize % nodes.len()];
             trial.sim.slow_down(node, SLOWER);
@@ -289,8 +316,10 @@ impl<'a> Trial<'a> {
         trial
     }
 
-    fn outcome(self, violation: Option<Violation>) -> Outcome {
+    fn outcome(mut self, violation: Option<Violation>) -> Outcome {
         Outcome {
+            tapes: self.sim.take_recordings(),
+            flipped: self.sim.flipped().cloned(),
             violation,
             worst_recovery: self.worst_recovery,
             worst_pause: self.worst_pause,

@@ -8,7 +8,8 @@ use super::clock::Clock;
 use super::host::{Host, Skew};
 use super::network::{Bounds, Cut, LinkId, Network, NetworkConditions, Path, Traffic};
 use super::{
-    Checker, Engine, Random, Sample, Scope, Sent, StandIn, Timeline, Violation, drifting, sim_world,
+    Checker, Engine, Flipped, Random, Sample, Scope, Sent, StandIn, Tape, Timeline, Violation, drifting,
+    sim_world,
 };
 use crate::cluster::directory::{Directory, MemoryDirectory};
 use crate::cluster::{
@@ -16,6 +17,7 @@ use crate::cluster::{
     Server, ServerConfig, ServerEvent,
 };
 use crate::protocol::{Area, BodyKind, BodyState, EnvironmentProperties, SyncProtocol, Thresholds};
+use crate::recording::Recorder;
 use crate::space::{Balance, BodyId, ClientId, GroupId, NodeId, Tick};
 
 /// The configuration of a run.
@@ -53,6 +55,8 @@ pub struct SimConfig {
     pub report_every: u64,
     /// Ticks between nodes' checkpoints of moved bodies to the server.
     pub checkpoint_every: u64,
+    /// Whether its nodes are recorded.
+    pub record: bool,
 }
 
 impl Default for SimConfig {
@@ -75,6 +79,7 @@ impl Default for SimConfig {
             grouping: Grouping::default(),
             report_every: 3,
             checkpoint_every: 6,
+            record: false,
         }
     }
 }
@@ -83,6 +88,7 @@ impl Default for SimConfig {
 pub(super) struct NodeProcess {
     pub(super) machine: Node,
     pub(super) physics: Box<dyn Engine>,
+    pub(super) recorder: Option<Recorder>,
     /// When its last answer comes: it does one thing after the other.
     pub(super) physics_until: Duration,
     /// The client in the same process.
@@ -157,6 +163,11 @@ pub struct Sim {
     pub(super) told: Vec<(ClientId, ClientOutput)>,
     /// Messages sent, by purpose.
     pub(super) sent: BTreeMap<Scope, Sent>,
+    /// Recordings of nodes, dead ones too.
+    pub(super) tapes: BTreeMap<NodeId, Tape>,
+    /// After which tick a bit is flipped on which node, and what that was.
+    pub(super) flip_at: Option<(NodeId, Tick)>,
+    pub(super) flipped: Option<Flipped>,
     /// Ticks between samples, and those not taken yet.
     pub(super) sample_every: Option<u64>,
     pub(super) samples: Vec<Sample>,
@@ -240,6 +251,9 @@ impl Sim {
             drop_transfers: 0,
             told: Vec::new(),
             sent: BTreeMap::new(),
+            tapes: BTreeMap::new(),
+            flip_at: None,
+            flipped: None,
             sample_every: None,
             samples: Vec::new(),
             engine,
@@ -274,7 +288,7 @@ impl Sim {
         self.last_node.0 += 1;
         let id = self.last_node;
         let address = SocketAddr::from((Ipv4Addr::LOCALHOST, id.0 as u16));
-        let machine = Node::new(NodeConfig {
+        let config = NodeConfig {
             id,
             address,
             client,
@@ -282,11 +296,11 @@ impl Sim {
             report_every: self.config.report_every,
             checkpoint_every: self.config.checkpoint_every,
             patience: Duration::from_millis(100),
-        });
-        self.nodes.insert(
-            id,
-            NodeProcess { machine, physics: (self.engine)(), physics_until: Duration::ZERO, client },
-        );
+        };
+        let recorder = self.config.record.then(|| self.tapes.entry(id).or_default().recorder(&config));
+        let (machine, physics) = (Node::new(config), (self.engine)());
+        let process = NodeProcess { machine, physics, recorder, physics_until: Duration::ZERO, client };
+        self.nodes.insert(id, process);
         self.host(Peer::Node(id), self.now.is_zero());
         self.network.dial(self.now, Peer::Node(id), Peer::Server);
         id
@@ -328,6 +342,22 @@ impl Sim {
         };
         self.hosts.insert(who, Host::new(clock));
         self.network.start(self.now, who);
+    }
+
+    /// Flips a bit of a body on a node, once it has completed this tick, or the first one after it.
+    pub fn flip(&mut self, node: NodeId, tick: Tick) {
+        self.flip_at = Some((node, tick));
+    }
+
+    /// Returns the bit that was flipped.
+    pub fn flipped(&self) -> Option<&Flipped> {
+        self.flipped.as_ref()
+    }
+
+    /// Ends the recordings of all nodes, and returns them.
+    pub fn take_recordings(&mut self) -> BTreeMap<NodeId, Tape> {
+        self.nodes.values_mut().for_each(|process| process.recorder = None);
+        std::mem::take(&mut self.tapes)
     }
 
     /// Kills a process from one instant to the next.

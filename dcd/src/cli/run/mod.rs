@@ -18,6 +18,7 @@ use super::values::address;
 use super::view::{self, ANY_PORT};
 use super::world::{CutArgs, explained};
 use crate::Viewer;
+use crate::recording::{Background, RecordingError};
 use crate::runtime::measure::{Cast, Plan, Subject, run};
 use crate::runtime::{Partitioning, WorldConfig};
 use crate::scene::{Params, Scene};
@@ -34,6 +35,7 @@ use crate::space::MAX_REGIONS;
 ///   dcd run convoy --set cars=200 --set road=20000 --regions 4 --balance
 ///   dcd run pile --save pile.dcd, and then dcd run pile.dcd
 ///   dcd run pile --set n=2000 --regions 4 --view
+///   dcd run pile --record pile.dcdr, and then dcd replay pile.dcdr --check
 ///   dcd run robot.urdf --set copies=100 --set ground=1 --regions 2
 #[derive(clap::Args)]
 #[command(verbatim_doc_comment, allow_negative_numbers = true, after_long_help = after_help())]
@@ -70,6 +72,9 @@ pub(super) struct Run {
     /// Save the whole world at the end, also when Ctrl-C ends it, to be gone on with by `dcd run FILE.dcd`
     #[arg(long, value_name = "FILE.dcd")]
     save: Option<PathBuf>,
+    /// Record the world: `dcd replay FILE` computes it again, bit for bit
+    #[arg(long, value_name = "FILE.dcdr")]
+    record: Option<PathBuf>,
 }
 
 impl Run {
@@ -80,6 +85,11 @@ impl Run {
         let save = self.save.map(snapshot::Target::check).transpose()?;
         let mut viewer =
             self.view.map(|at| view::open(at, &cast.name).map(Viewer::with_controls)).transpose()?;
+        if let (Some(path), Subject::Regions(world)) = (&self.record, &mut subject) {
+            let fails = |error: RecordingError| Failure::usage(format!("{}: {error}", path.display()));
+            let file = Background::create(path).map_err(|error| fails(error.into()))?;
+            world.record(file).map_err(fails)?;
+        }
         tracing::info!(scene = cast.name, ticks = plan.ticks, "stepping");
         let mut live = live::Live::new(common, plan.ticks, self.json);
         if let (Some(viewer), Subject::Regions(world)) = (&mut viewer, &subject) {
@@ -94,6 +104,9 @@ impl Run {
             if interrupt.asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         });
         live.finish();
+        if let Subject::Regions(world) = &mut subject {
+            world.stop_recording();
+        }
         let report = report?;
         // Before anything is printed: the JSON object is the last line, and its bodies can be found in the file.
         let written = out.map(|out| out.write(&subject)).transpose();
@@ -133,6 +146,7 @@ impl Run {
         let needs = [
             ("--save", self.save.is_some()),
             ("--view", self.view.is_some()),
+            ("--record", self.record.is_some()),
             ("--balance", self.cuts.balances()),
         ];
         if let Some((name, _)) = needs.into_iter().find(|(_, given)| self.regions == Some(0) && *given) {

@@ -288,6 +288,19 @@ impl RegionHost {
         Ok(self.move_copies(id, pose))
     }
 
+    /// Sets pose (relative to its region) and velocity of the owner's copy alone, and wakes nothing: a fault on purpose, to see that it is
+    /// found. Returns whether the body is owned here.
+    pub(crate) fn disturb(&mut self, id: BodyId, pose: Pose, linvel: Vector, angvel: Vector) -> bool {
+        let Some(home) = self.owner_index.home(id) else { return false };
+        let Some(place) = self.place_of[home.rank] else { return false };
+        self.sides[place].region.change(home.handle, |body| {
+            body.set_position(pose, false);
+            body.set_linvel(linvel, false);
+            body.set_angvel(angvel, false);
+        });
+        true
+    }
+
     /// Moves every copy held here to a pose; the next exchange hands the body over, if it left its region. Returns whether any
     /// region here holds it.
     pub fn move_copies(&mut self, id: BodyId, pose: WorldPose) -> bool {

@@ -180,6 +180,11 @@ impl RegionHost {
         self.threads.count()
     }
 
+    /// Returns whether a program's contact hooks are called.
+    pub(crate) fn has_hooks(&self) -> bool {
+        self.hooks.is_some()
+    }
+
     /// Takes over the threads and hooks of the host that this one replaces.
     pub(crate) fn serve_as(&mut self, former: &Self) -> Result<(), HostError> {
         self.threads = former.threads.clone();

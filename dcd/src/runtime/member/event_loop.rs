@@ -9,12 +9,13 @@ use std::time::{Duration, Instant};
 
 use tracing::{debug, info, warn};
 
+use super::recorded_node::RecordedNode;
 use super::{Input, QUEUE, Shared};
 use crate::cluster::{
-    Client, ClientEvent, ClientOutput, Node, NodeEvent, NodeOutput, Peer, PhysicsCommand, PhysicsEvent,
-    WORLD_ENDED,
+    Client, ClientEvent, ClientOutput, NodeEvent, NodeOutput, Peer, PhysicsCommand, PhysicsEvent, WORLD_ENDED,
 };
 use crate::protocol::{Farewell, Message, ToClient};
+use crate::recording::tick_of;
 use crate::runtime::ending::{Cause, Ending, Reason};
 use crate::runtime::links::{LinkEvent, Links};
 use crate::runtime::{Connections, PhysicsDevice, ProcessError};
@@ -34,7 +35,7 @@ pub(super) struct Loop {
     server: SocketAddr,
     start: Instant,
     links: Links,
-    node: Option<Node>,
+    node: Option<RecordedNode>,
     device: PhysicsDevice,
     pub(super) shared: Arc<Shared>,
     pub(super) connections: Connections,
@@ -65,7 +66,7 @@ impl Loop {
         server: SocketAddr,
         give_up: Duration,
         links: Links,
-        node: Option<Node>,
+        node: Option<RecordedNode>,
         device: PhysicsDevice,
         shared: Arc<Shared>,
         connections: Connections,
@@ -111,9 +112,7 @@ impl Loop {
                 inputs.try_iter().take(QUEUE).for_each(|input| self.take(input));
             }
             let now = self.start.elapsed();
-            if let Some(node) = &mut self.node
-                && node.poll_timeout().is_some_and(|due| due <= now)
-            {
+            if let Some(node) = &mut self.node {
                 node.handle_timeout(now);
             }
             if let Some(client) = &mut self.shared.lock().client
@@ -174,7 +173,7 @@ impl Loop {
     }
 
     fn poll_timeout(&self) -> Option<Duration> {
-        let node = self.node.as_ref().and_then(Node::poll_timeout);
+        let node = self.node.as_ref().and_then(RecordedNode::poll_timeout);
         let client = self.shared.lock().client.as_ref().and_then(Client::poll_timeout);
         let waits = [&self.lost, &self.unheard].into_iter().flatten();
         let end = waits.map(|(since, _)| since.saturating_add(self.give_up)).min();
@@ -302,7 +301,8 @@ impl Loop {
     fn pump(&mut self) {
         self.has_more = false;
         while self.end.is_none() {
-            let of_node = if self.has_more { None } else { self.node.as_mut().and_then(Node::poll_output) };
+            let of_node =
+                if self.has_more { None } else { self.node.as_mut().and_then(RecordedNode::poll_output) };
             if let Some(output) = of_node {
                 self.has_more = matches!(output, NodeOutput::Settled(_));
                 self.node_output(output);
@@ -374,10 +374,14 @@ impl Loop {
     }
 
     fn compute(&mut self, command: PhysicsCommand) {
+        let tick = tick_of(&command);
         match self.device.run(command) {
             Ok(None) => {}
             Ok(Some(event)) => {
                 if let PhysicsEvent::Settled { stats, .. } = &event {
+                    if let (Some(node), Some(tick)) = (&mut self.node, tick) {
+                        node.computed(self.start.elapsed(), tick, &self.device);
+                    }
                     let summary = &mut self.shared.lock().summary;
                     summary.bodies = stats.bodies;
                     summary.regions = self.device.host().map_or(0, |host| host.regions().len());

@@ -44,7 +44,7 @@ impl LocalWorld {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn save(&self, mut to: impl Write) -> Result<(), SnapshotError> {
-        let Self { host, ledger, events, next_body, next_joint, last_step: _, why: _ } = self;
+        let Self { host, ledger, events, next_body, next_joint, last_step: _, why: _, tape: _ } = self;
         let header = header::write(FORMAT, &mut to)?;
         let mut blocks = BlockWriter::new(to, header);
         let saved = Saved { host, ledger, events, next_body: *next_body, next_joint: *next_joint };
@@ -67,7 +67,7 @@ impl LocalWorld {
         host.resume();
         host.set_threads(threads).map_err(WorldError::from)?;
         let why = Why::Saved;
-        Ok(Self { host, ledger, events, next_body, next_joint, last_step: Duration::ZERO, why })
+        Ok(Self { host, ledger, events, next_body, next_joint, last_step: Duration::ZERO, why, tape: None })
     }
 
     /// Replaces this world by one that [`LocalWorld::save`] wrote, earlier or later, and keeps the threads and hooks of this one.
@@ -77,7 +77,9 @@ impl LocalWorld {
         world.host.serve_as(&self.host).map_err(WorldError::from)?;
         world.next_body = world.next_body.max(self.next_body);
         world.next_joint = world.next_joint.max(self.next_joint);
+        world.tape = self.tape.take();
         *self = world;
+        self.tape_spoilt();
         Ok(())
     }
 

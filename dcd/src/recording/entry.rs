@@ -1,0 +1,113 @@
+//! Defines the entries of a recording, and their form in bytes.
+
+use std::net::SocketAddr;
+use std::time::Duration;
+
+use bincode::config::{Configuration, Limit};
+use bincode::{Decode, Encode};
+
+use super::{Maker, RecordingError};
+use crate::cluster::{NodeConfig, Peer};
+use crate::protocol::{Area, FromClient, Message};
+use crate::space::{ClientId, NodeId, RegionId, Tick};
+
+/// The longest entry: one with the longest message.
+const CONFIG: Configuration<bincode::config::LittleEndian, bincode::config::Varint, Limit<{ 32 << 20 }>> =
+    bincode::config::standard().with_limit::<{ 32 << 20 }>();
+
+/// The first entry: who was recorded, and by what.
+#[derive(Clone, Debug, PartialEq, Encode, Decode)]
+pub(super) struct Beginning {
+    pub(super) maker: Maker,
+    pub(super) subject: Subject,
+}
+
+/// What is recorded.
+#[derive(Clone, Debug, PartialEq, Encode, Decode)]
+pub(super) enum Subject {
+    /// A node; whether its physics is the simulator's.
+    Node { seed: NodeSeed, stand_in: bool },
+    /// A local world.
+    Local,
+}
+
+/// The configuration of a node.
+#[derive(Clone, Debug, PartialEq, Encode, Decode)]
+pub(super) struct NodeSeed {
+    id: NodeId,
+    address: SocketAddr,
+    client: Option<ClientId>,
+    interest: Option<Area>,
+    report_every: u64,
+    checkpoint_every: u64,
+    patience: Duration,
+}
+
+impl From<&NodeConfig> for NodeSeed {
+    fn from(config: &NodeConfig) -> Self {
+        let NodeConfig { id, address, client, interest, report_every, checkpoint_every, patience } = *config;
+        Self { id, address, client, interest, report_every, checkpoint_every, patience }
+    }
+}
+
+impl From<&NodeSeed> for NodeConfig {
+    fn from(seed: &NodeSeed) -> Self {
+        let NodeSeed { id, address, client, interest, report_every, checkpoint_every, patience } = *seed;
+        Self { id, address, client, interest, report_every, checkpoint_every, patience }
+    }
+}
+
+/// An entry after the first one: nanoseconds since the one before, and what happened.
+#[derive(Clone, Debug, PartialEq, Encode, Decode)]
+pub(super) struct Entry<W> {
+    pub(super) after_ns: u64,
+    pub(super) what: W,
+}
+
+/// What happened to a node. Messages are recorded by reference and read as values.
+#[derive(Clone, Debug, PartialEq, Encode, Decode)]
+pub(super) enum NodeEntry<M = Message, C = FromClient> {
+    Connected(Peer),
+    Disconnected(Peer),
+    Message {
+        from: Peer,
+        message: M,
+    },
+    Client(C),
+    Backlog {
+        client: ClientId,
+        bytes: u64,
+    },
+    Leave,
+    Timeout,
+    /// The physics had done its work, in this time, and told this load of regions; all else of its answer is computed again.
+    Answered {
+        compute_us: u32,
+        step_us: Vec<f64>,
+    },
+    Settled(Digests),
+}
+
+/// The digests of regions after a tick.
+#[derive(Clone, Debug, PartialEq, Encode, Decode)]
+pub(super) struct Digests {
+    pub(super) tick: Tick,
+    /// Which regions, where they are others than before.
+    pub(super) regions: Option<Vec<RegionId>>,
+    /// In the order of the regions.
+    pub(super) digests: Vec<[u8; 8]>,
+}
+
+/// Appends an entry.
+pub(super) fn put(to: &mut Vec<u8>, entry: &impl Encode) {
+    let bytes = bincode::encode_to_vec(entry, CONFIG).expect("plain values in memory encode");
+    to.extend_from_slice(&bytes);
+}
+
+/// Takes the next entry of a chunk.
+pub(super) fn take<T: Decode<()>>(from: &mut &[u8]) -> Result<T, RecordingError> {
+    let (entry, read) = bincode::decode_from_slice(from, CONFIG)
+        .map_err(|error| RecordingError::Undecodable(error.to_string()))?;
+    *from = &from[read..];
+    Ok(entry)
+}

@@ -1,0 +1,47 @@
+//! Defines the error of reading and replaying a recording.
+
+/// The error of reading or replaying a recording.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RecordingError {
+    /// The file is no recording, by its first bytes.
+    #[error("not a recording of dcd: give what `--record`, `World::record` or dcd_record wrote")]
+    Foreign,
+    /// A recording of another format.
+    #[error(
+        "the recording has format {theirs}, this dcd reads format {ours}: replay it by the dcd that made it"
+    )]
+    Format {
+        /// Of the file.
+        theirs: u32,
+        /// Of this dcd.
+        ours: u32,
+    },
+    /// A checksum does not match.
+    #[error("the recording is damaged within the chunk that begins at byte {0}: copy it again")]
+    Damaged(u64),
+    /// The checksums match, yet the content is no recording.
+    #[error("the recording cannot be read ({0}): it was made by another build of dcd; replay it by that one")]
+    Undecodable(String),
+    /// It has no beginning: the process was killed at once.
+    #[error("the recording ends before its world begins: there is nothing to replay")]
+    Empty,
+    /// The machine did not ask its physics for what the recording has an answer to.
+    #[error(
+        "the replay parts from the recording after tick {tick}, outside the physics: the recorded machine took an answer of \
+         its physics that this one did not ask for; replay it by the dcd that made it"
+    )]
+    Astray {
+        /// The last completed tick.
+        tick: u64,
+    },
+    /// The physics cannot go on.
+    #[error("the replay's physics cannot go on: {0}")]
+    Physics(String),
+    /// A kind of recording that cannot be replayed so.
+    #[error("{0}")]
+    Unsuitable(String),
+    /// The file cannot be read.
+    #[error("the recording cannot be read: {0}; check the path and its permissions")]
+    Io(#[from] std::io::Error),
+}

@@ -1,0 +1,182 @@
+//! Writes and reads chunks of bytes, each with a hash chained to the one before, and hands them to a thread that writes a file, so that
+//! a slow disk holds nobody up.
+//!
+//! A file: magic, format (u32, little endian), chunks. A chunk: its length (u32), the first 8 bytes of BLAKE3 of the hash before,
+//! the length and the bytes; the bytes.
+
+use std::fs::File;
+use std::io::{self, Read, Write};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc::{self, Sender};
+use std::thread::JoinHandle;
+
+use super::RecordingError;
+
+/// Grows with every change of what is recorded. That of messages is counted by the protocol's version, which the maker names.
+const FORMAT: u32 = 1;
+const MAGIC: [u8; 8] = *b"\x89dcdrec\n";
+/// The most bytes of a chunk: an entry is never divided, and a message has 16 MiB at most.
+const MOST: usize = 40 << 20;
+/// Bytes that may wait for the disk.
+const WAITING: usize = 64 << 20;
+
+type Hash = [u8; 8];
+
+/// Writes the beginning of a file.
+pub(super) fn begin(to: &mut impl Write) -> io::Result<()> {
+    to.write_all(&[&MAGIC[..], &FORMAT.to_le_bytes()].concat())
+}
+
+/// Writes a chunk by one call; returns the hash that the next one is chained to.
+pub(super) fn write_chunk(to: &mut impl Write, before: Hash, bytes: &[u8]) -> io::Result<Hash> {
+    let length = (bytes.len() as u32).to_le_bytes();
+    let hash = chained(before, bytes);
+    to.write_all(&[&length[..], &hash, bytes].concat())?;
+    Ok(hash)
+}
+
+fn chained(before: Hash, bytes: &[u8]) -> Hash {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(&before).update(&(bytes.len() as u32).to_le_bytes()).update(bytes);
+    let mut hash = Hash::default();
+    hash.copy_from_slice(&hasher.finalize().as_bytes()[..size_of::<Hash>()]);
+    hash
+}
+
+/// Reads the chunks of a recording, up to its end or to where it was cut off.
+pub struct Reader<R> {
+    from: R,
+    before: Hash,
+    taken: u64,
+    cut_off: bool,
+}
+
+impl Reader<io::BufReader<File>> {
+    /// Opens a file.
+    pub fn open(path: &Path) -> Result<Self, RecordingError> {
+        Self::new(io::BufReader::with_capacity(1 << 18, File::open(path)?))
+    }
+}
+
+impl<R: Read> Reader<R> {
+    /// Reads the beginning.
+    pub fn new(mut from: R) -> Result<Self, RecordingError> {
+        let mut head = [0; MAGIC.len() + size_of::<u32>()];
+        if fill(&mut from, &mut head)? < head.len() || head[..MAGIC.len()] != MAGIC {
+            return Err(RecordingError::Foreign);
+        }
+        let format = u32::from_le_bytes([head[8], head[9], head[10], head[11]]);
+        if format != FORMAT {
+            return Err(RecordingError::Format { theirs: format, ours: FORMAT });
+        }
+        Ok(Self { from, before: Hash::default(), taken: head.len() as u64, cut_off: false })
+    }
+
+    /// Returns the next chunk; `None` at the end, or where the file was cut off.
+    pub(super) fn next_chunk(&mut self) -> Result<Option<Vec<u8>>, RecordingError> {
+        let begin = self.taken;
+        let mut head = [0; size_of::<u32>() + size_of::<Hash>()];
+        let read = fill(&mut self.from, &mut head)?;
+        if read < head.len() {
+            self.cut_off |= read > 0;
+            return Ok(None);
+        }
+        let length = u32::from_le_bytes([head[0], head[1], head[2], head[3]]) as usize;
+        if length > MOST {
+            return Err(RecordingError::Damaged(begin));
+        }
+        let mut bytes = vec![0; length];
+        if fill(&mut self.from, &mut bytes)? < length {
+            self.cut_off = true;
+            return Ok(None);
+        }
+        let hash = chained(self.before, &bytes);
+        if head[4..] != hash {
+            return Err(RecordingError::Damaged(begin));
+        }
+        self.before = hash;
+        self.taken += (head.len() + length) as u64;
+        Ok(Some(bytes))
+    }
+
+    /// Returns whether the file ended within a chunk: its process was killed.
+    pub fn was_cut_off(&self) -> bool {
+        self.cut_off
+    }
+}
+
+/// Fills `into` as far as there are bytes, and returns how many.
+fn fill(from: &mut impl Read, into: &mut [u8]) -> io::Result<usize> {
+    let mut read = 0;
+    while read < into.len() {
+        match from.read(&mut into[read..]) {
+            Ok(0) => break,
+            Ok(count) => read += count,
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            Err(error) => return Err(error),
+        }
+    }
+    Ok(read)
+}
+
+/// A file that a thread of its own writes. Each [`Write::write`] is written whole; it fails when the disk has failed, or more than
+/// 64 MiB wait for it.
+pub struct Background {
+    chunks: Option<Sender<Vec<u8>>>,
+    waiting: Arc<AtomicUsize>,
+    thread: Option<JoinHandle<io::Result<()>>>,
+}
+
+impl Background {
+    /// Creates a file, or empties it.
+    pub fn create(path: &Path) -> io::Result<Self> {
+        let mut file = File::create(path)?;
+        let (chunks, inbox) = mpsc::channel::<Vec<u8>>();
+        let waiting = Arc::new(AtomicUsize::new(0));
+        let left = waiting.clone();
+        let write = move || {
+            for chunk in inbox {
+                file.write_all(&chunk)?;
+                left.fetch_sub(chunk.len(), Ordering::Relaxed);
+            }
+            Ok(())
+        };
+        let thread = std::thread::Builder::new().name("dcd-record".into()).spawn(write)?;
+        Ok(Self { chunks: Some(chunks), waiting, thread: Some(thread) })
+    }
+
+    fn end(&mut self) -> io::Result<()> {
+        self.chunks = None;
+        let thread = self.thread.take();
+        thread.map_or(Ok(()), |thread| thread.join().unwrap_or_else(|_| Err(io::Error::other("a panic"))))
+    }
+}
+
+impl Write for Background {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let before = self.waiting.fetch_add(bytes.len(), Ordering::Relaxed);
+        if before > WAITING {
+            return Err(io::Error::other("more than 64 MiB wait for the disk: record to a faster one"));
+        }
+        let gone = match &self.chunks {
+            Some(chunks) => chunks.send(bytes.to_vec()).is_err(),
+            None => true,
+        };
+        // The thread ends early for one reason.
+        if gone { self.end().and(Err(io::Error::other("the file is closed"))) } else { Ok(bytes.len()) }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+impl Drop for Background {
+    fn drop(&mut self) {
+        if let Err(error) = self.end() {
+            tracing::warn!(%error, "the end of the recording is not written");
+        }
+    }
+}

@@ -1,0 +1,37 @@
+//! Records what a process was given and computes it again from that, bit for bit, to see what happened and where two runs part.
+//!
+//! State machines and physics have no clock and no randomness of their own: a recording holds all that went into them, with its time,
+//! and a digest of every region after every tick (`digest`). A replay gives the same to machines of its own and compares the digests.
+//! The file is a row of chunks with checksums (`file`): what a crash cuts off is missing at the end, and nowhere else.
+
+mod acts;
+mod diff;
+mod digest;
+mod entries;
+mod entry;
+mod error;
+mod file;
+mod local;
+mod maker;
+mod node;
+mod open;
+mod physics;
+mod recorder;
+mod replay;
+mod replayed;
+mod ring;
+#[cfg(test)]
+mod tests;
+
+pub use diff::{Difference, difference};
+pub use digest::{BodyBits, Changed, FIELDS, digest, find_changed};
+pub use error::RecordingError;
+pub use file::{Background, Reader};
+pub use local::{LocalPhysics, Operation};
+pub use maker::Maker;
+pub(crate) use node::tick_of;
+pub use open::{Computers, open};
+pub use physics::{Physics, Readout, digests_of};
+pub use recorder::Recorder;
+pub use replay::{Mismatch, Replay};
+pub use replayed::{Flip, Replayed, Settled};

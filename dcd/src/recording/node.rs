@@ -1,0 +1,134 @@
+//! Replays a node: gives its recorded events to a machine and physics of its own.
+
+use std::collections::VecDeque;
+
+use super::acts::Acts;
+use super::entries::Entries;
+use super::entry::{NodeEntry, NodeSeed};
+use super::replayed::{Flip, Replayed, Settled, flip_bit};
+use super::{Maker, Physics, Readout, RecordingError, digests_of};
+use crate::cluster::{Node, NodeConfig, NodeEvent, NodeOutput, PhysicsCommand, PhysicsEvent};
+use crate::space::{BodyId, NodeId, RegionId, Tick};
+
+/// The replay of one node.
+pub(super) struct NodeReplay {
+    entries: Entries,
+    node: Node,
+    physics: Box<dyn Physics>,
+    /// Answers that the machine was not given yet.
+    answers: VecDeque<PhysicsEvent>,
+    /// What was computed and not compared yet.
+    computed: VecDeque<(Tick, Vec<(RegionId, u64)>)>,
+    flip: Option<Flip>,
+    acts: Acts,
+}
+
+impl NodeReplay {
+    pub(super) fn new(entries: Entries, seed: &NodeSeed, physics: Box<dyn Physics>) -> Self {
+        Self {
+            entries,
+            node: Node::new(NodeConfig::from(seed)),
+            physics,
+            answers: VecDeque::new(),
+            computed: VecDeque::new(),
+            flip: None,
+            acts: Acts::default(),
+        }
+    }
+
+    fn astray(&self) -> RecordingError {
+        RecordingError::Astray { tick: self.node.tick().0 }
+    }
+
+    /// Returns the next answer of the physics, with the times that were recorded.
+    fn answer(&mut self, compute_us: u32, step_us: &[f64]) -> Result<PhysicsEvent, RecordingError> {
+        let mut event = self.answers.pop_front().ok_or_else(|| self.astray())?;
+        if let PhysicsEvent::Settled { stats, load, .. } = &mut event {
+            stats.compute_us = compute_us;
+            let regions = load.iter_mut().flat_map(|load| &mut load.regions);
+            regions.zip(step_us).for_each(|(region, &recorded)| region.step_us = recorded);
+        }
+        Ok(event)
+    }
+
+    /// Carries out what the machine asks of its physics.
+    fn compute(&mut self) -> Result<(), RecordingError> {
+        while let Some(output) = self.node.poll_output() {
+            let NodeOutput::Physics(command) = output else { continue };
+            let tick = tick_of(&command);
+            self.acts.note(&command);
+            let answer = self.physics.execute(command).map_err(RecordingError::Physics)?;
+            if let (Some(tick), Some(PhysicsEvent::Settled { .. })) = (tick, &answer) {
+                if let Some(Flip { body, bit, .. }) = self.flip.filter(|flip| flip.tick == tick) {
+                    flip_bit(&mut *self.physics, body, bit);
+                }
+                self.computed.push_back((tick, digests_of(&*self.physics)));
+            }
+            self.answers.extend(answer);
+        }
+        Ok(())
+    }
+}
+
+impl Replayed for NodeReplay {
+    fn node(&self) -> Option<NodeId> {
+        Some(self.node.id())
+    }
+
+    fn maker(&self) -> &Maker {
+        self.entries.maker()
+    }
+
+    fn was_cut_off(&self) -> bool {
+        self.entries.was_cut_off()
+    }
+
+    fn readout(&self) -> &dyn Readout {
+        &*self.physics
+    }
+
+    fn flip(&mut self, flip: Flip) {
+        self.flip = Some(flip);
+    }
+
+    fn acted_on(&self, body: BodyId) -> Vec<String> {
+        self.acts.on(body)
+    }
+
+    fn advance(&mut self) -> Result<Option<Settled>, RecordingError> {
+        while let Some(entry) = self.entries.next()? {
+            let event = match entry {
+                NodeEntry::Connected(peer) => NodeEvent::Connected(peer),
+                NodeEntry::Disconnected(peer) => NodeEvent::Disconnected(peer),
+                NodeEntry::Message { from, message } => NodeEvent::Message { from, message },
+                NodeEntry::Client(message) => NodeEvent::Client(message),
+                NodeEntry::Backlog { client, bytes } => NodeEvent::Backlog { client, bytes: bytes as usize },
+                NodeEntry::Leave => NodeEvent::Leave,
+                NodeEntry::Answered { compute_us, step_us } => {
+                    NodeEvent::Physics(self.answer(compute_us, &step_us)?)
+                }
+                NodeEntry::Timeout => {
+                    self.node.handle_timeout(self.entries.now());
+                    self.compute()?;
+                    continue;
+                }
+                NodeEntry::Settled(digests) => {
+                    let (tick, recorded) = self.entries.digests(digests);
+                    let (done, replayed) = self.computed.pop_front().ok_or_else(|| self.astray())?;
+                    if done != tick {
+                        return Err(self.astray());
+                    }
+                    return Ok(Some(Settled { tick, recorded, replayed }));
+                }
+            };
+            self.node.handle(self.entries.now(), event);
+            self.compute()?;
+        }
+        Ok(None)
+    }
+}
+
+/// Returns the tick that a command may complete.
+pub(crate) fn tick_of(command: &PhysicsCommand) -> Option<Tick> {
+    if let PhysicsCommand::Accept { tick, .. } = command { Some(*tick) } else { None }
+}

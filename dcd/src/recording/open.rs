@@ -1,0 +1,37 @@
+//! Opens a recording of any kind for its replay.
+
+use std::io::Read;
+
+use super::entries::Entries;
+use super::entry::Subject;
+use super::local::LocalReplay;
+use super::node::NodeReplay;
+use super::{LocalPhysics, Physics, RecordingError, Replayed};
+
+/// What computes the physics of replays.
+pub trait Computers {
+    /// Returns the physics of a node; `None` if it was the simulator's (`stand_in`) and there is none here.
+    fn node(&self, stand_in: bool) -> Option<Box<dyn Physics>>;
+    /// Returns a local world.
+    fn local(&self) -> Option<Box<dyn LocalPhysics>>;
+}
+
+/// Begins the replay of a recording.
+pub fn open(
+    from: impl Read + Send + 'static,
+    computers: &impl Computers,
+) -> Result<Box<dyn Replayed>, RecordingError> {
+    let (entries, subject) = Entries::open(Box::new(from))?;
+    let without =
+        |what: &str| RecordingError::Unsuitable(format!("this program cannot compute {what} again"));
+    match subject {
+        Subject::Node { seed, stand_in } => {
+            let physics = computers.node(stand_in).ok_or_else(|| without("a simulated node"))?;
+            Ok(Box::new(NodeReplay::new(entries, &seed, physics)))
+        }
+        Subject::Local => {
+            let world = computers.local().ok_or_else(|| without("a local world"))?;
+            Ok(Box::new(LocalReplay::new(entries, world)))
+        }
+    }
+}

@@ -1,0 +1,207 @@
+//! Records what a process is given: packs entries into chunks, and ends the recording where it cannot be written.
+
+use std::io::{self, Write};
+use std::time::Duration;
+
+use bincode::Encode;
+use tracing::warn;
+
+use super::entry::{Beginning, Digests, Entry, NodeEntry, NodeSeed, Subject, put};
+use super::local::{LocalEntry, Operation};
+use super::ring::Ring;
+use super::{Maker, file};
+use crate::cluster::{NodeConfig, NodeEvent, PhysicsEvent};
+use crate::protocol::{FromClient, Message};
+use crate::space::{RegionId, Tick};
+
+/// A chunk is written when it has so many bytes,
+const CHUNK: usize = 64 << 10;
+/// or when a tick ends and the last one was written so long ago: what a killed process loses of its recording.
+const FLUSH: Duration = Duration::from_millis(100);
+
+/// Records a process.
+pub struct Recorder {
+    /// `None` once it has failed.
+    out: Option<Out>,
+    chunk: Vec<u8>,
+    now: Duration,
+    flushed: Duration,
+    regions: Vec<RegionId>,
+}
+
+enum Out {
+    File { to: Box<dyn Write + Send>, before: [u8; 8] },
+    Ring(Ring),
+}
+
+impl Out {
+    fn to(mut to: impl Write + Send + 'static) -> io::Result<Self> {
+        file::begin(&mut to)?;
+        Ok(Self::File { to: Box::new(to), before: [0; 8] })
+    }
+}
+
+impl std::fmt::Debug for Recorder {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Recorder").field("now", &self.now).finish_non_exhaustive()
+    }
+}
+
+impl Recorder {
+    /// Begins the recording of a node; `stand_in`: whether its physics is the simulator's.
+    pub fn of_node(to: impl Write + Send + 'static, config: &NodeConfig, stand_in: bool) -> io::Result<Self> {
+        Self::begin(Out::to(to)?, Subject::Node { seed: NodeSeed::from(config), stand_in })
+    }
+
+    /// Begins the recording of a local world.
+    pub(crate) fn of_local(to: impl Write + Send + 'static) -> io::Result<Self> {
+        Self::begin(Out::to(to)?, Subject::Local)
+    }
+
+    /// Begins a recording of the last so many seconds of a local world, in memory.
+    pub(crate) fn of_local_for(time: Duration) -> Self {
+        Self::begin(Out::Ring(Ring::new(time)), Subject::Local).expect("memory can be written")
+    }
+
+    fn begin(out: Out, subject: Subject) -> io::Result<Self> {
+        let mut chunk = Vec::new();
+        put(&mut chunk, &Beginning { maker: Maker::here(), subject });
+        let mut recorder =
+            Self { out: Some(out), chunk, now: Duration::ZERO, flushed: Duration::ZERO, regions: Vec::new() };
+        recorder.flush();
+        Ok(recorder)
+    }
+
+    /// Records an event that a node is about to take in.
+    pub fn node_event(&mut self, now: Duration, event: &NodeEvent) {
+        let what: NodeEntry<&Message, &FromClient> = match event {
+            NodeEvent::Connected(peer) => NodeEntry::Connected(*peer),
+            NodeEvent::Disconnected(peer) => NodeEntry::Disconnected(*peer),
+            NodeEvent::Message { from, message } => NodeEntry::Message { from: *from, message },
+            NodeEvent::Client(message) => NodeEntry::Client(message),
+            NodeEvent::Backlog { client, bytes } => {
+                NodeEntry::Backlog { client: *client, bytes: *bytes as u64 }
+            }
+            NodeEvent::Leave => NodeEntry::Leave,
+            NodeEvent::Physics(event) => answered(event),
+        };
+        self.put(now, what);
+    }
+
+    /// Records that a node's time-out is about to be handled.
+    pub fn node_timeout(&mut self, now: Duration) {
+        self.put::<NodeEntry<&Message, &FromClient>>(now, NodeEntry::Timeout);
+    }
+
+    /// Records the digests of all regions of a node after a tick.
+    pub fn settled(&mut self, now: Duration, tick: Tick, digests: &[(RegionId, u64)]) {
+        let digests = self.digests(tick, digests);
+        self.put::<NodeEntry<&Message, &FromClient>>(now, NodeEntry::Settled(digests));
+        self.flush_if_due();
+    }
+
+    /// Records an operation on a local world.
+    pub(crate) fn operation(&mut self, now: Duration, operation: Operation) {
+        self.put(now, LocalEntry::Did(operation));
+    }
+
+    /// Records the digests of all regions of a local world after a step.
+    pub(crate) fn stepped(&mut self, now: Duration, tick: Tick, digests: &[(RegionId, u64)]) {
+        let digests = self.digests(tick, digests);
+        self.put(now, LocalEntry::Stepped(digests));
+        self.flush_if_due();
+    }
+
+    /// Returns the entry of these digests.
+    fn digests(&mut self, tick: Tick, digests: &[(RegionId, u64)]) -> Digests {
+        let same = digests.iter().map(|(region, _)| region).eq(&self.regions);
+        if !same {
+            self.regions = digests.iter().map(|(region, _)| *region).collect();
+        }
+        let regions = (!same).then(|| self.regions.clone());
+        Digests { tick, regions, digests: digests.iter().map(|(_, digest)| digest.to_le_bytes()).collect() }
+    }
+
+    /// Says that what follows can be replayed without what was before; the next digests name their regions.
+    pub(crate) fn begin_segment(&mut self) {
+        self.flush();
+        self.regions.clear();
+        if let Some(Out::Ring(ring)) = &mut self.out {
+            ring.begin_segment(self.now);
+        }
+    }
+
+    /// Returns whether the recording wants to begin a segment.
+    pub(crate) fn wants_segment(&self) -> bool {
+        matches!(&self.out, Some(Out::Ring(ring)) if ring.wants_segment(self.now))
+    }
+
+    /// Writes what is kept of the last seconds.
+    pub(crate) fn keep(&mut self, to: &mut impl Write) -> io::Result<()> {
+        self.flush();
+        match &self.out {
+            Some(Out::Ring(ring)) => ring.write(to),
+            _ => Err(io::Error::other("it is recorded to a file already")),
+        }
+    }
+
+    /// Writes what is not written yet, if the last time is some while ago.
+    fn flush_if_due(&mut self) {
+        if self.now.saturating_sub(self.flushed) >= FLUSH {
+            self.flush();
+        }
+    }
+
+    /// Writes what is not written yet.
+    pub fn flush(&mut self) {
+        self.flushed = self.now;
+        let chunk = std::mem::take(&mut self.chunk);
+        if chunk.is_empty() {
+            return;
+        }
+        let written = match &mut self.out {
+            Some(Out::File { to, before }) => {
+                file::write_chunk(to, *before, &chunk).map(|hash| *before = hash)
+            }
+            Some(Out::Ring(ring)) => {
+                ring.put(chunk);
+                return;
+            }
+            None => return,
+        };
+        self.chunk = chunk;
+        self.chunk.clear();
+        if let Err(error) = written {
+            warn!(%error, "the recording ends here");
+            self.out = None;
+        }
+    }
+
+    fn put<W: Encode>(&mut self, now: Duration, what: W) {
+        if self.out.is_none() {
+            return;
+        }
+        let after_ns = now.saturating_sub(self.now).as_nanos() as u64;
+        self.now = now.max(self.now);
+        put(&mut self.chunk, &Entry { after_ns, what });
+        if self.chunk.len() >= CHUNK {
+            self.flush();
+        }
+    }
+}
+
+impl Drop for Recorder {
+    fn drop(&mut self) {
+        self.flush();
+    }
+}
+
+/// Returns what cannot be computed again of an answer: how long it took.
+fn answered<M, C>(event: &PhysicsEvent) -> NodeEntry<M, C> {
+    let (mut compute_us, mut step_us) = (0, Vec::new());
+    if let PhysicsEvent::Settled { stats, load, .. } = event {
+        compute_us = stats.compute_us;
+        step_us = load.iter().flat_map(|load| &load.regions).map(|region| region.step_us).collect();
+    }
+    NodeEntry::Answered { compute_us, step_us }
+}

@@ -1,0 +1,158 @@
+//! Replays processes together, in order of ticks, and finds where one of them parts from its recording.
+
+use std::collections::BTreeMap;
+
+use super::replayed::{Flip, Replayed, Settled};
+use super::{BodyBits, Changed, FIELDS, RecordingError, find_changed};
+use crate::space::{BodyId, NodeId, RegionId, Tick};
+
+/// Where a replay parts from its recording. What a digest cannot tell is `None`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mismatch {
+    /// On which node; `None`: in a local world.
+    pub node: Option<NodeId>,
+    /// After which tick.
+    pub tick: Tick,
+    /// In which region; `None`: other regions were computed.
+    pub region: Option<RegionId>,
+    /// Which body.
+    pub body: Option<BodyId>,
+    /// Which field of its state.
+    pub field: Option<&'static str>,
+    /// As recorded, in m, m/s or rad/s; `None`: the body was not there.
+    pub recorded: Option<f64>,
+    /// As replayed.
+    pub replayed: Option<f64>,
+    /// What acted on the body in the ticks before, and what it touches.
+    pub acted: Vec<String>,
+}
+
+/// The replay of the members of a cluster, or of a local world.
+pub struct Replay {
+    members: Vec<Member>,
+    ticks: u64,
+    matches: u64,
+    mismatch: Option<Mismatch>,
+}
+
+struct Member {
+    replay: Box<dyn Replayed>,
+    tick: Tick,
+    ended: bool,
+}
+
+impl Replay {
+    /// Begins the replay of these members.
+    pub fn new(members: Vec<Box<dyn Replayed>>) -> Self {
+        let member = |replay| Member { replay, tick: Tick(0), ended: false };
+        let members = members.into_iter().map(member).collect();
+        Self { members, ticks: 0, matches: 0, mismatch: None }
+    }
+
+    /// Completes the next tick of the member that is furthest back, if it is at most `until`; `false` when all have come to their ends, or
+    /// that far.
+    pub fn advance(&mut self, until: Tick) -> Result<bool, RecordingError> {
+        let behind = self.members.iter_mut().filter(|member| !member.ended && member.tick < until);
+        let Some(member) = behind.min_by_key(|member| (member.tick, member.replay.node())) else {
+            return Ok(false);
+        };
+        let Some(settled) = member.replay.advance()? else {
+            member.ended = true;
+            return Ok(true);
+        };
+        member.tick = member.tick.max(settled.tick);
+        self.ticks = self.ticks.max(settled.tick.0);
+        let regions = settled.recorded.len() as u64;
+        if settled.recorded == settled.replayed {
+            self.matches += regions;
+        } else if self.mismatch.is_none() {
+            self.mismatch = Some(explain(&*member.replay, &settled));
+        }
+        Ok(true)
+    }
+
+    /// Returns the newest tick that any member has completed.
+    pub fn ticks(&self) -> u64 {
+        self.ticks
+    }
+
+    /// Returns how many digests were as recorded.
+    pub fn matches(&self) -> u64 {
+        self.matches
+    }
+
+    /// Returns where it first parted from the recording.
+    pub fn mismatch(&self) -> Option<&Mismatch> {
+        self.mismatch.as_ref()
+    }
+
+    /// Returns the members.
+    pub fn members(&self) -> impl Iterator<Item = &dyn Replayed> {
+        self.members.iter().map(|member| &*member.replay)
+    }
+
+    /// Disturbs whoever owns the body after that tick.
+    pub fn flip(&mut self, flip: Flip) {
+        self.members.iter_mut().for_each(|member| member.replay.flip(flip));
+    }
+
+    /// Returns where each body is: on which node, in which region, and its state. What a process says that is not as far as the others
+    /// does not count where another owns the body.
+    pub fn bodies(&self) -> BTreeMap<BodyId, (Option<NodeId>, RegionId, BodyBits)> {
+        let mut found = BTreeMap::new();
+        let mut members: Vec<_> = self.members.iter().collect();
+        members.sort_by_key(|member| member.tick);
+        for Member { replay, .. } in members {
+            let regions = replay.readout();
+            for region in regions.regions() {
+                let owned = regions.bodies(region);
+                found.extend(owned.map(|(id, bits)| (id, (replay.node(), region, bits))));
+            }
+        }
+        found
+    }
+
+    /// Returns what acted on a body in the last ticks, wherever it is held.
+    pub fn acted_on(&self, body: BodyId) -> Vec<String> {
+        self.members.iter().flat_map(|member| acts(&*member.replay, body)).collect()
+    }
+}
+
+/// Returns what acted on a body in the last ticks of one process, and what it touches there.
+fn acts(replay: &dyn Replayed, body: BodyId) -> Vec<String> {
+    let touching = replay.readout().touching(body).into_iter().map(|other| format!("touches {other}"));
+    replay.acted_on(body).into_iter().chain(touching).collect()
+}
+
+/// Finds region, body and field of a difference.
+fn explain(replay: &dyn Replayed, Settled { tick, recorded, replayed }: &Settled) -> Mismatch {
+    let mut found = Mismatch {
+        node: replay.node(),
+        tick: *tick,
+        region: None,
+        body: None,
+        field: None,
+        recorded: None,
+        replayed: None,
+        acted: Vec::new(),
+    };
+    let regions = recorded.iter().map(|(region, _)| region);
+    if !regions.eq(replayed.iter().map(|(region, _)| region)) {
+        return found;
+    }
+    let differing = recorded.iter().zip(replayed).filter(|(recorded, replayed)| recorded != replayed);
+    for (&(region, recorded), &(_, replayed)) in differing {
+        found.region.get_or_insert(region);
+        let bodies = replay.readout().bodies(region);
+        if let Some(Changed { body, recorded, replayed }) = find_changed(recorded, replayed, bodies) {
+            let field = recorded.zip(replayed).and_then(|(one, other)| one.first_difference(&other));
+            let value = |bits: Option<BodyBits>| Some(bits?.value(field?));
+            (found.region, found.body) = (Some(region), Some(body));
+            (found.recorded, found.replayed) = (value(recorded), value(replayed));
+            found.field = field.map(|field| FIELDS[field].0);
+            found.acted = acts(replay, body);
+            break;
+        }
+    }
+    found
+}

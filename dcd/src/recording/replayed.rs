@@ -1,0 +1,50 @@
+//! Defines what the replay of one process can do, whatever it was.
+
+use super::physics::bits_of;
+use super::{Maker, Readout, RecordingError};
+use crate::space::{BodyId, NodeId, RegionId, Tick};
+
+/// A tick that a process has completed, in the recording and again.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Settled {
+    /// The tick; a view change repeats the last one.
+    pub tick: Tick,
+    /// The digests of its regions then.
+    pub recorded: Vec<(RegionId, u64)>,
+    /// The same, replayed.
+    pub replayed: Vec<(RegionId, u64)>,
+}
+
+/// A change of a replay on purpose: of the state of a body after a tick.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Flip {
+    /// After which tick.
+    pub tick: Tick,
+    /// Which body.
+    pub body: BodyId,
+    /// Which of the 512 bits of its state.
+    pub bit: usize,
+}
+
+/// The replay of one process.
+pub trait Replayed {
+    /// Returns which node it is; `None`: it is a local world.
+    fn node(&self) -> Option<NodeId>;
+    /// Returns who made the recording.
+    fn maker(&self) -> &Maker;
+    /// Returns whether the file ended within a chunk, as that of a killed process may.
+    fn was_cut_off(&self) -> bool;
+    /// Returns its regions as they are now.
+    fn readout(&self) -> &dyn Readout;
+    /// Disturbs the replay.
+    fn flip(&mut self, flip: Flip);
+    /// Returns what acted on a body in the last ticks.
+    fn acted_on(&self, body: BodyId) -> Vec<String>;
+    /// Goes on to the end of a tick; `None` at the end of the recording.
+    fn advance(&mut self) -> Result<Option<Settled>, RecordingError>;
+}
+
+/// Flips a bit of a body that is owned there; returns whether it is.
+pub(super) fn flip_bit(regions: &mut (impl Readout + ?Sized), body: BodyId, bit: usize) -> bool {
+    bits_of(regions, body).is_some_and(|(_, bits)| regions.set(body, &bits.flipped(bit)))
+}

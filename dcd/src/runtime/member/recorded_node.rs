@@ -1,0 +1,49 @@
+//! Gives a node's state machine its events, and records them.
+
+use std::time::Duration;
+
+use crate::cluster::{Node, NodeEvent, NodeOutput};
+use crate::recording::{Readout, Recorder, digests_of};
+use crate::space::Tick;
+
+/// A node's state machine, recorded if it is to be.
+pub(super) struct RecordedNode {
+    node: Node,
+    recorder: Option<Recorder>,
+}
+
+impl RecordedNode {
+    pub(super) fn new(node: Node, recorder: Option<Recorder>) -> Self {
+        Self { node, recorder }
+    }
+
+    pub(super) fn handle(&mut self, now: Duration, event: NodeEvent) {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.node_event(now, &event);
+        }
+        self.node.handle(now, event);
+    }
+
+    /// Lets time pass, if anything is due.
+    pub(super) fn handle_timeout(&mut self, now: Duration) {
+        if self.node.poll_timeout().is_some_and(|due| due <= now) {
+            self.recorder.iter_mut().for_each(|recorder| recorder.node_timeout(now));
+            self.node.handle_timeout(now);
+        }
+    }
+
+    /// Records what the physics has computed of a tick.
+    pub(super) fn computed(&mut self, now: Duration, tick: Tick, regions: &impl Readout) {
+        if let Some(recorder) = &mut self.recorder {
+            recorder.settled(now, tick, &digests_of(regions));
+        }
+    }
+
+    pub(super) fn poll_timeout(&self) -> Option<Duration> {
+        self.node.poll_timeout()
+    }
+
+    pub(super) fn poll_output(&mut self) -> Option<NodeOutput> {
+        self.node.poll_output()
+    }
+}

@@ -1,0 +1,259 @@
+//! Records a local world: what its program does to it, and the digests of its regions after each step.
+
+use std::io::Write;
+use std::time::Duration;
+
+use super::LocalWorld;
+use super::recorded::bodies_of;
+use super::tape::{Copies, Tape};
+use crate::protocol::BodyRecord;
+use crate::recording::{Operation, Recorder, RecordingError, digest};
+use crate::space::{BodyId, JointId, Load};
+
+impl LocalWorld {
+    /// Begins to record what is done to this world, as it is now: a replay computes it again from that, bit for bit. A recording that was
+    /// going on ends.
+    pub fn record(&mut self, to: impl Write + Send + 'static) -> Result<(), RecordingError> {
+        self.can_be_recorded()?;
+        self.tape = Some(Box::new(Tape::new(Recorder::of_local(to)?)));
+        Ok(())
+    }
+
+    /// Begins to record, in memory, and keeps at least the last so much time: [`LocalWorld::keep_recording`] writes it.
+    pub fn record_last(&mut self, time: Duration) -> Result<(), RecordingError> {
+        self.can_be_recorded()?;
+        self.tape = Some(Box::new(Tape::new(Recorder::of_local_for(time))));
+        Ok(())
+    }
+
+    /// Writes what [`LocalWorld::record_last`] has kept, and goes on recording.
+    pub fn keep_recording(&mut self, to: &mut impl Write) -> Result<(), RecordingError> {
+        let tape = self.tape.as_mut();
+        let none = || RecordingError::Unsuitable("nothing is recorded: begin by World::record_last".into());
+        Ok(tape.ok_or_else(none)?.recorder.keep(to)?)
+    }
+
+    /// Ends the recording, and writes what is not written yet.
+    pub fn stop_recording(&mut self) {
+        self.tape = None;
+    }
+
+    /// Returns whether the world is recorded.
+    pub fn is_recorded(&self) -> bool {
+        self.tape.is_some()
+    }
+
+    fn can_be_recorded(&self) -> Result<(), RecordingError> {
+        if self.host.has_hooks() {
+            let why = "a world with contact hooks cannot be recorded: they are the program's own code; remove them first";
+            return Err(RecordingError::Unsuitable(why.into()));
+        }
+        Ok(())
+    }
+
+    /// Records bodies that came.
+    pub(super) fn tape_bodies(&mut self, bodies: Vec<BodyRecord>) {
+        if let Some(tape) = &mut self.tape {
+            tape.note_bodies(bodies, self.host.shapes());
+        }
+    }
+
+    /// Records an operation, if it was done.
+    pub(super) fn tape(&mut self, is_done: bool, operation: impl FnOnce() -> Operation) {
+        if let Some(tape) = self.tape.as_mut().filter(|_| is_done) {
+            tape.note(operation());
+        }
+    }
+
+    /// Notes a change that only a snapshot can tell.
+    pub(super) fn tape_spoilt(&mut self) {
+        self.tape.iter_mut().for_each(|tape| tape.spoil());
+    }
+
+    /// Records what a program has changed of a body.
+    pub(super) fn tape_update(&mut self, body: BodyId, copies: Copies) {
+        if let (Some(tape), Some(copies)) = (&mut self.tape, copies.0) {
+            tape.note(Operation::Update { body, copies });
+        }
+    }
+
+    /// Records what a program has changed of a joint.
+    pub(super) fn tape_joint(&mut self, joint: JointId, copies: Copies) {
+        if let (Some(tape), Some(copies)) = (&mut self.tape, copies.0) {
+            tape.note(Operation::UpdateJoint { joint, copies });
+        }
+    }
+
+    /// Writes the snapshot that a recording needs before a step.
+    pub(super) fn tape_seed(&mut self) {
+        let Some(mut tape) = self.tape.take() else { return };
+        if tape.wants_seed()
+            && let Err(error) = tape.seed(self.host.shapes(), |parts| self.save(parts))
+        {
+            tracing::warn!(%error, "the recording ends here: the world cannot be saved");
+            return;
+        }
+        self.tape = Some(tape);
+    }
+
+    /// Records what a step has computed.
+    pub(super) fn tape_step(&mut self) {
+        if let Some(tape) = &mut self.tape {
+            let digests: Vec<_> =
+                self.host.regions().map(|region| (region.id(), digest(bodies_of(region)))).collect();
+            tape.note_step(self.host.tick(), &digests);
+        }
+    }
+
+    /// Returns whether the partition follows what no replay can repeat: the time that steps take.
+    pub(super) fn follows_times(&self) -> bool {
+        self.host.balance().is_some_and(|balance| balance.load == Load::Times)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io;
+    use std::sync::{Arc, Mutex};
+
+    use rapier3d::prelude::*;
+
+    use super::*;
+    use crate::protocol::{Push, Velocity, WorldPose};
+    use crate::recording::{Flip, LocalPhysics, Mismatch, Physics, Replay, open};
+    use crate::runtime::replays::LocalComputer;
+    use crate::runtime::{Partitioning, WorldConfig};
+    use crate::scene::{Params, Scene};
+    use crate::space::{Balance, Tick};
+
+    /// A recording in memory.
+    #[derive(Clone, Default)]
+    struct Memory(Arc<Mutex<Vec<u8>>>);
+
+    impl Write for Memory {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            self.0.lock().unwrap().write(bytes)
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    struct Local;
+
+    impl crate::recording::Computers for Local {
+        fn node(&self, _stand_in: bool) -> Option<Box<dyn Physics>> {
+            None
+        }
+
+        fn local(&self) -> Option<Box<dyn LocalPhysics>> {
+            Some(Box::new(LocalComputer::new(1)))
+        }
+    }
+
+    fn replay(bytes: Vec<u8>) -> Replay {
+        Replay::new(vec![open(io::Cursor::new(bytes), &Local).unwrap()])
+    }
+
+    fn checked(bytes: Vec<u8>, flip: Option<Flip>) -> (u64, Option<Mismatch>) {
+        let mut replay = replay(bytes);
+        flip.into_iter().for_each(|flip| replay.flip(flip));
+        while replay.mismatch().is_none() && replay.advance(Tick(u64::MAX)).unwrap() {}
+        (replay.matches(), replay.mismatch().cloned())
+    }
+
+    fn ragdolls(regions: usize) -> LocalWorld {
+        let scene = Scene::named("ragdolls", &Params::new().with("n", 4)).unwrap();
+        let partitioning = Partitioning::Regions(regions);
+        LocalWorld::from_scene(&scene, WorldConfig { partitioning, ..WorldConfig::for_scene(&scene) })
+            .unwrap()
+    }
+
+    /// Does everything that a program can do to a world, and steps it in between.
+    fn play(world: &mut LocalWorld) {
+        let ball = |x: f32| RigidBodyBuilder::dynamic().translation(Vector::new(x, 6.0, 0.3));
+        let first = world.insert(ball(0.2), ColliderBuilder::ball(0.4)).unwrap();
+        let hull: Vec<_> = (0..9)
+            .map(|i| Vector::new((i as f32).sin(), (i as f32 * 1.7).cos(), (i as f32 * 0.3).sin()))
+            .collect();
+        let hull = ColliderBuilder::convex_hull(&hull).unwrap();
+        let second = world.insert(ball(1.4), hull.clone()).unwrap();
+        let lift = RigidBodyBuilder::kinematic_position_based().translation(Vector::new(3.0, 1.0, 0.0));
+        let lift = world.insert(lift, ColliderBuilder::cuboid(1.0, 0.1, 1.0)).unwrap();
+        let rope = world.insert_joint(first, second, RopeJointBuilder::new(2.0)).unwrap();
+        for tick in 0..90_u32 {
+            match tick {
+                10 => {
+                    world.update(first, |body| body.apply_impulse(Vector::new(0.3, 0.0, 0.1), true)).unwrap()
+                }
+                20 => world.push(&Push { force: [5.0, 0.0, 0.0], ..Push::at(second) }).unwrap(),
+                30 => world.update_joint(rope, |joint| joint.set_contacts_enabled(false)).map(drop).unwrap(),
+                35 => world.insert_collider(first, ColliderBuilder::cuboid(0.1, 0.6, 0.1)).unwrap(),
+                40 => world.update_collider(first, 0, |collider| collider.set_friction(0.1)).unwrap(),
+                45 => world.remove_joint(rope).unwrap(),
+                50 => world.set_pose(second, WorldPose::at([-2.0, 5.0, 0.0])).unwrap(),
+                55 => world
+                    .set_velocity(first, Velocity { linear: [0.0, 3.0, 1.0], angular: [0.0; 3] })
+                    .unwrap(),
+                60 => drop(world.insert(ball(-1.0), hull.clone()).unwrap()),
+                70 => world.remove(second).unwrap(),
+                _ => {}
+            }
+            let y = 1.0 + f64::from(tick) * 0.01;
+            world.set_next_pose(lift, WorldPose::at([3.0, y, 0.0])).unwrap();
+            world.step().unwrap();
+        }
+    }
+
+    #[test]
+    fn whatever_a_program_does_is_repeated_bit_for_bit() {
+        for regions in [1, 4] {
+            let mut world = ragdolls(regions);
+            world.step().unwrap();
+            let tape = Memory::default();
+            world.record(tape.clone()).unwrap();
+            play(&mut world);
+            world.stop_recording();
+            let bytes = tape.0.lock().unwrap().clone();
+            let regions = world.regions().len() as u64;
+            assert_eq!(checked(bytes.clone(), None), (90 * regions, None));
+
+            let body = world.states().next().unwrap().0;
+            let flip = Flip { tick: Tick(40), body, bit: 32 * 10 + 3 };
+            let (_, found) = checked(bytes, Some(flip));
+            let found = found.expect("a flipped bit is found");
+            assert_eq!((found.tick, found.body, found.field), (Tick(40), Some(body), Some("linvel.x")));
+        }
+    }
+
+    #[test]
+    fn the_last_seconds_are_kept_and_replayed() {
+        let mut world = ragdolls(2);
+        // No time: a segment for each step.
+        world.record_last(Duration::ZERO).unwrap();
+        play(&mut world);
+        let mut kept = Vec::new();
+        world.keep_recording(&mut kept).unwrap();
+        let (matches, mismatch) = checked(kept, None);
+        assert_eq!(mismatch, None);
+        assert!((2..=4).contains(&matches), "{matches}: one or two ticks are kept");
+        assert!(matches!(ragdolls(1).keep_recording(&mut Vec::new()), Err(RecordingError::Unsuitable(_))));
+    }
+
+    #[test]
+    fn regions_that_follow_the_load_are_cut_again_in_a_replay() {
+        for load in [Load::Counts, Load::Times] {
+            let mut world = ragdolls(4);
+            let balance =
+                Balance { every_ticks: 7, tolerance: 1.01, smallest_edge_m: 0.5, load, ..Balance::default() };
+            world.set_balance(Some(balance)).unwrap();
+            let tape = Memory::default();
+            world.record(tape.clone()).unwrap();
+            play(&mut world);
+            world.stop_recording();
+            let bytes = tape.0.lock().unwrap().clone();
+            assert_eq!(checked(bytes, None).1, None, "{load:?}");
+        }
+    }
+}

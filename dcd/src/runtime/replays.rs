@@ -1,0 +1,140 @@
+//! Computes the worlds of replays: nodes' physics, and local worlds whose operations are repeated.
+
+use std::path::Path;
+
+use rapier3d::prelude::*;
+
+use super::recorded::{bodies_of, touching_in};
+use super::{LocalWorld, PhysicsDevice};
+use crate::protocol::read_state;
+use crate::recording::{
+    BodyBits, Computers, LocalPhysics, Operation, Physics, Readout, RecordingError, Replayed, open,
+};
+use crate::space::{BodyId, RegionId, Tick};
+
+/// Opens a recording of a local world or of a node, to be computed by `threads` threads.
+pub fn open_recording(path: &Path, threads: usize) -> Result<Box<dyn Replayed>, RecordingError> {
+    open(std::io::BufReader::with_capacity(1 << 18, std::fs::File::open(path)?), &Here { threads })
+}
+
+struct Here {
+    threads: usize,
+}
+
+impl Computers for Here {
+    fn node(&self, stand_in: bool) -> Option<Box<dyn Physics>> {
+        if !stand_in {
+            return Some(Box::new(PhysicsDevice::new(self.threads)));
+        }
+        stand_in_physics()
+    }
+
+    fn local(&self) -> Option<Box<dyn LocalPhysics>> {
+        Some(Box::new(LocalComputer::new(self.threads)))
+    }
+}
+
+#[cfg(any(test, feature = "sim"))]
+fn stand_in_physics() -> Option<Box<dyn Physics>> {
+    Some(Box::<crate::sim::StandIn>::default())
+}
+
+#[cfg(not(any(test, feature = "sim")))]
+fn stand_in_physics() -> Option<Box<dyn Physics>> {
+    None
+}
+
+/// A local world that repeats what was recorded.
+pub(super) struct LocalComputer {
+    threads: usize,
+    world: Option<LocalWorld>,
+}
+
+impl LocalComputer {
+    pub(super) fn new(threads: usize) -> Self {
+        Self { threads, world: None }
+    }
+
+    fn world(&mut self) -> Result<&mut LocalWorld, String> {
+        self.world.as_mut().ok_or_else(|| "it has no beginning".to_owned())
+    }
+}
+
+impl Readout for LocalComputer {
+    fn regions(&self) -> Vec<RegionId> {
+        self.world.iter().flat_map(|world| world.regions()).map(|region| region.id()).collect()
+    }
+
+    fn bodies(&self, region: RegionId) -> Box<dyn Iterator<Item = (BodyId, BodyBits)> + '_> {
+        let regions = self.world.iter().flat_map(|world| world.regions());
+        Box::new(regions.filter(move |one| one.id() == region).flat_map(bodies_of))
+    }
+
+    fn set(&mut self, body: BodyId, bits: &BodyBits) -> bool {
+        self.world.as_mut().is_some_and(|world| super::recorded::disturb(world.host_mut(), body, bits))
+    }
+
+    fn touching(&self, body: BodyId) -> Vec<BodyId> {
+        let owned = self.world.as_ref().and_then(|world| world.host().owned(body));
+        owned.map_or_else(Vec::new, |(region, handle)| touching_in(region, handle))
+    }
+}
+
+impl LocalPhysics for LocalComputer {
+    fn restore(&mut self, snapshot: &[u8]) -> Result<(), String> {
+        let mut world = LocalWorld::restore(snapshot, self.threads).map_err(|error| error.to_string())?;
+        if world.follows_times() {
+            // What it did is recorded.
+            world.set_balance(None).map_err(|error| error.to_string())?;
+        }
+        self.world = Some(world);
+        Ok(())
+    }
+
+    fn step(&mut self) -> Result<Tick, String> {
+        let world = self.world()?;
+        world.step().map_err(|error| error.to_string())?;
+        Ok(world.tick())
+    }
+
+    fn repeat(&mut self, operation: Operation) -> Result<(), String> {
+        let world = self.world()?;
+        let done = match operation {
+            Operation::Insert { bodies, shapes } => {
+                let known = shapes
+                    .into_iter()
+                    .try_for_each(|shape| world.host_mut().shapes_mut().add(shape).map(drop));
+                known.map_err(|error| error.to_string())?;
+                return world.host_mut().insert(bodies, &[]).map_err(|error| error.to_string());
+            }
+            Operation::InsertJoint(joint) => {
+                return world.host_mut().tie(*joint).map_err(|error| error.to_string());
+            }
+            Operation::Update { body, copies } => {
+                let mut copies = copies.iter();
+                world.update(body, |body| assign::<RigidBody>(body, copies.next())).map(drop)
+            }
+            Operation::UpdateJoint { joint, copies } => {
+                let mut copies = copies.iter();
+                world.update_joint(joint, |joint| assign::<GenericJoint>(joint, copies.next()))
+            }
+            Operation::Remove(body) => world.remove(body),
+            Operation::RemoveJoint(joint) => world.remove_joint(joint),
+            Operation::Push(push) => world.push(&push),
+            Operation::SetPose(body, pose) => world.set_pose(body, pose),
+            Operation::SetNextPose(body, pose) => world.set_next_pose(body, pose),
+            Operation::SetVelocity(body, velocity) => world.set_velocity(body, velocity),
+            Operation::Drive(body, drive) => world.drive(body, &drive),
+            Operation::MovePlane(vertex, at) => world.move_plane(vertex, at),
+            Operation::Seed(_) | Operation::Restore => Ok(()),
+        };
+        done.map_err(|error| error.to_string())
+    }
+}
+
+/// Makes a copy what it was after a program had changed it.
+fn assign<T: serde::de::DeserializeOwned>(to: &mut T, bytes: Option<&Vec<u8>>) {
+    if let Some(value) = bytes.and_then(|bytes| read_state(&mut &bytes[..]).ok()) {
+        *to = value;
+    }
+}

@@ -1,0 +1,128 @@
+//! Keeps the recording of a local world: what it has already, and what it needs next.
+
+use std::collections::BTreeSet;
+use std::io::{self, Write};
+use std::time::Instant;
+
+use serde::Serialize;
+
+use crate::physics::ShapeLibrary;
+use crate::protocol::{BodyRecord, ShapeHash, write_state};
+use crate::recording::{Operation, Recorder};
+use crate::space::{RegionId, Tick};
+
+/// Bytes of each part of a snapshot.
+const PART: usize = 1 << 20;
+
+/// The recording of a local world.
+pub(super) struct Tape {
+    pub(super) recorder: Recorder,
+    since: Instant,
+    /// Shapes that the recording has.
+    known: BTreeSet<ShapeHash>,
+    /// Something happened that only a snapshot can tell.
+    is_stale: bool,
+}
+
+impl Tape {
+    pub(super) fn new(recorder: Recorder) -> Self {
+        Self { recorder, since: Instant::now(), known: BTreeSet::new(), is_stale: true }
+    }
+
+    /// Records an operation.
+    pub(super) fn note(&mut self, operation: Operation) {
+        self.recorder.operation(self.since.elapsed(), operation);
+    }
+
+    /// Records bodies that came, with their new shapes.
+    pub(super) fn note_bodies(&mut self, bodies: Vec<BodyRecord>, shapes: &ShapeLibrary) {
+        let used = bodies.iter().flat_map(|body| &body.traits.colliders).map(|collider| collider.shape);
+        let new = if used.into_iter().all(|shape| self.known.contains(&shape)) {
+            Vec::new()
+        } else {
+            let mut records = shapes.records();
+            records.retain(|record| self.known.insert(record.hash()));
+            records
+        };
+        self.note(Operation::Insert { bodies, shapes: new });
+    }
+
+    /// Records the digests of the regions after a step.
+    pub(super) fn note_step(&mut self, tick: Tick, digests: &[(RegionId, u64)]) {
+        self.recorder.stepped(self.since.elapsed(), tick, digests);
+    }
+
+    /// Returns whether a snapshot is to come before the next step.
+    pub(super) fn wants_seed(&self) -> bool {
+        self.is_stale || self.recorder.wants_segment()
+    }
+
+    /// Records a snapshot, which `save` writes, of a world with these shapes.
+    pub(super) fn seed<E>(
+        &mut self,
+        shapes: &ShapeLibrary,
+        save: impl FnOnce(&mut Parts<'_>) -> Result<(), E>,
+    ) -> Result<(), E> {
+        self.is_stale = false;
+        self.recorder.begin_segment();
+        let mut parts = Parts { tape: self, part: Vec::with_capacity(PART) };
+        save(&mut parts)?;
+        parts.end();
+        self.known = shapes.records().iter().map(|shape| shape.hash()).collect();
+        self.note(Operation::Restore);
+        Ok(())
+    }
+
+    /// Notes that the world was changed in a way that has no operation.
+    pub(super) fn spoil(&mut self) {
+        self.is_stale = true;
+    }
+}
+
+/// Collects the state of each copy of a Rapier value that a program's code has changed.
+pub(super) struct Copies(pub(super) Option<Vec<Vec<u8>>>);
+
+impl Copies {
+    /// `is_wanted`: whether anything is recorded.
+    pub(super) fn new(is_wanted: bool) -> Self {
+        Self(is_wanted.then(Vec::new))
+    }
+
+    pub(super) fn note(&mut self, value: &impl Serialize) {
+        if let Some(copies) = &mut self.0 {
+            let mut bytes = Vec::new();
+            write_state(value, &mut bytes).expect("plain values in memory encode");
+            copies.push(bytes);
+        }
+    }
+}
+
+/// Writes a snapshot as parts of a recording.
+pub(super) struct Parts<'a> {
+    tape: &'a mut Tape,
+    part: Vec<u8>,
+}
+
+impl Parts<'_> {
+    fn end(&mut self) {
+        if !self.part.is_empty() {
+            let part = std::mem::take(&mut self.part);
+            self.tape.note(Operation::Seed(part));
+        }
+    }
+}
+
+impl Write for Parts<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let count = bytes.len().min(PART - self.part.len());
+        self.part.extend_from_slice(&bytes[..count]);
+        if self.part.len() == PART {
+            self.end();
+        }
+        Ok(count)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}

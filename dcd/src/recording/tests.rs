@@ -26,19 +26,18 @@ fn replay_of(tapes: impl IntoIterator<Item = Tape>) -> Replay {
     Replay::new(tapes.into_iter().map(member).collect())
 }
 
-/// Runs a cluster under faults of every kind, with a bit flipped after this tick if any.
+/// Runs a cluster under the faults of a row of the fault table, with a bit flipped after this tick if any.
 fn run(seed: u64, flip: Option<Tick>) -> Outcome {
     let config = TrialConfig { record: true, flip, clients: 1, ..TrialConfig::default() };
-    let profile = FaultProfile::named("all").unwrap();
+    let profile = FaultProfile::TABLE[seed as usize % FaultProfile::TABLE.len()];
     run_trial(&config, profile, seed, &profile.schedule(seed))
 }
 
 #[test]
 fn clusters_under_faults_are_replayed_bit_for_bit() {
-    for seed in 0..6 {
+    for seed in (0..FaultProfile::TABLE.len() as u64).step_by(2) {
         let outcome = run(seed, None);
         assert_eq!(outcome.violation, None, "seed {seed}");
-        assert!(outcome.tapes.len() >= 4);
         let mut replay = replay_of(outcome.tapes.into_values());
         while replay.advance(END).unwrap() {}
         assert_eq!(replay.mismatch(), None, "seed {seed}");
@@ -89,8 +88,8 @@ fn is_found(seed: u64) -> bool {
 
 #[test]
 fn a_flipped_bit_is_found_with_its_node_tick_region_body_and_field() {
-    let found = (0..30).filter(|&seed| is_found(seed)).count();
-    assert!(found >= 20, "{found}");
+    let found = (0..26).filter(|&seed| is_found(seed)).count();
+    assert!(found >= 18, "{found}");
 }
 
 #[test]
@@ -113,7 +112,7 @@ fn the_first_difference_of_two_runs_is_found() {
     let [a, b] = &mut sides;
     let (_, found) = difference([a, b], END, |_| ()).unwrap();
     let found = found.expect("they differ");
-    // The replay of the disturbed node goes on without the flip; what it told others has it.
-    assert!(found.tick > flipped.tick && found.tick.0 <= flipped.tick.0 + 4, "{found:?} after {flipped:?}");
+    // The replay of the disturbed node goes on without the flip; where the body goes next it has it.
+    assert!(found.tick > flipped.tick && found.body == flipped.body, "{found:?} after {flipped:?}");
     assert_eq!(difference([&mut sides[0], &mut replay_of([])], END, |_| ()).unwrap().1, None);
 }

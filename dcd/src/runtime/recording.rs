@@ -164,7 +164,7 @@ mod tests {
     }
 
     fn ragdolls(regions: usize) -> LocalWorld {
-        let scene = Scene::named("ragdolls", &Params::new().with("n", 4)).unwrap();
+        let scene = Scene::named("ragdolls", &Params::new().with("count", 4)).unwrap();
         let partitioning = Partitioning::Regions(regions);
         LocalWorld::from_scene(&scene, WorldConfig { partitioning, ..WorldConfig::for_scene(&scene) })
             .unwrap()
@@ -187,8 +187,8 @@ mod tests {
                 10 => {
                     world.update(first, |body| body.apply_impulse(Vector::new(0.3, 0.0, 0.1), true)).unwrap()
                 }
-                20 => world.push(&Push { force: [5.0, 0.0, 0.0], ..Push::at(second) }).unwrap(),
-                30 => world.update_joint(rope, |joint| joint.set_contacts_enabled(false)).map(drop).unwrap(),
+                20 => world.push(&Push::force(second, [5.0, 0.0, 0.0], [0.0; 3])).unwrap(),
+                30 => world.update_joint(rope, |joint| drop(joint.set_contacts_enabled(false))).unwrap(),
                 35 => world.insert_collider(first, ColliderBuilder::cuboid(0.1, 0.6, 0.1)).unwrap(),
                 40 => world.update_collider(first, 0, |collider| collider.set_friction(0.1)).unwrap(),
                 45 => world.remove_joint(rope).unwrap(),

@@ -29,9 +29,11 @@ impl Tape {
         Self { recorder, since: Instant::now(), known: BTreeSet::new(), is_stale: true }
     }
 
-    /// Records an operation.
+    /// Records an operation, unless a snapshot is to come that has it in it.
     pub(super) fn note(&mut self, operation: Operation) {
-        self.recorder.operation(self.since.elapsed(), operation);
+        if !self.is_stale {
+            self.recorder.operation(self.since.elapsed(), operation);
+        }
     }
 
     /// Records bodies that came, with their new shapes.

@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use super::{Engine, Random};
 use crate::cluster::NodeConfig;
+use crate::protocol::{Check, Velocity, WorldPose};
 use crate::recording::{FIELDS, Recorder};
 use crate::space::{BodyId, NodeId, RegionId, Tick};
 
@@ -68,8 +69,10 @@ pub(super) fn flip(
         let after = before.flipped(random.below(512) as usize);
         let field = after.first_difference(&before)?;
         let values = [before.value(field), after.value(field)];
-        // Others refuse what is no number, and what is out of the world.
-        if values[1].abs() < 30.0 && (values[1] == 0.0 || values[1].abs() > 1e-30) {
+        let pose = WorldPose { translation: after.translation_f64(), rotation: after.rotation() };
+        let velocity = Velocity { linear: after.linvel(), angular: after.angvel() };
+        // Others refuse what is no number or no rotation.
+        if values[1].abs() < 30.0 && pose.check().is_ok() && velocity.check().is_ok() {
             physics.set(body, &after);
             return Some(Flipped { node, tick, region, body, field: FIELDS[field].0, values });
         }

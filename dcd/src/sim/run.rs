@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use super::network::{Arrival, Delivery};
 use super::world::{NodeProcess, Sim, name};
-use super::{Sample, Scope, Violation, records};
+use super::{Random, Sample, Scope, Violation, records};
 use crate::cluster::directory::Directory;
 use crate::cluster::{
     Client, ClientEvent, ClientOutput, NodeEvent, NodeOutput, Peer, PhysicsCommand, PhysicsEvent, Server,
@@ -337,7 +337,9 @@ impl Sim {
         let local = self.local(Peer::Node(id));
         let Some(process) = self.nodes.get_mut(&id) else { return };
         if self.flip_at.is_some_and(|(node, from)| node == id && from <= tick) && self.flipped.is_none() {
-            self.flipped = records::flip(&mut *process.physics, id, tick, &mut self.random);
+            // The run is otherwise as it would be without.
+            let mut random = Random::new(self.config.seed ^ tick.0);
+            self.flipped = records::flip(&mut *process.physics, id, tick, &mut random);
         }
         if let Some(recorder) = &mut process.recorder {
             recorder.settled(local, tick, &digests_of(&*process.physics));

@@ -404,6 +404,10 @@ public:
     }
     Status snapshot_save_file(const char *path) const { return Status(dcd_snapshot_save_file(world_, path)); }
     Status snapshot_load_file(const char *path) { return Status(dcd_snapshot_load_file(world_, path)); }
+    Status record(const char *path) { return Status(dcd_record(world_, path)); }
+    Status record_last(float seconds) { return Status(dcd_record_last(world_, seconds)); }
+    Status record_keep(const char *path) { return Status(dcd_record_keep(world_, path)); }
+    Status record_stop() { return Status(dcd_record_stop(world_)); }
     Result<StateView> state_view() const
     {
         DcdStateView view = DCD_STATE_VIEW_INIT;

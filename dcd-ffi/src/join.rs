@@ -2,6 +2,7 @@
 
 use std::ffi::c_char;
 use std::net::{SocketAddr, ToSocketAddrs};
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use dcd::World as Dcd;
@@ -64,6 +65,9 @@ pub struct DcdParticipantDef {
     pub interest_centre: [f64; 3],
     /// As in DcdClientDef.
     pub interest_radius: f64,
+    /// A file to record to all that its share of the world is given, and a digest of each region after each tick, for `dcd replay`; or
+    /// null.
+    pub record_path: *const c_char,
 }
 
 // SAFETY: begins with `struct_size`; every other member is a number or a raw pointer.
@@ -130,6 +134,7 @@ pub unsafe extern "C" fn dcd_participant_join(
             pointer::check_reserved(def.reserved)?;
             let entry = Entry::read(def.server, def.token, def.identity_path, def.timeout_ms, def.user_data)?;
             let entry = entry.near(&def.interest_centre, def.interest_radius)?;
+            let entry = entry.recorded(def.record_path)?;
             (entry, def.threads, Out::new(out, "out")?)
         };
         let threads = world::asked_threads(threads)?;
@@ -163,10 +168,11 @@ pub unsafe extern "C" fn dcd_own_avatars(
 pub(crate) struct Entry {
     server: String,
     token: String,
-    identity: Option<std::path::PathBuf>,
+    identity: Option<PathBuf>,
     timeout: Duration,
     user_data: u64,
     interest: Option<Area>,
+    record: Option<PathBuf>,
 }
 
 impl Entry {
@@ -192,8 +198,19 @@ impl Entry {
                 timeout: Duration::from_millis(if timeout_ms == 0 { 10_000 } else { timeout_ms.into() }),
                 user_data,
                 interest: None,
+                record: None,
             })
         }
+    }
+
+    /// Records what is computed here, unless the path is null.
+    ///
+    /// # Safety
+    /// The text is null or NUL-terminated.
+    pub(crate) unsafe fn recorded(self, path: *const c_char) -> Result<Self, Failure> {
+        // SAFETY: passed on.
+        let path = if path.is_null() { None } else { Some(unsafe { pointer::text(path, "record_path")? }) };
+        Ok(Self { record: path.map(PathBuf::from), ..self })
     }
 
     /// Joins with an area of interest, unless the radius is 0.
@@ -228,6 +245,7 @@ impl Entry {
                 timeout: deadline.saturating_duration_since(Instant::now()) / left,
                 threads,
                 interest: self.interest,
+                record: self.record.clone(),
                 ..JoinConfig::new(server, "")
             };
             match join(&config).map_err(Failure::from) {

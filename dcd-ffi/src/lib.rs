@@ -75,6 +75,7 @@ pub mod interest;
 
 pub mod stats;
 
+pub mod record;
 pub mod snapshot;
 
 #[cfg(feature = "mimalloc")]

@@ -101,6 +101,8 @@ pub struct DcdNodeDef {
     pub threads: u32,
     /// 0.
     pub reserved: u32,
+    /// A file to record to all that the node is given, and a digest of each region after each tick, for `dcd replay`; or null.
+    pub record_path: *const c_char,
 }
 
 // SAFETY: begins with `struct_size`; every other member is a number.
@@ -283,6 +285,7 @@ pub unsafe extern "C" fn dcd_node_join(def: *const DcdNodeDef, out: *mut DcdWorl
                 true => None,
                 false => Some(address(pointer::text(def.listen, "listen")?, "listen")?),
             };
+            let entry = entry.recorded(def.record_path)?;
             (entry, listen, def.threads, Out::new(out, "out")?)
         };
         let threads = world::asked_threads(threads)?;

@@ -3,6 +3,7 @@
 use std::cell::RefCell;
 use std::ffi::{CStr, c_char};
 
+use dcd::error::RecordingError;
 use dcd::net::NetError;
 use dcd::physics::{HostError, ShapeError};
 use dcd::runtime::{ConnectionError, ProcessError, SnapshotError, WorldError};
@@ -67,6 +68,7 @@ impl From<dcd::Error> for Failure {
             Error::Shape(error) => error.into(),
             Error::Snapshot(error) => error.into(),
             Error::Scene(error) => error.into(),
+            Error::Recording(RecordingError::Io(error)) => Self::new(DCD_ERR_IO, error.to_string()),
             Error::Process(error) => error.into(),
             Error::Unsupported(error) => error.into(),
             Error::Connection(error) => error.into(),
@@ -99,6 +101,9 @@ impl From<Unsupported> for Failure {
                 "leave sleep_linear, sleep_angular and sleep_after as DCD_BODY_DEF_INIT has them"
             }
             Instead::KinematicByVelocity => "make a DCD_KINEMATIC one and give it velocities",
+            Instead::RecordNodes => {
+                "its nodes are recorded, each from its beginning (record_path of DcdNodeDef)"
+            }
             Instead::CompareLocal => {
                 "it hears of bodies at different ticks; compare hashes of local worlds (dcd_world_create)"
             }
@@ -159,6 +164,7 @@ impl From<ProcessError> for Failure {
                 NetError::File { .. } | NetError::Damaged { .. } | NetError::FolderTaken { .. },
             )
             | ProcessError::Directory(_)
+            | ProcessError::Record { .. }
             | ProcessError::Restore(_) => DCD_ERR_IO,
             ProcessError::Fault => DCD_ERR_PANIC,
             ProcessError::Thread(_) | ProcessError::Net(NetError::Threads(_)) => DCD_ERR_LIMIT,

@@ -142,6 +142,7 @@ pub mod network {
 #[cfg(feature = "physics")]
 pub mod error {
     pub use crate::physics::{ControlError, HostError, QueryError, ShapeError};
+    pub use crate::recording::RecordingError;
     #[cfg(feature = "net")]
     pub use crate::runtime::{ConnectionError, ProcessError};
     pub use crate::runtime::{SnapshotError, WorldError};

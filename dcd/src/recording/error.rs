@@ -5,7 +5,7 @@
 #[non_exhaustive]
 pub enum RecordingError {
     /// The file is no recording, by its first bytes.
-    #[error("not a recording of dcd: give what `--record`, `World::record` or dcd_record wrote")]
+    #[error("not a recording of dcd: give what `--record`, `World::record_to` or dcd_record wrote")]
     Foreign,
     /// A recording of another format.
     #[error(
@@ -41,7 +41,7 @@ pub enum RecordingError {
     /// A kind of recording that cannot be replayed so.
     #[error("{0}")]
     Unsuitable(String),
-    /// The file cannot be read.
-    #[error("the recording cannot be read: {0}; check the path and its permissions")]
+    /// The file cannot be read or written.
+    #[error("the recording cannot be read or written: {0}; check the path and its permissions")]
     Io(#[from] std::io::Error),
 }

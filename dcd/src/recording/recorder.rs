@@ -30,12 +30,12 @@ pub struct Recorder {
 }
 
 enum Out {
-    File { to: Box<dyn Write + Send>, before: [u8; 8] },
+    File { to: Box<dyn Write + Send + Sync>, before: [u8; 8] },
     Ring(Ring),
 }
 
 impl Out {
-    fn to(mut to: impl Write + Send + 'static) -> io::Result<Self> {
+    fn to(mut to: impl Write + Send + Sync + 'static) -> io::Result<Self> {
         file::begin(&mut to)?;
         Ok(Self::File { to: Box::new(to), before: [0; 8] })
     }
@@ -49,12 +49,16 @@ impl std::fmt::Debug for Recorder {
 
 impl Recorder {
     /// Begins the recording of a node; `stand_in`: whether its physics is the simulator's.
-    pub fn of_node(to: impl Write + Send + 'static, config: &NodeConfig, stand_in: bool) -> io::Result<Self> {
+    pub fn of_node(
+        to: impl Write + Send + Sync + 'static,
+        config: &NodeConfig,
+        stand_in: bool,
+    ) -> io::Result<Self> {
         Self::begin(Out::to(to)?, Subject::Node { seed: NodeSeed::from(config), stand_in })
     }
 
     /// Begins the recording of a local world.
-    pub(crate) fn of_local(to: impl Write + Send + 'static) -> io::Result<Self> {
+    pub(crate) fn of_local(to: impl Write + Send + Sync + 'static) -> io::Result<Self> {
         Self::begin(Out::to(to)?, Subject::Local)
     }
 

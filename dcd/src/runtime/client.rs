@@ -47,6 +47,9 @@ pub struct JoinConfig {
     pub listen: Option<SocketAddr>,
     /// The address to give to others, if it is not the one listened on.
     pub advertise: Option<SocketAddr>,
+    /// A file to record a participant's or node's share of the world to: all that it is given, and a digest of each region after each
+    /// tick. `dcd replay` computes it again from that, bit for bit.
+    pub record: Option<PathBuf>,
 }
 
 impl JoinConfig {
@@ -63,6 +66,7 @@ impl JoinConfig {
             threads: 1,
             listen: None,
             advertise: None,
+            record: None,
         }
     }
 
@@ -134,6 +138,7 @@ impl ClientWorld {
             give_up: config.give_up,
             listen: config.listen.unwrap_or(usual.listen),
             advertise: config.advertise,
+            record: config.record.clone(),
             interest: config.interest,
             ..usual
         })?;

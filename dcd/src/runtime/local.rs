@@ -403,15 +403,21 @@ impl LocalWorld {
         self.ledger.merge(self.host.events(), &mut self.events);
         self.host.clear_events();
         self.last_step = start.elapsed();
-        self.tape_step();
+        // Regions that follow the time that steps take are cut otherwise in each run: what they computed is recorded before, how they
+        // are cut by a snapshot. All else a replay does again.
+        let follows_times = self.follows_times();
+        let tree = (follows_times && self.is_recorded()).then(|| self.host.partition().tree().clone());
+        if follows_times {
+            self.tape_step();
+        }
         let start = Instant::now();
-        let tree = self.tape.is_some().then(|| self.host.partition().tree().clone());
         for (from, to) in self.host.rebalance()? {
             self.ledger.rename(from, to);
         }
         self.last_step += start.elapsed();
-        // The time that steps take is never the same twice.
-        if self.follows_times() && tree.as_ref().is_some_and(|tree| tree != self.host.partition().tree()) {
+        if !follows_times {
+            self.tape_step();
+        } else if tree.is_some_and(|tree| tree != *self.host.partition().tree()) {
             self.tape_spoilt();
         }
         Ok(())

@@ -13,7 +13,7 @@ use crate::space::{BodyId, JointId, Load};
 impl LocalWorld {
     /// Begins to record what is done to this world, as it is now: a replay computes it again from that, bit for bit. A recording that was
     /// going on ends.
-    pub fn record(&mut self, to: impl Write + Send + 'static) -> Result<(), RecordingError> {
+    pub fn record(&mut self, to: impl Write + Send + Sync + 'static) -> Result<(), RecordingError> {
         self.can_be_recorded()?;
         self.tape = Some(Box::new(Tape::new(Recorder::of_local(to)?)));
         Ok(())
@@ -188,7 +188,11 @@ mod tests {
                     world.update(first, |body| body.apply_impulse(Vector::new(0.3, 0.0, 0.1), true)).unwrap()
                 }
                 20 => world.push(&Push::force(second, [5.0, 0.0, 0.0], [0.0; 3])).unwrap(),
-                30 => world.update_joint(rope, |joint| drop(joint.set_contacts_enabled(false))).unwrap(),
+                30 => world
+                    .update_joint(rope, |joint| {
+                        joint.set_contacts_enabled(false);
+                    })
+                    .unwrap(),
                 35 => world.insert_collider(first, ColliderBuilder::cuboid(0.1, 0.6, 0.1)).unwrap(),
                 40 => world.update_collider(first, 0, |collider| collider.set_friction(0.1)).unwrap(),
                 45 => world.remove_joint(rope).unwrap(),

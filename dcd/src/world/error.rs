@@ -4,6 +4,7 @@ use std::fmt;
 
 use super::role::Unsupported;
 use crate::physics::{QueryError, ShapeError};
+use crate::recording::RecordingError;
 #[cfg(feature = "net")]
 use crate::runtime::{ConnectionError, ProcessError};
 use crate::runtime::{SnapshotError, WorldError};
@@ -25,6 +26,9 @@ pub enum Error {
     /// A snapshot cannot be written or read.
     #[error(transparent)]
     Snapshot(#[from] SnapshotError),
+    /// A world cannot be recorded.
+    #[error(transparent)]
+    Recording(#[from] RecordingError),
     /// A scene cannot be read.
     #[error(transparent)]
     Scene(#[from] SceneError),

@@ -39,6 +39,7 @@ impl World {
         member.give_up = config.give_up;
         member.listen = config.listen.unwrap_or(member.listen);
         member.advertise = config.advertise;
+        member.record.clone_from(&config.record);
         Ok(Self::of(Hosted::new(Process::Node(Member::start(member)?), 0.0, [0.0; 3])))
     }
 

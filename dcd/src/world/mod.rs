@@ -18,6 +18,7 @@ mod joints;
 mod network;
 mod observe;
 mod queries;
+mod recording;
 mod remote;
 mod role;
 #[cfg(feature = "net")]

@@ -80,6 +80,8 @@ pub enum Instead {
     MoveByName,
     /// Rely on the server's data folder.
     ServerKeeps,
+    /// Record nodes from their beginning.
+    RecordNodes,
     /// Compare local worlds.
     CompareLocal,
     /// Look at a local world of the same cut and coupling.
@@ -118,6 +120,9 @@ impl fmt::Display for Instead {
             Self::InsertAnew => "remove it and insert it as and where it is to be",
             Self::MoveByName => "set_pose, set_velocity and push do so",
             Self::ServerKeeps => "the server keeps the world in its data folder",
+            Self::RecordNodes => {
+                "its nodes are recorded, each from its beginning (JoinConfig::record, or `dcd node --record`)"
+            }
             Self::CompareLocal => {
                 "it hears of bodies at different ticks; compare hashes of local worlds (World::new)"
             }

@@ -1490,6 +1490,33 @@ static void snapshots_are_gone_back_to(const char *path)
     OK(dcd_world_destroy(world));
 }
 
+/* Files are left beside `path`: for the command line. */
+static void recordings_are_written(const char *path)
+{
+    char whole[600], last[600];
+    const char *params[] = { "n=60" };
+    DcdWorldDef def = DCD_WORLD_DEF_INIT;
+    DcdWorld world = { 0 };
+    DcdBodyId thrown;
+    DcdVelocity velocity = { { 3.0f, 4.0f, 0.0f }, { 0.0f, 0.0f, 1.0f } };
+    snprintf(whole, sizeof whole, "%s.whole.dcdr", path);
+    snprintf(last, sizeof last, "%s.last.dcdr", path);
+    def.regions = 2;
+    OK(dcd_world_open_scene("pile", params, 1, &def, &world));
+    OK(dcd_record_stop(world)); /* there is none */
+    OK(dcd_record(world, whole));
+    thrown = add(world, crate(world, 0.0, 20.0));
+    steps(world, 20);
+    OK(dcd_body_set_velocity(world, thrown, &velocity));
+    steps(world, 10);
+    OK(dcd_record_stop(world));
+    OK(dcd_record_last(world, 0.001f));
+    steps(world, 10);
+    OK(dcd_record_keep(world, last));
+    steps(world, 10);
+    OK(dcd_world_destroy(world));
+}
+
 static void steps_go_on_in_the_background(void)
 {
     const char *params[] = { "n=60" };
@@ -1570,6 +1597,7 @@ int main(int count, char **texts)
     shapes_and_points_find_bodies();
     millimetres_count_far_out();
     snapshots_are_gone_back_to(count > 1 ? texts[1] : "behaviour.dcd");
+    recordings_are_written(count > 1 ? texts[1] : "behaviour");
     steps_go_on_in_the_background();
     return checked();
 }

@@ -1063,6 +1063,15 @@ static void snapshots(void)
     EXPECT(dcd_snapshot_load(NO_WORLD, junk, sizeof junk), DCD_ERR_NULL);
     EXPECT(dcd_snapshot_load_file(world, NULL), DCD_ERR_NULL);
     EXPECT(dcd_snapshot_load_file(world, "no/such/file.dcd"), DCD_ERR_IO);
+    EXPECT(dcd_record(world, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_record(world, "no/such/folder/file.dcdr"), DCD_ERR_IO);
+    EXPECT(dcd_record_keep(world, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_record_keep(world, "file.dcdr"), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_record_last(world, 0.0f), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_record_last(world, NAN), DCD_ERR_ARGUMENT);
+    EXPECT(dcd_record_last(world, 1.0f), DCD_OK);
+    EXPECT(dcd_record_keep(world, "no/such/folder/file.dcdr"), DCD_ERR_IO);
+    EXPECT(dcd_record_stop(world), DCD_OK);
     EXPECT(dcd_snapshot_save_file(world, NULL), DCD_ERR_NULL);
     EXPECT(dcd_snapshot_save_file(world, "no/such/folder/file.dcd"), DCD_ERR_IO);
     char *saved = malloc(size);

@@ -381,6 +381,10 @@ CALL(dcd_snapshot_load_file) {
     (void)dcd_snapshot_save_file(s->world, path);
     return dcd_snapshot_load_file(s->world, path);
 }
+CALL(dcd_record) { return dcd_record(s->world, path); }
+CALL(dcd_record_last) { return dcd_record_last(s->world, 1.0f); }
+CALL(dcd_record_keep) { return dcd_record_keep(s->world, path); }
+CALL(dcd_record_stop) { return dcd_record_stop(s->world); }
 CALL(dcd_world_destroy) {
     DcdStatus status = s->world.v == 0 ? DCD_OK : dcd_world_destroy(s->world);
     s->world.v = 0;
@@ -409,6 +413,7 @@ CALL(dcd_world_destroy) {
     of(dcd_overlap_boxes_submit) of(dcd_query_poll_casts) of(dcd_query_poll_overlaps) \
     of(dcd_borders) of(dcd_body_owner) of(dcd_interest_set) of(dcd_bandwidth_set) of(dcd_prediction_set) of(dcd_prediction) of(dcd_stats) of(dcd_stats_text) of(dcd_state_hash) \
     of(dcd_snapshot_save) of(dcd_snapshot_load) of(dcd_snapshot_save_file) of(dcd_snapshot_load_file) \
+    of(dcd_record) of(dcd_record_last) of(dcd_record_keep) of(dcd_record_stop) \
     of(dcd_server_suspend) of(dcd_world_destroy)
 #define ENTRY(name) { #name, try_##name },
 

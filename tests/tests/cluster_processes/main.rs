@@ -4,6 +4,7 @@
 mod demo;
 mod faults;
 mod process;
+mod recorded;
 mod resting;
 mod saved;
 mod stored;

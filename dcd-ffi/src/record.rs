@@ -1,0 +1,75 @@
+//! Records local worlds to files, or their last seconds in memory.
+
+use std::ffi::c_char;
+use std::time::Duration;
+
+use crate::guard::guard;
+use crate::ids::DcdWorld;
+use crate::pointer;
+use crate::registry::with;
+use crate::status::{DCD_ERR_IO, DcdStatus, Failure};
+
+/// Begins to record a local world to a file: a snapshot of it as it is now, what is done to it from now on, and a digest of each region
+/// after each step. `dcd replay FILE` computes it again from that, bit for bit, `dcd diff` finds where two recordings differ. A thread
+/// of the library writes the file; what a crash loses is the last tenth of a second. A recording that was going on ends. Nodes and
+/// participants are recorded from their beginning: `record_path` of DcdNodeDef and DcdParticipantDef.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_IO, DCD_ERR_UNSUPPORTED in a served world.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_record(world: DcdWorld, path: *const c_char) -> DcdStatus {
+    guard("dcd_record", || {
+        // SAFETY: the caller vouches for the text.
+        let path = unsafe { pointer::text(path, "path")? };
+        with(world, |world| world.dcd.record_to(path).map_err(|error| of_file(path, error)))
+    })
+}
+
+/// Begins to record a local world in memory, and keeps at least the last `seconds` of it, at most twice as much, for "what happened just
+/// now?": dcd_record_keep writes it. Each stretch of so many seconds begins with a snapshot. A recording that was going on ends.
+///
+/// Errors: DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for `seconds` that are not above 0 and up to 86,400, DCD_ERR_UNSUPPORTED in a served world.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_record_last(world: DcdWorld, seconds: f32) -> DcdStatus {
+    guard("dcd_record_last", || {
+        if !(seconds > 0.0 && seconds <= 86_400.0) {
+            return Err(Failure::argument(format!(
+                "seconds is {seconds}; give some above 0 and up to 86400"
+            )));
+        }
+        with(world, |world| Ok(world.dcd.record_last(Duration::from_secs_f32(seconds))?))
+    })
+}
+
+/// Writes to a file what dcd_record_last has kept, and goes on recording.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_IO, DCD_ERR_ARGUMENT if nothing is recorded in memory, DCD_ERR_UNSUPPORTED in a
+/// served world.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_record_keep(world: DcdWorld, path: *const c_char) -> DcdStatus {
+    guard("dcd_record_keep", || {
+        // SAFETY: the caller vouches for the text.
+        let path = unsafe { pointer::text(path, "path")? };
+        with(world, |world| world.dcd.keep_recording(path).map_err(|error| of_file(path, error)))
+    })
+}
+
+/// Ends the recording of a local world, and writes what is not written yet. Does nothing where nothing is recorded, and in a served world.
+///
+/// Errors: DCD_ERR_STALE_ID.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_record_stop(world: DcdWorld) -> DcdStatus {
+    guard("dcd_record_stop", || {
+        with(world, |world| {
+            world.dcd.stop_recording();
+            Ok(())
+        })
+    })
+}
+
+fn of_file(path: &str, error: dcd::Error) -> Failure {
+    let failure = Failure::from(error);
+    match failure.status {
+        DCD_ERR_IO => Failure::new(failure.status, format!("{path}: {}", failure.message)),
+        _ => failure,
+    }
+}

@@ -1,0 +1,122 @@
+//! Tests `dcd run --record`, `dcd replay`, `dcd diff` and `dcd simulate --record` as real processes.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use serde_json::Value;
+
+fn dcd(folder: &Path, line: &str) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_dcd-under-test"))
+        .args(line.split_whitespace())
+        .current_dir(folder)
+        .env_remove("RUST_LOG")
+        .output()
+        .expect("the binary was built for this test")
+}
+
+fn said(folder: &Path, line: &str, code: i32) -> String {
+    let output = dcd(folder, line);
+    let stderr = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(code), "{line}: {stderr}");
+    String::from_utf8(if code == 2 { output.stderr } else { output.stdout }).unwrap()
+}
+
+fn json(folder: &Path, line: &str, code: i32) -> Value {
+    serde_json::from_str(&said(folder, &format!("{line} --json"), code)).unwrap()
+}
+
+#[test]
+fn a_world_is_recorded_and_replayed_and_a_flipped_bit_is_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    for scene in [
+        "pile --set n=80 --regions 3",
+        "ragdolls --set count=6 --regions 2 --coupling overlap",
+        "vehicles --regions 2",
+    ] {
+        let plain = json(folder, &format!("run {scene} --seconds 2"), 0);
+        let recorded = json(folder, &format!("run {scene} --seconds 2 --record a.dcdr"), 0);
+        assert_eq!(plain["state_hash"], recorded["state_hash"], "{scene}: nothing changes by being recorded");
+        let replayed = json(folder, "replay a.dcdr --check", 0);
+        let digests = 120 * recorded["regions"].as_u64().unwrap();
+        assert_eq!(
+            replayed,
+            serde_json::json!({"ticks": 120, "matches": digests, "mismatch": null}),
+            "{scene}"
+        );
+        assert_eq!(json(folder, "replay a.dcdr --until 30 --threads 2", 0)["ticks"], 30, "{scene}");
+
+        let dump = said(folder, "replay a.dcdr --dump 50", 0);
+        let columns = "body,node,region,translation.x,translation.y,translation.z,rotation.i,rotation.j,rotation.k,rotation.w,\
+            linvel.x,linvel.y,linvel.z,angvel.x,angvel.y,angvel.z";
+        assert_eq!(dump.lines().next().unwrap(), columns);
+        assert_eq!(dump.lines().count() as u64, 1 + recorded["bodies"].as_u64().unwrap(), "{scene}");
+        let row: Vec<_> = dump.lines().nth(3).unwrap().split(',').collect();
+        let found = json(folder, &format!("replay a.dcdr --check --flip 50:{}:352", row[0]), 1);
+        let found = &found["mismatch"];
+        assert_eq!(
+            (&found["node"], &found["tick"], &found["body"]),
+            (&Value::Null, &50.into(), &row[0].into())
+        );
+        assert_eq!((&found["region"].to_string()[..], &found["field"]), (&row[2][1..], &"linvel.y".into()));
+        assert_eq!(found["recorded"].as_f64().unwrap(), row[11].parse::<f64>().unwrap(), "{found}");
+    }
+}
+
+#[test]
+fn the_first_difference_of_two_recordings_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    said(folder, "run drum --set n=60 --seconds 1 --record a.dcdr", 0);
+    said(folder, "run drum --set n=60 --seconds 1 --threads 2 --record b.dcdr", 0);
+    said(folder, "run drum --set n=61 --seconds 1 --record c.dcdr", 0);
+    assert_eq!(json(folder, "diff a.dcdr b.dcdr", 0), serde_json::json!({"ticks": 60, "difference": null}));
+    let found = json(folder, "diff a.dcdr c.dcdr", 1);
+    assert_eq!(found["difference"]["tick"], 1, "{found}");
+    let words = said(folder, "diff a.dcdr c.dcdr", 1);
+    assert!(words.starts_with("they differ from tick 1") && words.contains("in the second"), "{words}");
+}
+
+#[test]
+fn what_cannot_be_replayed_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    said(folder, "run tower --seconds 0.5 --record a.dcdr", 0);
+    std::fs::write(folder.join("text.dcdr"), "not a recording").unwrap();
+    std::fs::create_dir(folder.join("empty")).unwrap();
+    let whole = std::fs::read(folder.join("a.dcdr")).unwrap();
+    let mut damaged = whole.clone();
+    damaged[whole.len() / 2] ^= 1;
+    std::fs::write(folder.join("damaged.dcdr"), damaged).unwrap();
+    for (line, words) in [
+        ("replay missing.dcdr", "cannot be read"),
+        ("replay text.dcdr", "not a recording of dcd"),
+        ("replay empty", "has no *.dcdr"),
+        ("replay a.dcdr a.dcdr", "another file is of the same node"),
+        ("replay a.dcdr --dump 31", "the recording ends after tick 30"),
+        ("replay a.dcdr --flip 1", "write tick, body"),
+        ("run tower --regions 0 --record b.dcdr", "--record takes a world of regions"),
+        ("run tower --record missing/b.dcdr", "cannot be read"),
+    ] {
+        let said = said(folder, line, 2);
+        assert!(said.contains(words), "{line}: {said}");
+    }
+    let damaged = dcd(folder, "replay damaged.dcdr --check");
+    assert_eq!(damaged.status.code(), Some(1));
+    assert!(String::from_utf8_lossy(&damaged.stderr).contains("is damaged"), "{damaged:?}");
+    // What a crash cut off is missing at the end.
+    std::fs::write(folder.join("cut.dcdr"), &whole[..whole.len() - 3]).unwrap();
+    let cut = dcd(folder, "replay cut.dcdr --check");
+    assert_eq!(cut.status.code(), Some(0), "{cut:?}");
+    assert!(String::from_utf8_lossy(&cut.stderr).contains("ends within a chunk"), "{cut:?}");
+}
+
+#[test]
+fn a_simulated_run_is_recorded_by_node() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    said(folder, "simulate --seeds 3..4 --faults kill-node --record runs", 0);
+    let replayed = json(folder, "replay runs/kill-node-3 --check", 0);
+    assert_eq!(replayed["mismatch"], Value::Null);
+    assert!(replayed["ticks"].as_u64().unwrap() > 60, "{replayed}");
+}

@@ -1,0 +1,74 @@
+//! Tests recordings of real processes: what they computed is computed again, also by one that was killed.
+
+use crate::process::{Process, Server, alone, dcd};
+
+#[test]
+fn a_cluster_of_which_a_node_was_killed_is_replayed_to_the_recorded_digests() {
+    let _alone = alone();
+    let mut server = Server::playground("2");
+    let recordings = server.folder.path().join("recordings");
+    std::fs::create_dir(&recordings).unwrap();
+    let file = |name: &str| recordings.join(name).to_str().unwrap().to_owned();
+    let node = |server: &Server, name| server.node_with(&["--record", &file(name)]);
+    let mut nodes = [node(&server, "a.dcdr"), node(&server, "b.dcdr")];
+    server.view();
+    let witness = server.witness();
+    witness.advance(60);
+    nodes[0].1.kill();
+    server.view();
+    witness.advance(30);
+    let third = node(&server, "c.dcdr");
+    server.view();
+    witness.advance(30);
+    drop(witness);
+    let tick = server.end_world()["tick"].as_u64().unwrap();
+    for (_, node) in [third, nodes.into_iter().last().unwrap()] {
+        assert_eq!(node.end().code(), Some(0));
+    }
+
+    let folder = recordings.to_str().unwrap();
+    let replay = |args: &[&str]| Process::start(dcd(&["replay", folder, "--json"]).args(args)).end();
+    let whole = replay(&["--check"]);
+    assert_eq!((whole.code(), &whole.json()["mismatch"]), (Some(0), &serde_json::Value::Null), "{whole:?}");
+    assert_eq!(whole.json()["ticks"], tick, "{whole:?}");
+    assert!(whole.json()["matches"].as_u64().unwrap() > tick, "{whole:?}");
+
+    let dump = Process::start(&mut dcd(&["replay", folder, "--dump", "70"])).end();
+    let body = dump.lines[1].split(',').next().unwrap().to_owned();
+    let disturbed = replay(&["--check", "--flip", &format!("70:{body}:330")]);
+    let found = &disturbed.json()["mismatch"];
+    assert_eq!(disturbed.code(), Some(1), "{disturbed:?}");
+    assert_eq!((&found["tick"], &found["body"]), (&70.into(), &body.as_str().into()), "{disturbed:?}");
+    assert_eq!(found["field"], "linvel.x", "{disturbed:?}");
+    assert_ne!(found["recorded"], found["replayed"], "{disturbed:?}");
+}
+
+#[test]
+fn a_world_of_processes_does_not_differ_from_a_local_one() {
+    let scene = ["terrain", "--set", "n=200", "--regions", "2"];
+    let server = Server::start(&[&scene[..], &["--nodes", "2", "--unpaced", "--ticks", "120"]].concat());
+    let folder = tempfile::tempdir().unwrap();
+    let served = folder.path().join("served");
+    std::fs::create_dir(&served).unwrap();
+    let file = |name: &str| served.join(name).to_str().unwrap().to_owned();
+    let nodes = ["a.dcdr", "b.dcdr"].map(|name| server.node_with(&["--record", &file(name)]));
+    assert_eq!(server.process.end().code(), Some(0));
+    nodes.into_iter().for_each(|(_, node)| assert_eq!(node.end().code(), Some(0)));
+    let local = folder.path().join("local.dcdr");
+    let run = |local: &std::path::Path, more: &[&str]| {
+        let mut command = dcd(&["run", "--seconds", "2"]);
+        Process::start(command.args(scene).args(more).arg("--record").arg(local)).end().code()
+    };
+    assert_eq!(run(&local, &[]), Some(0));
+    let diff = |a: &std::path::Path, b: &std::path::Path| {
+        Process::start(dcd(&["diff", "--json"]).arg(a).arg(b)).end()
+    };
+    let alike = diff(&served, &local);
+    assert_eq!((alike.code(), &alike.json()["difference"]), (Some(0), &serde_json::Value::Null), "{alike:?}");
+    assert_eq!(alike.json()["ticks"], 120);
+
+    let other = folder.path().join("other.dcdr");
+    assert_eq!(run(&other, &["--set", "seed=2"]), Some(0));
+    let unlike = diff(&local, &other);
+    assert_eq!((unlike.code(), &unlike.json()["difference"]["tick"]), (Some(1), &1.into()), "{unlike:?}");
+}

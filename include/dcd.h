@@ -433,6 +433,9 @@ typedef struct DcdParticipantDef {
     double interest_centre[3];
     // As in DcdClientDef.
     double interest_radius;
+    // A file to record to all that its share of the world is given, and a digest of each region after each tick, for `dcd replay`; or
+    // null.
+    const char *record_path;
 } DcdParticipantDef;
 
 // A body. 0 is null. An id is never given again, so that of a destroyed body stays stale for ever; an id of another world
@@ -514,6 +517,8 @@ typedef struct DcdNodeDef {
     uint32_t threads;
     // 0.
     uint32_t reserved;
+    // A file to record to all that the node is given, and a digest of each region after each tick, for `dcd replay`; or null.
+    const char *record_path;
 } DcdNodeDef;
 
 // A shape of one world. 0 is null.
@@ -2744,6 +2749,36 @@ DCD_API DcdStatus dcd_stats_text(DcdWorld world, char *buf, size_t cap, size_t *
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED in a served world.
 DCD_API DcdStatus dcd_state_hash(DcdWorld world, uint64_t *out);
 
+// Begins to record a local world to a file: a snapshot of it as it is now, what is done to it from now on, and a digest of each region
+// after each step. `dcd replay FILE` computes it again from that, bit for bit, `dcd diff` finds where two recordings differ. A thread
+// of the library writes the file; what a crash loses is the last tenth of a second. A recording that was going on ends. Nodes and
+// participants are recorded from their beginning: `record_path` of DcdNodeDef and DcdParticipantDef.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_IO, DCD_ERR_UNSUPPORTED in a served world.
+DCD_API
+DcdStatus dcd_record(DcdWorld world,
+                     const char *path);
+
+// Begins to record a local world in memory, and keeps at least the last `seconds` of it, at most twice as much, for "what happened just
+// now?": dcd_record_keep writes it. Each stretch of so many seconds begins with a snapshot. A recording that was going on ends.
+//
+// Errors: DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for `seconds` that are not above 0 and up to 86,400, DCD_ERR_UNSUPPORTED in a served world.
+DCD_API
+DcdStatus dcd_record_last(DcdWorld world,
+                          float seconds);
+
+// Writes to a file what dcd_record_last has kept, and goes on recording.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_IO, DCD_ERR_ARGUMENT if nothing is recorded in memory, DCD_ERR_UNSUPPORTED in a
+// served world.
+DCD_API DcdStatus dcd_record_keep(DcdWorld world, const char *path);
+
+// Ends the recording of a local world, and writes what is not written yet. Does nothing where nothing is recorded, and in a served world.
+//
+// Errors: DCD_ERR_STALE_ID.
+DCD_API
+DcdStatus dcd_record_stop(DcdWorld world);
+
 // Saves a snapshot of a world: bodies, joints, contacts, regions, settings. A local world goes on from there to the same bits, in this
 // program or another one of the same build. Handles of shapes, views and your user_data of the world are not part of it.
 //
@@ -2959,7 +2994,7 @@ DCD_ASSERT_(offsetof(DcdClientDef, identity_path) == 24);
 DCD_ASSERT_(offsetof(DcdClientDef, user_data) == 32);
 DCD_ASSERT_(offsetof(DcdClientDef, interest_centre) == 40);
 DCD_ASSERT_(offsetof(DcdClientDef, interest_radius) == 64);
-DCD_ASSERT_(sizeof(DcdParticipantDef) == 80);
+DCD_ASSERT_(sizeof(DcdParticipantDef) == 88);
 DCD_ASSERT_(offsetof(DcdParticipantDef, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdParticipantDef, timeout_ms) == 4);
 DCD_ASSERT_(offsetof(DcdParticipantDef, server) == 8);
@@ -2992,7 +3027,7 @@ DCD_ASSERT_(offsetof(DcdServerDef, last_tick) == 72);
 DCD_ASSERT_(offsetof(DcdServerDef, avatar_speed) == 80);
 DCD_ASSERT_(offsetof(DcdServerDef, flags) == 84);
 DCD_ASSERT_(offsetof(DcdServerDef, user_data) == 88);
-DCD_ASSERT_(sizeof(DcdNodeDef) == 56);
+DCD_ASSERT_(sizeof(DcdNodeDef) == 64);
 DCD_ASSERT_(offsetof(DcdNodeDef, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdNodeDef, timeout_ms) == 4);
 DCD_ASSERT_(offsetof(DcdNodeDef, server) == 8);

@@ -15,6 +15,7 @@ mod page;
 #[cfg(feature = "peers")]
 mod peers;
 mod prediction;
+mod recording;
 mod results;
 mod scale;
 mod speed;
@@ -57,6 +58,8 @@ enum Suite {
     Peers(peers::Peers),
     /// How well a client predicts its own avatars, over good and bad networks: corrections, jumps and time per frame.
     Prediction(prediction::Predictions),
+    /// What recording a world costs: time per step and bytes per second.
+    Recording(recording::Recording),
     /// Scenes of 180 to 40,000 bodies with bodies at every border: time and error of the same settings in the same row.
     Scale(scale::Scale),
     #[command(hide = true)]
@@ -85,6 +88,7 @@ fn main() -> ExitCode {
         #[cfg(feature = "peers")]
         Suite::Peers(peers) => peers.run().map(done),
         Suite::Prediction(prediction) => prediction.run().map(done),
+        Suite::Recording(recording) => recording.run().map(done),
         Suite::Scale(scale) => scale.run().map(done),
         Suite::ScaleWorker(worker) => worker.run().map(done),
         Suite::Speed(speed) => speed.run().map(done),

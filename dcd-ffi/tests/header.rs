@@ -65,7 +65,7 @@ fn layouts() -> Vec<Layout> {
         }
         DcdParticipantDef {
             struct_size, timeout_ms, server, token, identity_path, user_data, threads, reserved, interest_centre,
-            interest_radius
+            interest_radius, record_path
         }
         DcdGroupDef { struct_size, lag_ticks, near_ms, far_ms, agree, size }
         DcdServerDef {
@@ -73,7 +73,7 @@ fn layouts() -> Vec<Layout> {
             flags, user_data
         }
         DcdNodeDef {
-            struct_size, timeout_ms, server, token, identity_path, listen, user_data, threads, reserved
+            struct_size, timeout_ms, server, token, identity_path, listen, user_data, threads, reserved, record_path
         }
         DcdBodyDef {
             struct_size, body_type, pose, velocity, shape, density, mass, friction, restitution, friction_rule,
@@ -214,7 +214,7 @@ const MACROS: &str = "
 #define DCD_CLIENT_DEF_INIT \\
     { (uint32_t)sizeof(DcdClientDef), 10000, NULL, NULL, NULL, 0, { 0.0, 0.0, 0.0 }, 0.0 }
 #define DCD_PARTICIPANT_DEF_INIT \\
-    { (uint32_t)sizeof(DcdParticipantDef), 10000, NULL, NULL, NULL, 0, 0, 0, { 0.0, 0.0, 0.0 }, 0.0 }
+    { (uint32_t)sizeof(DcdParticipantDef), 10000, NULL, NULL, NULL, 0, 0, 0, { 0.0, 0.0, 0.0 }, 0.0, NULL }
 
 /* All nodes in one group and in step; a server in real time that waits for one node, on a free port of this machine. */
 #define DCD_GROUP_DEF_INIT \\
@@ -223,7 +223,7 @@ const MACROS: &str = "
     { (uint32_t)sizeof(DcdServerDef), 1, NULL, NULL, 0, NULL, { 0 }, NULL, \"127.0.0.1:0\", NULL, 0, \\
       20.0f, 0, 0 }
 #define DCD_NODE_DEF_INIT \\
-    { (uint32_t)sizeof(DcdNodeDef), 10000, NULL, NULL, NULL, NULL, 0, 0, 0 }
+    { (uint32_t)sizeof(DcdNodeDef), 10000, NULL, NULL, NULL, NULL, 0, 0, 0, NULL }
 
 /* Structs that are written by the library. */
 #define DCD_WORLD_INFO_INIT \\

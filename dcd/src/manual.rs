@@ -1,4 +1,4 @@
-//! Holds the manual: concepts, couplings, serving, seeing, limits and architecture, beyond the documentation of single items.
+//! Holds the manual: concepts, couplings, serving, seeing, recording, limits and architecture, beyond the documentation of single items.
 
 #[doc = include_str!("../manual/concepts.md")]
 pub mod concepts {}
@@ -11,6 +11,9 @@ pub mod serving {}
 
 #[doc = include_str!("../manual/seeing.md")]
 pub mod seeing {}
+
+#[doc = include_str!("../manual/recording.md")]
+pub mod recording {}
 
 #[doc = include_str!("../manual/limits.md")]
 pub mod limits {}

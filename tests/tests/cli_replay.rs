@@ -32,7 +32,7 @@ fn a_world_is_recorded_and_replayed_and_a_flipped_bit_is_found() {
     for scene in [
         "pile --set n=80 --regions 3",
         "ragdolls --set count=6 --regions 2 --coupling overlap",
-        "vehicles --regions 2",
+        "convoy --set cars=8 --set road=400 --regions 2",
     ] {
         let plain = json(folder, &format!("run {scene} --seconds 2"), 0);
         let recorded = json(folder, &format!("run {scene} --seconds 2 --record a.dcdr"), 0);

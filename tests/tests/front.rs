@@ -240,6 +240,7 @@ fn every_public_type_can_be_printed_and_passes_between_threads() {
         dcd::error::QueryError,
         dcd::error::SceneError,
         dcd::error::ShapeError,
+        dcd::error::RecordingError,
         dcd::error::SnapshotError,
         dcd::error::TreeError,
         dcd::error::WorldError,

@@ -2889,7 +2889,7 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
 #define DCD_CLIENT_DEF_INIT \
     { (uint32_t)sizeof(DcdClientDef), 10000, NULL, NULL, NULL, 0, { 0.0, 0.0, 0.0 }, 0.0 }
 #define DCD_PARTICIPANT_DEF_INIT \
-    { (uint32_t)sizeof(DcdParticipantDef), 10000, NULL, NULL, NULL, 0, 0, 0, { 0.0, 0.0, 0.0 }, 0.0 }
+    { (uint32_t)sizeof(DcdParticipantDef), 10000, NULL, NULL, NULL, 0, 0, 0, { 0.0, 0.0, 0.0 }, 0.0, NULL }
 
 /* All nodes in one group and in step; a server in real time that waits for one node, on a free port of this machine. */
 #define DCD_GROUP_DEF_INIT \
@@ -2898,7 +2898,7 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
     { (uint32_t)sizeof(DcdServerDef), 1, NULL, NULL, 0, NULL, { 0 }, NULL, "127.0.0.1:0", NULL, 0, \
       20.0f, 0, 0 }
 #define DCD_NODE_DEF_INIT \
-    { (uint32_t)sizeof(DcdNodeDef), 10000, NULL, NULL, NULL, NULL, 0, 0, 0 }
+    { (uint32_t)sizeof(DcdNodeDef), 10000, NULL, NULL, NULL, NULL, 0, 0, 0, NULL }
 
 /* Structs that are written by the library. */
 #define DCD_WORLD_INFO_INIT \
@@ -3005,6 +3005,7 @@ DCD_ASSERT_(offsetof(DcdParticipantDef, threads) == 40);
 DCD_ASSERT_(offsetof(DcdParticipantDef, reserved) == 44);
 DCD_ASSERT_(offsetof(DcdParticipantDef, interest_centre) == 48);
 DCD_ASSERT_(offsetof(DcdParticipantDef, interest_radius) == 72);
+DCD_ASSERT_(offsetof(DcdParticipantDef, record_path) == 80);
 DCD_ASSERT_(sizeof(DcdGroupDef) == 24);
 DCD_ASSERT_(offsetof(DcdGroupDef, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdGroupDef, lag_ticks) == 4);
@@ -3037,6 +3038,7 @@ DCD_ASSERT_(offsetof(DcdNodeDef, listen) == 32);
 DCD_ASSERT_(offsetof(DcdNodeDef, user_data) == 40);
 DCD_ASSERT_(offsetof(DcdNodeDef, threads) == 48);
 DCD_ASSERT_(offsetof(DcdNodeDef, reserved) == 52);
+DCD_ASSERT_(offsetof(DcdNodeDef, record_path) == 56);
 DCD_ASSERT_(sizeof(DcdBodyDef) == 224);
 DCD_ASSERT_(offsetof(DcdBodyDef, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdBodyDef, body_type) == 4);

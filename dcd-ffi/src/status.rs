@@ -24,8 +24,8 @@ pub const DCD_ERR_STRUCT: DcdStatus = -3;
 pub const DCD_ERR_ARGUMENT: DcdStatus = -4;
 /// The caller's memory is too small; the size needed was written.
 pub const DCD_ERR_SMALL_BUFFER: DcdStatus = -5;
-/// Not now: called from within the log callback, where worlds may not be used, while a step that was begun is not waited
-/// for, or for messages while too many wait to be sent.
+/// Not now: called from within the log callback or one of dcd_debug_draw, where worlds may not be used, while a step that was begun is
+/// not waited for, or for messages while too many wait to be sent.
 pub const DCD_ERR_BUSY: DcdStatus = -6;
 /// Nobody answered in time.
 pub const DCD_ERR_TIMEOUT: DcdStatus = -8;

@@ -40,6 +40,8 @@
 #[cfg(feature = "physics")]
 pub use rapier3d;
 
+#[cfg(feature = "physics")]
+mod drawing;
 pub mod manual;
 #[cfg(feature = "physics")]
 pub mod prelude;
@@ -82,6 +84,8 @@ pub mod scene;
 #[doc(hidden)]
 pub mod sim;
 
+#[cfg(feature = "physics")]
+pub use drawing::{DebugDraw, DebugDrawFlags, DebugDrawSettings, DebugShape};
 #[cfg(feature = "physics")]
 pub use physics::{
     BorderView, CharacterHit, CharacterMove, ColliderId, ContactHooks, Coupling, HookedPair, Inconsistency,

@@ -142,6 +142,15 @@ fn misuse_gets_its_documented_codes() {
     run_checker("misuse.c", dir.path(), &dir.path().join("nothing"));
 }
 
+#[test]
+fn a_renderer_draws_a_world_by_its_own_functions() {
+    let dir = tempfile::tempdir().unwrap();
+    for flags in [&[][..], &SANITIZED] {
+        let said = run_well(&mut Command::new(build(&checker("drawing.c"), dir.path(), flags)));
+        assert!(said.contains(" checks, 0 failures"), "{said}");
+    }
+}
+
 /// `wrapper.cpp`, which goes without exceptions, with `throwing.cpp` in the same program.
 fn build_wrapper(out: &Path, flags: &[&str]) -> PathBuf {
     let thrower = out.join("throwing.o");

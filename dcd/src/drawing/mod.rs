@@ -1,0 +1,26 @@
+//! Draws worlds between their steps: what the viewer, debug draw and glTF files show comes from one trait, [`Source`], and is drawn by
+//! the same few geometries.
+
+#[cfg(feature = "view")]
+mod client;
+mod colour;
+mod debug;
+mod geometry;
+mod host;
+#[cfg(feature = "view")]
+mod moment;
+#[cfg(feature = "view")]
+mod slots;
+mod source;
+
+#[cfg(feature = "view")]
+pub(crate) use client::Told;
+pub(crate) use debug::Canvas;
+pub use debug::{DebugDraw, DebugDrawFlags, DebugDrawSettings, DebugShape};
+#[cfg(feature = "view")]
+pub(crate) use geometry::{FIRST_MESH, Mesh, Part};
+#[cfg(feature = "view")]
+pub(crate) use moment::{Arrival, JointSeen, KEPT_FRAMES, Looker, Moment, Wishes};
+#[cfg(feature = "view")]
+pub(crate) use source::Details;
+pub(crate) use source::{ContactSeen, Extent, RegionSeen, Seen, Source};

@@ -405,6 +405,7 @@ public:
         return Status(dcd_snapshot_load(world_, data.data(), data.size()));
     }
     Status snapshot_save_file(const char *path) const { return Status(dcd_snapshot_save_file(world_, path)); }
+    Status gltf_save_file(const char *path) const { return Status(dcd_gltf_save_file(world_, path)); }
     Status snapshot_load_file(const char *path) { return Status(dcd_snapshot_load_file(world_, path)); }
     Result<StateView> state_view() const
     {

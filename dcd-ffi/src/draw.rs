@@ -173,6 +173,18 @@ pub unsafe extern "C" fn dcd_debug_draw(
     })
 }
 
+/// Writes the world as it is after the last step to a binary glTF file (.glb), for Blender and engines: bodies as nodes named by their numbers ("b7",
+/// "c2/b0"), with their shapes in the colour of the region that owns them. What is at `path` is replaced.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_IO, DCD_ERR_LIMIT for a file above 4 GiB, DCD_ERR_UNSUPPORTED for a node.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_gltf_save_file(world: DcdWorld, path: *const c_char) -> DcdStatus {
+    guard("dcd_gltf_save_file", || {
+        // SAFETY: the caller vouches for the text.
+        let path = unsafe { pointer::text(path, "path")? };
+        with(world, |world| Ok(world.dcd.save_gltf(path)?))
+    })
+}
+
 fn settings_of(draw: &DcdDebugDraw) -> Result<DebugDrawSettings, Failure> {
     check_bits(draw.flags, DCD_DRAW_ALL, "draw->flags")?;
     check_numbers(&[draw.velocity_scale], "draw->velocity_scale")?;

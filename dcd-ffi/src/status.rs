@@ -3,6 +3,7 @@
 use std::cell::RefCell;
 use std::ffi::{CStr, c_char};
 
+use dcd::error::GltfError;
 use dcd::net::NetError;
 use dcd::physics::{HostError, ShapeError};
 use dcd::runtime::{ConnectionError, ProcessError, SnapshotError, WorldError};
@@ -66,6 +67,7 @@ impl From<dcd::Error> for Failure {
             Error::World(error) => error.into(),
             Error::Shape(error) => error.into(),
             Error::Snapshot(error) => error.into(),
+            Error::Gltf(error) => error.into(),
             Error::Scene(error) => error.into(),
             Error::Process(error) => error.into(),
             Error::Unsupported(error) => error.into(),
@@ -183,6 +185,16 @@ impl From<ProcessError> for Failure {
             | ProcessError::Refused(_)
             | ProcessError::Ended(_)
             | ProcessError::Stopped => DCD_ERR_NETWORK,
+        };
+        Self::new(status, error.to_string())
+    }
+}
+
+impl From<GltfError> for Failure {
+    fn from(error: GltfError) -> Self {
+        let status = match &error {
+            GltfError::TooLarge => DCD_ERR_LIMIT,
+            _ => DCD_ERR_IO,
         };
         Self::new(status, error.to_string())
     }

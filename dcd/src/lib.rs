@@ -143,6 +143,7 @@ pub mod network {
 /// The error types that [`Error`] wraps.
 #[cfg(feature = "physics")]
 pub mod error {
+    pub use crate::drawing::GltfError;
     pub use crate::physics::{ControlError, HostError, QueryError, ShapeError};
     #[cfg(feature = "net")]
     pub use crate::runtime::{ConnectionError, ProcessError};

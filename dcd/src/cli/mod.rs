@@ -10,6 +10,7 @@ mod completions;
 mod demo;
 mod end;
 mod failure;
+mod film;
 mod interrupt;
 mod man;
 mod node;

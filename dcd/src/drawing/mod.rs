@@ -6,10 +6,9 @@ mod client;
 mod colour;
 mod debug;
 mod geometry;
+mod gltf;
 mod host;
-#[cfg(feature = "view")]
 mod moment;
-#[cfg(feature = "view")]
 mod slots;
 mod source;
 
@@ -19,6 +18,8 @@ pub(crate) use debug::Canvas;
 pub use debug::{DebugDraw, DebugDrawFlags, DebugDrawSettings, DebugShape};
 #[cfg(feature = "view")]
 pub(crate) use geometry::{FIRST_MESH, Mesh, Part};
+pub(crate) use gltf::Film;
+pub use gltf::GltfError;
 #[cfg(feature = "view")]
 pub(crate) use moment::{Arrival, JointSeen, KEPT_FRAMES, Looker, Moment, Wishes};
 #[cfg(feature = "view")]

@@ -15,8 +15,9 @@ use super::bandwidth::Received;
 use super::ending::{GIVE_UP, Reason};
 use super::links::Links;
 use super::{Connections, PhysicsDevice, ProcessError};
-use crate::cluster::{Client, ClientEvent, Node, NodeConfig, Peer};
+use crate::cluster::{Client, ClientEvent, Node, NodeConfig, Peer, TickStats};
 use crate::net::{Identity, Limits, Net, NetConfig, NetEvent, NetEvents, PeerStats};
+use crate::physics::RegionHost;
 use crate::protocol::{Area, Refusal};
 use crate::space::{BodyId, NodeId, Tick};
 
@@ -45,7 +46,12 @@ pub struct MemberConfig {
     pub give_up: Duration,
     /// The area that a client wants to be told of; `None`: the whole world.
     pub interest: Option<Area>,
+    /// Who looks at the regions of a node after each tick, by its thread.
+    pub onlooker: Option<Onlooker>,
 }
+
+/// Looks at the regions of a node after a tick, with the numbers of that tick.
+pub type Onlooker = Box<dyn FnMut(&RegionHost, &TickStats) + Send>;
 
 impl MemberConfig {
     /// Returns the usual settings for this identity.
@@ -61,6 +67,7 @@ impl MemberConfig {
             patience: Duration::from_millis(100),
             give_up: GIVE_UP,
             interest: None,
+            onlooker: None,
         }
     }
 }
@@ -207,6 +214,7 @@ impl Member {
             shared.clone(),
             connections.clone(),
         );
+        running.onlooker = config.onlooker;
         let thread = std::thread::Builder::new()
             .name(format!("dcd-{who:?}"))
             .spawn(move || {

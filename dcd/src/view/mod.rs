@@ -20,7 +20,9 @@ use std::time::{Duration, Instant};
 
 use ring::rand::{SecureRandom, SystemRandom};
 
+use crate::cluster::TickStats;
 use crate::drawing::{Looker, Moment, Source, Told, Wishes};
+use crate::physics::RegionHost;
 use crate::protocol::Handover;
 use crate::runtime::{ClientWorld, LocalWorld};
 use crate::world::{Error, Instead, World};
@@ -152,6 +154,24 @@ impl Viewer {
         };
         self.hub.note(sample, world.handovers());
         self.look(world.host(), world.host().settings().dt_s);
+    }
+
+    /// Shows the regions that a node computes, with their copies of others' bodies, after a tick with these numbers.
+    #[doc(hidden)]
+    pub fn show_node(&mut self, regions: &RegionHost, stats: &TickStats) {
+        if !self.hub.is_viewed() {
+            return;
+        }
+        let sample = Sample {
+            tick: regions.tick().0,
+            step_ms: stats.compute_us as f32 / 1e3,
+            transfers: stats.transfers,
+            exchanges: stats.exchanges,
+            bytes: 0,
+            disagreement_m_s: stats.disagreement_m_s,
+        };
+        self.hub.note(sample, &[]);
+        self.look(regions, regions.settings().dt_s);
     }
 
     /// Shows a client's world as its player would see it now.

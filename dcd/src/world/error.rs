@@ -3,6 +3,7 @@
 use std::fmt;
 
 use super::role::Unsupported;
+use crate::drawing::GltfError;
 use crate::physics::{QueryError, ShapeError};
 #[cfg(feature = "net")]
 use crate::runtime::{ConnectionError, ProcessError};
@@ -25,6 +26,9 @@ pub enum Error {
     /// A snapshot cannot be written or read.
     #[error(transparent)]
     Snapshot(#[from] SnapshotError),
+    /// A glTF file cannot be written.
+    #[error(transparent)]
+    Gltf(#[from] GltfError),
     /// A scene cannot be read.
     #[error(transparent)]
     Scene(#[from] SceneError),

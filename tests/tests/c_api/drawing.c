@@ -1,4 +1,4 @@
-/* A world drawn by a renderer's functions: where things are and in which colours, what a null function means, and that nobody
+/* A world drawn by a renderer's functions, and into the file that is named: where things are and in which colours, what a null function means, and that nobody
  * calls a world from within. */
 #include "checks.h"
 
@@ -98,7 +98,7 @@ static DcdDebugDraw by(Seen *seen, uint32_t flags)
 
 static Seen seen;
 
-int main(void)
+int main(int argc, char **argv)
 {
     const float half[3] = { 20.0f, 0.5f, 20.0f }, corners[12] = { 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1 };
     DcdWorldDef def = DCD_WORLD_DEF_INIT;
@@ -209,6 +209,12 @@ int main(void)
     time.shown = NAN;
     FAILS(dcd_debug_draw(world, &time, &draw), DCD_ERR_ARGUMENT, "tick");
     HOLDS(seen.shapes == 0);
+
+    /* A file of it: argv[1]. */
+    HOLDS(argc == 2);
+    OK(dcd_gltf_save_file(world, argv[1]));
+    FAILS(dcd_gltf_save_file(world, "/nowhere/at/all.glb"), DCD_ERR_IO, "path");
+    FAILS(dcd_gltf_save_file(world, NULL), DCD_ERR_NULL, "path");
     OK(dcd_world_destroy(world));
     FAILS(dcd_debug_draw(world, NULL, &draw), DCD_ERR_STALE_ID, "world");
     return checked();

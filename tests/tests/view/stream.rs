@@ -167,7 +167,7 @@ fn a_served_world_is_shown_as_a_client_is_told_of_it() {
     let token = |role: &str| Process::start(&["token", "--data", data, "--role", role]).line("dcd1-");
     let dcd1 = |rest: String| format!("dcd1-{rest}");
     let node_token = dcd1(token("node"));
-    let _node = Process::start(&["node", "--server", &address, "--token", &node_token]);
+    let mut node = Process::start(&["node", "--server", &address, "--token", &node_token, "--view"]);
     let mut page = Page::open(&url).unwrap();
     page.until("the world goes", |seen| seen.tick >= 30.0 && seen.movable > 5);
     assert!(!page.seen.controls && page.seen.fixed >= 1);
@@ -177,6 +177,39 @@ fn a_served_world_is_shown_as_a_client_is_told_of_it() {
     page.until("the avatar is there", |seen| seen.movable > before);
     let mut own = Page::open(&client.line("view ")).unwrap();
     own.until("it sees the world too", |seen| seen.tick >= 30.0 && seen.movable > before);
+    let mut computed = Page::open(&node.line("view ")).unwrap();
+    computed.until("it shows what it computes", |seen| seen.tick >= 30.0 && seen.movable > before);
+}
+
+#[test]
+fn a_node_is_shown_by_its_regions_its_ghosts_and_its_contacts() {
+    let data = tempfile::tempdir().unwrap();
+    let data = data.path().to_str().unwrap();
+    let scene = ["serve", "pile", "--set", "n=200", "--regions", "4", "--nodes", "2"];
+    let mut server = Process::start(&[&scene[..], &["--listen", "127.0.0.1:0", "--data", data]].concat());
+    let address = server.line("listening ");
+    let mut nodes: Vec<_> = (0..2)
+        .map(|_| {
+            let token = Process::start(&["token", "--data", data, "--role", "node"]).line("dcd1-");
+            let token = format!("dcd1-{token}");
+            Process::start(&["node", "--server", &address, "--token", &token, "--view"])
+        })
+        .collect();
+    let mut own = [0; 2];
+    for (node, own) in nodes.iter_mut().zip(&mut own) {
+        let mut page = Page::open(&node.line("view ")).unwrap();
+        page.ask(CONTACTS, 1);
+        page.until("bodies lie on one another", |seen| seen.tick >= 60.0 && seen.contacts > 10);
+        let seen = &page.seen;
+        assert!(!seen.controls && seen.regions == 4 && seen.fixed >= 1);
+        let present = seen.rows.iter().filter(|row| row.present).count();
+        let owners: std::collections::BTreeSet<u8> =
+            seen.rows.iter().filter(|row| row.present).map(|row| row.owner).collect();
+        assert!(seen.ghosts > 0, "it holds copies of the other's bodies");
+        assert!(present < 200 && owners.len() > 2, "{present} bodies of {owners:?}: its own, and guests");
+        *own = present;
+    }
+    assert!(own[0] + own[1] > 200, "what both hold is shown by both: {own:?}");
 }
 
 #[test]

@@ -12,6 +12,7 @@ use std::process::ExitCode;
 
 use super::common::{Common, print};
 use super::failure::Failure;
+use super::film::FilmArgs;
 use super::interrupt::Interrupt;
 use super::scenes;
 use super::values::address;
@@ -34,6 +35,7 @@ use crate::space::MAX_REGIONS;
 ///   dcd run convoy --set cars=200 --set road=20000 --regions 4 --balance
 ///   dcd run pile --save pile.dcd, and then dcd run pile.dcd
 ///   dcd run pile --set n=2000 --regions 4 --view
+///   dcd run tower --regions 2 --gltf tower.glb --gltf-seconds 0..4
 ///   dcd run robot.urdf --set copies=100 --set ground=1 --regions 2
 #[derive(clap::Args)]
 #[command(verbatim_doc_comment, allow_negative_numbers = true, after_long_help = after_help())]
@@ -70,6 +72,8 @@ pub(super) struct Run {
     /// Save the whole world at the end, also when Ctrl-C ends it, to be gone on with by `dcd run FILE.dcd`
     #[arg(long, value_name = "FILE.dcd")]
     save: Option<PathBuf>,
+    #[command(flatten)]
+    film: FilmArgs,
 }
 
 impl Run {
@@ -78,6 +82,7 @@ impl Run {
         let interrupt = Interrupt::listen()?;
         let out = self.out.map(csv::Target::check).transpose()?;
         let save = self.save.map(snapshot::Target::check).transpose()?;
+        let mut camera = self.film.open()?;
         let mut viewer =
             self.view.map(|at| view::open(at, &cast.name).map(Viewer::with_controls)).transpose()?;
         tracing::info!(scene = cast.name, ticks = plan.ticks, "stepping");
@@ -85,8 +90,14 @@ impl Run {
         if let (Some(viewer), Subject::Regions(world)) = (&mut viewer, &subject) {
             viewer.wait(world, || interrupt.asked());
         }
+        if let (Some(camera), Subject::Regions(world)) = (&mut camera, &subject) {
+            camera.look(world.host(), 0.0);
+        }
         let report = run(&cast, &plan, &mut subject, |tick, subject| {
             live.tell(tick, subject);
+            if let (Some(camera), Subject::Regions(world)) = (&mut camera, subject) {
+                camera.look(world.host(), tick as f64 * f64::from(cast.dt_s));
+            }
             if let (Some(viewer), Subject::Regions(world)) = (&mut viewer, subject) {
                 viewer.show_local(world);
                 viewer.wait(world, || interrupt.asked());
@@ -101,6 +112,10 @@ impl Run {
             (Some(save), Subject::Regions(world)) => save.write(world, common),
             _ => Ok(()),
         };
+        let filmed = match (camera, &subject) {
+            (Some(camera), Subject::Regions(world)) => camera.finish(Some(world.host()), 0.0, common),
+            _ => Ok(()),
+        };
         if self.json {
             let json = serde_json::to_string(&report)
                 .map_err(|error| Failure::run(format!("cannot write JSON: {error}; leave --json out")))?;
@@ -110,6 +125,7 @@ impl Run {
         }
         written?;
         saved?;
+        filmed?;
         if report.lost + report.doubled > 0 {
             return Err(Failure::run(format!(
                 "{} bodies are lost and {} doubled: this is a fault of dcd; please report it with the scene",
@@ -133,6 +149,7 @@ impl Run {
         let needs = [
             ("--save", self.save.is_some()),
             ("--view", self.view.is_some()),
+            ("--gltf", self.film.is_given()),
             ("--balance", self.cuts.balances()),
         ];
         if let Some((name, _)) = needs.into_iter().find(|(_, given)| self.regions == Some(0) && *given) {

@@ -2554,6 +2554,13 @@ DcdStatus dcd_debug_draw(DcdWorld world,
                          const DcdViewTime *time,
                          const DcdDebugDraw *draw);
 
+// Writes the world as it is after the last step to a binary glTF file (.glb), for Blender and engines: bodies as nodes named by their numbers ("b7",
+// "c2/b0"), with their shapes in the colour of the region that owns them. What is at `path` is replaced.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_IO, DCD_ERR_LIMIT for a file above 4 GiB, DCD_ERR_UNSUPPORTED for a node.
+DCD_API
+DcdStatus dcd_gltf_save_file(DcdWorld world,
+                             const char *path);
+
 // Sets whether a client or participant shows its own avatars, and what they touch, ahead of the world, so that they answer at once; it
 // does at first.
 //

@@ -373,4 +373,24 @@ mod tests {
         assert_eq!(again[2].2.translation, [5.0, 0.0, 0.0]);
         assert_eq!(again[1].0, id);
     }
+
+    /// What drawing costs: said, where nothing else runs (`cargo test -p dcd --lib drawing -- --ignored --nocapture`).
+    #[test]
+    #[ignore = "measures"]
+    fn twenty_thousand_bodies_are_drawn_within_a_frame() {
+        let scene = crate::scene::Scene::named("pile", &crate::Params::new().with("n", 20_000)).unwrap();
+        let config = WorldConfig { partitioning: Partitioning::Regions(4), ..WorldConfig::for_scene(&scene) };
+        let mut world = World::from_scene(&scene, config).unwrap();
+        world.step().unwrap();
+        let mut least = [std::time::Duration::MAX; 2];
+        for (what, least) in [Flag::SHAPES, Flag::ALL].into_iter().zip(&mut least) {
+            for _ in 0..5 {
+                let start = std::time::Instant::now();
+                let drawn = drawn(&mut world, what);
+                *least = (*least).min(start.elapsed());
+                assert!(drawn.shapes.len() > 20_000);
+            }
+        }
+        println!("shapes {:?}, all {:?}", least[0], least[1]);
+    }
 }

@@ -177,3 +177,105 @@ fn middle(moment: &Moment) -> [f64; 3] {
         if mean.is_finite() { mean } else { 0.0 }
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use rapier3d::prelude::*;
+    use serde_json::Value;
+
+    use super::*;
+    use crate::runtime::{LocalWorld, WorldConfig};
+
+    /// The JSON of a file, and its block.
+    fn read(film: &Film) -> (Value, Vec<u8>) {
+        let mut bytes = Vec::new();
+        film.write(&mut bytes).unwrap();
+        let number = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap()) as usize;
+        assert_eq!((&bytes[..4], number(4), number(8)), (&b"glTF"[..], 2, bytes.len()));
+        let text = &bytes[20..20 + number(12)];
+        let block = bytes.get(28 + text.len()..).unwrap_or_default().to_vec();
+        (serde_json::from_slice(text).unwrap(), block)
+    }
+
+    fn cube(world: &mut LocalWorld, x: f32, vx: f32) -> BodyId {
+        let body = RigidBodyBuilder::dynamic()
+            .translation(Vector::new(x, 0.0, 0.0))
+            .linvel(Vector::new(vx, 0.0, 0.0))
+            .gravity_scale(0.0);
+        world.insert(body, ColliderBuilder::cuboid(0.5, 0.5, 0.5)).unwrap()
+    }
+
+    #[test]
+    fn bodies_that_come_and_go_have_no_size_before_and_after_and_those_that_rest_no_keys() {
+        let mut world = LocalWorld::new(WorldConfig::default()).unwrap();
+        let resting = cube(&mut world, -9.0, 0.0);
+        let leaving = cube(&mut world, 0.0, 1.0);
+        let mut film = Film::default();
+        film.look(world.host(), 10.0).unwrap();
+        world.step().unwrap();
+        world.remove(leaving).unwrap();
+        let coming = cube(&mut world, 9.0, 1.0);
+        film.look(world.host(), 11.0).unwrap();
+        world.step().unwrap();
+        film.look(world.host(), 12.0).unwrap();
+        let (json, block) = read(&film);
+        let node = |id: BodyId| {
+            let nodes = json["nodes"].as_array().unwrap();
+            nodes.iter().position(|node| node["name"] == id.to_string()).expect("it is there")
+        };
+        let animation = &json["animations"][0];
+        let floats = |accessor: &Value| -> Vec<f32> {
+            let accessor = &json["accessors"][accessor.as_u64().unwrap() as usize];
+            let view = &json["bufferViews"][accessor["bufferView"].as_u64().unwrap() as usize];
+            let offset = [accessor, view].map(|of| of["byteOffset"].as_u64().unwrap() as usize);
+            let width = if accessor["type"] == "VEC3" { 3 } else { 1 };
+            let bytes =
+                &block[offset[0] + offset[1]..][..4 * width * accessor["count"].as_u64().unwrap() as usize];
+            bytes.chunks(4).map(|bytes| f32::from_le_bytes(bytes.try_into().unwrap())).collect()
+        };
+        let keys = |id: BodyId, path: &str| {
+            let channels = animation["channels"].as_array().unwrap();
+            let is_meant =
+                |channel: &&Value| channel["target"]["node"] == node(id) && channel["target"]["path"] == path;
+            let sampler = channels.iter().find(is_meant)?["sampler"].as_u64().unwrap() as usize;
+            let sampler = &animation["samplers"][sampler];
+            Some((floats(&sampler["input"]), floats(&sampler["output"])))
+        };
+        assert_eq!(keys(leaving, "scale"), Some((vec![0.0, 1.0], vec![1.0, 1.0, 1.0, 0.0, 0.0, 0.0])));
+        assert_eq!(keys(coming, "scale"), Some((vec![0.0, 1.0], vec![0.0, 0.0, 0.0, 1.0, 1.0, 1.0])));
+        let (times, places) = keys(coming, "translation").expect("it moves");
+        let origin = film.origin.unwrap()[0];
+        let last = world.pose(coming).unwrap().translation[0] - origin;
+        assert_eq!((times, places[3]), (vec![1.0, 2.0], last as f32));
+        assert_eq!((keys(resting, "translation"), keys(resting, "scale")), (None, None));
+        assert_eq!(json["scenes"][0]["extras"]["ticks"], serde_json::json!([0, 2]));
+    }
+
+    #[test]
+    fn what_rests_and_then_moves_rests_until_then() {
+        let mut body = Filmed {
+            id: BodyId::persistent(0),
+            kind: 0,
+            region: None,
+            colour: [0; 4],
+            parts: Vec::new(),
+            keys: Vec::new(),
+            still_s: 0.0,
+            came_s: 0.0,
+            gone_s: None,
+        };
+        let key = |time_s: f32, x: f32| Key { time_s, at: [x, 0.0, 0.0], turn: [0.0, 0.0, 0.0, 1.0] };
+        for (time, x) in [(0.0, 1.0), (1.0, 1.0), (2.0, 1.0), (3.0, 2.0), (4.0, 3.0), (5.0, 3.0)] {
+            body.note(key(time, x));
+        }
+        let kept: Vec<_> = body.keys.iter().map(|key| (key.time_s, key.at[0])).collect();
+        assert_eq!(kept, [(0.0, 1.0), (2.0, 1.0), (3.0, 2.0), (4.0, 3.0)]);
+    }
+
+    #[test]
+    fn a_film_of_nothing_is_a_file_too() {
+        let (json, block) = read(&Film::default());
+        assert_eq!((json["nodes"].as_array().unwrap().len(), block.len()), (1, 0));
+        assert_eq!((json.get("buffers"), json.get("meshes")), (None, None));
+    }
+}

@@ -8,6 +8,7 @@ mod debug;
 mod geometry;
 mod gltf;
 mod host;
+#[cfg_attr(not(feature = "view"), expect(dead_code, reason = "the viewer shows more than files hold"))]
 mod moment;
 mod slots;
 mod source;

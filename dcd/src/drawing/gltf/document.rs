@@ -18,6 +18,8 @@ const BIN: &[u8; 4] = b"BIN\0";
 /// How a primitive is drawn.
 const LINES: u32 = 1;
 const TRIANGLES: u32 = 4;
+/// The half edge of the square that stands for a plane, metres.
+const PLANE_M: f32 = 1000.0;
 
 /// A geometry by its number, and what besides decides on its vertices: the size of a capsule.
 type Outline = (u16, [u32; 2]);
@@ -170,7 +172,7 @@ impl Document {
                 CAPSULE => self.solid(&primitives::capsule(radius, half_height)),
                 CYLINDER => self.solid(&primitives::cylinder()),
                 CONE => self.solid(&primitives::cone()),
-                PLANE => self.solid(&primitives::plane(film.plane_m)),
+                PLANE => self.solid(&primitives::plane(PLANE_M)),
                 mesh => self.surface(film, usize::from(mesh - FIRST_MESH)),
             };
             self.primitive_of.insert(outline, primitive);

@@ -42,8 +42,6 @@ pub(crate) struct Film {
     looker: Looker,
     /// What is near the bodies, so that f32 is exact enough: the origin of all that follows.
     origin: Option<[f64; 3]>,
-    /// The half edge of the square that stands for a plane, metres.
-    plane_m: f32,
     bodies: Vec<Filmed>,
     /// The places of bodies by their slots; fixed ones apart.
     by_slot: BTreeMap<(bool, u32), usize>,
@@ -97,11 +95,6 @@ impl Filmed {
 impl Film {
     /// Takes a world as it is now, at a time of its own; times go up.
     pub(crate) fn look(&mut self, world: &impl Source, seconds: f64) -> Result<(), GltfError> {
-        if self.origin.is_none() {
-            let size = world.bounds();
-            let edge = |i: usize| size.max[i] - size.min[i];
-            self.plane_m = (0..3).map(edge).fold(1.0, f64::max).min(1e6) as f32;
-        }
         let moment = self.looker.look(world, &Wishes::default(), Moment::default());
         self.take(moment, seconds)
     }

@@ -19,7 +19,8 @@
  * must be aligned for their type. What it lends says how long it lives. Texts are UTF-8 that ends with NUL.
  *
  * Threads. Any thread may call any function at any time. Calls on one world run one after the other; a call waits for its
- * turn. Calls on different worlds run side by side. From within the log callback every call on a world is DCD_ERR_BUSY.
+ * turn. Calls on different worlds run side by side. From within the log callback and those of
+ * dcd_debug_draw every call on a world is DCD_ERR_BUSY.
  *
  * Bugs of ours. A panic inside the library becomes DCD_ERR_PANIC. The world it happened in answers every later call so, and
  * can be destroyed; everything else goes on.
@@ -989,6 +990,82 @@ typedef struct DcdViewTime {
     double input_delay;
 } DcdViewTime;
 
+// What is drawn: DCD_DRAW_... bits.
+typedef uint32_t DcdDrawFlags;
+
+// Draws a point that is `size` pixels wide, however far it is.
+typedef void (*DcdDrawPointFn)(void *context, const double *at, float size, uint32_t colour);
+
+// Draws a line between two points.
+typedef void (*DcdDrawLineFn)(void *context, const double *from, const double *to, uint32_t colour);
+
+// Draws a box along the axes of world space.
+typedef void (*DcdDrawBoxFn)(void *context, const double *min, const double *max, uint32_t colour);
+
+// The kind of a shape that is drawn; DCD_DRAWN_BOX to DCD_DRAWN_MESH. Others may come: skip what you do not know.
+typedef uint32_t DcdDrawnKind;
+
+// A shape that is drawn, about the origin of its pose. Rounded shapes are drawn as large as they are, with edges. It may grow at its end.
+typedef struct DcdDrawnShape {
+    // DCD_DRAWN_BOX and so on.
+    DcdDrawnKind kind;
+    // Which mesh it is: in one world the same number is the same mesh for ever, so that what a renderer makes of it can be kept.
+    uint32_t mesh;
+    // Metres.
+    float size[3];
+    // 0.
+    uint32_t reserved;
+    // Of a mesh: x, y, z of each corner, metres.
+    const float *vertices;
+    // How many corners.
+    size_t vertex_count;
+    // Of a mesh: three corners of each triangle, counterclockwise from outside.
+    const uint32_t *triangles;
+    // How many triangles.
+    size_t triangle_count;
+} DcdDrawnShape;
+
+// Draws one shape of a body at its place in the world.
+typedef void (*DcdDrawShapeFn)(void *context,
+                               DcdBodyId body,
+                               const DcdDrawnShape *shape,
+                               const DcdPose *pose,
+                               uint32_t colour);
+
+// Writes a text that begins at a point and is turned to whoever looks.
+typedef void (*DcdDrawTextFn)(void *context, const double *at, const char *text, uint32_t colour);
+
+// What is drawn, and by which functions. Start from DCD_DEBUG_DRAW_INIT.
+//
+// Points are three doubles, in metres of world space; colours are 0xRRGGBBAA. What pointers lead to is valid during the call. Without
+// draw_box or draw_shape their things are drawn by draw_line; what has no function otherwise is skipped.
+typedef struct DcdDebugDraw {
+    // sizeof(DcdDebugDraw).
+    uint32_t struct_size;
+    // DCD_DRAW_... bits.
+    DcdDrawFlags flags;
+    // The first argument of all functions.
+    void *context;
+    // Null: skipped.
+    DcdDrawPointFn draw_point;
+    // Null: skipped.
+    DcdDrawLineFn draw_line;
+    // Null: by draw_line.
+    DcdDrawBoxFn draw_box;
+    // Null: by draw_line.
+    DcdDrawShapeFn draw_shape;
+    // Null: skipped.
+    DcdDrawTextFn draw_text;
+    // Movable bodies with their origin outside this box, and contacts outside, are left out.
+    double min[3];
+    // Its other corner.
+    double max[3];
+    // The length of the line of a velocity, metres per m/s.
+    float velocity_scale;
+    // The length of the line of a force, metres per newton.
+    float force_scale;
+} DcdDebugDraw;
+
 // What a client predicts, and how often it was wrong. Start from DCD_PREDICTION_INIT.
 typedef struct DcdPrediction {
     // sizeof(DcdPrediction).
@@ -1523,8 +1600,8 @@ typedef struct DcdForce {
 // The caller's memory is too small; the size needed was written.
 #define DCD_ERR_SMALL_BUFFER (-5)
 
-// Not now: called from within the log callback, where worlds may not be used, while a step that was begun is not waited
-// for, or for messages while too many wait to be sent.
+// Not now: called from within the log callback or one of dcd_debug_draw, where worlds may not be used, while a step that was begun is
+// not waited for, or for messages while too many wait to be sent.
 #define DCD_ERR_BUSY (-6)
 
 // Nobody answered in time.
@@ -1669,6 +1746,63 @@ typedef struct DcdForce {
 
 // A DcdPose, as dcd_body_set_target takes it; to be written only.
 #define DCD_FIELD_TARGET 4
+
+// Bodies by their shapes, in the colour of the region that owns them, greyed while they sleep; fixed ones are grey, sensors faint.
+#define DCD_DRAW_SHAPES 1
+
+// The boxes around movable bodies.
+#define DCD_DRAW_AABBS 2
+
+// The boxes around all that movable bodies may reach in the next three steps, by which regions predict contacts across borders.
+#define DCD_DRAW_SWEPT_AABBS 4
+
+// Centres of mass, as points.
+#define DCD_DRAW_CENTRES_OF_MASS 8
+
+// Regions, as boxes within the bounds of the world.
+#define DCD_DRAW_BORDERS 16
+
+// Copies of bodies in regions that do not own them, as boxes in the colour of the region that holds them.
+#define DCD_DRAW_GHOSTS 32
+
+// Contacts, as points, with their forces as lines.
+#define DCD_DRAW_CONTACTS 64
+
+// Joints, as lines from the one body to the joint and on to the other.
+#define DCD_DRAW_JOINTS 128
+
+// Linear velocities, as lines.
+#define DCD_DRAW_VELOCITIES 256
+
+// Avatars of clients, as points: white if they are this process's own.
+#define DCD_DRAW_AVATARS 512
+
+// Ids of movable bodies, as text.
+#define DCD_DRAW_LABELS 1024
+
+// All of it.
+#define DCD_DRAW_ALL 2047
+
+// A box; `size` is half of its edges.
+#define DCD_DRAWN_BOX 0
+
+// A sphere; size[0] is its radius.
+#define DCD_DRAWN_SPHERE 1
+
+// A capsule along y; size[0] is its radius, size[1] half of its length without the caps.
+#define DCD_DRAWN_CAPSULE 2
+
+// A cylinder along y; size[0] is its radius, size[1] half of its height.
+#define DCD_DRAWN_CYLINDER 3
+
+// A cone whose tip is at +y; size[0] is the radius of its base, size[1] half of its height.
+#define DCD_DRAWN_CONE 4
+
+// All below the plane y = 0.
+#define DCD_DRAWN_HALF_SPACE 5
+
+// A mesh of triangles, or of lines, which are triangles of which two corners are one.
+#define DCD_DRAWN_MESH 6
 
 // It is new, and has a link.
 #define DCD_CONNECTION_CAME 1
@@ -2410,6 +2544,28 @@ DcdStatus dcd_view_state(DcdWorld world,
                          const DcdViewTime *time,
                          DcdStateView *out);
 
+// Draws a world by calls of the functions of `draw`: in a frame, at the time that it shows (dcd_view_time), or, where `time` is null, as it
+// is after the last dcd_step. Boxes around bodies, centres of mass, ghosts and contacts are always of the last step.
+//
+// A local world draws everything. A client or participant draws what it is told: shapes, borders, velocities, avatars, labels; a server, whose
+// record is half a second old, joints too. The rest is known only to who computes it, and left out.
+//
+// The functions are called by the calling thread, before this returns. They must return normally (no longjmp, no C++ exception). The
+// world is theirs meanwhile: calls of other threads on it wait, and every call on a world from within is DCD_ERR_BUSY.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for unknown flags, a box without an inside and numbers that are not finite,
+// DCD_ERR_BUSY from within a callback, DCD_ERR_UNSUPPORTED for a node.
+DCD_API
+DcdStatus dcd_debug_draw(DcdWorld world,
+                         const DcdViewTime *time,
+                         const DcdDebugDraw *draw);
+
+// Writes the world as it is after the last step to a binary glTF file (.glb), for Blender and engines: bodies as nodes named by their numbers ("b7",
+// "c2/b0"), with their shapes in the colour of the region that owns them. What is at `path` is replaced.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_IO, DCD_ERR_LIMIT for a file above 4 GiB, DCD_ERR_UNSUPPORTED for a node.
+DCD_API
+DcdStatus dcd_gltf_save_file(DcdWorld world,
+                             const char *path);
+
 // Sets whether a client or participant shows its own avatars, and what they touch, ahead of the world, so that they answer at once; it
 // does at first.
 //
@@ -2885,6 +3041,11 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
     { { 0 }, { { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } }, { 0 }, 0xFFFFFFFFu, 0 }
 #define DCD_BOX_QUERY_INIT { { 0.0, 0.0, 0.0 }, { 0.0, 0.0, 0.0 }, { 0 }, 0xFFFFFFFFu, 0 }
 
+/* Shapes, everywhere: by no function yet. */
+#define DCD_DEBUG_DRAW_INIT \
+    { (uint32_t)sizeof(DcdDebugDraw), DCD_DRAW_SHAPES, NULL, NULL, NULL, NULL, NULL, NULL, \
+      { -1.0e300, -1.0e300, -1.0e300 }, { 1.0e300, 1.0e300, 1.0e300 }, 0.1f, 1.0e-4f }
+
 /* Ten seconds of patience, no identity file; one thread per core. */
 #define DCD_CLIENT_DEF_INIT \
     { (uint32_t)sizeof(DcdClientDef), 10000, NULL, NULL, NULL, 0, { 0.0, 0.0, 0.0 }, 0.0 }
@@ -3217,6 +3378,28 @@ DCD_ASSERT_(offsetof(DcdViewTime, shown) == 16);
 DCD_ASSERT_(offsetof(DcdViewTime, predicted) == 24);
 DCD_ASSERT_(offsetof(DcdViewTime, clock_error) == 32);
 DCD_ASSERT_(offsetof(DcdViewTime, input_delay) == 40);
+DCD_ASSERT_(sizeof(DcdDrawnShape) == 56);
+DCD_ASSERT_(offsetof(DcdDrawnShape, kind) == 0);
+DCD_ASSERT_(offsetof(DcdDrawnShape, mesh) == 4);
+DCD_ASSERT_(offsetof(DcdDrawnShape, size) == 8);
+DCD_ASSERT_(offsetof(DcdDrawnShape, reserved) == 20);
+DCD_ASSERT_(offsetof(DcdDrawnShape, vertices) == 24);
+DCD_ASSERT_(offsetof(DcdDrawnShape, vertex_count) == 32);
+DCD_ASSERT_(offsetof(DcdDrawnShape, triangles) == 40);
+DCD_ASSERT_(offsetof(DcdDrawnShape, triangle_count) == 48);
+DCD_ASSERT_(sizeof(DcdDebugDraw) == 112);
+DCD_ASSERT_(offsetof(DcdDebugDraw, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdDebugDraw, flags) == 4);
+DCD_ASSERT_(offsetof(DcdDebugDraw, context) == 8);
+DCD_ASSERT_(offsetof(DcdDebugDraw, draw_point) == 16);
+DCD_ASSERT_(offsetof(DcdDebugDraw, draw_line) == 24);
+DCD_ASSERT_(offsetof(DcdDebugDraw, draw_box) == 32);
+DCD_ASSERT_(offsetof(DcdDebugDraw, draw_shape) == 40);
+DCD_ASSERT_(offsetof(DcdDebugDraw, draw_text) == 48);
+DCD_ASSERT_(offsetof(DcdDebugDraw, min) == 56);
+DCD_ASSERT_(offsetof(DcdDebugDraw, max) == 80);
+DCD_ASSERT_(offsetof(DcdDebugDraw, velocity_scale) == 104);
+DCD_ASSERT_(offsetof(DcdDebugDraw, force_scale) == 108);
 DCD_ASSERT_(sizeof(DcdPrediction) == 56);
 DCD_ASSERT_(offsetof(DcdPrediction, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdPrediction, bodies) == 4);

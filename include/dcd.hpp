@@ -75,6 +75,7 @@ using Pose = DcdPose;
 using Velocity = DcdVelocity;
 using Drive = DcdDrive;
 using ViewTime = DcdViewTime;
+using DrawnShape = DcdDrawnShape;
 using Frame = DcdFrame;
 using Contact = DcdContact;
 using ContactForce = DcdContactForce;
@@ -128,6 +129,7 @@ DCD_STRUCT_(BodyInfo, DCD_BODY_INFO_INIT);
 DCD_STRUCT_(Owner, DCD_OWNER_INIT);
 DCD_STRUCT_(Stats, DCD_STATS_INIT);
 DCD_STRUCT_(Prediction, DCD_PREDICTION_INIT);
+DCD_STRUCT_(DebugDraw, DCD_DEBUG_DRAW_INIT);
 DCD_STRUCT_(ConnectionInfo, DCD_CONNECTION_INFO_INIT);
 #undef DCD_STRUCT_
 
@@ -403,6 +405,7 @@ public:
         return Status(dcd_snapshot_load(world_, data.data(), data.size()));
     }
     Status snapshot_save_file(const char *path) const { return Status(dcd_snapshot_save_file(world_, path)); }
+    Status gltf_save_file(const char *path) const { return Status(dcd_gltf_save_file(world_, path)); }
     Status snapshot_load_file(const char *path) { return Status(dcd_snapshot_load_file(world_, path)); }
     Status record(const char *path) { return Status(dcd_record(world_, path)); }
     Status record_last(float seconds) { return Status(dcd_record_last(world_, seconds)); }
@@ -426,6 +429,11 @@ public:
         DcdStateView view = DCD_STATE_VIEW_INIT;
         Status status(dcd_view_state(world_, &time, &view));
         return { status, StateView(view) };
+    }
+    /* At a time to show, or else as it is after the last step. The functions of `draw` must not throw. */
+    Status debug_draw(const DebugDraw &draw, const ViewTime *time = nullptr)
+    {
+        return Status(dcd_debug_draw(world_, time, &draw));
     }
     Result<Pose> view_body(BodyId body, double tick, Velocity *velocity = nullptr) const
     {

@@ -14,6 +14,7 @@ compile_error!(
     "dcd-ffi turns panics into DCD_ERR_PANIC, so it needs panic = \"unwind\"; remove panic = \"abort\""
 );
 
+mod callback;
 mod guard;
 mod handle;
 mod pinned;
@@ -58,6 +59,8 @@ pub mod step;
 pub mod state;
 
 pub mod view;
+
+pub mod draw;
 
 pub mod prediction;
 

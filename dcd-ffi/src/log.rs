@@ -1,6 +1,5 @@
 //! Forwards the log lines of dcd to one C function.
 
-use std::cell::Cell;
 use std::ffi::{c_char, c_void};
 use std::fmt::{self, Write};
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -10,8 +9,9 @@ use tracing::field::{Field, Visit};
 use tracing::span::{Attributes, Id, Record};
 use tracing::{Event, Level, Metadata, Subscriber};
 
+use crate::callback::{Callback, check_outside, enter, inside};
 use crate::guard::guard;
-use crate::status::{DCD_ERR_BUSY, DCD_ERR_UNSUPPORTED, DcdStatus, Failure};
+use crate::status::{DCD_ERR_UNSUPPORTED, DcdStatus, Failure};
 
 /// The severity of a log line; DCD_LOG_OFF to DCD_LOG_TRACE.
 pub type DcdLogLevel = u32;
@@ -60,25 +60,6 @@ unsafe impl Sync for Sink {}
 static SINK: RwLock<Option<Sink>> = RwLock::new(None);
 static MOST: AtomicU32 = AtomicU32::new(DCD_LOG_OFF);
 
-thread_local! {
-    static INSIDE: Cell<bool> = const { Cell::new(false) };
-}
-
-/// Returns whether this thread is in the user's function now; then it may hold locks of ours.
-pub(crate) fn inside() -> bool {
-    INSIDE.try_with(Cell::get).unwrap_or(false)
-}
-
-/// Fails when called from the user's function.
-pub(crate) fn check_outside() -> Result<(), Failure> {
-    if inside() { Err(busy()) } else { Ok(()) }
-}
-
-#[cold]
-fn busy() -> Failure {
-    Failure::new(DCD_ERR_BUSY, "called from within the log callback; note it there and call later")
-}
-
 /// Replaces the user's function; when this returns, the old one neither runs nor will.
 pub(crate) fn set(function: DcdLogFn, user: *mut c_void, most: DcdLogLevel) -> Result<(), Failure> {
     check_outside()?;
@@ -107,7 +88,9 @@ impl Subscriber for Forward {
     }
 
     fn enabled(&self, metadata: &Metadata<'_>) -> bool {
-        metadata.is_event() && level(metadata.level()) <= MOST.load(Ordering::Relaxed) && !inside()
+        metadata.is_event()
+            && level(metadata.level()) <= MOST.load(Ordering::Relaxed)
+            && inside() != Some(Callback::Log)
     }
 
     fn event(&self, event: &Event<'_>) {
@@ -116,12 +99,11 @@ impl Subscriber for Forward {
         let text = line.message + &line.fields;
         let sink = SINK.read().unwrap_or_else(PoisonError::into_inner);
         let Some(sink) = &*sink else { return };
-        INSIDE.set(true);
+        let level = level(event.metadata().level());
         // SAFETY: the user's function, called as the header says; the text outlives the call.
-        unsafe {
-            (sink.function)(sink.user, level(event.metadata().level()), text.as_ptr().cast(), text.len());
-        }
-        INSIDE.set(false);
+        enter(Callback::Log, || unsafe {
+            (sink.function)(sink.user, level, text.as_ptr().cast(), text.len());
+        });
     }
 
     fn new_span(&self, _: &Attributes<'_>) -> Id {

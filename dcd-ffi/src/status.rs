@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 use std::ffi::{CStr, c_char};
 
-use dcd::error::RecordingError;
+use dcd::error::{GltfError, RecordingError};
 use dcd::net::NetError;
 use dcd::physics::{HostError, ShapeError};
 use dcd::runtime::{ConnectionError, ProcessError, SnapshotError, WorldError};
@@ -25,8 +25,8 @@ pub const DCD_ERR_STRUCT: DcdStatus = -3;
 pub const DCD_ERR_ARGUMENT: DcdStatus = -4;
 /// The caller's memory is too small; the size needed was written.
 pub const DCD_ERR_SMALL_BUFFER: DcdStatus = -5;
-/// Not now: called from within the log callback, where worlds may not be used, while a step that was begun is not waited
-/// for, or for messages while too many wait to be sent.
+/// Not now: called from within the log callback or one of dcd_debug_draw, where worlds may not be used, while a step that was begun is
+/// not waited for, or for messages while too many wait to be sent.
 pub const DCD_ERR_BUSY: DcdStatus = -6;
 /// Nobody answered in time.
 pub const DCD_ERR_TIMEOUT: DcdStatus = -8;
@@ -67,6 +67,7 @@ impl From<dcd::Error> for Failure {
             Error::World(error) => error.into(),
             Error::Shape(error) => error.into(),
             Error::Snapshot(error) => error.into(),
+            Error::Gltf(error) => error.into(),
             Error::Scene(error) => error.into(),
             Error::Recording(RecordingError::Io(error)) => Self::new(DCD_ERR_IO, error.to_string()),
             Error::Process(error) => error.into(),
@@ -189,6 +190,16 @@ impl From<ProcessError> for Failure {
             | ProcessError::Refused(_)
             | ProcessError::Ended(_)
             | ProcessError::Stopped => DCD_ERR_NETWORK,
+        };
+        Self::new(status, error.to_string())
+    }
+}
+
+impl From<GltfError> for Failure {
+    fn from(error: GltfError) -> Self {
+        let status = match &error {
+            GltfError::TooLarge => DCD_ERR_LIMIT,
+            _ => DCD_ERR_IO,
         };
         Self::new(status, error.to_string())
     }

@@ -1,5 +1,7 @@
 //! Shows worlds between their steps: which time to show now, and how bodies are at it.
 
+use dcd::ViewTime;
+
 use crate::guard::guard;
 use crate::ids::{DcdBodyId, DcdWorld};
 use crate::pointer::{self, Out, Sized32, check_reserved};
@@ -112,18 +114,25 @@ pub unsafe extern "C" fn dcd_view_state(
 ) -> DcdStatus {
     guard("dcd_view_state", || {
         // SAFETY: the caller vouches for both pointers.
-        let (time, out) = unsafe { (pointer::read_sized(time, "time")?, Out::sized(out, "out")?) };
-        check_reserved(time.reserved)?;
-        check_tick(time.now)?;
-        check_tick(time.shown)?;
-        check_tick(time.predicted)?;
+        let (time, out) = unsafe { (checked(time)?, Out::sized(out, "out")?) };
         with(world, |world| {
             world.dcd.sees("see the bodies of its world")?;
-            let time = dcd::ViewTime::new(time.now, time.shown).predicting(time.predicted);
             out.write(world.shown.show(&world.dcd, world.mark, &time));
             Ok(())
         })
     })
+}
+
+/// Returns a time to show that a program gives.
+///
+/// # Safety
+/// As [`pointer::read_sized`].
+pub(crate) unsafe fn checked(time: *const DcdViewTime) -> Result<ViewTime, Failure> {
+    // SAFETY: passed on.
+    let time = unsafe { pointer::read_sized(time, "time")? };
+    check_reserved(time.reserved)?;
+    [time.now, time.shown, time.predicted].into_iter().try_for_each(check_tick)?;
+    Ok(ViewTime::new(time.now, time.shown).predicting(time.predicted))
 }
 
 fn check_tick(tick: f64) -> Result<(), Failure> {

@@ -10,6 +10,7 @@ use dcd_ffi::body::*;
 use dcd_ffi::character::*;
 use dcd_ffi::collider::*;
 use dcd_ffi::connection::*;
+use dcd_ffi::draw::*;
 use dcd_ffi::event::*;
 use dcd_ffi::ids::*;
 use dcd_ffi::join::*;
@@ -115,6 +116,11 @@ fn layouts() -> Vec<Layout> {
             natural_frequency, damping_ratio, flags, locked, coupled, limited, driven
         }
         DcdViewTime { struct_size, reserved, now, shown, predicted, clock_error, input_delay }
+        DcdDrawnShape { kind, mesh, size, reserved, vertices, vertex_count, triangles, triangle_count }
+        DcdDebugDraw {
+            struct_size, flags, context, draw_point, draw_line, draw_box, draw_shape, draw_text, min, max, velocity_scale,
+            force_scale
+        }
         DcdPrediction {
             struct_size, bodies, ticks, replays, corrections, largest_correction, last_frame, longest_frame
         }
@@ -209,6 +215,11 @@ const MACROS: &str = "
 #define DCD_SHAPE_QUERY_INIT \\
     { { 0 }, { { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } }, { 0 }, 0xFFFFFFFFu, 0 }
 #define DCD_BOX_QUERY_INIT { { 0.0, 0.0, 0.0 }, { 0.0, 0.0, 0.0 }, { 0 }, 0xFFFFFFFFu, 0 }
+
+/* Shapes, everywhere: by no function yet. */
+#define DCD_DEBUG_DRAW_INIT \\
+    { (uint32_t)sizeof(DcdDebugDraw), DCD_DRAW_SHAPES, NULL, NULL, NULL, NULL, NULL, NULL, \\
+      { -1.0e300, -1.0e300, -1.0e300 }, { 1.0e300, 1.0e300, 1.0e300 }, 0.1f, 1.0e-4f }
 
 /* Ten seconds of patience, no identity file; one thread per core. */
 #define DCD_CLIENT_DEF_INIT \\
@@ -380,8 +391,10 @@ fn size_of_member(declaration: &str) -> usize {
         _ if name.contains('*') => size_of::<usize>(),
         "uint8_t" | "bool" | "char" => 1,
         "float" | "uint32_t" | "int32_t" | "DcdStatus" | "DcdBodyType" | "DcdJointType" | "DcdMotorModel"
-        | "DcdCombineRule" | "DcdConnectionState" | "DcdCause" | "DcdRole" | "DcdCoupling" | "DcdPreset" => 4,
+        | "DcdCombineRule" | "DcdDrawFlags" | "DcdDrawnKind" | "DcdConnectionState" | "DcdCause"
+        | "DcdRole" | "DcdCoupling" | "DcdPreset" => 4,
         "double" | "uint64_t" | "size_t" => 8,
+        name if name.starts_with("DcdDraw") && name.ends_with("Fn") => size_of::<usize>(),
         name => layouts().iter().find(|layout| layout.name == name).unwrap_or_else(|| panic!("{name}")).size,
     };
     size * count

@@ -40,6 +40,8 @@
 #[cfg(feature = "physics")]
 pub use rapier3d;
 
+#[cfg(feature = "physics")]
+mod drawing;
 pub mod manual;
 #[cfg(feature = "physics")]
 pub mod prelude;
@@ -84,6 +86,8 @@ pub mod scene;
 #[doc(hidden)]
 pub mod sim;
 
+#[cfg(feature = "physics")]
+pub use drawing::{DebugDraw, DebugDrawFlags, DebugDrawSettings, DebugShape};
 #[cfg(feature = "physics")]
 pub use physics::{
     BorderView, CharacterHit, CharacterMove, ColliderId, ContactHooks, Coupling, HookedPair, Inconsistency,
@@ -141,6 +145,7 @@ pub mod network {
 /// The error types that [`Error`] wraps.
 #[cfg(feature = "physics")]
 pub mod error {
+    pub use crate::drawing::GltfError;
     pub use crate::physics::{ControlError, HostError, QueryError, ShapeError};
     pub use crate::recording::RecordingError;
     #[cfg(feature = "net")]

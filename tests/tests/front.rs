@@ -141,6 +141,84 @@ fn what_a_role_cannot_do_is_refused_by_name_and_says_what_to_do_instead() {
     local.set_interest(None).unwrap();
 }
 
+/// How many shapes were drawn, boxes, texts and points that are white.
+#[derive(Debug, Default, PartialEq)]
+struct Counted {
+    shapes: usize,
+    boxes: usize,
+    texts: usize,
+    lines: usize,
+    white: usize,
+}
+
+impl dcd::DebugDraw for Counted {
+    fn point(&mut self, _at: [f64; 3], _size_px: f32, colour: [u8; 4]) {
+        self.white += usize::from(colour == [0xff; 4]);
+    }
+
+    fn line(&mut self, _from: [f64; 3], _to: [f64; 3], _colour: [u8; 4]) {
+        self.lines += 1;
+    }
+
+    fn aabb(&mut self, _bounds: &Bounds, _colour: [u8; 4]) {
+        self.boxes += 1;
+    }
+
+    fn shape(&mut self, _: BodyId, _: &dcd::DebugShape<'_>, _: &WorldPose, _: [u8; 4]) {
+        self.shapes += 1;
+    }
+
+    fn text(&mut self, _at: [f64; 3], _text: &str, _colour: [u8; 4]) {
+        self.texts += 1;
+    }
+}
+
+#[test]
+fn every_role_draws_what_it_sees_and_a_node_refuses() {
+    use dcd::{DebugDrawFlags as Flag, DebugDrawSettings};
+    let Served { mut client, mut node, mut server, _data: folder } = served();
+    let avatar = RigidBodyBuilder::kinematic_velocity_based().translation(Vector::new(4.0, 9.0, 0.0));
+    let avatar = client.insert(avatar, ColliderBuilder::ball(0.5)).unwrap();
+    let settings = DebugDrawSettings { what: Flag::ALL, ..DebugDrawSettings::default() };
+    let draw = |world: &mut World| {
+        let mut counted = Counted::default();
+        world.debug_draw(&mut counted, &settings).map(|()| counted)
+    };
+    let start = std::time::Instant::now();
+    while client.body(avatar).is_none_or(|body| body.owner.is_none()) || client.movable_count() < 11 {
+        assert!(start.elapsed() < LIMIT, "the world comes");
+        client.poll(Duration::from_millis(10));
+        client.step().unwrap();
+        server.step().unwrap();
+    }
+    let fixed = playground().bodies.len() - 10;
+    let told = draw(&mut client).unwrap();
+    assert_eq!((told.shapes, told.texts, told.white), (11 + fixed, 11, 1), "{told:?}");
+    assert_eq!(told.boxes, client.region_count(), "borders, and no boxes of what others compute");
+    let time = client.view_time();
+    let mut shown = Counted::default();
+    client.debug_draw(&mut shown, &DebugDrawSettings { time: Some(time), ..settings }).unwrap();
+    assert_eq!(shown.shapes, told.shapes);
+
+    let kept = draw(&mut server).unwrap();
+    assert_eq!((kept.shapes, kept.texts, kept.white), (11 + fixed, 11, 0), "{kept:?}");
+    let refusal = draw(&mut node).unwrap_err();
+    assert!(refusal.to_string().starts_with("a node cannot be drawn"), "{refusal}");
+    assert!(node.save_gltf(folder.path().join("node.glb")).is_err());
+    for (name, world) in [("client.glb", &client), ("server.glb", &server)] {
+        let file = folder.path().join(name);
+        world.save_gltf(&file).unwrap();
+        assert!(std::fs::metadata(file).unwrap().len() > 1000);
+    }
+    let mut local = World::from_scene(&playground(), WorldConfig::for_scene(&playground())).unwrap();
+    for _ in 0..10 {
+        local.step().unwrap();
+    }
+    let all = draw(&mut local).unwrap();
+    assert_eq!((all.shapes, all.boxes), (10 + fixed, 10 + 10 + 1), "boxes, swept boxes, the world's");
+    assert!(all.lines > 0, "contacts press");
+}
+
 #[test]
 fn parameters_that_do_not_reach_nodes_are_refused() {
     let scene = playground();
@@ -225,6 +303,7 @@ fn every_public_type_can_be_printed_and_passes_between_threads() {
         dcd::BodyKind,
         dcd::Costs,
         dcd::Coupling,
+        dcd::DebugShape<'static>,
         dcd::Error,
         dcd::Inconsistency,
         dcd::Instead,
@@ -235,6 +314,7 @@ fn every_public_type_can_be_printed_and_passes_between_threads() {
         dcd::Why,
         dcd::error::ConnectionError,
         dcd::error::ControlError,
+        dcd::error::GltfError,
         dcd::error::HostError,
         dcd::error::ProcessError,
         dcd::error::QueryError,
@@ -305,6 +385,8 @@ fn every_public_type_can_be_printed_and_passes_between_threads() {
         dcd::ColliderId,
         dcd::ContactForce,
         dcd::ContactKey,
+        dcd::DebugDrawFlags,
+        dcd::DebugDrawSettings,
         dcd::Drive,
         dcd::Epoch,
         dcd::Gait,

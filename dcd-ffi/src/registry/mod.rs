@@ -9,10 +9,10 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use dcd::{BodyId, World as Dcd};
 use rapier3d::prelude::SharedShape;
 
+use crate::callback::check_outside;
 use crate::event::EventBuffers;
 use crate::handle::{Mark, Slots, not_null, stale};
 use crate::ids::{DcdBodyId, DcdWorld};
-use crate::log;
 use crate::query::open::OpenQueries;
 use crate::state::{ShownArrays, StateBuffers};
 use crate::status::Failure;
@@ -54,7 +54,7 @@ fn worlds() -> MutexGuard<'static, Slots<Arc<Cell>>> {
 
 /// The place of a world; for calls that do not take turns on it.
 pub(crate) fn cell(world: DcdWorld) -> Result<Arc<Cell>, Failure> {
-    log::check_outside()?;
+    check_outside()?;
     not_null(world.v, "world")?;
     worlds().get(world.v).cloned().ok_or_else(|| stale("world", world.v))
 }
@@ -64,7 +64,7 @@ pub(crate) fn with<R>(
     world: DcdWorld,
     work: impl FnOnce(&mut World) -> Result<R, Failure>,
 ) -> Result<R, Failure> {
-    log::check_outside()?;
+    check_outside()?;
     not_null(world.v, "world")?;
     LAST.with(|last| {
         if last.borrow().as_ref().is_none_or(|(handle, _)| *handle != world.v) {
@@ -104,7 +104,7 @@ pub(crate) fn add(dcd: Dcd, user_data: u64) -> DcdWorld {
 
 /// Takes a world out; calls that wait for it find it gone.
 pub(crate) fn remove(world: DcdWorld) -> Result<(), Failure> {
-    log::check_outside()?;
+    check_outside()?;
     not_null(world.v, "world")?;
     let cell = worlds().remove(world.v).ok_or_else(|| stale("world", world.v))?;
     drop(cell.close());

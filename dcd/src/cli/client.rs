@@ -12,12 +12,14 @@ use serde::Serialize;
 use super::bandwidth::Report;
 use super::common::{Common, print};
 use super::failure::Failure;
+use super::film::{Camera, FilmArgs};
 use super::interrupt::Interrupt;
 use super::summary::Summary;
 use super::truth::Truth;
 use super::values::{GIVE_UP, SERVER, address, positive, speed, wall_seconds};
 use super::view::{self, ANY_PORT};
 use crate::Viewer;
+use crate::drawing::Told;
 use crate::protocol::{Area, BodyKind, Velocity, WorldPose};
 use crate::runtime::{ClientWorld, JoinConfig, ProcessError};
 use crate::scene::Dice;
@@ -98,6 +100,8 @@ pub(super) struct Client {
     /// this machine if none is given
     #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = ANY_PORT, value_parser = address)]
     view: Option<SocketAddr>,
+    #[command(flatten)]
+    film: FilmArgs,
     /// Print the summary as one JSON object
     #[arg(long)]
     json: bool,
@@ -265,8 +269,10 @@ impl Client {
         world.limit(self.limit)?;
         let name = format!("{} of {}", world.id(), self.server);
         let viewer = self.view.map(|at| view::open(at, &name)).transpose()?;
+        let camera = self.film.open()?;
         let mut crowd = Crowd::enter(world, self.avatars.into(), self.speed, self.interest.map(f64::from))?;
         crowd.viewer = viewer;
+        crowd.camera = camera;
         crowd.truth = truth.map(|join| ClientWorld::connect(&join)).transpose()?.map(Truth::of);
         let end = loop {
             let late = limit.is_some_and(|limit| crowd.start.elapsed() >= limit);
@@ -277,7 +283,13 @@ impl Client {
                 break Err(error);
             }
         };
+        let seconds = crowd.start.elapsed().as_secs_f64();
+        let camera = crowd.camera.take();
+        let filmed = camera
+            .map(|camera| camera.finish(Told::of(&mut crowd.world).as_ref(), seconds, common))
+            .transpose();
         crowd.played(bandwidth).show(json)?;
+        filmed?;
         if let Some(truth) = crowd.truth.take() {
             truth.leave();
         }
@@ -310,6 +322,7 @@ struct Crowd {
     watch: Watch,
     truth: Option<Truth>,
     viewer: Option<Viewer>,
+    camera: Option<Camera>,
     dt_s: f64,
     /// When the world had come, and the bytes until then.
     bytes_since: Option<(Instant, u64)>,
@@ -375,6 +388,7 @@ impl Crowd {
             watch,
             truth: None,
             viewer: None,
+            camera: None,
             dt_s,
             bytes_since: None,
         })
@@ -398,6 +412,11 @@ impl Crowd {
         self.refusals += events.refusals.len() as u64;
         if let Some(viewer) = &mut self.viewer {
             viewer.show_client(&mut self.world, &events.handovers);
+        }
+        if let Some(camera) = &mut self.camera
+            && let Some(told) = Told::of(&mut self.world)
+        {
+            camera.look(&told, self.start.elapsed().as_secs_f64());
         }
         if let Some(radius_m) = self.interest_m {
             let first = self.walkers.keys().next().and_then(|&first| self.world.body(first));

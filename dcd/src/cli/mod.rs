@@ -11,6 +11,7 @@ mod demo;
 mod diff;
 mod end;
 mod failure;
+mod film;
 mod interrupt;
 mod man;
 mod node;

@@ -10,8 +10,9 @@ use super::failure::Failure;
 use super::interrupt::Interrupt;
 use super::summary::{Computed, Summary};
 use super::values::{GIVE_UP, SERVER, address, wall_seconds};
+use super::view::{self, ANY_PORT};
 use crate::net::JoinRole;
-use crate::runtime::{JoinConfig, Member, MemberConfig};
+use crate::runtime::{JoinConfig, Member, MemberConfig, Onlooker};
 
 /// Interval at which Ctrl-C is looked for.
 const LOOK: Duration = Duration::from_millis(50);
@@ -56,6 +57,10 @@ pub(super) struct Node {
     /// Record all that the node is given, and a digest of each region after each tick: `dcd replay FILE` computes it again
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
+    /// Show the regions of this node in the browser, with their copies of others' bodies, by a page at this address, which is printed on
+    /// standard error: any free port of this machine if none is given
+    #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = ANY_PORT, value_parser = address)]
+    view: Option<SocketAddr>,
     /// Print the summary as one JSON object
     #[arg(long)]
     json: bool,
@@ -79,6 +84,11 @@ impl Node {
         config.threads = self
             .threads
             .map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from);
+        let name = format!("a node of {}", self.server);
+        let viewer = self.view.map(|at| view::open(at, &name)).transpose()?;
+        config.onlooker = viewer.map(|mut viewer| -> Onlooker {
+            Box::new(move |regions, stats| viewer.show_node(regions, stats))
+        });
         let node = Member::start(config)?;
         print(&format!("joined as {}\nlistening {}", node.summary().node, node.address))?;
         while !node.wait_over(LOOK) && !interrupt.asked() {}

@@ -18,10 +18,8 @@ use crate::playback::{Motion, ViewTime};
 use crate::prediction::{Prediction, Predictor};
 use crate::protocol::{
     Area, ContactForce, Controller, Drive, EnvironmentProperties, Handover, Input, Query, QueryResult,
-    Refusal, Touch, Velocity, WorldPose,
+    Refusal, ShapeHash, ShapeRecord, Touch, Velocity, WorldPose,
 };
-#[cfg(feature = "view")]
-use crate::protocol::{ShapeHash, ShapeRecord};
 use crate::space::{BodyId, ClientId, DistributionTree, NodeId, RegionId, Tick};
 
 /// The settings with which a process joins a served world.
@@ -347,7 +345,6 @@ impl ClientWorld {
     }
 
     /// Returns a shape of a body that is known here.
-    #[cfg(feature = "view")]
     pub(crate) fn shape(&self, hash: ShapeHash) -> Option<ShapeRecord> {
         self.member.shared.lock().client.as_ref()?.shapes().get(&hash).cloned()
     }

@@ -18,8 +18,9 @@ use super::bandwidth::Received;
 use super::ending::{GIVE_UP, Reason};
 use super::links::Links;
 use super::{Connections, PhysicsDevice, ProcessError};
-use crate::cluster::{Client, ClientEvent, Node, NodeConfig, Peer};
+use crate::cluster::{Client, ClientEvent, Node, NodeConfig, Peer, TickStats};
 use crate::net::{Identity, Limits, Net, NetConfig, NetEvent, NetEvents, PeerStats};
+use crate::physics::RegionHost;
 use crate::protocol::{Area, Refusal};
 use crate::recording::{Background, Recorder};
 use crate::space::{BodyId, NodeId, Tick};
@@ -51,7 +52,12 @@ pub struct MemberConfig {
     pub interest: Option<Area>,
     /// A file to record the node to: all that it is given, and a digest of each region after each tick.
     pub record: Option<PathBuf>,
+    /// Who looks at the regions of a node after each tick, by its thread.
+    pub onlooker: Option<Onlooker>,
 }
+
+/// Looks at the regions of a node after a tick, with the numbers of that tick.
+pub type Onlooker = Box<dyn FnMut(&RegionHost, &TickStats) + Send>;
 
 impl MemberConfig {
     /// Returns the usual settings for this identity.
@@ -68,6 +74,7 @@ impl MemberConfig {
             give_up: GIVE_UP,
             interest: None,
             record: None,
+            onlooker: None,
         }
     }
 }
@@ -221,6 +228,7 @@ impl Member {
             shared.clone(),
             connections.clone(),
         );
+        running.onlooker = config.onlooker;
         let thread = std::thread::Builder::new()
             .name(format!("dcd-{who:?}"))
             .spawn(move || {

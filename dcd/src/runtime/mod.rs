@@ -62,7 +62,7 @@ pub use ending::{Cause, Reason};
 pub use error::ProcessError;
 pub use local::{LocalWorld, Partitioning, Stats, WorldConfig, WorldError};
 #[cfg(feature = "net")]
-pub use member::{Member, MemberConfig, NodeSummary};
+pub use member::{Member, MemberConfig, NodeSummary, Onlooker};
 #[cfg(feature = "net")]
 pub use origin::Origin;
 pub use replays::open_recording;

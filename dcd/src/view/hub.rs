@@ -9,10 +9,9 @@ use std::time::{Duration, Instant};
 use tungstenite::Bytes;
 
 use super::control::{Control, Next};
-use super::geometry::FIRST_MESH;
-use super::moment::{KEPT_FRAMES, Moment, Wishes};
-use super::source::{Details, Sample};
+use super::sample::Sample;
 use super::wire;
+use crate::drawing::{Details, FIRST_MESH, KEPT_FRAMES, Moment, Wishes};
 use crate::protocol::Handover;
 use crate::space::{BodyId, RegionId};
 

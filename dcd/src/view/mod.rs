@@ -4,17 +4,12 @@
 //! to a thread that encodes it once for all; each viewer has a thread of its own, and is sent the newest picture whenever it asks for
 //! one. So a slow browser sees fewer pictures and holds up nobody.
 
-mod client;
 mod control;
-mod geometry;
 mod http;
 mod hub;
-mod local;
-mod moment;
 mod page;
+mod sample;
 mod server;
-mod slots;
-mod source;
 mod wire;
 
 use std::io;
@@ -25,14 +20,15 @@ use std::time::{Duration, Instant};
 
 use ring::rand::{SecureRandom, SystemRandom};
 
+use crate::cluster::TickStats;
+use crate::drawing::{Looker, Moment, Source, Told, Wishes};
+use crate::physics::RegionHost;
 use crate::protocol::Handover;
 use crate::runtime::{ClientWorld, LocalWorld};
 use crate::world::{Error, Instead, World};
-use client::Told;
 use hub::{Fixed, Hub};
-use moment::{Looker, Moment};
+use sample::Sample;
 use server::Server;
-use source::{Sample, Source};
 
 /// The shortest time between two pictures.
 const PERIOD: Duration = Duration::from_millis(30);
@@ -82,7 +78,7 @@ pub struct Viewer {
     /// How long the last looks took.
     costs: [Duration; 4],
     /// The tick and the wishes of the last look.
-    last: Option<(u64, moment::Wishes)>,
+    last: Option<(u64, Wishes)>,
     bytes: u64,
 }
 
@@ -157,7 +153,25 @@ impl Viewer {
             disagreement_m_s: stats.disagreement_m_s,
         };
         self.hub.note(sample, world.handovers());
-        self.look(world, world.host().settings().dt_s);
+        self.look(world.host(), world.host().settings().dt_s);
+    }
+
+    /// Shows the regions that a node computes, with their copies of others' bodies, after a tick with these numbers.
+    #[doc(hidden)]
+    pub fn show_node(&mut self, regions: &RegionHost, stats: &TickStats) {
+        if !self.hub.is_viewed() {
+            return;
+        }
+        let sample = Sample {
+            tick: regions.tick().0,
+            step_ms: stats.compute_us as f32 / 1e3,
+            transfers: stats.transfers,
+            exchanges: stats.exchanges,
+            bytes: 0,
+            disagreement_m_s: stats.disagreement_m_s,
+        };
+        self.hub.note(sample, &[]);
+        self.look(regions, regions.settings().dt_s);
     }
 
     /// Shows a client's world as its player would see it now.
@@ -192,7 +206,7 @@ impl Viewer {
             if self.hub.wait_for_step(dt_s, LOOK) {
                 return true;
             }
-            self.look(world, dt_s);
+            self.look(world.host(), dt_s);
         }
         false
     }

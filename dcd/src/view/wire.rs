@@ -2,9 +2,8 @@
 //!
 //! Each message begins with a byte that says what it is. `page/wire.js` reads them.
 
-use super::geometry::{Mesh, Part};
-use super::moment::{Arrival, JointSeen, Moment};
-use super::source::Sample;
+use super::sample::Sample;
+use crate::drawing::{Arrival, JointSeen, Mesh, Moment, Part, Seen};
 
 /// The version of the messages: page and program are of one build, so that only programs that speak to another's viewer need it.
 pub(super) const VERSION: u8 = 1;
@@ -176,7 +175,7 @@ pub(super) fn frame(moment: &Moment, origin: [f64; 3]) -> Vec<u8> {
         }
         let bits =
             PRESENT | if seen.sleeping { SLEEPING } else { 0 } | if seen.outside { OUTSIDE } else { 0 };
-        let mark = [seen.owner.min(255) as u8, bits, 0, eighths(seen.speed_m_s)];
+        let mark = [seen.owner.min(255) as u8, bits, 0, eighths(speed_m_s(seen))];
         marks[4 * slot..][..4].copy_from_slice(&mark);
     }
     for ghost in &moment.ghosts {
@@ -226,6 +225,10 @@ pub(super) fn state(state: &State) -> Vec<u8> {
     state.kept.iter().for_each(|&tick| to.f64(tick as f64));
     to.u32(state.viewers as u32);
     to.0
+}
+
+fn speed_m_s(seen: &Seen) -> f32 {
+    seen.velocity_m_s.iter().map(|v| v * v).sum::<f32>().sqrt()
 }
 
 fn relative(at: [f64; 3], origin: [f64; 3]) -> [f32; 3] {

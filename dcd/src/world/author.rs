@@ -419,14 +419,9 @@ impl Author {
 
     /// Returns the movable bodies in id order.
     pub(super) fn movable_bodies(&self, server: &ServerProcess) -> Vec<MovableBody> {
-        let ids = server.read(|record| record.present().map(|body| body.id).collect::<BTreeSet<_>>());
-        let own = self.bodies.iter().map(|body| body.id).chain(self.awaited.keys().copied());
-        let ids: BTreeSet<_> = ids.into_iter().chain(own).collect();
         let tree = server.tree();
-        let movable = |id| {
-            let BodyRecord { state, traits, .. } =
-                self.known(server, id).filter(|body| body.traits.kind != BodyKind::Fixed)?;
-            Some(MovableBody {
+        let movable = |BodyRecord { id, state, traits, .. }: BodyRecord| {
+            (traits.kind != BodyKind::Fixed).then(|| MovableBody {
                 id,
                 region: tree.leaf_at(state.pose.translation),
                 pose: state.pose,
@@ -436,7 +431,28 @@ impl Author {
                 outside: false,
             })
         };
-        ids.into_iter().filter_map(movable).collect()
+        self.known_bodies(server).filter_map(movable).collect()
+    }
+
+    /// Returns all bodies in id order, as [`Author::known`].
+    fn known_bodies(&self, server: &ServerProcess) -> impl Iterator<Item = BodyRecord> {
+        let ids = server.read(|record| record.present().map(|body| body.id).collect::<BTreeSet<_>>());
+        let own = self.bodies.iter().map(|body| body.id).chain(self.awaited.keys().copied());
+        let ids: BTreeSet<_> = ids.into_iter().chain(own).collect();
+        ids.into_iter().filter_map(|id| self.known(server, id))
+    }
+
+    /// Returns the fixed bodies in id order.
+    pub(super) fn fixed_bodies(&self, server: &ServerProcess) -> Vec<(BodyId, WorldPose)> {
+        let fixed =
+            |body: BodyRecord| (body.traits.kind == BodyKind::Fixed).then_some((body.id, body.state.pose));
+        self.known_bodies(server).filter_map(fixed).collect()
+    }
+
+    /// Returns a shape of a body on record, or of one that the program inserted.
+    pub(super) fn shape(&self, server: &ServerProcess, hash: ShapeHash) -> Option<ShapeRecord> {
+        let own = self.shapes.record_of(hash).cloned();
+        own.or_else(|| server.read(|record| record.shape(hash).cloned()))
     }
 
     /// Returns the place of a body that was inserted since the last step.

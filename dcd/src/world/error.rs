@@ -3,6 +3,7 @@
 use std::fmt;
 
 use super::role::Unsupported;
+use crate::drawing::GltfError;
 use crate::physics::{QueryError, ShapeError};
 use crate::recording::RecordingError;
 #[cfg(feature = "net")]
@@ -29,6 +30,9 @@ pub enum Error {
     /// A world cannot be recorded.
     #[error(transparent)]
     Recording(#[from] RecordingError),
+    /// A glTF file cannot be written.
+    #[error(transparent)]
+    Gltf(#[from] GltfError),
     /// A scene cannot be read.
     #[error(transparent)]
     Scene(#[from] SceneError),

@@ -15,10 +15,11 @@ use super::role::{Instead, Role, Unsupported};
 use super::view::{Body, MovableBody};
 use crate::net::PeerStats;
 use crate::protocol::{
-    BodyRecord, Controller, Drive, JointRecord, Push, Query, QueryResult, Velocity, WorldEvents, WorldPose,
+    BodyRecord, Controller, Drive, JointRecord, Push, Query, QueryResult, ShapeHash, ShapeRecord, Velocity,
+    WorldEvents, WorldPose,
 };
 use crate::runtime::{LocalWorld, Member, SUSPENDED, ServerProcess, Stats};
-use crate::space::{BodyId, JointId, Tick};
+use crate::space::{BodyId, DistributionTree, JointId, Tick};
 
 /// The process that runs behind the world, on threads of its own.
 pub(super) enum Process {
@@ -302,6 +303,24 @@ impl Remote for Hosted {
     fn record(&self, id: BodyId) -> Option<BodyRecord> {
         let (server, author) = self.read()?;
         author.known(server, id)
+    }
+
+    fn shape(&self, hash: ShapeHash) -> Option<ShapeRecord> {
+        let (server, author) = self.read()?;
+        author.shape(server, hash)
+    }
+
+    fn for_each_fixed(&self, look: &mut dyn FnMut(BodyId, &WorldPose)) {
+        let fixed = self.read().map(|(server, author)| author.fixed_bodies(server));
+        fixed.into_iter().flatten().for_each(|(id, pose)| look(id, &pose));
+    }
+
+    fn joints(&self) -> Vec<JointRecord> {
+        self.read().map(|(server, author)| author.joints(server)).unwrap_or_default()
+    }
+
+    fn tree(&self) -> Option<DistributionTree> {
+        self.read().map(|(server, _)| server.tree())
     }
 
     fn motion(&self, id: BodyId) -> Option<(WorldPose, Velocity)> {

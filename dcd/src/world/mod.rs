@@ -8,6 +8,7 @@
 mod author;
 mod bodies;
 mod control;
+mod drawing;
 mod error;
 #[cfg(feature = "net")]
 mod hosted;
@@ -29,6 +30,7 @@ mod view;
 
 use std::time::Duration;
 
+use crate::drawing::Canvas;
 use crate::runtime::{LocalWorld, WorldConfig};
 use crate::scene::Scene;
 use crate::space::Tick;
@@ -66,6 +68,7 @@ pub struct World {
     inner: Inner,
     answers: Answers,
     last_step: LastStep,
+    canvas: Canvas,
 }
 
 enum Inner {
@@ -91,7 +94,7 @@ impl From<LocalWorld> for World {
 
 impl World {
     fn with(inner: Inner) -> Self {
-        Self { inner, answers: Answers::default(), last_step: LastStep::default() }
+        Self { inner, answers: Answers::default(), last_step: LastStep::default(), canvas: Canvas::default() }
     }
 
     /// Makes an empty local world.

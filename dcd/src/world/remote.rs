@@ -14,13 +14,13 @@ use crate::playback::{Motion, ViewTime};
 #[cfg(feature = "net")]
 use crate::prediction::Prediction;
 use crate::protocol::{
-    Area, BodyRecord, Controller, Drive, Handover, JointRecord, Push, Query, QueryResult, Velocity,
-    WorldEvents, WorldPose,
+    Area, BodyRecord, Controller, Drive, Handover, JointRecord, Push, Query, QueryResult, ShapeHash,
+    ShapeRecord, Velocity, WorldEvents, WorldPose,
 };
 #[cfg(feature = "net")]
 use crate::runtime::WorldError;
 use crate::runtime::{LocalWorld, Stats};
-use crate::space::{BodyId, ClientId, JointId, Tick};
+use crate::space::{BodyId, ClientId, DistributionTree, JointId, Tick};
 use rapier3d::prelude::*;
 
 /// What a server alone can do of all that are not local.
@@ -231,6 +231,24 @@ pub(super) trait Remote: Send + Sync {
     }
 
     fn record(&self, _id: BodyId) -> Option<BodyRecord> {
+        None
+    }
+
+    /// Returns a shape of a body that is known here.
+    fn shape(&self, _hash: ShapeHash) -> Option<ShapeRecord> {
+        None
+    }
+
+    /// Visits every fixed body in id order.
+    fn for_each_fixed(&self, _look: &mut dyn FnMut(BodyId, &WorldPose)) {}
+
+    /// Returns all joints, where they are known.
+    fn joints(&self) -> Vec<JointRecord> {
+        Vec::new()
+    }
+
+    /// Returns how the world is cut, as far as known; `None` for a node.
+    fn tree(&self) -> Option<DistributionTree> {
         None
     }
 

@@ -21,10 +21,10 @@ use crate::playback::{Motion, ViewTime};
 use crate::prediction::Prediction;
 use crate::protocol::{
     Area, BodyKind, BodyRecord, Controller, Drive, EnvironmentProperties, Handover, Query, QueryResult,
-    Velocity, WorldEvents, WorldPose,
+    ShapeHash, ShapeRecord, Velocity, WorldEvents, WorldPose,
 };
 use crate::runtime::{ClientWorld, ProcessError, Stats};
-use crate::space::{BodyId, ClientId, RegionId, Tick};
+use crate::space::{BodyId, ClientId, DistributionTree, RegionId, Tick};
 
 /// A client's or participant's world.
 pub(super) struct Served {
@@ -324,6 +324,20 @@ impl Remote for Served {
 
     fn record(&self, id: BodyId) -> Option<BodyRecord> {
         self.known(id).cloned()
+    }
+
+    fn shape(&self, hash: ShapeHash) -> Option<ShapeRecord> {
+        self.world.shape(hash)
+    }
+
+    fn for_each_fixed(&self, look: &mut dyn FnMut(BodyId, &WorldPose)) {
+        let fixed =
+            self.bodies.iter().map(|heard| &heard.body).filter(|body| body.traits.kind == BodyKind::Fixed);
+        fixed.for_each(|body| look(body.id, &body.state.pose));
+    }
+
+    fn tree(&self) -> Option<DistributionTree> {
+        Some(self.environment.tree.clone())
     }
 
     fn motion(&self, id: BodyId) -> Option<(WorldPose, Velocity)> {

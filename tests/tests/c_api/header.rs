@@ -32,6 +32,7 @@ int main(void)
     DcdBodyInfo body_info = DCD_BODY_INFO_INIT;
     DcdStateView state_view = DCD_STATE_VIEW_INIT;
     DcdViewTime view_time = DCD_VIEW_TIME_INIT;
+    DcdDebugDraw debug_draw = DCD_DEBUG_DRAW_INIT;
     DcdEventView event_view = DCD_EVENT_VIEW_INIT;
     DcdOwner owner = DCD_OWNER_INIT;
     DcdStats stats = DCD_STATS_INIT;
@@ -40,7 +41,7 @@ int main(void)
     return world_def.struct_size + body_def.struct_size + joint_def.struct_size + joint_motor.model + filter.struct_size + ray.flags +
                    shape_cast.flags + point_query.flags + shape_query.reserved + box_query.reserved + body_properties.struct_size +
                    collider_properties.struct_size + joint_info.struct_size + world_info.struct_size +
-                   body_info.struct_size + owner.struct_size + state_view.struct_size + view_time.struct_size + event_view.struct_size + stats.struct_size +
+                   body_info.struct_size + owner.struct_size + state_view.struct_size + view_time.struct_size + debug_draw.struct_size + event_view.struct_size + stats.struct_size +
                    client_def.struct_size + participant_def.struct_size + character_def.struct_size +
                    vehicle_def.struct_size + (wheel.radius < 0.0f) ==
                0

@@ -148,6 +148,19 @@ fn misuse_gets_its_documented_codes() {
     run_checker("misuse.c", dir.path(), &dir.path().join("nothing"));
 }
 
+#[test]
+fn a_renderer_draws_a_world_by_its_own_functions() {
+    let dir = tempfile::tempdir().unwrap();
+    let file = dir.path().join("drawn.glb");
+    for flags in [&[][..], &SANITIZED] {
+        let said = run_well(Command::new(build(&checker("drawing.c"), dir.path(), flags)).arg(&file));
+        assert!(said.contains(" checks, 0 failures"), "{said}");
+    }
+    let (document, _) = gltf::Gltf::open(&file).map(|file| (file.document, file.blob)).expect("a glTF file");
+    let names: Vec<_> = document.nodes().filter_map(|node| node.name().map(str::to_owned)).collect();
+    assert_eq!(names, ["b1", "b2", "b3", "b0", "world"], "what moves, and what is fixed");
+}
+
 /// `wrapper.cpp`, which goes without exceptions, with `throwing.cpp` in the same program.
 fn build_wrapper(out: &Path, flags: &[&str]) -> PathBuf {
     let thrower = out.join("throwing.o");

@@ -203,6 +203,20 @@ static DcdStatus ask(DcdWorld world, DcdBodyId named, DcdShapeId shape)
     return isnan(sum) ? DCD_ERR_PANIC : status;
 }
 
+/* What is drawn has places; the context becomes NaN where one has none. */
+static void add_line(void *context, const double *from, const double *to, uint32_t colour)
+{
+    (void)colour;
+    for (int i = 0; i < 3; i++)
+        if (isnan(from[i]) || isnan(to[i]))
+            *(double *)context = NAN;
+}
+
+static void add_text(void *context, const double *at, const char *text, uint32_t colour)
+{
+    add_line(context, at, at, colour + (uint32_t)strlen(text));
+}
+
 static DcdStatus play(void)
 {
     DcdWorld world = { handle(worlds[dice(WORLDS)].v) };
@@ -354,6 +368,16 @@ static DcdStatus play(void)
         if (dice(3) == 0) {
             time.shown += (double)number();
             status = dcd_view_state(world, &time, &view);
+        }
+        if (dice(3) == 0) {
+            DcdDebugDraw draw = DCD_DEBUG_DRAW_INIT;
+            draw.flags = dice(4096);
+            draw.context = &sum;
+            draw.draw_line = add_line;
+            draw.draw_box = dice(2) ? add_line : NULL;
+            draw.draw_text = add_text;
+            draw.max[dice(3)] = (double)number();
+            status = dcd_debug_draw(world, dice(2) ? &time : NULL, &draw);
         }
         for (size_t i = 0; i < view.count; i++) {
             sum += view.poses[i].p[0] + (double)view.velocities[i].linear[0] + (double)view.flags[i];

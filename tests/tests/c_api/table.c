@@ -361,6 +361,8 @@ CALL(dcd_regions) {
 }
 CALL(dcd_borders) { DcdBorderInfo borders[8]; return dcd_borders(s->world, borders, 8, &count); }
 CALL(dcd_body_owner) { DcdOwner owner = DCD_OWNER_INIT; return dcd_body_owner(s->world, s->body, &owner); }
+CALL(dcd_debug_draw) { DcdDebugDraw draw = DCD_DEBUG_DRAW_INIT; return dcd_debug_draw(s->world, NULL, &draw); }
+CALL(dcd_gltf_save_file) { return dcd_gltf_save_file(s->world, "/dev/null"); }
 CALL(dcd_prediction_set) { return dcd_prediction_set(s->world, true); }
 CALL(dcd_prediction) { DcdPrediction prediction = DCD_PREDICTION_INIT; return dcd_prediction(s->world, &prediction); }
 CALL(dcd_bandwidth_set) { return dcd_bandwidth_set(s->world, 0); }
@@ -405,7 +407,7 @@ CALL(dcd_world_destroy) {
     of(dcd_body_set_groups) of(dcd_joint_create) of(dcd_joint_destroy) of(dcd_joint_is_valid) of(dcd_joint_info) \
     of(dcd_joint_set_limit) of(dcd_joint_set_motor) of(dcd_joint_get_limit) of(dcd_joint_get_motor) \
     of(dcd_joint_set_frames) of(dcd_joint_set_flags) of(dcd_joint_set_softness) of(dcd_body_joints) of(dcd_step) \
-    of(dcd_step_begin) of(dcd_step_wait) of(dcd_state_view) of(dcd_view_time) of(dcd_view_body) of(dcd_view_state) of(dcd_state_read) of(dcd_state_write) of(dcd_events) \
+    of(dcd_step_begin) of(dcd_step_wait) of(dcd_state_view) of(dcd_view_time) of(dcd_view_body) of(dcd_view_state) of(dcd_debug_draw) of(dcd_gltf_save_file) of(dcd_state_read) of(dcd_state_write) of(dcd_events) \
     of(dcd_connections) of(dcd_connection_info) of(dcd_send) of(dcd_disconnect) of(dcd_poll) of(dcd_cast_rays) \
     of(dcd_cast_rays_all) of(dcd_cast_shapes) of(dcd_project_points) of(dcd_overlap_shapes) of(dcd_overlap_points) \
     of(dcd_overlap_boxes) of(dcd_rays_submit) of(dcd_query_poll) of(dcd_query_cancel) of(dcd_regions) \

@@ -107,6 +107,15 @@ static void a_ball_breaks_a_tower()
     HOLDS(poses.size() == 6);
 #endif
 
+    dcd::DebugDraw draw;
+    std::vector<dcd::BodyId> drawn;
+    draw.context = &drawn;
+    draw.draw_shape = [](void *context, dcd::BodyId body, const dcd::DrawnShape *, const dcd::Pose *, std::uint32_t) {
+        static_cast<std::vector<dcd::BodyId> *>(context)->push_back(body);
+    };
+    HOLDS(world.debug_draw(draw));
+    HOLDS(drawn.size() == 7 && drawn.back() == ball);
+
     std::vector<std::uint64_t> colours(view.size(), 3);
     HOLDS(world.state_write(view.ids(), colours.data()));
     HOLDS(world.body_info(ball)->user_data == 3);

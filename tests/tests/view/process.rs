@@ -94,6 +94,7 @@ pub(crate) struct Seen {
     pub(crate) tick: f64,
     pub(crate) regions: usize,
     pub(crate) rows: Vec<Row>,
+    pub(crate) ghosts: usize,
     pub(crate) contacts: usize,
     pub(crate) samples: usize,
     pub(crate) paused: bool,
@@ -176,7 +177,7 @@ impl Page {
                 let [regions, borders, count, ghosts, contacts] =
                     [16, 20, 24, 28, 32].map(|at| u32(at) as usize);
                 (seen.frames, seen.tick) = (seen.frames + 1, f64(8));
-                (seen.regions, seen.contacts) = (regions, contacts);
+                (seen.regions, seen.ghosts, seen.contacts) = (regions, ghosts, contacts);
                 let places = 40 + 48 * regions + 16 * borders;
                 let (turns, marks) = (places + 12 * count, places + 20 * count);
                 assert_eq!(message.len(), places + 24 * count + 8 * ghosts + 24 * contacts);

@@ -167,7 +167,7 @@ fn a_served_world_is_shown_as_a_client_is_told_of_it() {
     let token = |role: &str| Process::start(&["token", "--data", data, "--role", role]).line("dcd1-");
     let dcd1 = |rest: String| format!("dcd1-{rest}");
     let node_token = dcd1(token("node"));
-    let _node = Process::start(&["node", "--server", &address, "--token", &node_token]);
+    let mut node = Process::start(&["node", "--server", &address, "--token", &node_token, "--view"]);
     let mut page = Page::open(&url).unwrap();
     page.until("the world goes", |seen| seen.tick >= 30.0 && seen.movable > 5);
     assert!(!page.seen.controls && page.seen.fixed >= 1);
@@ -177,6 +177,38 @@ fn a_served_world_is_shown_as_a_client_is_told_of_it() {
     page.until("the avatar is there", |seen| seen.movable > before);
     let mut own = Page::open(&client.line("view ")).unwrap();
     own.until("it sees the world too", |seen| seen.tick >= 30.0 && seen.movable > before);
+    let mut computed = Page::open(&node.line("view ")).unwrap();
+    computed.until("it shows what it computes", |seen| seen.tick >= 30.0 && seen.movable > before);
+}
+
+#[test]
+fn a_node_is_shown_by_its_regions_its_ghosts_and_its_contacts() {
+    let data = tempfile::tempdir().unwrap();
+    let data = data.path().to_str().unwrap();
+    let scene = ["serve", "wall", "--set", "width=40", "--set", "sleep=0", "--regions", "2", "--nodes", "2"];
+    let mut server = Process::start(&[&scene[..], &["--listen", "127.0.0.1:0", "--data", data]].concat());
+    let address = server.line("listening ");
+    let mut nodes: Vec<_> = (0..2)
+        .map(|_| {
+            let token = Process::start(&["token", "--data", data, "--role", "node"]).line("dcd1-");
+            let token = format!("dcd1-{token}");
+            Process::start(&["node", "--server", &address, "--token", &token, "--view"])
+        })
+        .collect();
+    let (mut own, bricks) = ([0; 2], 324);
+    for (node, own) in nodes.iter_mut().zip(&mut own) {
+        let mut page = Page::open(&node.line("view ")).unwrap();
+        page.ask(CONTACTS, 1);
+        page.until("bricks of both lie on one another", |seen| seen.contacts > 10 && seen.ghosts > 10);
+        let seen = &page.seen;
+        assert!(!seen.controls && seen.regions == 2 && seen.fixed >= 1);
+        let rows = || seen.rows.iter().filter(|row| row.present);
+        let owners: std::collections::BTreeSet<u8> = rows().map(|row| row.owner).collect();
+        assert_eq!(owners.len(), 2, "its own bodies, and guests");
+        *own = rows().count();
+        assert!(*own < bricks && rows().all(|row| row.at.iter().all(|v| v.abs() < 100.0)), "{own}");
+    }
+    assert!(own[0] + own[1] > bricks, "what both hold is shown by both: {own:?}");
 }
 
 #[test]

@@ -12,6 +12,7 @@ use std::process::ExitCode;
 
 use super::common::{Common, print};
 use super::failure::Failure;
+use super::film::FilmArgs;
 use super::interrupt::Interrupt;
 use super::scenes;
 use super::values::address;
@@ -36,6 +37,7 @@ use crate::space::MAX_REGIONS;
 ///   dcd run pile --save pile.dcd, and then dcd run pile.dcd
 ///   dcd run pile --set n=2000 --regions 4 --view
 ///   dcd run pile --record pile.dcdr, and then dcd replay pile.dcdr --check
+///   dcd run tower --regions 2 --gltf tower.glb --gltf-seconds 0..4
 ///   dcd run robot.urdf --set copies=100 --set ground=1 --regions 2
 #[derive(clap::Args)]
 #[command(verbatim_doc_comment, allow_negative_numbers = true, after_long_help = after_help())]
@@ -75,6 +77,8 @@ pub(super) struct Run {
     /// Record the world: `dcd replay FILE` computes it again, bit for bit
     #[arg(long, value_name = "FILE.dcdr")]
     record: Option<PathBuf>,
+    #[command(flatten)]
+    film: FilmArgs,
 }
 
 impl Run {
@@ -83,6 +87,7 @@ impl Run {
         let interrupt = Interrupt::listen()?;
         let out = self.out.map(csv::Target::check).transpose()?;
         let save = self.save.map(snapshot::Target::check).transpose()?;
+        let mut camera = self.film.open()?;
         let mut viewer =
             self.view.map(|at| view::open(at, &cast.name).map(Viewer::with_controls)).transpose()?;
         if let (Some(path), Subject::Regions(world)) = (&self.record, &mut subject) {
@@ -95,8 +100,14 @@ impl Run {
         if let (Some(viewer), Subject::Regions(world)) = (&mut viewer, &subject) {
             viewer.wait(world, || interrupt.asked());
         }
+        if let (Some(camera), Subject::Regions(world)) = (&mut camera, &subject) {
+            camera.look(world.host(), 0.0);
+        }
         let report = run(&cast, &plan, &mut subject, |tick, subject| {
             live.tell(tick, subject);
+            if let (Some(camera), Subject::Regions(world)) = (&mut camera, subject) {
+                camera.look(world.host(), tick as f64 * f64::from(cast.dt_s));
+            }
             if let (Some(viewer), Subject::Regions(world)) = (&mut viewer, subject) {
                 viewer.show_local(world);
                 viewer.wait(world, || interrupt.asked());
@@ -114,6 +125,10 @@ impl Run {
             (Some(save), Subject::Regions(world)) => save.write(world, common),
             _ => Ok(()),
         };
+        let filmed = match (camera, &subject) {
+            (Some(camera), Subject::Regions(world)) => camera.finish(Some(world.host()), 0.0, common),
+            _ => Ok(()),
+        };
         if self.json {
             let json = serde_json::to_string(&report)
                 .map_err(|error| Failure::run(format!("cannot write JSON: {error}; leave --json out")))?;
@@ -123,6 +138,7 @@ impl Run {
         }
         written?;
         saved?;
+        filmed?;
         if report.lost + report.doubled > 0 {
             return Err(Failure::run(format!(
                 "{} bodies are lost and {} doubled: this is a fault of dcd; please report it with the scene",
@@ -147,6 +163,7 @@ impl Run {
             ("--save", self.save.is_some()),
             ("--view", self.view.is_some()),
             ("--record", self.record.is_some()),
+            ("--gltf", self.film.is_given()),
             ("--balance", self.cuts.balances()),
         ];
         if let Some((name, _)) = needs.into_iter().find(|(_, given)| self.regions == Some(0) && *given) {

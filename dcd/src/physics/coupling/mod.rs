@@ -30,6 +30,7 @@ use serde::{Deserialize, Serialize};
 
 use self::neighbours::Neighbours;
 pub(super) use self::neighbours::meet_in;
+pub(super) use self::predicted_contacts::swept_bounds;
 use self::shared::SharedBodies;
 use super::outbox::Outbox;
 use super::partition::{OWNER_HYSTERESIS_M, Partition};

@@ -374,6 +374,11 @@ fn near(region: &Region, link: BodyRef, tick_s: f32) -> Near {
     Near { link, bounds, velocity, swept, awake: true, island: 1 }
 }
 
+/// Returns the swept AABB of a body held here.
+pub(in crate::physics) fn swept_bounds(region: &Region, handle: RigidBodyHandle, tick_s: f32) -> Bounds {
+    near(region, BodyRef { id: region.slot(handle).id, handle }, tick_s).swept
+}
+
 /// Returns the swept AABB of a box that moves at a velocity for some time.
 fn swept(bounds: &Bounds, velocity: [f32; 3], ahead_s: f64) -> Bounds {
     let way = velocity.map(|v| f64::from(v) * ahead_s);

@@ -5,8 +5,9 @@ use std::collections::BTreeMap;
 use rapier3d::prelude::RigidBodyHandle;
 
 use super::{RegionHost, Side};
+use crate::physics::coupling::swept_bounds;
 use crate::physics::region::Region;
-use crate::space::{BodyId, Cell, RegionId, RegionSet};
+use crate::space::{BodyId, Bounds, Cell, RegionId, RegionSet};
 
 /// The border of two regions.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -71,6 +72,11 @@ impl RegionHost {
     pub fn ghosts(&self) -> impl Iterator<Item = (BodyId, &Region, RigidBodyHandle)> {
         self.regions()
             .flat_map(|region| region.replicas().iter().map(move |copy| (copy.id, region, copy.handle)))
+    }
+
+    /// Returns the swept AABB of a movable body as a region holds it: the box around all that it may reach in the next three ticks.
+    pub(crate) fn swept_bounds(&self, region: &Region, handle: RigidBodyHandle) -> Bounds {
+        swept_bounds(region, handle, self.settings.dt_s)
     }
 
     /// Returns how many bodies each two regions both hold, by their ranks in ascending order.

@@ -81,7 +81,7 @@ impl Region {
     }
 
     /// Returns the AABB of a body's colliders now, in world space.
-    pub(in crate::physics) fn world_bounds(&self, handle: RigidBodyHandle) -> Bounds {
+    pub(crate) fn world_bounds(&self, handle: RigidBodyHandle) -> Bounds {
         self.slot(handle).outline.bounds(&self.world.bodies[handle], &self.world.colliders, self.anchor)
     }
 }

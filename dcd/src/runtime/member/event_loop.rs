@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use tracing::{debug, info, warn};
 
 use super::recorded_node::RecordedNode;
-use super::{Input, QUEUE, Shared};
+use super::{Input, Onlooker, QUEUE, Shared};
 use crate::cluster::{
     Client, ClientEvent, ClientOutput, NodeEvent, NodeOutput, Peer, PhysicsCommand, PhysicsEvent, WORLD_ENDED,
 };
@@ -39,6 +39,7 @@ pub(super) struct Loop {
     device: PhysicsDevice,
     pub(super) shared: Arc<Shared>,
     pub(super) connections: Connections,
+    pub(super) onlooker: Option<Onlooker>,
     /// When the process leaves without the server, after its user asked to leave.
     release_by: Option<Duration>,
     give_up: Duration,
@@ -79,6 +80,7 @@ impl Loop {
             device,
             shared,
             connections,
+            onlooker: None,
             release_by: None,
             give_up,
             has_more: false,
@@ -391,6 +393,9 @@ impl Loop {
                     summary.disagreement_max_m_s = summary.disagreement_max_m_s.max(stats.disagreement_m_s);
                     if summary.compute_us.len() < TIMES {
                         summary.compute_us.push(stats.compute_us);
+                    }
+                    if let (Some(onlooker), Some(host)) = (&mut self.onlooker, self.device.host()) {
+                        onlooker(host, stats);
                     }
                 }
                 if matches!(event, PhysicsEvent::Speculated(_)) {

@@ -1,4 +1,4 @@
-//! Copies what a viewer shows out of a world, between two of its steps.
+//! Copies what is shown of a world out of it, between two of its steps.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -12,68 +12,68 @@ use crate::space::{BodyId, JointId};
 /// The most contacts of one picture.
 const MOST_CONTACTS: usize = 8192;
 /// For how many pictures a slot that became empty is kept so: longer than any picture is kept.
-pub(super) const KEPT_FRAMES: u64 = 2400;
+pub(crate) const KEPT_FRAMES: u64 = 2400;
 
 /// A body that came.
-pub(super) struct Arrival {
-    pub(super) slot: u32,
-    pub(super) id: BodyId,
-    pub(super) kind: u8,
+pub(crate) struct Arrival {
+    pub(crate) slot: u32,
+    pub(crate) id: BodyId,
+    pub(crate) kind: u8,
     /// Whether it is an avatar of this process.
-    pub(super) own: bool,
+    pub(crate) own: bool,
     /// Where it is, if it is fixed.
-    pub(super) fixed: Option<WorldPose>,
-    pub(super) parts: Vec<Part>,
+    pub(crate) fixed: Option<WorldPose>,
+    pub(crate) parts: Vec<Part>,
 }
 
 /// A joint: the slots of its bodies, whether these are fixed, and where it is on each.
 #[derive(Clone, Copy)]
-pub(super) struct JointSeen {
-    pub(super) slots: [(u32, bool); 2],
-    pub(super) anchors: [[f32; 3]; 2],
+pub(crate) struct JointSeen {
+    pub(crate) slots: [(u32, bool); 2],
+    pub(crate) anchors: [[f32; 3]; 2],
 }
 
 /// A ghost, by the slot of its body.
 #[derive(Clone, Copy)]
-pub(super) struct GhostSeen {
-    pub(super) slot: u32,
-    pub(super) holder: u16,
-    pub(super) off_m_s: f32,
+pub(crate) struct GhostSeen {
+    pub(crate) slot: u32,
+    pub(crate) holder: u16,
+    pub(crate) off_m_s: f32,
 }
 
 /// What is shown of a world at a tick, and what changed since the last such look.
 #[derive(Default)]
-pub(super) struct Moment {
-    pub(super) number: u64,
-    pub(super) tick: u64,
+pub(crate) struct Moment {
+    pub(crate) number: u64,
+    pub(crate) tick: u64,
     /// Movable bodies in id order, and their slots.
-    pub(super) rows: Vec<Seen>,
-    pub(super) slots: Arc<Vec<u32>>,
-    pub(super) slot_count: u32,
-    pub(super) regions: Vec<RegionSeen>,
-    pub(super) borders: Vec<BorderSeen>,
-    pub(super) ghosts: Vec<GhostSeen>,
-    pub(super) contacts: Vec<ContactSeen>,
-    pub(super) arrivals: Vec<Arrival>,
+    pub(crate) rows: Vec<Seen>,
+    pub(crate) slots: Arc<Vec<u32>>,
+    pub(crate) slot_count: u32,
+    pub(crate) regions: Vec<RegionSeen>,
+    pub(crate) borders: Vec<BorderSeen>,
+    pub(crate) ghosts: Vec<GhostSeen>,
+    pub(crate) contacts: Vec<ContactSeen>,
+    pub(crate) arrivals: Vec<Arrival>,
     /// Slots that are empty now, and whether they are of fixed bodies.
-    pub(super) departures: Vec<(u32, bool)>,
-    pub(super) meshes: Vec<Mesh>,
+    pub(crate) departures: Vec<(u32, bool)>,
+    pub(crate) meshes: Vec<Mesh>,
     /// All joints, if any came or went with bodies.
-    pub(super) joints: Option<Vec<JointSeen>>,
-    pub(super) details: Vec<Details>,
+    pub(crate) joints: Option<Vec<JointSeen>>,
+    pub(crate) details: Vec<Details>,
 }
 
 /// What a look is to tell besides.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(super) struct Wishes {
-    pub(super) contacts: bool,
+pub(crate) struct Wishes {
+    pub(crate) contacts: bool,
     /// Bodies that viewers have chosen.
-    pub(super) chosen: Vec<BodyId>,
+    pub(crate) chosen: Vec<BodyId>,
 }
 
 /// What is known of the world's bodies from one look to the next.
 #[derive(Default)]
-pub(super) struct Looker {
+pub(crate) struct Looker {
     movable: Slots,
     fixed: Slots,
     /// Where fixed bodies are, in id order.
@@ -87,7 +87,7 @@ pub(super) struct Looker {
 
 impl Looker {
     /// Looks at a world; `memory` is a moment that is of no use any more.
-    pub(super) fn look(&mut self, world: &impl Source, wishes: &Wishes, memory: Moment) -> Moment {
+    pub(crate) fn look(&mut self, world: &impl Source, wishes: &Wishes, memory: Moment) -> Moment {
         self.number += 1;
         let Moment { mut rows, .. } = memory;
         rows.clear();

@@ -1,4 +1,4 @@
-//! Turns shapes into what a viewer draws: scaled copies of five primitives, planes, and meshes.
+//! Turns shapes into what is drawn: scaled copies of five primitives, planes, and meshes.
 
 use std::collections::BTreeMap;
 
@@ -10,35 +10,35 @@ use crate::protocol::{BodyRecord, Pose as PoseRecord, ShapeHash, ShapeRecord};
 /// The most vertices of all meshes together; shapes beyond are drawn as their boxes.
 const MOST_VERTICES: usize = 4 << 20;
 /// Numbers of geometries: the page has the first ones, meshes come after.
-const BOX: u16 = 0;
-const BALL: u16 = 1;
-const CAPSULE: u16 = 2;
-const CYLINDER: u16 = 3;
-const CONE: u16 = 4;
-const PLANE: u16 = 5;
-pub(super) const FIRST_MESH: u16 = 8;
+pub(crate) const BOX: u16 = 0;
+pub(crate) const BALL: u16 = 1;
+pub(crate) const CAPSULE: u16 = 2;
+pub(crate) const CYLINDER: u16 = 3;
+pub(crate) const CONE: u16 = 4;
+pub(crate) const PLANE: u16 = 5;
+pub(crate) const FIRST_MESH: u16 = 8;
 
 /// A geometry at a place on a body, stretched along its axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Part {
-    pub(super) geometry: u16,
-    pub(super) sensor: bool,
-    pub(super) translation: [f32; 3],
-    pub(super) rotation: [f32; 4],
+pub(crate) struct Part {
+    pub(crate) geometry: u16,
+    pub(crate) sensor: bool,
+    pub(crate) translation: [f32; 3],
+    pub(crate) rotation: [f32; 4],
     /// Half edges of a box; radius, half height and radius of what is round about y; 1 of a mesh.
-    pub(super) size: [f32; 3],
+    pub(crate) size: [f32; 3],
 }
 
 /// Vertices and triangles.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Mesh {
-    pub(super) vertices: Vec<[f32; 3]>,
-    pub(super) triangles: Vec<[u32; 3]>,
+pub(crate) struct Mesh {
+    pub(crate) vertices: Vec<[f32; 3]>,
+    pub(crate) triangles: Vec<[u32; 3]>,
 }
 
 /// The geometries that were needed so far, by shape.
 #[derive(Default)]
-pub(super) struct Geometries {
+pub(crate) struct Geometries {
     library: ShapeLibrary,
     parts: BTreeMap<ShapeHash, Vec<Part>>,
     meshes: u16,
@@ -49,12 +49,12 @@ pub(super) struct Geometries {
 
 impl Geometries {
     /// Takes the meshes that were made since the last call; they are numbered in the order in which they are taken.
-    pub(super) fn take_fresh(&mut self) -> Vec<Mesh> {
+    pub(crate) fn take_fresh(&mut self) -> Vec<Mesh> {
         std::mem::take(&mut self.fresh)
     }
 
     /// Returns the parts of a body; shapes come from `find`.
-    pub(super) fn of_body(
+    pub(crate) fn of_body(
         &mut self,
         body: &BodyRecord,
         find: impl Fn(ShapeHash) -> Option<ShapeRecord>,

@@ -7,7 +7,7 @@ use crate::space::BodyId;
 
 /// The slots of bodies, in id order.
 #[derive(Default)]
-pub(super) struct Slots {
+pub(crate) struct Slots {
     ids: Vec<BodyId>,
     slots: Arc<Vec<u32>>,
     /// Slots of bodies that went, and the frames in which they did, the oldest first.
@@ -17,37 +17,37 @@ pub(super) struct Slots {
 
 /// What came and went.
 #[derive(Debug, Default, PartialEq)]
-pub(super) struct Change {
+pub(crate) struct Change {
     /// Bodies and their new slots.
-    pub(super) came: Vec<(BodyId, u32)>,
+    pub(crate) came: Vec<(BodyId, u32)>,
     /// Slots that are empty now.
-    pub(super) went: Vec<u32>,
+    pub(crate) went: Vec<u32>,
 }
 
 impl Slots {
     /// Returns the slots of the bodies, in id order.
-    pub(super) fn in_order(&self) -> &Arc<Vec<u32>> {
+    pub(crate) fn in_order(&self) -> &Arc<Vec<u32>> {
         &self.slots
     }
 
     /// Returns how many slots there are, empty ones too.
-    pub(super) fn count(&self) -> u32 {
+    pub(crate) fn count(&self) -> u32 {
         self.count
     }
 
     /// Returns whether these are the bodies that have slots.
-    pub(super) fn are(&self, ids: &[BodyId]) -> bool {
+    pub(crate) fn are(&self, ids: &[BodyId]) -> bool {
         self.ids == ids
     }
 
     /// Returns the slot of a body.
-    pub(super) fn of(&self, id: BodyId) -> Option<u32> {
+    pub(crate) fn of(&self, id: BodyId) -> Option<u32> {
         Some(self.slots[self.ids.binary_search(&id).ok()?])
     }
 
     /// Takes in which bodies there are at a frame, in id order. A slot that became empty less than `kept` frames before is not
     /// given again: pictures of what was in it are kept.
-    pub(super) fn update(&mut self, now: &[BodyId], frame: u64, kept: u64) -> Change {
+    pub(crate) fn update(&mut self, now: &[BodyId], frame: u64, kept: u64) -> Change {
         let mut change = Change::default();
         if self.are(now) {
             return change;

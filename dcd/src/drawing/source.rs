@@ -1,7 +1,9 @@
-//! Defines the trait `Source`: what a world tells its viewer, and the values in which it does.
+//! Defines the trait `Source`: what a world tells those who draw it, and the values in which it does.
+
+use std::collections::BTreeMap;
 
 use crate::protocol::{BodyRecord, JointRecord, ShapeHash, ShapeRecord, WorldPose};
-use crate::space::{BodyId, Bounds, Cell, Epoch};
+use crate::space::{BodyId, Bounds, Cell, Epoch, JointId};
 
 /// A movable body as it is drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -11,7 +13,7 @@ pub(crate) struct Seen {
     /// Unit quaternion, scalar last.
     pub(crate) turn: [f32; 4],
     /// Metres per second.
-    pub(crate) speed_m_s: f32,
+    pub(crate) velocity_m_s: [f32; 3],
     /// Its owner: the place of a region in [`Source::regions`].
     pub(crate) owner: u16,
     /// Whether it sleeps.
@@ -68,6 +70,17 @@ pub(crate) struct ContactSeen {
     pub(crate) force_n: [f32; 3],
 }
 
+/// Where a body is besides its pose: what only a process that computes it knows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Extent {
+    /// The box around its colliders.
+    pub(crate) aabb: Bounds,
+    /// The box around all that it may reach in the next three ticks.
+    pub(crate) swept: Bounds,
+    /// In world space.
+    pub(crate) centre_of_mass: [f64; 3],
+}
+
 /// What is told of one body that a viewer has chosen.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Details {
@@ -81,23 +94,6 @@ pub(crate) struct Details {
     pub(crate) user_data: u128,
     /// How many regions hold it; 0 where that is not known.
     pub(crate) holders: usize,
-}
-
-/// Numbers of one tick, for the timeline.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Sample {
-    /// Which tick.
-    pub(crate) tick: u64,
-    /// Wall time of the step, milliseconds; 0 where others compute it.
-    pub(crate) step_ms: f32,
-    /// Bodies that changed owner.
-    pub(crate) transfers: u32,
-    /// Exchanges of the busiest border.
-    pub(crate) exchanges: u32,
-    /// Bytes that came over the network.
-    pub(crate) bytes: u32,
-    /// Disagreement at the worst border, m/s.
-    pub(crate) disagreement_m_s: f32,
 }
 
 /// A world that can be looked at between two of its steps.
@@ -120,23 +116,52 @@ pub(crate) trait Source {
     /// Returns a shape by its name.
     fn shape(&self, hash: ShapeHash) -> Option<ShapeRecord>;
 
-    /// Returns the joints of a body.
-    fn joints_of(&self, id: BodyId) -> Vec<JointRecord>;
+    /// Returns the joints of a body, as far as they are known.
+    fn joints_of(&self, _id: BodyId) -> Vec<JointRecord> {
+        Vec::new()
+    }
+
+    /// Returns all joints, as far as they are known.
+    fn joints(&self) -> BTreeMap<JointId, JointRecord> {
+        let mut joints = BTreeMap::new();
+        self.for_each_movable(|id, _| {
+            joints.extend(self.joints_of(id).into_iter().map(|joint| (joint.id, joint)));
+        });
+        joints
+    }
 
     /// Returns the regions in the order of their ids.
     fn regions(&self) -> Vec<RegionSeen>;
 
     /// Returns the borders between regions, as far as they are known.
-    fn borders(&self) -> Vec<BorderSeen>;
+    fn borders(&self) -> Vec<BorderSeen> {
+        Vec::new()
+    }
 
     /// Returns the copies of bodies in regions that do not own them, as far as they are known.
-    fn ghosts(&self) -> Vec<Ghost>;
+    fn ghosts(&self) -> Vec<Ghost> {
+        Vec::new()
+    }
 
-    /// Returns what touches, the first `most` pairs.
-    fn contacts(&self, most: usize) -> Vec<ContactSeen>;
+    /// Returns the boxes around these copies, and the places of the regions that hold them, as far as they are known.
+    fn ghost_boxes(&self) -> Vec<(u16, Bounds)> {
+        Vec::new()
+    }
 
-    /// Returns more of one body.
-    fn details(&self, id: BodyId) -> Option<Details>;
+    /// Returns what touches, as far as it is known, the first `most` pairs.
+    fn contacts(&self, _most: usize) -> Vec<ContactSeen> {
+        Vec::new()
+    }
+
+    /// Returns the extent of a movable body, where it is known.
+    fn extent(&self, _id: BodyId) -> Option<Extent> {
+        None
+    }
+
+    /// Returns more of one body, where it is known.
+    fn details(&self, _id: BodyId) -> Option<Details> {
+        None
+    }
 
     /// Returns whether a body is an avatar of this process.
     fn is_own(&self, id: BodyId) -> bool;

@@ -1,10 +1,10 @@
-//! Lets a viewer look at a served world, as a client of it is told.
+//! Tells what is drawn of a served world, as a client of it is told.
 
 use std::collections::BTreeMap;
 
-use super::source::{BorderSeen, ContactSeen, Details, Ghost, RegionSeen, Seen, Source};
+use super::source::{Details, RegionSeen, Seen, Source};
 use crate::playback::ViewTime;
-use crate::protocol::{BodyKind, BodyRecord, JointRecord, ShapeHash, ShapeRecord, WorldPose};
+use crate::protocol::{BodyKind, BodyRecord, ShapeHash, ShapeRecord, WorldPose};
 use crate::runtime::ClientWorld;
 use crate::space::{BodyId, Bounds, DistributionTree, RegionId};
 
@@ -44,7 +44,7 @@ impl Source for Told<'_> {
                 let seen = Seen {
                     at: state.pose.translation,
                     turn: state.pose.rotation,
-                    speed_m_s: length(state.velocity.linear),
+                    velocity_m_s: state.velocity.linear,
                     owner: self.places.get(&owner).copied().unwrap_or(0),
                     sleeping: state.sleeping,
                     outside: view.outside,
@@ -61,7 +61,7 @@ impl Source for Told<'_> {
                 motion.map_or(seen, |motion| Seen {
                     at: motion.pose.translation,
                     turn: motion.pose.rotation,
-                    speed_m_s: length(motion.velocity.linear),
+                    velocity_m_s: motion.velocity.linear,
                     ..seen
                 }),
             );
@@ -85,10 +85,6 @@ impl Source for Told<'_> {
         self.world.shape(hash)
     }
 
-    fn joints_of(&self, _id: BodyId) -> Vec<JointRecord> {
-        Vec::new()
-    }
-
     fn regions(&self) -> Vec<RegionSeen> {
         let seen = self.tree.leaves().map(|id| RegionSeen {
             id: id.0,
@@ -100,18 +96,6 @@ impl Source for Told<'_> {
         seen.collect()
     }
 
-    fn borders(&self) -> Vec<BorderSeen> {
-        Vec::new()
-    }
-
-    fn ghosts(&self) -> Vec<Ghost> {
-        Vec::new()
-    }
-
-    fn contacts(&self, _most: usize) -> Vec<ContactSeen> {
-        Vec::new()
-    }
-
     fn details(&self, id: BodyId) -> Option<Details> {
         let record = self.world.body(id)?.body;
         let user_data = record.traits.user_data;
@@ -121,8 +105,4 @@ impl Source for Told<'_> {
     fn is_own(&self, id: BodyId) -> bool {
         id.client() == Some(self.world.id())
     }
-}
-
-fn length(v: [f32; 3]) -> f32 {
-    v.iter().map(|v| v * v).sum::<f32>().sqrt()
 }

@@ -67,7 +67,7 @@ impl Replay {
         let until = Tick(self.dump.or(self.until).unwrap_or(u64::MAX));
         let bar = ticks(common, self.json);
         let mut failed = Ok(());
-        while !interrupt.asked() && !(self.check && replay.mismatch().is_some()) {
+        while !(interrupt.asked() || self.check && replay.mismatch().is_some()) {
             match replay.advance(until) {
                 Ok(true) => bar.set_position(replay.ticks()),
                 Ok(false) => break,

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
 use super::*;
-use crate::protocol::{Check, Part, SharedState, StepRecord, Velocity, WorldPose};
+use crate::protocol::{Check, Heard, Part, SharedState, StepRecord, Velocity, WorldPose};
 use crate::sim::{Random, sim_world};
 use crate::space::{BodyId, ClientId, Epoch, RegionId, Tick};
 
@@ -268,7 +268,7 @@ fn what_a_client_did_not_hear_while_it_was_silent_it_is_told_again() {
         assert!(sender.waits());
         if tick % 60 == 0 {
             sender.give_up();
-            assert_eq!((sender.waiting_states(), sender.overdue(Tick(tick)).len()), (0, bodies.len()));
+            assert_eq!((sender.bytes().0, sender.overdue(Tick(tick)).len()), (0, bodies.len()));
         }
     }
     let now = Duration::from_secs(1_000);
@@ -277,6 +277,29 @@ fn what_a_client_did_not_hear_while_it_was_silent_it_is_told_again() {
     }
     assert!(sender.hear(Tick(1_000), &receiver.due(now + Duration::from_millis(20), 0).unwrap()));
     assert!(!sender.waits() && sender.overdue(Tick(1_020)).is_empty());
+}
+
+/// What is sent in the tick of a flood is unheard, and told again; later ones are heard.
+#[test]
+fn a_flood_of_acknowledgements_is_passed_over() {
+    let (mut sender, _) = ends();
+    let bodies = heap(300, &mut Random::new(5));
+    let first = sender.pack(Tick(1), Tick(1), &bodies, false, LIMIT)[0].number;
+    let heard = |datagrams| Heard { series: 1, datagrams, lost: false, bytes_per_s: 0 };
+    // None of these was sent.
+    let flood = heard(vec![(first.wrapping_sub(1_000_000), 900_000); 64]);
+    assert!(!sender.hear(Tick(1), &flood));
+    for _ in 0..1_000 {
+        assert!(!sender.hear(Tick(1), &heard(vec![(first, 1)])), "no time is spent on it");
+    }
+    assert!(sender.hear(Tick(2), &heard(vec![(first, 1)])));
+    // An honest client says so much in a tick at most, and may say what it did not for a while.
+    for tick in 3..60 {
+        let parts = sender.pack(Tick(tick), Tick(tick), &bodies, false, LIMIT);
+        if tick > 20 {
+            assert!(parts.iter().all(|part| sender.hear(Tick(tick), &heard(vec![(part.number, 1)]))));
+        }
+    }
 }
 
 /// Bodies that came and went: what is still on its way of them is understood, and nothing is kept.

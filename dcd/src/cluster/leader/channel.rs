@@ -288,6 +288,13 @@ impl Channel {
         (LEAST_ERROR_M + error) * (1.0 + age) / (NEAR_M + nearest)
     }
 
+    /// Returns the bytes that are held for the client, those of each body and the rest.
+    #[cfg(test)]
+    pub(super) fn bytes(&self) -> (usize, usize) {
+        let (bodies, rest) = self.sender.bytes();
+        (bodies, rest + self.waiting.len() * size_of::<BodyId>())
+    }
+
     /// Codes the states that were chosen, as they were after a tick.
     pub(super) fn pack(&mut self, now: Tick, tick: Tick, states: &[SharedState], guesses: bool) -> Vec<Part> {
         let parts = self.sender.pack(now, tick, states, guesses, STATES_BYTES);

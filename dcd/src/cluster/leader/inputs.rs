@@ -52,12 +52,7 @@ struct Avatar {
 impl Inputs {
     pub(super) fn new(world: &EnvironmentProperties) -> Self {
         let limits = AvatarLimits::of(world);
-        Self {
-            limits,
-            avatars: BTreeMap::new(),
-            counts: BTreeMap::new(),
-            early: BTreeMap::new(),
-        }
+        Self { limits, avatars: BTreeMap::new(), counts: BTreeMap::new(), early: BTreeMap::new() }
     }
 
     /// Notes where an avatar is after this tick.

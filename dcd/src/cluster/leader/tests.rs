@@ -1,5 +1,7 @@
 //! Tests what a leader dispatches, believes, and tells clients.
 
+mod silent;
+
 use super::state_replication::STATES_PER_TICK;
 use super::*;
 use crate::delta::Receiver;

@@ -61,7 +61,7 @@ impl Film {
                 let [a, b, c, d] = [place(tick)?, place(tick + 1)?, place(tick + 3)?, place(tick + 4)?];
                 Some(acceleration([a, b], [c, d]))
             };
-            for (frame, three) in shown.windows(3).enumerate().skip(from) {
+            for three in shown.windows(3).skip(from) {
                 let [(_, a), (tick, b), (_, c)] = three else { unreachable!() };
                 let (tick, is) = (*tick as u64, acceleration([*a, *b], [*b, *c]));
                 let about = tick.saturating_sub(WINDOW_TICKS)..tick + WINDOW_TICKS;

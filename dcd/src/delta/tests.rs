@@ -372,6 +372,28 @@ fn the_strangest_states_fit() {
     }
 }
 
+#[test]
+fn a_part_that_refers_to_nothing_is_read_alone() {
+    let bodies = heap(300, &mut Random::new(3));
+    let parts = alone::write(&bodies, LIMIT);
+    assert!(parts.len() > 1);
+    let read: Vec<_> = parts.iter().rev().map(|part| alone::read(part).unwrap()).collect();
+    let read: Vec<_> = read.into_iter().rev().flatten().collect();
+    assert_eq!(read.len(), bodies.len());
+    assert!(bodies.iter().zip(&read).all(|(is, told)| off(is, told) <= 1.0));
+    assert_eq!(alone::write(&[], LIMIT), [[0u8; 0]]);
+    assert_eq!(alone::read(&[]).unwrap(), []);
+    // What a client is told refers to something.
+    let (mut sender, mut receiver) = ends();
+    for tick in 1..3 {
+        let part = sender.pack(Tick(tick), Tick(tick), &bodies[..5], false, LIMIT).remove(0);
+        let now = Duration::from_secs(tick);
+        receiver.take_in(now, Tick(tick), &part, false).unwrap();
+        sender.hear(Tick(tick), &receiver.due(now + Duration::from_secs(1), 0).unwrap());
+        assert_eq!(alone::read(&part.states).is_ok(), tick == 1);
+    }
+}
+
 /// Takes in what strangers made, and what they made of what was honest; returns how many were read, and how many refused.
 fn take_in_strange(rounds: u64, seed: u64) -> (u64, u64) {
     let mut random = Random::new(seed);
@@ -418,6 +440,9 @@ fn take_in_strange(rounds: u64, seed: u64) -> (u64, u64) {
             Err(_) => refused += 1,
         }
         receiver.due(Duration::MAX, 0);
+        if let Ok(states) = alone::read(&part.states) {
+            assert!(states.len() <= 1_024 && states.iter().all(|state| state.check().is_ok()));
+        }
     }
     (read, refused)
 }

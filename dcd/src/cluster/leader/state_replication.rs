@@ -34,8 +34,8 @@ pub(super) struct Told {
     beats: u32,
 }
 
-/// The most states that are coded for all clients together in the ticks of a second, at some 1.3 µs each with all that goes with it: ticks that
-/// take all of their time take a fifth longer at most.
+/// The most states that are coded for all clients together in the ticks of a second, at 1.1 to 1.5 µs each with all that goes with it: ticks
+/// that take all of their time take about a fifth longer.
 const STATES_PER_S: f64 = 140_000.0;
 
 /// So many bodies are compared by how much they matter in the time that the state of one takes.

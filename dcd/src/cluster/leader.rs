@@ -79,6 +79,8 @@ pub struct Leader {
     motion: FreeMotion,
     /// What clients in other processes are told, and in which way.
     channels: BTreeMap<ClientId, Channel>,
+    /// The states that were coded beyond what the ticks so far had time for.
+    coded_beyond: usize,
     /// What moved lately.
     batches: Batches,
     questions: Questions,
@@ -132,6 +134,7 @@ impl Leader {
             told: BTreeMap::new(),
             motion: FreeMotion::of(&world.step),
             channels: BTreeMap::new(),
+            coded_beyond: 0,
             batches: Batches::default(),
             questions: Questions::default(),
             interests: BTreeMap::new(),

@@ -26,6 +26,9 @@ pub struct FreeMotion {
 }
 
 impl FreeMotion {
+    /// Nothing falls: for states that refer to nothing.
+    pub(super) const NONE: Self = Self { fall: [0.0; 3], dt_s: 1.0, parts: 1.0 };
+
     /// Returns that of a world which is stepped so.
     pub fn of(step: &StepRecord) -> Self {
         let dt_s = f64::from(step.dt_s);

@@ -4,10 +4,12 @@
 //! - [`Sender`], one for each client of a leader, knows which states the client has. A state within a step or so of what the client
 //!   predicts is told as predicted, for about a bit.
 //! - [`Receiver`], the client's, keeps what later states may refer to, and acknowledges datagrams.
+//! - `alone` writes states for other groups, in the same form, against nothing.
 //!
 //! A datagram that is lost costs bytes only: later ones refer to what was acknowledged. Who computes a body keeps full precision; a
 //! client shows what it was told: positions within 0.75 mm per axis, turns within 4 mrad, speeds within 5 mm/s and 10 mrad/s.
 
+pub(crate) mod alone;
 mod coder;
 mod free_motion;
 mod model;

@@ -18,10 +18,16 @@ const LONGEST_BYTES: usize = 180;
 const FRAME_BYTES: usize = 2 + 8;
 
 /// Datagrams of which is known whether they were acknowledged. What was sent before them is taken for lost.
-const REMEMBERED: usize = 4_096;
+const REMEMBERED: usize = 2_048;
 
-/// States of a body that are kept while they wait to be acknowledged. The receiver keeps more.
-const KEPT: usize = 48;
+/// States of a body that are kept while they wait to be acknowledged: its newest, and some before it. Others are told too, but none
+/// is told against them.
+const KEPT: usize = 4;
+
+/// The datagrams that acknowledgements may name per tick, beside some that were saved up, and what a message counts as beside those:
+/// many times what an honest client says.
+const HEARD_PER_TICK: usize = 256;
+const HEARD_COST: usize = 16;
 
 /// The ticks that a state which nothing newer follows waits to be acknowledged, before it is sent again: at least these, and twice
 /// as many as acknowledgements took.
@@ -50,8 +56,10 @@ pub struct Sender {
     /// Bodies whose newest state is not acknowledged, and when these are looked through next.
     unheard: BTreeSet<BodyId>,
     look_at: u64,
-    /// What acknowledgements take, ticks.
-    delay_ticks: f64,
+    /// What acknowledgements take, ticks; `None` before the first.
+    delay_ticks: Option<f64>,
+    /// How many datagrams acknowledgements may name by now, and the tick at which that was so.
+    allowed: (usize, u64),
     /// Whether anything was sent since the client last acknowledged anything new.
     waits: bool,
     /// When the series began.
@@ -69,8 +77,8 @@ struct Flight {
 struct History {
     /// The newest that it has.
     known: Option<Version>,
-    /// Later ones.
-    sent: VecDeque<Version>,
+    /// Later ones, the last of them the newest; at most [`KEPT`].
+    sent: Vec<Version>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -84,6 +92,22 @@ struct Version {
 }
 
 impl History {
+    /// Keeps the newest state. Of those before it as many stay as are spread over the time that an acknowledgement takes: the oldest is
+    /// acknowledged first, and until then the rest would only fill memory.
+    fn keep(&mut self, newest: Version, delay_ticks: f64, is_lost: impl Fn(&Version) -> bool) {
+        while self.sent.first().is_some_and(&is_lost) {
+            self.sent.remove(0);
+        }
+        if let [.., before, last] = self.sent[..] {
+            let apart = last.tick.saturating_sub(before.tick) as f64;
+            if self.sent.len() == KEPT || apart < delay_ticks / (KEPT - 1) as f64 {
+                self.sent.pop();
+            }
+        }
+        self.sent.reserve_exact(1);
+        self.sent.push(newest);
+    }
+
     /// Returns whether the newest state is acknowledged.
     fn settle(&mut self, flights: &Flights<'_>) -> bool {
         if let Some(at) = self.sent.iter().rposition(|version| flights.is_heard(version.number)) {
@@ -129,7 +153,8 @@ impl Sender {
             bodies: BTreeMap::new(),
             unheard: BTreeSet::new(),
             look_at: 0,
-            delay_ticks: 0.0,
+            delay_ticks: None,
+            allowed: (REMEMBERED, 0),
             waits: false,
             began: 0,
         }
@@ -160,16 +185,17 @@ impl Sender {
             let number = self.number;
             if !guesses {
                 self.number = self.number.wrapping_add(1);
-                self.flights.push_back(Flight { sent: now.0, heard: false });
-                if self.flights.len() > REMEMBERED {
+                if self.flights.len() == REMEMBERED {
                     self.flights.pop_front();
                 }
+                self.flights.push_back(Flight { sent: now.0, heard: false });
                 self.waits = true;
             }
             let (mut writer, mut models, mut count) = (Writer::new(), Models::new(), 0u16);
             let (mut id, mut before) = (BodyId::default(), Quantised::default());
             while let Some(state) = states.peek() {
-                before = self.write(&mut writer, &mut models, (id, &before), state, (tick, number, guesses));
+                let told = (now, tick, number, guesses);
+                before = self.write(&mut writer, &mut models, (id, &before), state, told);
                 id = state.id;
                 count += 1;
                 states.next();
@@ -191,8 +217,10 @@ impl Sender {
         models: &mut Models,
         (id, before): (BodyId, &Quantised),
         state: &SharedState,
-        (tick, number, guesses): (Tick, u32, bool),
+        (now, tick, number, guesses): (Tick, Tick, u32, bool),
     ) -> Quantised {
+        let delay_ticks = self.delay_ticks.unwrap_or(0.0);
+        let lost_before = self.delay_ticks.map_or(0, |_| now.0.saturating_sub(self.patience()));
         let history = self.bodies.entry(state.id).or_default();
         let flights = Flights { next: self.number, flights: &self.flights };
         history.settle(&flights);
@@ -211,12 +239,10 @@ impl Sender {
         });
         let read = read.expect("memory takes all");
         if !guesses {
-            if history.sent.len() == KEPT {
-                history.sent.pop_front();
-            }
-            let before = history.sent.back().or(history.known.as_ref()).filter(|before| before.tick < tick.0);
+            let before = history.sent.last().or(history.known.as_ref()).filter(|before| before.tick < tick.0);
             let falls = before.is_some_and(|it| self.motion.falls(&it.state, &read, tick.0 - it.tick));
-            history.sent.push_back(Version { batch: self.batch, number, tick: tick.0, state: read, falls });
+            let newest = Version { batch: self.batch, number, tick: tick.0, state: read, falls };
+            history.keep(newest, delay_ticks, |kept| flights.sent_at(kept.number) < lost_before);
             self.unheard.insert(state.id);
         }
         read
@@ -227,10 +253,11 @@ impl Sender {
         if heard.series != self.series {
             return false;
         }
-        let mut newest = None;
         let numbers =
             heard.datagrams.iter().flat_map(|&(first, count)| (0..count).map(move |i| first.wrapping_add(i)));
-        for number in numbers.take(REMEMBERED) {
+        let mut newest = None;
+        for number in numbers.take(self.allowance(now)) {
+            self.allowed.0 -= 1;
             let before = self.number.wrapping_sub(number) as usize;
             let Some(at) = self.flights.len().checked_sub(before) else { continue };
             if let Some(flight) = self.flights.get_mut(at).filter(|flight| !flight.heard) {
@@ -241,8 +268,19 @@ impl Sender {
         let Some(sent) = newest else { return false };
         self.waits = false;
         let took = now.0.saturating_sub(sent) as f64;
-        self.delay_ticks += (took - self.delay_ticks) / 8.0;
+        let delay_ticks = self.delay_ticks.get_or_insert(took);
+        *delay_ticks += (took - *delay_ticks) / 8.0;
         true
+    }
+
+    /// Returns how many datagrams an acknowledgement may name now: what a flood names beyond counts as unheard, and costs nothing.
+    fn allowance(&mut self, now: Tick) -> usize {
+        let (saved, since) = self.allowed;
+        let ticks = usize::try_from(now.0.saturating_sub(since)).unwrap_or(usize::MAX);
+        let earned = ticks.saturating_mul(HEARD_PER_TICK);
+        let allowed = saved.saturating_add(earned).min(REMEMBERED).saturating_sub(HEARD_COST);
+        self.allowed = (allowed, now.0);
+        allowed
     }
 
     /// Begins another series, which refers to nothing, for a client that does not understand what it is told in this one, unless that has only
@@ -253,14 +291,14 @@ impl Sender {
             return BTreeSet::new();
         }
         let again = std::mem::take(&mut self.unheard);
-        let began = now.0;
-        *self = Self { delay_ticks: self.delay_ticks, began, ..Self::new(self.motion, self.series + 1) };
+        let (began, delay_ticks, allowed) = (now.0, self.delay_ticks, self.allowed);
+        *self = Self { delay_ticks, allowed, began, ..Self::new(self.motion, self.series + 1) };
         again
     }
 
     /// Returns the ticks after which an acknowledgement should have come.
     fn patience(&self) -> u64 {
-        PATIENCE_TICKS.max(2.0 * self.delay_ticks) as u64
+        PATIENCE_TICKS.max(2.0 * self.delay_ticks.unwrap_or(0.0)) as u64
     }
 
     /// Returns the bodies whose newest state was sent so long ago that its acknowledgement should have come, and had not.
@@ -274,17 +312,15 @@ impl Sender {
         let mut overdue = Vec::new();
         let bodies = &mut self.bodies;
         self.unheard.retain(|id| {
-            let Some(history) = bodies.get_mut(id) else { return false };
-            let newest = history.sent.back();
-            if newest.is_none() {
-                overdue.push(*id);
-                return true;
-            }
-            if newest.is_some_and(|version| flights.sent_at(version.number) + patience > now.0) {
-                return true;
-            }
-            if history.settle(&flights) {
-                return false;
+            if let Some(history) = bodies.get_mut(id) {
+                let newest = history.sent.last();
+                if newest.is_some_and(|version| flights.sent_at(version.number) + patience > now.0) {
+                    return true;
+                }
+                if newest.is_some() && history.settle(&flights) {
+                    history.sent = Vec::new();
+                    return false;
+                }
             }
             overdue.push(*id);
             true
@@ -297,12 +333,10 @@ impl Sender {
         self.waits
     }
 
-    /// Takes all for lost that waits to be acknowledged, and forgets it.
+    /// Forgets all that the client was told, but not of which bodies it may not have the newest state: when it is back, it is told anew.
     pub fn give_up(&mut self) {
-        self.flights.clear();
-        for id in &self.unheard {
-            self.bodies.entry(*id).or_default().sent = VecDeque::new();
-        }
+        self.flights = VecDeque::new();
+        self.bodies = BTreeMap::new();
     }
 
     /// Returns how far a body is from where its client shows it by now, metres, if it has what may still be on its way; and of which tick
@@ -321,10 +355,14 @@ impl Sender {
         ))
     }
 
-    /// Returns how many states wait to be acknowledged.
+    /// Returns the bytes that are held for the client: those of each body, by the capacities of what is held, and those of datagrams and of
+    /// lists of ids. What an ordered map or set takes beside its entries is not counted.
     #[cfg(test)]
-    pub(super) fn waiting_states(&self) -> usize {
-        self.bodies.values().map(|history| history.sent.len()).sum()
+    pub(crate) fn bytes(&self) -> (usize, usize) {
+        let of = |history: &History| history.sent.capacity() * size_of::<Version>();
+        let bodies = self.bodies.len() * size_of::<(BodyId, History)>();
+        let rest = self.flights.capacity() * size_of::<Flight>() + self.unheard.len() * size_of::<BodyId>();
+        (bodies + self.bodies.values().map(of).sum::<usize>(), rest)
     }
 
     /// Forgets a body that is gone.

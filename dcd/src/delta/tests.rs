@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
 use super::*;
-use crate::protocol::{Check, Part, SharedState, StepRecord, Velocity, WorldPose};
+use crate::protocol::{Check, Heard, Part, SharedState, StepRecord, Velocity, WorldPose};
 use crate::sim::{Random, sim_world};
 use crate::space::{BodyId, ClientId, Epoch, RegionId, Tick};
 
@@ -268,7 +268,7 @@ fn what_a_client_did_not_hear_while_it_was_silent_it_is_told_again() {
         assert!(sender.waits());
         if tick % 60 == 0 {
             sender.give_up();
-            assert_eq!((sender.waiting_states(), sender.overdue(Tick(tick)).len()), (0, bodies.len()));
+            assert_eq!((sender.bytes().0, sender.overdue(Tick(tick)).len()), (0, bodies.len()));
         }
     }
     let now = Duration::from_secs(1_000);
@@ -277,6 +277,29 @@ fn what_a_client_did_not_hear_while_it_was_silent_it_is_told_again() {
     }
     assert!(sender.hear(Tick(1_000), &receiver.due(now + Duration::from_millis(20), 0).unwrap()));
     assert!(!sender.waits() && sender.overdue(Tick(1_020)).is_empty());
+}
+
+/// What is sent in the tick of a flood is unheard, and told again; later ones are heard.
+#[test]
+fn a_flood_of_acknowledgements_is_passed_over() {
+    let (mut sender, _) = ends();
+    let bodies = heap(300, &mut Random::new(5));
+    let first = sender.pack(Tick(1), Tick(1), &bodies, false, LIMIT)[0].number;
+    let heard = |datagrams| Heard { series: 1, datagrams, lost: false, bytes_per_s: 0 };
+    // None of these was sent.
+    let flood = heard(vec![(first.wrapping_sub(1_000_000), 900_000); 64]);
+    assert!(!sender.hear(Tick(1), &flood));
+    for _ in 0..1_000 {
+        assert!(!sender.hear(Tick(1), &heard(vec![(first, 1)])), "no time is spent on it");
+    }
+    assert!(sender.hear(Tick(2), &heard(vec![(first, 1)])));
+    // An honest client says so much in a tick at most, and may say what it did not for a while.
+    for tick in 3..60 {
+        let parts = sender.pack(Tick(tick), Tick(tick), &bodies, false, LIMIT);
+        if tick > 20 {
+            assert!(parts.iter().all(|part| sender.hear(Tick(tick), &heard(vec![(part.number, 1)]))));
+        }
+    }
 }
 
 /// Bodies that came and went: what is still on its way of them is understood, and nothing is kept.
@@ -349,6 +372,28 @@ fn the_strangest_states_fit() {
     }
 }
 
+#[test]
+fn a_part_that_refers_to_nothing_is_read_alone() {
+    let bodies = heap(300, &mut Random::new(3));
+    let parts = alone::write(&bodies, LIMIT);
+    assert!(parts.len() > 1);
+    let read: Vec<_> = parts.iter().rev().map(|part| alone::read(part).unwrap()).collect();
+    let read: Vec<_> = read.into_iter().rev().flatten().collect();
+    assert_eq!(read.len(), bodies.len());
+    assert!(bodies.iter().zip(&read).all(|(is, told)| off(is, told) <= 1.0));
+    assert_eq!(alone::write(&[], LIMIT), [[0u8; 0]]);
+    assert_eq!(alone::read(&[]).unwrap(), []);
+    // What a client is told refers to something.
+    let (mut sender, mut receiver) = ends();
+    for tick in 1..3 {
+        let part = sender.pack(Tick(tick), Tick(tick), &bodies[..5], false, LIMIT).remove(0);
+        let now = Duration::from_secs(tick);
+        receiver.take_in(now, Tick(tick), &part, false).unwrap();
+        sender.hear(Tick(tick), &receiver.due(now + Duration::from_secs(1), 0).unwrap());
+        assert_eq!(alone::read(&part.states).is_ok(), tick == 1);
+    }
+}
+
 /// Takes in what strangers made, and what they made of what was honest; returns how many were read, and how many refused.
 fn take_in_strange(rounds: u64, seed: u64) -> (u64, u64) {
     let mut random = Random::new(seed);
@@ -395,6 +440,9 @@ fn take_in_strange(rounds: u64, seed: u64) -> (u64, u64) {
             Err(_) => refused += 1,
         }
         receiver.due(Duration::MAX, 0);
+        if let Ok(states) = alone::read(&part.states) {
+            assert!(states.len() <= 1_024 && states.iter().all(|state| state.check().is_ok()));
+        }
     }
     (read, refused)
 }

@@ -21,6 +21,8 @@ const PAUSE_S: f64 = 1.0;
 const SLEW: f64 = 0.1;
 /// The same where it is farther off than [`FAR_S`].
 const FAST_SLEW: f64 = 0.5;
+/// By how much that share changes in a second at most: what moves at 10 m/s is then shown to gain or lose 10 m/s² by it.
+const EASE_PER_S: f64 = 1.0;
 /// See [`FAST_SLEW`]; seconds.
 const FAR_S: f64 = 0.1;
 /// What is shown jumps forward if it is farther behind than this, seconds.
@@ -33,6 +35,8 @@ const BACK_S: f64 = 3.0;
 pub(super) struct Playhead {
     /// The tick shown last, and when.
     shown: Option<(f64, Duration)>,
+    /// The share by which what is shown runs faster or slower than the world.
+    slew: f64,
     /// The tick of the last batch of states, and that of the one before.
     last: Option<f64>,
     before: Option<f64>,
@@ -42,7 +46,7 @@ pub(super) struct Playhead {
 
 impl Default for Playhead {
     fn default() -> Self {
-        Self { shown: None, last: None, before: None, late: Box::new([0.0; DEPTHS]) }
+        Self { shown: None, slew: 0.0, last: None, before: None, late: Box::new([0.0; DEPTHS]) }
     }
 }
 
@@ -111,10 +115,14 @@ impl Playhead {
         let elapsed = now.saturating_sub(at).as_secs_f64() / period_s;
         let off = target - (shown + elapsed);
         let jumps = off * period_s > JUMP_S || off * period_s < -BACK_S;
-        let slew = if off.abs() * period_s > FAR_S { FAST_SLEW } else { SLEW };
+        let most = if off.abs() * period_s > FAR_S { FAST_SLEW } else { SLEW };
+        // As fast as it can still slow down from.
+        let wanted = most.min((2.0 * EASE_PER_S * off.abs() * period_s).sqrt()).copysign(off);
+        let ease = EASE_PER_S * elapsed * period_s;
+        self.slew += (wanted - self.slew).clamp(-ease, ease);
         let next = match jumps {
             true => target,
-            false => (shown + elapsed + off.clamp(-slew * elapsed, slew * elapsed)).min(limit.max(shown)),
+            false => (shown + elapsed * (1.0 + self.slew)).min(limit.max(shown)),
         };
         self.shown = Some((next, now));
         (next, jumps)

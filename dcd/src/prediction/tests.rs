@@ -1,5 +1,7 @@
 //! Plays a client against a world of the same physics, tick by tick, with a delay each way.
 
+mod smooth;
+
 use rapier3d::prelude::*;
 
 use super::*;

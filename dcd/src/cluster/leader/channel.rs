@@ -221,23 +221,27 @@ impl Channel {
         batches: &Batches,
         all: impl FnOnce() -> I,
     ) {
-        match batches.since(self.caught_up) {
-            Some(bodies) => self.waiting.extend(bodies),
-            None => self.waiting.extend(all()),
-        }
+        // To sort them all at once is quicker than to put in one by one.
+        let waiting = std::mem::take(&mut self.waiting).into_iter();
+        self.waiting = match batches.since(self.caught_up) {
+            Some(bodies) => waiting.chain(bodies).collect(),
+            None => waiting.chain(all()).collect(),
+        };
         self.caught_up = batches.next();
     }
 
-    /// Returns the bodies to tell of now, in id order, of those that wait; and how many were compared for that.
+    /// Returns the bodies to tell of now, in id order, at most so many of those that wait; and how many were compared for that.
     pub(super) fn choose(
         &mut self,
         (now, clock, dt_s): (Tick, Duration, f64),
         latest: &Latest,
+        most: usize,
     ) -> (Vec<SharedState>, usize) {
         self.turn = now;
         let room = self.room(now, clock, dt_s) as f64;
         let datagrams = (room / (STATES_BYTES + DATAGRAM_COST) as f64).ceil();
         let count = ((room - datagrams * DATAGRAM_COST as f64) / self.body_bytes).max(0.0) as usize;
+        let count = count.min(most);
         if self.waiting.len() <= count {
             return (self.choose_all(latest), 0);
         }
@@ -286,6 +290,13 @@ impl Channel {
         let (error, since) = self.sender.error_m(now, state, tick).unwrap_or((UNTOLD_ERROR_M, Tick(0)));
         let age = now.0.saturating_sub(since.0).min(1_000) as f64;
         (LEAST_ERROR_M + error) * (1.0 + age) / (NEAR_M + nearest)
+    }
+
+    /// Returns the bytes that are held for the client, those of each body and the rest.
+    #[cfg(test)]
+    pub(super) fn bytes(&self) -> (usize, usize) {
+        let (bodies, rest) = self.sender.bytes();
+        (bodies, rest + self.waiting.len() * size_of::<BodyId>())
     }
 
     /// Codes the states that were chosen, as they were after a tick.

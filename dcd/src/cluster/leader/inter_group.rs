@@ -6,7 +6,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::Leader;
 use crate::cluster::Peer;
 use crate::cluster::correction::deviation_m;
-use crate::protocol::{Input, SharedState, Stance, ToServer, Touch, WorldOp, datagrams};
+use crate::delta::alone;
+use crate::protocol::{Input, STATES_BYTES, SharedState, Stance, ToServer, Touch, WorldOp};
 use crate::space::{BodyId, ClientId, Tick};
 
 /// Ticks between messages to the other groups.
@@ -243,11 +244,7 @@ impl Leader {
                 }
             }
             // Even without news, so that the others can keep step.
-            let mut parts = datagrams(states);
-            if parts.is_empty() {
-                parts.push(Vec::new());
-            }
-            for states in parts {
+            for states in alone::write(&states, STATES_BYTES) {
                 inter_group.to_server.push(ToServer::InterGroup { view, tick, states });
             }
         }

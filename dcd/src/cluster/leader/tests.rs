@@ -1,6 +1,9 @@
 //! Tests what a leader dispatches, believes, and tells clients.
 
-use super::state_replication::STATES_PER_TICK;
+mod between_groups;
+mod many;
+mod silent;
+
 use super::*;
 use crate::delta::Receiver;
 use crate::protocol::{self, ContactKey, Heard, Member, SharedState, Touch, Velocity, WorldPose};
@@ -505,7 +508,10 @@ fn of_many_clients_each_has_its_turn_and_no_tick_codes_more_than_it_may() {
     }
     leader.take_messages();
     let mut random = crate::sim::Random::new(5);
-    let round = (CLIENTS * BODIES).div_ceil(STATES_PER_TICK as u32);
+    let per_tick = leader.states_per_tick();
+    assert_eq!(per_tick, 2_333);
+    let round = (CLIENTS * BODIES).div_ceil(per_tick as u32);
+    let mut all = 0;
     for tick in 1..=4 * u64::from(round) {
         let now = Duration::from_millis(17 * tick);
         leader.dispatch(now).unwrap();
@@ -531,7 +537,9 @@ fn of_many_clients_each_has_its_turn_and_no_tick_codes_more_than_it_may() {
             let heard = receiver.due(now + Duration::from_millis(500), 0);
             heard.into_iter().for_each(|heard| leader.heard(client, &heard));
         }
-        assert!(coded < STATES_PER_TICK + BODIES as usize, "{coded} at tick {tick}");
+        all += coded;
+        assert!(coded < per_tick + BODIES as usize, "{coded} at tick {tick}");
+        assert!(all < per_tick * tick as usize + BODIES as usize, "{all} until tick {tick}");
         for (client, (_, told)) in &clients {
             assert!(*told + u64::from(round) + 4 >= tick, "{client} was told at {told}, not until {tick}");
         }

@@ -9,6 +9,7 @@ use crate::cluster::leader::TELL_TICK;
 use crate::cluster::{
     DelayMonitor, DelayRules, Leader, Peer, PhysicsCommand, PhysicsEvent, Sampling, VoteThresholds,
 };
+use crate::delta::alone;
 use crate::protocol::{
     BodyRecord, Border, BorderMessage, CHUNK_BYTES, Chunk, Dispatch, Done, EnvironmentProperties, Message,
     RegionEvents, Repartition, Report, ToNode, ToServer, View, WorldOp, split,
@@ -90,7 +91,10 @@ impl Node {
                 self.send_server(ToServer::Ballot { poll, delay_ms });
             }
             ToNode::InterGroup { view, main, tick, states } => match &mut self.leader {
-                Some(leader) if leader.view() == view => leader.hear_other_groups(main, tick, states),
+                Some(leader) if leader.view() == view => match alone::read(&states) {
+                    Ok(states) => leader.hear_other_groups(main, tick, states),
+                    Err(_) => self.counters.stale += 1,
+                },
                 _ => self.counters.stale += 1,
             },
             ToNode::Authority { view, alone, by_default, stances } => match &mut self.leader {

@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use super::Server;
 use super::group::Group;
-use crate::protocol::{SharedState, Stance, ToNode, ViewNumber};
+use crate::delta::alone;
+use crate::protocol::{STATES_BYTES, SharedState, Stance, ToNode, ViewNumber};
 use crate::space::{BodyId, GroupId, NodeId, Tick};
 
 /// The groups that are authoritative for bodies for which the main one is not.
@@ -35,27 +36,27 @@ impl Server {
     }
 
     /// Forwards the states of bodies that a group is authoritative for to all other groups.
-    pub(super) fn inter_group(
-        &mut self,
-        node: NodeId,
-        view: ViewNumber,
-        tick: Tick,
-        states: Vec<SharedState>,
-    ) {
+    pub(super) fn inter_group(&mut self, node: NodeId, view: ViewNumber, tick: Tick, states: Vec<u8>) {
         let Some(from) = self.led_by(node, view) else {
             self.common.stale += 1;
             return;
         };
-        let told = states.len();
-        let states: Vec<_> =
-            states.into_iter().filter(|state| self.authoritative(state.id) == from).collect();
-        self.common.stale += (told - states.len()) as u64;
+        let Ok(told) = alone::read(&states) else {
+            self.common.stale += 1;
+            return;
+        };
+        let is_theirs = |state: &&SharedState| self.authoritative(state.id) == from;
+        let kept: Vec<_> = told.iter().filter(is_theirs).copied().collect();
+        self.common.stale += (told.len() - kept.len()) as u64;
+        let parts = if kept.len() == told.len() { vec![states] } else { alone::write(&kept, STATES_BYTES) };
         let main = from == self.main;
         for group in self.groups.values().filter(|group| group.id != from && lives(group)) {
             let Some(view) = &group.view else { continue };
-            if main || !states.is_empty() {
-                let message = ToNode::InterGroup { view: view.number, main, tick, states: states.clone() };
-                self.common.send_node(view.leader, message);
+            if main || !kept.is_empty() {
+                for states in parts.clone() {
+                    let message = ToNode::InterGroup { view: view.number, main, tick, states };
+                    self.common.send_node(view.leader, message);
+                }
             }
         }
     }

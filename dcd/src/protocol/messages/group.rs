@@ -85,8 +85,8 @@ pub enum ToNode {
         main: bool,
         /// The tick after which these states held.
         tick: Tick,
-        /// In id order.
-        states: Vec<SharedState>,
+        /// In id order, in the compact form of `delta::alone`.
+        states: Vec<u8>,
     },
     /// To the leader of a group: for which bodies its group is authoritative from now on.
     Authority {
@@ -211,8 +211,8 @@ pub enum ToServer {
         view: ViewNumber,
         /// After which tick.
         tick: Tick,
-        /// In id order.
-        states: Vec<SharedState>,
+        /// In id order, in the compact form of `delta::alone`.
+        states: Vec<u8>,
     },
     /// From the leader: bodies that an avatar of its group has touched, each with its number of authority.
     Touched {

@@ -237,7 +237,9 @@ impl Check for ToNode {
             Self::Apply { ops, .. } => all(ops),
             Self::Ask { question, .. } => question.check(),
             Self::Roster(members) => ascending(members, |member| member.node, "roster"),
-            Self::InterGroup { states, .. } => all(states),
+            Self::InterGroup { states, .. } => {
+                must(states.len() <= STATES_BYTES, "states", "no more than a datagram holds")
+            }
             Self::Authority { stances, .. } => ascending(stances, |stance| stance.body, "stances"),
             Self::WorldEnd
             | Self::Settle { .. }
@@ -269,7 +271,9 @@ impl Check for ToServer {
                 delays.iter().try_for_each(|delay| not_negative(delay.delay_ms.as_slice(), "delay_ms"))
             }
             Self::Ballot { delay_ms, .. } => not_negative(delay_ms.as_slice(), "ballot.delay_ms"),
-            Self::InterGroup { states, .. } => all(states),
+            Self::InterGroup { states, .. } => {
+                must(states.len() <= STATES_BYTES, "states", "no more than a datagram holds")
+            }
             Self::Touched { bodies, .. } => ascending(bodies, |&(body, _)| body, "touched"),
             Self::Loaded | Self::LinkLost { .. } | Self::Call(_) | Self::Leave => Ok(()),
         }

@@ -129,7 +129,7 @@ pub(super) fn open(paths: &[PathBuf], threads: Option<u16>, common: &Common) -> 
     if names.len() > 1 && names.contains(&None) {
         return Err(Failure::usage("a local world has one recording: give it alone"));
     }
-    Ok(Worlds::new(members))
+    Worlds::new(members).map_err(|error| Failure::run(error.to_string()))
 }
 
 /// Returns the files, those of folders too.

@@ -39,12 +39,12 @@ pub fn difference(
             while side.advance(tick)? {}
         }
         // One that begins later is waited for; one that has ended stays behind.
-        let newest = Tick(a.ticks().max(b.ticks()));
-        if a.ticks().min(b.ticks()) < tick.0 {
+        let [one, other] = [a.tick(), b.tick()];
+        if one.min(other) < tick {
             break;
         }
-        if newest > tick {
-            tick = newest;
+        if one.max(other) > tick {
+            tick = one.max(other);
             continue;
         }
         if let Some(found) = compare(tick, [a, b]) {

@@ -29,7 +29,7 @@ pub use error::RecordingError;
 pub use file::{Background, Reader};
 pub use local::{LocalPhysics, Operation};
 pub use maker::Maker;
-pub(crate) use node::tick_of;
+pub use node::tick_of;
 pub use open::{Computers, open};
 pub use physics::{Physics, Readout, digests_of};
 pub use recorder::Recorder;

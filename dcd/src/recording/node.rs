@@ -129,6 +129,6 @@ impl Replayed for NodeReplay {
 }
 
 /// Returns the tick that a command may complete.
-pub(crate) fn tick_of(command: &PhysicsCommand) -> Option<Tick> {
+pub fn tick_of(command: &PhysicsCommand) -> Option<Tick> {
     if let PhysicsCommand::Accept { tick, .. } = command { Some(*tick) } else { None }
 }

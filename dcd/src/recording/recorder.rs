@@ -58,12 +58,12 @@ impl Recorder {
     }
 
     /// Begins the recording of a local world.
-    pub(crate) fn of_local(to: impl Write + Send + Sync + 'static) -> io::Result<Self> {
+    pub fn of_local(to: impl Write + Send + Sync + 'static) -> io::Result<Self> {
         Self::begin(Out::to(to)?, Subject::Local)
     }
 
     /// Begins a recording of the last so many seconds of a local world, in memory.
-    pub(crate) fn of_local_for(time: Duration) -> Self {
+    pub fn of_local_for(time: Duration) -> Self {
         Self::begin(Out::Ring(Ring::new(time)), Subject::Local).expect("memory can be written")
     }
 
@@ -105,12 +105,12 @@ impl Recorder {
     }
 
     /// Records an operation on a local world.
-    pub(crate) fn operation(&mut self, now: Duration, operation: Operation) {
+    pub fn operation(&mut self, now: Duration, operation: Operation) {
         self.put(now, LocalEntry::Did(operation));
     }
 
     /// Records the digests of all regions of a local world after a step.
-    pub(crate) fn stepped(&mut self, now: Duration, tick: Tick, digests: &[(RegionId, u64)]) {
+    pub fn stepped(&mut self, now: Duration, tick: Tick, digests: &[(RegionId, u64)]) {
         let digests = self.digests(tick, digests);
         self.put(now, LocalEntry::Stepped(digests));
         self.flush_if_due();
@@ -127,7 +127,7 @@ impl Recorder {
     }
 
     /// Says that what follows can be replayed without what was before; the next digests name their regions.
-    pub(crate) fn begin_segment(&mut self) {
+    pub fn begin_segment(&mut self) {
         self.flush();
         self.regions.clear();
         if let Some(Out::Ring(ring)) = &mut self.out {
@@ -136,12 +136,12 @@ impl Recorder {
     }
 
     /// Returns whether the recording wants to begin a segment.
-    pub(crate) fn wants_segment(&self) -> bool {
+    pub fn wants_segment(&self) -> bool {
         matches!(&self.out, Some(Out::Ring(ring)) if ring.wants_segment(self.now))
     }
 
     /// Writes what is kept of the last seconds.
-    pub(crate) fn keep(&mut self, to: &mut impl Write) -> io::Result<()> {
+    pub fn keep(&mut self, to: &mut impl Write) -> io::Result<()> {
         self.flush();
         match &self.out {
             Some(Out::Ring(ring)) => ring.write(to),

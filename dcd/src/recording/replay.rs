@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::replayed::{Flip, Replayed, Settled};
-use super::{BodyBits, Changed, FIELDS, RecordingError, find_changed};
+use super::{BodyBits, Changed, FIELDS, Readout, RecordingError, find_changed};
 use crate::space::{BodyId, NodeId, RegionId, Tick};
 
 /// Where a replay parts from its recording. What a digest cannot tell is `None`.
@@ -37,26 +37,42 @@ pub struct Replay {
 
 struct Member {
     replay: Box<dyn Replayed>,
+    /// The first tick that it computes, which no other tick of it has come before: one that joined late has nothing to show until then.
+    first: Option<Settled>,
     tick: Tick,
     ended: bool,
 }
 
+impl Member {
+    /// Returns which tick it completes next, as far as that is known.
+    fn next_tick(&self) -> Tick {
+        self.first.as_ref().map_or(self.tick.next(), |first| first.tick)
+    }
+}
+
 impl Replay {
     /// Begins the replay of these members.
-    pub fn new(members: Vec<Box<dyn Replayed>>) -> Self {
-        let member = |replay| Member { replay, tick: Tick(0), ended: false };
-        let members = members.into_iter().map(member).collect();
-        Self { members, ticks: 0, matches: 0, mismatch: None }
+    pub fn new(members: Vec<Box<dyn Replayed>>) -> Result<Self, RecordingError> {
+        let member = |mut replay: Box<dyn Replayed>| {
+            let first = replay.advance()?;
+            Ok(Member { replay, ended: first.is_none(), first, tick: Tick(0) })
+        };
+        let members = members.into_iter().map(member).collect::<Result<_, RecordingError>>()?;
+        Ok(Self { members, ticks: 0, matches: 0, mismatch: None })
     }
 
     /// Completes the next tick of the member that is furthest back, if it is at most `until`; `false` when all have come to their ends, or
     /// that far.
     pub fn advance(&mut self, until: Tick) -> Result<bool, RecordingError> {
-        let behind = self.members.iter_mut().filter(|member| !member.ended && member.tick < until);
-        let Some(member) = behind.min_by_key(|member| (member.tick, member.replay.node())) else {
+        let behind = self.members.iter_mut().filter(|member| !member.ended && member.next_tick() <= until);
+        let Some(member) = behind.min_by_key(|member| (member.next_tick(), member.replay.node())) else {
             return Ok(false);
         };
-        let Some(settled) = member.replay.advance()? else {
+        let settled = match member.first.take() {
+            Some(first) => Some(first),
+            None => member.replay.advance()?,
+        };
+        let Some(settled) = settled else {
             member.ended = true;
             return Ok(true);
         };
@@ -74,6 +90,20 @@ impl Replay {
     /// Returns the newest tick that any member has completed.
     pub fn ticks(&self) -> u64 {
         self.ticks
+    }
+
+    /// Returns the tick that all members have completed which compute on; where none does, the last of all.
+    pub fn tick(&self) -> Tick {
+        let going = self.members.iter().filter(|member| !member.ended && member.first.is_none());
+        going.map(|member| member.tick).min().unwrap_or(Tick(self.ticks))
+    }
+
+    /// Returns the members that are at that tick, or a tick ahead: not those that died before, or come later.
+    fn present(&self) -> impl Iterator<Item = &Member> {
+        let tick = self.tick();
+        let is_present =
+            move |member: &&Member| member.first.is_none() && (tick..=tick.next()).contains(&member.tick);
+        self.members.iter().filter(is_present)
     }
 
     /// Returns how many digests were as recorded.
@@ -96,13 +126,17 @@ impl Replay {
         self.members.iter_mut().for_each(|member| member.replay.flip(flip));
     }
 
-    /// Returns where each body is: on which node, in which region, and its state. What a process says that is not as far as the others
-    /// does not count where another owns the body.
+    /// Returns the regions of the members that compute on.
+    pub fn readouts(&self) -> impl Iterator<Item = &dyn Readout> {
+        self.present().map(|member| member.replay.readout())
+    }
+
+    /// Returns where each body is: on which node, in which region, and its state.
     pub fn bodies(&self) -> BTreeMap<BodyId, (Option<NodeId>, RegionId, BodyBits)> {
         let mut found = BTreeMap::new();
-        let mut members: Vec<_> = self.members.iter().collect();
-        members.sort_by_key(|member| member.tick);
-        for Member { replay, .. } in members {
+        let mut present: Vec<_> = self.present().collect();
+        present.sort_by_key(|member| member.tick);
+        for Member { replay, .. } in present {
             let regions = replay.readout();
             for region in regions.regions() {
                 let owned = regions.bodies(region);
@@ -114,7 +148,7 @@ impl Replay {
 
     /// Returns what acted on a body in the last ticks, wherever it is held.
     pub fn acted_on(&self, body: BodyId) -> Vec<String> {
-        self.members.iter().flat_map(|member| acts(&*member.replay, body)).collect()
+        self.present().flat_map(|member| acts(&*member.replay, body)).collect()
     }
 }
 

@@ -23,7 +23,7 @@ impl Computers for StandIns {
 
 fn replay_of(tapes: impl IntoIterator<Item = Tape>) -> Replay {
     let member = |tape: Tape| open(Cursor::new(tape.bytes()), &StandIns).unwrap();
-    Replay::new(tapes.into_iter().map(member).collect())
+    Replay::new(tapes.into_iter().map(member).collect()).unwrap()
 }
 
 /// Runs a cluster under the faults of a row of the fault table, with a bit flipped after this tick if any.
@@ -50,7 +50,7 @@ fn a_recording_that_was_cut_off_anywhere_is_replayed_up_to_there_and_damage_is_f
     let tapes = run(1, None).tapes;
     let whole = tapes.values().next().unwrap().bytes();
     let ticks = |bytes: &[u8]| {
-        let mut replay = Replay::new(vec![open(Cursor::new(bytes.to_vec()), &StandIns)?]);
+        let mut replay = Replay::new(vec![open(Cursor::new(bytes.to_vec()), &StandIns)?])?;
         while replay.advance(END)? {}
         assert_eq!(replay.mismatch(), None);
         Ok::<_, RecordingError>(replay.ticks())

@@ -153,7 +153,7 @@ mod tests {
     }
 
     fn replay(bytes: Vec<u8>) -> Replay {
-        Replay::new(vec![open(io::Cursor::new(bytes), &Local).unwrap()])
+        Replay::new(vec![open(io::Cursor::new(bytes), &Local).unwrap()]).unwrap()
     }
 
     fn checked(bytes: Vec<u8>, flip: Option<Flip>) -> (u64, Option<Mismatch>) {

@@ -6,6 +6,7 @@ use rapier3d::prelude::*;
 
 use super::recorded::{bodies_of, touching_in};
 use super::{LocalWorld, PhysicsDevice};
+use crate::physics::RegionHost;
 use crate::protocol::read_state;
 use crate::recording::{
     BodyBits, Computers, LocalPhysics, Operation, Physics, Readout, RecordingError, Replayed, open,
@@ -77,6 +78,10 @@ impl Readout for LocalComputer {
     fn touching(&self, body: BodyId) -> Vec<BodyId> {
         let owned = self.world.as_ref().and_then(|world| world.host().owned(body));
         owned.map_or_else(Vec::new, |(region, handle)| touching_in(region, handle))
+    }
+
+    fn host(&self) -> Option<&RegionHost> {
+        self.world.as_ref().map(LocalWorld::host)
     }
 }
 

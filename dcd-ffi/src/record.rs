@@ -24,7 +24,7 @@ pub unsafe extern "C" fn dcd_record(world: DcdWorld, path: *const c_char) -> Dcd
     })
 }
 
-/// Begins to record a local world in memory, and keeps at least the last `seconds` of it, at most twice as much, for "what happened just
+/// Begins to record a local world in memory, and keeps at least the last `seconds` of it by the clock on the wall, about twice as much at most, for "what happened just
 /// now?": dcd_record_keep writes it. Each stretch of so many seconds begins with a snapshot. A recording that was going on ends.
 ///
 /// Errors: DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for `seconds` that are not above 0 and up to 86,400, DCD_ERR_UNSUPPORTED in a served world.
@@ -40,7 +40,7 @@ pub unsafe extern "C" fn dcd_record_last(world: DcdWorld, seconds: f32) -> DcdSt
     })
 }
 
-/// Writes to a file what dcd_record_last has kept, and goes on recording.
+/// Writes to a file what dcd_record_last has kept, and goes on recording. A file that is there is replaced once the new one is whole.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_IO, DCD_ERR_ARGUMENT if nothing is recorded in memory, DCD_ERR_UNSUPPORTED in a
 /// served world.
@@ -53,17 +53,12 @@ pub unsafe extern "C" fn dcd_record_keep(world: DcdWorld, path: *const c_char) -
     })
 }
 
-/// Ends the recording of a local world, and writes what is not written yet. Does nothing where nothing is recorded, and in a served world.
+/// Ends the recording of a local world, and waits until it is written. Does nothing where nothing is recorded, and in a served world.
 ///
-/// Errors: DCD_ERR_STALE_ID.
+/// Errors: DCD_ERR_STALE_ID, DCD_ERR_IO if anything of it could not be written: the file ends there.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_record_stop(world: DcdWorld) -> DcdStatus {
-    guard("dcd_record_stop", || {
-        with(world, |world| {
-            world.dcd.stop_recording();
-            Ok(())
-        })
-    })
+    guard("dcd_record_stop", || with(world, |world| Ok(world.dcd.stop_recording()?)))
 }
 
 fn of_file(path: &str, error: dcd::Error) -> Failure {

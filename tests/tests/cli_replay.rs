@@ -95,6 +95,8 @@ fn what_cannot_be_replayed_is_said() {
         ("replay a.dcdr a.dcdr", "another file is of the same node"),
         ("replay a.dcdr --dump 31", "the recording ends after tick 30"),
         ("replay a.dcdr --flip 1", "write tick, body"),
+        ("replay a.dcdr --flip 20:7777", "nothing was flipped"),
+        ("replay a.dcdr --flip 20:5:40", "nothing was flipped"),
         ("run tower --regions 0 --record b.dcdr", "--record takes a world of regions"),
         ("run tower --record missing/b.dcdr", "cannot be read"),
     ] {
@@ -104,11 +106,26 @@ fn what_cannot_be_replayed_is_said() {
     let damaged = dcd(folder, "replay damaged.dcdr --check");
     assert_eq!(damaged.status.code(), Some(1));
     assert!(String::from_utf8_lossy(&damaged.stderr).contains("is damaged"), "{damaged:?}");
+    // A damaged length is damage, not an end.
+    let mut longer = whole.clone();
+    longer[13] ^= 4;
+    std::fs::write(folder.join("longer.dcdr"), longer).unwrap();
+    let longer = dcd(folder, "replay longer.dcdr --check");
+    assert!(String::from_utf8_lossy(&longer.stderr).contains("is damaged"), "{longer:?}");
+    // What has no tick proves nothing.
+    std::fs::write(folder.join("begun.dcdr"), &whole[..200.min(whole.len())]).unwrap();
+    assert_ne!(dcd(folder, "replay begun.dcdr --check").status.code(), Some(0));
+    // What cannot be written is said.
+    if cfg!(target_os = "linux") {
+        let full = dcd(folder, "run tower --seconds 0.5 --record /dev/full");
+        assert_eq!(full.status.code(), Some(1), "{full:?}");
+        assert!(String::from_utf8_lossy(&full.stderr).contains("the recording is not whole"), "{full:?}");
+    }
     // What a crash cut off is missing at the end.
     std::fs::write(folder.join("cut.dcdr"), &whole[..whole.len() - 3]).unwrap();
     let cut = dcd(folder, "replay cut.dcdr --check");
     assert_eq!(cut.status.code(), Some(0), "{cut:?}");
-    assert!(String::from_utf8_lossy(&cut.stderr).contains("ends within a chunk"), "{cut:?}");
+    assert!(String::from_utf8_lossy(&cut.stderr).contains("has no end"), "{cut:?}");
 }
 
 #[test]

@@ -166,7 +166,7 @@ fn measure(
         }
         bodies = plain.stats().bodies;
         awake = plain.regions().map(|region| region.awake_count()).sum();
-        recorded.stop_recording();
+        recorded.stop_recording()?;
         bytes = counter.0.load(Ordering::Relaxed) - snapshot;
     }
     let mean_ms = |least: &[Duration]| {

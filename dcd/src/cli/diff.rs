@@ -64,11 +64,11 @@ impl Diff {
 }
 
 fn words(found: &Difference) -> String {
-    let value = |value: Option<f64>| value.map_or("not there".to_owned(), |value| format!("{value:?}"));
     let place = |side: usize| {
         let Some((node, region)) = found.places[side] else { return "not there".to_owned() };
         let node = node.map_or(String::new(), |node| format!("{node}, "));
-        format!("{} ({node}{region})", value(found.values[side]))
+        let value = found.values[side].map_or("there".to_owned(), |value| format!("{value:?}"));
+        format!("{value} ({node}{region})")
     };
     let others = match found.bodies {
         1 => String::new(),

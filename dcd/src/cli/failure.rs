@@ -67,6 +67,7 @@ impl From<ProcessError> for Failure {
                 | DirectoryError::Format { .. }
                 | DirectoryError::Unreadable { .. },
             )
+            | ProcessError::Record { .. }
             | ProcessError::Token(_)
             | ProcessError::Tree(_)
             | ProcessError::Shape(_)

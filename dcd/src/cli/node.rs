@@ -75,7 +75,15 @@ impl Node {
         if self.until_stdin_ends {
             interrupt.listen_to_stdin();
         }
-        let join = JoinConfig { identity: self.identity, ..JoinConfig::new(self.server, self.token) };
+        let is_taken = |path: &PathBuf| path.metadata().is_ok_and(|file| file.len() > 0);
+        if let Some(path) = self.record.as_ref().filter(|path| is_taken(path)) {
+            return Err(Failure::usage(format!(
+                "{} is there already, perhaps the recording of what went wrong; move it, or record to another file",
+                path.display()
+            )));
+        }
+        let (identity, record) = (self.identity, self.record.clone());
+        let join = JoinConfig { identity, record, ..JoinConfig::new(self.server, self.token) };
         let mut config = MemberConfig::new(self.server, join.join(JoinRole::Node)?);
         config.listen = self.listen.unwrap_or(config.listen);
         config.advertise = self.advertise;

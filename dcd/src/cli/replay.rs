@@ -22,7 +22,7 @@ pub(super) const RECORDING: &str = "dcdr";
 /// Examples:
 ///   dcd run pile --set n=500 --regions 4 --record pile.dcdr
 ///   dcd replay pile.dcdr --check
-///   dcd replay pile.dcdr --until 200 --dump 120
+///   dcd replay pile.dcdr --dump 120 > bodies.csv
 ///   dcd node --token $(dcd token --role node) --record node.dcdr
 ///   dcd replay FOLDER --check --json     (all *.dcdr of a folder: the members of one cluster)
 ///
@@ -46,9 +46,9 @@ pub(super) struct Replay {
     until: Option<u64>,
     /// Print the bodies as they are after this tick, as CSV: body, node, region, and the fields of the state, positions relative to the
     /// region
-    #[arg(long, value_name = "TICK", conflicts_with_all = ["until", "json"])]
+    #[arg(long, value_name = "TICK", conflicts_with_all = ["until", "json"], value_parser = clap::value_parser!(u64).range(1..))]
     dump: Option<u64>,
-    /// Flip a bit of a body after a tick on purpose, as 120:7 or 120:c2/b1, with :BIT below 512 for another than the lowest of linvel.x
+    /// Flip a bit of a body after a tick on purpose, as 120:7 or 120:c2/b1, with :BIT for another than the lowest of linvel.x: 0, 64 and 128 are the lowest of x, y and z, 192 that of the rotation
     #[arg(long, value_name = "TICK:BODY", value_parser = flip)]
     flip: Option<Flip>,
     /// Threads that step a world [default: all cores]
@@ -79,7 +79,13 @@ impl Replay {
         }
         bar.finish_and_clear();
         if replay.members().any(|member| member.was_cut_off()) {
-            common.say("a recording ends within a chunk, as that of a process that was killed: it is replayed up to there");
+            common.say("a recording has no end, as that of a process that was killed: it is replayed as far as it goes");
+        }
+        if self.dump.is_some() {
+            std::mem::replace(&mut failed, Ok(()))?;
+            if let Some(found) = replay.mismatch() {
+                common.say(&format!("it parted from the recording after tick {}", found.tick.0));
+            }
         }
         if let Some(tick) = self.dump {
             if replay.ticks() < tick {
@@ -100,6 +106,17 @@ impl Replay {
             print(&words(&replay))?;
         }
         failed?;
+        if let Some(Flip { tick, body, .. }) = self.flip
+            && !replay.members().any(|member| member.has_flipped())
+        {
+            return Err(Failure::usage(format!(
+                "nothing was flipped: body {body} is not owned by anybody after tick {}, or its state has no such bit",
+                tick.0
+            )));
+        }
+        if self.check && replay.matches() == 0 && replay.mismatch().is_none() {
+            return Err(Failure::run("nothing was compared: no tick is on record"));
+        }
         let parts = self.check && replay.mismatch().is_some();
         Ok(if parts { ExitCode::FAILURE } else { interrupt.exit_code() })
     }
@@ -119,7 +136,7 @@ pub(super) fn open(paths: &[PathBuf], threads: Option<u16>, common: &Common) -> 
         }
         if names.contains(&member.node()) {
             return Err(Failure::usage(format!(
-                "{}: another file is of the same node: give the recordings of one run",
+                "{}: another file is of the same node, which was started again: replay each with those of the others by itself",
                 file.display()
             )));
         }

@@ -1,10 +1,11 @@
 //! Writes and reads chunks of bytes, each with a hash chained to the one before, and hands them to a thread that writes a file, so that
 //! a slow disk holds nobody up.
 //!
-//! A file: magic, format (u32, little endian), chunks. A chunk: its length (u32), the first 8 bytes of BLAKE3 of the hash before,
-//! the length and the bytes; the bytes.
+//! A file: magic, format (u32, little endian), chunks. A chunk: its length (u32), the first 4 bytes of BLAKE3 of the hash before and the
+//! length, the first 8 bytes of BLAKE3 of the hash before, the length and the bytes; the bytes. An empty chunk ends the recording: one
+//! without it was cut off.
 
-use std::fs::File;
+use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Write};
 use std::path::Path;
 use std::sync::Arc;
@@ -29,17 +30,20 @@ pub(super) fn begin(to: &mut impl Write) -> io::Result<()> {
     to.write_all(&[&MAGIC[..], &FORMAT.to_le_bytes()].concat())
 }
 
-/// Writes a chunk by one call; returns the hash that the next one is chained to.
+/// Writes a chunk by one call, the last one empty; returns the hash that the next one is chained to.
 pub(super) fn write_chunk(to: &mut impl Write, before: Hash, bytes: &[u8]) -> io::Result<Hash> {
+    if bytes.len() > MOST {
+        return Err(io::Error::other("an entry has more than 40 MiB"));
+    }
     let length = (bytes.len() as u32).to_le_bytes();
-    let hash = chained(before, bytes);
-    to.write_all(&[&length[..], &hash, bytes].concat())?;
+    let hash = chained(before, length, bytes);
+    to.write_all(&[&length[..], &chained(before, length, &[])[..4], &hash, bytes].concat())?;
     Ok(hash)
 }
 
-fn chained(before: Hash, bytes: &[u8]) -> Hash {
+fn chained(before: Hash, length: [u8; 4], bytes: &[u8]) -> Hash {
     let mut hasher = blake3::Hasher::new();
-    hasher.update(&before).update(&(bytes.len() as u32).to_le_bytes()).update(bytes);
+    hasher.update(&before).update(&length).update(bytes);
     let mut hash = Hash::default();
     hash.copy_from_slice(&hasher.finalize().as_bytes()[..size_of::<Hash>()]);
     hash
@@ -50,6 +54,8 @@ pub struct Reader<R> {
     from: R,
     before: Hash,
     taken: u64,
+    /// Whether the last chunk has been read.
+    ended: bool,
     cut_off: bool,
 }
 
@@ -71,20 +77,23 @@ impl<R: Read> Reader<R> {
         if format != FORMAT {
             return Err(RecordingError::Format { theirs: format, ours: FORMAT });
         }
-        Ok(Self { from, before: Hash::default(), taken: head.len() as u64, cut_off: false })
+        Ok(Self { from, before: Hash::default(), taken: head.len() as u64, ended: false, cut_off: false })
     }
 
     /// Returns the next chunk; `None` at the end, or where the file was cut off.
     pub(super) fn next_chunk(&mut self) -> Result<Option<Vec<u8>>, RecordingError> {
-        let begin = self.taken;
-        let mut head = [0; size_of::<u32>() + size_of::<Hash>()];
-        let read = fill(&mut self.from, &mut head)?;
-        if read < head.len() {
-            self.cut_off |= read > 0;
+        if self.ended || self.cut_off {
             return Ok(None);
         }
-        let length = u32::from_le_bytes([head[0], head[1], head[2], head[3]]) as usize;
-        if length > MOST {
+        let begin = self.taken;
+        let mut head = [0; 2 * size_of::<u32>() + size_of::<Hash>()];
+        if fill(&mut self.from, &mut head)? < head.len() {
+            self.cut_off = true;
+            return Ok(None);
+        }
+        let length_bytes = [head[0], head[1], head[2], head[3]];
+        let length = u32::from_le_bytes(length_bytes) as usize;
+        if length > MOST || head[4..8] != chained(self.before, length_bytes, &[])[..4] {
             return Err(RecordingError::Damaged(begin));
         }
         let mut bytes = vec![0; length];
@@ -92,16 +101,20 @@ impl<R: Read> Reader<R> {
             self.cut_off = true;
             return Ok(None);
         }
-        let hash = chained(self.before, &bytes);
-        if head[4..] != hash {
+        let hash = chained(self.before, length_bytes, &bytes);
+        if head[8..] != hash {
             return Err(RecordingError::Damaged(begin));
+        }
+        if length == 0 {
+            self.ended = true;
+            return Ok(None);
         }
         self.before = hash;
         self.taken += (head.len() + length) as u64;
         Ok(Some(bytes))
     }
 
-    /// Returns whether the file ended within a chunk: its process was killed.
+    /// Returns whether the file ended without its last chunk: its process was killed, or the disk was full.
     pub fn was_cut_off(&self) -> bool {
         self.cut_off
     }
@@ -122,7 +135,7 @@ fn fill(from: &mut impl Read, into: &mut [u8]) -> io::Result<usize> {
 }
 
 /// A file that a thread of its own writes. Each [`Write::write`] is written whole; it fails when the disk has failed, or more than
-/// 64 MiB wait for it.
+/// 64 MiB wait for it. [`Write::flush`] waits until all is written, and closes the file.
 pub struct Background {
     chunks: Option<Sender<Vec<u8>>>,
     waiting: Arc<AtomicUsize>,
@@ -130,6 +143,11 @@ pub struct Background {
 }
 
 impl Background {
+    /// Checks that a file can be written, and leaves it as it is.
+    pub fn check(path: &Path) -> io::Result<()> {
+        OpenOptions::new().append(true).create(true).open(path).map(drop)
+    }
+
     /// Creates a file, or empties it.
     pub fn create(path: &Path) -> io::Result<Self> {
         let mut file = File::create(path)?;
@@ -169,7 +187,7 @@ impl Write for Background {
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        Ok(())
+        self.end()
     }
 }
 

@@ -6,7 +6,7 @@ use bincode::{Decode, Encode};
 
 use super::entries::Entries;
 use super::entry::Digests;
-use super::replayed::{Flip, Replayed, Settled, flip_bit};
+use super::replayed::{Disturbance, Flip, Replayed, Settled};
 use super::{Maker, Readout, RecordingError, digests_of};
 use crate::protocol::{BodyRecord, Drive, JointRecord, Push, ShapeRecord, Velocity, WorldPose};
 use crate::space::{BodyId, JointId, NodeId, RegionId, Tick};
@@ -113,14 +113,14 @@ pub(super) struct LocalReplay {
     world: Box<dyn LocalPhysics>,
     snapshot: Vec<u8>,
     tick: Tick,
-    flip: Option<Flip>,
+    disturbance: Disturbance,
     acts: VecDeque<(Tick, Operation)>,
 }
 
 impl LocalReplay {
     pub(super) fn new(entries: Entries, world: Box<dyn LocalPhysics>) -> Self {
         let (snapshot, acts) = (Vec::new(), VecDeque::new());
-        Self { entries, world, snapshot, tick: Tick(0), flip: None, acts }
+        Self { entries, world, snapshot, tick: Tick(0), disturbance: Disturbance::default(), acts }
     }
 
     fn repeat(&mut self, operation: Operation) -> Result<(), RecordingError> {
@@ -158,7 +158,11 @@ impl Replayed for LocalReplay {
     }
 
     fn flip(&mut self, flip: Flip) {
-        self.flip = Some(flip);
+        self.disturbance.set(flip);
+    }
+
+    fn has_flipped(&self) -> bool {
+        self.disturbance.is_done()
     }
 
     fn acted_on(&self, body: BodyId) -> Vec<String> {
@@ -180,9 +184,7 @@ impl Replayed for LocalReplay {
             if self.tick != tick {
                 return Err(RecordingError::Astray { tick: tick.0 });
             }
-            if let Some(Flip { body, bit, .. }) = self.flip.filter(|flip| flip.tick == tick) {
-                flip_bit(&mut *self.world, body, bit);
-            }
+            self.disturbance.happen(tick, &mut *self.world);
             while self.acts.front().is_some_and(|(of, _)| of.0 + TICKS <= tick.0) {
                 self.acts.pop_front();
             }

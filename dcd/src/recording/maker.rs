@@ -48,7 +48,11 @@ impl Maker {
 
 impl fmt::Display for Maker {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "dcd {} with Rapier {} on {} ({})", self.dcd, self.rapier, self.platform, self.cpu)?;
+        write!(
+            f,
+            "dcd {} (protocol {}) with Rapier {} on {} ({})",
+            self.dcd, self.protocol, self.rapier, self.platform, self.cpu
+        )?;
         self.features.iter().try_for_each(|feature| write!(f, ", {feature}"))
     }
 }

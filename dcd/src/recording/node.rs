@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use super::acts::Acts;
 use super::entries::Entries;
 use super::entry::{NodeEntry, NodeSeed};
-use super::replayed::{Flip, Replayed, Settled, flip_bit};
+use super::replayed::{Disturbance, Flip, Replayed, Settled};
 use super::{Maker, Physics, Readout, RecordingError, digests_of};
 use crate::cluster::{Node, NodeConfig, NodeEvent, NodeOutput, PhysicsCommand, PhysicsEvent};
 use crate::space::{BodyId, NodeId, RegionId, Tick};
@@ -19,7 +19,7 @@ pub(super) struct NodeReplay {
     answers: VecDeque<PhysicsEvent>,
     /// What was computed and not compared yet.
     computed: VecDeque<(Tick, Vec<(RegionId, u64)>)>,
-    flip: Option<Flip>,
+    disturbance: Disturbance,
     acts: Acts,
 }
 
@@ -31,7 +31,7 @@ impl NodeReplay {
             physics,
             answers: VecDeque::new(),
             computed: VecDeque::new(),
-            flip: None,
+            disturbance: Disturbance::default(),
             acts: Acts::default(),
         }
     }
@@ -59,9 +59,7 @@ impl NodeReplay {
             self.acts.note(&command);
             let answer = self.physics.execute(command).map_err(RecordingError::Physics)?;
             if let (Some(tick), Some(PhysicsEvent::Settled { .. })) = (tick, &answer) {
-                if let Some(Flip { body, bit, .. }) = self.flip.filter(|flip| flip.tick == tick) {
-                    flip_bit(&mut *self.physics, body, bit);
-                }
+                self.disturbance.happen(tick, &mut *self.physics);
                 self.computed.push_back((tick, digests_of(&*self.physics)));
             }
             self.answers.extend(answer);
@@ -88,7 +86,11 @@ impl Replayed for NodeReplay {
     }
 
     fn flip(&mut self, flip: Flip) {
-        self.flip = Some(flip);
+        self.disturbance.set(flip);
+    }
+
+    fn has_flipped(&self) -> bool {
+        self.disturbance.is_done()
     }
 
     fn acted_on(&self, body: BodyId) -> Vec<String> {

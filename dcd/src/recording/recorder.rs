@@ -21,8 +21,9 @@ const FLUSH: Duration = Duration::from_millis(100);
 
 /// Records a process.
 pub struct Recorder {
-    /// `None` once it has failed.
+    /// `None` once it has failed or ended.
     out: Option<Out>,
+    failure: Option<io::Error>,
     chunk: Vec<u8>,
     now: Duration,
     flushed: Duration,
@@ -70,8 +71,14 @@ impl Recorder {
     fn begin(out: Out, subject: Subject) -> io::Result<Self> {
         let mut chunk = Vec::new();
         put(&mut chunk, &Beginning { maker: Maker::here(), subject });
-        let mut recorder =
-            Self { out: Some(out), chunk, now: Duration::ZERO, flushed: Duration::ZERO, regions: Vec::new() };
+        let mut recorder = Self {
+            out: Some(out),
+            failure: None,
+            chunk,
+            now: Duration::ZERO,
+            flushed: Duration::ZERO,
+            regions: Vec::new(),
+        };
         recorder.flush();
         Ok(recorder)
     }
@@ -177,8 +184,27 @@ impl Recorder {
         self.chunk.clear();
         if let Err(error) = written {
             warn!(%error, "the recording ends here");
-            self.out = None;
+            (self.out, self.failure) = (None, Some(error));
         }
+    }
+
+    /// Returns whether nothing is recorded any more, as something could not be written.
+    pub fn has_failed(&self) -> bool {
+        self.failure.is_some()
+    }
+
+    /// Writes what is not written yet and the end, and waits for the disk; returns what went wrong at any time.
+    pub fn finish(mut self) -> io::Result<()> {
+        self.end()
+    }
+
+    fn end(&mut self) -> io::Result<()> {
+        self.flush();
+        if let Some(Out::File { mut to, before }) = self.out.take() {
+            file::write_chunk(&mut to, before, &[])?;
+            to.flush()?;
+        }
+        self.failure.take().map_or(Ok(()), Err)
     }
 
     fn put<W: Encode>(&mut self, now: Duration, what: W) {
@@ -196,7 +222,9 @@ impl Recorder {
 
 impl Drop for Recorder {
     fn drop(&mut self) {
-        self.flush();
+        if let Err(error) = self.end() {
+            warn!(%error, "a recording is not whole");
+        }
     }
 }
 

@@ -38,13 +38,38 @@ pub trait Replayed {
     fn readout(&self) -> &dyn Readout;
     /// Disturbs the replay.
     fn flip(&mut self, flip: Flip);
+    /// Returns whether the flip has been made.
+    fn has_flipped(&self) -> bool;
     /// Returns what acted on a body in the last ticks.
     fn acted_on(&self, body: BodyId) -> Vec<String>;
     /// Goes on to the end of a tick; `None` at the end of the recording.
     fn advance(&mut self) -> Result<Option<Settled>, RecordingError>;
 }
 
-/// Flips a bit of a body that is owned there; returns whether it is.
-pub(super) fn flip_bit(regions: &mut (impl Readout + ?Sized), body: BodyId, bit: usize) -> bool {
-    bits_of(regions, body).is_some_and(|(_, bits)| regions.set(body, &bits.flipped(bit)))
+/// A flip that is to be made, or has been.
+#[derive(Debug, Default)]
+pub(super) struct Disturbance {
+    flip: Option<Flip>,
+    done: bool,
+}
+
+impl Disturbance {
+    pub(super) fn set(&mut self, flip: Flip) {
+        (self.flip, self.done) = (Some(flip), false);
+    }
+
+    pub(super) fn is_done(&self) -> bool {
+        self.done
+    }
+
+    /// Makes the flip after its tick, once, if the body is owned there and has that bit.
+    pub(super) fn happen(&mut self, tick: Tick, regions: &mut (impl Readout + ?Sized)) {
+        let Some(Flip { body, bit, .. }) = self.flip.filter(|flip| flip.tick == tick && !self.done) else {
+            return;
+        };
+        if let Some((_, before)) = bits_of(regions, body) {
+            regions.set(body, &before.flipped(bit));
+            self.done = bits_of(regions, body).is_some_and(|(_, after)| after != before);
+        }
+    }
 }

@@ -52,6 +52,7 @@ impl Ring {
         for chunk in std::iter::once(&self.beginning).chain(chunks) {
             before = file::write_chunk(to, before, chunk)?;
         }
+        file::write_chunk(to, before, &[])?;
         to.flush()
     }
 }

@@ -20,6 +20,7 @@ use crate::protocol::{
     Area, ContactForce, Controller, Drive, EnvironmentProperties, Handover, Input, Query, QueryResult,
     Refusal, ShapeHash, ShapeRecord, Touch, Velocity, WorldPose,
 };
+use crate::recording::Background;
 use crate::space::{BodyId, ClientId, DistributionTree, NodeId, RegionId, Tick};
 
 /// The settings with which a process joins a served world.
@@ -71,6 +72,10 @@ impl JoinConfig {
     /// Trades the token for an identity of this role.
     #[doc(hidden)]
     pub fn join(&self, role: JoinRole) -> Result<Identity, ProcessError> {
+        // Before the token is used up.
+        if let Some(path) = &self.record {
+            Background::check(path).map_err(|cause| ProcessError::Record { path: path.clone(), cause })?;
+        }
         let token: Token = self.token.trim().parse()?;
         token.require(role)?;
         let former = match &self.identity {

@@ -48,7 +48,9 @@ impl LocalWorld {
         mass_kg: f32,
         hits: &[CharacterHit],
     ) -> Result<(), WorldError> {
-        self.tape_spoilt();
+        if !hits.is_empty() {
+            self.tape_spoilt();
+        }
         Ok(self.host_mut().push_by_character(character, mass_kg, hits)?)
     }
 

@@ -42,7 +42,9 @@ impl LocalWorld {
             tracing::warn!(
                 "the recording ends here: contact hooks are the program's own code, and cannot be repeated"
             );
-            self.stop_recording();
+            if let Err(error) = self.stop_recording() {
+                tracing::warn!(%error, "it is not whole");
+            }
         }
         self.host_mut().set_hooks(hooks);
     }

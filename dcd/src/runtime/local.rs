@@ -316,8 +316,11 @@ impl LocalWorld {
 
     /// Changes damping, armature, friction and springs of a multibody joint.
     pub fn update_link(&mut self, joint: JointId, settings: &LinkSettings) -> Result<(), WorldError> {
-        self.tape_spoilt();
-        if self.host.update_link(joint, settings) { Ok(()) } else { Err(WorldError::NoJoint(joint)) }
+        let done = self.host.update_link(joint, settings);
+        if done {
+            self.tape_spoilt();
+        }
+        if done { Ok(()) } else { Err(WorldError::NoJoint(joint)) }
     }
 
     /// Returns the position and velocity of a multibody's link in the coordinates of its joint; `None` before its first step.
@@ -332,8 +335,11 @@ impl LocalWorld {
             let (what, range) = ("velocity", "six finite numbers");
             return Err(WorldError::Setting { what, value: format!("{velocity:?}"), range });
         }
-        self.tape_spoilt();
-        if self.host.set_link_velocity(joint, velocity) { Ok(()) } else { Err(WorldError::NoJoint(joint)) }
+        let done = self.host.set_link_velocity(joint, velocity);
+        if done {
+            self.tape_spoilt();
+        }
+        if done { Ok(()) } else { Err(WorldError::NoJoint(joint)) }
     }
 
     fn tie(
@@ -399,7 +405,11 @@ impl LocalWorld {
     pub fn step(&mut self) -> Result<(), WorldError> {
         self.tape_seed();
         let start = Instant::now();
-        self.host.step()?;
+        let stepped = self.host.step();
+        if stepped.is_err() {
+            self.tape_spoilt();
+        }
+        stepped?;
         self.ledger.merge(self.host.events(), &mut self.events);
         self.host.clear_events();
         self.last_step = start.elapsed();
@@ -489,8 +499,12 @@ impl LocalWorld {
             result
         });
         let result = changed.ok_or(WorldError::NoBody(body))?;
-        self.tape_update(body, copies);
-        self.host.settle_kind(body)?;
+        let settled = self.host.settle_kind(body);
+        match settled {
+            Ok(_) => self.tape_update(body, copies),
+            Err(_) => self.tape_spoilt(),
+        }
+        settled?;
         Ok(result)
     }
 

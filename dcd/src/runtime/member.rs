@@ -189,11 +189,13 @@ impl Member {
             patience: config.patience,
         });
         let recorder = match (&node, config.record) {
-            (Some(node), Some(path)) => Some(
-                Background::create(&path)
-                    .and_then(|file| Recorder::of_node(file, node, false))
-                    .map_err(|cause| ProcessError::Record { path, cause })?,
-            ),
+            (Some(node), Some(path)) => {
+                let begun = Background::create(&path).and_then(|file| Recorder::of_node(file, node, false));
+                match begun {
+                    Ok(recorder) => Some((path, recorder)),
+                    Err(cause) => return Err(ProcessError::Record { path, cause }),
+                }
+            }
             _ => None,
         };
         let node = node.map(|config| RecordedNode::new(Node::new(config), recorder));

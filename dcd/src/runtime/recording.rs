@@ -15,6 +15,7 @@ impl LocalWorld {
     /// going on ends.
     pub fn record(&mut self, to: impl Write + Send + Sync + 'static) -> Result<(), RecordingError> {
         self.can_be_recorded()?;
+        self.stop_recording()?;
         self.tape = Some(Box::new(Tape::new(Recorder::of_local(to)?)));
         Ok(())
     }
@@ -22,6 +23,7 @@ impl LocalWorld {
     /// Begins to record, in memory, and keeps at least the last so much time: [`LocalWorld::keep_recording`] writes it.
     pub fn record_last(&mut self, time: Duration) -> Result<(), RecordingError> {
         self.can_be_recorded()?;
+        self.stop_recording()?;
         self.tape = Some(Box::new(Tape::new(Recorder::of_local_for(time))));
         Ok(())
     }
@@ -33,9 +35,9 @@ impl LocalWorld {
         Ok(tape.ok_or_else(none)?.recorder.keep(to)?)
     }
 
-    /// Ends the recording, and writes what is not written yet.
-    pub fn stop_recording(&mut self) {
-        self.tape = None;
+    /// Ends the recording, and waits until it is written; an error if anything of it could not be.
+    pub fn stop_recording(&mut self) -> Result<(), RecordingError> {
+        Ok(self.tape.take().map_or(Ok(()), |tape| tape.recorder.finish())?)
     }
 
     /// Returns whether the world is recorded.
@@ -43,7 +45,8 @@ impl LocalWorld {
         self.tape.is_some()
     }
 
-    fn can_be_recorded(&self) -> Result<(), RecordingError> {
+    /// Returns an error if this world cannot be recorded.
+    pub(crate) fn can_be_recorded(&self) -> Result<(), RecordingError> {
         if self.host.has_hooks() {
             let why = "a world with contact hooks cannot be recorded: they are the program's own code; remove them first";
             return Err(RecordingError::Unsuitable(why.into()));
@@ -98,7 +101,7 @@ impl LocalWorld {
 
     /// Records what a step has computed.
     pub(super) fn tape_step(&mut self) {
-        if let Some(tape) = &mut self.tape {
+        if let Some(tape) = self.tape.as_mut().filter(|tape| !tape.recorder.has_failed()) {
             let digests: Vec<_> =
                 self.host.regions().map(|region| (region.id(), digest(bodies_of(region)))).collect();
             tape.note_step(self.host.tick(), &digests);
@@ -218,7 +221,7 @@ mod tests {
             let tape = Memory::default();
             world.record(tape.clone()).unwrap();
             play(&mut world);
-            world.stop_recording();
+            world.stop_recording().unwrap();
             let bytes = tape.0.lock().unwrap().clone();
             let regions = world.regions().len() as u64;
             assert_eq!(checked(bytes.clone(), None), (90 * regions, None));
@@ -255,7 +258,7 @@ mod tests {
             let tape = Memory::default();
             world.record(tape.clone()).unwrap();
             play(&mut world);
-            world.stop_recording();
+            world.stop_recording().unwrap();
             let bytes = tape.0.lock().unwrap().clone();
             assert_eq!(checked(bytes, None).1, None, "{load:?}");
         }

@@ -7,10 +7,12 @@ use std::time::Instant;
 use serde::Serialize;
 
 use crate::physics::ShapeLibrary;
-use crate::protocol::{BodyRecord, ShapeHash, write_state};
+use crate::protocol::{BodyRecord, ShapeHash, encoded_len, write_state};
 use crate::recording::{Operation, Recorder};
 use crate::space::{RegionId, Tick};
 
+/// Shapes of more bytes than this are told by a snapshot.
+const LARGE: usize = 1 << 20;
 /// Bytes of each part of a snapshot.
 const PART: usize = 1 << 20;
 
@@ -31,9 +33,15 @@ impl Tape {
 
     /// Records an operation, unless a snapshot is to come that has it in it.
     pub(super) fn note(&mut self, operation: Operation) {
+        // Without steps, what is kept in memory would grow without end.
+        self.is_stale |= self.recorder.wants_segment();
         if !self.is_stale {
-            self.recorder.operation(self.since.elapsed(), operation);
+            self.put(operation);
         }
+    }
+
+    fn put(&mut self, operation: Operation) {
+        self.recorder.operation(self.since.elapsed(), operation);
     }
 
     /// Records bodies that came, with their new shapes.
@@ -46,6 +54,10 @@ impl Tape {
             records.retain(|record| self.known.insert(record.hash()));
             records
         };
+        // A snapshot is written in parts, an entry is not.
+        if new.iter().map(encoded_len).sum::<usize>() > LARGE {
+            return self.spoil();
+        }
         self.note(Operation::Insert { bodies, shapes: new });
     }
 
@@ -71,7 +83,7 @@ impl Tape {
         save(&mut parts)?;
         parts.end();
         self.known = shapes.records().iter().map(|shape| shape.hash()).collect();
-        self.note(Operation::Restore);
+        self.put(Operation::Restore);
         Ok(())
     }
 
@@ -109,7 +121,7 @@ impl Parts<'_> {
     fn end(&mut self) {
         if !self.part.is_empty() {
             let part = std::mem::take(&mut self.part);
-            self.tape.note(Operation::Seed(part));
+            self.tape.put(Operation::Seed(part));
         }
     }
 }

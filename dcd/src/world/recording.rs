@@ -1,7 +1,6 @@
 //! Records a local world to a file, or its last seconds in memory.
 
-use std::fs::File;
-use std::io::BufWriter;
+use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
@@ -32,7 +31,7 @@ impl World {
     /// world.record_to(&path)?;
     /// world.insert(RigidBodyBuilder::dynamic(), ColliderBuilder::ball(0.5))?;
     /// world.step()?;
-    /// world.stop_recording();
+    /// world.stop_recording()?;
     /// assert!(path.metadata()?.len() > 100);
     /// # std::fs::remove_dir_all(folder)?;
     /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -43,12 +42,15 @@ impl World {
     /// end the recording. [`Error::Unsupported`] in other roles.
     pub fn record_to(&mut self, path: impl AsRef<Path>) -> Result<(), Error> {
         let world = self.local_mut(RECORD, Instead::RecordNodes)?;
+        world.can_be_recorded()?;
+        // It may be to the same file.
+        world.stop_recording()?;
         let file = Background::create(path.as_ref()).map_err(RecordingError::from)?;
         Ok(world.record(file)?)
     }
 
-    /// Begins to record this world in memory, and keeps at least the last so much time of it, at most twice as much: for "what happened
-    /// just now?" Each stretch of that time begins with a snapshot. [`World::keep_recording`] writes it.
+    /// Begins to record this world in memory, and keeps at least the last so much time of it by the clock on the wall, about twice as much at most: for
+    /// "what happened just now?" Each stretch of that time begins with a snapshot. [`World::keep_recording`] writes it.
     ///
     /// # Errors
     /// As [`World::record_to`].
@@ -56,20 +58,33 @@ impl World {
         Ok(self.local_mut(RECORD, Instead::RecordNodes)?.record_last(time)?)
     }
 
-    /// Writes to a file what [`World::record_last`] has kept, and goes on recording.
+    /// Writes to a file what [`World::record_last`] has kept, and goes on recording. A file that is there is replaced once the new one is
+    /// whole.
     ///
     /// # Errors
     /// As [`World::record_to`], also if nothing is recorded in memory.
     pub fn keep_recording(&mut self, path: impl AsRef<Path>) -> Result<(), Error> {
         let world = self.local_mut(RECORD, Instead::RecordNodes)?;
-        let file = File::create(path).map_err(RecordingError::from)?;
-        Ok(world.keep_recording(&mut BufWriter::new(file))?)
+        let mut kept = Vec::new();
+        world.keep_recording(&mut kept)?;
+        let path = path.as_ref();
+        let mut part = path.as_os_str().to_owned();
+        part.push(".part");
+        let written = fs::write(&part, kept).and_then(|()| fs::rename(&part, path));
+        if written.is_err() {
+            let _ = fs::remove_file(&part);
+        }
+        Ok(written.map_err(RecordingError::from)?)
     }
 
-    /// Ends the recording, and writes what is not written yet. Does nothing where nothing is recorded.
-    pub fn stop_recording(&mut self) {
-        if let Ok(world) = self.local_mut(RECORD, Instead::RecordNodes) {
-            world.stop_recording();
+    /// Ends the recording, and waits until it is written. Does nothing where nothing is recorded, and in other roles.
+    ///
+    /// # Errors
+    /// [`Error::Recording`] if anything of it could not be written: the file ends there.
+    pub fn stop_recording(&mut self) -> Result<(), Error> {
+        match self.local_mut(RECORD, Instead::RecordNodes) {
+            Ok(world) => Ok(world.stop_recording()?),
+            Err(_) => Ok(()),
         }
     }
 }

@@ -1505,6 +1505,8 @@ static void recordings_are_written(const char *path)
     OK(dcd_world_open_scene("pile", params, 1, &def, &world));
     OK(dcd_record_stop(world)); /* there is none */
     OK(dcd_record(world, whole));
+    steps(world, 5);
+    OK(dcd_record(world, whole)); /* anew, in the place of the former */
     thrown = add(world, crate(world, 0.0, 20.0));
     steps(world, 20);
     OK(dcd_body_set_velocity(world, thrown, &velocity));

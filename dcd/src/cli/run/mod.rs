@@ -92,6 +92,7 @@ impl Run {
             self.view.map(|at| view::open(at, &cast.name).map(Viewer::with_controls)).transpose()?;
         if let (Some(path), Subject::Regions(world)) = (&self.record, &mut subject) {
             let fails = |error: RecordingError| Failure::usage(format!("{}: {error}", path.display()));
+            world.can_be_recorded().map_err(fails)?;
             let file = Background::create(path).map_err(|error| fails(error.into()))?;
             world.record(file).map_err(fails)?;
         }
@@ -115,9 +116,10 @@ impl Run {
             if interrupt.asked() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         });
         live.finish();
-        if let Subject::Regions(world) = &mut subject {
-            world.stop_recording();
-        }
+        let recorded = match &mut subject {
+            Subject::Regions(world) => world.stop_recording(),
+            Subject::Bare(_) => Ok(()),
+        };
         let report = report?;
         // Before anything is printed: the JSON object is the last line, and its bodies can be found in the file.
         let written = out.map(|out| out.write(&subject)).transpose();
@@ -138,6 +140,7 @@ impl Run {
         }
         written?;
         saved?;
+        recorded.map_err(|error| Failure::run(format!("the recording is not whole: {error}")))?;
         filmed?;
         if report.lost + report.doubled > 0 {
             return Err(Failure::run(format!(

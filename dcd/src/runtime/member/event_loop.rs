@@ -144,7 +144,8 @@ impl Loop {
                 self.end = Some(Err(ProcessError::NotReleased { server: self.server, waited: RELEASE }));
             }
         }
-        let end = self.end.take().unwrap_or(Ok(()));
+        let recorded = self.node.as_mut().map_or(Ok(()), RecordedNode::finish);
+        let end = self.end.take().unwrap_or(Ok(())).and(recorded);
         let reason = self.reason.take().unwrap_or_else(|| Reason::of_end(&end));
         let mut state = self.shared.lock();
         state.summary.seconds = self.start.elapsed().as_secs_f64();

@@ -2927,7 +2927,9 @@ DcdStatus dcd_record_last(DcdWorld world,
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_IO, DCD_ERR_ARGUMENT if nothing is recorded in memory, DCD_ERR_UNSUPPORTED in a
 // served world.
-DCD_API DcdStatus dcd_record_keep(DcdWorld world, const char *path);
+DCD_API
+DcdStatus dcd_record_keep(DcdWorld world,
+                          const char *path);
 
 // Ends the recording of a local world, and waits until it is written. Does nothing where nothing is recorded, and in a served world.
 //

@@ -58,7 +58,7 @@ enum Suite {
     Peers(peers::Peers),
     /// How well a client predicts its own avatars, over good and bad networks: corrections, jumps and time per frame.
     Prediction(prediction::Predictions),
-    /// What recording a world costs: time per step and bytes per second.
+    /// Measures what recording a world costs: time per step and bytes per second.
     Recording(recording::Recording),
     /// Scenes of 180 to 40,000 bodies with bodies at every border: time and error of the same settings in the same row.
     Scale(scale::Scale),

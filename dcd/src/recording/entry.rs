@@ -100,8 +100,7 @@ pub(super) struct Digests {
 
 /// Appends an entry.
 pub(super) fn put(to: &mut Vec<u8>, entry: &impl Encode) {
-    let bytes = bincode::encode_to_vec(entry, CONFIG).expect("plain values in memory encode");
-    to.extend_from_slice(&bytes);
+    bincode::encode_into_std_write(entry, to, CONFIG).expect("plain values in memory encode");
 }
 
 /// Takes the next entry of a chunk.

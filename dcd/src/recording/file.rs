@@ -69,8 +69,9 @@ impl Reader<io::BufReader<File>> {
 impl<R: Read> Reader<R> {
     /// Reads the beginning.
     pub fn new(mut from: R) -> Result<Self, RecordingError> {
-        let mut head = [0; MAGIC.len() + size_of::<u32>()];
-        if fill(&mut from, &mut head)? < head.len() || head[..MAGIC.len()] != MAGIC {
+        const HEAD: usize = MAGIC.len() + size_of::<u32>();
+        let head = read_up_to(&mut from, HEAD)?;
+        if head.len() < HEAD || head[..MAGIC.len()] != MAGIC {
             return Err(RecordingError::Foreign);
         }
         let format = u32::from_le_bytes([head[8], head[9], head[10], head[11]]);
@@ -86,8 +87,9 @@ impl<R: Read> Reader<R> {
             return Ok(None);
         }
         let begin = self.taken;
-        let mut head = [0; 2 * size_of::<u32>() + size_of::<Hash>()];
-        if fill(&mut self.from, &mut head)? < head.len() {
+        const HEAD: usize = 2 * size_of::<u32>() + size_of::<Hash>();
+        let head = read_up_to(&mut self.from, HEAD)?;
+        if head.len() < HEAD {
             self.cut_off = true;
             return Ok(None);
         }
@@ -96,8 +98,8 @@ impl<R: Read> Reader<R> {
         if length > MOST || head[4..8] != chained(self.before, length_bytes, &[])[..4] {
             return Err(RecordingError::Damaged(begin));
         }
-        let mut bytes = vec![0; length];
-        if fill(&mut self.from, &mut bytes)? < length {
+        let bytes = read_up_to(&mut self.from, length)?;
+        if bytes.len() < length {
             self.cut_off = true;
             return Ok(None);
         }
@@ -120,18 +122,11 @@ impl<R: Read> Reader<R> {
     }
 }
 
-/// Fills `into` as far as there are bytes, and returns how many.
-fn fill(from: &mut impl Read, into: &mut [u8]) -> io::Result<usize> {
-    let mut read = 0;
-    while read < into.len() {
-        match from.read(&mut into[read..]) {
-            Ok(0) => break,
-            Ok(count) => read += count,
-            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-            Err(error) => return Err(error),
-        }
-    }
-    Ok(read)
+/// Reads so many bytes, or as many as there are.
+fn read_up_to(from: &mut impl Read, count: usize) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    from.take(count as u64).read_to_end(&mut bytes)?;
+    Ok(bytes)
 }
 
 /// A file that a thread of its own writes. Each [`Write::write`] is written whole; it fails when the disk has failed, or more than

@@ -2,8 +2,6 @@
 
 use super::{BodyBits, digest};
 use crate::cluster::{PhysicsCommand, PhysicsEvent};
-#[cfg(feature = "physics")]
-use crate::physics::RegionHost;
 use crate::space::{BodyId, RegionId};
 
 /// Regions that can be read bit by bit.
@@ -16,11 +14,6 @@ pub trait Readout {
     fn set(&mut self, body: BodyId, bits: &BodyBits) -> bool;
     /// Returns the bodies that a body touches, in id order.
     fn touching(&self, body: BodyId) -> Vec<BodyId>;
-    /// Returns the real regions, where there are such.
-    #[cfg(feature = "physics")]
-    fn host(&self) -> Option<&RegionHost> {
-        None
-    }
 }
 
 /// The physics of a node: the real one, or the simulator's stand-in.

@@ -164,7 +164,7 @@ impl Recorder {
     }
 
     /// Writes what is not written yet.
-    pub fn flush(&mut self) {
+    fn flush(&mut self) {
         self.flushed = self.now;
         let chunk = std::mem::take(&mut self.chunk);
         if chunk.is_empty() {
@@ -183,9 +183,14 @@ impl Recorder {
         self.chunk = chunk;
         self.chunk.clear();
         if let Err(error) = written {
-            warn!(%error, "the recording ends here");
-            (self.out, self.failure) = (None, Some(error));
+            self.fail(error);
         }
+    }
+
+    /// Ends the recording for this reason, which [`Recorder::finish`] returns.
+    pub fn fail(&mut self, error: io::Error) {
+        warn!(%error, "the recording ends here");
+        (self.out, self.failure) = (None, Some(error));
     }
 
     /// Returns whether nothing is recorded any more, as something could not be written.

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::replayed::{Flip, Replayed, Settled};
-use super::{BodyBits, Changed, FIELDS, Readout, RecordingError, find_changed};
+use super::{BodyBits, Changed, FIELDS, RecordingError, find_changed};
 use crate::space::{BodyId, NodeId, RegionId, Tick};
 
 /// Where a replay parts from its recording. What a digest cannot tell is `None`.
@@ -124,11 +124,6 @@ impl Replay {
     /// Disturbs whoever owns the body after that tick.
     pub fn flip(&mut self, flip: Flip) {
         self.members.iter_mut().for_each(|member| member.replay.flip(flip));
-    }
-
-    /// Returns the regions of the members that compute on.
-    pub fn readouts(&self) -> impl Iterator<Item = &dyn Readout> {
-        self.present().map(|member| member.replay.readout())
     }
 
     /// Returns where each body is: on which node, in which region, and its state.

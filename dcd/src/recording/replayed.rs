@@ -32,7 +32,7 @@ pub trait Replayed {
     fn node(&self) -> Option<NodeId>;
     /// Returns who made the recording.
     fn maker(&self) -> &Maker;
-    /// Returns whether the file ended within a chunk, as that of a killed process may.
+    /// Returns whether the file has no end, as that of a killed process.
     fn was_cut_off(&self) -> bool;
     /// Returns its regions as they are now.
     fn readout(&self) -> &dyn Readout;

@@ -34,10 +34,6 @@ impl Readout for PhysicsDevice {
         let Some((region, handle)) = self.host().and_then(|host| host.owned(body)) else { return Vec::new() };
         touching_in(region, handle)
     }
-
-    fn host(&self) -> Option<&RegionHost> {
-        self.host()
-    }
 }
 
 /// Sets the state of an owned body; returns whether there is such a body.

@@ -93,8 +93,7 @@ impl LocalWorld {
         if tape.wants_seed()
             && let Err(error) = tape.seed(self.host.shapes(), |parts| self.save(parts))
         {
-            tracing::warn!(%error, "the recording ends here: the world cannot be saved");
-            return;
+            tape.recorder.fail(std::io::Error::other(error));
         }
         self.tape = Some(tape);
     }
@@ -123,8 +122,8 @@ mod tests {
 
     use super::*;
     use crate::protocol::{Push, Velocity, WorldPose};
-    use crate::recording::{Flip, LocalPhysics, Mismatch, Physics, Replay, open};
-    use crate::runtime::replays::LocalComputer;
+    use crate::recording::{Flip, Mismatch, Replay, open};
+    use crate::runtime::replays::Here;
     use crate::runtime::{Partitioning, WorldConfig};
     use crate::scene::{Params, Scene};
     use crate::space::{Balance, Tick};
@@ -143,20 +142,8 @@ mod tests {
         }
     }
 
-    struct Local;
-
-    impl crate::recording::Computers for Local {
-        fn node(&self, _stand_in: bool) -> Option<Box<dyn Physics>> {
-            None
-        }
-
-        fn local(&self) -> Option<Box<dyn LocalPhysics>> {
-            Some(Box::new(LocalComputer::new(1)))
-        }
-    }
-
     fn replay(bytes: Vec<u8>) -> Replay {
-        Replay::new(vec![open(io::Cursor::new(bytes), &Local).unwrap()]).unwrap()
+        Replay::new(vec![open(io::Cursor::new(bytes), &Here { threads: 1 }).unwrap()]).unwrap()
     }
 
     fn checked(bytes: Vec<u8>, flip: Option<Flip>) -> (u64, Option<Mismatch>) {

@@ -6,7 +6,6 @@ use rapier3d::prelude::*;
 
 use super::recorded::{bodies_of, touching_in};
 use super::{LocalWorld, PhysicsDevice};
-use crate::physics::RegionHost;
 use crate::protocol::read_state;
 use crate::recording::{
     BodyBits, Computers, LocalPhysics, Operation, Physics, Readout, RecordingError, Replayed, open,
@@ -18,8 +17,8 @@ pub fn open_recording(path: &Path, threads: usize) -> Result<Box<dyn Replayed>, 
     open(std::io::BufReader::with_capacity(1 << 18, std::fs::File::open(path)?), &Here { threads })
 }
 
-struct Here {
-    threads: usize,
+pub(super) struct Here {
+    pub(super) threads: usize,
 }
 
 impl Computers for Here {
@@ -46,13 +45,13 @@ fn stand_in_physics() -> Option<Box<dyn Physics>> {
 }
 
 /// A local world that repeats what was recorded.
-pub(super) struct LocalComputer {
+struct LocalComputer {
     threads: usize,
     world: Option<LocalWorld>,
 }
 
 impl LocalComputer {
-    pub(super) fn new(threads: usize) -> Self {
+    fn new(threads: usize) -> Self {
         Self { threads, world: None }
     }
 
@@ -78,10 +77,6 @@ impl Readout for LocalComputer {
     fn touching(&self, body: BodyId) -> Vec<BodyId> {
         let owned = self.world.as_ref().and_then(|world| world.host().owned(body));
         owned.map_or_else(Vec::new, |(region, handle)| touching_in(region, handle))
-    }
-
-    fn host(&self) -> Option<&RegionHost> {
-        self.world.as_ref().map(LocalWorld::host)
     }
 }
 

@@ -68,7 +68,7 @@ impl Tape {
 
     /// Returns whether a snapshot is to come before the next step.
     pub(super) fn wants_seed(&self) -> bool {
-        self.is_stale || self.recorder.wants_segment()
+        !self.recorder.has_failed() && (self.is_stale || self.recorder.wants_segment())
     }
 
     /// Records a snapshot, which `save` writes, of a world with these shapes.

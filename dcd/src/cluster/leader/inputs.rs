@@ -22,7 +22,7 @@ const WAITING: usize = 1_024;
 pub(super) struct Inputs {
     limits: AvatarLimits,
     avatars: BTreeMap<BodyId, Avatar>,
-    /// How many inputs of each client wait for the ticks that they name.
+    /// Counts the inputs of each client that wait for the ticks that they name.
     counts: BTreeMap<ClientId, usize>,
     /// Newest inputs for avatars not heard of yet, and since when they wait.
     early: BTreeMap<BodyId, (Input, Tick)>,

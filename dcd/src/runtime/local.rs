@@ -316,11 +316,11 @@ impl LocalWorld {
 
     /// Changes damping, armature, friction and springs of a multibody joint.
     pub fn update_link(&mut self, joint: JointId, settings: &LinkSettings) -> Result<(), WorldError> {
-        let done = self.host.update_link(joint, settings);
-        if done {
-            self.tape_spoilt();
+        if !self.host.update_link(joint, settings) {
+            return Err(WorldError::NoJoint(joint));
         }
-        if done { Ok(()) } else { Err(WorldError::NoJoint(joint)) }
+        self.tape_spoilt();
+        Ok(())
     }
 
     /// Returns the position and velocity of a multibody's link in the coordinates of its joint; `None` before its first step.
@@ -335,11 +335,11 @@ impl LocalWorld {
             let (what, range) = ("velocity", "six finite numbers");
             return Err(WorldError::Setting { what, value: format!("{velocity:?}"), range });
         }
-        let done = self.host.set_link_velocity(joint, velocity);
-        if done {
-            self.tape_spoilt();
+        if !self.host.set_link_velocity(joint, velocity) {
+            return Err(WorldError::NoJoint(joint));
         }
-        if done { Ok(()) } else { Err(WorldError::NoJoint(joint)) }
+        self.tape_spoilt();
+        Ok(())
     }
 
     fn tie(
@@ -404,12 +404,16 @@ impl LocalWorld {
     /// Advances the world by one tick.
     pub fn step(&mut self) -> Result<(), WorldError> {
         self.tape_seed();
-        let start = Instant::now();
-        let stepped = self.host.step();
+        let stepped = self.advance();
         if stepped.is_err() {
             self.tape_spoilt();
         }
-        stepped?;
+        stepped
+    }
+
+    fn advance(&mut self) -> Result<(), WorldError> {
+        let start = Instant::now();
+        self.host.step()?;
         self.ledger.merge(self.host.events(), &mut self.events);
         self.host.clear_events();
         self.last_step = start.elapsed();

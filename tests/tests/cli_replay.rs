@@ -75,6 +75,14 @@ fn the_first_difference_of_two_recordings_is_told() {
     assert_eq!(found["difference"]["tick"], 1, "{found}");
     let words = said(folder, "diff a.dcdr c.dcdr", 1);
     assert!(words.starts_with("they differ from tick 1") && words.contains("in the second"), "{words}");
+    let words = said(folder, "diff a.dcdr b.dcdr", 0);
+    assert_eq!(words.trim_end(), "alike in all ticks that both have, up to tick 60");
+    // One that was cut off before its first tick is alike with nothing.
+    let whole = std::fs::read(folder.join("a.dcdr")).unwrap();
+    std::fs::write(folder.join("begun.dcdr"), &whole[..200]).unwrap();
+    let nothing = dcd(folder, "diff a.dcdr begun.dcdr");
+    assert_eq!(nothing.status.code(), Some(1), "{nothing:?}");
+    assert!(String::from_utf8_lossy(&nothing.stderr).contains("nothing was compared"), "{nothing:?}");
 }
 
 #[test]

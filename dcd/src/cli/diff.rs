@@ -55,9 +55,11 @@ impl Diff {
             let told = Told { ticks: tick.0, difference: found.as_ref().map(ToldDifference::new) };
             print(&serde_json::to_string(&told).expect("numbers and text are JSON"))?;
         } else {
-            print(
-                &found.as_ref().map_or_else(|| format!("alike up to tick {}, where one ends", tick.0), words),
-            )?;
+            let alike = || format!("alike in all ticks that both have, up to tick {}", tick.0);
+            print(&found.as_ref().map_or_else(alike, words))?;
+        }
+        if tick == Tick(0) {
+            return Err(Failure::run("nothing was compared: they have no tick in common"));
         }
         Ok(if found.is_some() { ExitCode::FAILURE } else { ExitCode::SUCCESS })
     }

@@ -45,15 +45,18 @@ pub(super) fn disturb(host: &mut RegionHost, body: BodyId, bits: &BodyBits) -> b
 
 /// Returns the movable bodies that a region owns, bit by bit.
 pub(super) fn bodies_of(region: &Region) -> impl Iterator<Item = (BodyId, BodyBits)> {
-    let owned = region.bodies().filter(|(_, role, ..)| *role == Ownership::Owner);
-    owned.map(|(id, _, _, body)| {
-        let bits = BodyBits::of_f32(
-            body.translation().to_array(),
-            body.rotation().to_array(),
-            body.linvel().to_array(),
-            body.angvel().to_array(),
-        );
-        (id, bits)
+    // In the order in which Rapier keeps them, which is that of memory.
+    region.physics().bodies.iter().filter_map(|(handle, body)| {
+        let (id, role) = region.role_of(handle)?;
+        let bits = || {
+            BodyBits::of_f32(
+                body.translation().to_array(),
+                body.rotation().to_array(),
+                body.linvel().to_array(),
+                body.angvel().to_array(),
+            )
+        };
+        (role == Ownership::Owner).then(|| (id, bits()))
     })
 }
 

@@ -8,6 +8,7 @@ mod contact_listener;
 mod control;
 mod convert;
 mod coupling;
+mod fidelity;
 mod hooks;
 mod host;
 mod joints;
@@ -35,6 +36,7 @@ pub(crate) use articulation::{equip_link, insert_link, motion_between};
 pub use choice::{CouplingChoice, Method};
 pub use collider_id::ColliderId;
 pub use control::{CharacterHit, CharacterMove, ControlError, VehicleController};
+pub use fidelity::{Fidelity, FidelityReport};
 pub use hooks::{ContactHooks, HookedPair};
 #[cfg(feature = "net")]
 pub(crate) use host::Checkpoint;

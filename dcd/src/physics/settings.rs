@@ -9,7 +9,7 @@ pub use crate::protocol::Coupling;
 
 impl Coupling {
     /// Returns whether regions use mass splitting, with consensus on the means of a body's copies.
-    pub(super) const fn shares_mass(self) -> bool {
+    pub(crate) const fn shares_mass(self) -> bool {
         matches!(self, Self::Overlap | Self::Island | Self::Auto)
     }
 

@@ -7,8 +7,8 @@ use rapier3d::prelude::*;
 use super::choice::{self, Choice, Why};
 use super::tape::{Copies, Tape};
 use crate::physics::{
-    ControlError, Handover, HostError, LinkSettings, Ownership, Partition, Queries, Region, RegionHost,
-    StepSettings, joint_record,
+    ControlError, Fidelity, FidelityReport, Handover, HostError, LinkSettings, Ownership, Partition, Queries,
+    Region, RegionHost, StepSettings, joint_record,
 };
 use crate::protocol::{
     Check, ContactLedger, Controller, Drive, Invalid, JointRecord, LinkMotion, Push, StateHasher, Velocity,
@@ -16,7 +16,9 @@ use crate::protocol::{
 };
 use crate::recording::Operation;
 use crate::scene::Scene;
-use crate::space::{Axis, Balance, BodyId, Bounds, DistributionTree, JointId, RegionId, Tick, TreeError};
+use crate::space::{
+    Axis, Balance, BodyId, Bounds, DistributionTree, JointId, RegionId, Tick, TreeError, Viewpoint,
+};
 
 /// The way in which the world is cut into regions.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -47,6 +49,8 @@ pub struct WorldConfig {
     /// How regions follow the load; `None` leaves them as they are cut. Served, a world of [`Partitioning::Auto`] has one region for each
     /// node then: [`Balance::by_nodes`].
     pub balance: Option<Balance>,
+    /// How much of it is computed in full. With the couplings `owner` and `proxy`, and served, all of it is.
+    pub fidelity: Fidelity,
     /// How it is stepped.
     pub step: StepSettings,
 }
@@ -59,6 +63,7 @@ impl Default for WorldConfig {
             threads: 1,
             halo_m: None,
             balance: None,
+            fidelity: Fidelity::Off,
             step: StepSettings::default(),
         }
     }
@@ -78,6 +83,7 @@ impl WorldConfig {
             threads: 1,
             halo_m: None,
             balance: scene.balance,
+            fidelity: Fidelity::Off,
             step: scene.step_settings(),
         }
     }
@@ -216,6 +222,7 @@ impl LocalWorld {
         let leaves = partition.leaves().to_vec();
         let mut host = RegionHost::new(partition, config.step, config.threads, &leaves)?;
         host.set_balance(config.balance);
+        host.set_fidelity(config.fidelity);
         Ok(Self {
             host,
             ledger: ContactLedger::default(),
@@ -239,6 +246,7 @@ impl LocalWorld {
         world.next_body = bodies.len() as u32;
         world.next_joint = joints.len() as u64;
         world.host.insert(bodies, &joints)?;
+        world.host.set_viewpoints(scene.viewpoints.clone());
         Ok(world)
     }
 
@@ -414,6 +422,7 @@ impl LocalWorld {
     fn advance(&mut self) -> Result<(), WorldError> {
         let start = Instant::now();
         self.host.step()?;
+        self.host.note_tick_time(start.elapsed().as_secs_f64() * 1e3);
         self.ledger.merge(self.host.events(), &mut self.events);
         self.host.clear_events();
         self.last_step = start.elapsed();
@@ -435,6 +444,17 @@ impl LocalWorld {
             self.tape_spoilt();
         }
         Ok(())
+    }
+
+    /// Sets where the world is looked at from, for its [`Fidelity`]; without any viewpoint all of it is looked at.
+    pub fn set_viewpoints(&mut self, viewpoints: &[Viewpoint]) {
+        self.host.set_viewpoints(viewpoints.to_vec());
+        self.tape_spoilt();
+    }
+
+    /// Returns what its [`Fidelity`] saves and costs; `None` where all is computed in full.
+    pub fn fidelity_report(&self) -> Option<FidelityReport> {
+        self.host.fidelity_report()
     }
 
     /// Returns how many ticks are done.
@@ -717,6 +737,13 @@ fn check(config: &WorldConfig) -> Result<(), WorldError> {
     }
     if let Some((what, value, range)) = config.balance.as_ref().and_then(Balance::fault) {
         return wrong(what, value, range);
+    }
+    if let Some((what, value, range)) = config.fidelity.fault() {
+        return wrong(what, value, range);
+    }
+    let coupling = config.step.coupling;
+    if config.fidelity != Fidelity::Off && !coupling.shares_mass() {
+        return wrong("fidelity", format!("{:?}", config.fidelity), "off with the couplings owner and proxy");
     }
     check_threads(config.threads)?;
     if config.halo_m.is_some_and(|halo| !halo.is_finite() || halo < 0.0) {

@@ -4,7 +4,7 @@ use rapier3d::prelude::*;
 
 use crate::physics::{CouplingChoice, LinkSettings, StepSettings, equip_link, insert_link, motion_between};
 use crate::protocol::{LinkRecord, WorldPose};
-use crate::space::{Axis, Balance, Bounds};
+use crate::space::{Axis, Balance, Bounds, Viewpoint};
 
 /// A scene: the content of a world at its first tick, and how it is to be stepped.
 #[derive(Clone, Debug)]
@@ -29,6 +29,8 @@ pub struct Scene {
     pub cuts: Vec<(Axis, f64)>,
     /// Load balancing of regions in a world of one process, when the scene says so.
     pub balance: Option<Balance>,
+    /// Where the scene is looked at from, when it says so.
+    pub viewpoints: Vec<Viewpoint>,
     /// The coupling that the scene asks for.
     pub coupling: CouplingChoice,
     /// Start of a client's avatar, when the scene says so.
@@ -148,6 +150,7 @@ impl Scene {
             regions: None,
             cuts: Vec::new(),
             balance: None,
+            viewpoints: Vec::new(),
             coupling: CouplingChoice::default(),
             avatar: None,
             warnings: Vec::new(),

@@ -9,6 +9,7 @@ mod ids;
 mod mix;
 mod region_set;
 mod tree;
+mod viewpoint;
 
 pub use allocation::{Allocation, allocate, reallocate};
 pub use balance::{Balance, Burden, Load, Loads, balanced, plan, summarised};
@@ -20,3 +21,4 @@ pub use ids::{BodyId, ClientId, Epoch, GroupId, JointId, NodeId, RegionId, Tick}
 pub use mix::mixed;
 pub use region_set::{MAX_REGIONS, RegionSet};
 pub use tree::{DistributionTree, Limits, Renaming, TreeChange, TreeError, Yielding};
+pub use viewpoint::Viewpoint;

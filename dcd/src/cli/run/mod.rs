@@ -1,6 +1,7 @@
 //! Implements `dcd run`: steps a scene on this machine and measures it.
 
 mod csv;
+mod fidelity;
 mod live;
 pub(in crate::cli) mod snapshot;
 mod table;
@@ -10,6 +11,7 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use self::fidelity::FidelityArgs;
 use super::common::{Common, print};
 use super::failure::Failure;
 use super::film::FilmArgs;
@@ -37,6 +39,7 @@ use crate::space::MAX_REGIONS;
 ///   dcd run pile --save pile.dcd, and then dcd run pile.dcd
 ///   dcd run pile --set n=2000 --regions 4 --view
 ///   dcd run pile --record pile.dcdr, and then dcd replay pile.dcdr --check
+///   dcd run town --fidelity auto --json
 ///   dcd run tower --regions 2 --gltf tower.glb --gltf-seconds 0..4
 ///   dcd run robot.urdf --set copies=100 --set ground=1 --regions 2
 #[derive(clap::Args)]
@@ -79,6 +82,8 @@ pub(super) struct Run {
     record: Option<PathBuf>,
     #[command(flatten)]
     film: FilmArgs,
+    #[command(flatten)]
+    fidelity: FidelityArgs,
 }
 
 impl Run {
@@ -168,20 +173,26 @@ impl Run {
             ("--record", self.record.is_some()),
             ("--gltf", self.film.is_given()),
             ("--balance", self.cuts.balances()),
+            ("--fidelity", self.fidelity.is_given()),
         ];
         if let Some((name, _)) = needs.into_iter().find(|(_, given)| self.regions == Some(0) && *given) {
             return Err(Failure::usage(format!(
                 "{name} takes a world of regions, --regions 0 is one bare Rapier world; leave one of them out"
             )));
         }
-        let scene = scenes::open(&self.scene, &Params::from_args(&self.set)?)?;
+        let mut scene = scenes::open(&self.scene, &Params::from_args(&self.set)?)?;
+        self.fidelity.look(&mut scene);
         let plan = self.plan(&scene)?;
         let subject = plan.subject(&scene).map_err(|error| explained(error, &scene))?;
         Ok((Cast::of_scene(&scene), plan, subject))
     }
 
     fn resume(&self, common: &Common) -> Result<(Cast, Plan, Subject), Failure> {
-        let given = [("--set", !self.set.is_empty()), ("--regions", self.regions.is_some())];
+        let given = [
+            ("--set", !self.set.is_empty()),
+            ("--regions", self.regions.is_some()),
+            ("--fidelity", self.fidelity.is_given()),
+        ];
         let contradicts = given.into_iter().find(|(_, given)| *given).map(|(name, _)| name);
         if let Some(name) = contradicts.or(self.cuts.first_given()) {
             return Err(Failure::usage(format!(
@@ -199,6 +210,7 @@ impl Run {
             threads,
             halo_m: None,
             balance: world.host().balance().copied(),
+            fidelity: world.host().fidelity(),
             step: *world.host().settings(),
         };
         let plan = Plan { config: Some(config), ticks: Plan::ticks_of(self.seconds(), cast.dt_s) };
@@ -217,6 +229,7 @@ impl Run {
         let mut config = self.cuts.config(scene, self.regions)?;
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         config.threads = self.threads.map_or(cores, usize::from);
+        config.fidelity = self.fidelity.fidelity;
         Ok(Plan { config: Some(config), ticks })
     }
 }
@@ -226,7 +239,8 @@ fn after_help() -> String {
         "The time of a step counts only the step: what is measured is measured between steps. --json prints the keys\n\
          scene bodies regions threads coupling exchanges exchanges_mean disagreement_m_s{{mean,max}} imbalance{{mean,max}} ticks dt_s\n\
          wall_s rtf step_ms{{mean,p50,p99,max}} contacts replicas_mean transfers energy_j{{start,end}} momentum_kgms{{start,end}} max_penetration_m ground_force_ratio\n\
-         lost doubled quarantined state_hash chosen{{regions,threads,coupling,why}}; step_ms leaves the first 30 steps out. Exits\n\
+         lost doubled quarantined state_hash chosen{{regions,threads,coupling,why}} and, with --fidelity,\n\
+         fidelity{{share_of_full_time,error_stated_m_s{{mean,low95,high95}},audits,overruns,levels}}; step_ms leaves the first 30 steps out. Exits\n\
          with 1 when bodies were lost, doubled or quarantined.\n\n{}",
         scenes::overview()
     )

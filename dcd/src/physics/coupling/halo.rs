@@ -29,7 +29,7 @@ pub(super) struct HolderChange {
 
 /// Sends the bodies inserted since the last step to the regions that must hold them.
 pub(super) fn announce(side: &mut Side, partition: &Partition, tick: Tick, dt_s: f32) {
-    let Side { region, border, outbox } = side;
+    let Side { region, border, outbox, .. } = side;
     outbox.clear(tick);
     region.update_assemblies();
     let fresh = region.take_fresh();
@@ -41,7 +41,7 @@ pub(super) fn announce(side: &mut Side, partition: &Partition, tick: Tick, dt_s:
 
 /// Sends changes of holders and owners after a step. Only awake bodies, and those inserted since the last step, can need one.
 pub(super) fn tell(side: &mut Side, partition: &Partition, tick: Tick, dt_s: f32) {
-    let Side { region, border, outbox } = side;
+    let Side { region, border, outbox, .. } = side;
     border.looked_at.clear();
     let fresh = region.take_fresh();
     let is_here = |link: &&BodyRef| region.handle_of(link.id) == Some(link.handle);

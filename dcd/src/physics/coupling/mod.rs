@@ -28,8 +28,8 @@ mod shared;
 use rapier3d::prelude::RigidBodyHandle;
 use serde::{Deserialize, Serialize};
 
-use self::neighbours::Neighbours;
 pub(super) use self::neighbours::meet_in;
+use self::neighbours::{Neighbours, held_with};
 pub(super) use self::predicted_contacts::swept_bounds;
 use self::shared::SharedBodies;
 use super::outbox::Outbox;
@@ -48,13 +48,14 @@ pub(super) struct Side {
     pub region: Region,
     pub border: Border,
     pub outbox: Outbox,
+    pub clock: Clock,
 }
 
 impl Side {
     /// Makes the side of a region in a world of these regions, which take `steps` substeps per tick at first.
     pub(super) fn new(region: Region, leaves: &std::sync::Arc<[RegionId]>, steps: usize) -> Self {
         let outbox = Outbox::new(region.id(), leaves.clone());
-        Self { region, border: Border::new(leaves.len(), steps), outbox }
+        Self { region, border: Border::new(leaves.len(), steps), outbox, clock: Clock::default() }
     }
 
     /// Returns the number of substeps of the present tick.
@@ -65,6 +66,16 @@ impl Side {
     /// Returns the number of substeps of the next tick.
     pub(super) fn steps_next(&self) -> usize {
         self.border.pace.next_of(self.region.rank())
+    }
+
+    /// Returns whether the region is stepped in the present tick.
+    pub(super) fn steps_now(&self) -> bool {
+        self.clock.span > 0 && !self.region.rests()
+    }
+
+    /// Returns whether the region stays behind in the present tick.
+    pub(super) fn is_behind(&self) -> bool {
+        self.clock.span == 0
     }
 
     /// Returns whether nothing here can change in the tick to come.
@@ -79,10 +90,11 @@ impl Side {
         self.outbox = Outbox::new(self.region.id(), ranks.leaves.clone());
     }
 
-    /// Begins a tick, in which all regions meet or only neighbours exchange messages.
-    pub(super) fn meet(&mut self, regions: usize, all: bool) {
+    /// Begins a tick, in which all regions meet or only neighbours exchange messages, and some stay behind.
+    pub(super) fn meet(&mut self, regions: usize, all: bool, behind: RegionSet) {
         let Self { region, border, .. } = self;
         border.neighbours.begin(region, border.predicted.acquainted(), regions, all);
+        border.neighbours.leave_behind(behind);
     }
 
     /// Returns the regions with which this one exchanges messages in a round: with all neighbours in the last one of a tick, before
@@ -98,10 +110,60 @@ impl Side {
             .in_round(|rank| moment.is_due(pace.exchanges_among(own.union(RegionSet::only(rank)))))
     }
 
+    /// Returns the regions that must be at one time with this one: those with which it shares bodies, or is about to.
+    pub(super) fn bound_to(&self) -> RegionSet {
+        let Border { neighbours, predicted, .. } = &self.border;
+        held_with(&self.region).union(predicted.met_with()).union(neighbours.missed())
+    }
+
+    /// Hears what is near it from the others, in a tick in which it stays behind.
+    pub(super) fn hear<'a>(&mut self, inbox: impl Iterator<Item = &'a BorderMessage>, ground: Ground<'_>) {
+        let Self { region, border, .. } = self;
+        for message in inbox {
+            let sender = ground.rank_of(message);
+            predicted_contacts::see(region, border, sender, message);
+            border.pace.hear(sender, message.steps);
+            if message.asks {
+                border.neighbours.hear(sender);
+            }
+        }
+        border.predicted.meet();
+        border.pace.turn();
+    }
+
     /// Forgets which regions hold what, after membership has changed: all that is shared must be announced again.
     pub(super) fn forget_holders(&mut self, regions: usize, steps: usize) {
         self.region.forget_holders();
         self.border = Border::new(regions, steps);
+    }
+}
+
+/// Where a region is in time. One that is stepped at a lower rate is behind the present by the ticks that it owes, and catches up in one
+/// step.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub(super) struct Clock {
+    /// It is stepped once per so many ticks, unless what it shares bodies with is stepped more often.
+    pub rate: u8,
+    /// Ticks that it owes.
+    pub owed: u8,
+    /// Ticks that it computes in the present one: 0 where it stays behind.
+    pub span: u8,
+}
+
+impl Clock {
+    /// Returns the solver iterations of a step of so many ticks: a longer step needs more, though fewer than its ticks would take.
+    pub(super) fn iterations(self, per_tick: usize) -> usize {
+        match self.span {
+            0 | 1 => per_tick,
+            2 | 3 => per_tick + per_tick.div_ceil(2),
+            _ => 2 * per_tick,
+        }
+    }
+}
+
+impl Default for Clock {
+    fn default() -> Self {
+        Self { rate: 1, owed: 0, span: 1 }
     }
 }
 
@@ -249,6 +311,8 @@ pub(super) struct Moment<'a> {
     pub round: usize,
     /// Whether it is the last exchange of the tick: holders and owners of bodies change only then.
     pub last: bool,
+    /// The most ticks that any region may compute in one step.
+    pub coarsest: u8,
 }
 
 impl<'a> Moment<'a> {
@@ -259,9 +323,10 @@ impl<'a> Moment<'a> {
         tick: Tick,
         rounds: usize,
         round: usize,
+        coarsest: u8,
     ) -> Self {
         let last = round == 0 || round >= rounds;
-        Self { partition, settings, tick, dt_s: settings.dt_s, rounds, round, last }
+        Self { partition, settings, tick, dt_s: settings.dt_s, rounds, round, last, coarsest }
     }
 
     /// Returns the rank of the region that a body's centre lies in; the present one until the centre has left it by the hysteresis.

@@ -48,6 +48,11 @@ pub(in crate::physics) struct Neighbours {
     asking: RegionSet,
     /// Who had asked at the last meeting.
     asked: RegionSet,
+    /// Regions that are behind the present time, since they are stepped at a lower rate: they hear of what is near them, and neither
+    /// hold nor own a body anew.
+    behind: RegionSet,
+    /// Those of them that should hold or own a body from here.
+    missed: RegionSet,
 }
 
 impl Neighbours {
@@ -70,9 +75,29 @@ impl Neighbours {
         self.now.remove(region.rank());
     }
 
+    /// Notes the regions that will be behind the present time when the tick ends.
+    pub(super) fn leave_behind(&mut self, behind: RegionSet) {
+        (self.behind, self.missed) = (behind, RegionSet::EMPTY);
+    }
+
+    /// Returns the neighbours that will be at the present time when the tick ends.
+    pub(super) fn present(&self) -> RegionSet {
+        self.now.without(self.behind)
+    }
+
+    /// Returns the regions that should have held or owned a body from here, had they been at the present time.
+    pub(super) fn missed(&self) -> RegionSet {
+        self.missed
+    }
+
     /// Translates all ranks, after ranks have changed; all regions meet in the next tick.
     pub(super) fn remap_ranks(&mut self, ranks: &RankRemap) {
-        *self = Self { wanted: ranks.set(self.wanted), meet: self.meet, ..Self::default() };
+        *self = Self {
+            wanted: ranks.set(self.wanted),
+            missed: ranks.set(self.missed),
+            meet: self.meet,
+            ..Self::default()
+        };
     }
 
     /// Returns the neighbours of a round before the last of a tick: those for which something is due. One that is new may not know yet
@@ -86,11 +111,17 @@ impl Neighbours {
         self.now
     }
 
-    /// Returns those of these regions that are neighbours, or the region of this rank itself. All that are not neighbours for good are
-    /// asked for: those that were asked for already, too, for as long as they are needed.
+    /// Returns those of these regions that are neighbours at the present time, or the region of this rank itself. All that are not
+    /// neighbours for good are asked for: those that were asked for already, too, for as long as they are needed.
     pub(super) fn reached(&mut self, own: usize, regions: RegionSet) -> RegionSet {
+        self.need(regions);
+        regions.intersection(self.present().union(RegionSet::only(own)))
+    }
+
+    /// Notes regions that are to hold or own a body from here, behind the present time or not.
+    pub(super) fn need(&mut self, regions: RegionSet) {
         self.want(regions);
-        regions.intersection(self.now.union(RegionSet::only(own)))
+        self.missed = self.missed.union(regions.intersection(self.behind));
     }
 
     /// Returns whether any of so many regions is not a neighbour for good.
@@ -121,7 +152,7 @@ impl Neighbours {
 }
 
 /// Returns the regions that hold or own a body that is held here too.
-fn held_with(region: &Region) -> RegionSet {
+pub(super) fn held_with(region: &Region) -> RegionSet {
     region.held_elsewhere().fold(RegionSet::EMPTY, |all, link| {
         let slot = region.slot(link.handle);
         let all = all.union(slot.holders);

@@ -86,7 +86,7 @@ fn cover_far(region: &mut Region, border: &Border, ground: Ground<'_>) -> Result
 /// Sends a copy to all regions that hold the body, a warm-up ghost of a split body to its owner alone; once only when it falls
 /// asleep.
 fn tell_copy(side: &mut Side, link: BodyRef, moment: Moment<'_>) {
-    let Side { region, border, outbox } = side;
+    let Side { region, border, outbox, .. } = side;
     let Border { shared, pace, islands, .. } = border;
     let Some(shared) = shared.get_mut(link.handle) else { return };
     if !moment.is_due(pace.exchanges_among(shared.members)) {

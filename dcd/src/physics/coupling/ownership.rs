@@ -70,7 +70,7 @@ pub(super) fn announce(side: &mut Side, moment: Moment<'_>) {
     side.region.update_assemblies();
     side.border.decisions.clear();
     let fresh = share_fresh(side, moment);
-    let Side { region, border, outbox } = side;
+    let Side { region, border, outbox, .. } = side;
     predicted_contacts::look(region, &mut border.predicted, moment, &fresh);
     predicted_contacts::show(region, &mut border.predicted, &mut border.neighbours, outbox, moment);
 }
@@ -98,7 +98,7 @@ pub(super) fn survey(side: &mut Side, moment: Moment<'_>) {
 
 /// Decides, after [`survey`], on holders and owners, and sends the decisions to all regions concerned.
 pub(super) fn decide(side: &mut Side, moment: Moment<'_>) {
-    let Side { region, border, outbox } = side;
+    let Side { region, border, outbox, .. } = side;
     predicted_contacts::show(region, &mut border.predicted, &mut border.neighbours, outbox, moment);
     let Border { reach, islands, pace, predicted, shared, .. } = border;
     let joining = predicted.joining(region, shared);
@@ -175,7 +175,7 @@ pub(super) fn commit<'a>(
 
 /// Sends the bodies inserted here to all regions that they come near, since they may touch anything at once. Returns them.
 fn share_fresh(side: &mut Side, moment: Moment<'_>) -> Vec<RigidBodyHandle> {
-    let Side { region, border, outbox } = side;
+    let Side { region, border, outbox, .. } = side;
     let own = RegionSet::only(region.rank());
     let fresh = region.take_fresh();
     for &BodyRef { id, handle } in &fresh {
@@ -246,9 +246,9 @@ fn candidates(region: &Region, border: &Border) -> Vec<BodyRef> {
 
 /// Decides on one body. Returns it with its new owner if it is to be transferred at once.
 fn decide_on(side: &mut Side, moment: Moment<'_>, link: BodyRef) -> Option<(BodyRef, usize)> {
-    let Side { region, border, outbox } = side;
+    let Side { region, border, outbox, .. } = side;
     let (desired, wanted) = desired_membership(region, border, moment, link.handle);
-    border.neighbours.want(wanted);
+    border.neighbours.need(wanted);
     let own_rank = region.rank();
     let own = RegionSet::only(own_rank);
     let away = note_away(region, link, desired.owner, moment);
@@ -341,7 +341,7 @@ fn desired_membership(
         None if body.is_sleeping() => region.rank(),
         None => moment.home_of(region, handle),
     };
-    let neighbours = border.neighbours.now();
+    let neighbours = border.neighbours.present();
     let owner = if neighbours.contains(goal) { goal } else { region.rank() };
     let pressed = island.map_or_else(|| region.is_pressed(handle), |island| island.pressed);
     let ready = match (island, region.slot(handle).assembly) {

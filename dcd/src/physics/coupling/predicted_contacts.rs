@@ -41,8 +41,9 @@ pub(super) struct PredictedContacts {
     changed: RegionSet,
     /// The predicted contacts, in order of body.
     pub meetings: Vec<Meeting>,
-    /// The length of a tick, seconds.
+    /// The length of a tick, and how far ahead contacts are predicted, seconds.
     tick_s: f32,
+    ahead_s: f32,
     /// Bodies in this box concern no other region, in region space.
     inner: (Vector, Vector),
     /// Scratch.
@@ -137,7 +138,7 @@ impl PredictedContacts {
         for rank in std::mem::take(&mut self.changed).iter() {
             let meetings = &mut self.meetings;
             meetings.retain(|meeting| meeting.rank != rank);
-            let ahead_s = f64::from(AHEAD_TICKS * self.tick_s);
+            let ahead_s = f64::from(self.ahead_s);
             for_each_overlap(&self.shown[rank].bodies, &self.seen[rank].bodies, ahead_s, |own, other| {
                 if own.awake || other.awake {
                     let NearbyBody { island, goes, .. } = *other;
@@ -146,6 +147,13 @@ impl PredictedContacts {
             });
             meetings.sort_unstable_by_key(|meeting| (meeting.own, meeting.rank, meeting.island));
         }
+    }
+
+    /// Returns the regions with whose bodies contacts are predicted, and those that such bodies may come to.
+    pub(super) fn met_with(&self) -> RegionSet {
+        self.meetings.iter().fold(RegionSet::EMPTY, |all, meeting| {
+            all.union(RegionSet::only(meeting.rank)).union(meeting.goes)
+        })
     }
 
     /// Returns the predicted contacts of one body.
@@ -159,7 +167,7 @@ impl PredictedContacts {
     pub(super) fn joining(&self, region: &Region, shared: &SharedBodies) -> Vec<(RigidBodyHandle, usize)> {
         let led = region.shared().iter().filter_map(|&link| {
             let rank = shared.get(link.handle)?.led_by.filter(|rank| *rank != region.rank())?;
-            Some(NearbyBody { goes: RegionSet::only(rank), ..near(region, link, self.tick_s).nearby() })
+            Some(NearbyBody { goes: RegionSet::only(rank), ..near(region, link, self.ahead_s).nearby() })
         });
         let led: Vec<_> = led.collect();
         if led.is_empty() {
@@ -167,7 +175,7 @@ impl PredictedContacts {
         }
         let all: Vec<_> = self.near.iter().filter(|near| near.awake).map(Near::nearby).collect();
         let mut found = Vec::new();
-        let ahead_s = f64::from(AHEAD_TICKS * self.tick_s);
+        let ahead_s = f64::from(self.ahead_s);
         for_each_overlap(&all, &led, ahead_s, |one, led| {
             if one.id != led.id {
                 found.extend(region.handle_of(one.id).into_iter().zip(led.goes.iter()));
@@ -193,7 +201,7 @@ impl PredictedContacts {
             going.map(|near| NearbyBody { goes: near.goes(region, partition).without(own), ..near.nearby() });
         let going: Vec<_> = going.filter(|near| !near.goes.is_empty()).collect();
         let mut found = Vec::new();
-        let ahead_s = f64::from(AHEAD_TICKS * self.tick_s);
+        let ahead_s = f64::from(self.ahead_s);
         for_each_overlap(&carriers, &going, ahead_s, |carrier, carried| {
             found.extend(region.handle_of(carrier.id).map(|handle| (handle, carried.goes)));
         });
@@ -240,13 +248,13 @@ impl PredictedContacts {
 
     /// Returns for how many ticks a body surely stays in that part, if nothing speeds it up by more than [`SURPRISE_M_S`]; at most
     /// [`LONGEST_REST`]. A body that is hit harder is checked at most so many ticks late.
-    fn rest_of(&self, region: &Region, handle: RigidBodyHandle, tick_s: f32) -> u32 {
+    fn rest_of(&self, region: &Region, handle: RigidBodyHandle) -> u32 {
         let body = &region.physics().bodies[handle];
         let centre = body.center_of_mass();
         let gap = (centre - self.inner.0).min(self.inner.1 - centre).min_element();
         let speed = body.linvel().length() + SURPRISE_M_S;
-        let gap = gap - region.slot(handle).reach_m - AHEAD_TICKS * tick_s * body.linvel().length();
-        ((gap / (speed * tick_s)).max(0.0) as u32).min(LONGEST_REST)
+        let gap = gap - region.slot(handle).reach_m - self.ahead_s * body.linvel().length();
+        ((gap / (speed * self.tick_s)).max(0.0) as u32).min(LONGEST_REST)
     }
 }
 
@@ -319,8 +327,8 @@ pub(super) fn look(
     moment: Moment<'_>,
     handles: &[RigidBodyHandle],
 ) {
-    let tick_s = moment.settings.dt_s;
-    predicted.tick_s = tick_s;
+    predicted.tick_s = moment.settings.dt_s;
+    predicted.ahead_s = ahead_ticks(moment) * moment.settings.dt_s;
     let now = moment.tick.0 as u32;
     predicted.find_inner(region);
     // By Rapier's handle, not by id: nothing is hashed.
@@ -333,7 +341,7 @@ pub(super) fn look(
         }
         let link = BodyRef { id: slot.id, handle };
         let place = predicted.near.binary_search_by_key(&link.id, |near| near.link.id);
-        let rest = predicted.rest_of(region, handle, tick_s);
+        let rest = predicted.rest_of(region, handle);
         if rest > 0 {
             region.rest_until(handle, now + rest);
             if let Ok(place) = place {
@@ -341,7 +349,7 @@ pub(super) fn look(
             }
             continue;
         }
-        let near = near(region, link, tick_s);
+        let near = near(region, link, predicted.ahead_s);
         match place {
             Ok(place) => predicted.near[place] = near,
             Err(place) => predicted.near.insert(place, near),
@@ -357,9 +365,8 @@ pub(super) fn look(
     });
 }
 
-fn near(region: &Region, link: BodyRef, tick_s: f32) -> Near {
+fn near(region: &Region, link: BodyRef, ahead_s: f32) -> Near {
     let body = &region.physics().bodies[link.handle];
-    let ahead_s = AHEAD_TICKS * tick_s;
     let turn_m = (body.angvel().length() * ahead_s).min(1.0) * region.slot(link.handle).reach_m;
     let bounds = region.world_bounds(link.handle).grown(MARGIN_M + f64::from(turn_m));
     // A region that drives a vehicle holds what its wheels stand on.
@@ -374,9 +381,15 @@ fn near(region: &Region, link: BodyRef, tick_s: f32) -> Near {
     Near { link, bounds, velocity, swept, awake: true, island: 1 }
 }
 
+/// Returns how many ticks ahead contacts are predicted: longer where a region may be behind the present time, since it is what it was
+/// some ticks ago that is swept, and since it cannot hold a body before it has caught up.
+fn ahead_ticks(moment: Moment<'_>) -> f32 {
+    AHEAD_TICKS + f32::from(moment.coarsest - 1)
+}
+
 /// Returns the swept AABB of a body held here.
 pub(in crate::physics) fn swept_bounds(region: &Region, handle: RigidBodyHandle, tick_s: f32) -> Bounds {
-    near(region, BodyRef { id: region.slot(handle).id, handle }, tick_s).swept
+    near(region, BodyRef { id: region.slot(handle).id, handle }, AHEAD_TICKS * tick_s).swept
 }
 
 /// Returns the swept AABB of a box that moves at a velocity for some time.
@@ -399,7 +412,7 @@ pub(super) fn show(
     let own = RegionSet::only(region.rank());
     let has_strangers = neighbours.has_strangers(moment.partition.len());
     let mut extent: Option<Bounds> = None;
-    let fast: Vec<_> = predicted.seen.iter().map(|nearby| fast_bounds(nearby, predicted.tick_s)).collect();
+    let fast: Vec<_> = predicted.seen.iter().map(|nearby| fast_bounds(nearby, predicted.ahead_s)).collect();
     for near in &predicted.near {
         let bounds = near.swept;
         if !region.cell().contains_box(&bounds) {
@@ -412,9 +425,9 @@ pub(super) fn show(
             }
         }
         if has_strangers {
-            let ahead_s = (AHEAD_TICKS + LOOKAHEAD_TICKS) * predicted.tick_s;
+            let ahead_s = predicted.ahead_s + LOOKAHEAD_TICKS * predicted.tick_s;
             let soon = swept(&near.bounds, near.velocity.to_array(), ahead_s.into());
-            neighbours.reached(region.rank(), moment.partition.touching(&soon).union(viewers));
+            neighbours.want(moment.partition.touching(&soon).union(viewers));
         }
         let slot = region.slot(near.link.handle);
         let dynamic = slot.traits.kind == BodyKind::Dynamic;
@@ -459,8 +472,8 @@ pub(super) fn show(
 }
 
 /// Returns a box around all that another region's fast bodies may reach in the ticks to come.
-fn fast_bounds(nearby: &NearbyBodies, tick_s: f32) -> Option<Bounds> {
-    let ahead_s = f64::from(AHEAD_TICKS * tick_s);
+fn fast_bounds(nearby: &NearbyBodies, ahead_s: f32) -> Option<Bounds> {
+    let ahead_s = f64::from(ahead_s);
     let fast = nearby.bodies.iter().filter(|body| Vector::from_array(body.velocity).length() > SLOW_M_S);
     fast.map(|body| swept(&body.bounds, body.velocity, ahead_s)).reduce(|all, bounds| all.union(&bounds))
 }

@@ -5,6 +5,7 @@ mod borders;
 mod change;
 #[cfg(feature = "net")]
 mod checkpoint;
+mod fidelity;
 mod giants;
 mod place;
 #[cfg(test)]
@@ -12,6 +13,7 @@ pub(super) mod processes;
 mod repartition;
 mod replace;
 mod rounds;
+mod schedule;
 mod threads;
 mod validate;
 
@@ -29,6 +31,7 @@ use serde::{Deserialize, Serialize};
 
 use self::threads::{Threads, Trial, WORTH_WAKING};
 use super::coupling::{Ground, Moment, Side, meet_in};
+use super::fidelity::Governor;
 use super::hooks::ContactHooks;
 use super::outbox::Outbox;
 use super::owner_index::{Home, OwnerIndex};
@@ -112,6 +115,8 @@ pub struct RegionHost {
     /// Whether all regions meet in the next tick, not only neighbours; and whether they do in every tick.
     meets: bool,
     meets_always: bool,
+    /// Chooses the rates at which regions are stepped, where not all is computed in full.
+    governor: Option<Governor>,
     tick: Tick,
     /// Rounds of the tick to come, and how many of them are done.
     rounds: usize,
@@ -148,6 +153,7 @@ impl RegionHost {
             balancer: None,
             meets: true,
             meets_always: false,
+            governor: None,
             tick: Tick(0),
             rounds: settings.coupling.first_steps(settings.exchanges),
             round: 0,
@@ -235,7 +241,7 @@ impl RegionHost {
 
     fn compute_here(&mut self) {
         self.round += 1;
-        let settings = self.settings;
+        let (settings, coarsest) = (self.settings, self.coarsest());
         let (tick, rounds, round) = (self.tick.next(), self.rounds, self.round);
         let partition = Arc::clone(&self.partition);
         if round == 1 {
@@ -245,9 +251,8 @@ impl RegionHost {
             }
             self.meet(self.meets || self.meets_always || meet_in(tick));
         }
-        let is_due =
-            move |side: &Side, moment: &Moment<'_>| !side.region.rests() && moment.is_due(side.steps());
-        let moment = Moment::new(&self.partition, &settings, tick, rounds, round);
+        let is_due = move |side: &Side, moment: &Moment<'_>| side.steps_now() && moment.is_due(side.steps());
+        let moment = Moment::new(&self.partition, &settings, tick, rounds, round, coarsest);
         let mut any_is_due = false;
         for side in &mut self.sides {
             if is_due(side, &moment) {
@@ -258,17 +263,17 @@ impl RegionHost {
         }
         let step = move |side: &mut Side| {
             let start = Instant::now();
-            let moment = Moment::new(&partition, &settings, tick, rounds, round);
-            let steps = side.steps();
+            let moment = Moment::new(&partition, &settings, tick, rounds, round, coarsest);
+            let (steps, clock) = (side.steps(), side.clock);
             let region = &mut side.region;
             if round == 1 {
                 region.shift_origin(tick);
             }
-            let moment = Moment { dt_s: settings.dt_s / steps as f32, ..moment };
+            let moment = Moment { dt_s: settings.dt_s * f32::from(clock.span) / steps as f32, ..moment };
             settings.coupling.prepare(region, moment.dt_s);
             let parameters = IntegrationParameters {
                 dt: moment.dt_s,
-                num_solver_iterations: settings.solver_iterations.div_ceil(steps).max(1),
+                num_solver_iterations: clock.iterations(settings.solver_iterations).div_ceil(steps).max(1),
                 ..settings.integration
             };
             region.step(&parameters, steps);
@@ -289,7 +294,7 @@ impl RegionHost {
         } else if any_is_due {
             let partition = Arc::clone(&self.partition);
             threads::alone(&mut self.sides, move |sides| {
-                let moment = Moment::new(&partition, &settings, tick, rounds, round);
+                let moment = Moment::new(&partition, &settings, tick, rounds, round, coarsest);
                 sides.iter_mut().filter(|side| is_due(side, &moment)).for_each(step);
             });
         }
@@ -310,11 +315,13 @@ impl RegionHost {
     /// Chooses the neighbours of every region here for the tick to come, or has all meet.
     fn meet(&mut self, all: bool) {
         let regions = self.partition.len();
+        let behind =
+            self.sides.iter().filter(|side| side.is_behind()).map(|side| side.region.rank()).collect();
         for side in &mut self.sides {
             if self.meets {
                 side.border.neighbours.settle(&side.region, &self.partition);
             }
-            side.meet(regions, all);
+            side.meet(regions, all, behind);
         }
         debug_assert!(self.strangers().next().is_none(), "of neighbours each knows the other");
     }
@@ -323,7 +330,14 @@ impl RegionHost {
     fn strangers(&self) -> impl Iterator<Item = (RegionId, RegionId)> {
         let settings = self.settings;
         let rounds = (1..=self.rounds).map(move |round| {
-            let moment = Moment::new(&self.partition, &settings, self.tick.next(), self.rounds, round);
+            let moment = Moment::new(
+                &self.partition,
+                &settings,
+                self.tick.next(),
+                self.rounds,
+                round,
+                self.coarsest(),
+            );
             self.sides.iter().map(|side| (&side.region, side.exchanges_with(&moment))).collect::<Vec<_>>()
         });
         rounds.flat_map(|sides| {
@@ -342,7 +356,14 @@ impl RegionHost {
     /// so with those here.
     pub fn neighbours(&self) -> Vec<RegionId> {
         let settings = self.settings;
-        let moment = Moment::new(&self.partition, &settings, self.tick.next(), self.rounds, self.round);
+        let moment = Moment::new(
+            &self.partition,
+            &settings,
+            self.tick.next(),
+            self.rounds,
+            self.round,
+            self.coarsest(),
+        );
         let of = |side: &Side| side.exchanges_with(&moment);
         let all = self.sides.iter().map(of).fold(RegionSet::EMPTY, RegionSet::union);
         let leaves = self.partition.leaves();
@@ -382,8 +403,9 @@ impl RegionHost {
                 self.sides.iter_mut().map(|side| std::mem::take(&mut side.outbox)).collect();
             let ground = Ground { partition: &self.partition, shapes: &self.shapes, statics: &self.statics };
             let (incoming, place_of, settings) = (&self.incoming, &self.place_of, self.settings);
+            let coarsest = self.coarsest();
             let (tick, rounds, round) = (self.tick.next(), self.rounds, self.round);
-            let moment = Moment::new(&self.partition, &settings, tick, rounds, round);
+            let moment = Moment::new(&self.partition, &settings, tick, rounds, round, coarsest);
             debug_assert!(
                 self.sides.iter().zip(&outboxes).all(|(side, outbox)| {
                     let neighbours = side.exchanges_with(&moment);
@@ -411,6 +433,10 @@ impl RegionHost {
             let due = self.sides.iter_mut().filter(|side| is_due(side)).collect();
             self.threads.share_out(due, |side| {
                 let inbox = inbox_of(&side.region);
+                if side.is_behind() {
+                    side.hear(inbox.iter().copied(), ground);
+                    return;
+                }
                 if !inbox.is_empty() {
                     side.region.stir();
                 }
@@ -450,10 +476,12 @@ impl RegionHost {
             self.exchange_here()?;
             self.target_newcomers(&fresh);
         }
+        let audit = self.govern();
         for _ in 0..self.rounds {
             self.compute_here();
             self.exchange_here()?;
         }
+        self.conclude(audit);
         // Stable: a body that went twice has its ways in order.
         self.handovers.sort_by_key(|handover| handover.body);
         self.end_tick();

@@ -150,7 +150,7 @@ impl RegionHost {
         self.meet_all();
         self.meet(true);
         let settings = self.settings;
-        let moment = Moment::new(&self.partition, &settings, self.tick, self.rounds, 0);
+        let moment = Moment::new(&self.partition, &settings, self.tick, self.rounds, 0, self.coarsest());
         let all = self.sides.iter_mut().collect();
         self.threads.share_out(all, |side| settings.coupling.announce(side, moment));
         // A region that rested in the tick before may have been stirred since: it must act on what it announces itself.

@@ -2,6 +2,7 @@
 
 use rapier3d::prelude::*;
 
+use super::mass_splitting::MassSplit;
 use super::{Ownership, Region};
 
 impl Region {
@@ -63,6 +64,16 @@ impl Region {
             pairs.any(ContactPair::has_any_active_contact)
         };
         !self.slot(handle).joints.is_empty() || self.world.bodies[handle].colliders().iter().any(touches)
+    }
+
+    /// Returns whether a body can be computed apart from the region, with what it touches: it is no link of a multibody, does not walk or
+    /// drive by itself, and has all of its mass here.
+    pub(in crate::physics) fn is_auditable(&self, handle: RigidBodyHandle) -> bool {
+        let slot = self.slot(handle);
+        let is_driven = slot.traits.character.is_some() || slot.traits.vehicle.is_some();
+        !is_driven
+            && !self.is_articulated(handle)
+            && !slot.mass_split.as_deref().is_some_and(MassSplit::is_split)
     }
 
     fn movable_parent(&self, of: RigidBodyHandle, other: ColliderHandle) -> Option<RigidBodyHandle> {

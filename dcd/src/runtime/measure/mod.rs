@@ -4,7 +4,7 @@
 mod report;
 mod run;
 
-pub use report::{Chosen, MeanMax, Report, StartEnd, StepTimes};
+pub use report::{Chosen, FidelityShare, MeanMax, Report, StartEnd, Stated, StepTimes};
 pub use run::{Cast, Plan, Subject, run};
 
 use super::LocalWorld;

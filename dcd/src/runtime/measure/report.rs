@@ -4,6 +4,8 @@ use std::time::Duration;
 
 use serde::Serialize;
 
+use crate::physics::FidelityReport;
+
 /// Steps at the start that are not timed: caches, pools and contacts are still being filled.
 const WARM_UP: usize = 30;
 
@@ -65,6 +67,50 @@ pub struct Report {
     pub state_hash: String,
     /// How it was computed, and why so.
     pub chosen: Chosen,
+    /// What is not computed in full, and what that costs; none where all is.
+    pub fidelity: Option<FidelityShare>,
+}
+
+/// A [`FidelityReport`](crate::physics::FidelityReport) as numbers.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct FidelityShare {
+    /// The time of regions' steps over the time that they would have taken at full rate, as the governor reckons.
+    pub share_of_full_time: f64,
+    /// The mean error of a body's velocity per tick against a model four times as fine, m/s, by audits.
+    pub error_stated_m_s: Stated,
+    /// Audits so far.
+    pub audits: u64,
+    /// Ticks since the first second that took longer than the budget.
+    pub overruns: u64,
+    /// Regions stepped in every tick, in every second, in every fourth, at the end.
+    pub levels: [usize; 3],
+}
+
+/// A mean with its 95 % confidence interval; no upper end before there are two samples.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Stated {
+    /// The mean of the samples.
+    pub mean: f32,
+    /// The lower end.
+    pub low95: f32,
+    /// The upper end.
+    pub high95: Option<f32>,
+}
+
+impl From<FidelityReport> for FidelityShare {
+    fn from(report: FidelityReport) -> Self {
+        Self {
+            share_of_full_time: report.share_of_full_time,
+            error_stated_m_s: Stated {
+                mean: report.error_m_s,
+                low95: report.low95_m_s,
+                high95: report.high95_m_s.is_finite().then_some(report.high95_m_s),
+            },
+            audits: report.audits,
+            overruns: report.overruns,
+            levels: report.levels,
+        }
+    }
 }
 
 /// A [`Choice`](crate::runtime::Choice) as text.

@@ -8,10 +8,10 @@ use std::time::{Duration, Instant};
 
 use rapier3d::prelude::{PhysicsWorld, RigidBodyType};
 
-use super::report::{Chosen, MeanMax, Report, StartEnd, StepTimes};
+use super::report::{Chosen, FidelityShare, MeanMax, Report, StartEnd, StepTimes};
 #[cfg(feature = "parallel")]
 use crate::physics::HostError;
-use crate::physics::{ContactSample, Measured, View};
+use crate::physics::{ContactSample, FidelityReport, Measured, View};
 use crate::runtime::{Choice, LocalWorld, Stats, Why, WorldConfig, WorldError};
 use crate::scene::Scene;
 use crate::space::BodyId;
@@ -98,6 +98,13 @@ impl Subject {
                 let Choice { regions, threads, coupling, why } = world.chosen();
                 Chosen { regions, threads, coupling: Some(coupling.name()), why: why.to_string() }
             }
+        }
+    }
+
+    fn fidelity(&self) -> Option<FidelityReport> {
+        match self {
+            Self::Bare(_) => None,
+            Self::Regions(world) => world.fidelity_report(),
         }
     }
 
@@ -219,6 +226,7 @@ fn run_here(
         quarantined: watch.quarantined.len(),
         state_hash: format!("{:016x}", subject.state_hash()),
         chosen: subject.chosen(),
+        fidelity: subject.fidelity().map(FidelityShare::from),
     })
 }
 

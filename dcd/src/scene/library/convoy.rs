@@ -37,16 +37,7 @@ fn convoy(values: &Values) -> Result<Scene, SceneError> {
     let (speed_m_s, start_m) = (values.number("speed"), f64::from(values.number("start")));
     for car in 0..values.count("cars") {
         let x = start_m - car as f64 * GAP_M;
-        let car = chassis(&mut scene, x, 1.2, 400.0, speed_m_s);
-        let trailer = chassis(&mut scene, x - 4.0, 0.8, 100.0, speed_m_s);
-        for (x, drive) in [(0.9, true), (-0.9, true)] {
-            axle(&mut scene, car, x, speed_m_s, drive);
-        }
-        axle(&mut scene, trailer, -0.2, speed_m_s, false);
-        let hitch = SphericalJointBuilder::new()
-            .local_anchor1(Vector::new(-2.0, -0.1, 0.0))
-            .local_anchor2(Vector::new(2.0, -0.1, 0.0));
-        scene.joints.push(SceneJoint { a: car, b: trailer, joint: hitch.into(), multibody: None });
+        self::car(&mut scene, [x, 0.0], speed_m_s);
     }
     let road_m = f64::from(values.number("road"));
     // The last ones start before the road does.
@@ -55,21 +46,35 @@ fn convoy(values: &Values) -> Result<Scene, SceneError> {
     Ok(scene)
 }
 
-fn chassis(scene: &mut Scene, x: f64, half_m: f32, mass_kg: f32, speed_m_s: f32) -> usize {
+/// Adds a car with its trailer that drives along x, at this place on the ground.
+pub(super) fn car(scene: &mut Scene, [x, z]: [f64; 2], speed_m_s: f32) {
+    let car = chassis(scene, [x, z], 1.2, 400.0, speed_m_s);
+    let trailer = chassis(scene, [x - 4.0, z], 0.8, 100.0, speed_m_s);
+    for (x, drive) in [(0.9, true), (-0.9, true)] {
+        axle(scene, car, x, speed_m_s, drive);
+    }
+    axle(scene, trailer, -0.2, speed_m_s, false);
+    let hitch = SphericalJointBuilder::new()
+        .local_anchor1(Vector::new(-2.0, -0.1, 0.0))
+        .local_anchor2(Vector::new(2.0, -0.1, 0.0));
+    scene.joints.push(SceneJoint { a: car, b: trailer, joint: hitch.into(), multibody: None });
+}
+
+fn chassis(scene: &mut Scene, [x, z]: [f64; 2], half_m: f32, mass_kg: f32, speed_m_s: f32) -> usize {
     // Kept in lane: by itself a car of Rapier's strays a metre to the side every five.
     let lane =
         LockedAxes::TRANSLATION_LOCKED_Z | LockedAxes::ROTATION_LOCKED_X | LockedAxes::ROTATION_LOCKED_Y;
     let body = RigidBodyBuilder::dynamic().linvel(Vector::X * speed_m_s).locked_axes(lane).can_sleep(false);
     let collider = ColliderBuilder::cuboid(half_m, 0.3, 0.5).mass(mass_kg);
-    scene.push(WorldPose::at([x, 0.6, 0.0]), body, collider)
+    scene.push(WorldPose::at([x, 0.6, z]), body, collider)
 }
 
 /// Adds two wheels that roll as the chassis drives.
 fn axle(scene: &mut Scene, chassis: usize, x: f32, speed_m_s: f32, drive: bool) {
     for z in [-0.95, 0.95] {
         let anchor = Vector::new(x, RADIUS_M - 0.6, z);
-        let [from_x, from_y, _] = scene.bodies[chassis].pose.translation;
-        let place = [from_x + f64::from(x), from_y + f64::from(anchor.y), f64::from(z)];
+        let [from_x, from_y, from_z] = scene.bodies[chassis].pose.translation;
+        let place = [from_x + f64::from(x), from_y + f64::from(anchor.y), from_z + f64::from(z)];
         let spin = -speed_m_s / RADIUS_M;
         // Rapier would brake bodies that turn as fast as this.
         let body = RigidBodyBuilder::dynamic()

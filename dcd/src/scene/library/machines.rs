@@ -139,7 +139,7 @@ fn sweep(values: &Values) -> Result<Scene, SceneError> {
 }
 
 /// Returns the points of a grid within a cylinder along z, from its lowest to its highest.
-fn grid_in_cylinder(radius_m: f64, half_length_m: f64, pitch_m: f64) -> Vec<[f64; 3]> {
+pub(super) fn grid_in_cylinder(radius_m: f64, half_length_m: f64, pitch_m: f64) -> Vec<[f64; 3]> {
     let steps = (radius_m.max(half_length_m) / pitch_m) as i64;
     let line = move || (-steps..=steps).map(move |k| k as f64 * pitch_m);
     let all = line().flat_map(|y| line().flat_map(move |z| line().map(move |x| [x, y, z])));
@@ -147,7 +147,7 @@ fn grid_in_cylinder(radius_m: f64, half_length_m: f64, pitch_m: f64) -> Vec<[f64
 }
 
 /// Returns the colliders of a drum of this inner radius, as long as wide.
-fn shell(radius: f32) -> Vec<ColliderBuilder> {
+pub(super) fn shell(radius: f32) -> Vec<ColliderBuilder> {
     const PLATES: u16 = 24;
     const BLADES: u16 = 4;
     const HALF_THICK_M: f32 = 0.25;

@@ -9,6 +9,7 @@ mod machines;
 mod net;
 mod ragdolls;
 mod stacks;
+mod town;
 mod vault;
 
 use super::error::nearest;
@@ -26,7 +27,7 @@ pub struct SceneInfo {
     build: fn(&Values) -> Result<Scene, SceneError>,
 }
 
-static LIBRARY: [SceneInfo; 17] = [
+static LIBRARY: [SceneInfo; 18] = [
     stacks::TOWER,
     stacks::PYRAMID,
     stacks::WALL,
@@ -44,6 +45,7 @@ static LIBRARY: [SceneInfo; 17] = [
     machines::SWEEP,
     net::NET,
     dominoes::DOMINO_RING,
+    town::TOWN,
 ];
 
 /// Returns the descriptions of all scenes of the library.

@@ -23,6 +23,8 @@ pub(super) const RAGDOLLS: SceneInfo = SceneInfo {
     build: ragdolls,
 };
 
+/// The bodies of a ragdoll.
+pub(super) const BODIES: usize = 11;
 /// Distance from ragdoll to ragdoll: none reaches further than half of it from its hips.
 const PITCH_M: f64 = 2.2;
 /// Depth and height of a step. Steeper than friction holds.
@@ -81,7 +83,7 @@ enum Bend {
     Ball([f32; 3]),
 }
 
-fn ragdoll(scene: &mut Scene, hips: [f64; 3], dice: &mut Dice, multibody: Option<LinkSettings>) {
+pub(super) fn ragdoll(scene: &mut Scene, hips: [f64; 3], dice: &mut Dice, multibody: Option<LinkSettings>) {
     let turn = dice.rotation(std::f32::consts::PI);
     let (throw, spin) = (Vector::X * THROW_M_S + dice.in_cube(1.0), dice.in_cube(3.0));
     let (first, parts) = (scene.bodies.len(), parts());

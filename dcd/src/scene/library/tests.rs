@@ -24,6 +24,7 @@ fn small(name: &str) -> Params {
         "drum" => params.with("n", 60).with("seed", 2),
         "sweep" => params.with("n", 81).with("speed", 0.5).with("reach", 3),
         "net" => params.with("edge", 8).with("hang", 1),
+        "town" => params.with("n", 1_200).with("cars", 2).with("seed", 2),
         "domino_ring" => params.with("n", 40).with("starts", 2),
         _ => panic!("give `{name}` a second set of parameters"),
     }

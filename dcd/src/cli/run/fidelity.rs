@@ -1,0 +1,42 @@
+//! The options of `dcd run` that say how much of a world is computed in full.
+
+use crate::physics::Fidelity;
+use crate::scene::Scene;
+use crate::space::Viewpoint;
+
+#[derive(clap::Args)]
+pub(super) struct FidelityArgs {
+    /// Compute in full only what is looked at: `auto` (or tolerance=M_S) steps all other regions as seldom as keeps the mean error
+    /// of a body's velocity per tick below 0.33 m/s (or M_S); budget=MS as seldom as makes a tick take no longer than MS
+    /// milliseconds; `off` computes all in full
+    #[arg(long, value_name = "HOW", default_value = "off", hide_default_value = true)]
+    pub fidelity: Fidelity,
+    /// Look from here so many metres far, in world space; may be given several times [default: what the scene says, else at all]
+    #[arg(long, value_name = "X,Y,Z,RADIUS", value_parser = viewpoint)]
+    viewpoint: Vec<Viewpoint>,
+}
+
+impl FidelityArgs {
+    pub(super) fn is_given(&self) -> bool {
+        self.fidelity != Fidelity::Off || !self.viewpoint.is_empty()
+    }
+
+    /// Has a scene looked at from the viewpoints that were given.
+    pub(super) fn look(&self, scene: &mut Scene) {
+        if !self.viewpoint.is_empty() {
+            scene.viewpoints.clone_from(&self.viewpoint);
+        }
+    }
+}
+
+fn viewpoint(text: &str) -> Result<Viewpoint, String> {
+    let numbers: Vec<f64> = text.split(',').filter_map(|number| number.trim().parse().ok()).collect();
+    match numbers[..] {
+        [x, y, z, radius_m]
+            if text.split(',').count() == 4 && numbers.iter().all(|v| v.is_finite()) && radius_m >= 0.0 =>
+        {
+            Ok(Viewpoint { at: [x, y, z], radius_m })
+        }
+        _ => Err("write three coordinates and how far is looked, in metres, as 10,2,-5,50".to_owned()),
+    }
+}

@@ -1,0 +1,106 @@
+//! Estimates a mean from the last samples, with the interval that it lies in with 95 % confidence.
+
+use std::collections::VecDeque;
+
+use serde::{Deserialize, Serialize};
+
+/// Samples that are remembered.
+const MEMORY: usize = 256;
+
+/// The last samples of something.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(super) struct Estimate {
+    samples: VecDeque<f32>,
+}
+
+impl Estimate {
+    pub(super) fn add(&mut self, sample: f32) {
+        if self.samples.len() == MEMORY {
+            self.samples.pop_front();
+        }
+        self.samples.push_back(sample);
+    }
+
+    pub(super) fn count(&self) -> usize {
+        self.samples.len()
+    }
+
+    /// Returns the mean of the samples; 0 without any.
+    pub(super) fn mean(&self) -> f32 {
+        let sum: f64 = self.samples.iter().copied().map(f64::from).sum();
+        (sum / self.count().max(1) as f64) as f32
+    }
+
+    /// Returns the ends of the 95 % confidence interval of the mean: Johnson's t (1978), which allows for the skewness of the samples, as
+    /// errors are often small and seldom large. All that is not negative, before there are two samples.
+    pub(super) fn interval(&self) -> [f32; 2] {
+        let n = self.count() as f64;
+        if n < 2.0 {
+            return [0.0, f32::INFINITY];
+        }
+        let mean = f64::from(self.mean());
+        let moment = |power: i32| {
+            self.samples.iter().map(|&sample| (f64::from(sample) - mean).powi(power)).sum::<f64>()
+        };
+        let variance = moment(2) / (n - 1.0);
+        if variance == 0.0 {
+            return [mean as f32; 2];
+        }
+        let third = moment(3) / n;
+        let shift = third / (6.0 * variance * n);
+        let reach = student_975(n - 1.0) * (variance / n).sqrt();
+        // The longer tail is above.
+        [((mean + shift - reach).max(0.0)) as f32, (mean + shift + reach) as f32]
+    }
+}
+
+/// Returns the 97.5 % quantile of Student's t with so many degrees of freedom (Cornish and Fisher's expansion; within 0.5 % from 4 on).
+fn student_975(freedom: f64) -> f64 {
+    const Z: f64 = 1.959_964;
+    if freedom < 3.0 {
+        return if freedom < 2.0 { 12.706 } else { 4.303 };
+    }
+    let z2 = Z * Z;
+    let first = Z * (z2 + 1.0) / 4.0;
+    let second = Z * (5.0 * z2 * z2 + 16.0 * z2 + 3.0) / 96.0;
+    let third = Z * (3.0 * z2.powi(3) + 19.0 * z2 * z2 + 17.0 * z2 - 15.0) / 384.0;
+    Z + first / freedom + second / freedom.powi(2) + third / freedom.powi(3)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn quantiles_are_those_of_the_tables() {
+        for (freedom, t) in [
+            (1.0, 12.706),
+            (2.0, 4.303),
+            (3.0, 3.182),
+            (5.0, 2.571),
+            (10.0, 2.228),
+            (30.0, 2.042),
+            (255.0, 1.969),
+        ] {
+            assert!((student_975(freedom) / t - 1.0).abs() < 0.01, "{freedom}: {}", student_975(freedom));
+        }
+    }
+
+    #[test]
+    fn an_interval_narrows_with_the_samples_and_forgets_old_ones() {
+        let mut estimate = Estimate::default();
+        assert_eq!(estimate.interval(), [0.0, f32::INFINITY]);
+        let mut widths = Vec::new();
+        for i in 0..256 {
+            estimate.add([1.0, 2.0, 3.0][i % 3]);
+            if [8, 32, 128].contains(&(i + 1)) {
+                let [low, high] = estimate.interval();
+                assert!(low < 2.0 && 2.0 < high, "{low} to {high}");
+                widths.push(high - low);
+            }
+        }
+        assert!(widths.windows(2).all(|two| two[1] < 0.6 * two[0]), "{widths:?}");
+        (0..256).for_each(|_| estimate.add(5.0));
+        assert_eq!((estimate.mean(), estimate.interval()), (5.0, [5.0; 2]));
+    }
+}

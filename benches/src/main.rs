@@ -9,6 +9,7 @@ mod clients;
 mod consistency;
 mod draw;
 mod faults;
+mod fidelity;
 mod machine;
 mod maps;
 mod page;
@@ -53,6 +54,8 @@ enum Suite {
     Consistency(consistency::Consistency),
     /// Whole clusters in virtual time under every kind of fault, a thousand seeds each.
     Faults(faults::Faults),
+    /// What it saves and costs to compute less where nobody looks; stated errors beside the true ones.
+    Fidelity(fidelity::Fidelities),
     /// The same boxes in bare Rapier, Rapier's `parallel`, Box3D, Jolt and dcd: time beside penetration, energy and sag.
     #[cfg(feature = "peers")]
     Peers(peers::Peers),
@@ -85,6 +88,7 @@ fn main() -> ExitCode {
         Suite::Clients(clients) => clients.run().map(done),
         Suite::Consistency(consistency) => consistency.run().map(done),
         Suite::Faults(faults) => faults.run(),
+        Suite::Fidelity(fidelity) => fidelity.run().map(done),
         #[cfg(feature = "peers")]
         Suite::Peers(peers) => peers.run().map(done),
         Suite::Prediction(prediction) => prediction.run().map(done),

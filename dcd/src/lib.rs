@@ -90,8 +90,8 @@ pub mod sim;
 pub use drawing::{DebugDraw, DebugDrawFlags, DebugDrawSettings, DebugShape};
 #[cfg(feature = "physics")]
 pub use physics::{
-    BorderView, CharacterHit, CharacterMove, ColliderId, ContactHooks, Coupling, HookedPair, Inconsistency,
-    LinkSettings, Preset, StepSettings, VehicleController,
+    BorderView, CharacterHit, CharacterMove, ColliderId, ContactHooks, Coupling, Fidelity, FidelityReport,
+    HookedPair, Inconsistency, LinkSettings, Preset, StepSettings, VehicleController,
 };
 #[cfg(feature = "physics")]
 pub use playback::ViewTime;
@@ -106,7 +106,9 @@ pub use protocol::{
 pub use runtime::{Choice, Partitioning, Stats, Why, WorldConfig};
 #[cfg(feature = "physics")]
 pub use scene::{Params, Scene};
-pub use space::{Axis, Balance, BodyId, Bounds, Cell, ClientId, Epoch, JointId, NodeId, RegionId, Tick};
+pub use space::{
+    Axis, Balance, BodyId, Bounds, Cell, ClientId, Epoch, JointId, NodeId, RegionId, Tick, Viewpoint,
+};
 #[cfg(feature = "view")]
 pub use view::{ViewError, Viewer};
 #[cfg(feature = "physics")]

@@ -1,4 +1,4 @@
-//! Holds the manual: concepts, couplings, serving, seeing, recording, limits and architecture, beyond the documentation of single items.
+//! Holds the manual: concepts, couplings, serving, seeing, recording, fidelity, limits and architecture, beyond the documentation of single items.
 
 #[doc = include_str!("../manual/concepts.md")]
 pub mod concepts {}
@@ -14,6 +14,9 @@ pub mod seeing {}
 
 #[doc = include_str!("../manual/recording.md")]
 pub mod recording {}
+
+#[doc = include_str!("../manual/fidelity.md")]
+pub mod fidelity {}
 
 #[doc = include_str!("../manual/limits.md")]
 pub mod limits {}

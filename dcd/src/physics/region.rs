@@ -13,6 +13,7 @@ mod mass_splitting;
 mod moved;
 mod place;
 mod read;
+mod refine;
 mod slot;
 mod step;
 mod ties;

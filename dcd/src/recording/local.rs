@@ -9,7 +9,7 @@ use super::entry::Digests;
 use super::replayed::{Disturbance, Flip, Replayed, Settled};
 use super::{Maker, Readout, RecordingError, digests_of};
 use crate::protocol::{BodyRecord, Drive, JointRecord, Push, ShapeRecord, Velocity, WorldPose};
-use crate::space::{BodyId, JointId, NodeId, RegionId, Tick};
+use crate::space::{BodyId, JointId, NodeId, RegionId, Tick, Viewpoint};
 
 /// Ticks of which operations are kept.
 const TICKS: u64 = 4;
@@ -61,6 +61,8 @@ pub enum Operation {
     Drive(BodyId, Drive),
     /// A plane of the partition moves, to so many metres.
     MovePlane(RegionId, f64),
+    /// The world is looked at from elsewhere.
+    Look(Vec<Viewpoint>),
 }
 
 impl Operation {
@@ -84,7 +86,8 @@ impl Operation {
             | Self::Remove(_)
             | Self::RemoveJoint(_)
             | Self::UpdateJoint { .. }
-            | Self::MovePlane(..) => (false, String::new()),
+            | Self::MovePlane(..)
+            | Self::Look(_) => (false, String::new()),
         };
         concerns.then_some(words)
     }

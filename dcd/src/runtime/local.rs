@@ -447,9 +447,20 @@ impl LocalWorld {
     }
 
     /// Sets where the world is looked at from, for its [`Fidelity`]; without any viewpoint all of it is looked at.
-    pub fn set_viewpoints(&mut self, viewpoints: &[Viewpoint]) {
+    pub fn set_viewpoints(&mut self, viewpoints: &[Viewpoint]) -> Result<(), WorldError> {
+        if let Some(unfit) = viewpoints.iter().find(|viewpoint| !viewpoint.is_fit()) {
+            let (what, range) = ("viewpoint", "finite numbers, and a radius of 0 or more");
+            return Err(WorldError::Setting { what, value: format!("{unfit:?}"), range });
+        }
         self.host.set_viewpoints(viewpoints.to_vec());
-        self.tape_spoilt();
+        self.tape(true, || Operation::Look(viewpoints.to_vec()));
+        Ok(())
+    }
+
+    /// Has every island audited in every tick, for tests of what is stated.
+    #[doc(hidden)]
+    pub fn audit_all(&mut self, thorough: bool) {
+        self.host.audit_all(thorough);
     }
 
     /// Returns what its [`Fidelity`] saves and costs; `None` where all is computed in full.

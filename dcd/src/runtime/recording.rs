@@ -6,6 +6,7 @@ use std::time::Duration;
 use super::LocalWorld;
 use super::recorded::bodies_of;
 use super::tape::{Copies, Tape};
+use crate::physics::Fidelity;
 use crate::protocol::BodyRecord;
 use crate::recording::{Operation, Recorder, RecordingError, digest};
 use crate::space::{BodyId, JointId, Load};
@@ -49,6 +50,11 @@ impl LocalWorld {
     pub(crate) fn can_be_recorded(&self) -> Result<(), RecordingError> {
         if self.host.has_hooks() {
             let why = "a world with contact hooks cannot be recorded: they are the program's own code; remove them first";
+            return Err(RecordingError::Unsuitable(why.into()));
+        }
+        if matches!(self.host.fidelity(), Fidelity::Budget { .. }) {
+            let why = "a world with a time budget cannot be recorded: what it computes depends on the time that steps take; give it a \
+                       tolerance (Fidelity::AUTO) instead";
             return Err(RecordingError::Unsuitable(why.into()));
         }
         Ok(())

@@ -126,6 +126,7 @@ impl LocalPhysics for LocalComputer {
             Operation::SetVelocity(body, velocity) => world.set_velocity(body, velocity),
             Operation::Drive(body, drive) => world.drive(body, &drive),
             Operation::MovePlane(vertex, at) => world.move_plane(vertex, at),
+            Operation::Look(viewpoints) => world.set_viewpoints(&viewpoints),
             Operation::Seed(_) | Operation::Restore => Ok(()),
         };
         done.map_err(|error| error.to_string())

@@ -1,11 +1,12 @@
 //! Defines points of view: where somebody looks at a world from, and how far.
 
+use bincode::{Decode, Encode};
 use serde::{Deserialize, Serialize};
 
 use super::Cell;
 
 /// A place that somebody looks at a world from.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct Viewpoint {
     /// Where, in world space, metres.
     pub at: [f64; 3],
@@ -14,6 +15,11 @@ pub struct Viewpoint {
 }
 
 impl Viewpoint {
+    /// Returns whether its numbers are finite and it looks no less than nowhere.
+    pub(crate) fn is_fit(&self) -> bool {
+        self.at.iter().all(|v| v.is_finite()) && self.radius_m.is_finite() && self.radius_m >= 0.0
+    }
+
     /// Returns how far a cell is from what is looked at, metres; not above 0 where it is looked into.
     pub(crate) fn gap_m(&self, cell: &Cell) -> f64 {
         let off = (0..3).map(|i| (cell.min[i] - self.at[i]).max(self.at[i] - cell.max[i]).max(0.0));

@@ -10,6 +10,7 @@ mod bodies;
 mod control;
 mod drawing;
 mod error;
+mod fidelity;
 #[cfg(feature = "net")]
 mod hosted;
 #[cfg(feature = "net")]

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use rapier3d::prelude::*;
 
-use crate::physics::region::Region;
+use crate::physics::region::{Ownership, Region};
 
 /// The finer model has so many substeps per tick, each with all iterations of a tick.
 const FINESSE: usize = 4;
@@ -30,7 +30,7 @@ pub(in crate::physics) struct Audit {
 
 impl Audit {
     /// Copies the island of a body, before a step of so many ticks. `None` where it cannot be computed by itself: with a multibody, a
-    /// character or a vehicle in it, or a body whose mass is split among regions.
+    /// character or a vehicle in it, or a body whose mass is split among regions; or where the body is no dynamic one of the region's own.
     pub(in crate::physics) fn begin(
         region: &Region,
         seed: RigidBodyHandle,
@@ -38,6 +38,10 @@ impl Audit {
         parameters: &IntegrationParameters,
     ) -> Option<Self> {
         let physics = region.physics();
+        let is_own = matches!(region.role_of(seed), Some((_, Ownership::Owner)));
+        if !is_own || !physics.bodies[seed].is_dynamic() {
+            return None;
+        }
         let mut members = BTreeMap::from([(seed.into_raw_parts(), seed)]);
         let (mut open, mut at, mut rim) = (vec![seed], 0, Vec::new());
         while let Some(&handle) = open.get(at) {
@@ -90,14 +94,7 @@ impl Audit {
         for handle in around {
             let key = handle.into_raw_parts();
             if !copied.contains_key(&key) && !others.contains_key(&key) {
-                let other = copy(physics, handle, &mut world);
-                // It does what it did, whatever touches it here.
-                if physics.bodies[handle].is_dynamic() {
-                    world.bodies[other].set_body_type(RigidBodyType::KinematicVelocityBased, false);
-                    world.bodies[other].set_linvel(physics.bodies[handle].linvel(), false);
-                    world.bodies[other].set_angvel(physics.bodies[handle].angvel(), false);
-                }
-                others.insert(key, (handle, other));
+                others.insert(key, (handle, copy(physics, handle, &mut world)));
             }
         }
         for (&key, &(handle, _)) in &copied {
@@ -117,6 +114,16 @@ impl Audit {
         }
         let rim = rim.into_iter().map(|handle| copied[&handle.into_raw_parts()]).collect();
         Some(Self { world, members: copied, rim, ticks })
+    }
+
+    /// Returns whether a body of the region is in the island.
+    pub(in crate::physics) fn contains(&self, handle: RigidBodyHandle) -> bool {
+        self.members.contains_key(&handle.into_raw_parts())
+    }
+
+    /// Returns how many bodies of the region are in the island.
+    pub(in crate::physics) fn len(&self) -> usize {
+        self.members.len()
     }
 
     /// Returns what it costs, in bodies stepped once.

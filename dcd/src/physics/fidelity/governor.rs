@@ -67,6 +67,11 @@ pub(in crate::physics) struct Governor {
     spent_ms: f64,
     #[serde(skip)]
     full_ms: f64,
+    /// Whether all islands are audited; the sum of their errors, and of their bodies and ticks.
+    #[serde(skip)]
+    thorough: bool,
+    #[serde(skip)]
+    all: (f64, f64),
     /// What audits may cost by now, in bodies stepped once.
     credit: f64,
 }
@@ -81,6 +86,8 @@ impl Governor {
             audits: 0,
             overruns: 0,
             ticks: 0,
+            thorough: false,
+            all: (0.0, 0.0),
             spent_ms: 0.0,
             full_ms: 0.0,
             credit: 0.0,
@@ -202,6 +209,24 @@ impl Governor {
         }
     }
 
+    pub(in crate::physics) fn set_thorough(&mut self, thorough: bool) {
+        self.thorough = thorough;
+    }
+
+    pub(in crate::physics) fn is_thorough(&self) -> bool {
+        self.thorough
+    }
+
+    /// Notes the sum of errors, m/s, of so many bodies and ticks.
+    pub(in crate::physics) fn note_all(&mut self, errors: f64, weight: f64) {
+        self.all = (self.all.0 + errors, self.all.1 + weight);
+    }
+
+    pub(in crate::physics) fn true_error_m_s(&self) -> Option<f64> {
+        let (errors, weight) = self.all;
+        (weight > 0.0).then(|| errors / weight)
+    }
+
     /// Notes how long a tick took.
     pub(in crate::physics) fn note_time(&mut self, took_ms: f64) {
         if let Fidelity::Budget { tick_ms } = self.fidelity
@@ -232,5 +257,77 @@ impl Governor {
 impl Memory {
     fn turn_to(&mut self, level: u8) {
         (self.level, self.error) = (level, Estimate::default());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Regions in a row, 10 m each, of which a step takes so long.
+    fn row(count: u64, step_ms: f64) -> Vec<RegionState> {
+        let cell = |k: f64| Cell { min: [10.0 * k, -5.0, -5.0], max: [10.0 * k + 10.0, 5.0, 5.0] };
+        (0..count).map(|k| RegionState { id: RegionId(k), cell: cell(k as f64), step_ms }).collect()
+    }
+
+    fn governor(fidelity: Fidelity) -> Governor {
+        let mut governor = Governor::new(fidelity);
+        governor.set_viewpoints(vec![Viewpoint { at: [0.0; 3], radius_m: 1.0 }]);
+        governor
+    }
+
+    fn rates_after(governor: &mut Governor, regions: &[RegionState], ticks: u64) -> Vec<u8> {
+        (0..ticks)
+            .map(|_| governor.rates(regions))
+            .last()
+            .unwrap()
+            .into_iter()
+            .map(|(_, rate)| rate)
+            .collect()
+    }
+
+    #[test]
+    fn a_budget_is_kept_by_what_is_farthest_first_and_what_is_seen_last() {
+        for (step_ms, rates) in [
+            (0.9, [1, 1, 1, 1, 1, 1]),
+            (1.5, [1, 1, 1, 2, 2, 2]),
+            (2.2, [1, 1, 2, 2, 4, 4]),
+            (4.0, [2, 2, 4, 4, 4, 4]),
+            (50.0, [4, 4, 4, 4, 4, 4]),
+        ] {
+            let mut governor = governor(Fidelity::Budget { tick_ms: 10.0 });
+            assert_eq!(rates_after(&mut governor, &row(6, step_ms), 20), rates, "{step_ms} ms");
+            assert_eq!(rates_after(&mut governor, &row(6, 0.5), 20), [1; 6], "when there is less to do");
+        }
+    }
+
+    #[test]
+    fn an_error_above_the_tolerance_makes_a_region_finer_for_ever_longer_times() {
+        let mut governor = governor(Fidelity::Tolerance { m_s: 0.1 });
+        let regions = row(4, 1.0);
+        let mut fine = Vec::new();
+        for tick in 0..4_000 {
+            let rates = governor.rates(&regions);
+            for &(id, rate) in &rates {
+                // The second region that is not seen errs at its lowest rate.
+                governor.note_error(id, if id == RegionId(3) && rate == 4 { 0.5 } else { 0.01 });
+            }
+            if rates[3].1 < 4 && tick > 100 {
+                fine.push(tick);
+            }
+        }
+        let rates: Vec<_> = governor.rates(&regions).into_iter().map(|(_, rate)| rate).collect();
+        assert_eq!(rates[..3], [1, 1, 4], "the next one is within the margin");
+        let returns = fine.windows(2).filter(|two| two[1] > two[0] + 1).count();
+        assert!((2..8).contains(&returns), "{returns} returns to the lowest rate in 4,000 ticks");
+    }
+
+    #[test]
+    fn a_region_that_comes_into_view_is_computed_in_full_at_once() {
+        let mut governor = governor(Fidelity::AUTO);
+        let regions = row(6, 1.0);
+        assert_eq!(rates_after(&mut governor, &regions, 100)[5], 4);
+        governor.set_viewpoints(vec![Viewpoint { at: [55.0, 0.0, 0.0], radius_m: 1.0 }]);
+        assert_eq!(rates_after(&mut governor, &regions, 1)[5], 1);
     }
 }

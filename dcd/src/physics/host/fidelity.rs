@@ -3,12 +3,18 @@
 use rapier3d::prelude::*;
 
 use super::RegionHost;
+use crate::physics::coupling::Side;
 use crate::physics::fidelity::{Audit, Fidelity, FidelityReport, Governor, RegionState};
-use crate::space::{RegionId, Viewpoint, mixed};
+use crate::space::{Viewpoint, mixed};
+
+/// Loads out of proportion are looked for every so many ticks.
+const REFINE_TICKS: u64 = 16;
 
 /// An audit under way, of a region in this place.
 pub(super) struct Auditing {
     place: usize,
+    /// Of so many ticks' step.
+    span: u8,
     audit: Audit,
 }
 
@@ -38,9 +44,23 @@ impl RegionHost {
         }
     }
 
+    /// Has the islands of all bodies audited in every tick from now on, for tests of what is stated: see [`RegionHost::true_error_m_s`].
+    #[doc(hidden)]
+    pub fn audit_all(&mut self, thorough: bool) {
+        if let Some(governor) = &mut self.governor {
+            governor.set_thorough(thorough);
+        }
+    }
+
+    /// Returns the mean error of all bodies in all ticks for which [`RegionHost::audit_all`] was set, m/s.
+    #[doc(hidden)]
+    pub fn true_error_m_s(&self) -> Option<f64> {
+        self.governor.as_ref()?.true_error_m_s()
+    }
+
     /// Chooses which regions are stepped in the tick that begins, and perhaps an island to be audited in it.
-    pub(super) fn govern(&mut self) -> Option<Auditing> {
-        let governor = self.governor.as_mut()?;
+    pub(super) fn govern(&mut self) -> Vec<Auditing> {
+        let Some(governor) = &mut self.governor else { return Vec::new() };
         let states = self.sides.iter().map(|side| RegionState {
             id: side.region.id(),
             cell: *side.region.cell(),
@@ -50,62 +70,98 @@ impl RegionHost {
         for (side, (_, rate)) in self.sides.iter_mut().zip(rates) {
             side.clock.rate = rate;
         }
+        if governor.fidelity() != Fidelity::Off {
+            // In turn, so that no tick takes much longer than another.
+            let due =
+                |side: &&mut Side| (self.tick.0 + side.region.rank() as u64).is_multiple_of(REFINE_TICKS);
+            self.sides.iter_mut().filter(due).for_each(|side| side.region.refine());
+        }
         self.schedule();
         self.audited()
     }
 
-    /// Begins to audit the island of a body that is chosen at random, when the last audit is paid for.
-    fn audited(&mut self) -> Option<Auditing> {
-        let work: Vec<_> = self
-            .sides
-            .iter()
-            .map(
-                |side| {
-                    if side.steps_now() { side.region.physics().islands.active_bodies().count() } else { 0 }
-                },
-            )
-            .collect();
-        let governor = self.governor.as_mut().filter(|governor| governor.fidelity() != Fidelity::Off)?;
+    /// Begins to audit the island of a body that is chosen at random, when the last audit is paid for; of every body, when that is asked for.
+    fn audited(&mut self) -> Vec<Auditing> {
+        let work = |side: &Side| {
+            if side.steps_now() { side.region.physics().islands.active_bodies().count() } else { 0 }
+        };
+        let work: Vec<_> = self.sides.iter().map(work).collect();
+        let Some(governor) = self.governor.as_mut().filter(|governor| governor.fidelity() != Fidelity::Off)
+        else {
+            return Vec::new();
+        };
+        if governor.is_thorough() {
+            return (0..work.len()).flat_map(|place| self.audits(place)).collect();
+        }
         if !governor.earn(work.iter().sum()) {
-            return None;
+            return Vec::new();
         }
         // Every body in every tick is as likely as any other: what a step computes counts for each of its ticks.
         let weight = |place: usize| (work[place] * usize::from(self.sides[place].clock.span)) as u64;
         let total: u64 = (0..work.len()).map(weight).sum();
         let mut at = mixed(self.tick.0 + 1) % total.max(1);
-        let place = (0..work.len()).find(|&place| {
+        let chosen = (0..work.len()).find(|&place| {
             let is_here = at < weight(place);
             at = at.saturating_sub(weight(place));
             is_here
-        })?;
+        });
+        let one = |place: usize| mixed(mixed(self.tick.0 + 1)) as usize % work[place];
+        let auditing: Vec<_> = chosen.and_then(|place| self.audit(place, one(place))).into_iter().collect();
+        if let Some(governor) = &mut self.governor {
+            auditing.iter().for_each(|auditing| governor.pay(auditing.audit.work()));
+        }
+        auditing
+    }
+
+    /// Begins to audit all islands of the region in this place.
+    fn audits(&self, place: usize) -> Vec<Auditing> {
         let side = &self.sides[place];
-        let one = mixed(mixed(self.tick.0 + 1)) as usize % work[place];
-        let seed = side.region.physics().islands.active_bodies().nth(one)?;
+        let mut begun: Vec<Auditing> = Vec::new();
+        if side.steps_now() {
+            for (one, handle) in side.region.physics().islands.active_bodies().enumerate() {
+                if !begun.iter().any(|auditing| auditing.audit.contains(handle)) {
+                    begun.extend(self.audit(place, one));
+                }
+            }
+        }
+        begun
+    }
+
+    /// Begins to audit the island of one of the awake bodies of the region in this place.
+    fn audit(&self, place: usize, one: usize) -> Option<Auditing> {
+        let Side { region, clock, .. } = &self.sides[place];
+        let seed = region.physics().islands.active_bodies().nth(one)?;
         let parameters = IntegrationParameters {
             dt: self.settings.dt_s,
             num_solver_iterations: self.settings.solver_iterations,
             ..self.settings.integration
         };
-        let audit = Audit::begin(&side.region, seed, side.clock.span, &parameters)?;
-        governor.pay(audit.work());
-        Some(Auditing { place, audit })
+        let audit = Audit::begin(region, seed, clock.span, &parameters)?;
+        Some(Auditing { place, span: clock.span, audit })
     }
 
-    /// Notes what the tick's steps took, and concludes its audit.
-    pub(super) fn conclude(&mut self, auditing: Option<Auditing>) {
-        if let Some(governor) = &mut self.governor {
-            let per_tick = self.settings.solver_iterations.max(1);
-            for side in self.sides.iter().filter(|side| side.steps_now()) {
-                let iterations = side.clock.iterations(per_tick) as f64 / per_tick as f64;
-                governor.note_step(side.region.last_step().as_secs_f64() * 1e3, side.clock.span, iterations);
+    /// Notes what the tick's steps took, and concludes its audits.
+    pub(super) fn conclude(&mut self, all: Vec<Auditing>) {
+        let Some(governor) = &mut self.governor else { return };
+        let per_tick = self.settings.solver_iterations.max(1);
+        for side in self.sides.iter().filter(|side| side.steps_now()) {
+            let iterations = side.clock.iterations(per_tick) as f64 / per_tick as f64;
+            governor.note_step(side.region.last_step().as_secs_f64() * 1e3, side.clock.span, iterations);
+        }
+        let is_thorough = governor.is_thorough();
+        let (mut sum, mut weight) = (0.0, 0.0);
+        for Auditing { place, span, audit } in all {
+            let region = &self.sides[place].region;
+            let bodies = audit.len() as f64;
+            let Some(error_m_s) = audit.finish(region) else { continue };
+            if is_thorough {
+                sum += f64::from(error_m_s) * f64::from(span) * bodies;
+                weight += f64::from(span) * bodies;
+            } else {
+                governor.note_error(region.id(), error_m_s);
             }
         }
-        let Some(Auditing { place, audit }) = auditing else { return };
-        let region = &self.sides[place].region;
-        let (id, found): (RegionId, _) = (region.id(), audit.finish(region));
-        if let (Some(governor), Some(error_m_s)) = (&mut self.governor, found) {
-            governor.note_error(id, error_m_s);
-        }
+        governor.note_all(sum, weight);
     }
 
     /// Notes how long a tick took, for a budget.

@@ -27,6 +27,7 @@ impl Region {
         change: impl FnOnce(&mut RigidBody) -> R,
     ) -> R {
         self.touch(handle);
+        self.unrefine(handle);
         // A dynamic body that is kinematic in Rapier is a ghost of the proxy coupling, which its user must not see.
         let ghost = self.world.bodies[handle].body_type();
         let is_ghost = self.slot(handle).traits.kind == BodyKind::Dynamic && ghost != RigidBodyType::Dynamic;

@@ -1,0 +1,366 @@
+//! Measures what it saves, and what it costs, to compute less where nobody looks: time beside error, the error stated beside the true one,
+//! the budget asked for beside the time taken.
+
+use std::error::Error;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use clap::Args;
+use dcd::physics::Measured as _;
+use dcd::runtime::{LocalWorld, WorldConfig};
+use dcd::scene::{Params, Scene};
+use dcd::{Fidelity, Viewpoint};
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+
+use crate::machine::Machine;
+use crate::page;
+use crate::results::{self, Measured, short};
+
+/// Steps that are not timed: the governor comes to its levels, and what is to fall falls.
+const WARM_UP: usize = 120;
+
+/// Measures the savings and the errors of fidelity.
+#[derive(Args)]
+pub(crate) struct Fidelities {
+    /// Small scenes, few steps.
+    #[arg(long)]
+    quick: bool,
+    /// Print one JSON object at the end.
+    #[arg(long)]
+    json: bool,
+    /// Runs of each; every step counts as in the run in which it took least.
+    #[arg(long, value_name = "N", default_value_t = 4)]
+    repeats: usize,
+    /// Where the results go [default: benches/results; with `--quick` a temporary folder].
+    #[arg(long, value_name = "FOLDER")]
+    out: Option<PathBuf>,
+}
+
+/// One setting on one scene, on one thread.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Row {
+    scene: String,
+    bodies: usize,
+    regions: usize,
+    setting: String,
+    step_ms: f64,
+    p99_ms: f64,
+    /// Of what the same steps take when all is computed in full.
+    share_percent: f64,
+    full: usize,
+    half: usize,
+    quarter: usize,
+    stated_m_s: f32,
+    low95_m_s: f32,
+    high95_m_s: f32,
+    audits: u64,
+    /// Ticks above the budget, percent of those that were timed.
+    overrun_percent: f64,
+    /// Means of the timed steps.
+    energy_j: f64,
+    penetration_mm: f64,
+    /// How far two worlds in full are from each other in both, of which one is of another seed.
+    energy_spread_j: f64,
+    penetration_spread_mm: f64,
+}
+
+/// How often the true error lay in the stated interval.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Cover {
+    scene: String,
+    setting: String,
+    runs: usize,
+    within: usize,
+    stated_m_s: f64,
+    true_m_s: f64,
+}
+
+/// A scene: its name, what says how large it is, how large, and its seed where it has one.
+type Case = (&'static str, &'static str, usize, bool);
+
+impl Fidelities {
+    pub(crate) fn run(self) -> Result<(), Box<dyn Error>> {
+        let folder = results::folder(self.out.as_deref(), self.quick)?;
+        let (steps, repeats) = if self.quick { (160, 1) } else { (360, self.repeats) };
+        let cases: &[Case] = if self.quick {
+            &[("town", "n", 1_200, true)]
+        } else {
+            &[
+                ("town", "n", 2_000, true),
+                ("town", "n", 20_000, true),
+                ("terrain", "n", 4_000, true),
+                ("convoy", "cars", 200, false),
+            ]
+        };
+        let mut rows = Vec::new();
+        for &case in cases {
+            rows.extend(savings(case, steps, repeats)?);
+        }
+        let covers = coverage(if self.quick { 2 } else { 25 })?;
+        let table = page::table(
+            &[
+                "scene",
+                "bodies",
+                "setting",
+                "step, ms",
+                "p99",
+                "share, %",
+                "regions at 1, 1/2, 1/4",
+                "stated error, m/s (95 %)",
+                "over budget, %",
+                "energy, J",
+                "penetration, mm",
+                "spread of one world",
+            ],
+            rows.iter().map(Row::cells),
+        );
+        println!("{table}");
+        let cover = page::table(
+            &[
+                "scene",
+                "setting",
+                "runs",
+                "true error within the stated interval",
+                "stated, m/s",
+                "true, m/s",
+            ],
+            covers.iter().map(Cover::cells),
+        );
+        println!("{cover}");
+        let (runs, within) =
+            covers.iter().fold((0, 0), |(runs, within), cover| (runs + cover.runs, within + cover.within));
+        println!("{within} of {runs} runs");
+        if self.json {
+            println!("{}", json!({ "savings": rows, "coverage": covers, "within": within, "runs": runs }));
+        }
+        let machine = Machine::here();
+        write(&folder.join("fidelity.csv"), rows, &machine)?;
+        write(&folder.join("fidelity-coverage.csv"), covers, &machine)?;
+        page::put(&folder, "fidelity", &table)?;
+        page::put(&folder, "fidelity-coverage", &cover)
+    }
+}
+
+fn write<R: Serialize>(
+    path: &std::path::Path,
+    rows: Vec<R>,
+    machine: &Machine,
+) -> Result<(), Box<dyn Error>> {
+    let measured: Vec<_> = rows.into_iter().map(|row| Measured { row, machine: machine.clone() }).collect();
+    results::write_csv(path, &measured)
+}
+
+fn scene_of((name, key, count, has_seed): Case, seed: i64) -> Result<Scene, Box<dyn Error>> {
+    let params = Params::new().with(key, count as i64);
+    let params = if has_seed { params.with("seed", seed) } else { params };
+    let mut scene = Scene::named(name, &params)?;
+    if scene.viewpoints.is_empty() {
+        // A quarter of its length is looked at, from one end.
+        let [min, max] = [scene.bounds.min, scene.bounds.max];
+        scene.viewpoints = vec![Viewpoint { at: [min[0], 0.0, 0.0], radius_m: 0.25 * (max[0] - min[0]) }];
+        scene.regions = Some(8);
+    }
+    Ok(scene)
+}
+
+fn world(scene: &Scene, fidelity: Fidelity) -> Result<LocalWorld, Box<dyn Error>> {
+    Ok(LocalWorld::from_scene(scene, WorldConfig { fidelity, ..WorldConfig::for_scene(scene) })?)
+}
+
+/// Runs all settings of a scene in turn, step by step.
+fn savings(case: Case, steps: usize, repeats: usize) -> Result<Vec<Row>, Box<dyn Error>> {
+    let scene = scene_of(case, 1)?;
+    eprintln!("{} of {}", scene.name, case.2);
+    // Budgets need to know what the whole takes.
+    let mut full = world(&scene, Fidelity::Off)?;
+    let mut took = Vec::new();
+    for _ in 0..WARM_UP {
+        let start = Instant::now();
+        full.step()?;
+        took.push(start.elapsed());
+    }
+    took.sort();
+    let full_ms = took[took.len() / 2].as_secs_f64() * 1e3;
+    let budget = |part: f64| Fidelity::Budget { tick_ms: (full_ms * part) as f32 };
+    let settings = [
+        ("full", Fidelity::Off),
+        ("auto", Fidelity::AUTO),
+        ("lowest rate", Fidelity::Tolerance { m_s: 1e6 }),
+        ("budget, 75 %", budget(0.75)),
+        ("budget, 50 %", budget(0.5)),
+    ];
+    let mut least = vec![vec![Duration::MAX; steps]; settings.len()];
+    let mut rows = Vec::new();
+    for repeat in 0..repeats {
+        let mut worlds =
+            settings.iter().map(|(_, fidelity)| world(&scene, *fidelity)).collect::<Result<Vec<_>, _>>()?;
+        let mut means = vec![(0.0, 0.0); settings.len()];
+        let mut over = vec![0; settings.len()];
+        for step in 0..steps {
+            for (i, world) in worlds.iter_mut().enumerate() {
+                let start = Instant::now();
+                world.step()?;
+                let took = start.elapsed();
+                least[i][step] = least[i][step].min(took);
+                if step >= WARM_UP {
+                    if let Fidelity::Budget { tick_ms } = settings[i].1 {
+                        over[i] += u32::from(took.as_secs_f64() * 1e3 > f64::from(tick_ms));
+                    }
+                }
+                if step >= WARM_UP && repeat == 0 && step % 10 == 0 {
+                    means[i].0 += world.energy_j();
+                    means[i].1 += world.contacts().max_penetration_m;
+                }
+            }
+        }
+        if repeat > 0 {
+            continue;
+        }
+        let samples = (WARM_UP..steps).filter(|step| step % 10 == 0).count() as f64;
+        let twin = if case.3 { twin(case, steps)? } else { means[0] };
+        for (i, world) in worlds.iter().enumerate() {
+            let report = world.fidelity_report().unwrap_or_default();
+            let levels = if report.levels == [0; 3] { [world.regions().len(), 0, 0] } else { report.levels };
+            rows.push(Row {
+                scene: scene.name.clone(),
+                bodies: world.stats().bodies,
+                regions: world.regions().len(),
+                setting: settings[i].0.to_owned(),
+                step_ms: 0.0,
+                p99_ms: 0.0,
+                share_percent: 0.0,
+                full: levels[0],
+                half: levels[1],
+                quarter: levels[2],
+                stated_m_s: report.error_m_s,
+                low95_m_s: report.low95_m_s,
+                high95_m_s: report.high95_m_s,
+                audits: report.audits,
+                overrun_percent: 100.0 * f64::from(over[i]) / (steps - WARM_UP) as f64,
+                energy_j: means[i].0 / samples,
+                penetration_mm: 1e3 * means[i].1 / samples,
+                energy_spread_j: (means[0].0 - twin.0).abs() / samples,
+                penetration_spread_mm: 1e3 * (means[0].1 - twin.1).abs() / samples,
+            });
+        }
+    }
+    let full_ms = mean_ms(&least[0]);
+    for (row, least) in rows.iter_mut().zip(&mut least) {
+        row.step_ms = mean_ms(least);
+        row.share_percent = 100.0 * row.step_ms / full_ms;
+        least.drain(..WARM_UP);
+        least.sort();
+        row.p99_ms = least[least.len() * 99 / 100].as_secs_f64() * 1e3;
+    }
+    Ok(rows)
+}
+
+/// Sums the energy and the penetration of the same scene of another seed, in full.
+fn twin(case: Case, steps: usize) -> Result<(f64, f64), Box<dyn Error>> {
+    let mut world = world(&scene_of(case, 2)?, Fidelity::Off)?;
+    let mut sums = (0.0, 0.0);
+    for step in 0..steps {
+        world.step()?;
+        if step >= WARM_UP && step % 10 == 0 {
+            sums.0 += world.energy_j();
+            sums.1 += world.contacts().max_penetration_m;
+        }
+    }
+    Ok(sums)
+}
+
+fn mean_ms(least: &[Duration]) -> f64 {
+    let timed = &least[WARM_UP..];
+    1e3 * timed.iter().sum::<Duration>().as_secs_f64() / timed.len() as f64
+}
+
+/// Compares stated errors with the true ones, which audit every island in every tick, on scenes and seeds of their own.
+fn coverage(seeds: i64) -> Result<Vec<Cover>, Box<dyn Error>> {
+    let cases: [Case; 4] = [
+        ("heap", "n", 80, true),
+        ("gas", "n", 120, true),
+        ("ragdolls", "count", 6, true),
+        ("drum", "n", 80, true),
+    ];
+    let mut covers = Vec::new();
+    for case in cases {
+        for (setting, fidelity) in
+            [("auto", Fidelity::AUTO), ("lowest rate", Fidelity::Tolerance { m_s: 1e6 })]
+        {
+            let (mut within, mut stated_sum, mut true_sum) = (0, 0.0, 0.0);
+            for seed in 0..seeds {
+                let scene = scene_of(case, 100 + seed)?;
+                let [stated, truth] = [false, true].map(|thorough| -> Result<LocalWorld, Box<dyn Error>> {
+                    let mut world = world(&scene, fidelity)?;
+                    // Nowhere, so that none of it is in sight.
+                    world.set_viewpoints(&[Viewpoint { at: [0.0, 0.0, 1e5], radius_m: 1.0 }])?;
+                    world.audit_all(thorough);
+                    (0..240).try_for_each(|_| world.step())?;
+                    Ok(world)
+                });
+                let stated = stated?.fidelity_report().unwrap_or_default();
+                let truth = truth?.host().true_error_m_s().unwrap_or_default();
+                within += usize::from(
+                    f64::from(stated.low95_m_s) <= truth && truth <= f64::from(stated.high95_m_s),
+                );
+                stated_sum += f64::from(stated.error_m_s);
+                true_sum += truth;
+            }
+            eprintln!("{} {setting}: {within} of {seeds}", case.0);
+            covers.push(Cover {
+                scene: case.0.to_owned(),
+                setting: setting.to_owned(),
+                runs: seeds as usize,
+                within,
+                stated_m_s: stated_sum / seeds as f64,
+                true_m_s: true_sum / seeds as f64,
+            });
+        }
+    }
+    Ok(covers)
+}
+
+impl Row {
+    fn cells(&self) -> Vec<String> {
+        let stated = if self.audits == 0 {
+            "–".to_owned()
+        } else {
+            format!(
+                "{:.3} ({:.3} to {:.3}, {} audits)",
+                self.stated_m_s, self.low95_m_s, self.high95_m_s, self.audits
+            )
+        };
+        vec![
+            self.scene.clone(),
+            self.bodies.to_string(),
+            self.setting.clone(),
+            short(self.step_ms),
+            short(self.p99_ms),
+            format!("{:.0}", self.share_percent),
+            format!("{}, {}, {}", self.full, self.half, self.quarter),
+            stated,
+            if self.setting.starts_with("budget") {
+                format!("{:.1}", self.overrun_percent)
+            } else {
+                "–".to_owned()
+            },
+            short(self.energy_j),
+            short(self.penetration_mm),
+            format!("{} J, {} mm", short(self.energy_spread_j), short(self.penetration_spread_mm)),
+        ]
+    }
+}
+
+impl Cover {
+    fn cells(&self) -> Vec<String> {
+        vec![
+            self.scene.clone(),
+            self.setting.clone(),
+            self.runs.to_string(),
+            self.within.to_string(),
+            short(self.stated_m_s),
+            short(self.true_m_s),
+        ]
+    }
+}

@@ -1,0 +1,42 @@
+//! Says where a world is looked at from, so that all else is computed less often, and what that saves and costs.
+
+use super::error::Error;
+use super::role::Instead;
+use super::{Inner, World};
+use crate::physics::FidelityReport;
+use crate::space::Viewpoint;
+
+/// How much is computed in full.
+impl World {
+    /// Sets where a local world is looked at from, for its [`Fidelity`](crate::Fidelity): regions farther than what is seen from there are
+    /// stepped less often. Without any viewpoint all of it is looked at. Call it as often as viewers move.
+    ///
+    /// ```
+    /// use dcd::{Fidelity, Viewpoint};
+    /// # use dcd::prelude::*;
+    ///
+    /// let scene = Scene::open("town", &Params::default().with("n", 1_200))?;
+    /// let config = WorldConfig { fidelity: Fidelity::AUTO, ..WorldConfig::for_scene(&scene) };
+    /// let mut world = World::from_scene(&scene, config)?;
+    /// world.set_viewpoints(&[Viewpoint { at: [-120.0, 2.0, -60.0], radius_m: 50.0 }])?;
+    /// for _ in 0..60 {
+    ///     world.step()?;
+    /// }
+    /// let report = world.fidelity_report().unwrap();
+    /// assert!(report.levels[2] > 0, "some regions are stepped in every fourth tick: {report:?}");
+    /// # Ok::<(), dcd::Error>(())
+    /// ```
+    pub fn set_viewpoints(&mut self, viewpoints: &[Viewpoint]) -> Result<(), Error> {
+        let world = self.local_mut("be looked at from viewpoints", Instead::ComputeAlone)?;
+        Ok(world.set_viewpoints(viewpoints)?)
+    }
+
+    /// Returns what [`Fidelity`](crate::Fidelity) saves and costs; `None` where all is computed in full.
+    #[must_use]
+    pub fn fidelity_report(&self) -> Option<FidelityReport> {
+        match &self.inner {
+            Inner::Local(world) => world.fidelity_report(),
+            Inner::Remote(_) => None,
+        }
+    }
+}

@@ -1,0 +1,293 @@
+//! Tests worlds of which less is computed where nobody looks: nothing is lost, what is looked at is as if all were computed in full,
+//! time neither stands still nor runs twice, and the error is as stated.
+
+use dcd::prelude::*;
+use dcd::runtime::LocalWorld;
+use dcd::space::{Axis, BodyId};
+use dcd::{Coupling, Fidelity, Viewpoint};
+
+/// All regions but those at the viewpoint come to be stepped in every fourth tick.
+const ALL_COARSE: Fidelity = Fidelity::Tolerance { m_s: 1e6 };
+const NOWHERE: Viewpoint = Viewpoint { at: [0.0, 0.0, 1e5], radius_m: 1.0 };
+
+fn town(cars: usize) -> Scene {
+    Scene::open("town", &Params::default().with("n", 1_200).with("cars", cars)).unwrap()
+}
+
+fn world(scene: &Scene, fidelity: Fidelity, threads: usize) -> LocalWorld {
+    LocalWorld::from_scene(scene, WorldConfig { fidelity, threads, ..WorldConfig::for_scene(scene) }).unwrap()
+}
+
+/// An empty world of so many regions along x, 20 m each.
+fn row(regions: usize, fidelity: Fidelity, gravity: [f32; 3]) -> LocalWorld {
+    let half_m = 10.0 * regions as f64;
+    let mut config = WorldConfig {
+        bounds: Bounds::around([0.0; 3], [half_m, 20.0, 20.0]),
+        partitioning: Partitioning::Cuts((1..regions).map(|k| (Axis::X, 20.0 * k as f64 - half_m)).collect()),
+        fidelity,
+        ..WorldConfig::default()
+    };
+    config.step.gravity = gravity;
+    LocalWorld::new(config).unwrap()
+}
+
+fn run(world: &mut LocalWorld, ticks: usize) {
+    for _ in 0..ticks {
+        world.step().unwrap();
+    }
+}
+
+fn levels(world: &LocalWorld) -> [usize; 3] {
+    world.fidelity_report().unwrap().levels
+}
+
+/// Where a body is by now: where it is known, and how it goes on from there.
+fn now(world: &LocalWorld, id: BodyId) -> [f64; 3] {
+    let (region, handle) = world.host().owned(id).unwrap();
+    let late_s = f64::from(world.host().behind(region.id())) / 60.0;
+    let (pose, velocity) = region.motion(handle);
+    std::array::from_fn(|i| pose.translation[i] + f64::from(velocity.linear[i]) * late_s)
+}
+
+#[test]
+fn a_town_loses_nothing_and_is_the_same_by_any_threads_and_after_a_snapshot() {
+    let scene = town(4);
+    let mut worlds = [1, 2].map(|threads| world(&scene, Fidelity::AUTO, threads));
+    let bodies = worlds[0].states().count();
+    worlds.iter_mut().for_each(|world| run(world, 150));
+    let mut saved = Vec::new();
+    worlds[0].save(&mut saved).unwrap();
+    let mut restored = LocalWorld::restore(saved.as_slice(), 1).unwrap();
+    worlds.iter_mut().for_each(|world| run(world, 150));
+    run(&mut restored, 150);
+    for world in worlds.iter().chain([&restored]) {
+        assert_eq!(world.states().count(), bodies);
+        assert_eq!(world.host().validate(), []);
+        assert_eq!(world.state_hash(), worlds[0].state_hash());
+        assert_eq!(levels(world), levels(&worlds[0]));
+    }
+    assert!(levels(&worlds[0])[2] >= 10, "{:?}", levels(&worlds[0]));
+    assert!(worlds[0].stats().transfers > 10, "cars pass from region to region: {:?}", worlds[0].stats());
+}
+
+#[test]
+fn what_is_looked_at_is_bit_for_bit_as_if_all_were_computed_in_full() {
+    let scene = town(0);
+    let view = scene.viewpoints[0];
+    let [mut full, mut part] = [Fidelity::Off, ALL_COARSE].map(|fidelity| world(&scene, fidelity, 1));
+    run(&mut full, 240);
+    run(&mut part, 240);
+    assert!(levels(&part)[2] >= 12, "{:?}", levels(&part));
+    let (mut seen, mut others) = (0, 0);
+    for (id, _, pose, velocity) in full.states() {
+        let is_seen = (0..3).all(|i| (pose.translation[i] - view.at[i]).abs() < 50.0);
+        if is_seen {
+            seen += 1;
+            assert_eq!(part.motion(id), Some((pose, velocity)), "{id}");
+        } else {
+            others += usize::from(part.motion(id) != Some((pose, velocity)));
+        }
+    }
+    assert!(seen > 150 && others > 300, "{seen} are seen, {others} of the others differ");
+}
+
+#[test]
+fn what_flies_through_regions_of_unlike_rates_keeps_its_time() {
+    let mut world = row(8, ALL_COARSE, [0.0; 3]);
+    world.set_viewpoints(&[Viewpoint { at: [10.0, 0.0, 0.0], radius_m: 3.0 }]).unwrap();
+    let mut balls = Vec::new();
+    for i in 0..12_u8 {
+        let speed = (3.0 + 4.0 * f32::from(i)) * if i % 2 == 0 { 1.0 } else { -1.0 };
+        let from = [f64::from(-speed.signum() * 70.0), 0.0, 1.5 * f64::from(i) - 8.0];
+        let ball = RigidBodyBuilder::dynamic().linvel(Vector::X * speed).can_sleep(false);
+        let ball = world.insert_at(WorldPose::at(from), ball, [ColliderBuilder::ball(0.3)]).unwrap();
+        balls.push((ball, from, f64::from(speed)));
+    }
+    let mut rates = std::collections::BTreeSet::new();
+    for tick in 1..=200 {
+        world.step().unwrap();
+        rates.insert(levels(&world).map(|count| count > 0));
+        for &(ball, from, speed) in &balls {
+            let off_m = now(&world, ball)[0] - (from[0] + speed * f64::from(tick) / 60.0);
+            assert!(off_m.abs() < 1e-3, "{ball} is {off_m} m off at tick {tick}");
+        }
+    }
+    assert!(rates.contains(&[true, false, true]), "{rates:?}");
+    assert!(world.stats().transfers >= 24, "{:?}", world.stats());
+}
+
+#[test]
+fn what_meets_at_a_border_of_unlike_rates_collides_as_in_one_world() {
+    for speed in [1.0, 8.0, 30.0] {
+        let mut world = row(2, ALL_COARSE, [0.0; 3]);
+        // The right region is looked at; the other is not, until what is in it meets what comes.
+        world.set_viewpoints(&[Viewpoint { at: [15.0, 0.0, 0.0], radius_m: 5.0 }]).unwrap();
+        let mut ball = |x: f64, speed: f32| {
+            let body =
+                RigidBodyBuilder::dynamic().linvel(Vector::X * speed).can_sleep(false).ccd_enabled(true);
+            let shape = ColliderBuilder::ball(0.5).restitution(1.0).friction(0.0);
+            world.insert_at(WorldPose::at([x, 0.0, 0.0]), body, [shape]).unwrap()
+        };
+        // Where they meet the border is.
+        let way_m = f64::from(speed) * 2.0 + 0.5;
+        let (left, right) = (ball(-way_m.min(19.0), speed), ball(way_m.min(19.0), -speed));
+        run(&mut world, 90);
+        assert!(levels(&world)[2] == 1, "{:?}", levels(&world));
+        run(&mut world, 60);
+        let velocity = |id| world.velocity(id).unwrap().linear[0];
+        let momentum = velocity(left) + velocity(right);
+        assert!(momentum.abs() < 1e-3 * speed, "{speed} m/s: momentum {momentum}");
+        assert!((velocity(right) - speed).abs() < 0.02 * speed, "{speed} m/s: away at {}", velocity(right));
+    }
+}
+
+#[test]
+fn towers_that_nobody_looks_at_stand() {
+    let mut world = row(2, ALL_COARSE, [0.0, -9.81, 0.0]);
+    world.set_viewpoints(&[NOWHERE]).unwrap();
+    world
+        .insert(
+            RigidBodyBuilder::fixed().translation(Vector::Y * -0.5),
+            ColliderBuilder::cuboid(40.0, 0.5, 10.0),
+        )
+        .unwrap();
+    let mut tops = Vec::new();
+    for x in [-10.0_f32, 0.0, 10.0] {
+        for level in 0..10_u8 {
+            let body = RigidBodyBuilder::dynamic().translation(Vector::new(x, f32::from(level) + 0.5, 0.0));
+            let id = world.insert(body.can_sleep(false), ColliderBuilder::cuboid(0.5, 0.5, 0.5)).unwrap();
+            if level == 9 {
+                tops.push(id);
+            }
+        }
+    }
+    run(&mut world, 600);
+    assert_eq!(levels(&world), [0, 0, 2]);
+    for top in tops {
+        let height_m = world.pose(top).unwrap().translation[1];
+        assert!((9.3..9.52).contains(&height_m), "{height_m} m");
+    }
+}
+
+/// Returns how far a tower under a load of 100:1 sags, and how far a chain with a bob of 1000:1 stretches, metres.
+fn strain(fidelity: Fidelity) -> [f64; 2] {
+    let tower =
+        Scene::open("tower", &Params::default().with("top_mass_ratio", 100).with("sleep", 0)).unwrap();
+    let mut standing = world(&tower, fidelity, 1);
+    let top = standing.states().map(|(id, ..)| id).last().unwrap();
+    let height_m = |world: &LocalWorld| world.pose(top).unwrap().translation[1];
+    let begin_m = height_m(&standing);
+    run(&mut standing, 300);
+    let chain = Scene::open("chain", &Params::default().with("bob_mass_ratio", 1_000)).unwrap();
+    let mut hanging = world(&chain, fidelity, 1);
+    let bob = hanging.states().map(|(id, ..)| id).last().unwrap();
+    let low_m = |world: &LocalWorld| world.pose(bob).unwrap().translation[1];
+    let before_m = low_m(&hanging);
+    run(&mut hanging, 300);
+    [begin_m - height_m(&standing), before_m - low_m(&hanging)]
+}
+
+#[test]
+fn loads_out_of_proportion_are_computed_finer() {
+    let [plain, fine] = [Fidelity::Off, Fidelity::AUTO].map(strain);
+    println!("sag and stretch: {plain:?} m in full, {fine:?} m finer");
+    for (plain_m, fine_m) in plain.into_iter().zip(fine) {
+        assert!(plain_m > 0.05 && fine_m < 0.25 * plain_m, "{plain_m} m, finer {fine_m} m");
+    }
+}
+
+#[test]
+fn what_comes_into_sight_does_not_jump() {
+    let scene = town(6);
+    let mut world = world(&scene, ALL_COARSE, 2);
+    let mut before = std::collections::HashMap::new();
+    let (mut seen, mut coarse) = (0, 0);
+    for tick in 0..360_u32 {
+        // A walk of 20 m/s along a street.
+        let at = [-150.0 + f64::from(tick) / 3.0, 2.0, -30.0];
+        let view = Viewpoint { at, radius_m: 40.0 };
+        world.set_viewpoints(&[view]).unwrap();
+        world.step().unwrap();
+        coarse += levels(&world)[2];
+        let in_sight =
+            |place: [f64; 3]| (0..3).map(|i| (place[i] - at[i]).powi(2)).sum::<f64>().sqrt() < view.radius_m;
+        let mut shown = std::collections::HashMap::new();
+        for (id, region, pose, velocity) in
+            world.states().filter(|(_, _, pose, _)| in_sight(pose.translation))
+        {
+            assert_eq!(world.host().behind(region), 0, "{id} is seen late at tick {tick}");
+            if let Some((place, _)) = before.get(&id) {
+                let place: &[f64; 3] = place;
+                let jump_m = (0..3)
+                    .map(|i| (pose.translation[i] - place[i] - f64::from(velocity.linear[i]) / 60.0).powi(2))
+                    .sum::<f64>()
+                    .sqrt();
+                assert!(jump_m < 0.05, "{id} jumps by {jump_m} m at tick {tick}");
+                seen += 1;
+            }
+            shown.insert(id, (pose.translation, velocity));
+        }
+        before = shown;
+    }
+    assert!(seen > 10_000 && coarse > 3_000, "{seen} bodies seen, {coarse} regions at the lowest rate");
+}
+
+#[test]
+fn the_stated_error_is_the_true_one() {
+    let mut within = Vec::new();
+    for (name, key, n) in [("drum", "n", 60), ("pile", "n", 120), ("ragdolls", "count", 8), ("dve", "n", 150)]
+    {
+        let scene = Scene::open(name, &Params::default().with(key, n)).unwrap();
+        for fidelity in [Fidelity::AUTO, ALL_COARSE] {
+            let run = |thorough: bool| {
+                let mut world = world(&scene, fidelity, 1);
+                if fidelity == ALL_COARSE {
+                    world.set_viewpoints(&[NOWHERE]).unwrap();
+                }
+                world.audit_all(thorough);
+                run(&mut world, 240);
+                world
+            };
+            let stated = run(false).fidelity_report().unwrap();
+            let truth = run(true).host().true_error_m_s().unwrap() as f32;
+            println!("{name} {fidelity:?}: true {truth}, stated {stated:?}");
+            within.push((stated.low95_m_s..=stated.high95_m_s).contains(&truth));
+            assert!(stated.audits >= 2, "{name}: {stated:?}");
+        }
+    }
+    let held = within.iter().filter(|within| **within).count();
+    assert!(held + 1 >= within.len(), "{held} of {}", within.len());
+}
+
+#[test]
+fn what_cannot_be_is_refused() {
+    let refused = |fidelity, coupling| {
+        let mut config = WorldConfig { fidelity, ..WorldConfig::default() };
+        config.step = config.step.with_coupling(coupling);
+        LocalWorld::new(config).err().map(|error| error.to_string())
+    };
+    assert_eq!(refused(Fidelity::AUTO, Coupling::Auto), None);
+    let why = refused(Fidelity::AUTO, Coupling::Owner).unwrap();
+    assert!(why.contains("fidelity") && why.contains("owner"), "{why}");
+    for unfit in [0.0, -1.0, f32::NAN, f32::INFINITY] {
+        assert!(
+            refused(Fidelity::Budget { tick_ms: unfit }, Coupling::Auto)
+                .unwrap()
+                .contains("fidelity.tick_ms")
+        );
+        assert!(
+            refused(Fidelity::Tolerance { m_s: unfit }, Coupling::Auto).unwrap().contains("fidelity.m_s")
+        );
+    }
+    let mut world = LocalWorld::new(WorldConfig::default()).unwrap();
+    let unfit = Viewpoint { at: [f64::NAN, 0.0, 0.0], radius_m: 1.0 };
+    assert!(world.set_viewpoints(&[unfit]).unwrap_err().to_string().contains("viewpoint"));
+    for (text, fidelity) in [
+        ("auto", Some(Fidelity::AUTO)),
+        ("budget=8", Some(Fidelity::Budget { tick_ms: 8.0 })),
+        ("budget=-1", None),
+        ("sharp", None),
+    ] {
+        assert_eq!(text.parse::<Fidelity>().ok(), fidelity, "{text}");
+    }
+}

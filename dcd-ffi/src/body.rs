@@ -150,7 +150,7 @@ unsafe fn create(
         pointer::check(out, "out")?;
     }
     // SAFETY: the caller vouches for `count` entries.
-    let defs = unsafe { pointer::slice(defs, count, "def")? };
+    let defs = unsafe { pointer::slice(defs, count, "defs")? };
     with(world, |world| {
         let parsed: Vec<_> = defs
             .iter()

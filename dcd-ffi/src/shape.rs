@@ -8,7 +8,7 @@ use rapier3d::prelude::{SharedShape, Vector};
 use crate::guard::guard;
 use crate::handle::stale;
 use crate::ids::{DcdShapeId, DcdWorld};
-use crate::limits::DCD_MAX_NUMBER;
+use crate::limits::{DCD_MAX_ITEMS, DCD_MAX_NUMBER};
 use crate::pointer::{self, Out, check_numbers};
 use crate::registry::{World, with};
 use crate::status::{DcdStatus, Failure};
@@ -210,10 +210,15 @@ pub unsafe extern "C" fn dcd_shape_heightfield(
         if rows < 2 || columns < 2 {
             return Err(Failure::argument(format!("{rows} x {columns} heights; give at least 2 x 2")));
         }
+        let Some(count) = rows.checked_mul(columns).filter(|&count| count <= DCD_MAX_ITEMS) else {
+            return Err(Failure::argument(format!(
+                "{rows} x {columns} heights are more than DCD_MAX_ITEMS ({DCD_MAX_ITEMS}); cut the terrain into several"
+            )));
+        };
         // SAFETY: the caller vouches for rows × columns heights, three floats and `out`.
         let (heights, scale, out) = unsafe {
             (
-                pointer::slice(heights, rows.saturating_mul(columns), "heights")?,
+                pointer::slice(heights, count, "heights")?,
                 pointer::read(scale.cast::<[f32; 3]>(), "scale")?,
                 Out::new(out, "out")?,
             )

@@ -143,14 +143,16 @@ impl From<WorldError> for Failure {
             | WorldError::Host(_)
             | WorldError::Control(_)
             | WorldError::Setting { .. }
+            | WorldError::TooFast { .. }
             | WorldError::NoVehicle(_)
             | WorldError::NoCollider { .. } => DCD_ERR_ARGUMENT,
         };
-        // The two that DcdWorldDef calls otherwise.
-        Self::new(
-            status,
-            error.to_string().replace("dt_s is", "dt is").replace("tolerance_m_s is", "tolerance is"),
-        )
+        // Those that DcdWorldDef calls otherwise.
+        let mut message = error.to_string();
+        for (name, unit) in [("dt", "_s"), ("tolerance", "_m_s"), ("speed_limit", "_m_s")] {
+            message = message.replace(&format!("{name}{unit} is"), &format!("{name} is"));
+        }
+        Self::new(status, message)
     }
 }
 

@@ -24,12 +24,26 @@ impl ShapeLibrary {
         body: &RigidBody,
         colliders: &[ColliderBuilder],
     ) -> Result<BodyRecord, ShapeError> {
+        if hangs(body, colliders) {
+            return Err(ShapeError::Massless);
+        }
         let colliders =
             colliders.iter().map(|collider| collider_record(collider, self)).collect::<Result<_, _>>()?;
         let traits = Arc::new(traits_of(body, colliders));
         let state = BodyState { pose, ..state_of(body, [0.0; 3]) };
         Ok(BodyRecord { id, epoch: Epoch(0), state, traits })
     }
+}
+
+/// Returns whether a dynamic body has colliders that have no mass whatever their density, and no mass from anywhere else. Rapier takes its
+/// mass to be infinite.
+fn hangs(body: &RigidBody, colliders: &[ColliderBuilder]) -> bool {
+    let mass_of = |collider: &ColliderBuilder| collider.mass_properties.mass_properties(&*collider.shape.0).mass();
+    let is_hollow = |collider: &ColliderBuilder| collider.shape.mass_properties(1.0).mass() == 0.0;
+    body.is_dynamic()
+        && body.mass_properties().additional_local_mprops.is_none()
+        && colliders.iter().any(is_hollow)
+        && colliders.iter().all(|collider| mass_of(collider) == 0.0)
 }
 
 /// Reads the state, which a step changes, from Rapier's body.

@@ -1,7 +1,6 @@
 //! Makes of a scene, or of a world in this process, what a served world begins with.
 
-use rapier3d::prelude::IntegrationParameters;
-
+use super::local::check_speed;
 use super::saved::contents;
 use super::{LocalWorld, Partitioning, ProcessError, ServeConfig, Why, WorldConfig, WorldError};
 use crate::cluster::Record;
@@ -73,11 +72,12 @@ pub(super) fn world_of(
     config: &ServeConfig,
 ) -> Result<(EnvironmentProperties, Record), ProcessError> {
     let Beginning { tree, balance, halo_m, step, shapes, bodies, joints } = beginning;
-    if step.integration != IntegrationParameters::default() {
-        let range = "a served world is stepped with Rapier's own parameters: leave them at their defaults";
+    if !step.can_be_served() {
+        let range = "a served world is stepped with Rapier's own parameters: leave all but the speed limit at their defaults";
         let (what, value) = ("step.integration", "changed".to_owned());
         return Err(WorldError::Setting { what, value, range }.into());
     }
+    bodies.iter().try_for_each(|body| check_speed(body, step.speed_limit_m_s()))?;
     let mut host = RegionHost::new(Partition::new(tree.clone(), halo_m), step, 1, &[])?;
     for record in &shapes {
         host.shapes_mut().add(record.clone())?;
@@ -107,6 +107,7 @@ pub(super) fn world_of(
         protocol,
         thresholds: config.groups.thresholds,
         pace: config.pace,
+        state_every: config.state_every,
         last_tick: config.last_tick,
     };
     Ok((environment, record))

@@ -252,8 +252,10 @@ pub unsafe extern "C" fn dcd_query_poll_overlaps(
             }
             let told = lists.iter().flatten().map(|found| overlap::overlap(world, found));
             let given = room.give(told.collect::<Vec<_>>().into_iter())?;
-            // SAFETY: checked above; the caller vouches for as many entries as were submitted.
-            unsafe { super::write_ends(lists.iter().map(Vec::len), ends) };
+            if given {
+                // SAFETY: checked above; the caller vouches for as many entries as were submitted.
+                unsafe { super::write_ends(lists.iter().map(Vec::len), ends) };
+            }
             Ok(given)
         })
     })

@@ -58,7 +58,7 @@ pub(super) struct Serve {
     /// Nodes to wait for before the first tick
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1024))]
     nodes: u16,
-    /// Regions, by halving the largest [default: what the scene says, else one for each node, in proportion to what it can do]
+    /// Regions, by upright planes that halve the largest [default: what the scene says, else one for each node, in proportion to what it can do]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=MAX_REGIONS as i64), conflicts_with = "cut")]
     regions: Option<u16>,
     #[command(flatten)]

@@ -440,6 +440,18 @@ mod tests {
     }
 
     #[test]
+    fn a_mesh_without_area_and_a_hull_below_the_least_size_are_refused_for_what_they_are() {
+        let line = vec![Vector::ZERO, Vector::X, Vector::X * 2.0];
+        let mesh = SharedShape::trimesh(line, vec![[0, 1, 2], [0, 1, 1]]).unwrap();
+        let refused = |shape: &SharedShape| ShapeLibrary::default().intern(shape).unwrap_err();
+        assert_eq!(refused(&mesh), ShapeError::Flat("triangle mesh"));
+        let corners = [Vector::ZERO, Vector::X, Vector::Y, Vector::Z];
+        let hull = |size: f32| SharedShape::convex_hull(&corners.map(|corner| corner * size)).unwrap();
+        assert_eq!(refused(&hull(0.9e-4)), ShapeError::Size("convex polyhedron"));
+        assert!(ShapeLibrary::default().intern(&hull(1.1e-4)).is_ok());
+    }
+
+    #[test]
     fn a_hull_of_triangles_that_do_not_close_is_refused() {
         let corners = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         let closed = vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];

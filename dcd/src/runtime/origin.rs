@@ -5,7 +5,9 @@ use super::saved::contents;
 use super::{LocalWorld, Partitioning, ProcessError, ServeConfig, Why, WorldConfig, WorldError};
 use crate::cluster::Record;
 use crate::physics::{Coupling, Partition, RegionHost, ShapeLibrary, StepSettings};
-use crate::protocol::{BodyKind, BodyRecord, EnvironmentProperties, JointRecord, ShapeRecord, SyncProtocol};
+use crate::protocol::{
+    BodyKind, BodyRecord, EnvironmentProperties, JointRecord, MAX_STATE_TICKS, ShapeRecord, SyncProtocol,
+};
 use crate::scene::Scene;
 use crate::space::{Balance, DistributionTree, Epoch};
 
@@ -72,6 +74,10 @@ pub(super) fn world_of(
     config: &ServeConfig,
 ) -> Result<(EnvironmentProperties, Record), ProcessError> {
     let Beginning { tree, balance, halo_m, step, shapes, bodies, joints } = beginning;
+    if !(1..=MAX_STATE_TICKS).contains(&config.state_every) {
+        let (what, range) = ("state_every", "a number of ticks from 1 to 30");
+        return Err(WorldError::Setting { what, value: config.state_every.to_string(), range }.into());
+    }
     if !step.can_be_served() {
         let range = "a served world is stepped with Rapier's own parameters: leave all but the speed limit at their defaults";
         let (what, value) = ("step.integration", "changed".to_owned());

@@ -147,10 +147,12 @@ impl StepSettings {
 
     /// Returns the first setting that is out of range.
     pub(crate) fn fault(&self) -> Option<SettingFault> {
-        self.record().fault().or_else(|| {
-            let (what, value) = unfit(&self.integration)?;
-            Some((what, value.to_string(), "finite and not negative; length_unit above 0"))
-        })
+        // First what the speed limit is a product of.
+        let unfit = unfit(&self.integration);
+        let fault = unfit.map(|(what, value)| {
+            (what, value.to_string(), "finite and not negative; length_unit above 0")
+        });
+        fault.or_else(|| self.record().fault())
     }
 }
 

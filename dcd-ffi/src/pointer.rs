@@ -171,7 +171,9 @@ pub(crate) fn check_count(count: usize, name: &str) -> Result<(), Failure> {
 fn too_many(count: usize, name: &str) -> Failure {
     Failure::argument(match isize::try_from(count) {
         Ok(_) => {
-            format!("{name} has a count of {count}, the most is DCD_MAX_ITEMS ({DCD_MAX_ITEMS}); use several calls")
+            format!(
+                "{name} has a count of {count}, the most is DCD_MAX_ITEMS ({DCD_MAX_ITEMS}); use several calls"
+            )
         }
         Err(_) => format!(
             "{name} has a count of {}; give the number of its entries, 0 to DCD_MAX_ITEMS ({DCD_MAX_ITEMS})",

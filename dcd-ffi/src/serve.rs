@@ -175,7 +175,9 @@ pub unsafe extern "C" fn dcd_server_create(def: *const DcdServerDef, out: *mut D
         pointer::check_reserved(def.reserved)?;
         if !(1..=MAX_STATE_TICKS).contains(&def.state_every) {
             let every = def.state_every;
-            return Err(Failure::argument(format!("state_every is {every}; give 1 to {MAX_STATE_TICKS} steps")));
+            return Err(Failure::argument(format!(
+                "state_every is {every}; give 1 to {MAX_STATE_TICKS} steps"
+            )));
         }
         if !(def.avatar_speed > 0.0 && def.avatar_speed <= 1e5) {
             let speed = def.avatar_speed;

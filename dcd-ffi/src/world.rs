@@ -191,7 +191,8 @@ fn choice(def: &DcdWorldDef) -> Result<CouplingChoice, Failure> {
 fn partitioning(def: &DcdWorldDef) -> Result<Option<Partitioning>, Failure> {
     pointer::check_bits(def.axes, DCD_CUT_X | DCD_CUT_Y | DCD_CUT_Z, "axes")?;
     let bits = [(DCD_CUT_X, Axis::X), (DCD_CUT_Y, Axis::Y), (DCD_CUT_Z, Axis::Z)];
-    let axes: Vec<_> = bits.into_iter().filter(|(bit, _)| def.axes & bit != 0).map(|(_, axis)| axis).collect();
+    let axes: Vec<_> =
+        bits.into_iter().filter(|(bit, _)| def.axes & bit != 0).map(|(_, axis)| axis).collect();
     match (def.regions as usize, axes.is_empty()) {
         (0, true) => Ok(None),
         (0, false) => Err(Failure::argument("axes says how to cut, and regions is 0; give their number too")),

@@ -305,11 +305,16 @@ fn a_number_of_regions_cuts_by_upright_planes_unless_axes_are_named() {
     assert_eq!(level(Partitioning::Regions(4), [9.0, -3.0, 1.0], cube), 1, "down is along x");
     let shaft = Bounds::around([0.0; 3], [1.0, 64.0, 1.0]);
     assert_eq!(level(Partitioning::Regions(4), down, shaft), 0);
-    assert_eq!(level(Partitioning::Regions(8), down, shaft), 7, "there is no room for eight beside one another");
+    assert_eq!(
+        level(Partitioning::Regions(8), down, shaft),
+        7,
+        "there is no room for eight beside one another"
+    );
     assert_eq!(level(Partitioning::RegionsAcross(4, vec![Axis::Y]), down, cube), 3);
     let nowhere = WorldConfig { partitioning: Partitioning::RegionsAcross(2, vec![]), ..two_regions() };
     assert!(LocalWorld::new(nowhere).is_err());
-    let flat = WorldConfig { bounds: Bounds::new([-9.0, 0.0, -9.0], [9.0, 0.0, 9.0]), ..WorldConfig::default() };
+    let flat =
+        WorldConfig { bounds: Bounds::new([-9.0, 0.0, -9.0], [9.0, 0.0, 9.0]), ..WorldConfig::default() };
     assert!(LocalWorld::new(flat).err().unwrap().to_string().contains("below a highest one"));
 }
 

@@ -38,7 +38,8 @@ impl ShapeLibrary {
 /// Returns whether a dynamic body has colliders without an inside, and no mass from them or anywhere else. Rapier takes its mass to be
 /// infinite.
 fn hangs(body: &RigidBody, colliders: &[ColliderBuilder]) -> bool {
-    let mass_of = |collider: &ColliderBuilder| collider.mass_properties.mass_properties(&*collider.shape.0).mass();
+    let mass_of =
+        |collider: &ColliderBuilder| collider.mass_properties.mass_properties(&*collider.shape.0).mass();
     let is_hollow = |collider: &ColliderBuilder| {
         matches!(
             collider.shape.shape_type(),
@@ -426,7 +427,12 @@ mod tests {
         let corners = vec![Vector::ZERO, Vector::X, Vector::Z];
         let sheet = ColliderBuilder::trimesh(corners, vec![[0, 1, 2]]).unwrap();
         let described = |body: RigidBodyBuilder, colliders: &[ColliderBuilder]| {
-            ShapeLibrary::default().describe(BodyId::default(), WorldPose::default(), &body.build(), colliders)
+            ShapeLibrary::default().describe(
+                BodyId::default(),
+                WorldPose::default(),
+                &body.build(),
+                colliders,
+            )
         };
         let (dynamic, alone) = (RigidBodyBuilder::dynamic, std::slice::from_ref(&sheet));
         assert_eq!(described(dynamic(), alone).unwrap_err(), ShapeError::Massless);

@@ -149,9 +149,8 @@ impl StepSettings {
     pub(crate) fn fault(&self) -> Option<SettingFault> {
         // First what the speed limit is a product of.
         let unfit = unfit(&self.integration);
-        let fault = unfit.map(|(what, value)| {
-            (what, value.to_string(), "finite and not negative; length_unit above 0")
-        });
+        let fault = unfit
+            .map(|(what, value)| (what, value.to_string(), "finite and not negative; length_unit above 0"));
         fault.or_else(|| self.record().fault())
     }
 }

@@ -11,8 +11,8 @@ use crate::physics::{
     StepSettings, joint_record,
 };
 use crate::protocol::{
-    BodyKind, BodyRecord, Check, ContactLedger, Controller, Drive, Invalid, JointRecord, LinkMotion, Push, StateHasher, Velocity,
-    WorldEvents, WorldPose,
+    BodyKind, BodyRecord, Check, ContactLedger, Controller, Drive, Invalid, JointRecord, LinkMotion, Push,
+    StateHasher, Velocity, WorldEvents, WorldPose,
 };
 use crate::recording::Operation;
 use crate::scene::Scene;

@@ -452,7 +452,8 @@ impl DistributionTree {
     /// Returns the longest of these axes of a leaf, the first of equals, if the limits let it be halved across that.
     fn longest_of(&self, leaf: RegionId, axes: &[Axis]) -> Option<Axis> {
         let size = self.part(leaf).size();
-        let longer = |best: Axis, axis: Axis| if size[axis.index()] > size[best.index()] { axis } else { best };
+        let longer =
+            |best: Axis, axis: Axis| if size[axis.index()] > size[best.index()] { axis } else { best };
         let axis = axes.iter().copied().reduce(longer)?;
         let may = depth(leaf) < self.limits.largest_depth
             && size[axis.index()] * 0.5 >= self.limits.smallest_edge_m;

@@ -1235,6 +1235,7 @@ static void casts_name_the_triangle_of_terrain_that_rays_do(void)
         ray.origin[2] = cast.pose.p[2] = -4.5 + 4.0 * (double)(i / 4);
         ray.origin[1] = cast.pose.p[1] = 5.0;
         OK(dcd_cast_rays(world, &ray, 1, NULL, &below));
+        cast.turn[1] = i % 2 == 0 ? 0.0f : 0.1f;
         OK(dcd_cast_shapes(world, &cast, 1, NULL, &met));
         HOLDS(below.body.v != 0 && met.body.v == below.body.v && met.subshape == below.subshape);
         seen |= 1u << met.subshape;

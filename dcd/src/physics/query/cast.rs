@@ -120,19 +120,25 @@ impl Queries<'_> {
             for (handle, collider) in pipeline.intersect_aabb_conservative(swept(shape, &motion, &times)) {
                 let at = NonlinearRigidMotion::identity().prepend(*collider.position());
                 let (start, end) = (times.start, times.end);
-                let hit = pipeline
-                    .dispatcher
-                    .cast_shapes_nonlinear(
+                let cast = |onto: &dyn Shape| {
+                    let hit = pipeline.dispatcher.cast_shapes_nonlinear(
                         &at,
-                        collider.shape(),
+                        onto,
                         &motion,
                         shape,
                         start,
                         end,
                         stop_at_penetration,
-                    )
-                    .ok()
-                    .flatten();
+                    );
+                    hit.ok().flatten()
+                };
+                let hit = match collider.shape().as_heightfield() {
+                    Some(field) => {
+                        let swept = swept(shape, &motion, &times);
+                        onto_terrain(field, &swept.transform_by(&collider.position().inverse()), cast)
+                    }
+                    None => cast(collider.shape()),
+                };
                 let Some(hit) = hit.map(|hit| hit.transform1_by(collider.position())) else { continue };
                 let near = shape.compute_aabb(&motion.position_at_time(hit.time_of_impact)).loosened(0.1);
                 keep_earlier(&mut best, shape_hit(answerer, handle, &hit, near));
@@ -183,6 +189,22 @@ fn shape_hit(
         status: hit.status,
         subshape: terrain.and_then(on_terrain).unwrap_or(hit.subshape1),
     })
+}
+
+/// Returns the first hit on a triangle of terrain in a box of its space: Parry 0.31 casts nothing that turns onto terrain.
+fn onto_terrain(
+    field: &HeightField,
+    near: &Aabb,
+    cast: impl Fn(&dyn Shape) -> Option<ShapeCastHit>,
+) -> Option<ShapeCastHit> {
+    let mut first: Option<ShapeCastHit> = None;
+    field.map_elements_in_local_aabb(near, &mut |_, triangle| {
+        let Some(hit) = cast(triangle) else { return };
+        if first.is_none_or(|first| hit.time_of_impact < first.time_of_impact) {
+            first = Some(hit);
+        }
+    });
+    first
 }
 
 /// Returns the triangle of terrain that a point on it lies on, by the number that rays give it: Parry 0.31 tells which one a shape

@@ -141,6 +141,7 @@ impl StepSettings {
     }
 
     /// Returns whether the solver's parameters are those that a served world can be stepped with.
+    #[cfg(feature = "net")]
     pub(crate) fn can_be_served(&self) -> bool {
         self.integration == Self::from(self.record()).integration
     }

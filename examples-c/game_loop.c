@@ -1,7 +1,7 @@
 /* The loop of a game around a world: frames of uneven length, steps of fixed length, and drawing between two of them.
  *
  *   game_loop                 a world of its own
- *   game_loop SERVER TOKEN    a served world, as a client: only the lines that make the world differ
+ *   game_loop SERVER TOKEN    a served world, as a client: the lines that make the world differ, and those that draw
  *
  * The frames are simulated, so that the program always prints the same in a world of its own. A real game takes the length
  * of its last frame from its own clock and draws where this program prints. */
@@ -83,6 +83,35 @@ static void add_balls(DcdWorld world, DcdBodyId balls[BALLS])
     }
 }
 
+/* Where the highest body is drawn between two steps: `t` = 0 is before, 1 is now. Both views have the same bodies, but where some
+ * came or went; a game in which that happens often keeps a table by id. */
+static double draw_between(const DcdStateView *before, const DcdStateView *now, double t)
+{
+    double highest = 0.0;
+    for (size_t i = 0; i < now->count; i++) {
+        const bool was_there = i < before->count && before->ids[i].v == now->ids[i].v;
+        DcdPose drawn;
+        check(dcd_pose_interpolate(&(was_there ? before : now)->poses[i], &now->poses[i], t, &drawn));
+        highest = drawn.p[1] > highest ? drawn.p[1] : highest;
+    }
+    return highest;
+}
+
+/* The same of a world that others compute, of which states come every third step or so (DcdServerDef.state_every), late and
+ * unevenly: the library shows at an even pace what lies between them. */
+static double draw_shown(DcdWorld world)
+{
+    DcdViewTime time = DCD_VIEW_TIME_INIT;
+    DcdStateView shown = DCD_STATE_VIEW_INIT;
+    double highest = 0.0;
+    check(dcd_view_time(world, &time));
+    check(dcd_view_state(world, &time, &shown));
+    for (size_t i = 0; i < shown.count; i++) {
+        highest = shown.poses[i].p[1] > highest ? shown.poses[i].p[1] : highest;
+    }
+    return highest;
+}
+
 int main(int argc, char **argv)
 {
     if (argc != 1 && argc != 3) {
@@ -129,16 +158,7 @@ int main(int argc, char **argv)
             transfers += (unsigned)events.transfer_count;
         }
 
-        /* Draw what lies between the two last steps. Both views have the same bodies, but where some came or went; a game
-         * in which that happens often keeps a table by id. */
-        double t = owed / dt;
-        highest = 0.0;
-        for (size_t i = 0; i < now.count; i++) {
-            bool was_there = i < before.count && before.ids[i].v == now.ids[i].v;
-            DcdPose drawn;
-            check(dcd_pose_interpolate(&(was_there ? before : now).poses[i], &now.poses[i], t, &drawn));
-            highest = drawn.p[1] > highest ? drawn.p[1] : highest;
-        }
+        highest = joined ? draw_shown(world) : draw_between(&before, &now, owed / dt);
         if (frame % 60 == 59) {
             printf("frame %3d, tick %3u: highest body at %.2f m\n", frame, (unsigned)now.tick, highest);
         }

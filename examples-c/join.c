@@ -154,6 +154,7 @@ int main(int argc, char **argv)
         }
         if (driving) {
             check(dcd_body_set_velocity(world, avatar, &def.velocity));
+            /* As last told, every third step or so (DcdServerDef.state_every); what is drawn is read by dcd_view_body. */
             check(dcd_body_get(world, avatar, &pose, NULL));
             moved += distance(pose.p, before.p);
             before = pose;

@@ -112,6 +112,15 @@
 // As DcdBodyInfo.region of a fixed body, which has no owner.
 #define DCD_NO_REGION UINT32_MAX
 
+// In DcdWorldDef.axes: planes across x may cut the world into regions.
+#define DCD_CUT_X 1
+
+// Planes across y.
+#define DCD_CUT_Y 2
+
+// Planes across z.
+#define DCD_CUT_Z 4
+
 // In DcdServerDef.flags: begin anew, and forget a world that the data folder holds.
 #define DCD_SERVER_FRESH 1
 
@@ -323,6 +332,11 @@ typedef uint32_t DcdCoupling;
 typedef uint32_t DcdPreset;
 
 // The definition of a local world. Start from DCD_WORLD_DEF_INIT.
+//
+// How a world is cut. `regions` of them are made by halving: of the box from `min` to `max` the largest part is halved across its
+// longest edge, until there are enough. Across that along which gravity pulls most it is not, unless nothing else is left to halve: a level
+// cut goes through all that lies on the ground. `axes` says otherwise. dcd_regions lists what came of it. Cuts near which nothing lies cost
+// nothing, so place the box around what moves.
 typedef struct DcdWorldDef {
     // sizeof(DcdWorldDef).
     uint32_t struct_size;
@@ -340,7 +354,7 @@ typedef struct DcdWorldDef {
     float dt;
     // Lowest corner of the box that is cut into regions, metres. Bodies may leave it: outer regions reach to infinity.
     double min[3];
-    // Highest corner.
+    // Highest corner, above the lowest along each axis.
     double max[3];
     // Your own; dcd_world_info gives it back.
     uint64_t user_data;
@@ -357,6 +371,11 @@ typedef struct DcdWorldDef {
     uint32_t island_limit;
     // The disagreement of copies that DCD_COUPLING_AUTO tolerates, m/s, above 0.
     float tolerance;
+    // DCD_CUT_... bits: the axes across which `regions` are cut; 0 is all but that of gravity. With `regions` 0 it must be 0.
+    uint32_t axes;
+    // The fastest that a dynamic body moves, m/s, up to DCD_MAX_NUMBER; 0 is what the scene says, else 400. What forces and contacts make
+    // faster is cut to it; a body that is made or set to be faster is refused.
+    float speed_limit;
 } DcdWorldDef;
 
 // A world, whatever its role. 0 is null.
@@ -387,6 +406,10 @@ typedef struct DcdWorldInfo {
     float gravity[3];
     // The number that the server knows this process by, from 1; 0 in a local world.
     uint32_t client;
+    // The fastest that a dynamic body moves, m/s; 0 for a node.
+    float speed_limit;
+    // 0.
+    uint32_t reserved;
 } DcdWorldInfo;
 
 // The definition of a client that joins a served world. Start from DCD_CLIENT_DEF_INIT and give at least server and token.
@@ -496,6 +519,11 @@ typedef struct DcdServerDef {
     uint32_t flags;
     // Your own; dcd_world_info gives it back.
     uint64_t user_data;
+    // Steps from one state of a moving body that clients are told to the next, 1 to 30: they show the steps between by interpolation
+    // (dcd_view_time). 1 tells each step, in up to three times the bytes of 3.
+    uint32_t state_every;
+    // 0.
+    uint32_t reserved;
 } DcdServerDef;
 
 // The definition of a node that joins a served world. Start from DCD_NODE_DEF_INIT and give at least server and token.
@@ -571,7 +599,7 @@ typedef struct DcdBodyDef {
     DcdVelocity velocity;
     // Of the same world. Two bodies may share one. dcd_collider_add gives a body more.
     DcdShapeId shape;
-    // kg/m³, 0 or more. A dynamic body needs mass by this, `mass` or `extra_mass`.
+    // kg/m³, 0 or more. A dynamic body needs mass by this, `mass` or `extra_mass`; a mesh that is not closed and terrain have none by this.
     float density;
     // Kilograms of the shape, instead of those that follow from density; 0 is by density.
     float mass;
@@ -1597,7 +1625,7 @@ typedef struct DcdForce {
 // A value is out of range: NaN, a negative size, an unknown constant, a count above DCD_MAX_ITEMS.
 #define DCD_ERR_ARGUMENT (-4)
 
-// The caller's memory is too small; the size needed was written.
+// The caller's memory is too small; the size needed was written. Who asks for the size, by null with room for 0, gets it with DCD_OK.
 #define DCD_ERR_SMALL_BUFFER (-5)
 
 // Not now: called from within the log callback or one of dcd_debug_draw, where worlds may not be used, while a step that was begun is
@@ -2030,14 +2058,19 @@ DCD_API DcdStatus dcd_shape_cylinder(DcdWorld world, float half_height, float ra
 // Makes a cone along y: its base of `radius` at -half_height, its tip at half_height. Errors: as dcd_shape_box.
 DCD_API DcdStatus dcd_shape_cone(DcdWorld world, float half_height, float radius, DcdShapeId *out);
 
-// Makes the convex hull of `count` points (x, y, z, x, y, z …: 3 × count floats, metres), at least 4, not all in a plane.
+// Makes the convex hull of `count` points (x, y, z, x, y, z …: 3 × count floats, metres), at least 4, not all in a plane, which reach over
+// DCD_MIN_SIZE along each axis.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for points out of range or that span no volume.
-DCD_API DcdStatus dcd_shape_hull(DcdWorld world, const float *xyz, size_t count, DcdShapeId *out);
+DCD_API
+DcdStatus dcd_shape_hull(DcdWorld world,
+                         const float *xyz,
+                         size_t count,
+                         DcdShapeId *out);
 
 // Makes a mesh of `triangle_count` triangles, each three indices below `vertex_count`, counter-clockwise seen from outside;
-// 3 × vertex_count floats, 3 × triangle_count indices. Triangles without area are left out. A mesh is hollow and has no
-// mass: use it for fixed bodies.
+// 3 × vertex_count floats, 3 × triangle_count indices. Triangles without area are left out. A mesh is hollow, and has mass by density only
+// if it is closed: use it for fixed bodies, or give them DcdBodyDef.mass.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for vertices out of range, no triangle with
 // an area, or an index past the vertices.
@@ -2051,7 +2084,7 @@ DcdStatus dcd_shape_mesh(DcdWorld world,
 
 // Makes terrain in the x-z plane around its origin: `rows` heights along z times `columns` along x, metres, at
 // heights[row + column * rows]. `scale` stretches it: the whole is scale[0] by scale[2] metres, and heights are times
-// scale[1]. Use it for fixed bodies.
+// scale[1]. Use it for fixed bodies: it has no mass by density.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for fewer than 2 rows or columns, heights out
 // of range, or a scale below DCD_MIN_SIZE.
@@ -2089,10 +2122,14 @@ DCD_API DcdStatus dcd_body_create(DcdWorld world, const DcdBodyDef *def, DcdBody
 //
 // `defs` is read during the call.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, more
-// than DCD_MAX_ITEMS bodies, and of an avatar for a mesh or terrain, DCD_ERR_LIMIT when the world has given 4,294,967,295
+// than DCD_MAX_ITEMS bodies, a dynamic body without mass or faster than DcdWorldDef.speed_limit, and of an avatar for a mesh or terrain, DCD_ERR_LIMIT when the world has given 4,294,967,295
 // ids, DCD_ERR_UNSUPPORTED for a fixed avatar, one of DCD_KINEMATIC_POSE or with thresholds of sleep, and for a node,
 // DCD_ERR_NETWORK when its link is gone.
-DCD_API DcdStatus dcd_bodies_create(DcdWorld world, const DcdBodyDef *defs, size_t count, DcdBodyId *out);
+DCD_API
+DcdStatus dcd_bodies_create(DcdWorld world,
+                            const DcdBodyDef *defs,
+                            size_t count,
+                            DcdBodyId *out);
 
 // Destroys `count` bodies with their joints, all or none; contacts they had are told as ended after the next step.
 //
@@ -2155,7 +2192,8 @@ DcdStatus dcd_vehicle_drive(DcdWorld world,
 DCD_API DcdStatus dcd_body_info(DcdWorld world, DcdBodyId body, DcdBodyInfo *out);
 
 // Reads the pose and velocity of a body. `pose` or `velocity` may be null. For many bodies see dcd_state_view and
-// dcd_state_read.
+// dcd_state_read. A client or participant reads what it was last told, every DcdServerDef.state_every steps; to draw see
+// dcd_view_body.
 //
 // Errors: DCD_ERR_NULL (world, body), DCD_ERR_STALE_ID.
 DCD_API DcdStatus dcd_body_get(DcdWorld world, DcdBodyId body, DcdPose *pose, DcdVelocity *velocity);
@@ -2181,7 +2219,7 @@ DCD_API DcdStatus dcd_body_set_pose(DcdWorld world, DcdBodyId body, const DcdPos
 // bodies; the next dcd_step asks for it.
 //
 // Errors: DCD_ERR_UNSUPPORTED for a body that this process may not drive, DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for
-// numbers out of range, a fixed body or one that follows poses.
+// numbers out of range, a dynamic body above DcdWorldDef.speed_limit, a fixed body or one that follows poses.
 DCD_API DcdStatus dcd_body_set_velocity(DcdWorld world, DcdBodyId body, const DcdVelocity *velocity);
 
 // Sets the kinematic target of a body of type DCD_KINEMATIC_POSE: the pose that it has after the next step. What it touches feels the
@@ -2250,8 +2288,8 @@ DCD_API DcdStatus dcd_body_properties(DcdWorld world, DcdBodyId body, DcdBodyPro
 // of its contacts.
 //
 // `properties` is read during the call.
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, or to fix a link of a
-// multibody; DCD_ERR_UNSUPPORTED in a served world but for its server, which changes movable bodies and lets them be movable.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, to fix a link of a
+// multibody, or to make a body dynamic that has no mass; DCD_ERR_UNSUPPORTED in a served world but for its server, which changes movable bodies and lets them be movable.
 DCD_API
 DcdStatus dcd_body_set_properties(DcdWorld world,
                                   DcdBodyId body,
@@ -2466,13 +2504,16 @@ DCD_API DcdStatus dcd_step_begin(DcdWorld world);
 DCD_API DcdStatus dcd_step_wait(DcdWorld world, uint64_t timeout_ns);
 
 // Lends the state of every movable body as arrays, without copying: as it was after the last step. What was made or changed
-// since shows after the next one; before the first step (and in the first call of all) it shows the present.
+// since shows after the next one; before the first step (and in the first call of all) it shows the present. A client or participant is
+// told states every DcdServerDef.state_every steps: to draw the steps between see dcd_view_state.
 //
 // The arrays are the library's: do not write or free them. They keep their content until the step after next begins; then
 // they are overwritten, and the memory stays readable until the world is destroyed. So another thread may read them while
 // this one makes one step. The first call makes every later dcd_step fill the arrays, some 30 ns a body.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED for a server or a node.
-DCD_API DcdStatus dcd_state_view(DcdWorld world, DcdStateView *out);
+DCD_API
+DcdStatus dcd_state_view(DcdWorld world,
+                         DcdStateView *out);
 
 // Copies one field of `count` bodies into your memory, as it is now: that of bodies[i] goes to
 // (char *)dst + i * stride. `stride` in bytes is at least the field's size; 0 is exactly that. `dst` needs no alignment.
@@ -2801,8 +2842,8 @@ DcdStatus dcd_overlap_boxes_submit(DcdWorld world,
                                    DcdQueryId *out);
 
 // Fetches the answer to submitted rays, without waiting: hits[i] belongs to rays[i], null where the ray met nothing, and
-// `count` receives their number. `hits` has `cap` entries; with `cap` 0 it may be null, to ask for the number. Once it is
-// fetched the query is closed and its id stale.
+// `count` receives their number. `hits` has `cap` entries; with `cap` 0 it may be null, to ask for the number, and the query stays
+// open unless that is 0. Once it is fetched the query is closed and its id stale.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or query), DCD_ERR_ARGUMENT for a query that is not of rays, DCD_ERR_BUSY while
 // the answer is not there: nothing is written, and the query stays open; DCD_ERR_SMALL_BUFFER (then `count` is written all the
@@ -2992,10 +3033,10 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
 
 /* What each struct starts from. */
 
-/* One region, a thread per core, Earth's gravity, 60 steps a second, a box of 128 m around the origin. */
+/* One region, a thread per core, Earth's gravity, 60 steps a second, a box of 128 m around the origin, up to 400 m/s. */
 #define DCD_WORLD_DEF_INIT \
     { (uint32_t)sizeof(DcdWorldDef), 0, 0, 4, { 0.0f, -9.81f, 0.0f }, 1.0f / 60.0f, \
-      { -64.0, -64.0, -64.0 }, { 64.0, 64.0, 64.0 }, 0, 0, 0, 0, 0, 0, 0.0f }
+      { -64.0, -64.0, -64.0 }, { 64.0, 64.0, 64.0 }, 0, 0, 0, 0, 0, 0, 0.0f, 0, 0.0f }
 
 /* A dynamic body as dense as water at the origin. */
 #define DCD_BODY_DEF_INIT \
@@ -3054,18 +3095,19 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
 #define DCD_PARTICIPANT_DEF_INIT \
     { (uint32_t)sizeof(DcdParticipantDef), 10000, NULL, NULL, NULL, 0, 0, 0, { 0.0, 0.0, 0.0 }, 0.0, NULL }
 
-/* All nodes in one group and in step; a server in real time that waits for one node, on a free port of this machine. */
+/* All nodes in one group and in step; a server in real time that waits for one node, on a free port of this machine, and tells states
+ * of every third step. */
 #define DCD_GROUP_DEF_INIT \
     { (uint32_t)sizeof(DcdGroupDef), 0, 0.0f, 0.0f, 0.1f, 32 }
 #define DCD_SERVER_DEF_INIT \
     { (uint32_t)sizeof(DcdServerDef), 1, NULL, NULL, 0, NULL, { 0 }, NULL, "127.0.0.1:0", NULL, 0, \
-      20.0f, 0, 0 }
+      20.0f, 0, 0, 3, 0 }
 #define DCD_NODE_DEF_INIT \
     { (uint32_t)sizeof(DcdNodeDef), 10000, NULL, NULL, NULL, NULL, 0, 0, 0, NULL }
 
 /* Structs that are written by the library. */
 #define DCD_WORLD_INFO_INIT \
-    { (uint32_t)sizeof(DcdWorldInfo), 0, 0, 0, 0, 0.0f, { 0.0f, 0.0f, 0.0f }, 0 }
+    { (uint32_t)sizeof(DcdWorldInfo), 0, 0, 0, 0, 0.0f, { 0.0f, 0.0f, 0.0f }, 0, 0.0f, 0 }
 #define DCD_BODY_INFO_INIT \
     { (uint32_t)sizeof(DcdBodyInfo), 0, 0, { 0.0, 0.0, 0.0 }, 0.0f, 0, { 0.0f, 0.0f, 0.0f }, \
       { 0.0f, 0.0f, 0.0f }, 0, false, false, { 0, 0 } }
@@ -3123,7 +3165,7 @@ DCD_ASSERT_(offsetof(DcdVelocity, angular) == 12);
 DCD_ASSERT_(sizeof(DcdFrame) == 28);
 DCD_ASSERT_(offsetof(DcdFrame, p) == 0);
 DCD_ASSERT_(offsetof(DcdFrame, q) == 12);
-DCD_ASSERT_(sizeof(DcdWorldDef) == 112);
+DCD_ASSERT_(sizeof(DcdWorldDef) == 120);
 DCD_ASSERT_(offsetof(DcdWorldDef, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdWorldDef, threads) == 4);
 DCD_ASSERT_(offsetof(DcdWorldDef, regions) == 8);
@@ -3139,7 +3181,9 @@ DCD_ASSERT_(offsetof(DcdWorldDef, exchanges) == 96);
 DCD_ASSERT_(offsetof(DcdWorldDef, depth) == 100);
 DCD_ASSERT_(offsetof(DcdWorldDef, island_limit) == 104);
 DCD_ASSERT_(offsetof(DcdWorldDef, tolerance) == 108);
-DCD_ASSERT_(sizeof(DcdWorldInfo) == 48);
+DCD_ASSERT_(offsetof(DcdWorldDef, axes) == 112);
+DCD_ASSERT_(offsetof(DcdWorldDef, speed_limit) == 116);
+DCD_ASSERT_(sizeof(DcdWorldInfo) == 56);
 DCD_ASSERT_(offsetof(DcdWorldInfo, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdWorldInfo, role) == 4);
 DCD_ASSERT_(offsetof(DcdWorldInfo, tick) == 8);
@@ -3148,6 +3192,8 @@ DCD_ASSERT_(offsetof(DcdWorldInfo, regions) == 24);
 DCD_ASSERT_(offsetof(DcdWorldInfo, dt) == 28);
 DCD_ASSERT_(offsetof(DcdWorldInfo, gravity) == 32);
 DCD_ASSERT_(offsetof(DcdWorldInfo, client) == 44);
+DCD_ASSERT_(offsetof(DcdWorldInfo, speed_limit) == 48);
+DCD_ASSERT_(offsetof(DcdWorldInfo, reserved) == 52);
 DCD_ASSERT_(sizeof(DcdClientDef) == 72);
 DCD_ASSERT_(offsetof(DcdClientDef, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdClientDef, timeout_ms) == 4);
@@ -3176,7 +3222,7 @@ DCD_ASSERT_(offsetof(DcdGroupDef, near_ms) == 8);
 DCD_ASSERT_(offsetof(DcdGroupDef, far_ms) == 12);
 DCD_ASSERT_(offsetof(DcdGroupDef, agree) == 16);
 DCD_ASSERT_(offsetof(DcdGroupDef, size) == 20);
-DCD_ASSERT_(sizeof(DcdServerDef) == 96);
+DCD_ASSERT_(sizeof(DcdServerDef) == 104);
 DCD_ASSERT_(offsetof(DcdServerDef, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdServerDef, nodes) == 4);
 DCD_ASSERT_(offsetof(DcdServerDef, scene) == 8);
@@ -3191,6 +3237,8 @@ DCD_ASSERT_(offsetof(DcdServerDef, last_tick) == 72);
 DCD_ASSERT_(offsetof(DcdServerDef, avatar_speed) == 80);
 DCD_ASSERT_(offsetof(DcdServerDef, flags) == 84);
 DCD_ASSERT_(offsetof(DcdServerDef, user_data) == 88);
+DCD_ASSERT_(offsetof(DcdServerDef, state_every) == 96);
+DCD_ASSERT_(offsetof(DcdServerDef, reserved) == 100);
 DCD_ASSERT_(sizeof(DcdNodeDef) == 64);
 DCD_ASSERT_(offsetof(DcdNodeDef, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdNodeDef, timeout_ms) == 4);

@@ -705,6 +705,11 @@ public:
     {
         return Status(dcd_joint_set_motor(world_, joint, axis, &motor));
     }
+    /* Stops the motor. */
+    Status joint_set_motor(JointId joint, DcdJointAxis axis, std::nullptr_t)
+    {
+        return Status(dcd_joint_set_motor(world_, joint, axis, nullptr));
+    }
     Result<JointMotor> joint_get_motor(JointId joint, DcdJointAxis axis) const
     {
         return got<JointMotor>([&](JointMotor *out) { return dcd_joint_get_motor(world_, joint, axis, out); });
@@ -713,6 +718,11 @@ public:
     {
         const float limit[2] = { low, high };
         return Status(dcd_joint_set_limit(world_, joint, axis, limit));
+    }
+    /* Takes the limit away. */
+    Status joint_set_limit(JointId joint, DcdJointAxis axis, std::nullptr_t)
+    {
+        return Status(dcd_joint_set_limit(world_, joint, axis, nullptr));
     }
     /* Lowest and highest. */
     Result<std::array<float, 2>> joint_get_limit(JointId joint, DcdJointAxis axis) const
@@ -732,15 +742,23 @@ public:
     Status joint_destroy(JointId joint) { return Status(dcd_joint_destroy(world_, joint)); }
 
     /* Many at a time. Value is Pose, Velocity, Force or std::uint64_t, the user data, and says which field is meant. The items may lie
-     * within structs of your own: give the first one and the distance to the next in bytes. */
+     * within structs of your own: give the first one and the distance to the next in bytes. `each` has an entry for each body, as in
+     * dcd.h; without it the first bad one fails the call. */
 
-    template <class Value> Status state_read(Span<const BodyId> bodies, Value *first, std::size_t stride = 0) const
+    template <class Value>
+    Status state_read(Span<const BodyId> bodies, Value *first, std::size_t stride = 0, DcdStatus *each = nullptr) const
     {
-        return Status(dcd_state_read(world_, bodies.data(), bodies.size(), field<Value>(), first, stride, nullptr));
+        return Status(dcd_state_read(world_, bodies.data(), bodies.size(), field<Value>(), first, stride, each));
     }
-    template <class Value> Status state_write(Span<const BodyId> bodies, const Value *first, std::size_t stride = 0)
+    template <class Value>
+    Status state_write(Span<const BodyId> bodies, const Value *first, std::size_t stride = 0, DcdStatus *each = nullptr)
     {
-        return Status(dcd_state_write(world_, bodies.data(), bodies.size(), field<Value>(), first, stride, nullptr));
+        return Status(dcd_state_write(world_, bodies.data(), bodies.size(), field<Value>(), first, stride, each));
+    }
+    /* DCD_FIELD_TARGET: where bodies of type DCD_KINEMATIC_POSE are after the next step. */
+    Status state_write_targets(Span<const BodyId> bodies, const Pose *first, std::size_t stride = 0, DcdStatus *each = nullptr)
+    {
+        return Status(dcd_state_write(world_, bodies.data(), bodies.size(), DCD_FIELD_TARGET, first, stride, each));
     }
 
     /* Questions. Answer i is to question i. */
@@ -850,7 +868,7 @@ private:
         std::vector<T> items;
         std::size_t count = 0;
         DcdStatus code = call(world_, query, nullptr, 0, &count);
-        if (code == DCD_ERR_SMALL_BUFFER) {
+        if (code == DCD_OK && count > 0) {
             items.resize(count);
             code = call(world_, query, items.data(), items.size(), &count);
         }
@@ -884,7 +902,7 @@ private:
             return call(world_, questions.data(), questions.size(), &filter, out, all.items.size(), all.ends.data(), &total);
         };
         DcdStatus code = ask(nullptr);
-        while (code == DCD_ERR_SMALL_BUFFER) {
+        while (code == DCD_ERR_SMALL_BUFFER || (code == DCD_OK && total > all.items.size())) {
             all.items.resize(total);
             code = ask(all.items.data());
         }

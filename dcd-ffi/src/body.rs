@@ -35,7 +35,7 @@ pub struct DcdBodyDef {
     pub velocity: DcdVelocity,
     /// Of the same world. Two bodies may share one. dcd_collider_add gives a body more.
     pub shape: DcdShapeId,
-    /// kg/m³, 0 or more. A dynamic body needs mass by this, `mass` or `extra_mass`.
+    /// kg/m³, 0 or more. A dynamic body needs mass by this, `mass` or `extra_mass`; a mesh that is not closed and terrain have none by this.
     pub density: f32,
     /// Kilograms of the shape, instead of those that follow from density; 0 is by density.
     pub mass: f32,
@@ -122,7 +122,7 @@ pub unsafe extern "C" fn dcd_body_create(
 ///
 /// `defs` is read during the call.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, more
-/// than DCD_MAX_ITEMS bodies, and of an avatar for a mesh or terrain, DCD_ERR_LIMIT when the world has given 4,294,967,295
+/// than DCD_MAX_ITEMS bodies, a dynamic body without mass or faster than DcdWorldDef.speed_limit, and of an avatar for a mesh or terrain, DCD_ERR_LIMIT when the world has given 4,294,967,295
 /// ids, DCD_ERR_UNSUPPORTED for a fixed avatar, one of DCD_KINEMATIC_POSE or with thresholds of sleep, and for a node,
 /// DCD_ERR_NETWORK when its link is gone.
 #[unsafe(no_mangle)]
@@ -150,7 +150,7 @@ unsafe fn create(
         pointer::check(out, "out")?;
     }
     // SAFETY: the caller vouches for `count` entries.
-    let defs = unsafe { pointer::slice(defs, count, "def")? };
+    let defs = unsafe { pointer::slice(defs, count, "defs")? };
     with(world, |world| {
         let parsed: Vec<_> = defs
             .iter()

@@ -79,7 +79,8 @@ pub unsafe extern "C" fn dcd_body_info(world: DcdWorld, body: DcdBodyId, out: *m
 }
 
 /// Reads the pose and velocity of a body. `pose` or `velocity` may be null. For many bodies see dcd_state_view and
-/// dcd_state_read.
+/// dcd_state_read. A client or participant reads what it was last told, every DcdServerDef.state_every steps; to draw see
+/// dcd_view_body.
 ///
 /// Errors: DCD_ERR_NULL (world, body), DCD_ERR_STALE_ID.
 #[unsafe(no_mangle)]
@@ -168,7 +169,7 @@ pub unsafe extern "C" fn dcd_body_set_pose(
 /// bodies; the next dcd_step asks for it.
 ///
 /// Errors: DCD_ERR_UNSUPPORTED for a body that this process may not drive, DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for
-/// numbers out of range, a fixed body or one that follows poses.
+/// numbers out of range, a dynamic body above DcdWorldDef.speed_limit, a fixed body or one that follows poses.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_body_set_velocity(
     world: DcdWorld,

@@ -114,10 +114,18 @@ impl<T> Room<T> {
         Ok(Self { out, cap, count, name })
     }
 
-    /// Writes how many there are, and all of them if they fit.
+    /// Writes how many there are, and all of them if they fit. Who gives no memory asks for their number.
     pub(crate) fn fill(self, items: impl ExactSizeIterator<Item = T>) -> Result<(), Failure> {
+        self.give(items).map(drop)
+    }
+
+    /// As [`Room::fill`]; returns whether the caller has all of them now, and did not ask for their number alone.
+    pub(crate) fn give(self, items: impl ExactSizeIterator<Item = T>) -> Result<bool, Failure> {
         let (there, Self { out, cap, count, name }) = (items.len(), self);
         count.write(there);
+        if out.is_null() {
+            return Ok(there == 0);
+        }
         if there > cap {
             return Err(Failure::new(
                 crate::status::DCD_ERR_SMALL_BUFFER,
@@ -128,7 +136,7 @@ impl<T> Room<T> {
             // SAFETY: not null, aligned, and `i` is below `cap`, for which the caller vouches.
             unsafe { out.add(i).write(item) };
         }
-        Ok(())
+        Ok(true)
     }
 }
 
@@ -153,11 +161,25 @@ fn bad_pointer(is_null: bool, name: &str, alignment: usize) -> Failure {
 /// Checks that a bulk call of so many items is within bounds.
 pub(crate) fn check_count(count: usize, name: &str) -> Result<(), Failure> {
     if count > DCD_MAX_ITEMS {
-        return Err(Failure::argument(format!(
-            "{count} {name} are more than DCD_MAX_ITEMS ({DCD_MAX_ITEMS}); use several calls"
-        )));
+        return Err(too_many(count, name));
     }
     Ok(())
+}
+
+/// Counts of more than half of what there can be are negative numbers that the caller took for a size.
+#[cold]
+fn too_many(count: usize, name: &str) -> Failure {
+    Failure::argument(match isize::try_from(count) {
+        Ok(_) => {
+            format!(
+                "{name} has a count of {count}, the most is DCD_MAX_ITEMS ({DCD_MAX_ITEMS}); use several calls"
+            )
+        }
+        Err(_) => format!(
+            "{name} has a count of {}; give the number of its entries, 0 to DCD_MAX_ITEMS ({DCD_MAX_ITEMS})",
+            count.cast_signed()
+        ),
+    })
 }
 
 /// Checks that all numbers are within range.

@@ -1,5 +1,6 @@
 //! Reads and changes the properties of living bodies: type, damping, locked axes, thresholds of sleep, extra mass.
 
+use dcd::physics::ShapeError;
 use dcd::protocol::{BodyKind, BodyTraits, ExtraMass};
 use rapier3d::prelude::*;
 
@@ -306,8 +307,8 @@ pub unsafe extern "C" fn dcd_body_properties(
 /// of its contacts.
 ///
 /// `properties` is read during the call.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, or to fix a link of a
-/// multibody; DCD_ERR_UNSUPPORTED in a served world but for its server, which changes movable bodies and lets them be movable.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, to fix a link of a
+/// multibody, or to make a body dynamic that has no mass; DCD_ERR_UNSUPPORTED in a served world but for its server, which changes movable bodies and lets them be movable.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_body_set_properties(
     world: DcdWorld,
@@ -321,7 +322,16 @@ pub unsafe extern "C" fn dcd_body_set_properties(
             world.dcd.changes_bodies()?;
             let (id, before) = (find(world, body)?, read(world, body)?);
             after.check()?;
-            world.dcd.update(id, |body| after.apply(&before, body)).map_err(Failure::from)
+            let changed = world.dcd.update(id, |body| {
+                // A fixed or kinematic body may be hollow.
+                let begins = after.body_type == DCD_DYNAMIC && !body.is_dynamic();
+                if begins && after.extra_mass == 0.0 && body.mass_properties().local_mprops.mass() == 0.0 {
+                    return Err(Failure::from(ShapeError::Massless));
+                }
+                after.apply(&before, body);
+                Ok(())
+            });
+            changed.map_err(Failure::from)?
         })
     })
 }

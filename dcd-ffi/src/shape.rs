@@ -8,7 +8,7 @@ use rapier3d::prelude::{SharedShape, Vector};
 use crate::guard::guard;
 use crate::handle::stale;
 use crate::ids::{DcdShapeId, DcdWorld};
-use crate::limits::DCD_MAX_NUMBER;
+use crate::limits::{DCD_MAX_ITEMS, DCD_MAX_NUMBER};
 use crate::pointer::{self, Out, check_numbers};
 use crate::registry::{World, with};
 use crate::status::{DcdStatus, Failure};
@@ -135,7 +135,8 @@ pub unsafe extern "C" fn dcd_shape_cone(
     })
 }
 
-/// Makes the convex hull of `count` points (x, y, z, x, y, z …: 3 × count floats, metres), at least 4, not all in a plane.
+/// Makes the convex hull of `count` points (x, y, z, x, y, z …: 3 × count floats, metres), at least 4, not all in a plane, which reach over
+/// DCD_MIN_SIZE along each axis.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for points out of range or that span no volume.
 #[unsafe(no_mangle)]
@@ -156,8 +157,8 @@ pub unsafe extern "C" fn dcd_shape_hull(
 }
 
 /// Makes a mesh of `triangle_count` triangles, each three indices below `vertex_count`, counter-clockwise seen from outside;
-/// 3 × vertex_count floats, 3 × triangle_count indices. Triangles without area are left out. A mesh is hollow and has no
-/// mass: use it for fixed bodies.
+/// 3 × vertex_count floats, 3 × triangle_count indices. Triangles without area are left out. A mesh is hollow, and has mass by density only
+/// if it is closed: use it for fixed bodies, or give them DcdBodyDef.mass.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for vertices out of range, no triangle with
 /// an area, or an index past the vertices.
@@ -193,7 +194,7 @@ pub unsafe extern "C" fn dcd_shape_mesh(
 
 /// Makes terrain in the x-z plane around its origin: `rows` heights along z times `columns` along x, metres, at
 /// heights[row + column * rows]. `scale` stretches it: the whole is scale[0] by scale[2] metres, and heights are times
-/// scale[1]. Use it for fixed bodies.
+/// scale[1]. Use it for fixed bodies: it has no mass by density.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for fewer than 2 rows or columns, heights out
 /// of range, or a scale below DCD_MIN_SIZE.
@@ -210,10 +211,15 @@ pub unsafe extern "C" fn dcd_shape_heightfield(
         if rows < 2 || columns < 2 {
             return Err(Failure::argument(format!("{rows} x {columns} heights; give at least 2 x 2")));
         }
+        let Some(count) = rows.checked_mul(columns).filter(|&count| count <= DCD_MAX_ITEMS) else {
+            return Err(Failure::argument(format!(
+                "{rows} x {columns} heights are more than DCD_MAX_ITEMS ({DCD_MAX_ITEMS}); cut the terrain into several"
+            )));
+        };
         // SAFETY: the caller vouches for rows × columns heights, three floats and `out`.
         let (heights, scale, out) = unsafe {
             (
-                pointer::slice(heights, rows.saturating_mul(columns), "heights")?,
+                pointer::slice(heights, count, "heights")?,
                 pointer::read(scale.cast::<[f32; 3]>(), "scale")?,
                 Out::new(out, "out")?,
             )

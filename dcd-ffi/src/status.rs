@@ -23,7 +23,7 @@ pub const DCD_ERR_STALE_ID: DcdStatus = -2;
 pub const DCD_ERR_STRUCT: DcdStatus = -3;
 /// A value is out of range: NaN, a negative size, an unknown constant, a count above DCD_MAX_ITEMS.
 pub const DCD_ERR_ARGUMENT: DcdStatus = -4;
-/// The caller's memory is too small; the size needed was written.
+/// The caller's memory is too small; the size needed was written. Who asks for the size, by null with room for 0, gets it with DCD_OK.
 pub const DCD_ERR_SMALL_BUFFER: DcdStatus = -5;
 /// Not now: called from within the log callback or one of dcd_debug_draw, where worlds may not be used, while a step that was begun is
 /// not waited for, or for messages while too many wait to be sent.
@@ -143,14 +143,16 @@ impl From<WorldError> for Failure {
             | WorldError::Host(_)
             | WorldError::Control(_)
             | WorldError::Setting { .. }
+            | WorldError::TooFast { .. }
             | WorldError::NoVehicle(_)
             | WorldError::NoCollider { .. } => DCD_ERR_ARGUMENT,
         };
-        // The two that DcdWorldDef calls otherwise.
-        Self::new(
-            status,
-            error.to_string().replace("dt_s is", "dt is").replace("tolerance_m_s is", "tolerance is"),
-        )
+        // Those that DcdWorldDef calls otherwise.
+        let mut message = error.to_string();
+        for (name, unit) in [("dt", "_s"), ("tolerance", "_m_s"), ("speed_limit", "_m_s")] {
+            message = message.replace(&format!("{name}{unit} is"), &format!("{name} is"));
+        }
+        Self::new(status, message)
     }
 }
 

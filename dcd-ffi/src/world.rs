@@ -3,10 +3,12 @@
 use std::ffi::c_char;
 
 use dcd::physics::{Coupling, CouplingChoice, Method, Preset, StepSettings};
+use dcd::space::Axis;
 use dcd::{Bounds, Params, Partitioning, Scene, World as Dcd, WorldConfig};
 
 use crate::guard::{guard, guard_value};
 use crate::ids::DcdWorld;
+use crate::limits::DCD_MAX_NUMBER;
 use crate::pointer::{self, Out, Sized32};
 use crate::registry::{self, add, with};
 use crate::role::{DcdRole, number_of};
@@ -41,7 +43,19 @@ pub const DCD_PRESET_GAME: DcdPreset = 2;
 /// Accuracy first: 4 exchanges at most, 3 hops deep, islands of 1024 bodies, 0.01 m/s.
 pub const DCD_PRESET_PRECISE: DcdPreset = 3;
 
+/// In DcdWorldDef.axes: planes across x may cut the world into regions.
+pub const DCD_CUT_X: u32 = 1;
+/// Planes across y.
+pub const DCD_CUT_Y: u32 = 2;
+/// Planes across z.
+pub const DCD_CUT_Z: u32 = 4;
+
 /// The definition of a local world. Start from DCD_WORLD_DEF_INIT.
+///
+/// How a world is cut. `regions` of them are made by halving: of the box from `min` to `max` the largest part is halved across its
+/// longest edge, until there are enough. Across that along which gravity pulls most it is not, unless nothing else is left to halve: a level
+/// cut goes through all that lies on the ground. `axes` says otherwise. dcd_regions lists what came of it. Cuts near which nothing lies cost
+/// nothing, so place the box around what moves.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdWorldDef {
@@ -61,7 +75,7 @@ pub struct DcdWorldDef {
     pub dt: f32,
     /// Lowest corner of the box that is cut into regions, metres. Bodies may leave it: outer regions reach to infinity.
     pub min: [f64; 3],
-    /// Highest corner.
+    /// Highest corner, above the lowest along each axis.
     pub max: [f64; 3],
     /// Your own; dcd_world_info gives it back.
     pub user_data: u64,
@@ -78,6 +92,11 @@ pub struct DcdWorldDef {
     pub island_limit: u32,
     /// The disagreement of copies that DCD_COUPLING_AUTO tolerates, m/s, above 0.
     pub tolerance: f32,
+    /// DCD_CUT_... bits: the axes across which `regions` are cut; 0 is all but that of gravity. With `regions` 0 it must be 0.
+    pub axes: u32,
+    /// The fastest that a dynamic body moves, m/s, up to DCD_MAX_NUMBER; 0 is what the scene says, else 400. What forces and contacts make
+    /// faster is cut to it; a body that is made or set to be faster is refused.
+    pub speed_limit: f32,
 }
 
 /// The role, tick and settings of a world. Start from DCD_WORLD_INFO_INIT.
@@ -101,6 +120,10 @@ pub struct DcdWorldInfo {
     pub gravity: [f32; 3],
     /// The number that the server knows this process by, from 1; 0 in a local world.
     pub client: u32,
+    /// The fastest that a dynamic body moves, m/s; 0 for a node.
+    pub speed_limit: f32,
+    /// 0.
+    pub reserved: u32,
 }
 
 // SAFETY: begins with `struct_size`; every other member is a number.
@@ -164,6 +187,32 @@ fn choice(def: &DcdWorldDef) -> Result<CouplingChoice, Failure> {
     })
 }
 
+/// Returns the cut that a definition names, if it names one.
+fn partitioning(def: &DcdWorldDef) -> Result<Option<Partitioning>, Failure> {
+    pointer::check_bits(def.axes, DCD_CUT_X | DCD_CUT_Y | DCD_CUT_Z, "axes")?;
+    let bits = [(DCD_CUT_X, Axis::X), (DCD_CUT_Y, Axis::Y), (DCD_CUT_Z, Axis::Z)];
+    let axes: Vec<_> =
+        bits.into_iter().filter(|(bit, _)| def.axes & bit != 0).map(|(_, axis)| axis).collect();
+    match (def.regions as usize, axes.is_empty()) {
+        (0, true) => Ok(None),
+        (0, false) => Err(Failure::argument("axes says how to cut, and regions is 0; give their number too")),
+        (regions, true) => Ok(Some(Partitioning::Regions(regions))),
+        (regions, false) => Ok(Some(Partitioning::RegionsAcross(regions, axes))),
+    }
+}
+
+/// Returns the settings with the speed limit that a definition asks for.
+fn limited(step: StepSettings, def: &DcdWorldDef) -> Result<StepSettings, Failure> {
+    let limit = def.speed_limit;
+    match limit == 0.0 {
+        true => Ok(step),
+        false if limit > 0.0 && limit <= DCD_MAX_NUMBER => Ok(step.with_speed_limit(limit)),
+        false => Err(Failure::argument(format!(
+            "speed_limit is {limit}; give m/s above 0, up to DCD_MAX_NUMBER ({DCD_MAX_NUMBER}), or 0 for 400"
+        ))),
+    }
+}
+
 /// Creates an empty local world, which this process computes alone. Destroy it with dcd_world_destroy.
 ///
 /// `def` is read during the call. `out` receives the handle.
@@ -184,12 +233,9 @@ pub unsafe extern "C" fn dcd_world_create(def: *const DcdWorldDef, out: *mut Dcd
         };
         let config = WorldConfig {
             bounds: Bounds::new(def.min, def.max),
-            partitioning: match def.regions {
-                0 => Partitioning::Auto,
-                regions => Partitioning::Regions(regions as usize),
-            },
+            partitioning: partitioning(&def)?.unwrap_or_default(),
             threads: threads(def.threads),
-            step: choice(&def)?.applied_to(step),
+            step: limited(choice(&def)?.applied_to(step), &def)?,
             ..WorldConfig::default()
         };
         out.write(add(Dcd::new(config)?, def.user_data));
@@ -246,21 +292,17 @@ pub(crate) unsafe fn open(
             texts.iter().map(|&text| pointer::text(text, "params[i]")).collect::<Result<_, _>>()?;
         (pointer::text(name_or_path, "the scene's name or path")?, Params::from_args(texts)?)
     };
-    let (asked_threads, regions, user_data, choice) = if def.is_null() {
-        (0, 0, 0, CouplingChoice::default())
-    } else {
-        // SAFETY: not null; the caller vouches for the rest.
-        let def = unsafe { pointer::read_sized(def, "def")? };
-        (def.threads, def.regions, def.user_data, choice(&def)?)
-    };
+    // SAFETY: not null; the caller vouches for the rest.
+    let def = if def.is_null() { None } else { Some(unsafe { pointer::read_sized(def, "def")? }) };
     let scene = Scene::open(name, &params)?;
-    let mut config = WorldConfig::for_scene(&scene);
-    if regions > 0 {
-        config.partitioning = Partitioning::Regions(regions as usize);
+    let mut config = WorldConfig { threads: threads(0), ..WorldConfig::for_scene(&scene) };
+    let Some(def) = def else { return Ok(Opened { scene, config, user_data: 0 }) };
+    if let Some(cut) = partitioning(&def)? {
+        config.partitioning = cut;
     }
-    config.threads = threads(asked_threads);
-    config.step = choice.applied_to(config.step);
-    Ok(Opened { scene, config, user_data })
+    config.threads = threads(def.threads);
+    config.step = limited(choice(&def)?.applied_to(config.step), &def)?;
+    Ok(Opened { scene, config, user_data: def.user_data })
 }
 
 /// Destroys a local world with everything in it, or leaves a served one, whose avatars wait for your return. Its handles
@@ -301,6 +343,8 @@ pub unsafe extern "C" fn dcd_world_info(world: DcdWorld, out: *mut DcdWorldInfo)
                 dt: world.dcd.dt_s(),
                 gravity: world.dcd.gravity(),
                 client: world.dcd.client().map_or(0, |client| client.0),
+                speed_limit: world.dcd.speed_limit_m_s(),
+                reserved: 0,
             });
             Ok(())
         })

@@ -58,9 +58,9 @@ fn layouts() -> Vec<Layout> {
         DcdFrame { p, q }
         DcdWorldDef {
             struct_size, threads, regions, solver_iterations, gravity, dt, min, max, user_data, coupling, preset,
-            exchanges, depth, island_limit, tolerance
+            exchanges, depth, island_limit, tolerance, axes, speed_limit
         }
-        DcdWorldInfo { struct_size, role, tick, user_data, regions, dt, gravity, client }
+        DcdWorldInfo { struct_size, role, tick, user_data, regions, dt, gravity, client, speed_limit, reserved }
         DcdClientDef {
             struct_size, timeout_ms, server, token, identity_path, user_data, interest_centre, interest_radius
         }
@@ -71,7 +71,7 @@ fn layouts() -> Vec<Layout> {
         DcdGroupDef { struct_size, lag_ticks, near_ms, far_ms, agree, size }
         DcdServerDef {
             struct_size, nodes, scene, params, param_count, world, source, groups, listen, data_path, last_tick, avatar_speed,
-            flags, user_data
+            flags, user_data, state_every, reserved
         }
         DcdNodeDef {
             struct_size, timeout_ms, server, token, identity_path, listen, user_data, threads, reserved, record_path
@@ -165,10 +165,10 @@ fn layouts() -> Vec<Layout> {
 const MACROS: &str = "
 /* What each struct starts from. */
 
-/* One region, a thread per core, Earth's gravity, 60 steps a second, a box of 128 m around the origin. */
+/* One region, a thread per core, Earth's gravity, 60 steps a second, a box of 128 m around the origin, up to 400 m/s. */
 #define DCD_WORLD_DEF_INIT \\
     { (uint32_t)sizeof(DcdWorldDef), 0, 0, 4, { 0.0f, -9.81f, 0.0f }, 1.0f / 60.0f, \\
-      { -64.0, -64.0, -64.0 }, { 64.0, 64.0, 64.0 }, 0, 0, 0, 0, 0, 0, 0.0f }
+      { -64.0, -64.0, -64.0 }, { 64.0, 64.0, 64.0 }, 0, 0, 0, 0, 0, 0, 0.0f, 0, 0.0f }
 
 /* A dynamic body as dense as water at the origin. */
 #define DCD_BODY_DEF_INIT \\
@@ -227,18 +227,19 @@ const MACROS: &str = "
 #define DCD_PARTICIPANT_DEF_INIT \\
     { (uint32_t)sizeof(DcdParticipantDef), 10000, NULL, NULL, NULL, 0, 0, 0, { 0.0, 0.0, 0.0 }, 0.0, NULL }
 
-/* All nodes in one group and in step; a server in real time that waits for one node, on a free port of this machine. */
+/* All nodes in one group and in step; a server in real time that waits for one node, on a free port of this machine, and tells states
+ * of every third step. */
 #define DCD_GROUP_DEF_INIT \\
     { (uint32_t)sizeof(DcdGroupDef), 0, 0.0f, 0.0f, 0.1f, 32 }
 #define DCD_SERVER_DEF_INIT \\
     { (uint32_t)sizeof(DcdServerDef), 1, NULL, NULL, 0, NULL, { 0 }, NULL, \"127.0.0.1:0\", NULL, 0, \\
-      20.0f, 0, 0 }
+      20.0f, 0, 0, 3, 0 }
 #define DCD_NODE_DEF_INIT \\
     { (uint32_t)sizeof(DcdNodeDef), 10000, NULL, NULL, NULL, NULL, 0, 0, 0, NULL }
 
 /* Structs that are written by the library. */
 #define DCD_WORLD_INFO_INIT \\
-    { (uint32_t)sizeof(DcdWorldInfo), 0, 0, 0, 0, 0.0f, { 0.0f, 0.0f, 0.0f }, 0 }
+    { (uint32_t)sizeof(DcdWorldInfo), 0, 0, 0, 0, 0.0f, { 0.0f, 0.0f, 0.0f }, 0, 0.0f, 0 }
 #define DCD_BODY_INFO_INIT \\
     { (uint32_t)sizeof(DcdBodyInfo), 0, 0, { 0.0, 0.0, 0.0 }, 0.0f, 0, { 0.0f, 0.0f, 0.0f }, \\
       { 0.0f, 0.0f, 0.0f }, 0, false, false, { 0, 0 } }

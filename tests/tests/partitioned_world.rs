@@ -1,6 +1,6 @@
 //! Tests a partitioned world through its public API: what is true of one Rapier world stays true of many.
 
-use dcd::physics::Coupling;
+use dcd::physics::{Coupling, StepSettings};
 use dcd::protocol::{Velocity, WorldPose};
 use dcd::runtime::{LocalWorld, Partitioning, WorldConfig, WorldError};
 use dcd::scene::{Params, Scene};
@@ -290,6 +290,65 @@ fn immovable_geometry_is_one_object_in_all_regions() {
         .collect();
     assert_eq!(shapes.len(), 8, "the floor touches every region's cell");
     assert!(shapes.iter().all(|shape| std::ptr::addr_eq(*shape, shapes[0])));
+}
+
+#[test]
+fn a_number_of_regions_cuts_by_upright_planes_unless_axes_are_named() {
+    let level = |partitioning, gravity, bounds| {
+        let config = WorldConfig { partitioning, bounds, ..WorldConfig::default() };
+        let tree = WorldConfig { step: StepSettings { gravity, ..config.step }, ..config }.tree().unwrap();
+        tree.inner().filter(|&vertex| tree.cut_of(vertex).unwrap().0 == Axis::Y).count()
+    };
+    let (cube, down) = (Bounds::around([0.0; 3], [64.0; 3]), [0.0, -9.81, 0.0]);
+    assert_eq!(level(Partitioning::Regions(8), down, cube), 0);
+    assert_eq!(level(Partitioning::Regions(8), [0.0; 3], cube), 2, "without gravity nothing is level");
+    assert_eq!(level(Partitioning::Regions(4), [9.0, -3.0, 1.0], cube), 1, "down is along x");
+    let shaft = Bounds::around([0.0; 3], [1.0, 64.0, 1.0]);
+    assert_eq!(level(Partitioning::Regions(4), down, shaft), 0);
+    assert_eq!(
+        level(Partitioning::Regions(8), down, shaft),
+        7,
+        "there is no room for eight beside one another"
+    );
+    assert_eq!(level(Partitioning::RegionsAcross(4, vec![Axis::Y]), down, cube), 3);
+    let nowhere = WorldConfig { partitioning: Partitioning::RegionsAcross(2, vec![]), ..two_regions() };
+    assert!(LocalWorld::new(nowhere).is_err());
+    let flat =
+        WorldConfig { bounds: Bounds::new([-9.0, 0.0, -9.0], [9.0, 0.0, 9.0]), ..WorldConfig::default() };
+    assert!(LocalWorld::new(flat).err().unwrap().to_string().contains("below a highest one"));
+}
+
+#[test]
+fn a_body_faster_than_the_limit_of_its_world_is_refused_by_name() {
+    let limited = |limit_m_s| {
+        let config = weightless(two_regions());
+        WorldConfig { step: config.step.with_speed_limit(limit_m_s), ..config }
+    };
+    let mut world = LocalWorld::new(limited(50.0)).unwrap();
+    let (body, collider) = ball_at(-2.0, 0.0);
+    let fast = body.clone().linvel(Vector::X * 51.0);
+    let refused = world.insert(fast.clone(), collider.clone()).unwrap_err();
+    assert!(matches!(refused, WorldError::TooFast { limit_m_s: 50.0, .. }), "{refused}");
+    let ball = world.insert(body, collider.clone()).unwrap();
+    let at = |x: f32| Velocity { linear: [x, 0.0, 0.0], angular: [0.0; 3] };
+    assert!(matches!(world.set_velocity(ball, at(-51.0)), Err(WorldError::TooFast { .. })));
+    world.set_velocity(ball, at(50.0)).unwrap();
+    world.update(ball, |body| body.apply_impulse(Vector::X * 1e4, true)).unwrap();
+    world.step().unwrap();
+    let velocity = world.velocity(ball).unwrap();
+    assert!((velocity.linear[0] - 50.0).abs() < 1e-3, "{velocity:?}");
+    world.set_velocity(ball, velocity).unwrap();
+    let belt = RigidBodyBuilder::kinematic_velocity_based().linvel(Vector::X * 900.0);
+    world.insert(belt, ColliderBuilder::ball(0.1)).expect("the solver does not move it");
+
+    let mut scene = Scene::empty("shot");
+    scene.bounds = Bounds::around([0.0; 3], [8.0; 3]);
+    scene.push(WorldPose::default(), fast, collider);
+    scene.speed_limit_m_s = 50.0;
+    let opened = |scene: &Scene| LocalWorld::from_scene(scene, WorldConfig::for_scene(scene));
+    assert!(matches!(opened(&scene), Err(WorldError::TooFast { .. })));
+    scene.speed_limit_m_s = 51.0;
+    assert_eq!(opened(&scene).unwrap().host().settings().speed_limit_m_s(), 51.0);
 }
 
 #[test]

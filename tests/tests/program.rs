@@ -99,6 +99,31 @@ fn what_is_built_before_the_first_tick_is_a_local_world_to_the_bit() {
 }
 
 #[test]
+fn clients_are_told_states_as_often_as_the_server_says() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut server = serve(ServeConfig { state_every: 10, ..ServeConfig::new(folder.path()) });
+    // A tenth of a metre per tick, so that where it is says when it was there.
+    let train = RigidBodyBuilder::kinematic_velocity_based().linvel(Vector::X * 6.0);
+    let train = server.insert(train, ColliderBuilder::ball(0.5)).unwrap();
+    server.step().unwrap();
+    let _node = node(&server);
+    let mut client = client(&server);
+    let mut told: Vec<i64> = Vec::new();
+    until("twenty states", &mut [&mut client], |worlds| {
+        if let Some(pose) = worlds[0].pose(train) {
+            told.push((pose.translation[0] * 10.0).round() as i64);
+            told.dedup();
+        }
+        told.len() >= 20
+    });
+    // What comes first, on joining, is of the tick that the world is at.
+    assert!(told[4..].iter().all(|tick| tick % 10 == 0), "{told:?}");
+    let config = ServeConfig { state_every: 31, ..ServeConfig::new(folder.path().join("other")) };
+    let refused = World::new(cut()).unwrap().serve_copy(config).unwrap_err().to_string();
+    assert!(refused.contains("state_every is 31"), "{refused}");
+}
+
+#[test]
 fn a_program_builds_a_game_in_an_empty_world_that_runs_and_clients_see_it() {
     let folder = tempfile::tempdir().unwrap();
     let mut server = serve(ServeConfig { nodes: 2, ..ServeConfig::new(folder.path()) });

@@ -191,9 +191,10 @@ impl<'a, Q> Batch<'a, Q> {
         with(world, |world| {
             let answers = self.answers(&self.ask(world)?, answer)?;
             let lengths: Vec<usize> = answers.iter().map(Vec::len).collect();
-            room.fill(answers.into_iter().flatten().collect::<Vec<_>>().into_iter())?;
-            // SAFETY: not null, aligned, and the caller vouches for the entries.
-            unsafe { write_ends(lengths.into_iter(), ends) };
+            if room.give(answers.into_iter().flatten().collect::<Vec<_>>().into_iter())? {
+                // SAFETY: not null, aligned, and the caller vouches for the entries.
+                unsafe { write_ends(lengths.into_iter(), ends) };
+            }
             Ok(())
         })
     }

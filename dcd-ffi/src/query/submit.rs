@@ -186,8 +186,8 @@ unsafe fn submit_overlaps<Q: Somewhere>(
 }
 
 /// Fetches the answer to submitted rays, without waiting: hits[i] belongs to rays[i], null where the ray met nothing, and
-/// `count` receives their number. `hits` has `cap` entries; with `cap` 0 it may be null, to ask for the number. Once it is
-/// fetched the query is closed and its id stale.
+/// `count` receives their number. `hits` has `cap` entries; with `cap` 0 it may be null, to ask for the number, and the query stays
+/// open unless that is 0. Once it is fetched the query is closed and its id stale.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or query), DCD_ERR_ARGUMENT for a query that is not of rays, DCD_ERR_BUSY while
 /// the answer is not there: nothing is written, and the query stays open; DCD_ERR_SMALL_BUFFER (then `count` is written all the
@@ -204,7 +204,7 @@ pub unsafe extern "C" fn dcd_query_poll(
         // SAFETY: the caller vouches for `cap` hits and for `count`.
         let room = unsafe { Room::new(hits, cap, count, ["hits", "count"])? };
         fetch(world, query, Kind::Rays, |world, found| match found {
-            QueryResult::Rays(hits) => room.fill(hits.iter().map(|&hit| ray_hit(world, hit))),
+            QueryResult::Rays(hits) => room.give(hits.iter().map(|&hit| ray_hit(world, hit))),
             _ => Err(too_much()),
         })
     })
@@ -223,7 +223,7 @@ pub unsafe extern "C" fn dcd_query_poll_casts(
         // SAFETY: the caller vouches for `cap` hits and for `count`.
         let room = unsafe { Room::new(hits, cap, count, ["hits", "count"])? };
         fetch(world, query, Kind::Casts, |world, found| match found {
-            QueryResult::Casts(hits) => room.fill(hits.iter().map(|&hit| shape_hit(world, hit))),
+            QueryResult::Casts(hits) => room.give(hits.iter().map(|&hit| shape_hit(world, hit))),
             _ => Err(too_much()),
         })
     })
@@ -251,10 +251,12 @@ pub unsafe extern "C" fn dcd_query_poll_overlaps(
                 pointer::check(ends, "ends")?;
             }
             let told = lists.iter().flatten().map(|found| overlap::overlap(world, found));
-            room.fill(told.collect::<Vec<_>>().into_iter())?;
-            // SAFETY: checked above; the caller vouches for as many entries as were submitted.
-            unsafe { super::write_ends(lists.iter().map(Vec::len), ends) };
-            Ok(())
+            let given = room.give(told.collect::<Vec<_>>().into_iter())?;
+            if given {
+                // SAFETY: checked above; the caller vouches for as many entries as were submitted.
+                unsafe { super::write_ends(lists.iter().map(Vec::len), ends) };
+            }
+            Ok(given)
         })
     })
 }
@@ -341,12 +343,12 @@ fn too_much() -> Failure {
     )
 }
 
-/// Gives the answer away, and closes the query.
+/// Gives the answer away, and closes the query once all of it is given.
 fn fetch(
     world: DcdWorld,
     query: DcdQueryId,
     kind: Kind,
-    give: impl FnOnce(&World, &QueryResult) -> Result<(), Failure>,
+    give: impl FnOnce(&World, &QueryResult) -> Result<bool, Failure>,
 ) -> Result<(), Failure> {
     with(world, |world| {
         let slot = slot(world, query)?;
@@ -365,10 +367,10 @@ fn fetch(
         let here = world.queries.slots.get(slot).expect("looked at above");
         let Answer::Here(found) = &here.answer else { unreachable!("it is here by now") };
         let (is_lost, given) = (*found == QueryResult::TooMuch, give(world, found));
-        if is_lost || given.is_ok() {
+        if is_lost || matches!(given, Ok(true)) {
             close(world, slot);
         }
-        given
+        given.map(drop)
     })
 }
 

@@ -17,7 +17,8 @@ use crate::status::{DCD_OK, DcdStatus, Failure, remember};
 use crate::types::{DcdPose, DcdVelocity};
 
 /// Lends the state of every movable body as arrays, without copying: as it was after the last step. What was made or changed
-/// since shows after the next one; before the first step (and in the first call of all) it shows the present.
+/// since shows after the next one; before the first step (and in the first call of all) it shows the present. A client or participant is
+/// told states every DcdServerDef.state_every steps: to draw the steps between see dcd_view_state.
 ///
 /// The arrays are the library's: do not write or free them. They keep their content until the step after next begins; then
 /// they are overwritten, and the memory stays readable until the world is destroyed. So another thread may read them while

@@ -18,7 +18,7 @@ use super::view::{ANY_PORT, Onlooker};
 use super::world::{CutArgs, explained};
 use crate::cluster::{GroupPolicy, Grouping, PollRules};
 use crate::net::JoinRole;
-use crate::protocol::{DelayThresholds, MAX_LAG, Pace, Thresholds, View, ViewNumber};
+use crate::protocol::{DelayThresholds, MAX_LAG, MAX_STATE_TICKS, Pace, Thresholds, View, ViewNumber};
 use crate::runtime::{GroupConfig, LocalWorld, Origin, ServeConfig, ServerProcess, WorldConfig};
 use crate::scene::{Params, Scene};
 use crate::space::{Allocation, MAX_REGIONS, Tick};
@@ -58,7 +58,7 @@ pub(super) struct Serve {
     /// Nodes to wait for before the first tick
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=1024))]
     nodes: u16,
-    /// Regions, by halving the largest [default: what the scene says, else one for each node, in proportion to what it can do]
+    /// Regions, by upright planes that halve the largest [default: what the scene says, else one for each node, in proportion to what it can do]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=MAX_REGIONS as i64), conflicts_with = "cut")]
     regions: Option<u16>,
     #[command(flatten)]
@@ -72,6 +72,9 @@ pub(super) struct Serve {
     /// The fastest that clients may move their avatars, m/s
     #[arg(long, value_name = "M_S", default_value_t = 20.0, value_parser = speed)]
     avatar_speed: f32,
+    /// Ticks from one state of a moving body that clients are told to the next; what they show between is interpolated
+    #[arg(long, value_name = "TICKS", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=MAX_STATE_TICKS as i64))]
+    state_every: u32,
     /// How long avatars wait for a client that left, before they are removed: 90s, 10m, 2h, 1d
     #[arg(long, value_name = "TIME", default_value = "1h", value_parser = duration)]
     keep_avatars: Duration,
@@ -120,6 +123,7 @@ impl Serve {
             fresh: self.fresh,
             nodes: self.nodes.into(),
             pace: if self.unpaced { Pace::Unpaced } else { Pace::RealTime },
+            state_every: self.state_every,
             last_tick,
             avatar_speed_limit: self.avatar_speed,
             // Nobody here listens.

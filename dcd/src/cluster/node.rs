@@ -35,8 +35,6 @@ pub struct NodeConfig {
     pub client: Option<ClientId>,
     /// The area of interest of that client at first.
     pub interest: Option<Area>,
-    /// Ticks between reports of moved bodies to the leader.
-    pub report_every: u64,
     /// Ticks between checkpoints of moved bodies to the server; at most 0.5 s worth.
     pub checkpoint_every: u64,
     /// How long others are waited for before the node computes speculative ticks for its clients.
@@ -219,7 +217,7 @@ impl PendingView {
 impl Node {
     /// Returns a node without links. The first event is [`NodeEvent::Connected`] with [`Peer::Server`].
     pub fn new(config: NodeConfig) -> Self {
-        assert!(config.report_every > 0 && config.checkpoint_every > 0, "samples are at least a tick apart");
+        assert!(config.checkpoint_every > 0, "samples are at least a tick apart");
         // Until its client says otherwise.
         let interest = config.client.map(|_| FromClient::Interest(config.interest));
         Self {

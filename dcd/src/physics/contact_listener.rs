@@ -1,6 +1,6 @@
 //! Records the contact and force events of one Rapier world while it steps, by body ids instead of handles.
 
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 use std::sync::Mutex;
 
 use rapier3d::geometry::CollisionEventFlags;
@@ -19,9 +19,10 @@ pub(super) struct ContactListener {
     heard: Mutex<Heard>,
     /// By Rapier's collider index.
     names: Vec<Option<Name>>,
-    touching: BTreeSet<ContactKey>,
-    /// Contacts whose bodies left the region since the last step.
-    lost: Vec<ContactKey>,
+    /// Each with whether one of the two is a sensor.
+    touching: BTreeMap<ContactKey, bool>,
+    /// Contacts whose bodies left the region since the last step, as above.
+    lost: Vec<(ContactKey, bool)>,
     /// Colliders already in the region whose force events the user turned on or off since the last step.
     #[serde(skip)]
     turned: Vec<ColliderHandle>,
@@ -84,12 +85,14 @@ impl ContactListener {
     /// belong to another body. It is reported only after the next step here too, for by then the region that the body went to has
     /// seen these contacts, and the user is not told that they ceased.
     pub(super) fn forget(&mut self, body: BodyId) {
-        let gone: Vec<_> =
-            self.touching.iter().filter(|key| key.a == body || key.b == body).copied().collect();
-        for key in gone {
-            self.touching.remove(&key);
-            self.lost.push(key);
-        }
+        let Self { touching, lost, .. } = self;
+        touching.retain(|key, sensor| {
+            let ends = key.a == body || key.b == body;
+            if ends {
+                lost.push((*key, *sensor));
+            }
+            !ends
+        });
     }
 
     /// Makes Rapier look again, in the next step, at colliders whose force events were turned on or off. To be called after the
@@ -109,12 +112,12 @@ impl ContactListener {
 
     /// Appends everything recorded since the last call to `events`, by body ids; forces count for this part of a tick.
     pub(super) fn drain(&mut self, anchor: [f64; 3], part: f32, events: &mut RegionEvents) {
-        events.touches.extend(self.lost.drain(..).map(|key| end_of(key, false)));
+        events.touches.extend(self.lost.drain(..).map(|(key, sensor)| end_of(key, sensor)));
         let heard = std::mem::take(self.heard.get_mut().expect("a region steps on one thread at a time"));
         for raw in heard.touches {
             let Some((key, swapped)) = self.key(raw.colliders) else { continue };
             if raw.began {
-                self.touching.insert(key);
+                self.touching.insert(key, raw.sensor);
                 let normal = if swapped { -raw.normal } else { raw.normal };
                 events.touches.push(Touch {
                     key,
@@ -124,7 +127,7 @@ impl ContactListener {
                     normal: normal.to_array(),
                     speed: raw.speed,
                 });
-            } else if self.touching.remove(&key) {
+            } else if self.touching.remove(&key).is_some() {
                 events.touches.push(end_of(key, raw.sensor));
             }
         }

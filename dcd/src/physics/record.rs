@@ -24,12 +24,37 @@ impl ShapeLibrary {
         body: &RigidBody,
         colliders: &[ColliderBuilder],
     ) -> Result<BodyRecord, ShapeError> {
+        if hangs(body, colliders) {
+            return Err(ShapeError::Massless);
+        }
         let colliders =
             colliders.iter().map(|collider| collider_record(collider, self)).collect::<Result<_, _>>()?;
         let traits = Arc::new(traits_of(body, colliders));
         let state = BodyState { pose, ..state_of(body, [0.0; 3]) };
         Ok(BodyRecord { id, epoch: Epoch(0), state, traits })
     }
+}
+
+/// Returns whether a dynamic body has colliders without an inside, and no mass from them or anywhere else. Rapier takes its mass to be
+/// infinite.
+fn hangs(body: &RigidBody, colliders: &[ColliderBuilder]) -> bool {
+    let mass_of =
+        |collider: &ColliderBuilder| collider.mass_properties.mass_properties(&*collider.shape.0).mass();
+    let is_hollow = |collider: &ColliderBuilder| {
+        matches!(
+            collider.shape.shape_type(),
+            ShapeType::TriMesh
+                | ShapeType::HeightField
+                | ShapeType::Polyline
+                | ShapeType::Segment
+                | ShapeType::Triangle
+                | ShapeType::HalfSpace
+        )
+    };
+    body.is_dynamic()
+        && body.mass_properties().additional_local_mprops.is_none()
+        && colliders.iter().any(is_hollow)
+        && colliders.iter().all(|collider| mass_of(collider) == 0.0)
 }
 
 /// Reads the state, which a step changes, from Rapier's body.
@@ -395,6 +420,27 @@ mod tests {
             assert_eq!(direct.position(), rebuilt.position());
             assert_eq!(direct.user_data, rebuilt.user_data);
         }
+    }
+
+    #[test]
+    fn a_dynamic_body_without_an_inside_needs_a_mass() {
+        let corners = vec![Vector::ZERO, Vector::X, Vector::Z];
+        let sheet = ColliderBuilder::trimesh(corners, vec![[0, 1, 2]]).unwrap();
+        let described = |body: RigidBodyBuilder, colliders: &[ColliderBuilder]| {
+            ShapeLibrary::default().describe(
+                BodyId::default(),
+                WorldPose::default(),
+                &body.build(),
+                colliders,
+            )
+        };
+        let (dynamic, alone) = (RigidBodyBuilder::dynamic, std::slice::from_ref(&sheet));
+        assert_eq!(described(dynamic(), alone).unwrap_err(), ShapeError::Massless);
+        assert!(described(RigidBodyBuilder::fixed(), alone).is_ok());
+        assert!(described(dynamic().additional_mass(2.0), alone).is_ok());
+        assert!(described(dynamic(), &[sheet.clone().mass(2.0)]).is_ok());
+        assert!(described(dynamic(), &[sheet.clone(), ColliderBuilder::ball(0.5)]).is_ok());
+        assert!(described(dynamic(), &[ColliderBuilder::ball(0.5).density(0.0)]).is_ok(), "as Rapier has it");
     }
 
     #[test]

@@ -50,7 +50,7 @@ pub struct StepSettings {
     /// The disagreement of replicas that [`Coupling::Auto`] tolerates, in metres per second.
     pub tolerance_m_s: f32,
     /// All other parameters of Rapier's solver, the same in every region; its `dt` and `num_solver_iterations` are those above. A
-    /// served world uses Rapier's defaults.
+    /// served world uses Rapier's defaults but for the speed limit ([`StepSettings::with_speed_limit`]).
     pub integration: IntegrationParameters,
 }
 
@@ -112,6 +112,7 @@ impl StepSettings {
             tolerance_m_s,
             integration: _,
         } = *self;
+        let speed_limit_m_s = self.speed_limit_m_s();
         // What is out of range stays so.
         let narrowed = |number: usize| u32::try_from(number).unwrap_or(u32::MAX);
         StepRecord {
@@ -123,15 +124,35 @@ impl StepSettings {
             depth: narrowed(depth),
             island_limit: narrowed(island_limit),
             tolerance_m_s,
+            speed_limit_m_s,
         }
+    }
+
+    /// Returns the fastest that a dynamic body moves, m/s: 400 unless set otherwise. What the solver makes faster is cut to it.
+    pub fn speed_limit_m_s(&self) -> f32 {
+        self.integration.max_linear_velocity()
+    }
+
+    /// Returns the settings with another speed limit, m/s above 0.
+    #[must_use]
+    pub fn with_speed_limit(mut self, m_s: f32) -> Self {
+        self.integration.normalized_max_linear_velocity = m_s / self.integration.length_unit;
+        self
+    }
+
+    /// Returns whether the solver's parameters are those that a served world can be stepped with.
+    #[cfg(feature = "net")]
+    pub(crate) fn can_be_served(&self) -> bool {
+        self.integration == Self::from(self.record()).integration
     }
 
     /// Returns the first setting that is out of range.
     pub(crate) fn fault(&self) -> Option<SettingFault> {
-        self.record().fault().or_else(|| {
-            let (what, value) = unfit(&self.integration)?;
-            Some((what, value.to_string(), "finite and not negative; length_unit above 0"))
-        })
+        // First what the speed limit is a product of.
+        let unfit = unfit(&self.integration);
+        let fault = unfit
+            .map(|(what, value)| (what, value.to_string(), "finite and not negative; length_unit above 0"));
+        fault.or_else(|| self.record().fault())
     }
 }
 
@@ -146,6 +167,7 @@ impl From<StepRecord> for StepSettings {
             depth,
             island_limit,
             tolerance_m_s,
+            speed_limit_m_s,
         } = record;
         Self {
             gravity,
@@ -158,6 +180,7 @@ impl From<StepRecord> for StepSettings {
             tolerance_m_s,
             integration: IntegrationParameters::default(),
         }
+        .with_speed_limit(speed_limit_m_s)
     }
 }
 

@@ -36,9 +36,14 @@ pub enum ShapeError {
         "a {0} has a size that is not from 1e-4 to 1e6 m, or a point that is farther than that from its origin"
     )]
     Size(&'static str),
-    /// A triangle without area, or a hull in a plane: it has no normal, or no mass.
-    #[error("a {0} is flat: give it an area if it is a triangle, a volume if it is a hull")]
+    /// Triangles without area, or a hull in a plane: it has no normal, or no mass.
+    #[error("a {0} is flat: a triangle needs an area, of those of a mesh one at least, and a hull a volume")]
     Flat(&'static str),
+    /// A dynamic body without mass, which nothing would move.
+    #[error(
+        "a dynamic body has no mass: a mesh that is not closed, terrain and the like have none by density; give it a mass, or make it fixed or kinematic"
+    )]
+    Massless,
     /// No voxels, or too many.
     #[error(
         "a shape of voxels is empty, reaches farther than 2^20 voxels from its origin, or lies in more than 65,536 blocks of 8 × 8 × 8; cut it into several"
@@ -132,6 +137,9 @@ impl ShapeLibrary {
                 // Triangles without area carry nothing, and Parry stops at them in a step.
                 let mut triangles = s.indices().to_vec();
                 triangles.retain(|triangle| has_area(triangle.map(|i| vertices[i as usize])));
+                if triangles.is_empty() {
+                    return Err(ShapeError::Flat("triangle mesh"));
+                }
                 ShapeRecord::TriMesh(vertices, triangles, s.flags().bits())
             }
             TypedShape::Polyline(s) => ShapeRecord::Polyline(points(s.vertices()), s.indices().to_vec()),
@@ -318,7 +326,8 @@ fn check_sizes(record: &ShapeRecord) -> Result<(), ShapeError> {
     let hull = |vertices: &Vec<[f32; 3]>, triangles: &Vec<[u32; 3]>| {
         let indices = triangles.as_flattened().iter();
         let what = "convex polyhedron";
-        finite(what, vertices).and(indexed(what, vertices.len(), indices, triangles.len()))
+        finite(what, vertices).and(indexed(what, vertices.len(), indices, triangles.len()))?;
+        positive(what, &extents(vertices))
     };
     match record {
         ShapeRecord::Ball(r) => positive("ball", &[*r]),
@@ -385,6 +394,12 @@ fn check_sizes(record: &ShapeRecord) -> Result<(), ShapeError> {
     }
 }
 
+/// Returns how far points reach along each axis.
+fn extents(points: &[[f32; 3]]) -> [f32; 3] {
+    let along = |axis: usize, of: fn(f32, f32) -> f32| points.iter().map(|point| point[axis]).reduce(of);
+    std::array::from_fn(|axis| along(axis, f32::max).unwrap_or(0.0) - along(axis, f32::min).unwrap_or(0.0))
+}
+
 /// Returns whether a triangle has a normal. One whose height is below the rounding of its longest edge has none to speak of.
 fn has_area(points: [[f32; 3]; 3]) -> bool {
     let [a, b, c] = points.map(convert::vector);
@@ -422,6 +437,18 @@ mod tests {
             |part| library.add(ShapeRecord::Compound(vec![(convert::pose_record(&Pose::IDENTITY), part)]));
         let inner = of(ball).unwrap();
         assert!(matches!(of(inner), Err(ShapeError::Broken { what: "compound", .. })));
+    }
+
+    #[test]
+    fn a_mesh_without_area_and_a_hull_below_the_least_size_are_refused_for_what_they_are() {
+        let line = vec![Vector::ZERO, Vector::X, Vector::X * 2.0];
+        let mesh = SharedShape::trimesh(line, vec![[0, 1, 2], [0, 1, 1]]).unwrap();
+        let refused = |shape: &SharedShape| ShapeLibrary::default().intern(shape).unwrap_err();
+        assert_eq!(refused(&mesh), ShapeError::Flat("triangle mesh"));
+        let corners = [Vector::ZERO, Vector::X, Vector::Y, Vector::Z];
+        let hull = |size: f32| SharedShape::convex_hull(&corners.map(|corner| corner * size)).unwrap();
+        assert_eq!(refused(&hull(0.9e-4)), ShapeError::Size("convex polyhedron"));
+        assert!(ShapeLibrary::default().intern(&hull(1.1e-4)).is_ok());
     }
 
     #[test]

@@ -40,7 +40,7 @@ const LIKE_RAD: f64 = 0.01;
 const LIKE_M_S: f32 = 0.1;
 /// A body that moves less than this from a moment behind the world to the predicted tick is shown at either, metres.
 const STILL_M: f64 = 0.002;
-/// Every how many ticks a checkpoint is made: states are told every third tick.
+/// Every how many ticks a checkpoint is made: states are told every third tick as a rule.
 const CHECKPOINT_TICKS: u64 = 3;
 /// A correction above this is counted, metres.
 const COUNTED_M: f64 = 0.02;

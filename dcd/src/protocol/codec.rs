@@ -18,7 +18,7 @@ use super::{Check, Chunk, Invalid, Message};
 use crate::protocol::SharedState;
 
 /// Version of the protocol. It grows with every change of the message set; peers of unequal versions refuse each other.
-pub const VERSION: u32 = 19;
+pub const VERSION: u32 = 20;
 
 /// The most bytes of a message. A single shape (a height field of 2,000 × 2,000) is what needs most.
 pub const MAX_MESSAGE_BYTES: usize = 16 << 20;
@@ -298,6 +298,7 @@ mod tests {
                     depth: 2,
                     island_limit: 256,
                     tolerance_m_s: 0.03,
+                    speed_limit_m_s: 400.0,
                 },
                 tree: crate::space::DistributionTree::halved(
                     crate::space::Bounds::new([0.0; 3], [8.0; 3]), 4).unwrap(),
@@ -307,6 +308,7 @@ mod tests {
                 protocol: crate::protocol::SyncProtocol::Synchronised,
                 thresholds: Default::default(),
                 pace: crate::protocol::Pace::RealTime,
+                state_every: 3,
                 last_tick: None,
             };
             let welcome = Message::ToNode(ToNode::Welcome { id: crate::space::NodeId(1), world });

@@ -219,6 +219,8 @@ pub struct EnvironmentProperties {
     pub thresholds: Thresholds,
     /// The pace of ticks.
     pub pace: Pace,
+    /// Ticks from one state of a body that clients are told to the next.
+    pub state_every: u32,
     /// The world ends after this tick; `None`: when it is told to.
     pub last_tick: Option<Tick>,
 }

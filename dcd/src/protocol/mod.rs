@@ -50,7 +50,7 @@ pub(crate) use shape::voxels_fit;
 pub use shape::{ShapeHash, ShapeRecord};
 pub use step::{Coupling, SettingFault, StepRecord};
 pub use validate::{
-    Check, Invalid, MAX_COLLIDERS, MAX_DEPTH, MAX_LAG, MAX_ROUNDS, PROGRAM_DATAGRAM_BYTES,
+    Check, Invalid, MAX_COLLIDERS, MAX_DEPTH, MAX_LAG, MAX_ROUNDS, MAX_STATE_TICKS, PROGRAM_DATAGRAM_BYTES,
     PROGRAM_MESSAGE_BYTES, SHAPE_LEAST_M, SHAPE_REACH_M, WORLD_REACH_M,
 };
 pub use vehicle::{Drive, MAX_WHEELS, Vehicle, Wheel};

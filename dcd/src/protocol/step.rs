@@ -71,6 +71,8 @@ pub struct StepRecord {
     pub island_limit: u32,
     /// The disagreement of copies that is tolerated, m/s.
     pub tolerance_m_s: f32,
+    /// The fastest that a dynamic body moves, m/s.
+    pub speed_limit_m_s: f32,
 }
 
 /// A setting that is out of range: its name, its value, and what it may be.
@@ -88,6 +90,7 @@ impl StepRecord {
             depth,
             island_limit,
             tolerance_m_s,
+            speed_limit_m_s,
         } = *self;
         let (finite, positive) = (gravity.iter().all(|v| v.is_finite()), tolerance_m_s > 0.0);
         let rules = [
@@ -123,6 +126,12 @@ impl StepRecord {
                 tolerance_m_s.to_string(),
                 "a number of m/s above 0",
             ),
+            (
+                "speed_limit_m_s",
+                speed_limit_m_s > 0.0,
+                speed_limit_m_s.to_string(),
+                "a number of m/s above 0, as 400",
+            ),
         ];
         let (what, _, value, range) = rules.into_iter().find(|(_, holds, ..)| !holds)?;
         Some((what, value, range))
@@ -142,6 +151,7 @@ mod tests {
         depth: 2,
         island_limit: 256,
         tolerance_m_s: 0.03,
+        speed_limit_m_s: 400.0,
     };
 
     #[test]
@@ -156,6 +166,8 @@ mod tests {
             ("depth", StepRecord { depth: 17, ..GOOD }),
             ("island_limit", StepRecord { island_limit: 65_535, ..GOOD }),
             ("tolerance_m_s", StepRecord { tolerance_m_s: f32::NAN, ..GOOD }),
+            ("speed_limit_m_s", StepRecord { speed_limit_m_s: f32::NAN, ..GOOD }),
+            ("speed_limit_m_s", StepRecord { speed_limit_m_s: 0.0, ..GOOD }),
         ];
         for (name, record) in wrong {
             let (what, ..) = record.fault().unwrap_or_else(|| panic!("{record:?} passes"));

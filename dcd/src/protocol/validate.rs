@@ -22,6 +22,9 @@ pub const MAX_ROUNDS: u32 = 64;
 /// The most ticks that members run on without hearing from one another.
 pub const MAX_LAG: u32 = 60;
 
+/// The most ticks from one state that clients are told to the next.
+pub const MAX_STATE_TICKS: u32 = 30;
+
 /// The most contact hops of an overlap's depth.
 pub const MAX_DEPTH: u32 = 16;
 

@@ -38,22 +38,21 @@ pub(super) struct NodeSeed {
     address: SocketAddr,
     client: Option<ClientId>,
     interest: Option<Area>,
-    report_every: u64,
     checkpoint_every: u64,
     patience: Duration,
 }
 
 impl From<&NodeConfig> for NodeSeed {
     fn from(config: &NodeConfig) -> Self {
-        let NodeConfig { id, address, client, interest, report_every, checkpoint_every, patience } = *config;
-        Self { id, address, client, interest, report_every, checkpoint_every, patience }
+        let NodeConfig { id, address, client, interest, checkpoint_every, patience } = *config;
+        Self { id, address, client, interest, checkpoint_every, patience }
     }
 }
 
 impl From<&NodeSeed> for NodeConfig {
     fn from(seed: &NodeSeed) -> Self {
-        let NodeSeed { id, address, client, interest, report_every, checkpoint_every, patience } = *seed;
-        Self { id, address, client, interest, report_every, checkpoint_every, patience }
+        let NodeSeed { id, address, client, interest, checkpoint_every, patience } = *seed;
+        Self { id, address, client, interest, checkpoint_every, patience }
     }
 }
 

@@ -11,8 +11,8 @@ use crate::physics::{
     Region, RegionHost, StepSettings, joint_record,
 };
 use crate::protocol::{
-    Check, ContactLedger, Controller, Drive, Invalid, JointRecord, LinkMotion, Push, StateHasher, Velocity,
-    WorldEvents, WorldPose,
+    BodyKind, BodyRecord, Check, ContactLedger, Controller, Drive, Invalid, JointRecord, LinkMotion, Push,
+    StateHasher, Velocity, WorldEvents, WorldPose,
 };
 use crate::recording::Operation;
 use crate::scene::Scene;
@@ -27,8 +27,11 @@ pub enum Partitioning {
     /// bodies lie more than 32 km apart, since f32 would not give one region millimetres.
     #[default]
     Auto,
-    /// This many, by halving the largest across its longest axis; 1 to 256.
+    /// This many, 1 to 256, by halving the largest across its longest axis; across that of gravity only where it could not be
+    /// halved otherwise, since a level cut goes through what lies on the ground.
     Regions(usize),
+    /// This many, by planes across these axes alone.
+    RegionsAcross(usize, Vec<Axis>),
     /// By these planes (metres of world space), each through the whole world.
     Cuts(Vec<(Axis, f64)>),
 }
@@ -99,7 +102,16 @@ impl WorldConfig {
     pub fn tree(&self) -> Result<DistributionTree, TreeError> {
         match &self.partitioning {
             Partitioning::Auto => DistributionTree::halved(self.bounds, 1),
-            Partitioning::Regions(count) => DistributionTree::halved(self.bounds, *count),
+            Partitioning::Regions(count) => {
+                let upright = upright_axes(self.step.gravity);
+                match DistributionTree::halved_across(self.bounds, *count, &upright) {
+                    Err(TreeError::Limits(_)) => DistributionTree::halved(self.bounds, *count),
+                    cut => cut,
+                }
+            }
+            Partitioning::RegionsAcross(count, axes) => {
+                DistributionTree::halved_across(self.bounds, *count, axes)
+            }
             Partitioning::Cuts(planes) => DistributionTree::cut_by(self.bounds, planes),
         }
     }
@@ -130,6 +142,18 @@ pub enum WorldError {
     /// No such body.
     #[error("{0} is not in the world: it was removed, or its id belongs to another world")]
     NoBody(BodyId),
+    /// A dynamic body is to be faster than the world lets it be.
+    #[error(
+        "{body} is to move at {speed_m_s} m/s, and what the solver moves here is cut to {limit_m_s} m/s: make it slower, or make the world with a higher speed limit"
+    )]
+    TooFast {
+        /// Which body.
+        body: BodyId,
+        /// How fast.
+        speed_m_s: f32,
+        /// The world's limit ([`StepSettings::speed_limit_m_s`]).
+        limit_m_s: f32,
+    },
     /// Not a vehicle.
     #[error("{0} is no vehicle; insert it by World::insert_vehicle")]
     NoVehicle(BodyId),
@@ -213,7 +237,7 @@ impl LocalWorld {
     fn with_tree(config: WorldConfig, tree: DistributionTree) -> Result<Self, WorldError> {
         config.check()?;
         let why = match config.partitioning {
-            Partitioning::Regions(_) | Partitioning::Cuts(_) => Why::Asked,
+            Partitioning::Regions(_) | Partitioning::RegionsAcross(..) | Partitioning::Cuts(_) => Why::Asked,
             Partitioning::Auto if tree.leaf_count() > 1 => Why::Spread,
             Partitioning::Auto if config.balance.is_some() => Why::Balance,
             Partitioning::Auto => Why::Exact,
@@ -245,6 +269,8 @@ impl LocalWorld {
         let (bodies, joints) = scene.records(world.host.shapes_mut()).map_err(HostError::from)?;
         world.next_body = bodies.len() as u32;
         world.next_joint = joints.len() as u64;
+        let limit_m_s = world.host.settings().speed_limit_m_s();
+        bodies.iter().try_for_each(|body| check_speed(body, limit_m_s))?;
         world.host.insert(bodies, &joints)?;
         world.host.set_viewpoints(scene.viewpoints.clone());
         Ok(world)
@@ -286,6 +312,7 @@ impl LocalWorld {
         let next = self.next_body.checked_add(1).ok_or(WorldError::Full)?;
         let record = self.host.shapes_mut().describe(id, pose, body, colliders).map_err(HostError::from)?;
         let record = record.with_controller(controller);
+        check_speed(&record, self.host.settings().speed_limit_m_s())?;
         let taped = self.tape.is_some().then(|| record.clone());
         self.host.insert(vec![record], &[])?;
         self.tape_bodies(taped.into_iter().collect());
@@ -603,6 +630,13 @@ impl LocalWorld {
         if !velocity.is_finite() {
             return Err(HostError::NotFinite(body).into());
         }
+        let limit_m_s = self.host.settings().speed_limit_m_s();
+        if !velocity.is_within(limit_m_s)
+            && let Some(mut record) = self.host.record(body)
+        {
+            record.state.velocity = velocity;
+            check_speed(&record, limit_m_s)?;
+        }
         let done = self.host.steer(body, &velocity);
         self.tape(done, || Operation::SetVelocity(body, velocity));
         if done { Ok(()) } else { Err(WorldError::NoBody(body)) }
@@ -739,6 +773,25 @@ impl LocalWorld {
         };
         self.regions().filter(owns).count()
     }
+}
+
+/// Refuses a dynamic body that is faster than the solver would let it be. What was read from a body that is at the limit may be above it
+/// by rounding.
+pub(crate) fn check_speed(body: &BodyRecord, limit_m_s: f32) -> Result<(), WorldError> {
+    let velocity = &body.state.velocity;
+    if body.traits.kind != BodyKind::Dynamic || velocity.is_within(limit_m_s * 1.000_01) {
+        return Ok(());
+    }
+    let speed_m_s = velocity.linear.iter().map(|v| v * v).sum::<f32>().sqrt();
+    Err(WorldError::TooFast { body: body.id, speed_m_s, limit_m_s })
+}
+
+/// Returns the axes other than the one along which gravity pulls most: all where there is none.
+fn upright_axes(gravity: [f32; 3]) -> Vec<Axis> {
+    let pull = |axis: Axis| gravity[axis.index()].abs();
+    let pulled = Axis::ALL.into_iter().filter(|&axis| pull(axis) > 0.0);
+    let down = pulled.max_by(|&a, &b| pull(a).total_cmp(&pull(b)));
+    Axis::ALL.into_iter().filter(|&axis| Some(axis) != down).collect()
 }
 
 fn check(config: &WorldConfig) -> Result<(), WorldError> {

@@ -40,8 +40,6 @@ pub struct MemberConfig {
     pub advertise: Option<SocketAddr>,
     /// Regions stepped at a time.
     pub threads: usize,
-    /// Ticks between reports of moved bodies to clients.
-    pub report_every: u64,
     /// Ticks between checkpoints to the server.
     pub checkpoint_every: u64,
     /// How long the node waits for others before it computes speculative ticks for its clients.
@@ -68,7 +66,6 @@ impl MemberConfig {
             listen: SocketAddr::new(interface_towards(server.ip().to_canonical()), 0),
             advertise: None,
             threads: 1,
-            report_every: 3,
             checkpoint_every: 12,
             patience: Duration::from_millis(100),
             give_up: GIVE_UP,
@@ -184,7 +181,6 @@ impl Member {
             address: advertised,
             client: who.client(),
             interest: config.interest,
-            report_every: config.report_every,
             checkpoint_every: config.checkpoint_every,
             patience: config.patience,
         });

@@ -60,6 +60,8 @@ pub use end_request::{WorldEnd, end_world};
 pub use ending::{Cause, Reason};
 #[cfg(feature = "net")]
 pub use error::ProcessError;
+#[cfg(feature = "net")]
+pub(crate) use local::check_speed;
 pub use local::{LocalWorld, Partitioning, Stats, WorldConfig, WorldError};
 #[cfg(feature = "net")]
 pub use member::{Member, MemberConfig, NodeSummary, Onlooker};

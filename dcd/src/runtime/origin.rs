@@ -1,12 +1,13 @@
 //! Makes of a scene, or of a world in this process, what a served world begins with.
 
-use rapier3d::prelude::IntegrationParameters;
-
+use super::local::check_speed;
 use super::saved::contents;
 use super::{LocalWorld, Partitioning, ProcessError, ServeConfig, Why, WorldConfig, WorldError};
 use crate::cluster::Record;
 use crate::physics::{Coupling, Partition, RegionHost, ShapeLibrary, StepSettings};
-use crate::protocol::{BodyKind, BodyRecord, EnvironmentProperties, JointRecord, ShapeRecord, SyncProtocol};
+use crate::protocol::{
+    BodyKind, BodyRecord, EnvironmentProperties, JointRecord, MAX_STATE_TICKS, ShapeRecord, SyncProtocol,
+};
 use crate::scene::Scene;
 use crate::space::{Balance, DistributionTree, Epoch};
 
@@ -73,11 +74,16 @@ pub(super) fn world_of(
     config: &ServeConfig,
 ) -> Result<(EnvironmentProperties, Record), ProcessError> {
     let Beginning { tree, balance, halo_m, step, shapes, bodies, joints } = beginning;
-    if step.integration != IntegrationParameters::default() {
-        let range = "a served world is stepped with Rapier's own parameters: leave them at their defaults";
+    if !(1..=MAX_STATE_TICKS).contains(&config.state_every) {
+        let (what, range) = ("state_every", "a number of ticks from 1 to 30");
+        return Err(WorldError::Setting { what, value: config.state_every.to_string(), range }.into());
+    }
+    if !step.can_be_served() {
+        let range = "a served world is stepped with Rapier's own parameters: leave all but the speed limit at their defaults";
         let (what, value) = ("step.integration", "changed".to_owned());
         return Err(WorldError::Setting { what, value, range }.into());
     }
+    bodies.iter().try_for_each(|body| check_speed(body, step.speed_limit_m_s()))?;
     let mut host = RegionHost::new(Partition::new(tree.clone(), halo_m), step, 1, &[])?;
     for record in &shapes {
         host.shapes_mut().add(record.clone())?;
@@ -107,6 +113,7 @@ pub(super) fn world_of(
         protocol,
         thresholds: config.groups.thresholds,
         pace: config.pace,
+        state_every: config.state_every,
         last_tick: config.last_tick,
     };
     Ok((environment, record))

@@ -3,8 +3,6 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use rapier3d::prelude::IntegrationParameters;
-
 use super::choice::Why;
 use super::local::LocalWorld;
 use super::{ProcessError, WorldError};
@@ -64,7 +62,7 @@ pub(super) fn saved_of(
     if theirs != (step.dt_s, step.gravity) {
         return Err(ProcessError::OtherSteps { theirs, ours: (step.dt_s, step.gravity) });
     }
-    if host.settings().integration != IntegrationParameters::default() {
+    if !host.settings().can_be_served() {
         let (field, rule) =
             ("step.integration", "Rapier's own parameters, with which served worlds are stepped");
         return Err(ProcessError::Unservable { field, rule });

@@ -25,6 +25,9 @@ pub struct ServeConfig {
     pub nodes: usize,
     /// How fast ticks follow one another.
     pub pace: Pace,
+    /// Ticks from one state of a moving body that clients are told to the next, 1 to 30: what they show between is interpolated, and
+    /// the more often they are told, the more bytes it takes.
+    pub state_every: u32,
     /// Stop after this tick.
     pub last_tick: Option<Tick>,
     /// The fastest that avatars may be asked to move, m/s.
@@ -40,7 +43,7 @@ pub struct ServeConfig {
 
 impl ServeConfig {
     /// Returns the usual settings: any free port of this machine alone, one node to wait for, in real time, until it is stopped,
-    /// avatars of up to 20 m/s that wait an hour for their client.
+    /// states every third tick, avatars of up to 20 m/s that wait an hour for their client.
     #[must_use]
     pub fn new(data: impl Into<PathBuf>) -> Self {
         Self {
@@ -49,6 +52,7 @@ impl ServeConfig {
             fresh: false,
             nodes: 1,
             pace: Pace::RealTime,
+            state_every: 3,
             last_tick: None,
             avatar_speed_limit: 20.0,
             avatar_expiry: AVATAR_EXPIRY,

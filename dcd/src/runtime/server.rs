@@ -234,6 +234,11 @@ impl ServerProcess {
         })
     }
 
+    /// Returns the fastest that a dynamic body of the world moves, m/s.
+    pub(crate) fn speed_limit_m_s(&self) -> f32 {
+        self.properties.step.speed_limit_m_s
+    }
+
     /// Returns the connections with nodes and clients, also those whose links broke a moment ago.
     pub fn connections(&self) -> &Connections {
         &self.connections

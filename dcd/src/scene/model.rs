@@ -23,6 +23,8 @@ pub struct Scene {
     pub joints: Vec<SceneJoint>,
     /// Rapier's iterations per step.
     pub solver_iterations: usize,
+    /// The fastest that a dynamic body moves, m/s.
+    pub speed_limit_m_s: f32,
     /// Number of regions that suits the scene, when it says so.
     pub regions: Option<usize>,
     /// The first cuts, when the scene says so: an axis and metres on it, each cut dividing all regions it meets.
@@ -84,7 +86,7 @@ impl Scene {
             gravity: self.gravity,
             dt_s: self.dt_s,
             solver_iterations: self.solver_iterations,
-            ..StepSettings::default()
+            ..StepSettings::default().with_speed_limit(self.speed_limit_m_s)
         })
     }
 
@@ -97,6 +99,7 @@ impl Scene {
         world.configure_thread_pool(1).expect("the system has one more thread");
         world.integration_parameters.dt = self.dt_s;
         world.integration_parameters.num_solver_iterations = self.solver_iterations;
+        world.integration_parameters.normalized_max_linear_velocity = self.speed_limit_m_s;
         let handles: Vec<_> = self
             .bodies
             .iter()
@@ -147,6 +150,7 @@ impl Scene {
             bodies: Vec::new(),
             joints: Vec::new(),
             solver_iterations: 4,
+            speed_limit_m_s: StepSettings::default().speed_limit_m_s(),
             regions: None,
             cuts: Vec::new(),
             balance: None,

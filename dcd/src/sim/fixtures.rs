@@ -23,6 +23,7 @@ pub fn sim_world(regions: usize) -> EnvironmentProperties {
             depth: 2,
             island_limit: 256,
             tolerance_m_s: 0.03,
+            speed_limit_m_s: 400.0,
         },
         tree: DistributionTree::halved(bounds, regions).expect("a small number of regions"),
         balance: None,
@@ -31,6 +32,7 @@ pub fn sim_world(regions: usize) -> EnvironmentProperties {
         protocol: SyncProtocol::Synchronised,
         thresholds: Thresholds::default(),
         pace: Pace::RealTime,
+        state_every: 3,
         last_tick: None,
     }
 }

@@ -15,7 +15,7 @@ use super::{
     Violation,
 };
 use crate::cluster::Peer;
-use crate::protocol::{DelayThresholds, SyncProtocol, Thresholds, Velocity};
+use crate::protocol::{DelayThresholds, MAX_STATE_TICKS, SyncProtocol, Thresholds, Velocity};
 use crate::space::{ClientId, NodeId, Tick};
 
 /// Longest time after the calm has begun until all is well.
@@ -213,9 +213,9 @@ struct Trial<'a> {
 impl<'a> Trial<'a> {
     fn new(config: &'a TrialConfig, promise: Promise, seed: u64, schedule: &Schedule) -> Self {
         // 100 ms are three ticks of half the rate of a real world, or a sixth of what it does.
-        let (rate, report_every) = match schedule.rate {
+        let (rate, state_every) = match schedule.rate {
             Some(rate) => (rate, 1),
-            None => (config.rate, (config.rate / 10).max(1).into()),
+            None => (config.rate, (config.rate / 10).clamp(1, MAX_STATE_TICKS)),
         };
         let sites = schedule.sites;
         let delay = (sites > 1).then_some(DELAYS);
@@ -238,7 +238,7 @@ impl<'a> Trial<'a> {
                 0 => SyncProtocol::Synchronised,
                 lag_ticks => SyncProtocol::Unsynchronised { lag_ticks },
             },
-            report_every,
+            state_every,
             checkpoint_every: (rate / 5).max(1).into(),
             record: config.record,
             ..SimConfig::default()

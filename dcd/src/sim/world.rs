@@ -51,8 +51,8 @@ pub struct SimConfig {
     pub balance: Option<Balance>,
     /// The rules of grouping.
     pub grouping: Grouping,
-    /// Ticks between nodes' reports of moved bodies to their leader.
-    pub report_every: u64,
+    /// Ticks from one state that clients are told to the next.
+    pub state_every: u32,
     /// Ticks between nodes' checkpoints of moved bodies to the server.
     pub checkpoint_every: u64,
     /// Whether its nodes are recorded.
@@ -77,7 +77,7 @@ impl Default for SimConfig {
             protocol: SyncProtocol::Synchronised,
             balance: None,
             grouping: Grouping::default(),
-            report_every: 3,
+            state_every: 3,
             checkpoint_every: 6,
             record: false,
         }
@@ -213,6 +213,7 @@ impl Sim {
         let checker = Checker::new(movable.map(|body| body.id), config.protocol.lag_ticks());
         (world.thresholds, world.protocol) = (config.thresholds, config.protocol);
         world.balance = config.balance.or(world.balance);
+        world.state_every = config.state_every;
         let server_config = ServerConfig {
             world,
             min_nodes: config.nodes.max(1) as usize,
@@ -293,7 +294,6 @@ impl Sim {
             address,
             client,
             interest: None,
-            report_every: self.config.report_every,
             checkpoint_every: self.config.checkpoint_every,
             patience: Duration::from_millis(100),
         };

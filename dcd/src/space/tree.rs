@@ -30,7 +30,7 @@ impl Default for Limits {
 #[non_exhaustive]
 pub enum TreeError {
     /// The bounds of the world are not a box.
-    #[error("the world's bounds from {:?} to {:?} are no finite box: give a lowest corner (min) below a highest one (max)", .0.min, .0.max)]
+    #[error("the world's bounds from {:?} to {:?} are no finite box: give a lowest corner (min) below a highest one (max) along every axis", .0.min, .0.max)]
     Bounds(Bounds),
     /// More or fewer regions than a world can have.
     #[error("{0} regions asked for: a world has 1 to {MAX_REGIONS}")]
@@ -129,7 +129,7 @@ pub struct DistributionTree {
 impl DistributionTree {
     /// Creates a tree with one leaf, the root.
     pub fn new(bounds: Bounds, limits: Limits) -> Result<Self, TreeError> {
-        if !bounds.is_finite() {
+        if !bounds.is_finite() || bounds.size().contains(&0.0) {
             return Err(TreeError::Bounds(bounds));
         }
         let limits = Limits {
@@ -142,17 +142,24 @@ impl DistributionTree {
 
     /// Creates a tree of `count` regions: the largest leaf is halved across its longest axis until there are enough.
     pub fn halved(bounds: Bounds, count: usize) -> Result<Self, TreeError> {
+        Self::halved_across(bounds, count, &Axis::ALL)
+    }
+
+    /// Creates a tree of `count` regions, as [`DistributionTree::halved`], by planes across these axes alone.
+    pub fn halved_across(bounds: Bounds, count: usize, axes: &[Axis]) -> Result<Self, TreeError> {
         let mut tree = Self::new(bounds, Limits::default())?;
         if count == 0 || count > MAX_REGIONS {
             return Err(TreeError::Count(count));
         }
         while tree.leaf_count() < count {
+            let volume_m3 = |leaf: RegionId| tree.part(leaf).size().iter().product::<f64>();
             let largest = tree
                 .leaves()
-                .filter(|&leaf| tree.may_halve(leaf))
-                .max_by(|&a, &b| tree.volume_m3(a).total_cmp(&tree.volume_m3(b)).then(b.cmp(&a)))
-                .ok_or(TreeError::Limits(tree.leaf_count()))?;
-            tree.split(largest)?;
+                .filter_map(|leaf| Some((leaf, tree.longest_of(leaf, axes)?)))
+                .max_by(|(a, _), (b, _)| volume_m3(*a).total_cmp(&volume_m3(*b)).then(b.cmp(a)));
+            let (largest, axis) = largest.ok_or(TreeError::Limits(tree.leaf_count()))?;
+            let at = tree.part(largest).centre()[axis.index()];
+            tree.split_at(largest, axis, at)?;
         }
         Ok(tree)
     }
@@ -442,14 +449,15 @@ impl DistributionTree {
         }
     }
 
-    fn may_halve(&self, leaf: RegionId) -> bool {
-        let part = self.part(leaf);
-        depth(leaf) < self.limits.largest_depth
-            && part.size()[part.longest_axis().index()] * 0.5 >= self.limits.smallest_edge_m
-    }
-
-    fn volume_m3(&self, vertex: RegionId) -> f64 {
-        self.part(vertex).size().iter().product()
+    /// Returns the longest of these axes of a leaf, the first of equals, if the limits let it be halved across that.
+    fn longest_of(&self, leaf: RegionId, axes: &[Axis]) -> Option<Axis> {
+        let size = self.part(leaf).size();
+        let longer =
+            |best: Axis, axis: Axis| if size[axis.index()] > size[best.index()] { axis } else { best };
+        let axis = axes.iter().copied().reduce(longer)?;
+        let may = depth(leaf) < self.limits.largest_depth
+            && size[axis.index()] * 0.5 >= self.limits.smallest_edge_m;
+        may.then_some(axis)
     }
 }
 
@@ -576,5 +584,23 @@ mod tests {
         assert_eq!(tree.leaves().collect::<Vec<_>>(), [RegionId(1), RegionId(2)]);
         assert_eq!(tree.cut_of(RegionId(0)), Some((Axis::X, 0.0)), "across the longest axis");
         assert!(DistributionTree::halved(WORLD, MAX_REGIONS + 1).is_err());
+    }
+
+    #[test]
+    fn halving_across_some_axes_leaves_the_others_whole() {
+        let cube = Bounds::around([0.0; 3], [8.0; 3]);
+        let tree = DistributionTree::halved_across(cube, 8, &[Axis::X, Axis::Z]).unwrap();
+        assert!(tree.inner().all(|vertex| tree.cut_of(vertex).unwrap().0 != Axis::Y));
+        let sizes: Vec<_> = tree.leaves().map(|leaf| tree.part(leaf).size()).collect();
+        assert_eq!(sizes, [[4.0, 16.0, 8.0]; 8]);
+        let thin = Bounds::new([0.0; 3], [2.0, 9.0, 9.0]);
+        assert_eq!(DistributionTree::halved_across(thin, 3, &[Axis::X]), Err(TreeError::Limits(2)));
+    }
+
+    #[test]
+    fn a_box_without_a_volume_is_refused() {
+        let flat = Bounds::new([-4.0, 1.0, -4.0], [4.0, 1.0, 4.0]);
+        let refused = DistributionTree::new(flat, Limits::default());
+        assert_eq!(refused, Err(TreeError::Bounds(flat)));
     }
 }

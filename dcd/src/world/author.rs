@@ -15,12 +15,13 @@ use crate::protocol::{
     Alteration, BodyKind, BodyRecord, BodyTraits, Check, Controller, Drive, Input, Invalid, JointRecord,
     Push, ShapeHash, ShapeRecord, Velocity, WorldPose,
 };
-use crate::runtime::{ServerProcess, WorldError};
+use crate::runtime::{ServerProcess, WorldError, check_speed};
 use crate::space::{BodyId, JointId, Tick};
 
 /// What a server's program has done since the last step, and what nodes have not confirmed yet.
 pub(super) struct Author {
     shapes: ShapeLibrary,
+    speed_limit_m_s: f32,
     /// Shapes that the server was sent.
     sent: BTreeSet<ShapeHash>,
     next_body: u32,
@@ -60,6 +61,7 @@ impl Author {
         let (next_body, next_joint) = server.next_ids;
         Self {
             shapes: ShapeLibrary::default(),
+            speed_limit_m_s: server.speed_limit_m_s(),
             sent: BTreeSet::new(),
             next_body,
             next_joint,
@@ -163,6 +165,7 @@ impl Author {
         let id = BodyId::persistent(self.next_body);
         let record = self.shapes.describe(id, pose, body, colliders)?.with_controller(controller);
         record.check().map_err(refused)?;
+        check_speed(&record, self.speed_limit_m_s)?;
         self.next_body = self.next_body.checked_add(1).ok_or(WorldError::Full)?;
         self.bodies.push(record);
         Ok(id)
@@ -194,7 +197,9 @@ impl Author {
         velocity: Velocity,
     ) -> Result<(), Error> {
         velocity.check().map_err(refused)?;
-        self.movable(server, id, "move fixed bodies")?;
+        let mut body = self.movable(server, id, "move fixed bodies")?;
+        body.state.velocity = velocity;
+        check_speed(&body, self.speed_limit_m_s)?;
         match self.fresh(id) {
             Some(place) => self.bodies[place].steer(velocity),
             None => self.moves.entry(id).or_default().velocity = Some(velocity),

@@ -114,6 +114,13 @@ impl Remote for Hosted {
         self.gravity
     }
 
+    fn speed_limit_m_s(&self) -> f32 {
+        match &self.process {
+            Process::Server(server) => server.speed_limit_m_s(),
+            Process::Node(_) => 0.0,
+        }
+    }
+
     fn step(&mut self) -> Result<(), Error> {
         self.network.listen();
         self.look()?;

@@ -178,6 +178,16 @@ impl World {
         }
     }
 
+    /// Returns the fastest that a dynamic body moves, m/s; 0 for a node, which takes it from its server. What forces and contacts make faster
+    /// is cut to it; a body that is inserted or set to be faster is refused.
+    #[must_use]
+    pub fn speed_limit_m_s(&self) -> f32 {
+        match &self.inner {
+            Inner::Local(world) => world.host().settings().speed_limit_m_s(),
+            Inner::Remote(world) => world.speed_limit_m_s(),
+        }
+    }
+
     /// Returns the world that this process computes alone, or why its role cannot do `what`; `instead` is for clients and
     /// participants.
     #[doc(hidden)]

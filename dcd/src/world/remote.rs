@@ -33,6 +33,7 @@ pub(super) trait Remote: Send + Sync {
     fn tick(&self) -> Tick;
     fn dt_s(&self) -> f32;
     fn gravity(&self) -> [f32; 3];
+    fn speed_limit_m_s(&self) -> f32;
     /// Sends inputs and takes in what has come; waits for nothing.
     fn step(&mut self) -> Result<(), Error>;
     /// Waits for what the next step would take in; returns whether it came.

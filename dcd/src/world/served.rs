@@ -218,6 +218,10 @@ impl Remote for Served {
         self.environment.step.gravity
     }
 
+    fn speed_limit_m_s(&self) -> f32 {
+        self.environment.step.speed_limit_m_s
+    }
+
     fn sees(&self, _what: &'static str) -> Result<(), Error> {
         Ok(())
     }

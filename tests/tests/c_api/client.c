@@ -245,7 +245,7 @@ static void plays(DcdWorld world, DcdRole expected, const char *role)
     HOLDS(dcd_body_is_valid(world, avatar) && pose_of(world, avatar).p[1] == 50.0);
     OK(dcd_own_avatars(world, found, 4, &count));
     HOLDS(count == 1 && found[0].v == avatar.v);
-    FAILS(dcd_own_avatars(world, NULL, 0, &count), DCD_ERR_SMALL_BUFFER, "1");
+    OK(dcd_own_avatars(world, NULL, 0, &count));
     refuses(world, box, avatar, role);
 
     HOLDS(await_change(world, avatar, DCD_BODY_APPEARED).user_data == 7);

@@ -56,6 +56,11 @@ fn installed_it_is_found_by_cmake_by_pkg_config_and_by_hand() {
     let needed = run_well(Command::new("readelf").arg("--dynamic").arg(games.join("c_shared")));
     assert!(needed.contains("[libdcd.so.0.1]"), "{needed}");
 
+    assert!(prefix.join("share/dcd/valgrind.supp").is_file());
+    let cache = std::fs::read_to_string(games.join("CMakeCache.txt")).unwrap();
+    let named = cache.lines().find_map(|line| line.strip_prefix("VALGRIND_SUPPRESSIONS:FILEPATH="));
+    assert!(named.is_some_and(|file| Path::new(file).is_file()), "find_package names it: {named:?}");
+
     by_hand(&prefix);
     if is_installed("pkg-config") {
         by_pkg_config(&prefix);
@@ -93,6 +98,8 @@ fn by_pkg_config(prefix: &Path) {
     };
     for package in ["dcd", "dcd-static"] {
         assert_eq!(pkg_config(&["--modversion", package]), ["0.1.0"]);
+        let suppressions = pkg_config(&["--variable=valgrind_suppressions", package]);
+        assert!(Path::new(&suppressions[0]).is_file(), "{suppressions:?}");
         compile_and_run(prefix, &pkg_config(&["--cflags", "--libs", package]));
     }
 }

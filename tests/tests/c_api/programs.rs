@@ -218,7 +218,7 @@ fn valgrind_finds_nothing_in_the_programs() {
             "--leak-check=full",
             "--errors-for-leak-kinds=definite",
         ]);
-        valgrind.arg(format!("--suppressions={}", root().join("tests/tests/c_api/valgrind.supp").display()));
+        valgrind.arg(format!("--suppressions={}", root().join("dcd-ffi/valgrind.supp").display()));
         run_well(valgrind.arg(build(&source, dir.path(), &[])).current_dir(dir.path()));
     }
 }

@@ -197,6 +197,17 @@ static void joints_and_shapes()
         }
         const dcd::Pose pose = world.body_get(joint.b)->pose;
         HOLDS(std::fabs(std::hypot(pose.p[0], pose.p[1], pose.p[2]) - 2.0) < 0.02);
+        dcd::JointMotor motor;
+        motor.velocity = 1.0f;
+        motor.damping = 10.0f;
+        HOLDS(world.joint_set_motor(tie, DCD_AXIS_TURN_Z, motor));
+        HOLDS(world.joint_get_motor(tie, DCD_AXIS_TURN_Z)->damping == 10.0f);
+        HOLDS(world.joint_set_motor(tie, DCD_AXIS_TURN_Z, nullptr));
+        HOLDS(world.joint_get_motor(tie, DCD_AXIS_TURN_Z)->damping == 0.0f);
+        HOLDS(world.joint_set_limit(tie, DCD_AXIS_TURN_Z, -1.0f, 1.0f));
+        HOLDS(world.joint_get_limit(tie, DCD_AXIS_TURN_Z)->at(1) == 1.0f);
+        HOLDS(world.joint_set_limit(tie, DCD_AXIS_TURN_Z, nullptr));
+        HOLDS(std::isinf(world.joint_get_limit(tie, DCD_AXIS_TURN_Z)->at(1)));
     }
     HOLDS(world.joint_destroy(dcd::JointId{ 1 }).code() == DCD_ERR_STALE_ID);
     for (int i = 0; i < 60; i++) {
@@ -312,6 +323,16 @@ static void what_is_set_counts()
     HOLDS(world.body_get(body)->pose.p[1] == 3.0 && world.body_get(body)->velocity.linear[0] == 1.0f);
     HOLDS(world.body_sleep(body) && world.body_info(body)->sleeping);
     HOLDS(world.body_wake(body) && !world.body_info(body)->sleeping);
+    def.body_type = DCD_KINEMATIC_POSE;
+    def.pose.p[0] = 5.0;
+    const dcd::BodyId lift = *world.body_create(def), both[] = { lift, { 99 } };
+    dcd::Pose targets[] = { def.pose, def.pose };
+    targets[0].p[1] = 10.5;
+    DcdStatus each[2] = { 1, 1 };
+    HOLDS(world.state_write_targets(both, targets, 0, each) && each[0] == DCD_OK && each[1] == DCD_ERR_STALE_ID);
+    HOLDS(world.state_write_targets(both, targets).code() == DCD_ERR_STALE_ID);
+    HOLDS(world.step() && std::fabs(world.body_get(lift)->pose.p[1] - 10.5) < 1e-5);
+    HOLDS(world.state_read(both, targets, 0, each) && each[1] == DCD_ERR_STALE_ID && targets[0].p[1] > 10.4);
     HOLDS(world.shape_destroy(def.shape) && world.body_destroy(ground));
     const dcd::BodyId rest[] = { body };
     HOLDS(world.bodies_destroy(rest) && !world.body_is_valid(body));

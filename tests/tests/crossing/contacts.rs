@@ -84,6 +84,22 @@ fn a_removed_body_ends_its_contacts_in_the_next_tick() {
     assert!(ends.len() == 2 && ends.iter().all(|touch| touch.0 == 31 && !touch.3), "{seen:?}");
 }
 
+#[test]
+fn a_destroyed_sensor_ends_its_contacts_as_a_sensor() {
+    for removes_the_zone in [true, false] {
+        let mut world = LocalWorld::new(weightless(halves(Coupling::Auto))).unwrap();
+        let zone = ColliderBuilder::cuboid(2.0, 2.0, 2.0).sensor(true);
+        let zone = zone.active_events(ActiveEvents::COLLISION_EVENTS);
+        let zone = world.insert(RigidBodyBuilder::fixed(), zone).unwrap();
+        let ball = world.insert(body_at(-1.0, 0.0, 0.0), ColliderBuilder::ball(0.25)).unwrap();
+        steps(&mut world, 2);
+        world.remove(if removes_the_zone { zone } else { ball }).unwrap();
+        world.step().unwrap();
+        let ends = world.events().touches.iter().filter(|touch| !touch.began);
+        assert_eq!(ends.map(|touch| touch.sensor).collect::<Vec<_>>(), [true], "{removes_the_zone}");
+    }
+}
+
 /// Boxes of 1 kg stacked over a border, which tell of forces above a threshold.
 fn stack(config: WorldConfig, threshold_n: f32) -> (LocalWorld, BodyId, Vec<BodyId>) {
     let mut world = LocalWorld::new(config).unwrap();

@@ -51,7 +51,7 @@ pub(super) struct Run {
     /// Sets a parameter of the scene; may be given several times
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
-    /// Regions, by halving the largest; 0 steps one bare Rapier world instead, on one thread: the reference
+    /// Regions, by upright planes that halve the largest; 0 steps one bare Rapier world instead, on one thread: the reference
     /// [default: what the scene says, else 1, which is exact; more only where bodies lie too far apart for the f32 of one]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(0..=MAX_REGIONS as i64), conflicts_with = "cut")]
     regions: Option<u16>,

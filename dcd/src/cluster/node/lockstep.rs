@@ -495,8 +495,7 @@ impl Node {
             tick if tick.0.is_multiple_of(every) => Sampling::Moved,
             _ => Sampling::Nothing,
         };
-        let (mut report, checkpoint) =
-            (sample(self.config.report_every), sample(self.config.checkpoint_every));
+        let (mut report, checkpoint) = (sample(self.state_every()), sample(self.config.checkpoint_every));
         if report == Sampling::Moved && std::mem::take(&mut self.report_all) {
             report = Sampling::All;
         }
@@ -504,6 +503,11 @@ impl Node {
         self.phase = Phase::Computing(tick, round + 1);
         let load = self.world.as_ref().and_then(load_every).is_some_and(|every| tick.0.is_multiple_of(every));
         self.ask(PhysicsCommand::Accept { tick, round, incoming, report, checkpoint, load });
+    }
+
+    /// Returns after how many ticks moved bodies are reported to the leader.
+    pub(super) fn state_every(&self) -> u64 {
+        self.world.as_ref().map_or(1, |world| u64::from(world.state_every))
     }
 
     /// Returns whether the world has ended here.

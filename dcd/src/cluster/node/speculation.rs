@@ -65,7 +65,7 @@ impl Node {
     pub(super) fn speculated(&mut self, states: Vec<SharedState>) {
         let Some((count, _)) = self.speculation.running else { return };
         // As often as of ticks that count: more would crowd those out on a thin link.
-        if (count - 1) % self.config.report_every != 0 {
+        if !(count - 1).is_multiple_of(self.state_every()) {
             return;
         }
         let tick = Tick(self.tick.0 + count);

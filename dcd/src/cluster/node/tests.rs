@@ -20,14 +20,14 @@ fn member() -> Node {
     member_with(None, 1, sim_world(2))
 }
 
-fn member_with(client: Option<ClientId>, report_every: u64, world: EnvironmentProperties) -> Node {
-    adopted(client, report_every, world).0
+fn member_with(client: Option<ClientId>, state_every: u32, world: EnvironmentProperties) -> Node {
+    adopted(client, state_every, world).0
 }
 
 /// And what it says when the view begins.
 fn adopted(
     client: Option<ClientId>,
-    report_every: u64,
+    state_every: u32,
     world: EnvironmentProperties,
 ) -> (Node, Vec<NodeOutput>) {
     let address = ([127, 0, 0, 1], 1).into();
@@ -36,10 +36,10 @@ fn adopted(
         address,
         client,
         interest: None,
-        report_every,
         checkpoint_every: 1,
         patience: Duration::from_millis(100),
     };
+    let world = EnvironmentProperties { state_every, ..world };
     let world_tree = world.tree.clone();
     let mut node = Node::new(config);
     node.handle(NOW, NodeEvent::Connected(Peer::Server));

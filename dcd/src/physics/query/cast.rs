@@ -120,19 +120,25 @@ impl Queries<'_> {
             for (handle, collider) in pipeline.intersect_aabb_conservative(swept(shape, &motion, &times)) {
                 let at = NonlinearRigidMotion::identity().prepend(*collider.position());
                 let (start, end) = (times.start, times.end);
-                let hit = pipeline
-                    .dispatcher
-                    .cast_shapes_nonlinear(
+                let cast = |onto: &dyn Shape| {
+                    let hit = pipeline.dispatcher.cast_shapes_nonlinear(
                         &at,
-                        collider.shape(),
+                        onto,
                         &motion,
                         shape,
                         start,
                         end,
                         stop_at_penetration,
-                    )
-                    .ok()
-                    .flatten();
+                    );
+                    hit.ok().flatten()
+                };
+                let hit = match collider.shape().as_heightfield() {
+                    Some(field) => {
+                        let swept = swept(shape, &motion, &times);
+                        onto_terrain(field, &swept.transform_by(&collider.position().inverse()), cast)
+                    }
+                    None => cast(collider.shape()),
+                };
                 let Some(hit) = hit.map(|hit| hit.transform1_by(collider.position())) else { continue };
                 let near = shape.compute_aabb(&motion.position_at_time(hit.time_of_impact)).loosened(0.1);
                 keep_earlier(&mut best, shape_hit(answerer, handle, &hit, near));
@@ -169,6 +175,9 @@ fn shape_hit(
     near: Aabb,
 ) -> Option<ShapeHit> {
     let id = answerer.name(handle, near)?;
+    let collider = &answerer.pipeline.colliders[handle];
+    let terrain = collider.shape().as_heightfield();
+    let on_terrain = |field| triangle_at(field, collider.position().inverse_transform_point(hit.witness1));
     Some(ShapeHit {
         body: id.body,
         collider: id.index,
@@ -178,6 +187,35 @@ fn shape_hit(
         point_on_shape: hit.witness2.to_array(),
         normal_on_shape: hit.normal2.to_array(),
         status: hit.status,
-        subshape: hit.subshape1,
+        subshape: terrain.and_then(on_terrain).unwrap_or(hit.subshape1),
     })
+}
+
+/// Returns the first hit on a triangle of terrain in a box of its space: Parry 0.31 casts nothing that turns onto terrain.
+fn onto_terrain(
+    field: &HeightField,
+    near: &Aabb,
+    cast: impl Fn(&dyn Shape) -> Option<ShapeCastHit>,
+) -> Option<ShapeCastHit> {
+    let mut first: Option<ShapeCastHit> = None;
+    field.map_elements_in_local_aabb(near, &mut |_, triangle| {
+        let Some(hit) = cast(triangle) else { return };
+        if first.is_none_or(|first| hit.time_of_impact < first.time_of_impact) {
+            first = Some(hit);
+        }
+    });
+    first
+}
+
+/// Returns the triangle of terrain that a point on it lies on, by the number that rays give it: Parry 0.31 tells which one a shape
+/// hit of meshes and compounds alone.
+fn triangle_at(field: &HeightField, point: Vector) -> Option<u32> {
+    let mut nearest: Option<(f32, u32)> = None;
+    field.map_elements_in_local_aabb(&Aabb::new(point, point).loosened(0.01), &mut |id, triangle| {
+        let away = triangle.distance_to_local_point(point, true);
+        if nearest.is_none_or(|(least, _)| away < least) {
+            nearest = Some((away, id));
+        }
+    });
+    nearest.map(|(_, id)| id)
 }

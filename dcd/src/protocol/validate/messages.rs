@@ -16,6 +16,7 @@ impl Check for EnvironmentProperties {
             must(false, what, range)?;
         }
         must(self.protocol.lag_ticks() <= u64::from(MAX_LAG), "world.lag_ticks", "at most 60")?;
+        must((1..=MAX_STATE_TICKS).contains(&self.state_every), "world.state_every", "1 to 30")?;
         let Bounds { min, max } = self.tree.bounds();
         must(min.iter().chain(&max).all(|v| v.abs() <= WORLD_REACH_M), "world.bounds", "within 1e9 m")?;
         must(self.tree.is_sound(), "world.tree", "connected, cut inside its cells and within its limits")

@@ -62,12 +62,14 @@ fn a_file_chooses_how_regions_agree() {
     let overlap = step("coupling = \"overlap\"\ndepth = 3\nisland_limit = 0\ntolerance = 0.5");
     assert_eq!((overlap.coupling, overlap.exchanges, overlap.depth), (Coupling::Overlap, 2, 3));
     assert_eq!((overlap.island_limit, overlap.tolerance_m_s), (0, 0.5));
+    assert_eq!((step("").speed_limit_m_s(), step("speed_limit = 900").speed_limit_m_s()), (400.0, 900.0));
     let draft = step("preset = \"draft\"\nexchanges = 3");
     assert_eq!((draft.coupling, draft.exchanges, draft.island_limit), (Coupling::Auto, 3, 256));
     let wrong = |line, parts: &[&str]| refused(&format!("[world]\n{line}\n{FLOOR}"), 2, parts);
     wrong("coupling = \"magic\"", &["unknown variant `magic`", "`proxy`", "`auto`", "correct this line"]);
     wrong("preset = \"fine\"", &["unknown variant `fine`", "`draft`, `game`, `precise`"]);
     wrong("tolerance = 0", &["0 is not a finite number above 0"]);
+    wrong("speed_limit = -1", &["-1 is not a finite number above 0"]);
     let out_of_range = |line, parts: &[&str]| refused(&format!("[world]\n{line}\n{FLOOR}"), 1, parts);
     out_of_range("exchanges = 65", &["[world] exchanges = 65 is out of range", "from 1 to 64"]);
     out_of_range("depth = 0", &["[world] depth = 0 is out of range", "from 1 to 16"]);

@@ -25,6 +25,7 @@ pub(super) struct WorldDef {
     dt: Option<Positive>,
     bounds: Option<BoundsDef>,
     solver_iterations: Option<usize>,
+    speed_limit: Option<Positive>,
     regions: Option<usize>,
     #[serde(default)]
     cuts: Vec<CutDef>,
@@ -84,6 +85,7 @@ impl WorldDef {
             scene.dt_s = dt.0;
         }
         scene.solver_iterations = self.solver_iterations.unwrap_or(scene.solver_iterations);
+        scene.speed_limit_m_s = self.speed_limit.map_or(scene.speed_limit_m_s, |limit| limit.0);
         scene.regions = within("regions", self.regions, 1..=MAX_REGIONS)?.or(scene.regions);
         if !self.cuts.is_empty() {
             scene.cuts = self.cuts.iter().map(|cut| (cut.axis, f64::from(cut.at.0))).collect();

@@ -24,7 +24,7 @@ fn groups(seed: u64) -> (Sim, Vec<ClientId>) {
         speed_m_s: 2.0,
         network: FaultProfile::GroupsKill.schedule(0).network,
         thresholds: Thresholds { delay: Some(delay), ..Thresholds::default() },
-        report_every: 1,
+        state_every: 1,
         ..SimConfig::default()
     });
     for node in 1..=2 * SITES {

@@ -30,7 +30,7 @@ pub use file::{Background, Reader};
 pub use local::{LocalPhysics, Operation};
 pub use maker::Maker;
 pub use node::tick_of;
-pub use open::{Computers, open};
+pub use open::{Computers, last_tick, open};
 pub use physics::{Physics, Readout, digests_of};
 pub use recorder::Recorder;
 pub use replay::{Mismatch, Replay};

@@ -3,10 +3,11 @@
 use std::io::Read;
 
 use super::entries::Entries;
-use super::entry::Subject;
-use super::local::LocalReplay;
+use super::entry::{NodeEntry, Subject};
+use super::local::{LocalEntry, LocalReplay};
 use super::node::NodeReplay;
 use super::{LocalPhysics, Physics, RecordingError, Replayed};
+use crate::space::Tick;
 
 /// What computes the physics of replays.
 pub trait Computers {
@@ -34,4 +35,27 @@ pub fn open(
             Ok(Box::new(LocalReplay::new(entries, world)))
         }
     }
+}
+
+/// Returns the last tick of a recording, as far as it can be read.
+pub fn last_tick(from: impl Read + Send + 'static) -> Result<Tick, RecordingError> {
+    let (mut entries, subject) = Entries::open(Box::new(from))?;
+    let mut last = Tick(0);
+    match subject {
+        Subject::Node { .. } => {
+            while let Ok(Some(entry)) = entries.next::<NodeEntry>() {
+                if let NodeEntry::Settled(digests) = entry {
+                    last = last.max(digests.tick);
+                }
+            }
+        }
+        Subject::Local => {
+            while let Ok(Some(entry)) = entries.next::<LocalEntry>() {
+                if let LocalEntry::Stepped(digests) = entry {
+                    last = last.max(digests.tick);
+                }
+            }
+        }
+    }
+    Ok(last)
 }

@@ -61,6 +61,11 @@ impl Replay {
         Ok(Self { members, ticks: 0, matches: 0, mismatch: None })
     }
 
+    /// Returns which tick comes next; `None` at the end.
+    pub fn next_tick(&self) -> Option<Tick> {
+        self.members.iter().filter(|member| !member.ended).map(Member::next_tick).min()
+    }
+
     /// Completes the next tick of the member that is furthest back, if it is at most `until`; `false` when all have come to their ends, or
     /// that far.
     pub fn advance(&mut self, until: Tick) -> Result<bool, RecordingError> {
@@ -104,6 +109,11 @@ impl Replay {
         let is_present =
             move |member: &&Member| member.first.is_none() && (tick..=tick.next()).contains(&member.tick);
         self.members.iter().filter(is_present)
+    }
+
+    /// Returns these members: each computes its part of the world as it is then.
+    pub fn present_members(&self) -> impl Iterator<Item = &dyn Replayed> {
+        self.present().map(|member| &*member.replay)
     }
 
     /// Returns how many digests were as recorded.

@@ -51,13 +51,14 @@ impl Member {
 }
 
 impl Replay {
-    /// Begins the replay of these members.
+    /// Begins the replay of these members. A node that was started again is several, of which the last counts.
     pub fn new(members: Vec<Box<dyn Replayed>>) -> Result<Self, RecordingError> {
         let member = |mut replay: Box<dyn Replayed>| {
             let first = replay.advance()?;
             Ok(Member { replay, ended: first.is_none(), first, tick: Tick(0) })
         };
-        let members = members.into_iter().map(member).collect::<Result<_, RecordingError>>()?;
+        let mut members = members.into_iter().map(member).collect::<Result<Vec<Member>, RecordingError>>()?;
+        members.sort_by_key(|member| member.first.as_ref().map(|first| first.tick));
         Ok(Self { members, ticks: 0, matches: 0, mismatch: None })
     }
 
@@ -103,12 +104,20 @@ impl Replay {
         going.map(|member| member.tick).min().unwrap_or(Tick(self.ticks))
     }
 
-    /// Returns the members that are at that tick, or a tick ahead: not those that died before, or come later.
+    /// Returns the members that are at that tick, or a tick ahead: not those that died before, or come later, or have begun anew.
     fn present(&self) -> impl Iterator<Item = &Member> {
         let tick = self.tick();
         let is_present =
-            move |member: &&Member| member.first.is_none() && (tick..=tick.next()).contains(&member.tick);
-        self.members.iter().filter(is_present)
+            move |member: &Member| member.first.is_none() && (tick..=tick.next()).contains(&member.tick);
+        let begins_anew = move |at: usize, node: Option<NodeId>| {
+            self.members[at + 1..].iter().any(|later| later.replay.node() == node && is_present(later))
+        };
+        let present = self
+            .members
+            .iter()
+            .enumerate()
+            .filter(move |(at, member)| is_present(member) && !begins_anew(*at, member.replay.node()));
+        present.map(|(_, member)| member)
     }
 
     /// Returns these members: each computes its part of the world as it is then.

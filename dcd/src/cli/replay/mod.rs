@@ -3,6 +3,7 @@
 mod seen;
 mod told;
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
@@ -103,6 +104,8 @@ impl Replay {
             film.look(&replay);
         }
         bar.finish_and_clear();
+        // The JSON object is the last line.
+        let filmed = film.finish(&replay, common);
         if replay.members().any(|member| member.was_cut_off()) {
             common.say("a recording has no end, as that of a process that was killed: it is replayed as far as it goes");
         }
@@ -126,7 +129,7 @@ impl Replay {
             print(&told::words(&replay))?;
         }
         failed?;
-        film.finish(&replay, common)?;
+        filmed?;
         if let Some(Flip { tick, body, .. }) = self.flip
             && !replay.members().any(|member| member.has_flipped())
         {
@@ -154,23 +157,19 @@ pub(super) fn open(paths: &[PathBuf], threads: Option<u16>, common: &Common) -> 
     let threads =
         threads.map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from);
     let here = Maker::here();
-    let (mut members, mut names) = (Vec::new(), Vec::new());
+    let (mut members, mut known) = (Vec::new(), BTreeSet::new());
     for file in files(paths)? {
+        if !known.insert(file.canonicalize().unwrap_or_else(|_| file.clone())) {
+            return Err(Failure::usage(format!("{} is given twice", file.display())));
+        }
         let fails = |error: RecordingError| Failure::usage(format!("{}: {error}", file.display()));
         let member = open_recording(&file, threads).map_err(fails)?;
         if let Some(unlike) = member.maker().unlike(&here) {
             common.say(&format!("{}: {unlike}", file.display()));
         }
-        if names.contains(&member.node()) {
-            return Err(Failure::usage(format!(
-                "{}: another file is of the same node, which was started again: replay each with those of the others by itself",
-                file.display()
-            )));
-        }
-        names.push(member.node());
         members.push(member);
     }
-    if names.len() > 1 && names.contains(&None) {
+    if members.len() > 1 && members.iter().any(|member| member.node().is_none()) {
         return Err(Failure::usage("a local world has one recording: give it alone"));
     }
     Worlds::new(members).map_err(|error| Failure::run(error.to_string()))

@@ -20,6 +20,7 @@ mod recorder;
 mod replay;
 mod replayed;
 mod ring;
+mod server;
 #[cfg(test)]
 mod tests;
 
@@ -34,4 +35,5 @@ pub use open::{Computers, last_tick, open};
 pub use physics::{Physics, Readout, digests_of};
 pub use recorder::Recorder;
 pub use replay::{Mismatch, Replay};
-pub use replayed::{Flip, Replayed, Settled};
+pub use replayed::{Flip, Replayed, Settled, Who};
+pub use server::Sent;

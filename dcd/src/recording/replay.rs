@@ -2,18 +2,20 @@
 
 use std::collections::BTreeMap;
 
-use super::replayed::{Flip, Replayed, Settled};
+use super::replayed::{Flip, Replayed, Settled, Who};
 use super::{BodyBits, Changed, FIELDS, RecordingError, find_changed};
 use crate::space::{BodyId, NodeId, RegionId, Tick};
 
 /// Where a replay parts from its recording. What a digest cannot tell is `None`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mismatch {
-    /// On which node; `None`: in a local world.
+    /// Whose replay.
+    pub who: Who,
+    /// On which node, if it is one.
     pub node: Option<NodeId>,
     /// After which tick.
     pub tick: Tick,
-    /// In which region; `None`: other regions were computed.
+    /// In which region; `None`: other regions were computed, or a server sent or stored something else.
     pub region: Option<RegionId>,
     /// Which body.
     pub body: Option<BodyId>,
@@ -175,6 +177,7 @@ fn acts(replay: &dyn Replayed, body: BodyId) -> Vec<String> {
 /// Finds region, body and field of a difference.
 fn explain(replay: &dyn Replayed, Settled { tick, recorded, replayed }: &Settled) -> Mismatch {
     let mut found = Mismatch {
+        who: replay.who(),
         node: replay.node(),
         tick: *tick,
         region: None,
@@ -185,7 +188,7 @@ fn explain(replay: &dyn Replayed, Settled { tick, recorded, replayed }: &Settled
         acted: Vec::new(),
     };
     let regions = recorded.iter().map(|(region, _)| region);
-    if !regions.eq(replayed.iter().map(|(region, _)| region)) {
+    if found.who == Who::Server || !regions.eq(replayed.iter().map(|(region, _)| region)) {
         return found;
     }
     let differing = recorded.iter().zip(replayed).filter(|(recorded, replayed)| recorded != replayed);

@@ -17,6 +17,10 @@ impl Computers for StandIns {
         stand_in.then(|| Box::<StandIn>::default() as Box<dyn Physics>)
     }
 
+    fn can_build(&self) -> Option<crate::cluster::CanBuild> {
+        None
+    }
+
     fn local(&self) -> Option<Box<dyn LocalPhysics>> {
         None
     }

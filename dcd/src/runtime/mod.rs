@@ -28,6 +28,8 @@ mod member;
 #[cfg(feature = "net")]
 mod origin;
 mod recorded;
+#[cfg(feature = "net")]
+mod recorded_server;
 mod recording;
 #[cfg(feature = "net")]
 mod repeats;

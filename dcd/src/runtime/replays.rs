@@ -9,7 +9,8 @@ use rapier3d::prelude::*;
 
 use super::recorded::{bodies_of, touching_in};
 use super::{LocalWorld, PhysicsDevice};
-use crate::physics::RegionHost;
+use crate::cluster::CanBuild;
+use crate::physics::{RegionHost, can_build};
 use crate::protocol::read_state;
 use crate::recording::{
     BodyBits, Computers, LocalPhysics, Operation, Physics, Readout, RecordingError, Replayed, last_tick, open,
@@ -49,6 +50,10 @@ impl Computers for Here {
             return Some(Box::new(PhysicsDevice::new(self.threads)));
         }
         stand_in_physics()
+    }
+
+    fn can_build(&self) -> Option<CanBuild> {
+        Some(can_build)
     }
 
     fn local(&self) -> Option<Box<dyn LocalPhysics>> {

@@ -15,11 +15,12 @@ use super::ending::{Cause, Reason};
 use super::links::{LinkEvent, Links};
 use super::member::forward;
 use super::origin::{Beginning, world_of};
+use super::recorded_server::RecordedServer;
 use super::saved::{local_of, saved_of};
 use super::{Connections, LocalWorld, Origin, ProcessError, RedbDirectory, ServeConfig};
 use crate::cluster::directory::{Batch, Condition, Directory, DirectoryError, Entry, Key, Revision};
 use crate::cluster::{
-    ProgramOp, Record, SavedWorld, Server, ServerConfig, ServerEvent, ServerOutput, WORLD_ENDED,
+    ProgramOp, Record, SavedWorld, Server, ServerConfig, ServerEvent, ServerOrigin, ServerOutput, WORLD_ENDED,
 };
 use crate::net::{
     Authority, JoinRole, Limits, Net, NetConfig, NetEvent, NetTotals, PeerName, PeerStats, check_address,
@@ -82,7 +83,7 @@ pub struct ServerProcess {
     inbox: SyncSender<Input>,
     shared: Arc<Shared>,
     /// The loop's; others only read it.
-    server: Arc<Mutex<Server>>,
+    server: Arc<Mutex<RecordedServer>>,
     thread: Option<JoinHandle<()>>,
     authority: Arc<Authority>,
     connections: Connections,
@@ -178,18 +179,19 @@ impl ServerProcess {
             events: config.events,
             can_build,
         };
-        let (mut stored, mut resumed) = (None, None);
-        let server = if config.fresh {
+        let (mut stored, mut goes_on) = (None, false);
+        let origin = if config.fresh {
             forget(&mut directory, &entries)?;
-            Server::instead(server_config, record, &entries)
+            ServerOrigin::Instead(record, entries)
         } else if entries.is_empty() {
-            Server::new(server_config, record)
+            ServerOrigin::New(record)
         } else {
             stored = entries.iter().find(|entry| entry.key == Key::World).map(|entry| entry.revision);
-            let server = Server::restore(server_config, entries)?;
-            resumed = Some(server.tick());
-            server
+            goes_on = true;
+            ServerOrigin::Stored(entries)
         };
+        let server = RecordedServer::begin(server_config, origin, config.record)?;
+        let resumed = goes_on.then(|| server.tick());
         let next_ids = server.next_ids();
         let server = Arc::new(Mutex::new(server));
         let running = Loop {
@@ -393,7 +395,7 @@ struct Loop {
     /// The revision at which this server wrote the world's entry: whoever else writes it has taken over.
     stored: Option<Revision>,
     start: Instant,
-    server: Arc<Mutex<Server>>,
+    server: Arc<Mutex<RecordedServer>>,
     shared: Arc<Shared>,
     began: Option<Instant>,
     /// Who waits for the world to be saved.
@@ -477,7 +479,7 @@ impl Loop {
         self.finish(totals);
     }
 
-    fn server(&self) -> MutexGuard<'_, Server> {
+    fn server(&self) -> MutexGuard<'_, RecordedServer> {
         self.server.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -631,7 +633,8 @@ impl Loop {
         // Whoever hears of the end may start another server here.
         let Self { directory, server, shared, connections, .. } = self;
         drop(directory);
-        let server = server.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut server = server.lock().unwrap_or_else(PoisonError::into_inner);
+        let recorded = server.finish();
         let mut hasher = StateHasher::default();
         for body in movable(&server) {
             hasher.add(body.id, &body.state.pose, &body.state.velocity);
@@ -641,6 +644,9 @@ impl Loop {
         state.summary.state_hash = Some(hasher.finish());
         if let Some(totals) = totals {
             state.summary.bytes = totals.traffic.bytes_in + totals.traffic.bytes_out;
+        }
+        if let Err(failure) = recorded {
+            state.failure.get_or_insert(failure);
         }
         state.over = true;
         let reason = match state.suspended {

@@ -1,14 +1,16 @@
 //! Tests recordings of real processes: what they computed is computed again, also by one that was killed.
 
-use crate::process::{Process, Server, alone, dcd};
+use crate::process::{Process, Server, alone, dcd, playground};
 
 #[test]
 fn a_cluster_of_which_a_node_was_killed_is_replayed_to_the_recorded_digests() {
-    let _alone = alone();
-    let mut server = Server::playground("2");
-    let recordings = server.folder.path().join("recordings");
-    std::fs::create_dir(&recordings).unwrap();
-    let file = |name: &str| recordings.join(name).to_str().unwrap().to_owned();
+    let _by_itself = alone();
+    let recordings = tempfile::tempdir().unwrap();
+    let file = |name: &str| recordings.path().join(name).to_str().unwrap().to_owned();
+    let scene = playground();
+    let server_file = file("server.dcdr");
+    let args = [scene.to_str().unwrap(), "--nodes", "2", "--record", &server_file];
+    let mut server = Server::start(&args);
     let node =
         |server: &Server, who, name| server.node_with(&["--identity", &file(who), "--record", &file(name)]);
     let mut nodes = [node(&server, "a", "a.dcdr"), node(&server, "b", "b.dcdr")];
@@ -29,12 +31,16 @@ fn a_cluster_of_which_a_node_was_killed_is_replayed_to_the_recorded_digests() {
         assert_eq!(node.end().code(), Some(0));
     }
 
-    let folder = recordings.to_str().unwrap();
+    let folder = recordings.path().to_str().unwrap();
     let replay = |args: &[&str]| Process::start(dcd(&["replay", folder, "--json"]).args(args)).end();
     let whole = replay(&["--check"]);
     assert_eq!((whole.code(), &whole.json()["mismatch"]), (Some(0), &serde_json::Value::Null), "{whole:?}");
     assert_eq!(whole.json()["ticks"], tick, "{whole:?}");
     assert!(whole.json()["matches"].as_u64().unwrap() > tick, "{whole:?}");
+
+    let alone = Process::start(&mut dcd(&["replay", &server_file, "--check", "--json"])).end();
+    assert_eq!((alone.code(), &alone.json()["mismatch"]), (Some(0), &serde_json::Value::Null), "{alone:?}");
+    assert!(alone.json()["matches"].as_u64().unwrap() > 20, "{alone:?}");
 
     let now = Process::start(&mut dcd(&["replay", folder, "--dump", &(tick - 1).to_string()])).end();
     let (bodies, all) =

@@ -121,7 +121,7 @@ fn what_cannot_be_seen_is_said() {
     Process::start(&["simulate", "--seeds", "3..4", "--faults", "kill-node", "--record", runs]).ended();
     let simulated = folder.path().join("kill-node-3");
     let mut replay = Process::start(&["replay", simulated.to_str().unwrap(), "--view"]);
-    assert!(replay.line("error: ").contains("its bodies are points"));
+    assert!(replay.line("error: ").contains("clusters are points"));
     let both = ["replay", simulated.to_str().unwrap(), "--view", "--json"];
     assert!(Process::start(&both).line("error: ").contains("cannot be used with"));
 }

@@ -17,7 +17,7 @@ use super::film::FilmArgs;
 use super::interrupt::Interrupt;
 use super::values::address;
 use super::view::ANY_PORT;
-use crate::recording::{Flip, Maker, RecordingError, Replay as Worlds};
+use crate::recording::{Flip, Maker, RecordingError, Replay as Worlds, Who};
 use crate::runtime::open_recording;
 use crate::space::{BodyId, ClientId, Tick};
 
@@ -169,7 +169,7 @@ pub(super) fn open(paths: &[PathBuf], threads: Option<u16>, common: &Common) -> 
         }
         members.push(member);
     }
-    if members.len() > 1 && members.iter().any(|member| member.node().is_none()) {
+    if members.len() > 1 && members.iter().any(|member| member.who() == Who::Local) {
         return Err(Failure::usage("a local world has one recording: give it alone"));
     }
     Worlds::new(members).map_err(|error| Failure::run(error.to_string()))

@@ -59,7 +59,7 @@ impl Shown {
                 }
             }
             let seen = hosts(&replay).ok_or_else(|| {
-                Failure::usage("a simulated cluster cannot be seen: its bodies are points; leave --view out")
+                Failure::usage("nothing to show: servers have no regions, and the bodies of simulated clusters are points; leave --view out")
             })?;
             goal = goal.filter(|goal| *goal > replay.tick());
             viewer.show_replayed(&seen, goal.map(|goal| goal.0));

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::recording::{FIELDS, Mismatch, Replay as Worlds};
+use crate::recording::{FIELDS, Mismatch, Replay as Worlds, Who};
 
 /// Says for people what a replay has found.
 pub(super) fn words(replay: &Worlds) -> String {
@@ -10,8 +10,9 @@ pub(super) fn words(replay: &Worlds) -> String {
     let Some(found) = replay.mismatch() else {
         return format!("{ticks} ticks replayed; all {matches} digests of regions are as recorded");
     };
-    let node = found.node.map_or("the local world".to_owned(), |node| format!("node {node}"));
+    let node = found.who;
     let place = match (found.region, found.body) {
+        _ if node == Who::Server => format!("{node} sends or stores something else"),
         (None, _) => format!("{node}: other regions are computed than were recorded"),
         (Some(region), None) => format!("{node}, region {region}: more than one bit differs"),
         (Some(region), Some(body)) => format!("{node}, region {region}, body {body}"),

@@ -9,6 +9,7 @@ mod geometry;
 mod gltf;
 mod host;
 #[cfg(feature = "view")]
+#[cfg_attr(not(feature = "cli"), expect(dead_code, reason = "only the command line replays"))]
 mod hosts;
 #[cfg_attr(not(feature = "view"), expect(dead_code, reason = "the viewer shows more than files hold"))]
 mod moment;

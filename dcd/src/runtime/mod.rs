@@ -28,8 +28,6 @@ mod member;
 #[cfg(feature = "net")]
 mod origin;
 mod recorded;
-#[cfg(feature = "net")]
-mod recorded_server;
 mod recording;
 #[cfg(feature = "net")]
 mod repeats;

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::PathBuf;
 use std::sync::mpsc::{self, RecvTimeoutError, SyncSender};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
@@ -15,7 +16,6 @@ use super::ending::{Cause, Reason};
 use super::links::{LinkEvent, Links};
 use super::member::forward;
 use super::origin::{Beginning, world_of};
-use super::recorded_server::RecordedServer;
 use super::saved::{local_of, saved_of};
 use super::{Connections, LocalWorld, Origin, ProcessError, RedbDirectory, ServeConfig};
 use crate::cluster::directory::{Batch, Condition, Directory, DirectoryError, Entry, Key, Revision};
@@ -27,6 +27,7 @@ use crate::net::{
 };
 use crate::physics::can_build;
 use crate::protocol::{BodyKind, EnvironmentProperties, Query, QueryResult, StateHasher, View, WorldEvents};
+use crate::recording::{Background, RecordedServer, Recorder};
 use crate::space::{DistributionTree, Tick};
 
 /// How often sending is tried again where a link had no room.
@@ -190,7 +191,12 @@ impl ServerProcess {
             goes_on = true;
             ServerOrigin::Stored(entries)
         };
-        let server = RecordedServer::begin(server_config, origin, config.record)?;
+        let recorder = config.record.as_ref().map(|path| {
+            let file = Background::create(path);
+            let recorder = file.and_then(|file| Recorder::of_server(file, &server_config, &origin));
+            recorder.map_err(|cause| ProcessError::Record { path: path.clone(), cause })
+        });
+        let server = RecordedServer::begin(server_config, origin, recorder.transpose()?)?;
         let resumed = goes_on.then(|| server.tick());
         let next_ids = server.next_ids();
         let server = Arc::new(Mutex::new(server));
@@ -200,6 +206,7 @@ impl ServerProcess {
             directory,
             end_requests: EndRequests::of(&config.data),
             stored,
+            record: config.record,
             start: Instant::now(),
             server: server.clone(),
             shared: shared.clone(),
@@ -394,6 +401,8 @@ struct Loop {
     end_requests: EndRequests,
     /// The revision at which this server wrote the world's entry: whoever else writes it has taken over.
     stored: Option<Revision>,
+    /// Where it is recorded.
+    record: Option<PathBuf>,
     start: Instant,
     server: Arc<Mutex<RecordedServer>>,
     shared: Arc<Shared>,
@@ -631,7 +640,7 @@ impl Loop {
 
     fn finish(self, totals: Option<NetTotals>) {
         // Whoever hears of the end may start another server here.
-        let Self { directory, server, shared, connections, .. } = self;
+        let Self { directory, server, shared, connections, record, .. } = self;
         drop(directory);
         let mut server = server.lock().unwrap_or_else(PoisonError::into_inner);
         let recorded = server.finish();
@@ -645,8 +654,8 @@ impl Loop {
         if let Some(totals) = totals {
             state.summary.bytes = totals.traffic.bytes_in + totals.traffic.bytes_out;
         }
-        if let Err(failure) = recorded {
-            state.failure.get_or_insert(failure);
+        if let (Err(cause), Some(path)) = (recorded, record) {
+            state.failure.get_or_insert(ProcessError::Record { path, cause });
         }
         state.over = true;
         let reason = match state.suspended {

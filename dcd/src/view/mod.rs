@@ -142,11 +142,6 @@ impl Viewer {
         Self { controls: true, ..self }
     }
 
-    /// Lets viewers go to any tick of a recording that is replayed, too.
-    pub(crate) fn with_recording(self, ticks: [u64; 2]) -> Self {
-        Self { recorded: Some(ticks), ..self.with_controls() }
-    }
-
     /// Shows a local world, as [`Viewer::show`].
     #[doc(hidden)]
     pub fn show_local(&mut self, world: &LocalWorld) {
@@ -232,30 +227,6 @@ impl Viewer {
         None
     }
 
-    /// Shows a replayed world after a tick; on its way to one that viewers have chosen only how far it is.
-    pub(crate) fn show_replayed(&mut self, world: &Hosts<'_>, goal: Option<u64>) {
-        let going = goal.map(|goal| [world.tick(), goal]);
-        self.hub.set_going(going);
-        if !self.hub.is_viewed() {
-            return;
-        }
-        let step_ms = world.regions().iter().map(|region| region.step_ms).sum();
-        self.hub.note(Sample { tick: world.tick(), step_ms, ..Sample::default() }, &[]);
-        if going.is_none() {
-            self.look(world, world.dt_s());
-        }
-    }
-
-    /// Takes the tick of a recording that viewers want to see, if they chose one.
-    pub(crate) fn take_goal(&self) -> Option<u64> {
-        self.hub.take_goal()
-    }
-
-    /// Pauses a world that viewers may pause.
-    pub(crate) fn pause(&self) {
-        self.hub.control(|control| control.pause(true));
-    }
-
     fn look(&mut self, world: &impl Source, dt_s: f32) {
         if !self.hub.is_wanted() {
             return;
@@ -293,5 +264,38 @@ impl Viewer {
         let bounds = [bounds.min, bounds.max];
         let (name, controls, recorded) = (self.name.clone(), self.controls, self.recorded);
         Hello { name, controls, recorded, dt_s, origin, bounds }
+    }
+}
+
+/// Recordings.
+#[cfg_attr(not(feature = "cli"), expect(dead_code, reason = "only the command line replays"))]
+impl Viewer {
+    /// Lets viewers go to any tick of a recording that is replayed, too.
+    pub(crate) fn with_recording(self, ticks: [u64; 2]) -> Self {
+        Self { recorded: Some(ticks), ..self.with_controls() }
+    }
+
+    /// Shows a replayed world after a tick; on its way to one that viewers have chosen only how far it is.
+    pub(crate) fn show_replayed(&mut self, world: &Hosts<'_>, goal: Option<u64>) {
+        let going = goal.map(|goal| [world.tick(), goal]);
+        self.hub.set_going(going);
+        if !self.hub.is_viewed() {
+            return;
+        }
+        let step_ms = world.regions().iter().map(|region| region.step_ms).sum();
+        self.hub.note(Sample { tick: world.tick(), step_ms, ..Sample::default() }, &[]);
+        if going.is_none() {
+            self.look(world, world.dt_s());
+        }
+    }
+
+    /// Takes the tick of a recording that viewers want to see, if they chose one.
+    pub(crate) fn take_goal(&self) -> Option<u64> {
+        self.hub.take_goal()
+    }
+
+    /// Pauses a world that viewers may pause.
+    pub(crate) fn pause(&self) {
+        self.hub.control(|control| control.pause(true));
     }
 }

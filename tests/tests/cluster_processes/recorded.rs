@@ -40,7 +40,7 @@ fn a_cluster_of_which_a_node_was_killed_is_replayed_to_the_recorded_digests() {
 
     let alone = Process::start(&mut dcd(&["replay", &server_file, "--check", "--json"])).end();
     assert_eq!((alone.code(), &alone.json()["mismatch"]), (Some(0), &serde_json::Value::Null), "{alone:?}");
-    assert!(alone.json()["matches"].as_u64().unwrap() > 20, "{alone:?}");
+    assert!(alone.json()["matches"].as_u64().unwrap() > 5, "{alone:?}");
 
     let now = Process::start(&mut dcd(&["replay", folder, "--dump", &(tick - 1).to_string()])).end();
     let (bodies, all) =

@@ -1,22 +1,22 @@
 //! Gives a server's state machine its events, and records them.
 
+use std::io;
 use std::ops::Deref;
-use std::path::PathBuf;
 use std::time::Duration;
 
-use super::ProcessError;
-use crate::cluster::{Server, ServerConfig, ServerEvent, ServerOrigin, ServerOutput};
-use crate::recording::{Background, Recorder, Sent};
+use super::{Recorder, Sent};
+use crate::cluster::{RestoreError, Server, ServerConfig, ServerEvent, ServerOrigin, ServerOutput};
 use crate::space::Tick;
 
 /// A server's state machine, recorded if it is to be. It is read as it is, and changed by what is recorded.
-pub(super) struct RecordedServer {
+#[derive(Debug)]
+pub struct RecordedServer {
     server: Server,
     recording: Option<Recording>,
 }
 
+#[derive(Debug)]
 struct Recording {
-    path: PathBuf,
     recorder: Recorder,
     sent: Sent,
     now: Duration,
@@ -40,33 +40,20 @@ impl Deref for RecordedServer {
 }
 
 impl RecordedServer {
-    pub(super) fn begin(
+    /// Begins a server; `recorder` has the same configuration and origin.
+    pub fn begin(
         config: ServerConfig,
         origin: ServerOrigin,
-        record: Option<PathBuf>,
-    ) -> Result<Self, ProcessError> {
-        let begun = record.map(|path| {
-            let file = Background::create(&path);
-            let recorder = file.and_then(|file| Recorder::of_server(file, &config, &origin));
-            match recorder {
-                Ok(recorder) => Ok((path, recorder)),
-                Err(cause) => Err(ProcessError::Record { path, cause }),
-            }
-        });
-        let begun = begun.transpose()?;
+        recorder: Option<Recorder>,
+    ) -> Result<Self, RestoreError> {
         let server = Server::of(config, origin)?;
-        let told = server.tick();
-        let recording = begun.map(|(path, recorder)| Recording {
-            path,
-            recorder,
-            sent: Sent::default(),
-            now: Duration::ZERO,
-            told,
-        });
+        let (sent, now, told) = (Sent::default(), Duration::ZERO, server.tick());
+        let recording = recorder.map(|recorder| Recording { recorder, sent, now, told });
         Ok(Self { server, recording })
     }
 
-    pub(super) fn handle(&mut self, now: Duration, event: ServerEvent) {
+    /// Takes an event in.
+    pub fn handle(&mut self, now: Duration, event: ServerEvent) {
         if let Some(recording) = &mut self.recording {
             recording.now = now;
             recording.recorder.server_event(now, &event);
@@ -74,7 +61,8 @@ impl RecordedServer {
         self.server.handle(now, event);
     }
 
-    pub(super) fn handle_timeout(&mut self, now: Duration) {
+    /// Does what is due.
+    pub fn handle_timeout(&mut self, now: Duration) {
         if let Some(recording) = &mut self.recording {
             recording.now = now;
             recording.recorder.server_timeout(now);
@@ -82,7 +70,8 @@ impl RecordedServer {
         self.server.handle_timeout(now);
     }
 
-    pub(super) fn poll_output(&mut self) -> Option<ServerOutput> {
+    /// Returns the next output, until there is none.
+    pub fn poll_output(&mut self) -> Option<ServerOutput> {
         let output = self.server.poll_output();
         if let Some(recording) = &mut self.recording {
             match &output {
@@ -95,14 +84,13 @@ impl RecordedServer {
     }
 
     /// Ends the recording; returns what of it could not be written.
-    pub(super) fn finish(&mut self) -> Result<(), ProcessError> {
+    pub fn finish(&mut self) -> io::Result<()> {
         let Some(mut recording) = self.recording.take() else { return Ok(()) };
         // What nobody takes any more was not sent.
         while let Some(output) = self.server.poll_output() {
             recording.sent.add(&output);
         }
         recording.tell(self.server.tick());
-        let Recording { path, recorder, .. } = recording;
-        recorder.finish().map_err(|cause| ProcessError::Record { path, cause })
+        recording.recorder.finish()
     }
 }

@@ -41,7 +41,8 @@ pub(super) const RECORDING: &str = "dcdr";
 #[command(
     verbatim_doc_comment,
     after_long_help = "--json prints the keys ticks matches mismatch{node,tick,region,body,field,recorded,replayed}, where mismatch is null if all\n\
-        digests were as recorded; what a digest cannot tell is null too. matches counts digests: one for each region and tick."
+        digests were as recorded; what a digest cannot tell is null too: of a server all but the tick. matches counts digests: one for each region and tick,\n\
+        and those of a server, of all that it has sent and stored."
 )]
 pub(super) struct Replay {
     /// Recordings of one world, or folders of such (*.dcdr)

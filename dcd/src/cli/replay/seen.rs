@@ -3,12 +3,12 @@
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
-use super::super::common::Common;
-use super::super::failure::Failure;
-use super::super::film::Camera;
-use super::super::interrupt::Interrupt;
-use super::super::view;
 use super::{step, told};
+use crate::cli::common::Common;
+use crate::cli::failure::Failure;
+use crate::cli::film::Camera;
+use crate::cli::interrupt::Interrupt;
+use crate::cli::view;
 use crate::drawing::Hosts;
 use crate::recording::{RecordingError, Replay};
 use crate::runtime::{last_recorded_tick, replayed_regions};

@@ -90,6 +90,7 @@ fn what_cannot_be_replayed_is_said() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     said(folder, "run tower --seconds 0.5 --record a.dcdr", 0);
+    std::fs::copy(folder.join("a.dcdr"), folder.join("b.dcdr")).unwrap();
     std::fs::write(folder.join("text.dcdr"), "not a recording").unwrap();
     std::fs::create_dir(folder.join("empty")).unwrap();
     let whole = std::fs::read(folder.join("a.dcdr")).unwrap();
@@ -100,12 +101,13 @@ fn what_cannot_be_replayed_is_said() {
         ("replay missing.dcdr", "cannot be read"),
         ("replay text.dcdr", "not a recording of dcd"),
         ("replay empty", "has no *.dcdr"),
-        ("replay a.dcdr a.dcdr", "another file is of the same node"),
+        ("replay a.dcdr a.dcdr", "a.dcdr is given twice"),
+        ("replay a.dcdr b.dcdr", "a local world has one recording"),
         ("replay a.dcdr --dump 31", "the recording ends after tick 30"),
         ("replay a.dcdr --flip 1", "write tick, body"),
         ("replay a.dcdr --flip 20:7777", "nothing was flipped"),
         ("replay a.dcdr --flip 20:5:40", "nothing was flipped"),
-        ("run tower --regions 0 --record b.dcdr", "--record takes a world of regions"),
+        ("run tower --regions 0 --record c.dcdr", "--record takes a world of regions"),
         ("run tower --record missing/b.dcdr", "cannot be read"),
     ] {
         let said = said(folder, line, 2);

@@ -9,7 +9,7 @@ use super::common::{Common, print};
 use super::failure::Failure;
 use super::interrupt::Interrupt;
 use super::summary::{Computed, Summary};
-use super::values::{GIVE_UP, SERVER, address, wall_seconds};
+use super::values::{GIVE_UP, SERVER, address, unused, wall_seconds};
 use super::view::{self, ANY_PORT};
 use crate::net::JoinRole;
 use crate::runtime::{JoinConfig, Member, MemberConfig, Onlooker};
@@ -75,13 +75,7 @@ impl Node {
         if self.until_stdin_ends {
             interrupt.listen_to_stdin();
         }
-        let is_taken = |path: &PathBuf| path.metadata().is_ok_and(|file| file.len() > 0);
-        if let Some(path) = self.record.as_ref().filter(|path| is_taken(path)) {
-            return Err(Failure::usage(format!(
-                "{} is there already, perhaps the recording of what went wrong; move it, or record to another file",
-                path.display()
-            )));
-        }
+        self.record.as_deref().map_or(Ok(()), unused)?;
         let (identity, record) = (self.identity, self.record.clone());
         let join = JoinConfig { identity, record, ..JoinConfig::new(self.server, self.token) };
         let mut config = MemberConfig::new(self.server, join.join(JoinRole::Node)?);

@@ -13,7 +13,7 @@ use super::requests;
 use super::run::snapshot;
 use super::scenes;
 use super::summary::{Served, Summary};
-use super::values::{SERVER, address, duration, positive, speed};
+use super::values::{SERVER, address, duration, positive, speed, unused};
 use super::view::{ANY_PORT, Onlooker};
 use super::world::{CutArgs, explained};
 use crate::cluster::{GroupPolicy, Grouping, PollRules};
@@ -97,6 +97,9 @@ pub(super) struct Serve {
     /// How far a body may be from where the group that is authoritative for it has it, metres
     #[arg(long, value_name = "M", default_value_t = 0.1, value_parser = positive)]
     agree: f32,
+    /// Record all that the server is given, to be replayed by `dcd replay` with the recordings of its nodes
+    #[arg(long, value_name = "FILE.dcdr")]
+    record: Option<PathBuf>,
     /// Show the world in the browser as a client is told of it, by a page at this address, which is printed on standard error: any free
     /// port of this machine if none is given
     #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = ANY_PORT, value_parser = address)]
@@ -116,6 +119,7 @@ impl Serve {
         if self.until_stdin_ends {
             interrupt.listen_to_stdin();
         }
+        self.record.as_deref().map_or(Ok(()), unused)?;
         let last_tick = self.ticks.map(Tick);
         let config = ServeConfig {
             listen: self.listen,
@@ -129,6 +133,7 @@ impl Serve {
             // Nobody here listens.
             events: false,
             avatar_expiry: self.keep_avatars,
+            record: self.record.clone(),
             groups: self.groups()?,
         };
         requests::forget(&self.data);

@@ -14,7 +14,6 @@ use super::failure::Failure;
 use super::interrupt::Interrupt;
 use super::replay::RECORDING;
 use crate::sim::{FaultProfile, Row, Tape, TrialConfig, run_trial, simulate};
-use crate::space::NodeId;
 
 /// Runs whole clusters in virtual time, under faults, and checks that nothing is lost or doubled
 ///
@@ -122,12 +121,12 @@ impl Simulate {
 }
 
 /// Writes the recordings of a run.
-fn keep(folder: &Path, tapes: &BTreeMap<NodeId, Tape>) -> Result<(), Failure> {
+fn keep(folder: &Path, tapes: &BTreeMap<String, Tape>) -> Result<(), Failure> {
     let write = || {
         fs::create_dir_all(folder)?;
         tapes
             .iter()
-            .try_for_each(|(node, tape)| fs::write(folder.join(format!("{node}.{RECORDING}")), tape.bytes()))
+            .try_for_each(|(name, tape)| fs::write(folder.join(format!("{name}.{RECORDING}")), tape.bytes()))
     };
     write().map_err(|error| {
         let folder = folder.display();

@@ -1,7 +1,10 @@
 //! Parses values that several subcommands take.
 
 use std::net::{SocketAddr, ToSocketAddrs};
+use std::path::Path;
 use std::time::Duration;
+
+use super::failure::Failure;
 
 /// Default address of servers.
 pub(super) const SERVER: &str = "127.0.0.1:7420";
@@ -69,6 +72,17 @@ pub(super) fn positive(text: &str) -> Result<f32, String> {
     let wrong = || "write a number above 0 and up to 100000".to_owned();
     let value: f32 = text.parse().map_err(|_| wrong())?;
     if value > 0.0 && value <= 1e5 { Ok(value) } else { Err(wrong()) }
+}
+
+/// Checks that a recording is no other's.
+pub(super) fn unused(path: &Path) -> Result<(), Failure> {
+    if path.metadata().is_ok_and(|file| file.len() > 0) {
+        return Err(Failure::usage(format!(
+            "{} is there already, perhaps the recording of what went wrong; move it, or record to another file",
+            path.display()
+        )));
+    }
+    Ok(())
 }
 
 #[cfg(test)]

@@ -23,13 +23,15 @@ mod memory;
 use std::fmt;
 use std::time::Duration;
 
+use bincode::{Decode, Encode};
+
 use crate::protocol::ShapeHash;
 use crate::space::{BodyId, GroupId, JointId};
 
 pub use memory::MemoryDirectory;
 
 /// The key of an entry: what the entry is about.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Encode, Decode)]
 pub enum Key {
     /// The world as a whole: its settings, newest view number and tick.
     World,
@@ -45,11 +47,11 @@ pub enum Key {
 
 /// The number of a commit, growing from 1. An entry has that of the commit that wrote it. A number that was given to a batch
 /// that a crash undid is given again: its holder died with it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Encode, Decode)]
 pub struct Revision(pub u64);
 
 /// An entry as it was read.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Encode, Decode)]
 pub struct Entry {
     /// Its key.
     pub key: Key,
@@ -60,7 +62,7 @@ pub struct Entry {
 }
 
 /// An atomic batch of writes: they happen together or not at all.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Encode, Decode)]
 pub struct Batch {
     /// New values in order; `None` removes the entry, if there is one.
     pub writes: Vec<(Key, Option<Vec<u8>>)>,

@@ -14,6 +14,8 @@ mod tests;
 
 use std::collections::BTreeMap;
 
+use bincode::{Decode, Encode};
+
 use self::clique::Work;
 use self::near::{Graph, Ranks};
 use crate::space::NodeId;
@@ -38,7 +40,7 @@ impl Default for GroupRules {
 }
 
 /// The preferred sizes of groups.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Encode, Decode)]
 pub enum GroupPolicy {
     /// Groups as large as possible, even if a node is left alone: the thesis's algorithm.
     #[default]
@@ -93,7 +95,7 @@ impl GroupRules {
 /// A hint from a source other than delays about which nodes belong together: the network of each, its town, its declared group.
 /// Nodes of one key belong together; of a node without a key nothing is known. A hint never makes a pair near that is not:
 /// users declare groups of friends in far countries, and one provider serves a continent (thesis 3.3.10, 4.3.1.4).
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Encode, Decode)]
 pub struct Hint {
     /// The key of each node, opaque.
     pub keys: BTreeMap<NodeId, u64>,
@@ -102,7 +104,7 @@ pub struct Hint {
 }
 
 /// The use of a [`Hint`]: to forbid shared groups, or to prefer them.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub enum HintUse {
     /// Nodes of different keys never share a group, and need not even measure their delay.
     Prune,

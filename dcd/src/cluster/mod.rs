@@ -42,7 +42,7 @@ pub use ping::{ClockOffset, Pinger, RoundTrip, ping_interval_s};
 pub use record::{Life, Record};
 pub use server::{
     CanBuild, Grouping, MAX_AVATARS, MAX_SHAPE_BYTES, ProgramOp, RestoreError, SavedWorld, Server,
-    ServerConfig, ServerEvent, ServerOutput, WORLD_ENDED,
+    ServerConfig, ServerEvent, ServerOrigin, ServerOutput, WORLD_ENDED,
 };
 pub use votes::{
     Ballot, Call, DelayMonitor, DelayRules, Outcome, PeerDelay, PollRules, Polls, Tally, VoteError,

@@ -52,7 +52,7 @@ impl Check for StoredBody {
 }
 
 /// Changes that are not written to the directory yet.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Encode, Decode)]
 struct Changes {
     /// Bodies that came, went or changed their [`Life`].
     lives: BTreeSet<BodyId>,
@@ -63,7 +63,7 @@ struct Changes {
 }
 
 /// The record of a world: its bodies, shapes and joints, in id order.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Encode, Decode)]
 pub struct Record {
     bodies: BTreeMap<BodyId, StoredBody>,
     shapes: BTreeMap<ShapeHash, ShapeRecord>,

@@ -35,7 +35,7 @@ pub use self::avatars::{MAX_AVATARS, MAX_SHAPE_BYTES};
 pub use self::program::ProgramOp;
 pub use self::regroup::Grouping;
 pub use self::save::SavedWorld;
-pub use self::stored::RestoreError;
+pub use self::stored::{RestoreError, ServerOrigin};
 
 /// How often the server wakes up while something is due.
 const BEAT: Duration = Duration::from_millis(250);

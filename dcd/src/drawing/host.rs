@@ -118,7 +118,7 @@ impl Source for RegionHost {
     }
 }
 
-fn seen(region: &Region, handle: RigidBodyHandle, owner: usize) -> Seen {
+pub(super) fn seen(region: &Region, handle: RigidBodyHandle, owner: usize) -> Seen {
     let body = &region.physics().bodies[handle];
     let pose = region.world_pose(handle);
     Seen {
@@ -132,7 +132,7 @@ fn seen(region: &Region, handle: RigidBodyHandle, owner: usize) -> Seen {
 }
 
 /// Returns the bodies of regions that other processes compute, as ghosts here show them, in id order. A local world has none.
-fn guests(host: &RegionHost) -> Vec<(BodyId, Seen)> {
+pub(super) fn guests(host: &RegionHost) -> Vec<(BodyId, Seen)> {
     if host.regions().len() == host.partition().tree().leaf_count() {
         return Vec::new();
     }

@@ -8,6 +8,9 @@ mod debug;
 mod geometry;
 mod gltf;
 mod host;
+#[cfg(feature = "view")]
+#[cfg_attr(not(feature = "cli"), expect(dead_code, reason = "only the command line replays"))]
+mod hosts;
 #[cfg_attr(not(feature = "view"), expect(dead_code, reason = "the viewer shows more than files hold"))]
 mod moment;
 mod slots;
@@ -21,6 +24,8 @@ pub use debug::{DebugDraw, DebugDrawFlags, DebugDrawSettings, DebugShape};
 pub(crate) use geometry::{FIRST_MESH, Mesh, Part};
 pub(crate) use gltf::Film;
 pub use gltf::GltfError;
+#[cfg(feature = "view")]
+pub(crate) use hosts::Hosts;
 #[cfg(feature = "view")]
 pub(crate) use moment::{Arrival, JointSeen, KEPT_FRAMES, Looker, Moment, Wishes};
 #[cfg(feature = "view")]

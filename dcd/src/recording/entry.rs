@@ -29,6 +29,8 @@ pub(super) enum Subject {
     Node { seed: NodeSeed, stand_in: bool },
     /// A local world.
     Local,
+    /// A server; its seed follows.
+    Server,
 }
 
 /// The configuration of a node.

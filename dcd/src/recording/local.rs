@@ -6,10 +6,10 @@ use bincode::{Decode, Encode};
 
 use super::entries::Entries;
 use super::entry::Digests;
-use super::replayed::{Disturbance, Flip, Replayed, Settled};
+use super::replayed::{Disturbance, Flip, Replayed, Settled, Who};
 use super::{Maker, Readout, RecordingError, digests_of};
 use crate::protocol::{BodyRecord, Drive, JointRecord, Push, ShapeRecord, Velocity, WorldPose};
-use crate::space::{BodyId, JointId, NodeId, RegionId, Tick, Viewpoint};
+use crate::space::{BodyId, JointId, RegionId, Tick, Viewpoint};
 
 /// Ticks of which operations are kept.
 const TICKS: u64 = 4;
@@ -144,8 +144,8 @@ impl LocalReplay {
 }
 
 impl Replayed for LocalReplay {
-    fn node(&self) -> Option<NodeId> {
-        None
+    fn who(&self) -> Who {
+        Who::Local
     }
 
     fn maker(&self) -> &Maker {

@@ -16,10 +16,12 @@ mod maker;
 mod node;
 mod open;
 mod physics;
+mod recorded_server;
 mod recorder;
 mod replay;
 mod replayed;
 mod ring;
+mod server;
 #[cfg(test)]
 mod tests;
 
@@ -30,8 +32,10 @@ pub use file::{Background, Reader};
 pub use local::{LocalPhysics, Operation};
 pub use maker::Maker;
 pub use node::tick_of;
-pub use open::{Computers, open};
+pub use open::{Computers, last_tick, open};
 pub use physics::{Physics, Readout, digests_of};
+pub use recorded_server::RecordedServer;
 pub use recorder::Recorder;
 pub use replay::{Mismatch, Replay};
-pub use replayed::{Flip, Replayed, Settled};
+pub use replayed::{Flip, Replayed, Settled, Who};
+pub use server::Sent;

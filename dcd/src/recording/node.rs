@@ -5,10 +5,10 @@ use std::collections::VecDeque;
 use super::acts::Acts;
 use super::entries::Entries;
 use super::entry::{NodeEntry, NodeSeed};
-use super::replayed::{Disturbance, Flip, Replayed, Settled};
+use super::replayed::{Disturbance, Flip, Replayed, Settled, Who};
 use super::{Maker, Physics, Readout, RecordingError, digests_of};
 use crate::cluster::{Node, NodeConfig, NodeEvent, NodeOutput, PhysicsCommand, PhysicsEvent};
-use crate::space::{BodyId, NodeId, RegionId, Tick};
+use crate::space::{BodyId, RegionId, Tick};
 
 /// The replay of one node.
 pub(super) struct NodeReplay {
@@ -69,8 +69,8 @@ impl NodeReplay {
 }
 
 impl Replayed for NodeReplay {
-    fn node(&self) -> Option<NodeId> {
-        Some(self.node.id())
+    fn who(&self) -> Who {
+        Who::Node(self.node.id())
     }
 
     fn maker(&self) -> &Maker {

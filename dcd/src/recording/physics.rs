@@ -1,11 +1,13 @@
 //! Defines what a recording needs of physics: to be read bit by bit, disturbed on purpose, and commanded.
 
+use std::any::Any;
+
 use super::{BodyBits, digest};
 use crate::cluster::{PhysicsCommand, PhysicsEvent};
 use crate::space::{BodyId, RegionId};
 
-/// Regions that can be read bit by bit.
-pub trait Readout {
+/// Regions that can be read bit by bit. What computes them is known to those who made it.
+pub trait Readout: Any {
     /// Returns the regions that are computed.
     fn regions(&self) -> Vec<RegionId>;
     /// Returns the bodies that a region owns, in any order.

@@ -9,8 +9,9 @@ use tracing::warn;
 use super::entry::{Beginning, Digests, Entry, NodeEntry, NodeSeed, Subject, put};
 use super::local::{LocalEntry, Operation};
 use super::ring::Ring;
+use super::server::{self, ServerEntry};
 use super::{Maker, file};
-use crate::cluster::{NodeConfig, NodeEvent, PhysicsEvent};
+use crate::cluster::{NodeConfig, NodeEvent, PhysicsEvent, ServerConfig, ServerEvent, ServerOrigin};
 use crate::protocol::{FromClient, Message};
 use crate::space::{RegionId, Tick};
 
@@ -18,6 +19,8 @@ use crate::space::{RegionId, Tick};
 const CHUNK: usize = 64 << 10;
 /// or when a tick ends and the last one was written so long ago: what a killed process loses of its recording.
 const FLUSH: Duration = Duration::from_millis(100);
+/// Bytes of each part of what may not fit an entry.
+const PART: usize = 1 << 20;
 
 /// Records a process.
 pub struct Recorder {
@@ -56,6 +59,19 @@ impl Recorder {
         stand_in: bool,
     ) -> io::Result<Self> {
         Self::begin(Out::to(to)?, Subject::Node { seed: NodeSeed::from(config), stand_in })
+    }
+
+    /// Begins the recording of a server.
+    pub fn of_server(
+        to: impl Write + Send + Sync + 'static,
+        config: &ServerConfig,
+        origin: &ServerOrigin,
+    ) -> io::Result<Self> {
+        let mut recorder = Self::begin(Out::to(to)?, Subject::Server)?;
+        recorder.put_parts(&server::seed(config, origin));
+        recorder.put::<ServerEntry<&Message>>(Duration::ZERO, ServerEntry::Begun);
+        recorder.flush();
+        Ok(recorder)
     }
 
     /// Begins the recording of a local world.
@@ -109,6 +125,47 @@ impl Recorder {
         let digests = self.digests(tick, digests);
         self.put::<NodeEntry<&Message, &FromClient>>(now, NodeEntry::Settled(digests));
         self.flush_if_due();
+    }
+
+    /// Records an event that a server is about to take in.
+    pub fn server_event(&mut self, now: Duration, event: &ServerEvent) {
+        let entry = match event {
+            ServerEvent::Disconnected(peer) => ServerEntry::Disconnected(*peer),
+            ServerEvent::Message { from, message } => ServerEntry::Message { from: *from, message },
+            ServerEvent::SendAway { node, client, reason } => {
+                ServerEntry::SendAway { node: *node, client: *client, reason: reason.clone() }
+            }
+            ServerEvent::Stop => ServerEntry::Stop,
+            ServerEvent::Program(ops) => {
+                self.put_parts(ops);
+                ServerEntry::Program
+            }
+            ServerEvent::Save => ServerEntry::Save,
+            ServerEvent::Ask(question) => ServerEntry::Ask(question.clone()),
+            ServerEvent::Forget(number) => ServerEntry::Forget(*number),
+            ServerEvent::Suspend => ServerEntry::Suspend,
+        };
+        self.put(now, entry);
+    }
+
+    /// Records that a server's time-out is about to be handled.
+    pub fn server_timeout(&mut self, now: Duration) {
+        self.put::<ServerEntry<&Message>>(now, ServerEntry::Timeout);
+    }
+
+    /// Records the digest of all that a server has sent and stored so far.
+    pub fn server_told(&mut self, now: Duration, tick: Tick, digest: u64) {
+        self.put::<ServerEntry<&Message>>(now, ServerEntry::Told { tick, digest: digest.to_le_bytes() });
+        self.flush_if_due();
+    }
+
+    /// Records what may not fit an entry, in parts.
+    fn put_parts(&mut self, value: &impl Encode) {
+        let mut bytes = Vec::new();
+        put(&mut bytes, value);
+        for part in bytes.chunks(PART) {
+            self.put::<ServerEntry<&Message>>(self.now, ServerEntry::Part(part.to_vec()));
+        }
     }
 
     /// Records an operation on a local world.

@@ -2,18 +2,20 @@
 
 use std::collections::BTreeMap;
 
-use super::replayed::{Flip, Replayed, Settled};
+use super::replayed::{Flip, Replayed, Settled, Who};
 use super::{BodyBits, Changed, FIELDS, RecordingError, find_changed};
 use crate::space::{BodyId, NodeId, RegionId, Tick};
 
 /// Where a replay parts from its recording. What a digest cannot tell is `None`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mismatch {
-    /// On which node; `None`: in a local world.
+    /// Whose replay.
+    pub who: Who,
+    /// On which node, if it is one.
     pub node: Option<NodeId>,
     /// After which tick.
     pub tick: Tick,
-    /// In which region; `None`: other regions were computed.
+    /// In which region; `None`: other regions were computed, or a server sent or stored something else.
     pub region: Option<RegionId>,
     /// Which body.
     pub body: Option<BodyId>,
@@ -51,14 +53,20 @@ impl Member {
 }
 
 impl Replay {
-    /// Begins the replay of these members.
+    /// Begins the replay of these members. A node that was started again is several, of which the last counts.
     pub fn new(members: Vec<Box<dyn Replayed>>) -> Result<Self, RecordingError> {
         let member = |mut replay: Box<dyn Replayed>| {
             let first = replay.advance()?;
             Ok(Member { replay, ended: first.is_none(), first, tick: Tick(0) })
         };
-        let members = members.into_iter().map(member).collect::<Result<_, RecordingError>>()?;
+        let mut members = members.into_iter().map(member).collect::<Result<Vec<Member>, RecordingError>>()?;
+        members.sort_by_key(|member| member.first.as_ref().map(|first| first.tick));
         Ok(Self { members, ticks: 0, matches: 0, mismatch: None })
+    }
+
+    /// Returns which tick comes next; `None` at the end.
+    pub fn next_tick(&self) -> Option<Tick> {
+        self.members.iter().filter(|member| !member.ended).map(Member::next_tick).min()
     }
 
     /// Completes the next tick of the member that is furthest back, if it is at most `until`; `false` when all have come to their ends, or
@@ -98,12 +106,25 @@ impl Replay {
         going.map(|member| member.tick).min().unwrap_or(Tick(self.ticks))
     }
 
-    /// Returns the members that are at that tick, or a tick ahead: not those that died before, or come later.
+    /// Returns the members that are at that tick, or a tick ahead: not those that died before, or come later, or have begun anew.
     fn present(&self) -> impl Iterator<Item = &Member> {
         let tick = self.tick();
         let is_present =
-            move |member: &&Member| member.first.is_none() && (tick..=tick.next()).contains(&member.tick);
-        self.members.iter().filter(is_present)
+            move |member: &Member| member.first.is_none() && (tick..=tick.next()).contains(&member.tick);
+        let begins_anew = move |at: usize, node: Option<NodeId>| {
+            self.members[at + 1..].iter().any(|later| later.replay.node() == node && is_present(later))
+        };
+        let present = self
+            .members
+            .iter()
+            .enumerate()
+            .filter(move |(at, member)| is_present(member) && !begins_anew(*at, member.replay.node()));
+        present.map(|(_, member)| member)
+    }
+
+    /// Returns these members: each computes its part of the world as it is then.
+    pub fn present_members(&self) -> impl Iterator<Item = &dyn Replayed> {
+        self.present().map(|member| &*member.replay)
     }
 
     /// Returns how many digests were as recorded.
@@ -156,6 +177,7 @@ fn acts(replay: &dyn Replayed, body: BodyId) -> Vec<String> {
 /// Finds region, body and field of a difference.
 fn explain(replay: &dyn Replayed, Settled { tick, recorded, replayed }: &Settled) -> Mismatch {
     let mut found = Mismatch {
+        who: replay.who(),
         node: replay.node(),
         tick: *tick,
         region: None,
@@ -166,7 +188,7 @@ fn explain(replay: &dyn Replayed, Settled { tick, recorded, replayed }: &Settled
         acted: Vec::new(),
     };
     let regions = recorded.iter().map(|(region, _)| region);
-    if !regions.eq(replayed.iter().map(|(region, _)| region)) {
+    if found.who == Who::Server || !regions.eq(replayed.iter().map(|(region, _)| region)) {
         return found;
     }
     let differing = recorded.iter().zip(replayed).filter(|(recorded, replayed)| recorded != replayed);

@@ -1,5 +1,7 @@
 //! Defines what the replay of one process can do, whatever it was.
 
+use std::fmt;
+
 use super::physics::bits_of;
 use super::{Maker, Readout, RecordingError};
 use crate::space::{BodyId, NodeId, RegionId, Tick};
@@ -26,10 +28,35 @@ pub struct Flip {
     pub bit: usize,
 }
 
+/// Who was recorded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Who {
+    /// A local world.
+    Local,
+    /// A node.
+    Node(NodeId),
+    /// A server.
+    Server,
+}
+
+impl fmt::Display for Who {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Local => write!(f, "the local world"),
+            Self::Node(node) => write!(f, "node {node}"),
+            Self::Server => write!(f, "the server"),
+        }
+    }
+}
+
 /// The replay of one process.
 pub trait Replayed {
-    /// Returns which node it is; `None`: it is a local world.
-    fn node(&self) -> Option<NodeId>;
+    /// Returns who it is.
+    fn who(&self) -> Who;
+    /// Returns which node it is, if it is one.
+    fn node(&self) -> Option<NodeId> {
+        if let Who::Node(node) = self.who() { Some(node) } else { None }
+    }
     /// Returns who made the recording.
     fn maker(&self) -> &Maker;
     /// Returns whether the file has no end, as that of a killed process.

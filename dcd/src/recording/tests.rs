@@ -1,8 +1,10 @@
 //! Tests recordings of simulated clusters: they are replayed bit for bit, and a flipped bit is found.
 
 use std::io::Cursor;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::*;
+use crate::cluster::CanBuild;
 use crate::sim::{FaultProfile, Outcome, Random, StandIn, Tape, TrialConfig, run_trial};
 use crate::space::Tick;
 
@@ -14,6 +16,10 @@ struct StandIns;
 impl Computers for StandIns {
     fn node(&self, stand_in: bool) -> Option<Box<dyn Physics>> {
         stand_in.then(|| Box::<StandIn>::default() as Box<dyn Physics>)
+    }
+
+    fn can_build(&self) -> Option<CanBuild> {
+        Some(|_, _| true)
     }
 
     fn local(&self) -> Option<Box<dyn LocalPhysics>> {
@@ -41,6 +47,7 @@ fn clusters_under_faults_are_replayed_bit_for_bit() {
         let mut replay = replay_of(outcome.tapes.into_values());
         while replay.advance(END).unwrap() {}
         assert_eq!(replay.mismatch(), None, "seed {seed}");
+        assert!(replay.members().any(|member| member.who() == Who::Server));
         assert!(replay.ticks() > 60 && replay.matches() > 8 * 60, "seed {seed}: {} ticks", replay.ticks());
     }
 }
@@ -96,11 +103,22 @@ fn a_flipped_bit_is_found_with_its_node_tick_region_body_and_field() {
 #[ignore = "a thousand runs"]
 fn a_thousand_flipped_bits_are_found() {
     // In some runs the node that is to be disturbed dies before.
-    let (mut seeds, mut found) = (0..2_000, 0);
-    while found < 1_000 {
-        found += u32::from(is_found(seeds.next().expect("enough runs")));
-    }
-    eprintln!("1,000 of 1,000 flipped bits are found, in {} runs", seeds.start);
+    let (seeds, found) = (AtomicU64::new(0), AtomicU64::new(0));
+    let search = || {
+        while found.load(Ordering::Relaxed) < 1_000 {
+            let seed = seeds.fetch_add(1, Ordering::Relaxed);
+            assert!(seed < 2_000, "enough runs");
+            if is_found(seed) {
+                let count = found.fetch_add(1, Ordering::Relaxed) + 1;
+                if count.is_multiple_of(50) {
+                    eprintln!("{count} flipped bits are found, in {} runs", seed + 1);
+                }
+            }
+        }
+    };
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    // A panic of one ends the test once the others have come to their ends.
+    std::thread::scope(|scope| (0..threads).for_each(|_| drop(scope.spawn(search))));
 }
 
 #[test]

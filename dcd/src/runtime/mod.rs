@@ -67,7 +67,7 @@ pub use local::{LocalWorld, Partitioning, Stats, WorldConfig, WorldError};
 pub use member::{Member, MemberConfig, NodeSummary, Onlooker};
 #[cfg(feature = "net")]
 pub use origin::Origin;
-pub use replays::open_recording;
+pub use replays::{last_recorded_tick, open_recording, replayed_regions};
 #[cfg(feature = "net")]
 pub use serve_config::{GroupConfig, ServeConfig};
 #[cfg(feature = "net")]

@@ -1,20 +1,43 @@
 //! Computes the worlds of replays: nodes' physics, and local worlds whose operations are repeated.
 
+use std::any::Any;
+use std::fs::File;
+use std::io::BufReader;
 use std::path::Path;
 
 use rapier3d::prelude::*;
 
 use super::recorded::{bodies_of, touching_in};
 use super::{LocalWorld, PhysicsDevice};
+use crate::cluster::CanBuild;
+use crate::physics::{RegionHost, can_build};
 use crate::protocol::read_state;
 use crate::recording::{
-    BodyBits, Computers, LocalPhysics, Operation, Physics, Readout, RecordingError, Replayed, open,
+    BodyBits, Computers, LocalPhysics, Operation, Physics, Readout, RecordingError, Replayed, last_tick, open,
 };
 use crate::space::{BodyId, RegionId, Tick};
 
 /// Opens a recording of a local world or of a node, to be computed by `threads` threads.
 pub fn open_recording(path: &Path, threads: usize) -> Result<Box<dyn Replayed>, RecordingError> {
-    open(std::io::BufReader::with_capacity(1 << 18, std::fs::File::open(path)?), &Here { threads })
+    open(read(path)?, &Here { threads })
+}
+
+/// Returns the last tick of a recording, as far as it can be read.
+pub fn last_recorded_tick(path: &Path) -> Result<Tick, RecordingError> {
+    last_tick(read(path)?)
+}
+
+fn read(path: &Path) -> std::io::Result<BufReader<File>> {
+    Ok(BufReader::with_capacity(1 << 18, File::open(path)?))
+}
+
+/// Returns the regions that a replay computes; `None` before they are there, and of simulated nodes, whose bodies are points.
+pub fn replayed_regions(replayed: &dyn Replayed) -> Option<&RegionHost> {
+    let computer: &dyn Any = replayed.readout();
+    match computer.downcast_ref::<PhysicsDevice>() {
+        Some(device) => device.host(),
+        None => Some(computer.downcast_ref::<LocalComputer>()?.world.as_ref()?.host()),
+    }
 }
 
 pub(super) struct Here {
@@ -27,6 +50,10 @@ impl Computers for Here {
             return Some(Box::new(PhysicsDevice::new(self.threads)));
         }
         stand_in_physics()
+    }
+
+    fn can_build(&self) -> Option<CanBuild> {
+        Some(can_build)
     }
 
     fn local(&self) -> Option<Box<dyn LocalPhysics>> {

@@ -37,6 +37,8 @@ pub struct ServeConfig {
     /// Whether the program hears of the contacts of all bodies that ask for them (`World::events`), over the network. Each client hears of
     /// those of its avatars anyway.
     pub events: bool,
+    /// A file to record the server to: all that it is given, and a digest of all that it sends and stores.
+    pub record: Option<PathBuf>,
     /// How members of a group keep in step, which nodes may share a group, and how far apart groups may be.
     pub groups: GroupConfig,
 }
@@ -57,6 +59,7 @@ impl ServeConfig {
             avatar_speed_limit: 20.0,
             avatar_expiry: AVATAR_EXPIRY,
             events: true,
+            record: None,
             groups: GroupConfig::default(),
         }
     }

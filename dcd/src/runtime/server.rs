@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::PathBuf;
 use std::sync::mpsc::{self, RecvTimeoutError, SyncSender};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
@@ -19,13 +20,14 @@ use super::saved::{local_of, saved_of};
 use super::{Connections, LocalWorld, Origin, ProcessError, RedbDirectory, ServeConfig};
 use crate::cluster::directory::{Batch, Condition, Directory, DirectoryError, Entry, Key, Revision};
 use crate::cluster::{
-    ProgramOp, Record, SavedWorld, Server, ServerConfig, ServerEvent, ServerOutput, WORLD_ENDED,
+    ProgramOp, Record, SavedWorld, Server, ServerConfig, ServerEvent, ServerOrigin, ServerOutput, WORLD_ENDED,
 };
 use crate::net::{
     Authority, JoinRole, Limits, Net, NetConfig, NetEvent, NetTotals, PeerName, PeerStats, check_address,
 };
 use crate::physics::can_build;
 use crate::protocol::{BodyKind, EnvironmentProperties, Query, QueryResult, StateHasher, View, WorldEvents};
+use crate::recording::{Background, RecordedServer, Recorder};
 use crate::space::{DistributionTree, Tick};
 
 /// How often sending is tried again where a link had no room.
@@ -82,7 +84,7 @@ pub struct ServerProcess {
     inbox: SyncSender<Input>,
     shared: Arc<Shared>,
     /// The loop's; others only read it.
-    server: Arc<Mutex<Server>>,
+    server: Arc<Mutex<RecordedServer>>,
     thread: Option<JoinHandle<()>>,
     authority: Arc<Authority>,
     connections: Connections,
@@ -178,18 +180,24 @@ impl ServerProcess {
             events: config.events,
             can_build,
         };
-        let (mut stored, mut resumed) = (None, None);
-        let server = if config.fresh {
+        let (mut stored, mut goes_on) = (None, false);
+        let origin = if config.fresh {
             forget(&mut directory, &entries)?;
-            Server::instead(server_config, record, &entries)
+            ServerOrigin::Instead(record, entries)
         } else if entries.is_empty() {
-            Server::new(server_config, record)
+            ServerOrigin::New(record)
         } else {
             stored = entries.iter().find(|entry| entry.key == Key::World).map(|entry| entry.revision);
-            let server = Server::restore(server_config, entries)?;
-            resumed = Some(server.tick());
-            server
+            goes_on = true;
+            ServerOrigin::Stored(entries)
         };
+        let recorder = config.record.as_ref().map(|path| {
+            let file = Background::create(path);
+            let recorder = file.and_then(|file| Recorder::of_server(file, &server_config, &origin));
+            recorder.map_err(|cause| ProcessError::Record { path: path.clone(), cause })
+        });
+        let server = RecordedServer::begin(server_config, origin, recorder.transpose()?)?;
+        let resumed = goes_on.then(|| server.tick());
         let next_ids = server.next_ids();
         let server = Arc::new(Mutex::new(server));
         let running = Loop {
@@ -198,6 +206,7 @@ impl ServerProcess {
             directory,
             end_requests: EndRequests::of(&config.data),
             stored,
+            record: config.record,
             start: Instant::now(),
             server: server.clone(),
             shared: shared.clone(),
@@ -397,8 +406,10 @@ struct Loop {
     end_requests: EndRequests,
     /// The revision at which this server wrote the world's entry: whoever else writes it has taken over.
     stored: Option<Revision>,
+    /// Where it is recorded.
+    record: Option<PathBuf>,
     start: Instant,
-    server: Arc<Mutex<Server>>,
+    server: Arc<Mutex<RecordedServer>>,
     shared: Arc<Shared>,
     began: Option<Instant>,
     /// Who waits for the world to be saved.
@@ -482,7 +493,7 @@ impl Loop {
         self.finish(totals);
     }
 
-    fn server(&self) -> MutexGuard<'_, Server> {
+    fn server(&self) -> MutexGuard<'_, RecordedServer> {
         self.server.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -634,9 +645,10 @@ impl Loop {
 
     fn finish(self, totals: Option<NetTotals>) {
         // Whoever hears of the end may start another server here.
-        let Self { directory, server, shared, connections, .. } = self;
+        let Self { directory, server, shared, connections, record, .. } = self;
         drop(directory);
-        let server = server.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut server = server.lock().unwrap_or_else(PoisonError::into_inner);
+        let recorded = server.finish();
         let mut hasher = StateHasher::default();
         for body in movable(&server) {
             hasher.add(body.id, &body.state.pose, &body.state.velocity);
@@ -646,6 +658,9 @@ impl Loop {
         state.summary.state_hash = Some(hasher.finish());
         if let Some(totals) = totals {
             state.summary.bytes = totals.traffic.bytes_in + totals.traffic.bytes_out;
+        }
+        if let (Err(cause), Some(path)) = (recorded, record) {
+            state.failure.get_or_insert(ProcessError::Record { path, cause });
         }
         state.over = true;
         let reason = match state.suspended {

@@ -14,7 +14,7 @@ use crate::playback::ViewTime;
 use crate::protocol::{
     BodyRecord, DATAGRAM_BYTES, Message, ToClient, ToNode, ToServer, View, ViewNumber, decode, encode,
 };
-use crate::recording::{digests_of, tick_of};
+use crate::recording::{RecordedServer, digests_of, tick_of};
 use crate::space::{BodyId, ClientId, GroupId, NodeId, Tick};
 
 /// The most events at one instant; then a run is taken to turn in circles.
@@ -267,7 +267,7 @@ impl Sim {
     }
 
     pub(super) fn drain_server(&mut self) {
-        while let Some(output) = self.server.as_mut().and_then(Server::poll_output) {
+        while let Some(output) = self.server.as_mut().and_then(RecordedServer::poll_output) {
             match &mut self.crash_after_store {
                 Some(0) => {
                     self.crash_after_store = None;

@@ -103,8 +103,8 @@ pub struct Outcome {
     pub timeline: Timeline,
     /// The bit that was flipped, if one was to be and its node came so far.
     pub flipped: Option<Flipped>,
-    /// The recordings of all nodes, those that died too.
-    pub tapes: BTreeMap<NodeId, Tape>,
+    /// The recordings of all nodes and servers by their names, those that died too.
+    pub tapes: BTreeMap<String, Tape>,
 }
 
 impl Outcome {

@@ -14,10 +14,10 @@ use super::{
 use crate::cluster::directory::{Directory, MemoryDirectory};
 use crate::cluster::{
     Client, ClientEvent, ClientOutput, Grouping, Node, NodeConfig, NodeEvent, Peer, Record, SavedWorld,
-    Server, ServerConfig, ServerEvent,
+    Server, ServerConfig, ServerEvent, ServerOrigin,
 };
 use crate::protocol::{Area, BodyKind, BodyState, EnvironmentProperties, SyncProtocol, Thresholds};
-use crate::recording::Recorder;
+use crate::recording::{RecordedServer, Recorder};
 use crate::space::{Balance, BodyId, ClientId, GroupId, NodeId, Tick};
 
 /// The configuration of a run.
@@ -129,7 +129,7 @@ pub struct Sim {
     pub(super) network: Network,
     pub(super) hosts: BTreeMap<Peer, Host>,
     /// `None` while it is dead.
-    pub(super) server: Option<Server>,
+    pub(super) server: Option<RecordedServer>,
     pub(super) disk: MemoryDirectory,
     pub(super) nodes: BTreeMap<NodeId, NodeProcess>,
     pub(super) clients: BTreeMap<ClientId, Client>,
@@ -164,7 +164,7 @@ pub struct Sim {
     /// Messages sent, by purpose.
     pub(super) sent: BTreeMap<Scope, Sent>,
     /// Recordings of nodes, dead ones too.
-    pub(super) tapes: BTreeMap<NodeId, Tape>,
+    pub(super) tapes: BTreeMap<String, Tape>,
     /// After which tick a bit is flipped on which node, and what that was.
     pub(super) flip_at: Option<(NodeId, Tick)>,
     pub(super) flipped: Option<Flipped>,
@@ -222,7 +222,9 @@ impl Sim {
             events: false,
             can_build: |_, _| true,
         };
-        let server = Server::new(server_config.clone(), record);
+        let mut tapes = BTreeMap::new();
+        let origin = ServerOrigin::New(record);
+        let server = begin_server(&mut tapes, config.record, &server_config, origin);
         let network = Network::new(config.network.clone(), config.bounds, random.bits());
         let mut sim = Self {
             now: Duration::ZERO,
@@ -252,7 +254,7 @@ impl Sim {
             drop_transfers: 0,
             told: Vec::new(),
             sent: BTreeMap::new(),
-            tapes: BTreeMap::new(),
+            tapes,
             flip_at: None,
             flipped: None,
             sample_every: None,
@@ -297,7 +299,8 @@ impl Sim {
             checkpoint_every: self.config.checkpoint_every,
             patience: Duration::from_millis(100),
         };
-        let recorder = self.config.record.then(|| self.tapes.entry(id).or_default().recorder(&config));
+        let recorder =
+            self.config.record.then(|| self.tapes.entry(id.to_string()).or_default().recorder(&config));
         let (machine, physics) = (Node::new(config), (self.engine)());
         let process = NodeProcess { machine, physics, recorder, physics_until: Duration::ZERO, client };
         self.nodes.insert(id, process);
@@ -354,9 +357,12 @@ impl Sim {
         self.flipped.as_ref()
     }
 
-    /// Ends the recordings of all nodes, and returns them.
-    pub fn take_recordings(&mut self) -> BTreeMap<NodeId, Tape> {
+    /// Ends the recordings of all nodes and servers, and returns them by their names.
+    pub fn take_recordings(&mut self) -> BTreeMap<String, Tape> {
         self.nodes.values_mut().for_each(|process| process.recorder = None);
+        if let Some(server) = &mut self.server {
+            server.finish().expect("memory can be written");
+        }
         std::mem::take(&mut self.tapes)
     }
 
@@ -409,8 +415,9 @@ impl Sim {
         assert!(self.server.is_none(), "the server lives");
         self.note(|| "the server starts again".into());
         let entries = self.disk.load().expect("memory can be read");
-        let server = Server::restore(self.server_config.clone(), entries);
-        self.server = Some(server.expect("what a server writes can be read"));
+        let origin = ServerOrigin::Stored(entries);
+        let server = begin_server(&mut self.tapes, self.config.record, &self.server_config, origin);
+        self.server = Some(server);
         self.host(Peer::Server, false);
         self.drain_server();
         self.set_timer(Peer::Server);
@@ -667,6 +674,22 @@ impl Sim {
     pub(super) fn note(&mut self, what: impl FnOnce() -> String) {
         self.timeline.note(self.now, what());
     }
+}
+
+/// Begins a server, recorded to a tape of its own if it is to be.
+fn begin_server(
+    tapes: &mut BTreeMap<String, Tape>,
+    is_recorded: bool,
+    config: &ServerConfig,
+    origin: ServerOrigin,
+) -> RecordedServer {
+    let recorder = is_recorded.then(|| {
+        let tape = Tape::default();
+        let before = tapes.keys().filter(|name| name.starts_with("server")).count();
+        tapes.insert(format!("server-{}", before + 1), tape.clone());
+        Recorder::of_server(tape, config, &origin).expect("memory can be written")
+    });
+    RecordedServer::begin(config.clone(), origin, recorder).expect("what a server writes can be read")
 }
 
 /// Returns the name of a process in timelines.

@@ -7,10 +7,12 @@ const MOST_BEHIND: Duration = Duration::from_millis(100);
 /// The most single steps that are asked for and not done yet.
 const MOST_STEPS: u32 = 1000;
 
-/// Pause, single steps and speed.
+/// Pause, single steps, speed, and ticks to go to.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Control {
     paused: bool,
+    /// A tick of a recording to go to.
+    goal: Option<u64>,
     /// Steps to take although it is paused.
     steps: u32,
     /// Seconds of the world per second; 0: as fast as it can.
@@ -23,6 +25,8 @@ pub(super) struct Control {
 pub(super) enum Next {
     /// It is due.
     Now,
+    /// Not before this tick is gone to.
+    Goal(u64),
     /// Not before.
     At(Instant),
     /// When somebody asks for it.
@@ -31,7 +35,7 @@ pub(super) enum Next {
 
 impl Default for Control {
     fn default() -> Self {
-        Self { paused: false, steps: 0, speed: 1.0, due: None }
+        Self { paused: false, goal: None, steps: 0, speed: 1.0, due: None }
     }
 }
 
@@ -54,6 +58,17 @@ impl Control {
         self.steps = self.steps.saturating_add(count).min(MOST_STEPS);
     }
 
+    /// Goes to a tick, and pauses there.
+    pub(super) fn go(&mut self, tick: u64) {
+        self.pause(true);
+        self.goal = Some(tick);
+    }
+
+    /// Takes the tick to go to, if there is one.
+    pub(super) fn take_goal(&mut self) -> Option<u64> {
+        self.goal.take()
+    }
+
     /// Sets the speed; what is no speed is ignored.
     pub(super) fn set_speed(&mut self, speed: f32) {
         if speed == 0.0 || (0.001..=1000.0).contains(&speed) {
@@ -63,6 +78,9 @@ impl Control {
 
     /// Says when the next step of `dt_s` seconds is, and takes note of it if that is now.
     pub(super) fn next(&mut self, now: Instant, dt_s: f32) -> Next {
+        if let Some(tick) = self.take_goal() {
+            return Next::Goal(tick);
+        }
         if self.paused {
             if self.steps == 0 {
                 return Next::Asked;
@@ -128,5 +146,18 @@ mod tests {
         assert_eq!(control.steps, MOST_STEPS);
         control.pause(false);
         assert_eq!(control.next(now, DT_S), Next::Now);
+    }
+
+    #[test]
+    fn a_recording_pauses_at_the_tick_that_it_is_asked_to_go_to() {
+        let now = Instant::now();
+        let mut control = Control::default();
+        control.step(3);
+        control.go(7);
+        control.go(9);
+        assert_eq!([0; 2].map(|_| control.next(now, DT_S)), [Next::Goal(9), Next::Asked]);
+        control.go(4);
+        control.pause(false);
+        assert_eq!([0; 2].map(|_| control.next(now, DT_S)), [Next::Goal(4), Next::Now]);
     }
 }

@@ -10,7 +10,7 @@ use tungstenite::Bytes;
 
 use super::control::{Control, Next};
 use super::sample::Sample;
-use super::wire;
+use super::wire::{self, Hello};
 use crate::drawing::{Details, FIRST_MESH, KEPT_FRAMES, Moment, Wishes};
 use crate::protocol::Handover;
 use crate::space::{BodyId, RegionId};
@@ -25,15 +25,6 @@ const KEPT_SAMPLES: usize = 4096;
 const KEPT_OWNERS: usize = 12;
 const KEPT_HISTORIES: usize = 1 << 16;
 
-/// What does not change as long as a world is viewed.
-pub(super) struct Fixed {
-    pub(super) name: String,
-    pub(super) controls: bool,
-    pub(super) dt_s: f32,
-    pub(super) origin: [f64; 3],
-    pub(super) bounds: [[f64; 3]; 2],
-}
-
 /// The state that all threads share.
 pub(super) struct Hub {
     pub(super) key: String,
@@ -47,10 +38,21 @@ pub(super) struct Hub {
     closed: AtomicBool,
 }
 
+/// What the thread that steps a world is to do.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Due {
+    /// The next step.
+    Step,
+    /// To go to this tick of a recording.
+    Goal(u64),
+}
+
 #[derive(Default)]
 struct Inner {
-    fixed: Option<Fixed>,
+    fixed: Option<Hello>,
     control: Control,
+    /// Where a recording is on its way to a tick, and that tick.
+    going: Option<[u64; 2]>,
     ever_viewed: bool,
     /// By viewer: what it wishes.
     wishes: BTreeMap<u64, Wishes>,
@@ -165,6 +167,25 @@ impl Hub {
         self.wish.notify_all();
     }
 
+    /// Goes to a tick of a recording.
+    pub(super) fn go(&self, tick: u64) {
+        let mut inner = self.lock();
+        if let Some([first, last]) = inner.fixed.as_ref().and_then(|fixed| fixed.recorded) {
+            inner.control.go(tick.clamp(first, last.max(first)));
+            self.wish.notify_all();
+        }
+    }
+
+    /// Takes the tick of a recording to go to, if there is one.
+    pub(super) fn take_goal(&self) -> Option<u64> {
+        self.lock().control.take_goal()
+    }
+
+    /// Says that a recording is on its way to a tick.
+    pub(super) fn set_going(&self, going: Option<[u64; 2]>) {
+        self.lock().going = going;
+    }
+
     /// Sets what a viewer wishes besides pictures.
     pub(super) fn wish(&self, viewer: u64, change: impl FnOnce(&mut Wishes)) {
         let mut inner = self.lock();
@@ -185,16 +206,17 @@ impl Hub {
         all
     }
 
-    /// Waits until the next step is due, or until a look at the world may be wished for; returns whether the step is due.
-    pub(super) fn wait_for_step(&self, dt_s: f32, longest: Duration) -> bool {
+    /// Waits until there is something to do, or until a look at the world may be wished for; returns what is to be done.
+    pub(super) fn wait_for_step(&self, dt_s: f32, longest: Duration) -> Option<Due> {
         let mut inner = self.lock();
         let until = match inner.ever_viewed.then(|| inner.control.next(Instant::now(), dt_s)) {
-            Some(Next::Now) => return true,
+            Some(Next::Now) => return Some(Due::Step),
+            Some(Next::Goal(tick)) => return Some(Due::Goal(tick)),
             Some(Next::At(due)) => due.saturating_duration_since(Instant::now()).min(longest),
             Some(Next::Asked) | None => longest,
         };
         drop(self.wish.wait_timeout(inner, until));
-        false
+        None
     }
 
     /// Returns whether there is a picture to send.
@@ -202,7 +224,7 @@ impl Hub {
         !self.lock().frames.is_empty()
     }
 
-    pub(super) fn set_fixed(&self, fixed: Fixed) {
+    pub(super) fn set_fixed(&self, fixed: Hello) {
         self.lock().fixed = Some(fixed);
     }
 
@@ -256,6 +278,11 @@ impl Hub {
         for mesh in &moment.meshes {
             let number = FIRST_MESH + inner.meshes.len() as u16;
             inner.meshes.push(Bytes::from(wire::mesh(number, mesh)));
+        }
+        if inner.frames.back().is_some_and(|newest| newest.tick > moment.tick) {
+            // The world went back.
+            inner.frames.clear();
+            inner.frame_bytes = 0;
         }
         inner.details = moment.details.iter().map(|details| (details.id, details.clone())).collect();
         inner.frame_bytes += frame.len();
@@ -322,11 +349,10 @@ impl Hub {
 
 impl Inner {
     fn greet(&self, to: &mut Progress, answer: &mut Vec<Bytes>) {
-        if let Some(Fixed { name, controls, dt_s, origin, bounds }) = self.fixed.as_ref()
+        if let Some(fixed) = self.fixed.as_ref()
             && !to.greeted
         {
-            let (controls, dt_s, origin, bounds) = (*controls, *dt_s, *origin, *bounds);
-            answer.push(Bytes::from(wire::hello(&wire::Hello { name, controls, dt_s, origin, bounds })));
+            answer.push(Bytes::from(wire::hello(fixed)));
             to.greeted = true;
         }
     }
@@ -338,6 +364,7 @@ impl Inner {
             speed: self.control.speed(),
             kept: [tick(self.frames.front()), tick(self.frames.back())],
             viewers: self.wishes.len(),
+            going: self.going,
         }
     }
 

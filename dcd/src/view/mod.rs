@@ -21,14 +21,16 @@ use std::time::{Duration, Instant};
 use ring::rand::{SecureRandom, SystemRandom};
 
 use crate::cluster::TickStats;
-use crate::drawing::{Looker, Moment, Source, Told, Wishes};
+use crate::drawing::{Hosts, Looker, Moment, Source, Told, Wishes};
 use crate::physics::RegionHost;
 use crate::protocol::Handover;
 use crate::runtime::{ClientWorld, LocalWorld};
 use crate::world::{Error, Instead, World};
-use hub::{Fixed, Hub};
+pub(crate) use hub::Due;
+use hub::Hub;
 use sample::Sample;
 use server::Server;
+use wire::Hello;
 
 /// The shortest time between two pictures.
 const PERIOD: Duration = Duration::from_millis(30);
@@ -71,6 +73,8 @@ pub struct Viewer {
     name: String,
     /// Whether the page may pause the world and step it.
     controls: bool,
+    /// The first and the last tick of a recording.
+    recorded: Option<[u64; 2]>,
     looker: Looker,
     encoder: SyncSender<Moment>,
     /// Not before then is the world looked at again.
@@ -108,6 +112,7 @@ impl Viewer {
             server,
             name: name.to_owned(),
             controls: false,
+            recorded: None,
             looker: Looker::default(),
             encoder,
             due: None,
@@ -201,14 +206,25 @@ impl Viewer {
     /// viewer has come. Returns whether it is due, and not the program that `ends`.
     #[doc(hidden)]
     pub fn wait(&mut self, world: &LocalWorld, mut ends: impl FnMut() -> bool) -> bool {
-        let dt_s = world.host().settings().dt_s;
+        self.wait_for(world.host(), world.host().settings().dt_s, &mut ends).is_some()
+    }
+
+    /// Waits until there is something to do for a world that viewers may pause, step and, if it is a recording, have go to a tick, and
+    /// shows it meanwhile; `None`: the program is to end.
+    pub(crate) fn wait_for(
+        &mut self,
+        world: &impl Source,
+        dt_s: f32,
+        mut ends: impl FnMut() -> bool,
+    ) -> Option<Due> {
         while !ends() {
-            if self.hub.wait_for_step(dt_s, LOOK) {
-                return true;
+            let due = self.hub.wait_for_step(dt_s, LOOK);
+            if due.is_some() {
+                return due;
             }
-            self.look(world.host(), dt_s);
+            self.look(world, dt_s);
         }
-        false
+        None
     }
 
     fn look(&mut self, world: &impl Source, dt_s: f32) {
@@ -239,13 +255,47 @@ impl Viewer {
         self.due = Some((start + PERIOD).max(end + (cost * SPARING).min(MOST_SPARED)));
     }
 
-    fn fixed(&self, world: &impl Source, moment: &Moment, dt_s: f32) -> Fixed {
+    fn fixed(&self, world: &impl Source, moment: &Moment, dt_s: f32) -> Hello {
         let bounds = world.bounds();
         let count = moment.rows.len().max(1) as f64;
         // What the page computes with in f32 is near the bodies.
         let mean = |i: usize| (moment.rows.iter().map(|row| row.at[i]).sum::<f64>() / count).round();
         let origin = std::array::from_fn(|i| Some(mean(i)).filter(|v| v.is_finite()).unwrap_or(0.0));
         let bounds = [bounds.min, bounds.max];
-        Fixed { name: self.name.clone(), controls: self.controls, dt_s, origin, bounds }
+        let (name, controls, recorded) = (self.name.clone(), self.controls, self.recorded);
+        Hello { name, controls, recorded, dt_s, origin, bounds }
+    }
+}
+
+/// Recordings.
+#[cfg_attr(not(feature = "cli"), expect(dead_code, reason = "only the command line replays"))]
+impl Viewer {
+    /// Lets viewers go to any tick of a recording that is replayed, too.
+    pub(crate) fn with_recording(self, ticks: [u64; 2]) -> Self {
+        Self { recorded: Some(ticks), ..self.with_controls() }
+    }
+
+    /// Shows a replayed world after a tick; on its way to one that viewers have chosen only how far it is.
+    pub(crate) fn show_replayed(&mut self, world: &Hosts<'_>, goal: Option<u64>) {
+        let going = goal.map(|goal| [world.tick(), goal]);
+        self.hub.set_going(going);
+        if !self.hub.is_viewed() {
+            return;
+        }
+        let step_ms = world.regions().iter().map(|region| region.step_ms).sum();
+        self.hub.note(Sample { tick: world.tick(), step_ms, ..Sample::default() }, &[]);
+        if going.is_none() {
+            self.look(world, world.dt_s());
+        }
+    }
+
+    /// Takes the tick of a recording that viewers want to see, if they chose one.
+    pub(crate) fn take_goal(&self) -> Option<u64> {
+        self.hub.take_goal()
+    }
+
+    /// Pauses a world that viewers may pause.
+    pub(crate) fn pause(&self) {
+        self.hub.control(|control| control.pause(true));
     }
 }

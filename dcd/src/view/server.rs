@@ -157,6 +157,7 @@ impl Shared {
             Asked::Step(count) => self.hub.control(|control| control.step(count)),
             Asked::Speed(speed) => self.hub.control(|control| control.set_speed(speed)),
             Asked::Contacts(contacts) => self.hub.wish(viewer, |wishes| wishes.contacts = contacts),
+            Asked::Go(tick) => self.hub.go(tick),
             Asked::Choose(body) => self.hub.wish(viewer, |wishes| wishes.chosen = Vec::from_iter(body)),
         }
         None
@@ -173,6 +174,8 @@ enum Asked {
     Contacts(bool),
     /// Tells more of a body.
     Choose(Option<BodyId>),
+    /// Goes to a tick of a recording.
+    Go(u64),
 }
 
 impl Asked {
@@ -190,6 +193,7 @@ impl Asked {
             6 => Self::Contacts(bits != 0),
             7 => Self::Choose(Some(BodyId::from_bits(bits))),
             8 => Self::Choose(None),
+            9 => Self::Go(bits),
             _ => return None,
         })
     }
@@ -205,7 +209,7 @@ mod tests {
         assert_eq!(of(2, 9u64.to_le_bytes()), Some(Asked::See(Want::Past(9))));
         assert_eq!(of(5, 0.5f64.to_le_bytes()), Some(Asked::Speed(0.5)));
         assert_eq!(of(4, u64::MAX.to_le_bytes()), Some(Asked::Step(u32::MAX)));
-        assert_eq!((of(0, [0; 8]), of(9, [0; 8])), (None, None));
+        assert_eq!((of(0, [0; 8]), of(10, [0; 8])), (None, None));
         assert_eq!((Asked::parse(&[]), Asked::parse(&[1]), Asked::parse(&[1; 10])), (None, None, None));
     }
 }

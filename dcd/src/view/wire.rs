@@ -6,7 +6,7 @@ use super::sample::Sample;
 use crate::drawing::{Arrival, JointSeen, Mesh, Moment, Part, Seen};
 
 /// The version of the messages: page and program are of one build, so that only programs that speak to another's viewer need it.
-pub(super) const VERSION: u8 = 1;
+pub(super) const VERSION: u8 = 2;
 
 const HELLO: u8 = 1;
 const MESH: u8 = 2;
@@ -54,22 +54,26 @@ impl Writer {
     }
 }
 
-/// What a viewer is told first.
-pub(super) struct Hello<'a> {
-    pub(super) name: &'a str,
+/// What a viewer is told first: what does not change as long as a world is viewed.
+pub(super) struct Hello {
+    pub(super) name: String,
     /// Whether the page may pause the world and step it.
     pub(super) controls: bool,
+    /// The first and the last tick of a recording: the page may go to any.
+    pub(super) recorded: Option<[u64; 2]>,
     pub(super) dt_s: f32,
     /// Where the world's origin is in the page's space.
     pub(super) origin: [f64; 3],
     pub(super) bounds: [[f64; 3]; 2],
 }
 
-pub(super) fn hello(hello: &Hello<'_>) -> Vec<u8> {
-    let mut to = Writer::new(HELLO, [VERSION, u8::from(hello.controls), 0]);
+pub(super) fn hello(hello: &Hello) -> Vec<u8> {
+    let is_recording = hello.recorded.is_some();
+    let mut to = Writer::new(HELLO, [VERSION, u8::from(hello.controls), u8::from(is_recording)]);
     to.f32(hello.dt_s);
     hello.origin.iter().for_each(|&v| to.f64(v));
     hello.bounds.iter().flatten().for_each(|&v| to.f64(v));
+    hello.recorded.unwrap_or_default().iter().for_each(|&tick| to.f64(tick as f64));
     to.0.extend(hello.name.as_bytes());
     to.0
 }
@@ -217,13 +221,16 @@ pub(super) struct State {
     /// The first and the last tick that can be shown.
     pub(super) kept: [u64; 2],
     pub(super) viewers: usize,
+    /// Where a recording is on its way to a tick, and that tick.
+    pub(super) going: Option<[u64; 2]>,
 }
 
 pub(super) fn state(state: &State) -> Vec<u8> {
-    let mut to = Writer::new(STATE, [u8::from(state.paused), 0, 0]);
+    let mut to = Writer::new(STATE, [u8::from(state.paused), u8::from(state.going.is_some()), 0]);
     to.f32(state.speed);
     state.kept.iter().for_each(|&tick| to.f64(tick as f64));
     to.u32(state.viewers as u32);
+    state.going.unwrap_or_default().iter().for_each(|&tick| to.f64(tick as f64));
     to.0
 }
 

@@ -1,23 +1,28 @@
 //! Tests recordings of real processes: what they computed is computed again, also by one that was killed.
 
-use crate::process::{Process, Server, alone, dcd};
+use crate::process::{Process, Server, alone, dcd, playground};
 
 #[test]
 fn a_cluster_of_which_a_node_was_killed_is_replayed_to_the_recorded_digests() {
-    let _alone = alone();
-    let mut server = Server::playground("2");
-    let recordings = server.folder.path().join("recordings");
-    std::fs::create_dir(&recordings).unwrap();
-    let file = |name: &str| recordings.join(name).to_str().unwrap().to_owned();
-    let node = |server: &Server, name| server.node_with(&["--record", &file(name)]);
-    let mut nodes = [node(&server, "a.dcdr"), node(&server, "b.dcdr")];
+    let _by_itself = alone();
+    let recordings = tempfile::tempdir().unwrap();
+    let file = |name: &str| recordings.path().join(name).to_str().unwrap().to_owned();
+    let scene = playground();
+    let server_file = file("server.dcdr");
+    let args = [scene.to_str().unwrap(), "--nodes", "2", "--record", &server_file];
+    let mut server = Server::start(&args);
+    let node =
+        |server: &Server, who, name| server.node_with(&["--identity", &file(who), "--record", &file(name)]);
+    let mut nodes = [node(&server, "a", "a.dcdr"), node(&server, "b", "b.dcdr")];
     server.view();
     let witness = server.witness();
     witness.advance(60);
     nodes[0].1.kill();
     server.view();
     witness.advance(30);
-    let third = node(&server, "c.dcdr");
+    // Under its old identity, so that two files are of one node.
+    let third = node(&server, "a", "c.dcdr");
+    assert_eq!(third.0, nodes[0].0);
     server.view();
     witness.advance(30);
     drop(witness);
@@ -26,13 +31,21 @@ fn a_cluster_of_which_a_node_was_killed_is_replayed_to_the_recorded_digests() {
         assert_eq!(node.end().code(), Some(0));
     }
 
-    let folder = recordings.to_str().unwrap();
+    let folder = recordings.path().to_str().unwrap();
     let replay = |args: &[&str]| Process::start(dcd(&["replay", folder, "--json"]).args(args)).end();
     let whole = replay(&["--check"]);
     assert_eq!((whole.code(), &whole.json()["mismatch"]), (Some(0), &serde_json::Value::Null), "{whole:?}");
     assert_eq!(whole.json()["ticks"], tick, "{whole:?}");
     assert!(whole.json()["matches"].as_u64().unwrap() > tick, "{whole:?}");
 
+    let alone = Process::start(&mut dcd(&["replay", &server_file, "--check", "--json"])).end();
+    assert_eq!((alone.code(), &alone.json()["mismatch"]), (Some(0), &serde_json::Value::Null), "{alone:?}");
+    assert!(alone.json()["matches"].as_u64().unwrap() > 5, "{alone:?}");
+
+    let now = Process::start(&mut dcd(&["replay", folder, "--dump", &(tick - 1).to_string()])).end();
+    let (bodies, all) =
+        (now.lines.len(), Process::start(&mut dcd(&["replay", folder, "--dump", "10"])).end());
+    assert_eq!(bodies, all.lines.len(), "each body once");
     let dump = Process::start(&mut dcd(&["replay", folder, "--dump", "70"])).end();
     let body = dump.lines[1].split(',').next().unwrap().to_owned();
     let disturbed = replay(&["--check", "--flip", &format!("70:{body}:330")]);

@@ -3,5 +3,6 @@
 
 mod film;
 mod process;
+mod replay;
 mod seen;
 mod stream;

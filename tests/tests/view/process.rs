@@ -54,6 +54,11 @@ impl Process {
         }
     }
 
+    /// Waits for its end; returns the exit code.
+    pub(crate) fn ended(mut self) -> Option<i32> {
+        self.child.wait().unwrap().code()
+    }
+
     /// What Ctrl-C does; returns the exit code.
     pub(crate) fn interrupt(mut self) -> Option<i32> {
         let sent = Command::new("kill").args(["-INT", &self.child.id().to_string()]).status().unwrap();
@@ -88,16 +93,22 @@ pub(crate) struct Row {
 #[derive(Default)]
 pub(crate) struct Seen {
     pub(crate) controls: bool,
+    /// The first and the last tick of a recording.
+    pub(crate) recorded: Option<[f64; 2]>,
     pub(crate) movable: usize,
     pub(crate) fixed: usize,
     pub(crate) frames: usize,
     pub(crate) tick: f64,
     pub(crate) regions: usize,
+    /// Who computes them.
+    pub(crate) nodes: Vec<u32>,
     pub(crate) rows: Vec<Row>,
     pub(crate) ghosts: usize,
     pub(crate) contacts: usize,
     pub(crate) samples: usize,
     pub(crate) paused: bool,
+    /// Whether a recording is on its way to a tick.
+    pub(crate) going: bool,
     pub(crate) oldest: f64,
     pub(crate) newest: f64,
     pub(crate) details: Option<serde_json::Value>,
@@ -116,6 +127,7 @@ pub(crate) const STEP: u8 = 4;
 pub(crate) const SPEED: u8 = 5;
 pub(crate) const CONTACTS: u8 = 6;
 pub(crate) const CHOOSE: u8 = 7;
+pub(crate) const GO: u8 = 9;
 
 impl Page {
     pub(crate) fn open(url: &str) -> Result<Self, String> {
@@ -170,7 +182,10 @@ impl Page {
         let f64 = |at: usize| f64::from_le_bytes(message[at..at + 8].try_into().unwrap());
         let seen = &mut self.seen;
         match message[0] {
-            1 => seen.controls = message[2] == 1,
+            1 => {
+                seen.controls = message[2] == 1;
+                seen.recorded = (message[3] == 1).then(|| [f64(80), f64(88)]);
+            }
             3 if u32(4) >> 31 == 1 => seen.fixed += 1,
             3 => seen.movable += 1,
             4 => {
@@ -178,6 +193,7 @@ impl Page {
                     [16, 20, 24, 28, 32].map(|at| u32(at) as usize);
                 (seen.frames, seen.tick) = (seen.frames + 1, f64(8));
                 (seen.regions, seen.ghosts, seen.contacts) = (regions, ghosts, contacts);
+                seen.nodes = (0..regions).map(|place| u32(44 + 48 * place)).collect();
                 let places = 40 + 48 * regions + 16 * borders;
                 let (turns, marks) = (places + 12 * count, places + 20 * count);
                 assert_eq!(message.len(), places + 24 * count + 8 * ghosts + 24 * contacts);
@@ -194,7 +210,7 @@ impl Page {
             }
             5 => seen.samples += u32(4) as usize,
             6 => {
-                seen.paused = message[1] == 1;
+                (seen.paused, seen.going) = (message[1] == 1, message[2] == 1);
                 (seen.oldest, seen.newest) = (f64(8), f64(16));
                 return true;
             }

@@ -111,6 +111,36 @@ fn keys_and_clicks_pause_the_world_choose_a_body_and_go_back_in_time() {
 }
 
 #[test]
+fn the_slider_of_a_recording_goes_to_any_tick() {
+    let Some(mut browser) = browser() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("pile.dcdr").to_str().unwrap().to_owned();
+    let scene = ["run", "pile", "--set", "n=64", "--regions", "2", "--seconds", "3", "--json"];
+    Process::start(&[&scene[..], &["--record", &file]].concat()).line("{\"scene\"");
+    let mut process = Process::start(&["replay", &file, "--view", "--threads", "1"]);
+    browser.open(&process.line("view "), "light");
+    browser.until("window.dcd.counters.tick >= 1");
+    let scrub = "document.getElementById('scrub')";
+    browser.until(&format!("{scrub}.max === '180'"));
+    let go = |browser: &mut Browser, tick: u64| {
+        browser.eval(&format!(
+            "{scrub}.value = {tick}; for (const name of ['input', 'change']) {scrub}.dispatchEvent(new Event(name)); 0"
+        ));
+        browser.until(&format!("window.dcd.counters.tick === {tick} && window.dcd.counters.paused"));
+    };
+    go(&mut browser, 150);
+    go(&mut browser, 40);
+    browser.press(".");
+    browser.until("window.dcd.counters.tick === 41");
+    browser.press("[");
+    browser.until("window.dcd.counters.tick === 40");
+    browser.keep_picture(&kept("recording.png"));
+    // It goes on from where one looks.
+    browser.press(" ");
+    browser.until("!window.dcd.counters.paused && window.dcd.counters.tick > 60");
+}
+
+#[test]
 fn every_kind_of_shape_is_drawn() {
     let Some(mut browser) = browser() else { return };
     let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/../dcd/scenes/compound.toml");

@@ -4,6 +4,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use bincode::{Decode, Encode};
+
 use super::common::Common;
 use super::group::Group;
 use super::{SavedWorld, Server};
@@ -18,7 +20,7 @@ use crate::space::{BodyId, Epoch, Groups, JointId};
 const INSERT_BYTES: usize = 1 << 20;
 
 /// A change of the world by its server's program.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub enum ProgramOp {
     /// Bodies come, with joints among them and with fixed bodies.
     Insert {

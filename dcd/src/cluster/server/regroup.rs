@@ -4,6 +4,8 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
+use bincode::{Decode, Encode};
+
 use super::group::Group;
 use super::{Server, ServerOutput};
 use crate::cluster::{
@@ -22,7 +24,7 @@ const APART: Duration = Duration::from_secs(3);
 const LOOK_EVERY: Duration = Duration::from_secs(1);
 
 /// The rules of which nodes may share a group.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Encode, Decode)]
 pub struct Grouping {
     /// The largest number of nodes in a group.
     pub max_size: usize,

@@ -1,6 +1,8 @@
 //! Saves a world that nodes compute, as it is after one tick, and goes back to such a save. For the one the members of the main group
 //! stop in a view change and say all that they own; for the other everybody begins anew with what was saved.
 
+use bincode::{Decode, Encode};
+
 use super::common::Common;
 use super::group::Group;
 use super::{Server, ServerOutput};
@@ -8,7 +10,7 @@ use crate::protocol::{BodyRecord, JointRecord, ShapeRecord};
 use crate::space::{DistributionTree, Tick};
 
 /// A world between two ticks, without what Rapier remembers of its contacts.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub struct SavedWorld {
     /// The tick after which it was saved.
     pub tick: Tick,

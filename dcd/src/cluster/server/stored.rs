@@ -78,7 +78,27 @@ impl Check for StoredGroup {
     }
 }
 
+/// What a server begins with.
+#[derive(Clone, Debug, Encode, Decode)]
+pub enum ServerOrigin {
+    /// A world that waits for nodes.
+    New(Record),
+    /// A world in place of the one that another server stored.
+    Instead(Record, Vec<Entry>),
+    /// What another server stored.
+    Stored(Vec<Entry>),
+}
+
 impl Server {
+    /// Returns a server that begins with this.
+    pub fn of(config: ServerConfig, origin: ServerOrigin) -> Result<Self, RestoreError> {
+        match origin {
+            ServerOrigin::New(record) => Ok(Self::new(config, record)),
+            ServerOrigin::Instead(record, entries) => Ok(Self::instead(config, record, &entries)),
+            ServerOrigin::Stored(entries) => Self::restore(config, entries),
+        }
+    }
+
     /// Returns a server with a world that begins in place of the one that another server stored: its views are numbered after
     /// those of that one, so that whatever anybody still has of it counts for nothing.
     pub fn instead(config: ServerConfig, record: Record, entries: &[Entry]) -> Self {

@@ -4,12 +4,14 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
+use bincode::{Decode, Encode};
+
 use super::{Ballot, Tally, VoteError};
 use crate::protocol::Motion;
 use crate::space::NodeId;
 
 /// The rules on how often votes may be held. The thesis names these means without figures; the figures are ours.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub struct PollRules {
     /// The largest number of nodes in a group, see [`super::super::GroupRules::max_size`].
     pub max_size: usize,

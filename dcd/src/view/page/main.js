@@ -77,7 +77,7 @@ const take = {
     scene.setFlat("joints", joints);
   },
   frame(frame) {
-    const now = performance.now(), jump = past !== null || state?.paused || now - arrived > 600;
+    const now = performance.now(), jump = past !== null || state?.paused || now - arrived > 600 || frame.tick < counters.tick;
     interval = jump ? interval : 0.8 * interval + 0.2 * Math.min(300, Math.max(15, now - arrived));
     arrived = now;
     between = jump || scene.slow ? 1 : 0;
@@ -102,9 +102,9 @@ const take = {
     const speed = get("speed");
     if (before?.speed !== state.speed) for (const option of speed.options) option.selected = Math.abs(Number(option.value) - state.speed) < 1e-4;
     const scrub = get("scrub");
-    scrub.min = state.oldest;
-    scrub.max = state.newest;
-    if (past === null) scrub.value = state.newest;
+    [scrub.min, scrub.max] = hello?.recorded ?? [state.oldest, state.newest];
+    if (past === null && !dragging) scrub.value = state.going?.[1] ?? state.newest;
+    counters.going = state.going !== null;
   },
 };
 
@@ -194,17 +194,39 @@ if (settings.has("colour")) get("colour").value = settings.get("colour");
 get("colour").addEventListener("change", () => { painting = true; });
 
 // Time.
-const pause = () => send(ASK.pause, state?.paused ? 0n : 1n);
-const step = () => send(ASK.step, 1n);
+function pause() {
+  const on = !state?.paused;
+  // A recording goes on from where one looks.
+  if (past !== null && hello?.recorded) resume();
+  send(ASK.pause, on ? 1n : 0n);
+}
+const step = () => past !== null && hello?.recorded ? goTo(past + 1) : send(ASK.step, 1n);
 get("play").addEventListener("click", pause);
 get("step").addEventListener("click", step);
 get("speed").addEventListener("change", (event) => send(ASK.speed, Number(event.target.value)));
+// Shows a picture of the past that is kept. A recording goes to any tick: where there is no such picture it is computed again.
+let dragging = false;
 function goTo(tick) {
-  past = state && tick >= state.newest ? null : Math.max(state?.oldest ?? 0, tick);
+  const { oldest, newest } = state ?? { oldest: 0, newest: 0 };
+  if (hello?.recorded && Number.isFinite(tick) && (tick < oldest || tick > newest)) return send(ASK.go, BigInt(Math.round(tick)));
+  past = tick >= newest ? null : Math.max(oldest, tick);
   get("now").hidden = past === null;
-  get("scrub").value = past ?? state?.newest ?? 0;
+  get("scrub").value = past ?? newest;
 }
-get("scrub").addEventListener("input", (event) => goTo(Number(event.target.value)));
+function resume() {
+  send(ASK.go, BigInt(Math.round(past)));
+  goTo(Infinity);
+}
+get("scrub").addEventListener("input", (event) => {
+  const tick = Number(event.target.value), isKept = tick >= state?.oldest && tick <= state?.newest;
+  dragging = true;
+  if (!hello?.recorded || isKept) goTo(tick);
+});
+get("scrub").addEventListener("change", (event) => {
+  dragging = false;
+  if (hello?.recorded) send(ASK.go, BigInt(event.target.value));
+  if (hello?.recorded) goTo(Infinity);
+});
 get("now").addEventListener("click", () => goTo(Infinity));
 
 // The chosen body.
@@ -278,7 +300,9 @@ function tellStatus() {
   if (counters.asleep) words.push(`${counters.asleep} asleep`);
   const sample = timeline.last();
   if (sample?.ms) words.push(`step ${sample.ms.toFixed(1)} ms`);
-  if (past !== null) words.push("in the past"); else if (state?.paused) words.push("paused");
+  if (hello.recorded) words[0] += ` of ${hello.recorded[1]}`;
+  if (state?.going) words.push(`on its way to tick ${state.going[1]}: at ${state.going[0]}`);
+  else if (past !== null) words.push("in the past"); else if (state?.paused) words.push("paused");
   get("status").textContent = words.join(" · ");
 }
 

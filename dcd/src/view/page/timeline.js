@@ -10,7 +10,11 @@ export class Timeline {
   }
 
   add(samples) {
-    this.samples.push(...samples);
+    for (const sample of samples) {
+      // A recording goes back.
+      while (this.last()?.tick >= sample.tick) this.samples.pop();
+      this.samples.push(sample);
+    }
     if (this.samples.length > 2 * KEPT) this.samples.splice(0, this.samples.length - KEPT);
     this.changed = true;
   }

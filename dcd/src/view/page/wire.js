@@ -11,10 +11,10 @@ export function read(buffer) {
   switch (view.getUint8(0)) {
     case 1:
       return {
-        kind: "hello", controls: view.getUint8(2) === 1, dt: f32(4),
+        kind: "hello", controls: view.getUint8(2) === 1, recorded: view.getUint8(3) === 1 ? [f64(80), f64(88)] : null, dt: f32(4),
         origin: [f64(8), f64(16), f64(24)],
         min: [f64(32), f64(40), f64(48)], max: [f64(56), f64(64), f64(72)],
-        name: text.decode(new Uint8Array(buffer, 80)),
+        name: text.decode(new Uint8Array(buffer, 96)),
       };
     case 2: {
       const [number, vertices, triangles] = [u32(4), u32(8), u32(12)];
@@ -64,7 +64,7 @@ export function read(buffer) {
       return { kind: "samples", samples };
     }
     case 6:
-      return { kind: "state", paused: view.getUint8(1) === 1, speed: f32(4), oldest: f64(8), newest: f64(16), viewers: u32(24) };
+      return { kind: "state", paused: view.getUint8(1) === 1, speed: f32(4), oldest: f64(8), newest: f64(16), viewers: u32(24), going: view.getUint8(2) === 1 ? [f64(28), f64(36)] : null };
     case 7: {
       const joints = [];
       for (let i = 0, at = 8; i < u32(4); i++, at += 32) {
@@ -92,7 +92,7 @@ export function parts(body) {
   return all;
 }
 
-export const ASK = { see: 1, past: 2, pause: 3, step: 4, speed: 5, contacts: 6, choose: 7, leave: 8 };
+export const ASK = { see: 1, past: 2, pause: 3, step: 4, speed: 5, contacts: 6, choose: 7, leave: 8, go: 9 };
 
 // A message to the viewer: what is asked, and a number, which is a BigInt unless it is a speed.
 export function ask(what, number = 0n) {

@@ -1,16 +1,23 @@
-//! Implements `dcd replay`: computes a recorded world again, and finds where it parts from its recording.
+//! Implements `dcd replay`: computes a recorded world again, finds where it parts from its recording, and shows it.
 
+mod seen;
+mod told;
+
+use std::collections::BTreeSet;
 use std::fs;
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use indicatif::ProgressBar;
-use serde::Serialize;
 
 use super::common::{Common, print};
 use super::failure::Failure;
+use super::film::FilmArgs;
 use super::interrupt::Interrupt;
-use crate::recording::{FIELDS, Flip, Maker, Mismatch, RecordingError, Replay as Worlds};
+use super::values::address;
+use super::view::ANY_PORT;
+use crate::recording::{Flip, Maker, RecordingError, Replay as Worlds, Who};
 use crate::runtime::open_recording;
 use crate::space::{BodyId, ClientId, Tick};
 
@@ -23,6 +30,8 @@ pub(super) const RECORDING: &str = "dcdr";
 ///   dcd run pile --set n=500 --regions 4 --record pile.dcdr
 ///   dcd replay pile.dcdr --check
 ///   dcd replay pile.dcdr --dump 120 > bodies.csv
+///   dcd replay pile.dcdr --view
+///   dcd replay pile.dcdr --gltf fall.glb --gltf-seconds 0..5
 ///   dcd node --token $(dcd token --role node) --record node.dcdr
 ///   dcd replay FOLDER --check --json     (all *.dcdr of a folder: the members of one cluster)
 ///
@@ -32,7 +41,8 @@ pub(super) const RECORDING: &str = "dcdr";
 #[command(
     verbatim_doc_comment,
     after_long_help = "--json prints the keys ticks matches mismatch{node,tick,region,body,field,recorded,replayed}, where mismatch is null if all\n\
-        digests were as recorded; what a digest cannot tell is null too. matches counts digests: one for each region and tick."
+        digests were as recorded; what a digest cannot tell is null too: of a server all but the tick. matches counts digests: one for each region and tick,\n\
+        and those of a server, of all that it has sent and stored."
 )]
 pub(super) struct Replay {
     /// Recordings of one world, or folders of such (*.dcdr)
@@ -54,30 +64,49 @@ pub(super) struct Replay {
     /// Threads that step a world [default: all cores]
     #[arg(long, value_name = "T", value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
+    /// Show the world in the browser, by a page at this address, which is printed on standard error: any free port of this machine if
+    /// none is given. The page goes to any tick, backwards too, steps, and pauses; with --check it pauses at the first difference
+    #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = ANY_PORT, value_parser = address, conflicts_with_all = ["dump", "json", "gltf"])]
+    view: Option<SocketAddr>,
     /// Print the result as one JSON object
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    film: FilmArgs,
 }
 
 impl Replay {
     pub(super) fn execute(self, common: &Common) -> Result<ExitCode, Failure> {
         let interrupt = Interrupt::listen()?;
-        let mut replay = open(&self.files, self.threads, common)?;
-        self.flip.into_iter().for_each(|flip| replay.flip(flip));
+        let again = || {
+            let mut replay = open(&self.files, self.threads, common)?;
+            self.flip.into_iter().for_each(|flip| replay.flip(flip));
+            Ok(replay)
+        };
+        let mut replay = again()?;
         let until = Tick(self.dump.or(self.until).unwrap_or(u64::MAX));
+        if let Some(at) = self.view {
+            let shown = seen::Shown { files: files(&self.files)?, until, check: self.check };
+            shown.show(at, replay, again, interrupt, common)?;
+            return Ok(interrupt.exit_code());
+        }
+        let mut film = seen::Film::begin(self.film.open()?, &replay);
         let bar = ticks(common, self.json);
         let mut failed = Ok(());
-        while !(interrupt.asked() || self.check && replay.mismatch().is_some()) {
-            match replay.advance(until) {
-                Ok(true) => bar.set_position(replay.ticks()),
-                Ok(false) => break,
-                Err(error) => {
-                    failed = Err(Failure::run(error.to_string()));
-                    break;
-                }
+        while let Some(next) = replay.next_tick().filter(|next| *next <= until) {
+            if interrupt.asked() || self.check && replay.mismatch().is_some() {
+                break;
             }
+            if let Err(error) = step(&mut replay, next) {
+                failed = Err(Failure::run(error.to_string()));
+                break;
+            }
+            bar.set_position(replay.ticks());
+            film.look(&replay);
         }
         bar.finish_and_clear();
+        // The JSON object is the last line.
+        let filmed = film.finish(&replay, common);
         if replay.members().any(|member| member.was_cut_off()) {
             common.say("a recording has no end, as that of a process that was killed: it is replayed as far as it goes");
         }
@@ -94,18 +123,14 @@ impl Replay {
                     "the recording ends after tick {last}; dump one up to that"
                 )));
             }
-            print(&csv(&replay))?;
+            print(&told::csv(&replay))?;
         } else if self.json {
-            let told = Told {
-                ticks: replay.ticks(),
-                matches: replay.matches(),
-                mismatch: replay.mismatch().map(ToldMismatch::new),
-            };
-            print(&serde_json::to_string(&told).expect("numbers and text are JSON"))?;
+            print(&told::json(&replay))?;
         } else {
-            print(&words(&replay))?;
+            print(&told::words(&replay))?;
         }
         failed?;
+        filmed?;
         if let Some(Flip { tick, body, .. }) = self.flip
             && !replay.members().any(|member| member.has_flipped())
         {
@@ -122,28 +147,30 @@ impl Replay {
     }
 }
 
+/// Has all members complete a tick.
+fn step(replay: &mut Worlds, tick: Tick) -> Result<(), RecordingError> {
+    while replay.advance(tick)? {}
+    Ok(())
+}
+
 /// Opens recordings of one world.
 pub(super) fn open(paths: &[PathBuf], threads: Option<u16>, common: &Common) -> Result<Worlds, Failure> {
     let threads =
         threads.map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from);
     let here = Maker::here();
-    let (mut members, mut names) = (Vec::new(), Vec::new());
+    let (mut members, mut known) = (Vec::new(), BTreeSet::new());
     for file in files(paths)? {
+        if !known.insert(file.canonicalize().unwrap_or_else(|_| file.clone())) {
+            return Err(Failure::usage(format!("{} is given twice", file.display())));
+        }
         let fails = |error: RecordingError| Failure::usage(format!("{}: {error}", file.display()));
         let member = open_recording(&file, threads).map_err(fails)?;
         if let Some(unlike) = member.maker().unlike(&here) {
             common.say(&format!("{}: {unlike}", file.display()));
         }
-        if names.contains(&member.node()) {
-            return Err(Failure::usage(format!(
-                "{}: another file is of the same node, which was started again: replay each with those of the others by itself",
-                file.display()
-            )));
-        }
-        names.push(member.node());
         members.push(member);
     }
-    if names.len() > 1 && names.contains(&None) {
+    if members.len() > 1 && members.iter().any(|member| member.who() == Who::Local) {
         return Err(Failure::usage("a local world has one recording: give it alone"));
     }
     Worlds::new(members).map_err(|error| Failure::run(error.to_string()))
@@ -183,71 +210,6 @@ pub(super) fn ticks(common: &Common, json: bool) -> ProgressBar {
     }
     let style = indicatif::ProgressStyle::with_template("{pos} ticks, {per_sec}");
     bar.with_style(style.unwrap_or_else(|_| indicatif::ProgressStyle::default_spinner()))
-}
-
-fn words(replay: &Worlds) -> String {
-    let (ticks, matches) = (replay.ticks(), replay.matches());
-    let Some(found) = replay.mismatch() else {
-        return format!("{ticks} ticks replayed; all {matches} digests of regions are as recorded");
-    };
-    let node = found.node.map_or("the local world".to_owned(), |node| format!("node {node}"));
-    let place = match (found.region, found.body) {
-        (None, _) => format!("{node}: other regions are computed than were recorded"),
-        (Some(region), None) => format!("{node}, region {region}: more than one bit differs"),
-        (Some(region), Some(body)) => format!("{node}, region {region}, body {body}"),
-    };
-    let value = |value: Option<f64>| value.map_or("not there".to_owned(), |value| format!("{value:?}"));
-    let field = found.field.map_or(String::new(), |field| format!(", {field}"));
-    let values = match found.body {
-        Some(_) => format!(": recorded {}, replayed {}", value(found.recorded), value(found.replayed)),
-        None => String::new(),
-    };
-    let acted: String = found.acted.iter().map(|act| format!("\n  {act}")).collect();
-    format!("{matches} digests are as recorded, up to tick {}: {place}{field}{values}{acted}", found.tick.0)
-}
-
-fn csv(replay: &Worlds) -> String {
-    let mut lines = vec!["body,node,region,".to_owned() + &FIELDS.map(|(name, ..)| name).join(",")];
-    for (body, (node, region, bits)) in replay.bodies() {
-        let node = node.map_or(String::new(), |node| node.to_string());
-        let values: Vec<_> = (0..FIELDS.len()).map(|field| format!("{:?}", bits.value(field))).collect();
-        lines.push(format!("{body},{node},{region},{}", values.join(",")));
-    }
-    lines.join("\n")
-}
-
-/// The result of a replay, for programs.
-#[derive(Serialize)]
-struct Told {
-    ticks: u64,
-    matches: u64,
-    mismatch: Option<ToldMismatch>,
-}
-
-/// Where a replay parts from its recording.
-#[derive(Serialize)]
-struct ToldMismatch {
-    node: Option<u32>,
-    tick: u64,
-    region: Option<u32>,
-    body: Option<String>,
-    field: Option<&'static str>,
-    recorded: Option<f64>,
-    replayed: Option<f64>,
-}
-
-impl ToldMismatch {
-    fn new(found: &Mismatch) -> Self {
-        Self {
-            node: found.node.map(|node| node.0),
-            tick: found.tick.0,
-            region: found.region.map(|region| region.0),
-            body: found.body.map(|body| body.to_string()),
-            field: found.field,
-            recorded: found.recorded,
-            replayed: found.replayed,
-        }
-    }
 }
 
 /// Parses TICK:BODY or TICK:BODY:BIT.

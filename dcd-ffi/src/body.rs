@@ -98,6 +98,8 @@ pub struct DcdBodyDef {
     pub reserved: u32,
     /// Your own; events, views and ray hits carry it.
     pub user_data: u64,
+    /// Your own of its shape, as the number of a material (DcdColliderProperties.user_data); contacts and hits carry it.
+    pub material: u64,
 }
 
 // SAFETY: begins with `struct_size`; every other member is a number.
@@ -236,7 +238,7 @@ impl DcdBodyDef {
             solver_mask: self.solver_mask,
             pairs: self.pairs,
             reserved: 0,
-            user_data: 0,
+            user_data: self.material,
         }
     }
 }

@@ -93,7 +93,7 @@ pub struct DcdColliderProperties {
     pub pairs: u32,
     /// 0.
     pub reserved: u32,
-    /// Your own of this collider; nothing else carries it.
+    /// Your own of this collider, as the number of its material; contacts and hits carry it.
     pub user_data: u64,
 }
 
@@ -492,16 +492,20 @@ const USUAL: DcdColliderProperties = DcdColliderProperties {
 };
 
 fn read(world: &World, body: DcdBodyId, collider: u32) -> Result<DcdColliderProperties, Failure> {
+    Ok(DcdColliderProperties::of(&recorded(world, body, collider)?))
+}
+
+/// Returns the record of one collider of a body.
+pub(crate) fn recorded(world: &World, body: DcdBodyId, collider: u32) -> Result<ColliderRecord, Failure> {
     let id = world.mark.body_id(body)?;
     let record = world.dcd.record(id).ok_or_else(|| registry::missing(world, body))?;
     let colliders = &record.traits.colliders;
-    let collider = colliders.get(collider as usize).ok_or_else(|| {
+    colliders.get(collider as usize).cloned().ok_or_else(|| {
         Failure::argument(format!(
             "the body has {} colliders, there is no collider {collider}; count from 0",
             colliders.len()
         ))
-    })?;
-    Ok(DcdColliderProperties::of(collider))
+    })
 }
 
 /// Rapier's flags for DCD_EVENT_… bits.

@@ -90,8 +90,8 @@ pub mod sim;
 pub use drawing::{DebugDraw, DebugDrawFlags, DebugDrawSettings, DebugShape};
 #[cfg(feature = "physics")]
 pub use physics::{
-    BorderView, CharacterHit, CharacterMove, ColliderId, ContactHooks, Coupling, HookedPair, Inconsistency,
-    LinkSettings, Preset, StepSettings, VehicleController,
+    BodyExtent, BorderView, CharacterHit, CharacterMove, ColliderId, ContactHooks, ContactPoint, Coupling,
+    HookedPair, Inconsistency, LinkSettings, Preset, StepSettings, VehicleController,
 };
 #[cfg(feature = "physics")]
 pub use playback::ViewTime;
@@ -103,7 +103,7 @@ pub use protocol::{
     WorldPose,
 };
 #[cfg(feature = "physics")]
-pub use runtime::{Choice, Partitioning, Stats, Why, WorldConfig};
+pub use runtime::{Choice, JointOverload, Partitioning, Stats, Why, WorldConfig};
 #[cfg(feature = "physics")]
 pub use scene::{Params, Scene};
 pub use space::{Axis, Balance, BodyId, Bounds, Cell, ClientId, Epoch, JointId, NodeId, RegionId, Tick};

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 use rapier3d::prelude::*;
 
 use super::choice::{self, Choice, Why};
+use super::joint_strength::Strengths;
 use super::tape::{Copies, Tape};
 use crate::physics::{
     ControlError, Handover, HostError, LinkSettings, Ownership, Partition, Queries, Region, RegionHost,
@@ -194,6 +195,7 @@ pub struct LocalWorld {
     pub(super) next_joint: u64,
     pub(super) last_step: Duration,
     pub(super) why: Why,
+    pub(super) strengths: Strengths,
     pub(super) tape: Option<Box<Tape>>,
 }
 
@@ -224,6 +226,7 @@ impl LocalWorld {
             next_joint: 0,
             last_step: Duration::ZERO,
             why,
+            strengths: Strengths::default(),
             tape: None,
         })
     }
@@ -416,6 +419,7 @@ impl LocalWorld {
         self.host.step()?;
         self.ledger.merge(self.host.events(), &mut self.events);
         self.host.clear_events();
+        self.strengths.look(&self.host);
         self.last_step = start.elapsed();
         // Regions that follow the time that steps take are cut otherwise in each run: what they computed is recorded before, how they
         // are cut by a snapshot. All else a replay does again.
@@ -609,6 +613,22 @@ impl LocalWorld {
         }
         self.host.set_balance(balance);
         self.tape_spoilt();
+        Ok(())
+    }
+
+    /// Sets how the world is stepped from the next tick on; how regions are coupled, all but the tolerance, must stay as it is.
+    pub fn set_settings(&mut self, settings: StepSettings) -> Result<(), WorldError> {
+        if let Some((what, value, range)) = settings.fault() {
+            return Err(WorldError::Setting { what, value, range });
+        }
+        let of = |all: &StepSettings| (all.coupling, all.exchanges, all.depth, all.island_limit);
+        let (asked, present) = (of(&settings), of(self.host.settings()));
+        if asked != present {
+            let range = "the coupling, exchanges, depth and island limit that the world has";
+            return Err(WorldError::Setting { what: "coupling", value: format!("{asked:?}"), range });
+        }
+        self.tape_spoilt();
+        self.host.set_settings(settings);
         Ok(())
     }
 

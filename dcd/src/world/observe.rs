@@ -3,7 +3,7 @@
 use super::role::Instead;
 use super::view::{BodyChange, Owner, RegionInfo};
 use super::{Error, Inner, World};
-use crate::physics::{BorderView, Inconsistency, Region};
+use crate::physics::{BorderView, ContactPoint, Inconsistency, Region};
 use crate::protocol::{Area, Handover, WorldEvents};
 use crate::runtime::{Choice, LocalWorld, Stats};
 use crate::space::{Balance, BodyId, ClientId, RegionId};
@@ -36,6 +36,29 @@ impl World {
             Inner::Local(world) => world.events(),
             Inner::Remote(world) => world.events(),
         }
+    }
+
+    /// Returns the points at which a body touches others after the last step, or is about to, by pair and manifold: where, how deep, and by
+    /// which impulse they push. Colliders that a sensor detects have none. Local worlds only: a client is told when contacts of its avatars
+    /// begin and end.
+    ///
+    /// ```
+    /// # use dcd::prelude::*;
+    /// # let mut world = World::new(WorldConfig::default())?;
+    /// # let floor = world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(9.0, 0.5, 9.0))?;
+    /// let at = RigidBodyBuilder::dynamic().translation(Vector::new(0.0, 1.0, 0.0));
+    /// let ball = world.insert(at, ColliderBuilder::ball(0.5).mass(6.0))?;
+    /// for _ in 0..60 {
+    ///     world.step()?;
+    /// }
+    /// let points = world.contact_points(ball)?;
+    /// assert_eq!((points.len(), points[0].key.other(ball)), (1, Some(floor)));
+    /// let impulse = 6.0 * 9.81 * world.dt_s(); // that of its weight in a step
+    /// assert!((points[0].impulse_ns / impulse - 1.0).abs() < 0.02);
+    /// # Ok::<(), Error>(())
+    /// ```
+    pub fn contact_points(&self, body: BodyId) -> Result<Vec<ContactPoint>, Error> {
+        Ok(self.local("read contacts", Instead::HearTouches)?.host().contact_points(body))
     }
 
     /// Returns the bodies that changed owner in the last step; in a served world those whose change became known in it.

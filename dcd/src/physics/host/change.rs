@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use rapier3d::prelude::*;
 
-use super::{HostError, RegionHost, Side};
+use super::{HostError, RegionHost, Side, StepSettings};
 use crate::physics::articulation::LinkSettings;
 use crate::physics::convert;
 use crate::physics::region::{Ownership, Region};
@@ -15,6 +15,25 @@ use crate::protocol::{
 use crate::space::{BodyId, JointId};
 
 impl RegionHost {
+    /// Sets how the world is stepped from the next tick on, and wakes what sleeps if gravity is another. The host must compute every
+    /// region. How regions are coupled, all but the tolerance, stays as it is.
+    pub fn set_settings(&mut self, settings: StepSettings) {
+        let StepSettings { coupling, exchanges, depth, island_limit, .. } = self.settings;
+        let former = self.settings.gravity;
+        self.settings = StepSettings { coupling, exchanges, depth, island_limit, ..settings };
+        if settings.gravity == former {
+            return;
+        }
+        self.sides.iter_mut().for_each(|side| side.region.set_gravity(settings.gravity));
+        let sleeps = |(id, region, handle): (BodyId, &Region, RigidBodyHandle)| {
+            let body = &region.physics().bodies[handle];
+            (body.is_dynamic() && body.is_sleeping()).then_some(id)
+        };
+        for id in self.owned_bodies().filter_map(sleeps).collect::<Vec<_>>() {
+            self.update(id, |body| body.wake_up(true));
+        }
+    }
+
     /// Applies a change to every copy of a body held here, so that owner and replicas stay alike. Returns what the
     /// change returned for the owner's copy, or for the first other copy when the owner is elsewhere.
     pub fn update<R>(&mut self, id: BodyId, mut change: impl FnMut(&mut RigidBody) -> R) -> Option<R> {
@@ -320,7 +339,7 @@ impl RegionHost {
 mod tests {
     use super::*;
     use crate::physics::region::BodyRef;
-    use crate::physics::{Coupling, Partition, StepSettings};
+    use crate::physics::{Coupling, Partition};
     use crate::space::{Axis, Bounds, DistributionTree};
 
     /// Two boxes of 1 kg that touch over the border of two regions, on a floor.

@@ -1342,6 +1342,19 @@ typedef struct DcdMessage {
     uint32_t flags;
 } DcdMessage;
 
+// A joint that bore more than its strength in the step (dcd_joint_strength_set), in a local world. Whether it breaks is yours to decide:
+// dcd_joint_destroy does so.
+typedef struct DcdJointOverload {
+    // Which joint.
+    DcdJointId joint;
+    // Your own.
+    uint64_t user_data;
+    // The force on its locked axes, newtons.
+    float force;
+    // The torque on its locked axes, newton metres.
+    float torque;
+} DcdJointOverload;
+
 // The events of the last step. Start from DCD_EVENT_VIEW_INIT. Arrays are null when their count is 0.
 typedef struct DcdEventView {
     // sizeof(DcdEventView).
@@ -1375,6 +1388,10 @@ typedef struct DcdEventView {
     const DcdMessage *messages;
     // How many.
     size_t message_count;
+    // Joints that bore more than their strength, by age.
+    const DcdJointOverload *overloads;
+    // How many.
+    size_t overload_count;
 } DcdEventView;
 
 // A point at which two bodies touch, or are about to.
@@ -2687,6 +2704,19 @@ DcdStatus dcd_body_joints(DcdWorld world,
                           size_t cap,
                           size_t *count);
 
+// Sets how much the locked axes of a joint bear: newtons and newton metres, 0 or more, INFINITY for any load, as at first. After each dcd_step in
+// which it bears more, DcdEventView.overloads tells of it; it stays as it is until you destroy it. It is saved with the world.
+//
+// The load is that of the whole joint, however many regions share it. It is the solver's: of its last iteration, without the forces of limits and
+// motors, so compare it with thresholds well apart.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or joint), DCD_ERR_ARGUMENT for numbers below 0 or NaN, DCD_ERR_UNSUPPORTED in a
+// served world.
+DCD_API
+DcdStatus dcd_joint_strength_set(DcdWorld world,
+                                 DcdJointId joint,
+                                 float force,
+                                 float torque);
+
 // Advances the world by one step of its own length, DcdWorldInfo.dt; call it as often as your clock says. The length is the
 // world's and not an argument, since every process that computes the world must use the same.
 //
@@ -3375,7 +3405,7 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
 #define DCD_PREDICTION_INIT { (uint32_t)sizeof(DcdPrediction), 0, 0, 0, 0, 0.0, 0.0, 0.0 }
 #define DCD_EVENT_VIEW_INIT \
     { (uint32_t)sizeof(DcdEventView), 0, 0, NULL, 0, NULL, 0, NULL, 0, NULL, 0, \
-      NULL, 0, NULL, 0 }
+      NULL, 0, NULL, 0, NULL, 0 }
 #define DCD_OWNER_INIT { (uint32_t)sizeof(DcdOwner), 0, 0, 0, 0 }
 #define DCD_CONNECTION_INFO_INIT \
     { (uint32_t)sizeof(DcdConnectionInfo), 0, 0, 0, 0, 0.0f, 0.0, 0.0, 0, 0, 0, 0, 0, 0 }
@@ -3822,6 +3852,11 @@ DCD_ASSERT_(offsetof(DcdContactForce, collider_a) == 48);
 DCD_ASSERT_(offsetof(DcdContactForce, collider_b) == 52);
 DCD_ASSERT_(offsetof(DcdContactForce, material_a) == 56);
 DCD_ASSERT_(offsetof(DcdContactForce, material_b) == 64);
+DCD_ASSERT_(sizeof(DcdJointOverload) == 24);
+DCD_ASSERT_(offsetof(DcdJointOverload, joint) == 0);
+DCD_ASSERT_(offsetof(DcdJointOverload, user_data) == 8);
+DCD_ASSERT_(offsetof(DcdJointOverload, force) == 16);
+DCD_ASSERT_(offsetof(DcdJointOverload, torque) == 20);
 DCD_ASSERT_(sizeof(DcdTransfer) == 24);
 DCD_ASSERT_(offsetof(DcdTransfer, body) == 0);
 DCD_ASSERT_(offsetof(DcdTransfer, user_data) == 8);
@@ -3832,7 +3867,7 @@ DCD_ASSERT_(offsetof(DcdBodyChange, body) == 0);
 DCD_ASSERT_(offsetof(DcdBodyChange, user_data) == 8);
 DCD_ASSERT_(offsetof(DcdBodyChange, kind) == 16);
 DCD_ASSERT_(offsetof(DcdBodyChange, reason) == 20);
-DCD_ASSERT_(sizeof(DcdEventView) == 112);
+DCD_ASSERT_(sizeof(DcdEventView) == 128);
 DCD_ASSERT_(offsetof(DcdEventView, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdEventView, flags) == 4);
 DCD_ASSERT_(offsetof(DcdEventView, tick) == 8);
@@ -3848,6 +3883,8 @@ DCD_ASSERT_(offsetof(DcdEventView, connections) == 80);
 DCD_ASSERT_(offsetof(DcdEventView, connection_count) == 88);
 DCD_ASSERT_(offsetof(DcdEventView, messages) == 96);
 DCD_ASSERT_(offsetof(DcdEventView, message_count) == 104);
+DCD_ASSERT_(offsetof(DcdEventView, overloads) == 112);
+DCD_ASSERT_(offsetof(DcdEventView, overload_count) == 120);
 DCD_ASSERT_(sizeof(DcdFilter) == 32);
 DCD_ASSERT_(offsetof(DcdFilter, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdFilter, flags) == 4);

@@ -129,6 +129,7 @@ DCD_STRUCT_(JointDef, DCD_JOINT_DEF_INIT);
 DCD_STRUCT_(WorldInfo, DCD_WORLD_INFO_INIT);
 DCD_STRUCT_(BodyInfo, DCD_BODY_INFO_INIT);
 DCD_STRUCT_(Settings, DCD_SETTINGS_INIT);
+DCD_STRUCT_(Profile, DCD_PROFILE_INIT);
 DCD_STRUCT_(ShapeInfo, DCD_SHAPE_INFO_INIT);
 DCD_STRUCT_(BodyExtent, DCD_BODY_EXTENT_INIT);
 DCD_STRUCT_(Owner, DCD_OWNER_INIT);
@@ -462,6 +463,10 @@ public:
     Result<Stats> stats() const
     {
         return got<Stats>([&](Stats *out) { return dcd_stats(world_, out); });
+    }
+    Result<Profile> profile() const
+    {
+        return got<Profile>([&](Profile *out) { return dcd_profile(world_, out); });
     }
     Result<std::string> stats_text() const
     {

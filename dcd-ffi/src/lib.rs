@@ -89,6 +89,8 @@ pub mod interest;
 
 pub mod stats;
 
+pub mod profile;
+
 pub mod record;
 pub mod snapshot;
 

@@ -10,7 +10,7 @@ use crate::status::{DcdStatus, Failure};
 /// which it bears more, DcdEventView.overloads tells of it; it stays as it is until you destroy it. It is saved with the world.
 ///
 /// The load is that of the whole joint, however many regions share it. It is the solver's: of its last iteration, without the forces of limits and
-/// motors, so compare it with thresholds well apart.
+/// motors. A load that lasts shows; of a blow, only what its last iteration had left to bear.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or joint), DCD_ERR_ARGUMENT for numbers below 0 or NaN, DCD_ERR_UNSUPPORTED in a
 /// served world.
 #[unsafe(no_mangle)]

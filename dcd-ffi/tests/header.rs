@@ -20,6 +20,7 @@ use dcd_ffi::looks::*;
 use dcd_ffi::message::*;
 use dcd_ffi::motion::*;
 use dcd_ffi::prediction::*;
+use dcd_ffi::profile::*;
 use dcd_ffi::properties::*;
 use dcd_ffi::query::*;
 use dcd_ffi::serve::*;
@@ -117,6 +118,10 @@ fn layouts() -> Vec<Layout> {
             struct_size, solver_iterations, gravity, dt, length_unit, max_speed, contact_frequency, contact_damping,
             static_frequency, static_damping, max_correction, allowed_overlap, contact_margin, warm_start,
             internal_iterations, ccd_substeps, tolerance, reserved
+        }
+        DcdProfile {
+            struct_size, reserved, rapier, broad_phase, narrow_phase, islands, solver, ccd, border, contact_pairs, contacts,
+            awake, joints
         }
         DcdBodyExtent { struct_size, mass, min, max, centre, inertia, axes }
         DcdJointDef {
@@ -271,6 +276,8 @@ const MACROS: &str = "
 #define DCD_SETTINGS_INIT \\
     { (uint32_t)sizeof(DcdSettings), 0, { 0.0f, 0.0f, 0.0f }, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, \\
       0.0f, 0.0f, 0, 0, 0.0f, 0 }
+#define DCD_PROFILE_INIT \\
+    { (uint32_t)sizeof(DcdProfile), 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 0, 0, 0 }
 #define DCD_BODY_EXTENT_INIT \\
     { (uint32_t)sizeof(DcdBodyExtent), 0.0f, { 0.0, 0.0, 0.0 }, { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f }, \\
       { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }

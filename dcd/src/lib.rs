@@ -91,7 +91,7 @@ pub use drawing::{DebugDraw, DebugDrawFlags, DebugDrawSettings, DebugShape};
 #[cfg(feature = "physics")]
 pub use physics::{
     BodyExtent, BorderView, CharacterHit, CharacterMove, ColliderId, ContactHooks, ContactPoint, Coupling,
-    HookedPair, Inconsistency, LinkSettings, Preset, StepSettings, VehicleController,
+    HookedPair, Inconsistency, LinkSettings, Preset, Profile, StepSettings, VehicleController,
 };
 #[cfg(feature = "physics")]
 pub use playback::ViewTime;

@@ -45,7 +45,7 @@ pub use joints::joint_record;
 pub use measure::{Census, ContactPoint, ContactSample, Measured, View, pair_force_n};
 pub use partition::Partition;
 pub use query::{BodyFilter, PointHit, Queries, QueryError, RayHit, ShapeHit, WorldMotion, WorldRay};
-pub use region::{Ownership, Region};
+pub use region::{Ownership, Profile, Region};
 pub use settings::{Coupling, Preset, StepSettings};
 #[cfg(feature = "net")]
 pub(crate) use shapes::can_build;

@@ -12,6 +12,7 @@ mod kinematic_targets;
 mod mass_splitting;
 mod moved;
 mod place;
+mod profile;
 mod read;
 mod slot;
 mod step;
@@ -21,6 +22,7 @@ mod vehicles;
 pub(super) use assembly::Assembly;
 pub(super) use floating_origin::better_anchor;
 pub(super) use moved::Moved;
+pub use profile::Profile;
 pub use slot::Ownership;
 pub(super) use slot::{BodyRef, Slot};
 
@@ -104,6 +106,8 @@ pub struct Region {
     touched: Vec<RigidBodyHandle>,
     #[serde(skip)]
     moved: OnceLock<Moved>,
+    #[serde(skip)]
+    profile: Profile,
 }
 
 impl Region {
@@ -142,6 +146,7 @@ impl Region {
             solved_dt_s: Vec::new(),
             touched: Vec::new(),
             moved: OnceLock::new(),
+            profile: Profile::default(),
         }
     }
 
@@ -289,6 +294,12 @@ impl Region {
     /// Begins a tick, in which it rests or not.
     pub(super) fn begin_tick(&mut self, rests: bool) {
         self.rests = rests;
+        self.profile = Profile::default();
+    }
+
+    /// Returns what the last tick took; nothing if it rested.
+    pub(super) fn profile(&self) -> &Profile {
+        &self.profile
     }
 
     /// Sets the hooks that are asked about contacts from now on.

@@ -3,7 +3,7 @@
 use super::role::Instead;
 use super::view::{BodyChange, Owner, RegionInfo};
 use super::{Error, Inner, World};
-use crate::physics::{BorderView, ContactPoint, Inconsistency, Region};
+use crate::physics::{BorderView, ContactPoint, Inconsistency, Profile, Region};
 use crate::protocol::{Area, Handover, WorldEvents};
 use crate::runtime::{Choice, LocalWorld, Stats};
 use crate::space::{Balance, BodyId, ClientId, RegionId};
@@ -96,6 +96,23 @@ impl World {
             Inner::Local(world) => world.stats(),
             Inner::Remote(world) => world.stats(),
         }
+    }
+
+    /// Returns what the last step took by phase, and what was computed in it. Local worlds only: of others, [`World::stats`] has the
+    /// wall time of taking in what came.
+    ///
+    /// ```
+    /// # use dcd::prelude::*;
+    /// # let mut world = World::new(WorldConfig::default())?;
+    /// # world.insert(RigidBodyBuilder::dynamic(), ColliderBuilder::ball(0.5).density(1.0))?;
+    /// world.step()?;
+    /// let profile = world.profile()?;
+    /// assert_eq!(profile.awake, 1);
+    /// assert!(profile.rapier <= world.stats().last_step);
+    /// # Ok::<(), Error>(())
+    /// ```
+    pub fn profile(&self) -> Result<Profile, Error> {
+        Ok(self.local("tell what a step costs", Instead::LookLocal)?.host().profile())
     }
 
     /// Returns the number of state messages received so far; 0 in a local world.

@@ -902,7 +902,7 @@ static void queries(void)
     DcdWorld world = make_world(2);
     DcdBodyId body = make_body(world, make_box(world), DCD_FIXED, 0.0);
     DcdRay good = { { 0.0, 5.0, 0.0 }, { 0.0f, -2.0f, 0.0f }, 100.0f, { 0 }, 0xFFFFFFFFu, 0 }, ray;
-    DcdRayHit hit, nothing = { { 0 }, 0, { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f }, 0.0f, 0, 0 };
+    DcdRayHit hit, nothing = { { 0 }, 0, { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f }, 0.0f, 0, 0, 0 };
 
     EXPECT(dcd_step(world), DCD_OK);
     EXPECT(dcd_cast_rays(world, NULL, 1, NULL, &hit), DCD_ERR_NULL);

@@ -87,6 +87,25 @@ static void steps(DcdWorld world)
     OK(dcd_body_destroy(world, ball));
 }
 
+/* What a step took, and what was computed in it. */
+static void costs(DcdWorld world)
+{
+    DcdProfile profile = DCD_PROFILE_INIT;
+    DcdStats stats = DCD_STATS_INIT;
+    DcdBodyId one = ball_at(world, 0.0, 20.0), other = ball_at(world, 0.0, 20.9); /* they touch, at the border */
+    OK(dcd_step(world));
+    OK(dcd_profile(world, &profile));
+    OK(dcd_stats(world, &stats));
+    HOLDS(profile.rapier > 0.0 && profile.border > 0.0 && profile.border < stats.last_step);
+    HOLDS(profile.broad_phase + profile.narrow_phase + profile.islands + profile.solver + profile.ccd <= profile.rapier);
+    HOLDS(profile.awake >= 2 && profile.contact_pairs >= 1 && profile.contacts >= 1 && profile.joints == 0);
+    OK(dcd_body_destroy(world, one));
+    OK(dcd_body_destroy(world, other));
+    FAILS(dcd_profile(world, NULL), DCD_ERR_NULL, "out");
+    profile.struct_size = 1;
+    FAILS(dcd_profile(world, &profile), DCD_ERR_STRUCT, "DcdProfile");
+}
+
 static void misuse(DcdWorld world)
 {
     const DcdSettings good = settings_of(world);
@@ -136,6 +155,7 @@ int main(void)
     def.regions = 2;
     OK(dcd_world_create(&def, &world));
     misuse(world);
+    costs(world);
     gravity(world);
     steps(world);
     OK(dcd_world_destroy(world));

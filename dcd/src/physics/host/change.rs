@@ -216,10 +216,14 @@ impl RegionHost {
     }
 
     /// Returns the load on the locked axes of a joint, as of the last step: newtons along the three axes of its frame, newton
-    /// metres about them. Summed over the regions here that hold it. Rapier makes what it solves orthogonal first, so the numbers
+    /// metres about them. Summed over the regions here that bear a part of it: of copies that only follow, the load is not the joint's. Rapier makes what it solves orthogonal first, so the numbers
     /// of several axes are mixed.
     pub fn joint_load(&self, id: JointId) -> Option<[f32; 6]> {
-        let loads = self.regions().filter_map(|region| region.joint_load(id));
+        let loads = self.regions().filter_map(|region| {
+            let load = region.joint_load(id)?;
+            let bears = region.joint_bodies(id).is_some_and(|(a, b)| region.answers_for(a.min(b), a.max(b)));
+            Some(if bears { load } else { [0.0; 6] })
+        });
         loads.reduce(|sum, load| std::array::from_fn(|axis| sum[axis] + load[axis]))
     }
 

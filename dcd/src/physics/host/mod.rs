@@ -22,7 +22,7 @@ pub use self::validate::Inconsistency;
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -33,7 +33,7 @@ use super::hooks::ContactHooks;
 use super::outbox::Outbox;
 use super::owner_index::{Home, OwnerIndex};
 use super::partition::Partition;
-use super::region::{Ownership, Region};
+use super::region::{Ownership, Profile, Region};
 use super::settings::StepSettings;
 use super::shapes::{ShapeError, ShapeLibrary};
 use super::statics::Statics;
@@ -118,6 +118,9 @@ pub struct RegionHost {
     round: usize,
     /// Rounds of the last tick.
     rounds_done: usize,
+    /// Wall time of the exchanges of the present tick.
+    #[serde(skip)]
+    exchange_time: Duration,
     transfers: u64,
     /// Of the last step, and of insertions since.
     handovers: Vec<Handover>,
@@ -152,6 +155,7 @@ impl RegionHost {
             rounds: settings.coupling.first_steps(settings.exchanges),
             round: 0,
             rounds_done: 0,
+            exchange_time: Duration::ZERO,
             transfers: 0,
             handovers: Vec::new(),
         };
@@ -239,6 +243,7 @@ impl RegionHost {
         let (tick, rounds, round) = (self.tick.next(), self.rounds, self.round);
         let partition = Arc::clone(&self.partition);
         if round == 1 {
+            self.exchange_time = Duration::ZERO;
             for side in &mut self.sides {
                 let rests = side.is_idle();
                 side.region.begin_tick(rests);
@@ -377,6 +382,13 @@ impl RegionHost {
     }
 
     fn exchange_here(&mut self) -> Result<(), HostError> {
+        let start = Instant::now();
+        let exchanged = self.exchange_messages();
+        self.exchange_time += start.elapsed();
+        exchanged
+    }
+
+    fn exchange_messages(&mut self) -> Result<(), HostError> {
         if self.partition.len() > 1 {
             let outboxes: Vec<_> =
                 self.sides.iter_mut().map(|side| std::mem::take(&mut side.outbox)).collect();
@@ -510,6 +522,12 @@ impl RegionHost {
     /// Returns the region of a rank, if it is computed here.
     fn region_at(&self, rank: usize) -> Option<&Region> {
         Some(&self.sides[self.place_of[rank]?].region)
+    }
+
+    /// Returns what the last tick took, summed over the regions here.
+    pub fn profile(&self) -> Profile {
+        let sum = self.regions().fold(Profile::default(), |sum, region| sum.and(region.profile()));
+        Profile { border: self.exchange_time, ..sum }
     }
 
     /// Returns how many bodies changed owner since the host was made, counted at the new owner.

@@ -15,12 +15,13 @@
  *
  * Members named reserved are 0. Values outside their range are DCD_ERR_ARGUMENT.
  *
- * Pointers. What a function reads is read during the call; it keeps none of your pointers (but those of dcd_log_set). They
+ * Pointers. What a function reads is read during the call; it keeps none of your pointers (but those of dcd_log_set and
+ * dcd_hooks_set). They
  * must be aligned for their type. What it lends says how long it lives. Texts are UTF-8 that ends with NUL.
  *
  * Threads. Any thread may call any function at any time. Calls on one world run one after the other; a call waits for its
- * turn. Calls on different worlds run side by side. From within the log callback and those of
- * dcd_debug_draw every call on a world is DCD_ERR_BUSY.
+ * turn. Calls on different worlds run side by side. From within the log callback, those of dcd_debug_draw and the functions of
+ * dcd_hooks_set every call on a world is DCD_ERR_BUSY.
  *
  * Bugs of ours. A panic inside the library becomes DCD_ERR_PANIC. The world it happened in answers every later call so, and
  * can be destroyed; everything else goes on.
@@ -241,6 +242,15 @@
 
 // In DcdEventView.flags: the link to the server is gone; dcd_step says why.
 #define DCD_EVENTS_LOST 1
+
+// In DcdBodyDef.hooks and DcdColliderProperties.hooks: DcdHooks.filter is asked about contacts of the collider.
+#define DCD_HOOK_FILTER 1
+
+// In DcdBodyDef.hooks and DcdColliderProperties.hooks: DcdHooks.detect is asked about what it detects as a sensor, or is detected by.
+#define DCD_HOOK_DETECT 2
+
+// In DcdBodyDef.hooks and DcdColliderProperties.hooks: DcdHooks.modify is asked about its contacts before they are solved.
+#define DCD_HOOK_MODIFY 4
 
 // In DcdFilter.flags: overlooks fixed bodies.
 #define DCD_FILTER_NO_FIXED 1
@@ -630,8 +640,8 @@ typedef struct DcdBodyDef {
     uint32_t extra_solver_iterations;
     // Iterations within each of them, 0 to 1000.
     uint32_t extra_pgs_iterations;
-    // 0.
-    uint32_t reserved;
+    // DCD_HOOK_… bits of its shape: the functions of dcd_hooks_set that are asked about it.
+    uint32_t hooks;
     // Your own; events, views and ray hits carry it.
     uint64_t user_data;
     // Your own of its shape, as the number of a material (DcdColliderProperties.user_data); contacts and hits carry it.
@@ -827,8 +837,8 @@ typedef struct DcdColliderProperties {
     uint32_t solver_mask;
     // DCD_PAIR_… bits.
     uint32_t pairs;
-    // 0.
-    uint32_t reserved;
+    // DCD_HOOK_… bits: the functions of dcd_hooks_set that are asked about it.
+    uint32_t hooks;
     // Your own of this collider, as the number of its material; contacts and hits carry it.
     uint64_t user_data;
 } DcdColliderProperties;
@@ -1420,6 +1430,83 @@ typedef struct DcdContactPoint {
     uint64_t material_b;
 } DcdContactPoint;
 
+// What DcdHooks.filter answers.
+typedef uint32_t DcdPairAnswer;
+
+// Two colliders that a hook is asked about.
+typedef struct DcdHookedPair {
+    // The body made first.
+    DcdBodyId a;
+    // The other one.
+    DcdBodyId b;
+    // Your own of `a`.
+    uint64_t user_a;
+    // Your own of `b`.
+    uint64_t user_b;
+    // The user_data of the collider of `a`, as the number of a material.
+    uint64_t material_a;
+    // The same of `b`.
+    uint64_t material_b;
+    // Which collider of `a`, from 0.
+    uint32_t collider_a;
+    // Which collider of `b`.
+    uint32_t collider_b;
+    // Where `a` is.
+    DcdPose pose_a;
+    // Where `b` is.
+    DcdPose pose_b;
+    // How `a` moves.
+    DcdVelocity velocity_a;
+    // How `b` moves.
+    DcdVelocity velocity_b;
+} DcdHookedPair;
+
+// Returns whether two colliders meet: DCD_MEET_PUSH, DCD_MEET_TOUCH or DCD_MEET_NOT.
+typedef DcdPairAnswer (*DcdFilterFn)(void *context, const DcdHookedPair *pair);
+
+// Returns whether a sensor detects another collider.
+typedef bool (*DcdDetectFn)(void *context, const DcdHookedPair *pair);
+
+// A contact that is about to be solved, of one manifold: several points with one normal.
+typedef struct DcdHookedContact {
+    // From a to b, of length 1; to be read.
+    float normal[3];
+    // The least separation of its points, metres, negative where they overlap; to be read.
+    float separation;
+    // How many points it has; to be read.
+    uint32_t points;
+    // 1; 0 takes the contact out of this step: they touch and do not push.
+    uint32_t enabled;
+    // Coulomb coefficient, 0 or more.
+    float friction;
+    // 0 to 1.
+    float restitution;
+    // The velocity of the surface of `a` against that of `b`, world axes, m/s: so a conveyor belt `a` carries `b` along; of a belt that is `b`,
+    // give the negative. 0 at first.
+    float surface_velocity[3];
+    // A number of yours that the manifold keeps while it lasts; 0 at first, and where bodies come to another region.
+    uint32_t memory;
+} DcdHookedContact;
+
+// Changes a contact.
+typedef void (*DcdModifyFn)(void *context, const DcdHookedPair *pair, DcdHookedContact *contact);
+
+// Functions that are asked about contacts. Start from DCD_HOOKS_INIT.
+typedef struct DcdHooks {
+    // sizeof(DcdHooks).
+    uint32_t struct_size;
+    // 0.
+    uint32_t reserved;
+    // The first argument of all functions.
+    void *context;
+    // Asked about colliders that touch, of which one has DCD_HOOK_FILTER. Null: they push.
+    DcdFilterFn filter;
+    // Asked about sensors and what is in them, of which one has DCD_HOOK_DETECT. Null: they detect.
+    DcdDetectFn detect;
+    // Asked about contacts of colliders, of which one has DCD_HOOK_MODIFY. Null: they stay.
+    DcdModifyFn modify;
+} DcdHooks;
+
 // A ray. Start from DCD_RAY_INIT and give a direction.
 typedef struct DcdRay {
     // Where it starts, world space, metres.
@@ -1690,6 +1777,37 @@ typedef struct DcdStats {
     // served one.
     uint32_t exchanges;
 } DcdStats;
+
+// What the last step took, in seconds, and what was computed in it: sums over all regions, which compute side by side, so that times may be more
+// than DcdStats.last_step. Start from DCD_PROFILE_INIT. It may grow at its end.
+typedef struct DcdProfile {
+    // sizeof(DcdProfile).
+    uint32_t struct_size;
+    // 0.
+    uint32_t reserved;
+    // Steps of Rapier, all phases.
+    double rapier;
+    // Finding pairs whose boxes touch. This and the next four are 0 in a library that was built without the feature `profiler`.
+    double broad_phase;
+    // Finding contacts.
+    double narrow_phase;
+    // Keeping islands, and putting bodies to sleep.
+    double islands;
+    // Solving contacts and joints, and moving bodies.
+    double solver;
+    // Sweeping fast bodies.
+    double ccd;
+    // Exchange of messages between regions: wall time.
+    double border;
+    // Pairs of colliders near enough for contacts; those that regions share count in each, as in all that follows.
+    uint64_t contact_pairs;
+    // Points of contact that were solved.
+    uint64_t contacts;
+    // Bodies that were awake.
+    uint64_t awake;
+    // Joints, awake or not.
+    uint64_t joints;
+} DcdProfile;
 
 // The force and torque on a body in every step, in world axes.
 typedef struct DcdForce {
@@ -2031,6 +2149,15 @@ typedef struct DcdForce {
 
 // A fault of dcd ended this process's part in the world.
 #define DCD_CAUSE_FAILED 9
+
+// They touch and push each other, as without hooks.
+#define DCD_MEET_PUSH 0
+
+// They touch, which dcd_events tells, and do not push.
+#define DCD_MEET_TOUCH 1
+
+// They pass through each other, and nothing is told.
+#define DCD_MEET_NOT 2
 
 #ifdef __cplusplus
 extern "C" {
@@ -2708,7 +2835,7 @@ DcdStatus dcd_body_joints(DcdWorld world,
 // which it bears more, DcdEventView.overloads tells of it; it stays as it is until you destroy it. It is saved with the world.
 //
 // The load is that of the whole joint, however many regions share it. It is the solver's: of its last iteration, without the forces of limits and
-// motors, so compare it with thresholds well apart.
+// motors. A load that lasts shows; of a blow, only what its last iteration had left to bear.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or joint), DCD_ERR_ARGUMENT for numbers below 0 or NaN, DCD_ERR_UNSUPPORTED in a
 // served world.
 DCD_API
@@ -2956,6 +3083,21 @@ DcdStatus dcd_body_contacts(DcdWorld world,
                             DcdContactPoint *out,
                             size_t cap,
                             size_t *count);
+
+// Sets the functions that a local world asks about contacts from the next dcd_step on; null removes them. `hooks` is read during the call; the
+// functions and `context` must be there until others are set or the world is destroyed.
+//
+// They are called from within dcd_step (or the step that dcd_step_begin began), by any thread of the library and by several at the same time, in
+// no order that is promised. They must return normally (no longjmp, no C++ exception), guard what they share, and call no function on a
+// world: each is DCD_ERR_BUSY. What pointers lead to is valid during the call. Every region that holds both bodies asks about its own copies, so that the answer
+// must depend on the pair and on what you changed between steps, on nothing else: else regions disagree, and the result depends on how the world
+// is cut. A pair may be asked about in every step, or only when it begins to be near, for as long as it rests.
+//
+// They are not saved with the world, nor recorded: a recording ends here.
+// Errors: DCD_ERR_NULL (world), DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT, DCD_ERR_UNSUPPORTED in a served world.
+DCD_API
+DcdStatus dcd_hooks_set(DcdWorld world,
+                        const DcdHooks *hooks);
 
 // Finds the first body that each of `count` rays meets; hits[i] belongs to rays[i]. Sensors count as bodies, unless `filter`
 // overlooks them; a null filter overlooks nothing.
@@ -3217,6 +3359,14 @@ DCD_API DcdStatus dcd_stats_text(DcdWorld world, char *buf, size_t cap, size_t *
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED in a served world.
 DCD_API DcdStatus dcd_state_hash(DcdWorld world, uint64_t *out);
 
+// Reads what the last dcd_step of a local world took by phase; all is 0 before the first, and of regions that rested.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED in a served world, of which dcd_stats tells the wall time of taking in
+// what came and the bytes of the network.
+DCD_API
+DcdStatus dcd_profile(DcdWorld world,
+                      DcdProfile *out);
+
 // Begins to record a local world to a file: a snapshot of it as it is now, what is done to it from now on, and a digest of each region
 // after each step. `dcd replay FILE` computes it again from that, bit for bit, `dcd diff` finds where two recordings differ. A thread
 // of the library writes the file; what a crash loses is the last tenth of a second. A recording that was going on ends. Nodes and
@@ -3387,6 +3537,10 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
 #define DCD_SETTINGS_INIT \
     { (uint32_t)sizeof(DcdSettings), 0, { 0.0f, 0.0f, 0.0f }, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, \
       0.0f, 0.0f, 0, 0, 0.0f, 0 }
+#define DCD_PROFILE_INIT \
+    { (uint32_t)sizeof(DcdProfile), 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 0, 0, 0 }
+/* No function is asked. */
+#define DCD_HOOKS_INIT { (uint32_t)sizeof(DcdHooks), 0, NULL, NULL, NULL, NULL }
 #define DCD_BODY_EXTENT_INIT \
     { (uint32_t)sizeof(DcdBodyExtent), 0.0f, { 0.0, 0.0, 0.0 }, { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f }, \
       { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }
@@ -3558,7 +3712,7 @@ DCD_ASSERT_(offsetof(DcdBodyDef, extra_centre) == 180);
 DCD_ASSERT_(offsetof(DcdBodyDef, extra_inertia) == 192);
 DCD_ASSERT_(offsetof(DcdBodyDef, extra_solver_iterations) == 204);
 DCD_ASSERT_(offsetof(DcdBodyDef, extra_pgs_iterations) == 208);
-DCD_ASSERT_(offsetof(DcdBodyDef, reserved) == 212);
+DCD_ASSERT_(offsetof(DcdBodyDef, hooks) == 212);
 DCD_ASSERT_(offsetof(DcdBodyDef, user_data) == 216);
 DCD_ASSERT_(offsetof(DcdBodyDef, material) == 224);
 DCD_ASSERT_(sizeof(DcdCharacterDef) == 36);
@@ -3635,7 +3789,7 @@ DCD_ASSERT_(offsetof(DcdColliderProperties, mask) == 76);
 DCD_ASSERT_(offsetof(DcdColliderProperties, solver_groups) == 80);
 DCD_ASSERT_(offsetof(DcdColliderProperties, solver_mask) == 84);
 DCD_ASSERT_(offsetof(DcdColliderProperties, pairs) == 88);
-DCD_ASSERT_(offsetof(DcdColliderProperties, reserved) == 92);
+DCD_ASSERT_(offsetof(DcdColliderProperties, hooks) == 92);
 DCD_ASSERT_(offsetof(DcdColliderProperties, user_data) == 96);
 DCD_ASSERT_(sizeof(DcdBodyInfo) == 80);
 DCD_ASSERT_(offsetof(DcdBodyInfo, struct_size) == 0);
@@ -3684,6 +3838,20 @@ DCD_ASSERT_(offsetof(DcdSettings, internal_iterations) == 64);
 DCD_ASSERT_(offsetof(DcdSettings, ccd_substeps) == 68);
 DCD_ASSERT_(offsetof(DcdSettings, tolerance) == 72);
 DCD_ASSERT_(offsetof(DcdSettings, reserved) == 76);
+DCD_ASSERT_(sizeof(DcdProfile) == 96);
+DCD_ASSERT_(offsetof(DcdProfile, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdProfile, reserved) == 4);
+DCD_ASSERT_(offsetof(DcdProfile, rapier) == 8);
+DCD_ASSERT_(offsetof(DcdProfile, broad_phase) == 16);
+DCD_ASSERT_(offsetof(DcdProfile, narrow_phase) == 24);
+DCD_ASSERT_(offsetof(DcdProfile, islands) == 32);
+DCD_ASSERT_(offsetof(DcdProfile, solver) == 40);
+DCD_ASSERT_(offsetof(DcdProfile, ccd) == 48);
+DCD_ASSERT_(offsetof(DcdProfile, border) == 56);
+DCD_ASSERT_(offsetof(DcdProfile, contact_pairs) == 64);
+DCD_ASSERT_(offsetof(DcdProfile, contacts) == 72);
+DCD_ASSERT_(offsetof(DcdProfile, awake) == 80);
+DCD_ASSERT_(offsetof(DcdProfile, joints) == 88);
 DCD_ASSERT_(sizeof(DcdBodyExtent) == 96);
 DCD_ASSERT_(offsetof(DcdBodyExtent, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdBodyExtent, mass) == 4);
@@ -3857,6 +4025,35 @@ DCD_ASSERT_(offsetof(DcdJointOverload, joint) == 0);
 DCD_ASSERT_(offsetof(DcdJointOverload, user_data) == 8);
 DCD_ASSERT_(offsetof(DcdJointOverload, force) == 16);
 DCD_ASSERT_(offsetof(DcdJointOverload, torque) == 20);
+DCD_ASSERT_(sizeof(DcdHookedPair) == 184);
+DCD_ASSERT_(offsetof(DcdHookedPair, a) == 0);
+DCD_ASSERT_(offsetof(DcdHookedPair, b) == 8);
+DCD_ASSERT_(offsetof(DcdHookedPair, user_a) == 16);
+DCD_ASSERT_(offsetof(DcdHookedPair, user_b) == 24);
+DCD_ASSERT_(offsetof(DcdHookedPair, material_a) == 32);
+DCD_ASSERT_(offsetof(DcdHookedPair, material_b) == 40);
+DCD_ASSERT_(offsetof(DcdHookedPair, collider_a) == 48);
+DCD_ASSERT_(offsetof(DcdHookedPair, collider_b) == 52);
+DCD_ASSERT_(offsetof(DcdHookedPair, pose_a) == 56);
+DCD_ASSERT_(offsetof(DcdHookedPair, pose_b) == 96);
+DCD_ASSERT_(offsetof(DcdHookedPair, velocity_a) == 136);
+DCD_ASSERT_(offsetof(DcdHookedPair, velocity_b) == 160);
+DCD_ASSERT_(sizeof(DcdHookedContact) == 48);
+DCD_ASSERT_(offsetof(DcdHookedContact, normal) == 0);
+DCD_ASSERT_(offsetof(DcdHookedContact, separation) == 12);
+DCD_ASSERT_(offsetof(DcdHookedContact, points) == 16);
+DCD_ASSERT_(offsetof(DcdHookedContact, enabled) == 20);
+DCD_ASSERT_(offsetof(DcdHookedContact, friction) == 24);
+DCD_ASSERT_(offsetof(DcdHookedContact, restitution) == 28);
+DCD_ASSERT_(offsetof(DcdHookedContact, surface_velocity) == 32);
+DCD_ASSERT_(offsetof(DcdHookedContact, memory) == 44);
+DCD_ASSERT_(sizeof(DcdHooks) == 40);
+DCD_ASSERT_(offsetof(DcdHooks, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdHooks, reserved) == 4);
+DCD_ASSERT_(offsetof(DcdHooks, context) == 8);
+DCD_ASSERT_(offsetof(DcdHooks, filter) == 16);
+DCD_ASSERT_(offsetof(DcdHooks, detect) == 24);
+DCD_ASSERT_(offsetof(DcdHooks, modify) == 32);
 DCD_ASSERT_(sizeof(DcdTransfer) == 24);
 DCD_ASSERT_(offsetof(DcdTransfer, body) == 0);
 DCD_ASSERT_(offsetof(DcdTransfer, user_data) == 8);

@@ -81,6 +81,8 @@ using Contact = DcdContact;
 using ContactForce = DcdContactForce;
 using ContactPoint = DcdContactPoint;
 using JointOverload = DcdJointOverload;
+using HookedPair = DcdHookedPair;
+using HookedContact = DcdHookedContact;
 using Transfer = DcdTransfer;
 using BodyChange = DcdBodyChange;
 using ConnectionEvent = DcdConnectionEvent;
@@ -130,6 +132,7 @@ DCD_STRUCT_(WorldInfo, DCD_WORLD_INFO_INIT);
 DCD_STRUCT_(BodyInfo, DCD_BODY_INFO_INIT);
 DCD_STRUCT_(Settings, DCD_SETTINGS_INIT);
 DCD_STRUCT_(Profile, DCD_PROFILE_INIT);
+DCD_STRUCT_(Hooks, DCD_HOOKS_INIT);
 DCD_STRUCT_(ShapeInfo, DCD_SHAPE_INFO_INIT);
 DCD_STRUCT_(BodyExtent, DCD_BODY_EXTENT_INIT);
 DCD_STRUCT_(Owner, DCD_OWNER_INIT);
@@ -398,6 +401,9 @@ public:
     {
         return got<WorldInfo>([&](WorldInfo *out) { return dcd_world_info(world_, out); });
     }
+    /* Its functions are called by any thread, several at a time, and must not throw. */
+    Status hooks_set(const Hooks &hooks) { return Status(dcd_hooks_set(world_, &hooks)); }
+    Status hooks_clear() { return Status(dcd_hooks_set(world_, nullptr)); }
     Result<Settings> settings() const
     {
         return got<Settings>([&](Settings *out) { return dcd_settings(world_, out); });

@@ -81,6 +81,8 @@ pub mod event;
 
 pub mod contacts;
 
+pub mod hooks;
+
 pub mod query;
 
 pub mod topology;

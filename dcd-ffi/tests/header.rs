@@ -13,6 +13,7 @@ use dcd_ffi::connection::*;
 use dcd_ffi::contacts::*;
 use dcd_ffi::draw::*;
 use dcd_ffi::event::*;
+use dcd_ffi::hooks::*;
 use dcd_ffi::ids::*;
 use dcd_ffi::join::*;
 use dcd_ffi::joint::*;
@@ -86,7 +87,7 @@ fn layouts() -> Vec<Layout> {
             restitution_rule, contact_skin, linear_damping, angular_damping, gravity_scale, flags, locked, events,
             force_threshold, groups, mask, solver_groups, solver_mask, pairs, dominance, soft_ccd, sleep_linear,
             sleep_angular, sleep_after, extra_mass, extra_centre, extra_inertia, extra_solver_iterations,
-            extra_pgs_iterations, reserved, user_data, material
+            extra_pgs_iterations, hooks, user_data, material
         }
         DcdCharacterDef {
             struct_size, step_height, step_depth, max_climb, min_slide, snap, gap, mass, reserved
@@ -104,7 +105,7 @@ fn layouts() -> Vec<Layout> {
         }
         DcdColliderProperties {
             struct_size, flags, frame, density, mass, friction, restitution, friction_rule, restitution_rule,
-            contact_skin, events, force_threshold, groups, mask, solver_groups, solver_mask, pairs, reserved,
+            contact_skin, events, force_threshold, groups, mask, solver_groups, solver_mask, pairs, hooks,
             user_data
         }
         DcdBodyInfo {
@@ -159,6 +160,13 @@ fn layouts() -> Vec<Layout> {
             a, b, user_a, user_b, force, magnitude, collider_a, collider_b, material_a, material_b
         }
         DcdJointOverload { joint, user_data, force, torque }
+        DcdHookedPair {
+            a, b, user_a, user_b, material_a, material_b, collider_a, collider_b, pose_a, pose_b, velocity_a, velocity_b
+        }
+        DcdHookedContact {
+            normal, separation, points, enabled, friction, restitution, surface_velocity, memory
+        }
+        DcdHooks { struct_size, reserved, context, filter, detect, modify }
         DcdTransfer { body, user_data, from, to }
         DcdBodyChange { body, user_data, kind, reason }
         DcdEventView {
@@ -278,6 +286,8 @@ const MACROS: &str = "
       0.0f, 0.0f, 0, 0, 0.0f, 0 }
 #define DCD_PROFILE_INIT \\
     { (uint32_t)sizeof(DcdProfile), 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 0, 0, 0 }
+/* No function is asked. */
+#define DCD_HOOKS_INIT { (uint32_t)sizeof(DcdHooks), 0, NULL, NULL, NULL, NULL }
 #define DCD_BODY_EXTENT_INIT \\
     { (uint32_t)sizeof(DcdBodyExtent), 0.0f, { 0.0, 0.0, 0.0 }, { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f }, \\
       { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }
@@ -433,7 +443,7 @@ fn size_of_member(declaration: &str) -> usize {
         | "DcdCombineRule" | "DcdDrawFlags" | "DcdDrawnKind" | "DcdConnectionState" | "DcdCause"
         | "DcdRole" | "DcdCoupling" | "DcdPreset" | "DcdShapeKind" => 4,
         "double" | "uint64_t" | "size_t" => 8,
-        name if name.starts_with("DcdDraw") && name.ends_with("Fn") => size_of::<usize>(),
+        name if name.starts_with("Dcd") && name.ends_with("Fn") => size_of::<usize>(),
         name => layouts().iter().find(|layout| layout.name == name).unwrap_or_else(|| panic!("{name}")).size,
     };
     size * count

@@ -33,6 +33,7 @@
 //! | `models` | scenes from MJCF and URDF files | no |
 //! | `cli` | the program `dcd`; implies all above | no |
 //! | `sim` | whole clusters in one thread from one seed, to test protocols under faults | no |
+//! | `profiler` | the times of Rapier's phases in [`World::profile`] | no |
 //! | `enhanced-determinism` | equal bits on unlike machines, at 3 to 10 % of the speed | no |
 #![forbid(unsafe_code)]
 

@@ -278,7 +278,7 @@ static void bodies(void)
     REFUSED(restitution, 1.01f, DCD_ERR_ARGUMENT);
     REFUSED(restitution, -0.01f, DCD_ERR_ARGUMENT);
     REFUSED(restitution, NAN, DCD_ERR_ARGUMENT);
-    REFUSED(reserved, 1, DCD_ERR_ARGUMENT);
+    REFUSED(hooks, 8, DCD_ERR_ARGUMENT);
     REFUSED(linear_damping, -0.5f, DCD_ERR_ARGUMENT);
     REFUSED(angular_damping, NAN, DCD_ERR_ARGUMENT);
     REFUSED(gravity_scale, NAN, DCD_ERR_ARGUMENT);

@@ -24,6 +24,11 @@ fn joints_that_bear_too_much_are_told_of() {
 }
 
 #[test]
+fn a_program_is_asked_about_contacts() {
+    run_both_ways("asked.c");
+}
+
+#[test]
 fn a_world_is_stepped_otherwise_from_the_next_step_on() {
     run_both_ways("settings.c");
 }

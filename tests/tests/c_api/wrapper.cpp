@@ -118,6 +118,9 @@ static void a_ball_breaks_a_tower()
 
     const std::vector<dcd::ContactPoint> touching = *world.body_contacts(tower[0]);
     HOLDS(!touching.empty() && (touching[0].a == tower[0] || touching[0].b == tower[0]));
+    dcd::Hooks hooks;
+    hooks.filter = [](void *, const dcd::HookedPair *) -> DcdPairAnswer { return DCD_MEET_PUSH; };
+    HOLDS(world.hooks_set(hooks) && world.hooks_clear());
     HOLDS(world.profile()->rapier >= 0.0);
     dcd::Settings settings = *world.settings();
     HOLDS(settings.gravity[1] == -9.81f && settings.length_unit == 1.0f);

@@ -3089,9 +3089,10 @@ DcdStatus dcd_body_contacts(DcdWorld world,
 //
 // They are called from within dcd_step (or the step that dcd_step_begin began), by any thread of the library and by several at the same time, in
 // no order that is promised. They must return normally (no longjmp, no C++ exception), guard what they share, and call no function on a
-// world: each is DCD_ERR_BUSY. What pointers lead to is valid during the call. Every region that holds both bodies asks about its own copies, so that the answer
-// must depend on the pair and on what you changed between steps, on nothing else: else regions disagree, and the result depends on how the world
-// is cut. A pair may be asked about in every step, or only when it begins to be near, for as long as it rests.
+// world: each is DCD_ERR_BUSY. What pointers lead to is valid during the call. Every region that holds both bodies asks about its
+// own copies, so that the answer must depend on the pair and on what you changed between steps, on nothing else: else regions disagree,
+// and the result depends on how the world is cut. A pair may be asked about in every step, or only when it begins to be near, for as long
+// as it rests.
 //
 // They are not saved with the world, nor recorded: a recording ends here.
 // Errors: DCD_ERR_NULL (world), DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT, DCD_ERR_UNSUPPORTED in a served world.

@@ -14,8 +14,7 @@ impl LocalWorld {
         torque_n_m: f32,
     ) -> Result<(), WorldError> {
         for (what, value) in [("force", force_n), ("torque", torque_n_m)] {
-            // NaN is not at least 0.
-            if !(value >= 0.0) {
+            if value.is_nan() || value < 0.0 {
                 let range = "0 or more, infinite for never";
                 return Err(WorldError::Setting { what, value: value.to_string(), range });
             }

@@ -15,12 +15,13 @@
  *
  * Members named reserved are 0. Values outside their range are DCD_ERR_ARGUMENT.
  *
- * Pointers. What a function reads is read during the call; it keeps none of your pointers (but those of dcd_log_set). They
+ * Pointers. What a function reads is read during the call; it keeps none of your pointers (but those of dcd_log_set and
+ * dcd_hooks_set). They
  * must be aligned for their type. What it lends says how long it lives. Texts are UTF-8 that ends with NUL.
  *
  * Threads. Any thread may call any function at any time. Calls on one world run one after the other; a call waits for its
- * turn. Calls on different worlds run side by side. From within the log callback and those of
- * dcd_debug_draw every call on a world is DCD_ERR_BUSY.
+ * turn. Calls on different worlds run side by side. From within the log callback, those of dcd_debug_draw and the functions of
+ * dcd_hooks_set every call on a world is DCD_ERR_BUSY.
  *
  * Bugs of ours. A panic inside the library becomes DCD_ERR_PANIC. The world it happened in answers every later call so, and
  * can be destroyed; everything else goes on.
@@ -250,6 +251,15 @@
 
 // In DcdEventView.flags: the link to the server is gone; dcd_step says why.
 #define DCD_EVENTS_LOST 1
+
+// In DcdBodyDef.hooks and DcdColliderProperties.hooks: DcdHooks.filter is asked about contacts of the collider.
+#define DCD_HOOK_FILTER 1
+
+// In DcdBodyDef.hooks and DcdColliderProperties.hooks: DcdHooks.detect is asked about what it detects as a sensor, or is detected by.
+#define DCD_HOOK_DETECT 2
+
+// In DcdBodyDef.hooks and DcdColliderProperties.hooks: DcdHooks.modify is asked about its contacts before they are solved.
+#define DCD_HOOK_MODIFY 4
 
 // In DcdFilter.flags: overlooks fixed bodies.
 #define DCD_FILTER_NO_FIXED 1
@@ -658,10 +668,12 @@ typedef struct DcdBodyDef {
     uint32_t extra_solver_iterations;
     // Iterations within each of them, 0 to 1000.
     uint32_t extra_pgs_iterations;
-    // 0.
-    uint32_t reserved;
+    // DCD_HOOK_… bits of its shape: the functions of dcd_hooks_set that are asked about it.
+    uint32_t hooks;
     // Your own; events, views and ray hits carry it.
     uint64_t user_data;
+    // Your own of its shape, as the number of a material (DcdColliderProperties.user_data); contacts and hits carry it.
+    uint64_t material;
 } DcdBodyDef;
 
 // The settings of a character. Start from DCD_CHARACTER_DEF_INIT.
@@ -853,11 +865,59 @@ typedef struct DcdColliderProperties {
     uint32_t solver_mask;
     // DCD_PAIR_… bits.
     uint32_t pairs;
-    // 0.
-    uint32_t reserved;
-    // Your own of this collider; nothing else carries it.
+    // DCD_HOOK_… bits: the functions of dcd_hooks_set that are asked about it.
+    uint32_t hooks;
+    // Your own of this collider, as the number of its material; contacts and hits carry it.
     uint64_t user_data;
 } DcdColliderProperties;
+
+// The kind of a shape. Others may come: take what you do not know by its vertices and triangles.
+typedef uint32_t DcdShapeKind;
+
+// What a shape is. Start from DCD_SHAPE_INFO_INIT.
+typedef struct DcdShapeInfo {
+    // sizeof(DcdShapeInfo).
+    uint32_t struct_size;
+    // DCD_SHAPE_BOX and so on.
+    DcdShapeKind kind;
+    // Metres; 0 of a kind that has none.
+    float size[3];
+    // Metres by which it is rounded: it reaches so far beyond its size or its vertices.
+    float border;
+    // Where all this is, from the shape's origin: elsewhere only of capsules and half-spaces that lie otherwise.
+    DcdFrame frame;
+    // How many vertices dcd_shape_vertices reads; 0 of boxes, balls, capsules, cylinders, cones, half-spaces and compounds.
+    uint32_t vertex_count;
+    // How many triangles dcd_shape_triangles reads.
+    uint32_t triangle_count;
+    // Of terrain: heights along z.
+    uint32_t rows;
+    // Of terrain: heights along x.
+    uint32_t columns;
+    // Of a compound: how many shapes dcd_shape_part has.
+    uint32_t parts;
+    // 0.
+    uint32_t reserved;
+} DcdShapeInfo;
+
+// How large and heavy a body is. Start from DCD_BODY_EXTENT_INIT.
+typedef struct DcdBodyExtent {
+    // sizeof(DcdBodyExtent).
+    uint32_t struct_size;
+    // Kilograms; 0 for a fixed body.
+    float mass;
+    // The lowest corner of the smallest box along the axes of world space that holds its colliders, metres; infinite for a
+    // half-space.
+    double min[3];
+    // The highest corner.
+    double max[3];
+    // Its centre of mass, from its origin, along its own axes, metres.
+    float centre[3];
+    // Its moments of inertia about its principal axes through that centre, kg m²; 0 for a fixed body.
+    float inertia[3];
+    // The rotation from its own axes to the principal ones: unit quaternion x, y, z, w.
+    float axes[4];
+} DcdBodyExtent;
 
 // The type of a joint: what it lets free. Each type has axes of its own, which `limit` and `motor` of DcdJointDef are for.
 typedef uint32_t DcdJointType;
@@ -967,6 +1027,47 @@ typedef struct DcdJointInfo {
 
 // An axis of a joint's frame on body `a`: along it, or about it. As a bit it is 1 << axis, which DCD_LOCK_… are.
 typedef uint32_t DcdJointAxis;
+
+// How a world is stepped. Start from DCD_SETTINGS_INIT and dcd_settings. It may grow at its end.
+typedef struct DcdSettings {
+    // sizeof(DcdSettings).
+    uint32_t struct_size;
+    // Iterations of the solver per step, 1 to 1000.
+    uint32_t solver_iterations;
+    // m/s².
+    float gravity[3];
+    // Length of a step in seconds, above 0.
+    float dt;
+    // Units of length per metre, above 0: 100 if your numbers are centimetres. It scales the tolerances of the solver, the
+    // thresholds of sleep, `max_speed` and `max_correction`; gravity, densities and all else are numbers of your units.
+    float length_unit;
+    // m/s, 0 or more: faster than so no dynamic body moves.
+    float max_speed;
+    // Natural frequency of contacts, 1/s, 0 or more: higher is stiffer.
+    float contact_frequency;
+    // Damping ratio of contacts, 0 or more: higher takes overlaps away more slowly.
+    float contact_damping;
+    // The same of contacts with fixed bodies.
+    float static_frequency;
+    // The same of contacts with fixed bodies.
+    float static_damping;
+    // m/s, 0 or more: faster than so no overlap is taken away.
+    float max_correction;
+    // Metres of overlap that are left as they are, 0 or more.
+    float allowed_overlap;
+    // Metres ahead at which contacts are looked for, 0 or more.
+    float contact_margin;
+    // The part of the last step's impulses that the next begins with, 0 to 1.
+    float warm_start;
+    // Iterations within each iteration of the solver, 1 to 1000.
+    uint32_t internal_iterations;
+    // The most substeps by which bodies with DCD_BODY_CCD are swept in a step, 0 to 1000.
+    uint32_t ccd_substeps;
+    // Disagreement of copies that DCD_COUPLING_AUTO tolerates, m/s, above 0.
+    float tolerance;
+    // 0.
+    uint32_t reserved;
+} DcdSettings;
 
 // The state of every movable body after a step: entry i of each array belongs to ids[i], in an order that only changes where bodies are
 // made or destroyed. Start from DCD_STATE_VIEW_INIT. The arrays are null when `count` is 0.
@@ -1180,6 +1281,10 @@ typedef struct DcdContact {
     uint32_t collider_a;
     // Which collider of `b`.
     uint32_t collider_b;
+    // The user_data of that collider of `a` (DcdBodyDef.material, DcdColliderProperties.user_data); 0 once the body is gone.
+    uint64_t material_a;
+    // The same of `b`.
+    uint64_t material_b;
 } DcdContact;
 
 // A contact force event: a contact pressed harder than the force_threshold of a body with DCD_EVENT_FORCE.
@@ -1200,6 +1305,10 @@ typedef struct DcdContactForce {
     uint32_t collider_a;
     // Which collider of `b`.
     uint32_t collider_b;
+    // As in DcdContact.
+    uint64_t material_a;
+    // As in DcdContact.
+    uint64_t material_b;
 } DcdContactForce;
 
 // A transfer: a body changed owner in the step. Putting it elsewhere by hand is not told of. In a served world: it was heard of
@@ -1271,6 +1380,19 @@ typedef struct DcdMessage {
     uint32_t flags;
 } DcdMessage;
 
+// A joint that bore more than its strength in the step (dcd_joint_strength_set), in a local world. Whether it breaks is yours to decide:
+// dcd_joint_destroy does so.
+typedef struct DcdJointOverload {
+    // Which joint.
+    DcdJointId joint;
+    // Your own.
+    uint64_t user_data;
+    // The force on its locked axes, newtons.
+    float force;
+    // The torque on its locked axes, newton metres.
+    float torque;
+} DcdJointOverload;
+
 // The events of the last step. Start from DCD_EVENT_VIEW_INIT. Arrays are null when their count is 0.
 typedef struct DcdEventView {
     // sizeof(DcdEventView).
@@ -1304,7 +1426,114 @@ typedef struct DcdEventView {
     const DcdMessage *messages;
     // How many.
     size_t message_count;
+    // Joints that bore more than their strength, by age.
+    const DcdJointOverload *overloads;
+    // How many.
+    size_t overload_count;
 } DcdEventView;
+
+// A point at which two bodies touch, or are about to.
+typedef struct DcdContactPoint {
+    // The body made first.
+    DcdBodyId a;
+    // The other one.
+    DcdBodyId b;
+    // Where, in the middle between the two surfaces, world space, metres.
+    double point[3];
+    // From a to b, of length 1.
+    float normal[3];
+    // Metres between the surfaces, negative where they overlap.
+    float separation;
+    // The impulse along the normal on `b` in the last step, N s; without friction. Divided by dt it is the force.
+    float impulse;
+    // The number of its manifold among those of the two colliders: points of one manifold have one normal.
+    uint32_t manifold;
+    // Which collider of `a`, from 0.
+    uint32_t collider_a;
+    // Which collider of `b`.
+    uint32_t collider_b;
+    // The user_data of that collider of `a`, as the number of a material.
+    uint64_t material_a;
+    // The same of `b`.
+    uint64_t material_b;
+} DcdContactPoint;
+
+// What DcdHooks.filter answers.
+typedef uint32_t DcdPairAnswer;
+
+// Two colliders that a hook is asked about.
+typedef struct DcdHookedPair {
+    // The body made first.
+    DcdBodyId a;
+    // The other one.
+    DcdBodyId b;
+    // Your own of `a`.
+    uint64_t user_a;
+    // Your own of `b`.
+    uint64_t user_b;
+    // The user_data of the collider of `a`, as the number of a material.
+    uint64_t material_a;
+    // The same of `b`.
+    uint64_t material_b;
+    // Which collider of `a`, from 0.
+    uint32_t collider_a;
+    // Which collider of `b`.
+    uint32_t collider_b;
+    // Where `a` is.
+    DcdPose pose_a;
+    // Where `b` is.
+    DcdPose pose_b;
+    // How `a` moves.
+    DcdVelocity velocity_a;
+    // How `b` moves.
+    DcdVelocity velocity_b;
+} DcdHookedPair;
+
+// Returns whether two colliders meet: DCD_MEET_PUSH, DCD_MEET_TOUCH or DCD_MEET_NOT.
+typedef DcdPairAnswer (*DcdFilterFn)(void *context, const DcdHookedPair *pair);
+
+// Returns whether a sensor detects another collider.
+typedef bool (*DcdDetectFn)(void *context, const DcdHookedPair *pair);
+
+// A contact that is about to be solved, of one manifold: several points with one normal.
+typedef struct DcdHookedContact {
+    // From a to b, of length 1; to be read.
+    float normal[3];
+    // The least separation of its points, metres, negative where they overlap; to be read.
+    float separation;
+    // How many points it has; to be read.
+    uint32_t points;
+    // 1; 0 takes the contact out of this step: they touch and do not push.
+    uint32_t enabled;
+    // Coulomb coefficient, 0 or more.
+    float friction;
+    // 0 to 1.
+    float restitution;
+    // The velocity of the surface of `a` against that of `b`, world axes, m/s: so a conveyor belt `a` carries `b` along; of a belt that is `b`,
+    // give the negative. 0 at first.
+    float surface_velocity[3];
+    // A number of yours that the manifold keeps while it lasts; 0 at first, and where bodies come to another region.
+    uint32_t memory;
+} DcdHookedContact;
+
+// Changes a contact.
+typedef void (*DcdModifyFn)(void *context, const DcdHookedPair *pair, DcdHookedContact *contact);
+
+// Functions that are asked about contacts. Start from DCD_HOOKS_INIT.
+typedef struct DcdHooks {
+    // sizeof(DcdHooks).
+    uint32_t struct_size;
+    // 0.
+    uint32_t reserved;
+    // The first argument of all functions.
+    void *context;
+    // Asked about colliders that touch, of which one has DCD_HOOK_FILTER. Null: they push.
+    DcdFilterFn filter;
+    // Asked about sensors and what is in them, of which one has DCD_HOOK_DETECT. Null: they detect.
+    DcdDetectFn detect;
+    // Asked about contacts of colliders, of which one has DCD_HOOK_MODIFY. Null: they stay.
+    DcdModifyFn modify;
+} DcdHooks;
 
 // A ray. Start from DCD_RAY_INIT and give a direction.
 typedef struct DcdRay {
@@ -1354,6 +1583,8 @@ typedef struct DcdRayHit {
     uint32_t collider;
     // Which triangle of a mesh or terrain, which part of a compound; else 0.
     uint32_t subshape;
+    // The user_data of that collider, as the number of a material.
+    uint64_t material;
 } DcdRayHit;
 
 // A shape that moves straight, and may turn on the way. Start from DCD_SHAPE_CAST_INIT and give shape and motion.
@@ -1402,6 +1633,8 @@ typedef struct DcdShapeHit {
     uint32_t flags;
     // 0.
     uint32_t reserved;
+    // The user_data of that collider, as the number of a material.
+    uint64_t material;
 } DcdShapeHit;
 
 // A point. Start from DCD_POINT_QUERY_INIT.
@@ -1436,6 +1669,8 @@ typedef struct DcdPointHit {
     uint32_t flags;
     // 0.
     uint32_t reserved;
+    // The user_data of that collider, as the number of a material.
+    uint64_t material;
 } DcdPointHit;
 
 // A shape at a pose, to find what overlaps it. Start from DCD_SHAPE_QUERY_INIT and give a shape.
@@ -1462,6 +1697,8 @@ typedef struct DcdOverlap {
     uint32_t collider;
     // 0.
     uint32_t reserved;
+    // The user_data of that collider, as the number of a material.
+    uint64_t material;
 } DcdOverlap;
 
 // A box along the axes of the world (AABB). Corners may be infinite. Start from DCD_BOX_QUERY_INIT and give them.
@@ -1568,6 +1805,37 @@ typedef struct DcdStats {
     // served one.
     uint32_t exchanges;
 } DcdStats;
+
+// What the last step took, in seconds, and what was computed in it: sums over all regions, which compute side by side, so that times may be more
+// than DcdStats.last_step. Start from DCD_PROFILE_INIT. It may grow at its end.
+typedef struct DcdProfile {
+    // sizeof(DcdProfile).
+    uint32_t struct_size;
+    // 0.
+    uint32_t reserved;
+    // Steps of Rapier, all phases.
+    double rapier;
+    // Finding pairs whose boxes touch. This and the next four are 0 in a library that was built without the feature `profiler`.
+    double broad_phase;
+    // Finding contacts.
+    double narrow_phase;
+    // Keeping islands, and putting bodies to sleep.
+    double islands;
+    // Solving contacts and joints, and moving bodies.
+    double solver;
+    // Sweeping fast bodies.
+    double ccd;
+    // Exchange of messages between regions: wall time.
+    double border;
+    // Pairs of colliders near enough for contacts; those that regions share count in each, as in all that follows.
+    uint64_t contact_pairs;
+    // Points of contact that were solved.
+    uint64_t contacts;
+    // Bodies that were awake.
+    uint64_t awake;
+    // Joints, awake or not.
+    uint64_t joints;
+} DcdProfile;
 
 // The force and torque on a body in every step, in world axes.
 typedef struct DcdForce {
@@ -1713,6 +1981,42 @@ typedef struct DcdForce {
 
 // The square root of a * b.
 #define DCD_COMBINE_GEOMETRIC_MEAN 5
+
+// A box; `size` is half of its edges.
+#define DCD_SHAPE_BOX 0
+
+// A ball; size[0] is its radius.
+#define DCD_SHAPE_SPHERE 1
+
+// A capsule along y; size[0] is its radius, size[1] half of its length without the caps.
+#define DCD_SHAPE_CAPSULE 2
+
+// A cylinder along y; size[0] is its radius, size[1] half of its height.
+#define DCD_SHAPE_CYLINDER 3
+
+// A cone whose tip is at +y; size[0] is the radius of its base, size[1] half of its height.
+#define DCD_SHAPE_CONE 4
+
+// A convex hull: vertices and triangles.
+#define DCD_SHAPE_HULL 5
+
+// A mesh: vertices and triangles.
+#define DCD_SHAPE_MESH 6
+
+// Terrain: `rows` x `columns` heights, stretched by `size`, and vertices and triangles of its surface.
+#define DCD_SHAPE_HEIGHTFIELD 7
+
+// Several shapes: `parts` of them.
+#define DCD_SHAPE_COMPOUND 8
+
+// All below the plane y = 0.
+#define DCD_SHAPE_HALF_SPACE 9
+
+// Lines between vertices: triangles of which two corners are one.
+#define DCD_SHAPE_LINES 10
+
+// Filled cells of a grid, of edges `size`: vertices and triangles of their surface.
+#define DCD_SHAPE_VOXELS 11
 
 // Nothing: the frames stay together. It has no axis of its own.
 #define DCD_JOINT_FIXED 0
@@ -1873,6 +2177,15 @@ typedef struct DcdForce {
 
 // A fault of dcd ended this process's part in the world.
 #define DCD_CAUSE_FAILED 9
+
+// They touch and push each other, as without hooks.
+#define DCD_MEET_PUSH 0
+
+// They touch, which dcd_events tells, and do not push.
+#define DCD_MEET_TOUCH 1
+
+// They pass through each other, and nothing is told.
+#define DCD_MEET_NOT 2
 
 #ifdef __cplusplus
 extern "C" {
@@ -2383,6 +2696,85 @@ DcdStatus dcd_body_set_groups(DcdWorld world,
                               uint32_t groups,
                               uint32_t mask);
 
+// Reads what a shape is, one that you made or found.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_STRUCT.
+DCD_API DcdStatus dcd_shape_info(DcdWorld world, DcdShapeId shape, DcdShapeInfo *out);
+
+// Reads the vertices of a hull, mesh, terrain, lines or voxels, 3 x `cap` floats at most, and their number into `count`. With `cap` 0 `xyz` may be
+// null, to ask for the number.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `xyz` is
+// not).
+DCD_API
+DcdStatus dcd_shape_vertices(DcdWorld world,
+                             DcdShapeId shape,
+                             float *xyz,
+                             size_t cap,
+                             size_t *count);
+
+// Reads the triangles of a hull, mesh, terrain, lines or voxels, 3 x `cap` indices of vertices at most, and their number into `count`:
+// counterclockwise seen from outside. With `cap` 0 `indices` may be null, to ask for the number.
+//
+// Errors: as dcd_shape_vertices.
+DCD_API
+DcdStatus dcd_shape_triangles(DcdWorld world,
+                              DcdShapeId shape,
+                              uint32_t *indices,
+                              size_t cap,
+                              size_t *count);
+
+// Reads the heights of terrain as dcd_shape_heightfield takes them, `cap` at most, and their number into `count`: 0 of other
+// shapes. With `cap` 0 `heights` may be null, to ask for the number.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_SMALL_BUFFER (then `count` is written all the same and
+// `heights` is not).
+DCD_API DcdStatus dcd_shape_heights(DcdWorld world, DcdShapeId shape, float *heights, size_t cap, size_t *count);
+
+// Lists all bodies into `out`, which has `cap` entries, and their number into `count`: fixed ones too, in the order in which they were
+// made; in a served world those that this process has heard of, avatars last. With `cap` 0 `out` may be null, to ask for the
+// number.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not),
+// DCD_ERR_UNSUPPORTED for a node.
+DCD_API
+DcdStatus dcd_bodies(DcdWorld world,
+                     DcdBodyId *out,
+                     size_t cap,
+                     size_t *count);
+
+// Reads how large and heavy a body is as it is now. It follows from its shapes and properties, so that in a served world it is known of every
+// body that this process has heard of. It takes some microseconds, of a body of many vertices more.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED for a node.
+DCD_API
+DcdStatus dcd_body_extent(DcdWorld world,
+                          DcdBodyId body,
+                          DcdBodyExtent *out);
+
+// Finds the shape of one collider of a body, of any body that this process knows. `collider` is its number, from 0;
+// dcd_collider_properties says where it sits on the body.
+//
+// Equal shapes have one handle, so that what a renderer makes of it can be kept by it; that of the shape function with which you made
+// it is another. It need not be destroyed; once it is, this gives a new one.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a collider that is not there, DCD_ERR_UNSUPPORTED for a node.
+DCD_API
+DcdStatus dcd_collider_shape(DcdWorld world,
+                             DcdBodyId body,
+                             uint32_t collider,
+                             DcdShapeId *out);
+
+// Finds one of the shapes that a compound is made of, from 0 on, as dcd_collider_shape does, and where it is in the compound.
+// `frame` may be null.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_ARGUMENT for a part that is not there.
+DCD_API
+DcdStatus dcd_shape_part(DcdWorld world,
+                         DcdShapeId shape,
+                         uint32_t part,
+                         DcdShapeId *out,
+                         DcdFrame *frame);
+
 // Creates a joint between two bodies of a local world, or of a server's own: those that it made since its last dcd_step, or one of
 // them and a fixed one. Clients and nodes have no joints (DCD_ERR_UNSUPPORTED); a server may drive and destroy any. What
 // joints tie together is owned and moved whole by one region, so keep it small against a region.
@@ -2477,6 +2869,19 @@ DcdStatus dcd_body_joints(DcdWorld world,
                           size_t cap,
                           size_t *count);
 
+// Sets how much the locked axes of a joint bear: newtons and newton metres, 0 or more, INFINITY for any load, as at first. After each dcd_step in
+// which it bears more, DcdEventView.overloads tells of it; it stays as it is until you destroy it. It is saved with the world.
+//
+// The load is that of the whole joint, however many regions share it. It is the solver's: of its last iteration, without the forces of limits and
+// motors. A load that lasts shows; of a blow, only what its last iteration had left to bear.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or joint), DCD_ERR_ARGUMENT for numbers below 0 or NaN, DCD_ERR_UNSUPPORTED in a
+// served world.
+DCD_API
+DcdStatus dcd_joint_strength_set(DcdWorld world,
+                                 DcdJointId joint,
+                                 float force,
+                                 float torque);
+
 // Advances the world by one step of its own length, DcdWorldInfo.dt; call it as often as your clock says. The length is the
 // world's and not an argument, since every process that computes the world must use the same.
 //
@@ -2502,6 +2907,27 @@ DCD_API DcdStatus dcd_step_begin(DcdWorld world);
 //
 // Errors: DCD_ERR_TIMEOUT while it is not done, DCD_ERR_ARGUMENT when none was begun, and those of dcd_step.
 DCD_API DcdStatus dcd_step_wait(DcdWorld world, uint64_t timeout_ns);
+
+// Reads how a world is stepped; a node is told by its server.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED for a node.
+DCD_API DcdStatus dcd_settings(DcdWorld world, DcdSettings *out);
+
+// Changes how a world is stepped, from the next dcd_step on: read it by dcd_settings, change members, and give it back. Bodies that sleep are
+// woken if gravity changes. It is saved with the world. A served world keeps the settings with which its server was made, and is stepped
+// by Rapier's own parameters: of a world that is to be a server's source, change only gravity, dt, solver_iterations and tolerance.
+//
+// `settings` is read during the call.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range (then nothing is changed),
+// DCD_ERR_UNSUPPORTED in a served world.
+DCD_API
+DcdStatus dcd_settings_set(DcdWorld world,
+                           const DcdSettings *settings);
+
+// Changes gravity, m/s², as dcd_settings_set does.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers out of range, DCD_ERR_UNSUPPORTED in a served world.
+DCD_API DcdStatus dcd_gravity_set(DcdWorld world, const float *gravity);
 
 // Lends the state of every movable body as arrays, without copying: as it was after the last step. What was made or changed
 // since shows after the next one; before the first step (and in the first call of all) it shows the present. A client or participant is
@@ -2685,6 +3111,35 @@ DcdStatus dcd_send(DcdWorld world,
 // The arrays are the library's, and live as those of dcd_state_view do.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
 DCD_API DcdStatus dcd_events(DcdWorld world, DcdEventView *out);
+
+// Lists the points at which a body touches others as they are after the last step, into `out`, which has `cap` entries, and their
+// number into `count`: by pairs of colliders and manifolds. Sensors have none, dcd_events and dcd_overlap_shapes tell of them. With
+// `cap` 0 `out` may be null, to ask for the number.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not),
+// DCD_ERR_UNSUPPORTED in a served world.
+DCD_API
+DcdStatus dcd_body_contacts(DcdWorld world,
+                            DcdBodyId body,
+                            DcdContactPoint *out,
+                            size_t cap,
+                            size_t *count);
+
+// Sets the functions that a local world asks about contacts from the next dcd_step on; null removes them. `hooks` is read during the call; the
+// functions and `context` must be there until others are set or the world is destroyed.
+//
+// They are called from within dcd_step (or the step that dcd_step_begin began), by any thread of the library and by several at the same time, in
+// no order that is promised. They must return normally (no longjmp, no C++ exception), guard what they share, and call no function on a
+// world: each is DCD_ERR_BUSY. What pointers lead to is valid during the call. Every region that holds both bodies asks about its
+// own copies, so that the answer must depend on the pair and on what you changed between steps, on nothing else: else regions disagree,
+// and the result depends on how the world is cut. A pair may be asked about in every step, or only when it begins to be near, for as long
+// as it rests.
+//
+// They are not saved with the world, nor recorded: a recording ends here.
+// Errors: DCD_ERR_NULL (world), DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT, DCD_ERR_UNSUPPORTED in a served world.
+DCD_API
+DcdStatus dcd_hooks_set(DcdWorld world,
+                        const DcdHooks *hooks);
 
 // Finds the first body that each of `count` rays meets; hits[i] belongs to rays[i]. Sensors count as bodies, unless `filter`
 // overlooks them; a null filter overlooks nothing.
@@ -2946,6 +3401,14 @@ DCD_API DcdStatus dcd_stats_text(DcdWorld world, char *buf, size_t cap, size_t *
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED in a served world.
 DCD_API DcdStatus dcd_state_hash(DcdWorld world, uint64_t *out);
 
+// Reads what the last dcd_step of a local world took by phase; all is 0 before the first, and of regions that rested.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED in a served world, of which dcd_stats tells the wall time of taking in
+// what came and the bytes of the network.
+DCD_API
+DcdStatus dcd_profile(DcdWorld world,
+                      DcdProfile *out);
+
 // Begins to record a local world to a file: a snapshot of it as it is now, what is done to it from now on, and a digest of each region
 // after each step. `dcd replay FILE` computes it again from that, bit for bit, `dcd diff` finds where two recordings differ. A thread
 // of the library writes the file; what a crash loses is the last tenth of a second. A recording that was going on ends. Nodes and
@@ -3043,7 +3506,7 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
     { (uint32_t)sizeof(DcdBodyDef), DCD_DYNAMIC, { { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } }, \
       { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } }, { 0 }, 1000.0f, 0.0f, 0.5f, 0.0f, 0, 0, 0.0f, \
       0.0f, 0.0f, 1.0f, 0, 0, 0, 0.0f, 0xFFFFFFFFu, 0xFFFFFFFFu, 0xFFFFFFFFu, 0xFFFFFFFFu, 7, 0, 0.0f, \
-      0.05f, 0.5f, 0.5f, 0.0f, { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f }, 0, 0, 0, 0 }
+      0.05f, 0.5f, 0.5f, 0.0f, { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f }, 0, 0, 0, 0, 0 }
 
 /* A person of 80 kg: steps of 0.3 m, slopes of 45 degrees. */
 #define DCD_CHARACTER_DEF_INIT \
@@ -3111,6 +3574,19 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
 #define DCD_BODY_INFO_INIT \
     { (uint32_t)sizeof(DcdBodyInfo), 0, 0, { 0.0, 0.0, 0.0 }, 0.0f, 0, { 0.0f, 0.0f, 0.0f }, \
       { 0.0f, 0.0f, 0.0f }, 0, false, false, { 0, 0 } }
+#define DCD_SHAPE_INFO_INIT \
+    { (uint32_t)sizeof(DcdShapeInfo), 0, { 0.0f, 0.0f, 0.0f }, 0.0f, \
+      { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }, 0, 0, 0, 0, 0, 0 }
+#define DCD_SETTINGS_INIT \
+    { (uint32_t)sizeof(DcdSettings), 0, { 0.0f, 0.0f, 0.0f }, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, \
+      0.0f, 0.0f, 0, 0, 0.0f, 0 }
+#define DCD_PROFILE_INIT \
+    { (uint32_t)sizeof(DcdProfile), 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 0, 0, 0 }
+/* No function is asked. */
+#define DCD_HOOKS_INIT { (uint32_t)sizeof(DcdHooks), 0, NULL, NULL, NULL, NULL }
+#define DCD_BODY_EXTENT_INIT \
+    { (uint32_t)sizeof(DcdBodyExtent), 0.0f, { 0.0, 0.0, 0.0 }, { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f }, \
+      { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }
 #define DCD_BODY_PROPERTIES_INIT \
     { (uint32_t)sizeof(DcdBodyProperties), 0, 0, 0, 0, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, \
       { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f }, 0, 0, 0, 0 }
@@ -3126,7 +3602,7 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
 #define DCD_PREDICTION_INIT { (uint32_t)sizeof(DcdPrediction), 0, 0, 0, 0, 0.0, 0.0, 0.0 }
 #define DCD_EVENT_VIEW_INIT \
     { (uint32_t)sizeof(DcdEventView), 0, 0, NULL, 0, NULL, 0, NULL, 0, NULL, 0, \
-      NULL, 0, NULL, 0 }
+      NULL, 0, NULL, 0, NULL, 0 }
 #define DCD_OWNER_INIT { (uint32_t)sizeof(DcdOwner), 0, 0, 0, 0 }
 #define DCD_CONNECTION_INFO_INIT \
     { (uint32_t)sizeof(DcdConnectionInfo), 0, 0, 0, 0, 0.0f, 0.0, 0.0, 0, 0, 0, 0, 0, 0 }
@@ -3250,7 +3726,7 @@ DCD_ASSERT_(offsetof(DcdNodeDef, user_data) == 40);
 DCD_ASSERT_(offsetof(DcdNodeDef, threads) == 48);
 DCD_ASSERT_(offsetof(DcdNodeDef, reserved) == 52);
 DCD_ASSERT_(offsetof(DcdNodeDef, record_path) == 56);
-DCD_ASSERT_(sizeof(DcdBodyDef) == 224);
+DCD_ASSERT_(sizeof(DcdBodyDef) == 232);
 DCD_ASSERT_(offsetof(DcdBodyDef, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdBodyDef, body_type) == 4);
 DCD_ASSERT_(offsetof(DcdBodyDef, pose) == 8);
@@ -3285,8 +3761,9 @@ DCD_ASSERT_(offsetof(DcdBodyDef, extra_centre) == 180);
 DCD_ASSERT_(offsetof(DcdBodyDef, extra_inertia) == 192);
 DCD_ASSERT_(offsetof(DcdBodyDef, extra_solver_iterations) == 204);
 DCD_ASSERT_(offsetof(DcdBodyDef, extra_pgs_iterations) == 208);
-DCD_ASSERT_(offsetof(DcdBodyDef, reserved) == 212);
+DCD_ASSERT_(offsetof(DcdBodyDef, hooks) == 212);
 DCD_ASSERT_(offsetof(DcdBodyDef, user_data) == 216);
+DCD_ASSERT_(offsetof(DcdBodyDef, material) == 224);
 DCD_ASSERT_(sizeof(DcdCharacterDef) == 36);
 DCD_ASSERT_(offsetof(DcdCharacterDef, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdCharacterDef, step_height) == 4);
@@ -3361,7 +3838,7 @@ DCD_ASSERT_(offsetof(DcdColliderProperties, mask) == 76);
 DCD_ASSERT_(offsetof(DcdColliderProperties, solver_groups) == 80);
 DCD_ASSERT_(offsetof(DcdColliderProperties, solver_mask) == 84);
 DCD_ASSERT_(offsetof(DcdColliderProperties, pairs) == 88);
-DCD_ASSERT_(offsetof(DcdColliderProperties, reserved) == 92);
+DCD_ASSERT_(offsetof(DcdColliderProperties, hooks) == 92);
 DCD_ASSERT_(offsetof(DcdColliderProperties, user_data) == 96);
 DCD_ASSERT_(sizeof(DcdBodyInfo) == 80);
 DCD_ASSERT_(offsetof(DcdBodyInfo, struct_size) == 0);
@@ -3379,6 +3856,59 @@ DCD_ASSERT_(offsetof(DcdBodyInfo, reserved) == 78);
 DCD_ASSERT_(sizeof(DcdForce) == 24);
 DCD_ASSERT_(offsetof(DcdForce, force) == 0);
 DCD_ASSERT_(offsetof(DcdForce, torque) == 12);
+DCD_ASSERT_(sizeof(DcdShapeInfo) == 76);
+DCD_ASSERT_(offsetof(DcdShapeInfo, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdShapeInfo, kind) == 4);
+DCD_ASSERT_(offsetof(DcdShapeInfo, size) == 8);
+DCD_ASSERT_(offsetof(DcdShapeInfo, border) == 20);
+DCD_ASSERT_(offsetof(DcdShapeInfo, frame) == 24);
+DCD_ASSERT_(offsetof(DcdShapeInfo, vertex_count) == 52);
+DCD_ASSERT_(offsetof(DcdShapeInfo, triangle_count) == 56);
+DCD_ASSERT_(offsetof(DcdShapeInfo, rows) == 60);
+DCD_ASSERT_(offsetof(DcdShapeInfo, columns) == 64);
+DCD_ASSERT_(offsetof(DcdShapeInfo, parts) == 68);
+DCD_ASSERT_(offsetof(DcdShapeInfo, reserved) == 72);
+DCD_ASSERT_(sizeof(DcdSettings) == 80);
+DCD_ASSERT_(offsetof(DcdSettings, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdSettings, solver_iterations) == 4);
+DCD_ASSERT_(offsetof(DcdSettings, gravity) == 8);
+DCD_ASSERT_(offsetof(DcdSettings, dt) == 20);
+DCD_ASSERT_(offsetof(DcdSettings, length_unit) == 24);
+DCD_ASSERT_(offsetof(DcdSettings, max_speed) == 28);
+DCD_ASSERT_(offsetof(DcdSettings, contact_frequency) == 32);
+DCD_ASSERT_(offsetof(DcdSettings, contact_damping) == 36);
+DCD_ASSERT_(offsetof(DcdSettings, static_frequency) == 40);
+DCD_ASSERT_(offsetof(DcdSettings, static_damping) == 44);
+DCD_ASSERT_(offsetof(DcdSettings, max_correction) == 48);
+DCD_ASSERT_(offsetof(DcdSettings, allowed_overlap) == 52);
+DCD_ASSERT_(offsetof(DcdSettings, contact_margin) == 56);
+DCD_ASSERT_(offsetof(DcdSettings, warm_start) == 60);
+DCD_ASSERT_(offsetof(DcdSettings, internal_iterations) == 64);
+DCD_ASSERT_(offsetof(DcdSettings, ccd_substeps) == 68);
+DCD_ASSERT_(offsetof(DcdSettings, tolerance) == 72);
+DCD_ASSERT_(offsetof(DcdSettings, reserved) == 76);
+DCD_ASSERT_(sizeof(DcdProfile) == 96);
+DCD_ASSERT_(offsetof(DcdProfile, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdProfile, reserved) == 4);
+DCD_ASSERT_(offsetof(DcdProfile, rapier) == 8);
+DCD_ASSERT_(offsetof(DcdProfile, broad_phase) == 16);
+DCD_ASSERT_(offsetof(DcdProfile, narrow_phase) == 24);
+DCD_ASSERT_(offsetof(DcdProfile, islands) == 32);
+DCD_ASSERT_(offsetof(DcdProfile, solver) == 40);
+DCD_ASSERT_(offsetof(DcdProfile, ccd) == 48);
+DCD_ASSERT_(offsetof(DcdProfile, border) == 56);
+DCD_ASSERT_(offsetof(DcdProfile, contact_pairs) == 64);
+DCD_ASSERT_(offsetof(DcdProfile, contacts) == 72);
+DCD_ASSERT_(offsetof(DcdProfile, awake) == 80);
+DCD_ASSERT_(offsetof(DcdProfile, joints) == 88);
+DCD_ASSERT_(sizeof(DcdBodyExtent) == 96);
+DCD_ASSERT_(offsetof(DcdBodyExtent, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdBodyExtent, mass) == 4);
+DCD_ASSERT_(offsetof(DcdBodyExtent, min) == 8);
+DCD_ASSERT_(offsetof(DcdBodyExtent, max) == 32);
+DCD_ASSERT_(offsetof(DcdBodyExtent, centre) == 56);
+DCD_ASSERT_(offsetof(DcdBodyExtent, inertia) == 68);
+DCD_ASSERT_(offsetof(DcdBodyExtent, axes) == 80);
 DCD_ASSERT_(sizeof(DcdJointDef) == 144);
 DCD_ASSERT_(offsetof(DcdJointDef, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdJointDef, joint_type) == 4);
@@ -3502,7 +4032,7 @@ DCD_ASSERT_(offsetof(DcdMessage, role) == 24);
 DCD_ASSERT_(offsetof(DcdMessage, node) == 28);
 DCD_ASSERT_(offsetof(DcdMessage, client) == 32);
 DCD_ASSERT_(offsetof(DcdMessage, flags) == 36);
-DCD_ASSERT_(sizeof(DcdContact) == 88);
+DCD_ASSERT_(sizeof(DcdContact) == 104);
 DCD_ASSERT_(offsetof(DcdContact, a) == 0);
 DCD_ASSERT_(offsetof(DcdContact, b) == 8);
 DCD_ASSERT_(offsetof(DcdContact, user_a) == 16);
@@ -3514,7 +4044,21 @@ DCD_ASSERT_(offsetof(DcdContact, kind) == 72);
 DCD_ASSERT_(offsetof(DcdContact, flags) == 76);
 DCD_ASSERT_(offsetof(DcdContact, collider_a) == 80);
 DCD_ASSERT_(offsetof(DcdContact, collider_b) == 84);
-DCD_ASSERT_(sizeof(DcdContactForce) == 56);
+DCD_ASSERT_(offsetof(DcdContact, material_a) == 88);
+DCD_ASSERT_(offsetof(DcdContact, material_b) == 96);
+DCD_ASSERT_(sizeof(DcdContactPoint) == 88);
+DCD_ASSERT_(offsetof(DcdContactPoint, a) == 0);
+DCD_ASSERT_(offsetof(DcdContactPoint, b) == 8);
+DCD_ASSERT_(offsetof(DcdContactPoint, point) == 16);
+DCD_ASSERT_(offsetof(DcdContactPoint, normal) == 40);
+DCD_ASSERT_(offsetof(DcdContactPoint, separation) == 52);
+DCD_ASSERT_(offsetof(DcdContactPoint, impulse) == 56);
+DCD_ASSERT_(offsetof(DcdContactPoint, manifold) == 60);
+DCD_ASSERT_(offsetof(DcdContactPoint, collider_a) == 64);
+DCD_ASSERT_(offsetof(DcdContactPoint, collider_b) == 68);
+DCD_ASSERT_(offsetof(DcdContactPoint, material_a) == 72);
+DCD_ASSERT_(offsetof(DcdContactPoint, material_b) == 80);
+DCD_ASSERT_(sizeof(DcdContactForce) == 72);
 DCD_ASSERT_(offsetof(DcdContactForce, a) == 0);
 DCD_ASSERT_(offsetof(DcdContactForce, b) == 8);
 DCD_ASSERT_(offsetof(DcdContactForce, user_a) == 16);
@@ -3523,6 +4067,42 @@ DCD_ASSERT_(offsetof(DcdContactForce, force) == 32);
 DCD_ASSERT_(offsetof(DcdContactForce, magnitude) == 44);
 DCD_ASSERT_(offsetof(DcdContactForce, collider_a) == 48);
 DCD_ASSERT_(offsetof(DcdContactForce, collider_b) == 52);
+DCD_ASSERT_(offsetof(DcdContactForce, material_a) == 56);
+DCD_ASSERT_(offsetof(DcdContactForce, material_b) == 64);
+DCD_ASSERT_(sizeof(DcdJointOverload) == 24);
+DCD_ASSERT_(offsetof(DcdJointOverload, joint) == 0);
+DCD_ASSERT_(offsetof(DcdJointOverload, user_data) == 8);
+DCD_ASSERT_(offsetof(DcdJointOverload, force) == 16);
+DCD_ASSERT_(offsetof(DcdJointOverload, torque) == 20);
+DCD_ASSERT_(sizeof(DcdHookedPair) == 184);
+DCD_ASSERT_(offsetof(DcdHookedPair, a) == 0);
+DCD_ASSERT_(offsetof(DcdHookedPair, b) == 8);
+DCD_ASSERT_(offsetof(DcdHookedPair, user_a) == 16);
+DCD_ASSERT_(offsetof(DcdHookedPair, user_b) == 24);
+DCD_ASSERT_(offsetof(DcdHookedPair, material_a) == 32);
+DCD_ASSERT_(offsetof(DcdHookedPair, material_b) == 40);
+DCD_ASSERT_(offsetof(DcdHookedPair, collider_a) == 48);
+DCD_ASSERT_(offsetof(DcdHookedPair, collider_b) == 52);
+DCD_ASSERT_(offsetof(DcdHookedPair, pose_a) == 56);
+DCD_ASSERT_(offsetof(DcdHookedPair, pose_b) == 96);
+DCD_ASSERT_(offsetof(DcdHookedPair, velocity_a) == 136);
+DCD_ASSERT_(offsetof(DcdHookedPair, velocity_b) == 160);
+DCD_ASSERT_(sizeof(DcdHookedContact) == 48);
+DCD_ASSERT_(offsetof(DcdHookedContact, normal) == 0);
+DCD_ASSERT_(offsetof(DcdHookedContact, separation) == 12);
+DCD_ASSERT_(offsetof(DcdHookedContact, points) == 16);
+DCD_ASSERT_(offsetof(DcdHookedContact, enabled) == 20);
+DCD_ASSERT_(offsetof(DcdHookedContact, friction) == 24);
+DCD_ASSERT_(offsetof(DcdHookedContact, restitution) == 28);
+DCD_ASSERT_(offsetof(DcdHookedContact, surface_velocity) == 32);
+DCD_ASSERT_(offsetof(DcdHookedContact, memory) == 44);
+DCD_ASSERT_(sizeof(DcdHooks) == 40);
+DCD_ASSERT_(offsetof(DcdHooks, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdHooks, reserved) == 4);
+DCD_ASSERT_(offsetof(DcdHooks, context) == 8);
+DCD_ASSERT_(offsetof(DcdHooks, filter) == 16);
+DCD_ASSERT_(offsetof(DcdHooks, detect) == 24);
+DCD_ASSERT_(offsetof(DcdHooks, modify) == 32);
 DCD_ASSERT_(sizeof(DcdTransfer) == 24);
 DCD_ASSERT_(offsetof(DcdTransfer, body) == 0);
 DCD_ASSERT_(offsetof(DcdTransfer, user_data) == 8);
@@ -3533,7 +4113,7 @@ DCD_ASSERT_(offsetof(DcdBodyChange, body) == 0);
 DCD_ASSERT_(offsetof(DcdBodyChange, user_data) == 8);
 DCD_ASSERT_(offsetof(DcdBodyChange, kind) == 16);
 DCD_ASSERT_(offsetof(DcdBodyChange, reason) == 20);
-DCD_ASSERT_(sizeof(DcdEventView) == 112);
+DCD_ASSERT_(sizeof(DcdEventView) == 128);
 DCD_ASSERT_(offsetof(DcdEventView, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdEventView, flags) == 4);
 DCD_ASSERT_(offsetof(DcdEventView, tick) == 8);
@@ -3549,6 +4129,8 @@ DCD_ASSERT_(offsetof(DcdEventView, connections) == 80);
 DCD_ASSERT_(offsetof(DcdEventView, connection_count) == 88);
 DCD_ASSERT_(offsetof(DcdEventView, messages) == 96);
 DCD_ASSERT_(offsetof(DcdEventView, message_count) == 104);
+DCD_ASSERT_(offsetof(DcdEventView, overloads) == 112);
+DCD_ASSERT_(offsetof(DcdEventView, overload_count) == 120);
 DCD_ASSERT_(sizeof(DcdFilter) == 32);
 DCD_ASSERT_(offsetof(DcdFilter, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdFilter, flags) == 4);
@@ -3563,7 +4145,7 @@ DCD_ASSERT_(offsetof(DcdRay, max_distance) == 36);
 DCD_ASSERT_(offsetof(DcdRay, exclude) == 40);
 DCD_ASSERT_(offsetof(DcdRay, mask) == 48);
 DCD_ASSERT_(offsetof(DcdRay, flags) == 52);
-DCD_ASSERT_(sizeof(DcdRayHit) == 64);
+DCD_ASSERT_(sizeof(DcdRayHit) == 72);
 DCD_ASSERT_(offsetof(DcdRayHit, body) == 0);
 DCD_ASSERT_(offsetof(DcdRayHit, user_data) == 8);
 DCD_ASSERT_(offsetof(DcdRayHit, point) == 16);
@@ -3571,6 +4153,7 @@ DCD_ASSERT_(offsetof(DcdRayHit, normal) == 40);
 DCD_ASSERT_(offsetof(DcdRayHit, distance) == 52);
 DCD_ASSERT_(offsetof(DcdRayHit, collider) == 56);
 DCD_ASSERT_(offsetof(DcdRayHit, subshape) == 60);
+DCD_ASSERT_(offsetof(DcdRayHit, material) == 64);
 DCD_ASSERT_(sizeof(DcdShapeCast) == 96);
 DCD_ASSERT_(offsetof(DcdShapeCast, shape) == 0);
 DCD_ASSERT_(offsetof(DcdShapeCast, pose) == 8);
@@ -3581,7 +4164,7 @@ DCD_ASSERT_(offsetof(DcdShapeCast, mask) == 76);
 DCD_ASSERT_(offsetof(DcdShapeCast, exclude) == 80);
 DCD_ASSERT_(offsetof(DcdShapeCast, flags) == 88);
 DCD_ASSERT_(offsetof(DcdShapeCast, reserved) == 92);
-DCD_ASSERT_(sizeof(DcdShapeHit) == 96);
+DCD_ASSERT_(sizeof(DcdShapeHit) == 104);
 DCD_ASSERT_(offsetof(DcdShapeHit, body) == 0);
 DCD_ASSERT_(offsetof(DcdShapeHit, user_data) == 8);
 DCD_ASSERT_(offsetof(DcdShapeHit, point) == 16);
@@ -3593,6 +4176,7 @@ DCD_ASSERT_(offsetof(DcdShapeHit, collider) == 80);
 DCD_ASSERT_(offsetof(DcdShapeHit, subshape) == 84);
 DCD_ASSERT_(offsetof(DcdShapeHit, flags) == 88);
 DCD_ASSERT_(offsetof(DcdShapeHit, reserved) == 92);
+DCD_ASSERT_(offsetof(DcdShapeHit, material) == 96);
 DCD_ASSERT_(sizeof(DcdPointQuery) == 48);
 DCD_ASSERT_(offsetof(DcdPointQuery, point) == 0);
 DCD_ASSERT_(offsetof(DcdPointQuery, max_distance) == 24);
@@ -3600,7 +4184,7 @@ DCD_ASSERT_(offsetof(DcdPointQuery, mask) == 28);
 DCD_ASSERT_(offsetof(DcdPointQuery, exclude) == 32);
 DCD_ASSERT_(offsetof(DcdPointQuery, flags) == 40);
 DCD_ASSERT_(offsetof(DcdPointQuery, reserved) == 44);
-DCD_ASSERT_(sizeof(DcdPointHit) == 56);
+DCD_ASSERT_(sizeof(DcdPointHit) == 64);
 DCD_ASSERT_(offsetof(DcdPointHit, body) == 0);
 DCD_ASSERT_(offsetof(DcdPointHit, user_data) == 8);
 DCD_ASSERT_(offsetof(DcdPointHit, point) == 16);
@@ -3608,6 +4192,7 @@ DCD_ASSERT_(offsetof(DcdPointHit, distance) == 40);
 DCD_ASSERT_(offsetof(DcdPointHit, collider) == 44);
 DCD_ASSERT_(offsetof(DcdPointHit, flags) == 48);
 DCD_ASSERT_(offsetof(DcdPointHit, reserved) == 52);
+DCD_ASSERT_(offsetof(DcdPointHit, material) == 56);
 DCD_ASSERT_(sizeof(DcdShapeQuery) == 64);
 DCD_ASSERT_(offsetof(DcdShapeQuery, shape) == 0);
 DCD_ASSERT_(offsetof(DcdShapeQuery, pose) == 8);
@@ -3620,11 +4205,12 @@ DCD_ASSERT_(offsetof(DcdBoxQuery, max) == 24);
 DCD_ASSERT_(offsetof(DcdBoxQuery, exclude) == 48);
 DCD_ASSERT_(offsetof(DcdBoxQuery, mask) == 56);
 DCD_ASSERT_(offsetof(DcdBoxQuery, reserved) == 60);
-DCD_ASSERT_(sizeof(DcdOverlap) == 24);
+DCD_ASSERT_(sizeof(DcdOverlap) == 32);
 DCD_ASSERT_(offsetof(DcdOverlap, body) == 0);
 DCD_ASSERT_(offsetof(DcdOverlap, user_data) == 8);
 DCD_ASSERT_(offsetof(DcdOverlap, collider) == 16);
 DCD_ASSERT_(offsetof(DcdOverlap, reserved) == 20);
+DCD_ASSERT_(offsetof(DcdOverlap, material) == 24);
 DCD_ASSERT_(sizeof(DcdQueryId) == 8);
 DCD_ASSERT_(offsetof(DcdQueryId, v) == 0);
 DCD_ASSERT_(sizeof(DcdRegionInfo) == 64);

@@ -79,6 +79,10 @@ using DrawnShape = DcdDrawnShape;
 using Frame = DcdFrame;
 using Contact = DcdContact;
 using ContactForce = DcdContactForce;
+using ContactPoint = DcdContactPoint;
+using JointOverload = DcdJointOverload;
+using HookedPair = DcdHookedPair;
+using HookedContact = DcdHookedContact;
 using Transfer = DcdTransfer;
 using BodyChange = DcdBodyChange;
 using ConnectionEvent = DcdConnectionEvent;
@@ -126,6 +130,11 @@ DCD_STRUCT_(BoxQuery, DCD_BOX_QUERY_INIT);
 DCD_STRUCT_(JointDef, DCD_JOINT_DEF_INIT);
 DCD_STRUCT_(WorldInfo, DCD_WORLD_INFO_INIT);
 DCD_STRUCT_(BodyInfo, DCD_BODY_INFO_INIT);
+DCD_STRUCT_(Settings, DCD_SETTINGS_INIT);
+DCD_STRUCT_(Profile, DCD_PROFILE_INIT);
+DCD_STRUCT_(Hooks, DCD_HOOKS_INIT);
+DCD_STRUCT_(ShapeInfo, DCD_SHAPE_INFO_INIT);
+DCD_STRUCT_(BodyExtent, DCD_BODY_EXTENT_INIT);
 DCD_STRUCT_(Owner, DCD_OWNER_INIT);
 DCD_STRUCT_(Stats, DCD_STATS_INIT);
 DCD_STRUCT_(Prediction, DCD_PREDICTION_INIT);
@@ -300,6 +309,7 @@ public:
     std::uint32_t flags() const noexcept { return view_.flags; }
     Span<const Contact> contacts() const noexcept { return { view_.contacts, view_.contact_count }; }
     Span<const ContactForce> forces() const noexcept { return { view_.forces, view_.force_count }; }
+    Span<const JointOverload> overloads() const noexcept { return { view_.overloads, view_.overload_count }; }
     Span<const Transfer> transfers() const noexcept { return { view_.transfers, view_.transfer_count }; }
     Span<const BodyChange> changes() const noexcept { return { view_.changes, view_.change_count }; }
     Span<const ConnectionEvent> connections() const noexcept { return { view_.connections, view_.connection_count }; }
@@ -391,6 +401,15 @@ public:
     {
         return got<WorldInfo>([&](WorldInfo *out) { return dcd_world_info(world_, out); });
     }
+    /* Its functions are called by any thread, several at a time, and must not throw. */
+    Status hooks_set(const Hooks &hooks) { return Status(dcd_hooks_set(world_, &hooks)); }
+    Status hooks_clear() { return Status(dcd_hooks_set(world_, nullptr)); }
+    Result<Settings> settings() const
+    {
+        return got<Settings>([&](Settings *out) { return dcd_settings(world_, out); });
+    }
+    Status settings_set(const Settings &settings) { return Status(dcd_settings_set(world_, &settings)); }
+    Status gravity_set(const Vec3 &gravity) { return Status(dcd_gravity_set(world_, gravity.data())); }
     Status step() { return Status(dcd_step(world_)); }
     Status step_begin() { return Status(dcd_step_begin(world_)); }
     Status step_wait(std::uint64_t timeout_ns) { return Status(dcd_step_wait(world_, timeout_ns)); }
@@ -450,6 +469,10 @@ public:
     Result<Stats> stats() const
     {
         return got<Stats>([&](Stats *out) { return dcd_stats(world_, out); });
+    }
+    Result<Profile> profile() const
+    {
+        return got<Profile>([&](Profile *out) { return dcd_profile(world_, out); });
     }
     Result<std::string> stats_text() const
     {
@@ -564,6 +587,35 @@ public:
             return dcd_shape_compound(world_, parts.data(), frames.data(), count, out);
         });
     }
+    /* Of any shape, also one that collider_shape found. */
+    Result<ShapeInfo> shape_info(ShapeId shape) const
+    {
+        return got<ShapeInfo>([&](ShapeInfo *out) { return dcd_shape_info(world_, shape, out); });
+    }
+    Result<std::vector<Vec3>> shape_vertices(ShapeId shape) const
+    {
+        return listed<Vec3>([&](Vec3 *out, std::size_t cap, std::size_t *count) {
+            return dcd_shape_vertices(world_, shape, out == nullptr ? nullptr : out->data(), cap, count);
+        });
+    }
+    Result<std::vector<std::array<std::uint32_t, 3>>> shape_triangles(ShapeId shape) const
+    {
+        using Triangle = std::array<std::uint32_t, 3>;
+        return listed<Triangle>([&](Triangle *out, std::size_t cap, std::size_t *count) {
+            return dcd_shape_triangles(world_, shape, out == nullptr ? nullptr : out->data(), cap, count);
+        });
+    }
+    Result<std::vector<float>> shape_heights(ShapeId shape) const
+    {
+        return listed<float>([&](float *out, std::size_t cap, std::size_t *count) {
+            return dcd_shape_heights(world_, shape, out, cap, count);
+        });
+    }
+    /* One of the shapes that a compound is made of; where it is in the compound goes to `frame`. */
+    Result<ShapeId> shape_part(ShapeId shape, std::uint32_t part, Frame *frame = nullptr)
+    {
+        return got<ShapeId>([&](ShapeId *out) { return dcd_shape_part(world_, shape, part, out, frame); });
+    }
     Status shape_destroy(ShapeId shape) { return Status(dcd_shape_destroy(world_, shape)); }
 
     /* Bodies. */
@@ -593,6 +645,28 @@ public:
         return Status(dcd_bodies_destroy(world_, bodies.data(), bodies.size()));
     }
     bool body_is_valid(BodyId body) const noexcept { return dcd_body_is_valid(world_, body); }
+    /* All bodies, fixed ones too. */
+    Result<std::vector<BodyId>> bodies() const
+    {
+        return listed<BodyId>([&](BodyId *out, std::size_t cap, std::size_t *count) {
+            return dcd_bodies(world_, out, cap, count);
+        });
+    }
+    /* Where it touches others now. */
+    Result<std::vector<ContactPoint>> body_contacts(BodyId body) const
+    {
+        return listed<ContactPoint>([&](ContactPoint *out, std::size_t cap, std::size_t *count) {
+            return dcd_body_contacts(world_, body, out, cap, count);
+        });
+    }
+    Result<BodyExtent> body_extent(BodyId body) const
+    {
+        return got<BodyExtent>([&](BodyExtent *out) { return dcd_body_extent(world_, body, out); });
+    }
+    Result<ShapeId> collider_shape(BodyId body, std::uint32_t collider = 0)
+    {
+        return got<ShapeId>([&](ShapeId *out) { return dcd_collider_shape(world_, body, collider, out); });
+    }
     Result<BodyId> body_at(std::uint32_t index) const
     {
         return got<BodyId>([&](BodyId *out) { return dcd_body_at(world_, index, out); });
@@ -738,6 +812,11 @@ public:
     Status joint_set_softness(JointId joint, float natural_frequency, float damping_ratio)
     {
         return Status(dcd_joint_set_softness(world_, joint, natural_frequency, damping_ratio));
+    }
+    /* What its locked axes bear: newtons and newton metres. */
+    Status joint_strength_set(JointId joint, float force, float torque)
+    {
+        return Status(dcd_joint_strength_set(world_, joint, force, torque));
     }
     Status joint_destroy(JointId joint) { return Status(dcd_joint_destroy(world_, joint)); }
 

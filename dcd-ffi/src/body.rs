@@ -10,7 +10,7 @@ use crate::collider::{DCD_COLLIDER_ANY_GROUP, DCD_COLLIDER_SENSOR, DcdColliderPr
 use crate::guard::{guard, guard_value};
 use crate::handle::stale;
 use crate::ids::{DcdBodyId, DcdShapeId, DcdWorld};
-use crate::pointer::{self, Out, Sized32, check_reserved};
+use crate::pointer::{self, Out, Sized32};
 use crate::properties::DcdBodyProperties;
 use crate::registry::{World, find, with};
 use crate::shape;
@@ -94,10 +94,12 @@ pub struct DcdBodyDef {
     pub extra_solver_iterations: u32,
     /// Iterations within each of them, 0 to 1000.
     pub extra_pgs_iterations: u32,
-    /// 0.
-    pub reserved: u32,
+    /// DCD_HOOK_… bits of its shape: the functions of dcd_hooks_set that are asked about it.
+    pub hooks: u32,
     /// Your own; events, views and ray hits carry it.
     pub user_data: u64,
+    /// Your own of its shape, as the number of a material (DcdColliderProperties.user_data); contacts and hits carry it.
+    pub material: u64,
 }
 
 // SAFETY: begins with `struct_size`; every other member is a number.
@@ -235,8 +237,8 @@ impl DcdBodyDef {
             solver_groups: self.solver_groups,
             solver_mask: self.solver_mask,
             pairs: self.pairs,
-            reserved: 0,
-            user_data: 0,
+            hooks: self.hooks,
+            user_data: self.material,
         }
     }
 }
@@ -253,7 +255,6 @@ pub(crate) fn parse(world: &World, def: &DcdBodyDef) -> Result<NewBody, Failure>
             format!("struct_size is {}; start each entry from DCD_BODY_DEF_INIT", def.struct_size),
         ));
     }
-    check_reserved(def.reserved)?;
     check_pose(&def.pose)?;
     check_velocity(&def.velocity)?;
     let (properties, collider) = (def.properties(), def.collider());

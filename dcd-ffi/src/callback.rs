@@ -9,6 +9,7 @@ use crate::status::{DCD_ERR_BUSY, Failure};
 pub(crate) enum Callback {
     Log,
     Drawing,
+    Hook,
 }
 
 thread_local! {
@@ -37,6 +38,7 @@ fn busy(callback: Callback) -> Failure {
     let name = match callback {
         Callback::Log => "the log callback",
         Callback::Drawing => "a callback of dcd_debug_draw",
+        Callback::Hook => "a function of dcd_hooks_set",
     };
     Failure::new(DCD_ERR_BUSY, format!("called from within {name}; note it there and call later"))
 }

@@ -5,7 +5,7 @@ use rapier3d::prelude::*;
 
 use crate::guard::guard;
 use crate::ids::{DcdBodyId, DcdShapeId, DcdWorld};
-use crate::pointer::{self, Out, Sized32, check_bits, check_fraction, check_not_negative, check_reserved};
+use crate::pointer::{self, Out, Sized32, check_bits, check_fraction, check_not_negative};
 use crate::registry::{self, World, with};
 use crate::shape;
 use crate::status::{DcdStatus, Failure};
@@ -91,9 +91,9 @@ pub struct DcdColliderProperties {
     pub solver_mask: u32,
     /// DCD_PAIR_… bits.
     pub pairs: u32,
-    /// 0.
-    pub reserved: u32,
-    /// Your own of this collider; nothing else carries it.
+    /// DCD_HOOK_… bits: the functions of dcd_hooks_set that are asked about it.
+    pub hooks: u32,
+    /// Your own of this collider, as the number of its material; contacts and hits carry it.
     pub user_data: u64,
 }
 
@@ -101,6 +101,9 @@ pub struct DcdColliderProperties {
 unsafe impl Sized32 for DcdColliderProperties {
     const NAME: &'static str = "DcdColliderProperties";
 }
+
+/// Rapier's bits for DCD_HOOK_… are the same.
+const ALL_HOOKS: u32 = 7;
 
 const RULES: [CoefficientCombineRule; 6] = [
     CoefficientCombineRule::Average,
@@ -154,7 +157,7 @@ impl DcdColliderProperties {
             solver_groups: record.solver_groups.memberships,
             solver_mask: record.solver_groups.filter,
             pairs: (0..6).map(|i| bit(1 << i, types.contains(PAIRS[i]))).sum(),
-            reserved: 0,
+            hooks: record.hooks & ALL_HOOKS,
             user_data: record.user_data as u64,
         }
     }
@@ -176,7 +179,7 @@ impl DcdColliderProperties {
             check_not_negative(value, name)?;
         }
         check_fraction(self.restitution, "restitution")?;
-        check_reserved(self.reserved)?;
+        check_bits(self.hooks, ALL_HOOKS, "hooks")?;
         for (rule, name) in
             [(self.friction_rule, "friction_rule"), (self.restitution_rule, "restitution_rule")]
         {
@@ -204,6 +207,7 @@ impl DcdColliderProperties {
             .collision_groups(self.interaction(self.groups, self.mask))
             .solver_groups(self.interaction(self.solver_groups, self.solver_mask))
             .active_collision_types(self.collision_types())
+            .active_hooks(ActiveHooks::from_bits_truncate(self.hooks))
             .user_data(u128::from(self.user_data));
         if self.mass > 0.0 { builder.mass(self.mass) } else { builder.density(self.density) }
     }
@@ -244,6 +248,9 @@ impl DcdColliderProperties {
         }
         if self.pairs != before.pairs {
             collider.set_active_collision_types(self.collision_types());
+        }
+        if self.hooks != before.hooks {
+            collider.set_active_hooks(ActiveHooks::from_bits_truncate(self.hooks));
         }
         if self.user_data != before.user_data {
             collider.user_data = u128::from(self.user_data);
@@ -487,21 +494,25 @@ const USUAL: DcdColliderProperties = DcdColliderProperties {
     solver_groups: u32::MAX,
     solver_mask: u32::MAX,
     pairs: DCD_PAIR_DYNAMIC_DYNAMIC | DCD_PAIR_DYNAMIC_KINEMATIC | DCD_PAIR_DYNAMIC_FIXED,
-    reserved: 0,
+    hooks: 0,
     user_data: 0,
 };
 
 fn read(world: &World, body: DcdBodyId, collider: u32) -> Result<DcdColliderProperties, Failure> {
+    Ok(DcdColliderProperties::of(&recorded(world, body, collider)?))
+}
+
+/// Returns the record of one collider of a body.
+pub(crate) fn recorded(world: &World, body: DcdBodyId, collider: u32) -> Result<ColliderRecord, Failure> {
     let id = world.mark.body_id(body)?;
     let record = world.dcd.record(id).ok_or_else(|| registry::missing(world, body))?;
     let colliders = &record.traits.colliders;
-    let collider = colliders.get(collider as usize).ok_or_else(|| {
+    colliders.get(collider as usize).cloned().ok_or_else(|| {
         Failure::argument(format!(
             "the body has {} colliders, there is no collider {collider}; count from 0",
             colliders.len()
         ))
-    })?;
-    Ok(DcdColliderProperties::of(collider))
+    })
 }
 
 /// Rapier's flags for DCD_EVENT_… bits.

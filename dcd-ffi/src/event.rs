@@ -10,7 +10,8 @@ use dcd::{BodyChange, World as Dcd};
 
 use crate::connection::DcdConnectionEvent;
 use crate::handle::Mark;
-use crate::ids::DcdBodyId;
+use crate::ids::{DcdBodyId, DcdJointId};
+use crate::material::material;
 use crate::message::{DcdMessage, Messages};
 use crate::pinned::Pinned;
 use crate::pointer::Sized32;
@@ -51,6 +52,10 @@ pub struct DcdContact {
     pub collider_a: u32,
     /// Which collider of `b`.
     pub collider_b: u32,
+    /// The user_data of that collider of `a` (DcdBodyDef.material, DcdColliderProperties.user_data); 0 once the body is gone.
+    pub material_a: u64,
+    /// The same of `b`.
+    pub material_b: u64,
 }
 
 /// A contact force event: a contact pressed harder than the force_threshold of a body with DCD_EVENT_FORCE.
@@ -73,6 +78,10 @@ pub struct DcdContactForce {
     pub collider_a: u32,
     /// Which collider of `b`.
     pub collider_b: u32,
+    /// As in DcdContact.
+    pub material_a: u64,
+    /// As in DcdContact.
+    pub material_b: u64,
 }
 
 /// A transfer: a body changed owner in the step. Putting it elsewhere by hand is not told of. In a served world: it was heard of
@@ -139,6 +148,21 @@ pub struct DcdBodyChange {
     pub reason: u32,
 }
 
+/// A joint that bore more than its strength in the step (dcd_joint_strength_set), in a local world. Whether it breaks is yours to decide:
+/// dcd_joint_destroy does so.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct DcdJointOverload {
+    /// Which joint.
+    pub joint: DcdJointId,
+    /// Your own.
+    pub user_data: u64,
+    /// The force on its locked axes, newtons.
+    pub force: f32,
+    /// The torque on its locked axes, newton metres.
+    pub torque: f32,
+}
+
 /// In DcdEventView.flags: the link to the server is gone; dcd_step says why.
 pub const DCD_EVENTS_LOST: u32 = 1;
 
@@ -177,6 +201,10 @@ pub struct DcdEventView {
     pub messages: *const DcdMessage,
     /// How many.
     pub message_count: usize,
+    /// Joints that bore more than their strength, by age.
+    pub overloads: *const DcdJointOverload,
+    /// How many.
+    pub overload_count: usize,
 }
 
 // SAFETY: begins with `struct_size`; every other member is a number or a raw pointer.
@@ -203,6 +231,7 @@ struct EventArrays {
     changes: Pinned<DcdBodyChange>,
     connections: Pinned<DcdConnectionEvent>,
     messages: Messages,
+    overloads: Pinned<DcdJointOverload>,
 }
 
 impl EventBuffers {
@@ -252,6 +281,8 @@ impl EventBuffers {
                 flags: if touch.sensor { DCD_CONTACT_SENSOR } else { 0 },
                 collider_a: u32::from(collider_a),
                 collider_b: u32::from(collider_b),
+                material_a: material(world, a, usize::from(collider_a)),
+                material_b: material(world, b, usize::from(collider_b)),
             }
         }));
         arrays.forces.refill(events.forces.len()).extend(events.forces.iter().map(|force| {
@@ -265,6 +296,8 @@ impl EventBuffers {
                 magnitude: force.magnitude_n,
                 collider_a: u32::from(collider_a),
                 collider_b: u32::from(collider_b),
+                material_a: material(world, a, usize::from(collider_a)),
+                material_b: material(world, b, usize::from(collider_b)),
             }
         }));
         let handovers = world.handovers();
@@ -278,6 +311,13 @@ impl EventBuffers {
         let told = changes.iter().map(|event| DcdConnectionEvent::new(event, mark.connection(event.id)));
         arrays.connections.refill(changes.len()).extend(told);
         arrays.messages.refill(world.messages(), mark);
+        let overloads = world.joint_overloads();
+        arrays.overloads.refill(overloads.len()).extend(overloads.iter().map(|overload| DcdJointOverload {
+            joint: mark.joint(overload.joint),
+            user_data: world.joint(overload.joint).map_or(0, |joint| joint.user_data as u64),
+            force: overload.force_n,
+            torque: overload.torque_n_m,
+        }));
         self.departed.clear();
     }
 
@@ -299,6 +339,8 @@ impl EventBuffers {
             connection_count: arrays.connections.len(),
             messages: arrays.messages.list.as_ptr(),
             message_count: arrays.messages.list.len(),
+            overloads: arrays.overloads.as_ptr(),
+            overload_count: arrays.overloads.len(),
         }
     }
 }

@@ -1,5 +1,8 @@
 //! Makes and resolves handles: numbers that name things for C, and that stay stale for ever once their thing is gone.
 
+use std::collections::BTreeMap;
+
+use dcd::query::ShapeHash;
 use dcd::runtime::ConnectionId;
 use dcd::space::{BodyId, JointId};
 
@@ -60,6 +63,25 @@ impl<T> Slots<T> {
         let place = (handle as u32).checked_sub(1)? as usize;
         let entry = self.entries.get(place)?;
         (entry.generation == (handle >> 32) as u32).then_some(place)
+    }
+}
+
+/// The handles of shapes that were looked up, so that each shape has one.
+#[derive(Debug, Default)]
+pub(crate) struct LookedUp(BTreeMap<ShapeHash, u64>);
+
+impl LookedUp {
+    pub(crate) fn slot(&self, shape: ShapeHash) -> Option<u64> {
+        self.0.get(&shape).copied()
+    }
+
+    pub(crate) fn remember(&mut self, shape: ShapeHash, slot: u64) {
+        self.0.insert(shape, slot);
+    }
+
+    /// A handle is about to go stale.
+    pub(crate) fn forget(&mut self, slot: u64) {
+        self.0.retain(|_, known| *known != slot);
     }
 }
 

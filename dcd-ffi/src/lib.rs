@@ -17,6 +17,7 @@ compile_error!(
 mod callback;
 mod guard;
 mod handle;
+mod material;
 mod pinned;
 mod pointer;
 mod registry;
@@ -52,9 +53,17 @@ pub mod properties;
 
 pub mod collider;
 
+pub mod shape_info;
+
+pub mod looks;
+
 pub mod joint;
 
+pub mod strength;
+
 pub mod step;
+
+pub mod settings;
 
 pub mod state;
 
@@ -70,6 +79,10 @@ pub mod message;
 
 pub mod event;
 
+pub mod contacts;
+
+pub mod hooks;
+
 pub mod query;
 
 pub mod topology;
@@ -77,6 +90,8 @@ pub mod topology;
 pub mod interest;
 
 pub mod stats;
+
+pub mod profile;
 
 pub mod record;
 pub mod snapshot;

@@ -283,6 +283,7 @@ pub extern "C" fn dcd_shape_destroy(world: DcdWorld, shape: DcdShapeId) -> DcdSt
     guard("dcd_shape_destroy", || {
         with(world, |world| {
             let slot = world.mark.shape_slot(shape)?;
+            world.looked_up.forget(slot);
             world.shapes.remove(slot).map(drop).ok_or_else(|| stale("shape", shape.v))
         })
     })

@@ -105,6 +105,7 @@ impl From<Unsupported> for Failure {
             Instead::RecordNodes => {
                 "its nodes are recorded, each from its beginning (record_path of DcdNodeDef)"
             }
+            Instead::HearTouches => "it hears when contacts begin and end (dcd_events)",
             Instead::CompareLocal => {
                 "it hears of bodies at different ticks; compare hashes of local worlds (dcd_world_create)"
             }

@@ -10,17 +10,23 @@ use dcd_ffi::body::*;
 use dcd_ffi::character::*;
 use dcd_ffi::collider::*;
 use dcd_ffi::connection::*;
+use dcd_ffi::contacts::*;
 use dcd_ffi::draw::*;
 use dcd_ffi::event::*;
+use dcd_ffi::hooks::*;
 use dcd_ffi::ids::*;
 use dcd_ffi::join::*;
 use dcd_ffi::joint::*;
+use dcd_ffi::looks::*;
 use dcd_ffi::message::*;
 use dcd_ffi::motion::*;
 use dcd_ffi::prediction::*;
+use dcd_ffi::profile::*;
 use dcd_ffi::properties::*;
 use dcd_ffi::query::*;
 use dcd_ffi::serve::*;
+use dcd_ffi::settings::*;
+use dcd_ffi::shape_info::*;
 use dcd_ffi::state::*;
 use dcd_ffi::stats::*;
 use dcd_ffi::topology::*;
@@ -81,7 +87,7 @@ fn layouts() -> Vec<Layout> {
             restitution_rule, contact_skin, linear_damping, angular_damping, gravity_scale, flags, locked, events,
             force_threshold, groups, mask, solver_groups, solver_mask, pairs, dominance, soft_ccd, sleep_linear,
             sleep_angular, sleep_after, extra_mass, extra_centre, extra_inertia, extra_solver_iterations,
-            extra_pgs_iterations, reserved, user_data
+            extra_pgs_iterations, hooks, user_data, material
         }
         DcdCharacterDef {
             struct_size, step_height, step_depth, max_climb, min_slide, snap, gap, mass, reserved
@@ -99,13 +105,26 @@ fn layouts() -> Vec<Layout> {
         }
         DcdColliderProperties {
             struct_size, flags, frame, density, mass, friction, restitution, friction_rule, restitution_rule,
-            contact_skin, events, force_threshold, groups, mask, solver_groups, solver_mask, pairs, reserved,
+            contact_skin, events, force_threshold, groups, mask, solver_groups, solver_mask, pairs, hooks,
             user_data
         }
         DcdBodyInfo {
             struct_size, body_type, user_data, centre, mass, region, force, torque, colliders, sleeping, outside, reserved
         }
         DcdForce { force, torque }
+        DcdShapeInfo {
+            struct_size, kind, size, border, frame, vertex_count, triangle_count, rows, columns, parts, reserved
+        }
+        DcdSettings {
+            struct_size, solver_iterations, gravity, dt, length_unit, max_speed, contact_frequency, contact_damping,
+            static_frequency, static_damping, max_correction, allowed_overlap, contact_margin, warm_start,
+            internal_iterations, ccd_substeps, tolerance, reserved
+        }
+        DcdProfile {
+            struct_size, reserved, rapier, broad_phase, narrow_phase, islands, solver, ccd, border, contact_pairs, contacts,
+            awake, joints
+        }
+        DcdBodyExtent { struct_size, mass, min, max, centre, inertia, axes }
         DcdJointDef {
             struct_size, joint_type, a, b, frame_a, frame_b, limit, motor, flags, locked, coupled, natural_frequency,
             damping_ratio, reserved, user_data
@@ -131,26 +150,43 @@ fn layouts() -> Vec<Layout> {
             dropped, bytes_waiting
         }
         DcdMessage { connection, data, size, role, node, client, flags }
-        DcdContact { a, b, user_a, user_b, point, normal, speed, kind, flags, collider_a, collider_b }
-        DcdContactForce { a, b, user_a, user_b, force, magnitude, collider_a, collider_b }
+        DcdContact {
+            a, b, user_a, user_b, point, normal, speed, kind, flags, collider_a, collider_b, material_a, material_b
+        }
+        DcdContactPoint {
+            a, b, point, normal, separation, impulse, manifold, collider_a, collider_b, material_a, material_b
+        }
+        DcdContactForce {
+            a, b, user_a, user_b, force, magnitude, collider_a, collider_b, material_a, material_b
+        }
+        DcdJointOverload { joint, user_data, force, torque }
+        DcdHookedPair {
+            a, b, user_a, user_b, material_a, material_b, collider_a, collider_b, pose_a, pose_b, velocity_a, velocity_b
+        }
+        DcdHookedContact {
+            normal, separation, points, enabled, friction, restitution, surface_velocity, memory
+        }
+        DcdHooks { struct_size, reserved, context, filter, detect, modify }
         DcdTransfer { body, user_data, from, to }
         DcdBodyChange { body, user_data, kind, reason }
         DcdEventView {
             struct_size, flags, tick, contacts, contact_count, forces, force_count, transfers, transfer_count,
-            changes, change_count, connections, connection_count, messages, message_count
+            changes, change_count, connections, connection_count, messages, message_count,
+            overloads, overload_count
         }
         DcdFilter { struct_size, flags, groups, mask, exclude, exclude_count }
         DcdRay { origin, direction, max_distance, exclude, mask, flags }
-        DcdRayHit { body, user_data, point, normal, distance, collider, subshape }
+        DcdRayHit { body, user_data, point, normal, distance, collider, subshape, material }
         DcdShapeCast { shape, pose, motion, turn, margin, mask, exclude, flags, reserved }
         DcdShapeHit {
-            body, user_data, point, normal, fraction, point_on_shape, normal_on_shape, collider, subshape, flags, reserved
+            body, user_data, point, normal, fraction, point_on_shape, normal_on_shape, collider, subshape, flags, reserved,
+            material
         }
         DcdPointQuery { point, max_distance, mask, exclude, flags, reserved }
-        DcdPointHit { body, user_data, point, distance, collider, flags, reserved }
+        DcdPointHit { body, user_data, point, distance, collider, flags, reserved, material }
         DcdShapeQuery { shape, pose, exclude, mask, reserved }
         DcdBoxQuery { min, max, exclude, mask, reserved }
-        DcdOverlap { body, user_data, collider, reserved }
+        DcdOverlap { body, user_data, collider, reserved, material }
         DcdQueryId { v }
         DcdRegionInfo { region, bodies, replicas, node, min, max }
         DcdOwner { struct_size, region, node, holders, flags }
@@ -175,7 +211,7 @@ const MACROS: &str = "
     { (uint32_t)sizeof(DcdBodyDef), DCD_DYNAMIC, { { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } }, \\
       { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } }, { 0 }, 1000.0f, 0.0f, 0.5f, 0.0f, 0, 0, 0.0f, \\
       0.0f, 0.0f, 1.0f, 0, 0, 0, 0.0f, 0xFFFFFFFFu, 0xFFFFFFFFu, 0xFFFFFFFFu, 0xFFFFFFFFu, 7, 0, 0.0f, \\
-      0.05f, 0.5f, 0.5f, 0.0f, { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f }, 0, 0, 0, 0 }
+      0.05f, 0.5f, 0.5f, 0.0f, { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f }, 0, 0, 0, 0, 0 }
 
 /* A person of 80 kg: steps of 0.3 m, slopes of 45 degrees. */
 #define DCD_CHARACTER_DEF_INIT \\
@@ -243,6 +279,19 @@ const MACROS: &str = "
 #define DCD_BODY_INFO_INIT \\
     { (uint32_t)sizeof(DcdBodyInfo), 0, 0, { 0.0, 0.0, 0.0 }, 0.0f, 0, { 0.0f, 0.0f, 0.0f }, \\
       { 0.0f, 0.0f, 0.0f }, 0, false, false, { 0, 0 } }
+#define DCD_SHAPE_INFO_INIT \\
+    { (uint32_t)sizeof(DcdShapeInfo), 0, { 0.0f, 0.0f, 0.0f }, 0.0f, \\
+      { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }, 0, 0, 0, 0, 0, 0 }
+#define DCD_SETTINGS_INIT \\
+    { (uint32_t)sizeof(DcdSettings), 0, { 0.0f, 0.0f, 0.0f }, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, \\
+      0.0f, 0.0f, 0, 0, 0.0f, 0 }
+#define DCD_PROFILE_INIT \\
+    { (uint32_t)sizeof(DcdProfile), 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 0, 0, 0 }
+/* No function is asked. */
+#define DCD_HOOKS_INIT { (uint32_t)sizeof(DcdHooks), 0, NULL, NULL, NULL, NULL }
+#define DCD_BODY_EXTENT_INIT \\
+    { (uint32_t)sizeof(DcdBodyExtent), 0.0f, { 0.0, 0.0, 0.0 }, { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f }, \\
+      { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }
 #define DCD_BODY_PROPERTIES_INIT \\
     { (uint32_t)sizeof(DcdBodyProperties), 0, 0, 0, 0, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, \\
       { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f }, 0, 0, 0, 0 }
@@ -258,7 +307,7 @@ const MACROS: &str = "
 #define DCD_PREDICTION_INIT { (uint32_t)sizeof(DcdPrediction), 0, 0, 0, 0, 0.0, 0.0, 0.0 }
 #define DCD_EVENT_VIEW_INIT \\
     { (uint32_t)sizeof(DcdEventView), 0, 0, NULL, 0, NULL, 0, NULL, 0, NULL, 0, \\
-      NULL, 0, NULL, 0 }
+      NULL, 0, NULL, 0, NULL, 0 }
 #define DCD_OWNER_INIT { (uint32_t)sizeof(DcdOwner), 0, 0, 0, 0 }
 #define DCD_CONNECTION_INFO_INIT \\
     { (uint32_t)sizeof(DcdConnectionInfo), 0, 0, 0, 0, 0.0f, 0.0, 0.0, 0, 0, 0, 0, 0, 0 }
@@ -393,9 +442,9 @@ fn size_of_member(declaration: &str) -> usize {
         "uint8_t" | "bool" | "char" => 1,
         "float" | "uint32_t" | "int32_t" | "DcdStatus" | "DcdBodyType" | "DcdJointType" | "DcdMotorModel"
         | "DcdCombineRule" | "DcdDrawFlags" | "DcdDrawnKind" | "DcdConnectionState" | "DcdCause"
-        | "DcdRole" | "DcdCoupling" | "DcdPreset" => 4,
+        | "DcdRole" | "DcdCoupling" | "DcdPreset" | "DcdShapeKind" => 4,
         "double" | "uint64_t" | "size_t" => 8,
-        name if name.starts_with("DcdDraw") && name.ends_with("Fn") => size_of::<usize>(),
+        name if name.starts_with("Dcd") && name.ends_with("Fn") => size_of::<usize>(),
         name => layouts().iter().find(|layout| layout.name == name).unwrap_or_else(|| panic!("{name}")).size,
     };
     size * count

@@ -33,6 +33,7 @@
 //! | `models` | scenes from MJCF and URDF files | no |
 //! | `cli` | the program `dcd`; implies all above | no |
 //! | `sim` | whole clusters in one thread from one seed, to test protocols under faults | no |
+//! | `profiler` | the times of Rapier's phases in [`World::profile`] | no |
 //! | `enhanced-determinism` | equal bits on unlike machines, at 3 to 10 % of the speed | no |
 #![forbid(unsafe_code)]
 
@@ -90,8 +91,9 @@ pub mod sim;
 pub use drawing::{DebugDraw, DebugDrawFlags, DebugDrawSettings, DebugShape};
 #[cfg(feature = "physics")]
 pub use physics::{
-    BorderView, CharacterHit, CharacterMove, ColliderId, ContactHooks, Coupling, Fidelity, FidelityReport,
-    HookedPair, Inconsistency, LinkSettings, Preset, StepSettings, VehicleController,
+    BodyExtent, BorderView, CharacterHit, CharacterMove, ColliderId, ContactHooks, ContactPoint, Coupling,
+    Fidelity, FidelityReport, HookedPair, Inconsistency, LinkSettings, Preset, Profile, StepSettings,
+    VehicleController,
 };
 #[cfg(feature = "physics")]
 pub use playback::ViewTime;
@@ -103,7 +105,7 @@ pub use protocol::{
     WorldPose,
 };
 #[cfg(feature = "physics")]
-pub use runtime::{Choice, Partitioning, Stats, Why, WorldConfig};
+pub use runtime::{Choice, JointOverload, Partitioning, Stats, Why, WorldConfig};
 #[cfg(feature = "physics")]
 pub use scene::{Params, Scene};
 pub use space::{

@@ -6,6 +6,7 @@ use rapier3d::prelude::SharedShape;
 use super::{Batch, DCD_HIT_INSIDE, DCD_QUERY_LEAVE, DcdFilter, NOBODY, part_filter, refused, user_data};
 use crate::guard::guard;
 use crate::ids::{DcdBodyId, DcdShapeId, DcdWorld};
+use crate::material::material;
 use crate::pointer::{check_bits, check_not_negative, check_numbers, check_reserved};
 use crate::registry::World;
 use crate::shape;
@@ -62,6 +63,8 @@ pub struct DcdShapeHit {
     pub flags: u32,
     /// 0.
     pub reserved: u32,
+    /// The user_data of that collider, as the number of a material.
+    pub material: u64,
 }
 
 /// Finds the first body that each of `count` moving shapes meets; hits[i] belongs to casts[i].
@@ -103,6 +106,7 @@ const NO_SHAPE_HIT: DcdShapeHit = DcdShapeHit {
     subshape: 0,
     flags: 0,
     reserved: 0,
+    material: 0,
 };
 
 /// A shape to ask with.
@@ -150,5 +154,6 @@ pub(super) fn shape_hit(world: &World, hit: Option<CastAnswer>) -> DcdShapeHit {
         subshape: hit.subshape,
         flags: if hit.inside { DCD_HIT_INSIDE } else { 0 },
         reserved: 0,
+        material: material(&world.dcd, hit.body, hit.collider as usize),
     }
 }

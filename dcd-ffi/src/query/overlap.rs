@@ -9,6 +9,7 @@ use super::cast::solid;
 use super::{Batch, DcdFilter, DcdPointQuery, part_filter, refused, user_data};
 use crate::guard::guard;
 use crate::ids::{DcdBodyId, DcdShapeId, DcdWorld};
+use crate::material::material;
 use crate::pointer::{Room, check_bits, check_point, check_reserved};
 use crate::registry::World;
 use crate::status::{DcdStatus, Failure};
@@ -58,6 +59,8 @@ pub struct DcdOverlap {
     pub collider: u32,
     /// 0.
     pub reserved: u32,
+    /// The user_data of that collider, as the number of a material.
+    pub material: u64,
 }
 
 /// Finds every body that each of `count` shapes overlaps, by age. Outputs as of dcd_cast_rays_all.
@@ -228,5 +231,6 @@ pub(super) fn overlap(world: &World, found: &Overlap) -> DcdOverlap {
         user_data: user_data(world, found.body),
         collider: found.collider,
         reserved: 0,
+        material: material(&world.dcd, found.body, found.collider as usize),
     }
 }

@@ -3,6 +3,7 @@
 use super::{Batch, DCD_HIT_INSIDE, DCD_QUERY_HOLLOW, DcdFilter, NOBODY, part_filter, refused, user_data};
 use crate::guard::guard;
 use crate::ids::{DcdBodyId, DcdWorld};
+use crate::material::material;
 use crate::pointer::{check_bits, check_point, check_reserved};
 use crate::status::DcdStatus;
 
@@ -42,6 +43,8 @@ pub struct DcdPointHit {
     pub flags: u32,
     /// 0.
     pub reserved: u32,
+    /// The user_data of that collider, as the number of a material.
+    pub material: u64,
 }
 
 /// Finds the place of any body that is nearest to each of `count` points; hits[i] belongs to points[i].
@@ -76,6 +79,7 @@ pub unsafe extern "C" fn dcd_project_points(
                     collider: hit.collider as u32,
                     flags: if hit.inside { DCD_HIT_INSIDE } else { 0 },
                     reserved: 0,
+                    material: material(&asked.world.dcd, hit.body, hit.collider),
                 }))
             })
         }
@@ -90,4 +94,5 @@ const NO_POINT_HIT: DcdPointHit = DcdPointHit {
     collider: 0,
     flags: 0,
     reserved: 0,
+    material: 0,
 };

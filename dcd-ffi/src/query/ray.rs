@@ -6,6 +6,7 @@ use rapier3d::prelude::Vector;
 use super::{Batch, DCD_QUERY_HOLLOW, DcdFilter, NOBODY, part_filter, refused, user_data};
 use crate::guard::guard;
 use crate::ids::{DcdBodyId, DcdWorld};
+use crate::material::material;
 use crate::pointer::{Room, check_bits, check_numbers, check_point};
 use crate::registry::World;
 use crate::status::{DcdStatus, Failure};
@@ -46,6 +47,8 @@ pub struct DcdRayHit {
     pub collider: u32,
     /// Which triangle of a mesh or terrain, which part of a compound; else 0.
     pub subshape: u32,
+    /// The user_data of that collider, as the number of a material.
+    pub material: u64,
 }
 
 /// Finds the first body that each of `count` rays meets; hits[i] belongs to rays[i]. Sensors count as bodies, unless `filter`
@@ -121,6 +124,7 @@ const NO_RAY_HIT: DcdRayHit = DcdRayHit {
     distance: 0.0,
     collider: 0,
     subshape: 0,
+    material: 0,
 };
 
 /// The ray, of a call whose queries all meet these groups.
@@ -157,5 +161,6 @@ pub(super) fn ray_hit(world: &World, hit: Option<RayAnswer>) -> DcdRayHit {
         distance: hit.distance_m as f32,
         collider: hit.collider,
         subshape: hit.subshape,
+        material: material(&world.dcd, hit.body, hit.collider as usize),
     }
 }

@@ -11,7 +11,7 @@ use rapier3d::prelude::SharedShape;
 
 use crate::callback::check_outside;
 use crate::event::EventBuffers;
-use crate::handle::{Mark, Slots, not_null, stale};
+use crate::handle::{LookedUp, Mark, Slots, not_null, stale};
 use crate::ids::{DcdBodyId, DcdWorld};
 use crate::query::open::OpenQueries;
 use crate::state::{ShownArrays, StateBuffers};
@@ -23,6 +23,7 @@ pub(crate) struct World {
     pub mark: Mark,
     pub dcd: Dcd,
     pub shapes: Slots<SharedShape>,
+    pub looked_up: LookedUp,
     pub states: StateBuffers,
     pub shown: ShownArrays,
     pub events: EventBuffers,
@@ -91,6 +92,7 @@ pub(crate) fn add(dcd: Dcd, user_data: u64) -> DcdWorld {
         mark,
         dcd,
         shapes: Slots::new(),
+        looked_up: LookedUp::default(),
         states: StateBuffers::default(),
         shown: ShownArrays::default(),
         events: EventBuffers::default(),

@@ -8,6 +8,7 @@ mod contact_listener;
 mod control;
 mod convert;
 mod coupling;
+mod extent;
 mod fidelity;
 mod hooks;
 mod host;
@@ -36,16 +37,17 @@ pub(crate) use articulation::{equip_link, insert_link, motion_between};
 pub use choice::{CouplingChoice, Method};
 pub use collider_id::ColliderId;
 pub use control::{CharacterHit, CharacterMove, ControlError, VehicleController};
+pub use extent::BodyExtent;
 pub use fidelity::{Fidelity, FidelityReport};
 pub use hooks::{ContactHooks, HookedPair};
 #[cfg(feature = "net")]
 pub(crate) use host::Checkpoint;
 pub use host::{BorderView, HostError, Inconsistency, RegionHost};
 pub use joints::joint_record;
-pub use measure::{Census, ContactSample, Measured, View, pair_force_n};
+pub use measure::{Census, ContactPoint, ContactSample, Measured, View, pair_force_n};
 pub use partition::Partition;
 pub use query::{BodyFilter, PointHit, Queries, QueryError, RayHit, ShapeHit, WorldMotion, WorldRay};
-pub use region::{Ownership, Region};
+pub use region::{Ownership, Profile, Region};
 pub use settings::{Coupling, Preset, StepSettings};
 #[cfg(feature = "net")]
 pub(crate) use shapes::can_build;

@@ -12,6 +12,7 @@ mod kinematic_targets;
 mod mass_splitting;
 mod moved;
 mod place;
+mod profile;
 mod read;
 mod refine;
 mod slot;
@@ -22,6 +23,7 @@ mod vehicles;
 pub(super) use assembly::Assembly;
 pub(super) use floating_origin::better_anchor;
 pub(super) use moved::Moved;
+pub use profile::Profile;
 pub use slot::Ownership;
 pub(super) use slot::{BodyRef, Slot};
 
@@ -101,10 +103,14 @@ pub struct Region {
     /// By Rapier's body index: the length of the substep in which Rapier solved the body's contacts last, in seconds.
     /// Empty as long as all substeps have had one length.
     solved_dt_s: Vec<f32>,
+    /// Whether it has loads out of proportion, as found last.
+    strained: bool,
     /// Bodies inserted or changed since the last step, perhaps more than once; and their colliders as queries find them.
     touched: Vec<RigidBodyHandle>,
     #[serde(skip)]
     moved: OnceLock<Moved>,
+    #[serde(skip)]
+    profile: Profile,
 }
 
 impl Region {
@@ -141,8 +147,10 @@ impl Region {
             step_us: 0.0,
             mean_step_us: 0.0,
             solved_dt_s: Vec::new(),
+            strained: false,
             touched: Vec::new(),
             moved: OnceLock::new(),
+            profile: Profile::default(),
         }
     }
 
@@ -290,6 +298,12 @@ impl Region {
     /// Begins a tick, in which it rests or not.
     pub(super) fn begin_tick(&mut self, rests: bool) {
         self.rests = rests;
+        self.profile = Profile::default();
+    }
+
+    /// Returns what the last tick took; nothing if it rested.
+    pub(super) fn profile(&self) -> &Profile {
+        &self.profile
     }
 
     /// Sets the hooks that are asked about contacts from now on.

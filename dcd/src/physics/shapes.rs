@@ -102,6 +102,11 @@ impl ShapeLibrary {
         self.shapes.get(&hash).map(|(record, _)| record)
     }
 
+    /// Returns how many shapes there are.
+    pub(crate) fn len(&self) -> usize {
+        self.shapes.len()
+    }
+
     /// Returns all records, parts before the compounds that use them.
     pub fn records(&self) -> Vec<ShapeRecord> {
         self.in_order().cloned().collect()

@@ -351,7 +351,8 @@ impl ClientWorld {
 
     /// Returns a shape of a body that is known here.
     pub(crate) fn shape(&self, hash: ShapeHash) -> Option<ShapeRecord> {
-        self.member.shared.lock().client.as_ref()?.shapes().get(&hash).cloned()
+        let own = self.shapes.record_of(hash).cloned();
+        own.or_else(|| self.member.shared.lock().client.as_ref()?.shapes().get(&hash).cloned())
     }
 
     /// Calls `look` for every body in id order, as last received, and collects what it returns.

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 use rapier3d::prelude::*;
 
 use super::choice::{self, Choice, Why};
+use super::joint_strength::Strengths;
 use super::tape::{Copies, Tape};
 use crate::physics::{
     ControlError, Fidelity, FidelityReport, Handover, HostError, LinkSettings, Ownership, Partition, Queries,
@@ -224,6 +225,7 @@ pub struct LocalWorld {
     pub(super) next_joint: u64,
     pub(super) last_step: Duration,
     pub(super) why: Why,
+    pub(super) strengths: Strengths,
     pub(super) tape: Option<Box<Tape>>,
 }
 
@@ -255,6 +257,7 @@ impl LocalWorld {
             next_joint: 0,
             last_step: Duration::ZERO,
             why,
+            strengths: Strengths::default(),
             tape: None,
         })
     }
@@ -452,6 +455,7 @@ impl LocalWorld {
         self.host.note_tick_time(start.elapsed().as_secs_f64() * 1e3);
         self.ledger.merge(self.host.events(), &mut self.events);
         self.host.clear_events();
+        self.strengths.look(&self.host);
         self.last_step = start.elapsed();
         // Regions that follow the time that steps take are cut otherwise in each run: what they computed is recorded before, how they
         // are cut by a snapshot. All else a replay does again.
@@ -484,10 +488,10 @@ impl LocalWorld {
         Ok(())
     }
 
-    /// Has every island audited in every tick, for tests of what is stated.
+    /// Sets the part of the time that audits may take; without end, every island is audited in every tick, for tests of what is stated.
     #[doc(hidden)]
-    pub fn audit_all(&mut self, thorough: bool) {
-        self.host.audit_all(thorough);
+    pub fn set_audited(&mut self, part: f64) {
+        self.host.set_audited(part);
     }
 
     /// Returns what its [`Fidelity`] saves and costs; `None` where all is computed in full.
@@ -674,6 +678,22 @@ impl LocalWorld {
         }
         self.host.set_balance(balance);
         self.tape_spoilt();
+        Ok(())
+    }
+
+    /// Sets how the world is stepped from the next tick on; how regions are coupled, all but the tolerance, must stay as it is.
+    pub fn set_settings(&mut self, settings: StepSettings) -> Result<(), WorldError> {
+        if let Some((what, value, range)) = settings.fault() {
+            return Err(WorldError::Setting { what, value, range });
+        }
+        let of = |all: &StepSettings| (all.coupling, all.exchanges, all.depth, all.island_limit);
+        let (asked, present) = (of(&settings), of(self.host.settings()));
+        if asked != present {
+            let range = "the coupling, exchanges, depth and island limit that the world has";
+            return Err(WorldError::Setting { what: "coupling", value: format!("{asked:?}"), range });
+        }
+        self.tape_spoilt();
+        self.host.set_settings(settings);
         Ok(())
     }
 

@@ -19,6 +19,8 @@ mod ending;
 #[cfg(feature = "net")]
 mod error;
 mod hooks;
+mod joint_strength;
+mod joint_watch;
 #[cfg(feature = "net")]
 mod links;
 mod local;
@@ -60,6 +62,7 @@ pub use end_request::{WorldEnd, end_world};
 pub use ending::{Cause, Reason};
 #[cfg(feature = "net")]
 pub use error::ProcessError;
+pub use joint_strength::JointOverload;
 #[cfg(feature = "net")]
 pub(crate) use local::check_speed;
 pub use local::{LocalWorld, Partitioning, Stats, WorldConfig, WorldError};

@@ -48,6 +48,7 @@ pub(super) fn local_of(
         next_body,
         next_joint,
         last_step: Duration::ZERO,
+        strengths: Default::default(),
         why: Why::Saved,
     })
 }

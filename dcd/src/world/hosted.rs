@@ -14,6 +14,7 @@ use super::remote::{Remote, SAVE};
 use super::role::{Instead, Role, Unsupported};
 use super::view::{Body, MovableBody};
 use crate::net::PeerStats;
+use crate::physics::StepSettings;
 use crate::protocol::{
     BodyRecord, Controller, Drive, JointRecord, Push, Query, QueryResult, ShapeHash, ShapeRecord, Velocity,
     WorldEvents, WorldPose,
@@ -33,8 +34,8 @@ pub(super) struct Hosted {
     /// What the program of a server does; nodes have none.
     author: Option<Author>,
     network: Network,
-    dt_s: f32,
-    gravity: [f32; 3],
+    /// A node takes them from its server.
+    settings: Option<StepSettings>,
     /// Contacts heard of in the last step.
     events: WorldEvents,
     /// How many queries were submitted.
@@ -42,7 +43,7 @@ pub(super) struct Hosted {
 }
 
 impl Hosted {
-    pub(super) fn new(process: Process, dt_s: f32, gravity: [f32; 3]) -> Self {
+    pub(super) fn new(process: Process, settings: Option<StepSettings>) -> Self {
         let connections = match &process {
             Process::Server(server) => server.connections(),
             Process::Node(node) => node.connections(),
@@ -52,7 +53,7 @@ impl Hosted {
             Process::Node(_) => None,
         };
         let network = Network::new(connections.clone());
-        Self { network, author, process, dt_s, gravity, events: WorldEvents::default(), questions: 0 }
+        Self { network, author, process, settings, events: WorldEvents::default(), questions: 0 }
     }
 
     /// Returns the server with its program's changes, or why a node has none.
@@ -107,11 +108,15 @@ impl Remote for Hosted {
     }
 
     fn dt_s(&self) -> f32 {
-        self.dt_s
+        self.settings.map_or(0.0, |settings| settings.dt_s)
     }
 
     fn gravity(&self) -> [f32; 3] {
-        self.gravity
+        self.settings.map_or([0.0; 3], |settings| settings.gravity)
+    }
+
+    fn settings(&self) -> Result<StepSettings, Error> {
+        self.settings.ok_or_else(|| self.unsupported("say how the world is stepped", Instead::JoinAsClient))
     }
 
     fn speed_limit_m_s(&self) -> f32 {

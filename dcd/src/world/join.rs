@@ -40,14 +40,14 @@ impl World {
         member.listen = config.listen.unwrap_or(member.listen);
         member.advertise = config.advertise;
         member.record.clone_from(&config.record);
-        Ok(Self::of(Hosted::new(Process::Node(Member::start(member)?), 0.0, [0.0; 3])))
+        Ok(Self::of(Hosted::new(Process::Node(Member::start(member)?), None)))
     }
 
     /// Serves a scene: the world begins with the nodes that join. Of `world` only the cut and the step settings count. Dropping
     /// the server ends the world for all; [`World::suspend`] keeps it.
     pub fn serve(scene: &Scene, world: &WorldConfig, config: ServeConfig) -> Result<Self, Error> {
         let server = ServerProcess::start(Origin::Scene(scene, world), config)?;
-        Ok(Self::of(Hosted::new(Process::Server(server), world.step.dt_s, world.step.gravity)))
+        Ok(Self::of(Hosted::new(Process::Server(server), Some(world.step))))
     }
 
     /// Serves a copy of this local world as it is now, with its cut and settings. What is not a property of a body or joint stays
@@ -55,7 +55,7 @@ impl World {
     pub fn serve_copy(&self, config: ServeConfig) -> Result<Self, Error> {
         let source = self.local("be a source", Instead::MakeSourceAnew)?;
         let server = ServerProcess::start(Origin::World(source), config)?;
-        Ok(Self::of(Hosted::new(Process::Server(server), self.dt_s(), self.gravity())))
+        Ok(Self::of(Hosted::new(Process::Server(server), Some(self.settings()?))))
     }
 
     /// Stops this server without ending its world: what is known of it is written to the data folder, nodes compute on and dial

@@ -6,7 +6,10 @@ use super::role::Instead;
 use super::{Error, Inner, World};
 use crate::physics::LinkSettings;
 use crate::protocol::{JointRecord, LinkMotion};
+use crate::runtime::JointOverload;
 use crate::space::{BodyId, JointId};
+
+const WATCH_JOINTS: &str = "watch what joints bear";
 
 /// Joints of local worlds, and of those that a server's program makes: clients see none.
 impl World {
@@ -116,6 +119,45 @@ impl World {
     #[must_use]
     pub fn joint_load(&self, joint: JointId) -> Option<[f32; 6]> {
         self.alone()?.joint_load(joint)
+    }
+
+    /// Returns an error if joints cannot be given strengths here.
+    #[doc(hidden)]
+    pub fn watches_joints(&self) -> Result<(), Error> {
+        self.local(WATCH_JOINTS, Instead::JointsInScene).map(drop)
+    }
+
+    /// Sets the force and torque on its locked axes above which a joint is too weak: [`World::joint_overloads`] tells of it after each
+    /// step in which it bears more, and the program decides whether it breaks. As [`World::joint_load`] it is the load
+    /// of the solver's last iteration: one that lasts shows, of a blow what is left. Infinite for never, as at first. Local worlds only.
+    ///
+    /// ```
+    /// # use dcd::prelude::*;
+    /// # let mut world = World::new(WorldConfig::default())?;
+    /// let nail = world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::ball(0.1))?;
+    /// let below = RigidBodyBuilder::dynamic().translation(Vector::new(0.0, -1.0, 0.0));
+    /// let weight = world.insert(below, ColliderBuilder::ball(0.3).mass(1000.0))?;
+    /// let rope = SphericalJointBuilder::new().local_anchor2(Vector::Y);
+    /// let rope = world.insert_joint(nail, weight, rope)?;
+    /// world.set_joint_strength(rope, 5_000.0, f32::INFINITY)?; // half of what it must bear
+    /// while world.joint_overloads().is_empty() {
+    ///     world.step()?;
+    /// }
+    /// for overload in world.joint_overloads().to_vec() {
+    ///     world.remove_joint(overload.joint)?;
+    /// }
+    /// assert!(world.joint(rope).is_none());
+    /// # Ok::<(), dcd::Error>(())
+    /// ```
+    pub fn set_joint_strength(&mut self, joint: JointId, force_n: f32, torque_n_m: f32) -> Result<(), Error> {
+        let world = self.local_mut(WATCH_JOINTS, Instead::JointsInScene)?;
+        Ok(world.set_joint_strength(joint, force_n, torque_n_m)?)
+    }
+
+    /// Returns the joints that bore more than their strength in the last step, in id order; none in a served world.
+    #[must_use]
+    pub fn joint_overloads(&self) -> &[JointOverload] {
+        self.alone().map_or(&[], |world| world.joint_overloads())
     }
 
     /// Changes damping, armature, friction and springs of a multibody joint.

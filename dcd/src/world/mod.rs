@@ -25,13 +25,16 @@ mod remote;
 mod role;
 #[cfg(feature = "net")]
 mod served;
+mod shapes;
 mod showing;
 mod snapshot;
 mod view;
 
+use std::sync::Mutex;
 use std::time::Duration;
 
 use crate::drawing::Canvas;
+use crate::physics::{ShapeLibrary, StepSettings};
 use crate::runtime::{LocalWorld, WorldConfig};
 use crate::scene::Scene;
 use crate::space::Tick;
@@ -70,6 +73,8 @@ pub struct World {
     answers: Answers,
     last_step: LastStep,
     canvas: Canvas,
+    /// Shapes of a world that others compute, built for who looks at them.
+    built: Mutex<ShapeLibrary>,
 }
 
 enum Inner {
@@ -95,7 +100,13 @@ impl From<LocalWorld> for World {
 
 impl World {
     fn with(inner: Inner) -> Self {
-        Self { inner, answers: Answers::default(), last_step: LastStep::default(), canvas: Canvas::default() }
+        Self {
+            inner,
+            answers: Answers::default(),
+            last_step: LastStep::default(),
+            canvas: Canvas::default(),
+            built: Mutex::default(),
+        }
     }
 
     /// Makes an empty local world.
@@ -186,6 +197,35 @@ impl World {
             Inner::Local(world) => world.host().settings().speed_limit_m_s(),
             Inner::Remote(world) => world.speed_limit_m_s(),
         }
+    }
+
+    /// Returns how the world is stepped; a node takes it from its server and refuses.
+    ///
+    /// ```
+    /// # use dcd::prelude::*;
+    /// let mut world = World::new(WorldConfig::default())?;
+    /// let body = RigidBodyBuilder::dynamic();
+    /// let ball = world.insert(body, ColliderBuilder::ball(0.5).density(1000.0))?;
+    /// let mut settings = world.settings()?;
+    /// settings.gravity = [0.0, 0.0, -1.62]; // on the moon, z is up
+    /// settings.solver_iterations = 8;
+    /// world.set_settings(settings)?;
+    /// world.step()?;
+    /// assert!(world.velocity(ball).unwrap().linear[2] < 0.0);
+    /// # Ok::<(), dcd::Error>(())
+    /// ```
+    pub fn settings(&self) -> Result<StepSettings, Error> {
+        match &self.inner {
+            Inner::Local(world) => Ok(*world.host().settings()),
+            Inner::Remote(world) => world.settings(),
+        }
+    }
+
+    /// Sets how the world is stepped from the next step on. Bodies that sleep are woken if gravity changes. How regions are coupled
+    /// stays as it is, but for the tolerance: what differs there is refused. Local worlds only: a served one keeps the settings with
+    /// which it was made.
+    pub fn set_settings(&mut self, settings: StepSettings) -> Result<(), Error> {
+        Ok(self.local_mut("be stepped otherwise", Instead::SettingsAtBirth)?.set_settings(settings)?)
     }
 
     /// Returns the world that this process computes alone, or why its role cannot do `what`; `instead` is for clients and

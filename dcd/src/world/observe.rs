@@ -3,7 +3,7 @@
 use super::role::Instead;
 use super::view::{BodyChange, Owner, RegionInfo};
 use super::{Error, Inner, World};
-use crate::physics::{BorderView, Inconsistency, Region};
+use crate::physics::{BorderView, ContactPoint, Inconsistency, Profile, Region};
 use crate::protocol::{Area, Handover, WorldEvents};
 use crate::runtime::{Choice, LocalWorld, Stats};
 use crate::space::{Balance, BodyId, ClientId, RegionId};
@@ -36,6 +36,29 @@ impl World {
             Inner::Local(world) => world.events(),
             Inner::Remote(world) => world.events(),
         }
+    }
+
+    /// Returns the points at which a body touches others after the last step, or is about to, by pair and manifold: where, how deep, and by
+    /// which impulse they push. Colliders that a sensor detects have none. Local worlds only: a client is told when contacts of its avatars
+    /// begin and end.
+    ///
+    /// ```
+    /// # use dcd::prelude::*;
+    /// # let mut world = World::new(WorldConfig::default())?;
+    /// # let floor = world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(9.0, 0.5, 9.0))?;
+    /// let at = RigidBodyBuilder::dynamic().translation(Vector::new(0.0, 1.0, 0.0));
+    /// let ball = world.insert(at, ColliderBuilder::ball(0.5).mass(6.0))?;
+    /// for _ in 0..60 {
+    ///     world.step()?;
+    /// }
+    /// let points = world.contact_points(ball)?;
+    /// assert_eq!((points.len(), points[0].key.other(ball)), (1, Some(floor)));
+    /// let impulse = 6.0 * 9.81 * world.dt_s(); // that of its weight in a step
+    /// assert!((points[0].impulse_ns / impulse - 1.0).abs() < 0.02);
+    /// # Ok::<(), Error>(())
+    /// ```
+    pub fn contact_points(&self, body: BodyId) -> Result<Vec<ContactPoint>, Error> {
+        Ok(self.local("read contacts", Instead::HearTouches)?.host().contact_points(body))
     }
 
     /// Returns the bodies that changed owner in the last step; in a served world those whose change became known in it.
@@ -73,6 +96,23 @@ impl World {
             Inner::Local(world) => world.stats(),
             Inner::Remote(world) => world.stats(),
         }
+    }
+
+    /// Returns what the last step took by phase, and what was computed in it. Local worlds only: of others, [`World::stats`] has the
+    /// wall time of taking in what came.
+    ///
+    /// ```
+    /// # use dcd::prelude::*;
+    /// # let mut world = World::new(WorldConfig::default())?;
+    /// # world.insert(RigidBodyBuilder::dynamic(), ColliderBuilder::ball(0.5).density(1.0))?;
+    /// world.step()?;
+    /// let profile = world.profile()?;
+    /// assert_eq!(profile.awake, 1);
+    /// assert!(profile.rapier <= world.stats().last_step);
+    /// # Ok::<(), Error>(())
+    /// ```
+    pub fn profile(&self) -> Result<Profile, Error> {
+        Ok(self.local("tell what a step costs", Instead::LookLocal)?.host().profile())
     }
 
     /// Returns the number of state messages received so far; 0 in a local world.

@@ -10,6 +10,7 @@ use super::role::{Instead, Role, Unsupported};
 use super::view::{Body, BodyChange, MovableBody, Owner, RegionInfo};
 #[cfg(feature = "net")]
 use crate::net::PeerStats;
+use crate::physics::StepSettings;
 use crate::playback::{Motion, ViewTime};
 #[cfg(feature = "net")]
 use crate::prediction::Prediction;
@@ -34,6 +35,8 @@ pub(super) trait Remote: Send + Sync {
     fn dt_s(&self) -> f32;
     fn gravity(&self) -> [f32; 3];
     fn speed_limit_m_s(&self) -> f32;
+    /// Returns how the world is stepped, where that is known.
+    fn settings(&self) -> Result<StepSettings, Error>;
     /// Sends inputs and takes in what has come; waits for nothing.
     fn step(&mut self) -> Result<(), Error>;
     /// Waits for what the next step would take in; returns whether it came.

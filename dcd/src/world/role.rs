@@ -84,6 +84,10 @@ pub enum Instead {
     RecordNodes,
     /// Compare local worlds.
     CompareLocal,
+    /// Listen to contact events.
+    HearTouches,
+    /// Give the server the settings with its scene.
+    SettingsAtBirth,
     /// Look at a local world of the same cut and coupling.
     LookLocal,
     /// Submit the question.
@@ -126,6 +130,8 @@ impl fmt::Display for Instead {
             Self::CompareLocal => {
                 "it hears of bodies at different ticks; compare hashes of local worlds (World::new)"
             }
+            Self::HearTouches => "it hears when contacts begin and end (World::events)",
+            Self::SettingsAtBirth => "a served world keeps the settings with which its server was made",
             Self::LookLocal => "ask a local world of the same cut and coupling",
             Self::SubmitQuery => {
                 "it hears where bodies are and computes nothing; submit what you ask (World::submit)"

@@ -16,7 +16,7 @@ use super::role::{Instead, Role};
 use super::view::{Body, BodyChange, MovableBody, Owner, RegionInfo};
 use crate::cluster::BodyView as Heard;
 use crate::net::PeerStats;
-use crate::physics::ShapeLibrary;
+use crate::physics::{ShapeLibrary, StepSettings};
 use crate::playback::{Motion, ViewTime};
 use crate::prediction::Prediction;
 use crate::protocol::{
@@ -220,6 +220,10 @@ impl Remote for Served {
 
     fn speed_limit_m_s(&self) -> f32 {
         self.environment.step.speed_limit_m_s
+    }
+
+    fn settings(&self) -> Result<StepSettings, Error> {
+        Ok(self.environment.step.into())
     }
 
     fn sees(&self, _what: &'static str) -> Result<(), Error> {

@@ -185,7 +185,7 @@ static void pushes_push(void)
 /* Steps until a contact of this kind is told of; gives it back, or one of kind 99. */
 static DcdContact next_contact(DcdWorld world, uint32_t kind)
 {
-    DcdContact none = { { 0 }, { 0 }, 0, 0, { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f }, 0.0f, 99, 0, 0, 0 };
+    DcdContact none = { { 0 }, { 0 }, 0, 0, { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f }, 0.0f, 99, 0, 0, 0, 0, 0 };
     for (int i = 0; i < 240; i++) {
         DcdEventView events = DCD_EVENT_VIEW_INIT;
         OK(dcd_step(world));

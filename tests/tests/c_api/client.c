@@ -181,6 +181,29 @@ static void refuses(DcdWorld world, DcdBodyId other, DcdBodyId avatar, const cha
     FAILS(dcd_body_create(world, &fixed, &body), DCD_ERR_UNSUPPORTED, role);
 }
 
+/* A client knows what its bodies look like: a hundred boxes and the ground of the scene, and its own avatar on its way. */
+static void looks(DcdWorld world, DcdBodyId avatar)
+{
+    DcdBodyId all[128];
+    size_t count = 0, boxes = 0;
+    double weight = 0.0;
+    OK(dcd_bodies(world, all, 128, &count));
+    HOLDS(count == 102 && all[count - 1].v == avatar.v);
+    for (size_t i = 0; i < count; i++) {
+        DcdShapeId shape;
+        DcdShapeInfo info = DCD_SHAPE_INFO_INIT;
+        DcdBodyExtent extent = DCD_BODY_EXTENT_INIT;
+        const DcdPose at = pose_of(world, all[i]);
+        OK(dcd_collider_shape(world, all[i], 0, &shape));
+        OK(dcd_shape_info(world, shape, &info));
+        OK(dcd_body_extent(world, all[i], &extent));
+        boxes += info.kind == DCD_SHAPE_BOX;
+        weight += extent.mass;
+        HOLDS(extent.min[1] < at.p[1] + 1e-3 && extent.max[1] > at.p[1] - 1e-3 && (info.size[0] > 0.1f || info.vertex_count > 0));
+    }
+    HOLDS(boxes >= 100 && weight > 90.0);
+}
+
 /* What is shown of an avatar that moves east at 10 m/s: where the world says, or a moment ago, at an even pace. */
 static void shows(DcdWorld world, DcdBodyId avatar)
 {
@@ -246,6 +269,7 @@ static void plays(DcdWorld world, DcdRole expected, const char *role)
     OK(dcd_own_avatars(world, found, 4, &count));
     HOLDS(count == 1 && found[0].v == avatar.v);
     OK(dcd_own_avatars(world, NULL, 0, &count));
+    looks(world, avatar);
     refuses(world, box, avatar, role);
 
     HOLDS(await_change(world, avatar, DCD_BODY_APPEARED).user_data == 7);

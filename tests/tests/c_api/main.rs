@@ -9,5 +9,6 @@ mod packaging;
 mod programs;
 mod served;
 mod strips;
+mod surface;
 mod table;
 mod toolchain;

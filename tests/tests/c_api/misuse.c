@@ -301,7 +301,7 @@ static void bodies(void)
     REFUSED(restitution, 1.01f, DCD_ERR_ARGUMENT);
     REFUSED(restitution, -0.01f, DCD_ERR_ARGUMENT);
     REFUSED(restitution, NAN, DCD_ERR_ARGUMENT);
-    REFUSED(reserved, 1, DCD_ERR_ARGUMENT);
+    REFUSED(hooks, 8, DCD_ERR_ARGUMENT);
     REFUSED(linear_damping, -0.5f, DCD_ERR_ARGUMENT);
     REFUSED(angular_damping, NAN, DCD_ERR_ARGUMENT);
     REFUSED(gravity_scale, NAN, DCD_ERR_ARGUMENT);
@@ -928,7 +928,7 @@ static void queries(void)
     DcdWorld world = make_world(2);
     DcdBodyId body = make_body(world, make_box(world), DCD_FIXED, 0.0);
     DcdRay good = { { 0.0, 5.0, 0.0 }, { 0.0f, -2.0f, 0.0f }, 100.0f, { 0 }, 0xFFFFFFFFu, 0 }, ray;
-    DcdRayHit hit, nothing = { { 0 }, 0, { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f }, 0.0f, 0, 0 };
+    DcdRayHit hit, nothing = { { 0 }, 0, { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f }, 0.0f, 0, 0, 0 };
 
     EXPECT(dcd_step(world), DCD_OK);
     EXPECT(dcd_cast_rays(world, NULL, 1, NULL, &hit), DCD_ERR_NULL);

@@ -354,6 +354,30 @@ CALL(dcd_query_cancel) {
     return status == DCD_OK ? dcd_query_cancel(s->world, id) : status;
 }
 
+CALL(dcd_settings) { DcdSettings settings = DCD_SETTINGS_INIT; return dcd_settings(s->world, &settings); }
+CALL(dcd_settings_set) {
+    DcdSettings settings = DCD_SETTINGS_INIT;
+    DcdStatus status = dcd_settings(s->world, &settings);
+    return status == DCD_OK ? dcd_settings_set(s->world, &settings) : status;
+}
+CALL(dcd_gravity_set) { return dcd_gravity_set(s->world, ONE); }
+CALL(dcd_body_contacts) { return dcd_body_contacts(s->world, s->body, NULL, 0, &count); }
+CALL(dcd_joint_strength_set) { return dcd_joint_strength_set(s->world, s->joint, 1.0f, 1.0f); }
+CALL(dcd_profile) { DcdProfile profile = DCD_PROFILE_INIT; return dcd_profile(s->world, &profile); }
+CALL(dcd_hooks_set) { return dcd_hooks_set(s->world, NULL); }
+CALL(dcd_bodies) { DcdBodyId ids[64]; return dcd_bodies(s->world, ids, 64, &count); }
+CALL(dcd_body_extent) { DcdBodyExtent extent = DCD_BODY_EXTENT_INIT; return dcd_body_extent(s->world, s->body, &extent); }
+CALL(dcd_collider_shape) { DcdShapeId shape; return dcd_collider_shape(s->world, s->body, 0, &shape); }
+CALL(dcd_shape_info) { DcdShapeInfo info = DCD_SHAPE_INFO_INIT; return dcd_shape_info(s->world, s->shape, &info); }
+CALL(dcd_shape_vertices) { return dcd_shape_vertices(s->world, s->shape, NULL, 0, &count); }
+CALL(dcd_shape_triangles) { return dcd_shape_triangles(s->world, s->shape, NULL, 0, &count); }
+CALL(dcd_shape_heights) { return dcd_shape_heights(s->world, s->shape, NULL, 0, &count); }
+CALL(dcd_shape_part) {
+    DcdShapeId whole, part;
+    DcdStatus status = dcd_shape_compound(s->world, &s->shape, &HERE, 1, &whole);
+    return status == DCD_OK ? dcd_shape_part(s->world, whole, 0, &part, NULL) : status;
+}
+
 CALL(dcd_regions) {
     DcdRegionInfo regions[8];
     DcdStatus status = dcd_regions(s->world, regions, 8, &count);
@@ -399,6 +423,8 @@ CALL(dcd_world_destroy) {
     of(dcd_shape_hull) of(dcd_shape_mesh) of(dcd_shape_heightfield) of(dcd_shape_compound) of(dcd_shape_destroy) \
     of(dcd_body_create) of(dcd_bodies_create) of(dcd_character_create) of(dcd_vehicle_create) of(dcd_vehicle_drive) \
     of(dcd_body_destroy) of(dcd_bodies_destroy) of(dcd_body_is_valid) \
+    of(dcd_settings) of(dcd_settings_set) of(dcd_gravity_set) of(dcd_joint_strength_set) of(dcd_profile) of(dcd_hooks_set) of(dcd_body_contacts) of(dcd_bodies) of(dcd_body_extent) of(dcd_collider_shape) of(dcd_shape_info) of(dcd_shape_vertices) \
+    of(dcd_shape_triangles) of(dcd_shape_heights) of(dcd_shape_part) \
     of(dcd_body_at) of(dcd_body_info) of(dcd_body_get) of(dcd_body_set_pose) of(dcd_body_set_velocity) \
     of(dcd_body_set_target) of(dcd_body_wake) of(dcd_body_sleep) of(dcd_body_apply_impulse) \
     of(dcd_body_apply_torque_impulse) of(dcd_body_set_force) of(dcd_body_add_force) of(dcd_body_properties) \

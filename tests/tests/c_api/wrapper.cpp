@@ -116,6 +116,28 @@ static void a_ball_breaks_a_tower()
     HOLDS(world.debug_draw(draw));
     HOLDS(drawn.size() == 7 && drawn.back() == ball);
 
+    const std::vector<dcd::ContactPoint> touching = *world.body_contacts(tower[0]);
+    HOLDS(!touching.empty() && (touching[0].a == tower[0] || touching[0].b == tower[0]));
+    dcd::Hooks hooks;
+    hooks.filter = [](void *, const dcd::HookedPair *) -> DcdPairAnswer { return DCD_MEET_PUSH; };
+    HOLDS(world.hooks_set(hooks) && world.hooks_clear());
+    HOLDS(world.profile()->rapier >= 0.0);
+    dcd::Settings settings = *world.settings();
+    HOLDS(settings.gravity[1] == -9.81f && settings.length_unit == 1.0f);
+    settings.solver_iterations = 6;
+    HOLDS(world.settings_set(settings) && world.gravity_set({ 0.0f, -9.81f, 0.0f }));
+    HOLDS(world.settings()->solver_iterations == 6);
+    const std::vector<dcd::BodyId> all = *world.bodies();
+    HOLDS(all.size() == 7 && all.back() == ball);
+    const dcd::ShapeInfo looks = *world.shape_info(*world.collider_shape(ball));
+    HOLDS(looks.kind == DCD_SHAPE_SPHERE && looks.size[0] == 0.5f);
+    HOLDS(std::fabs(world.body_extent(ball)->mass - mass) < 1.0f);
+    const dcd::Vec3 corners[] = { { 0.0f, 0.0f, 0.0f }, { 1.0f, 0.0f, 0.0f }, { 0.0f, 1.0f, 0.0f }, { 0.0f, 0.0f, 1.0f } };
+    const dcd::ShapeId hull = *world.shape_hull(corners);
+    HOLDS(world.shape_vertices(hull)->size() == 4 && world.shape_triangles(hull)->size() == 4);
+    HOLDS(world.shape_heights(hull)->empty() && world.shape_part(hull, 0).status().code() == DCD_ERR_ARGUMENT);
+    HOLDS(world.shape_destroy(hull));
+
     std::vector<std::uint64_t> colours(view.size(), 3);
     HOLDS(world.state_write(view.ids(), colours.data()));
     HOLDS(world.body_info(ball)->user_data == 3);

@@ -1,4 +1,4 @@
-//! The options of `dcd run` that say how much of a world is computed in full.
+//! Says how much of a world is computed in full: the options of `dcd run` for that.
 
 use crate::physics::Fidelity;
 use crate::scene::Scene;

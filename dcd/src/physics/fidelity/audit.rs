@@ -1,5 +1,5 @@
-//! Audits: an island as it is before a step is computed again in a small world of its own, finer; the difference after the step is the
-//! error of what the region computed.
+//! Audits what a region computes: copies an island before a step and computes it again in a small world of its own, finer; the difference
+//! after the step is the error.
 
 use std::collections::BTreeMap;
 
@@ -11,7 +11,7 @@ use crate::physics::region::{Ownership, Region};
 const FINESSE: usize = 4;
 /// The most bodies of an island that is audited whole. Of a larger one only what is nearest to the first body is: there all bodies that
 /// have a neighbour left out move as they moved.
-const MOST: usize = 256;
+const MOST: usize = 48;
 /// The cost of a small world, and of a body's step in it, in bodies that a region steps.
 const MAKING: f64 = 30.0;
 const STEPPING: f64 = 2.0;

@@ -67,9 +67,9 @@ pub(in crate::physics) struct Governor {
     spent_ms: f64,
     #[serde(skip)]
     full_ms: f64,
-    /// Whether all islands are audited; the sum of their errors, and of their bodies and ticks.
-    #[serde(skip)]
-    thorough: bool,
+    /// The part of the time that audits may take.
+    audited: f64,
+    /// Where all islands are audited, the sum of their errors, and of their bodies and ticks.
     #[serde(skip)]
     all: (f64, f64),
     /// What audits may cost by now, in bodies stepped once.
@@ -86,7 +86,7 @@ impl Governor {
             audits: 0,
             overruns: 0,
             ticks: 0,
-            thorough: false,
+            audited: AUDITED,
             all: (0.0, 0.0),
             spent_ms: 0.0,
             full_ms: 0.0,
@@ -190,7 +190,7 @@ impl Governor {
 
     /// Notes that so many bodies are stepped in a tick; returns whether an audit is paid for.
     pub(in crate::physics) fn earn(&mut self, bodies: usize) -> bool {
-        self.credit += AUDITED * bodies as f64;
+        self.credit += self.audited * bodies as f64;
         bodies > 0 && self.credit >= 0.0
     }
 
@@ -209,12 +209,12 @@ impl Governor {
         }
     }
 
-    pub(in crate::physics) fn set_thorough(&mut self, thorough: bool) {
-        self.thorough = thorough;
+    pub(in crate::physics) fn set_audited(&mut self, part: f64) {
+        self.audited = part;
     }
 
     pub(in crate::physics) fn is_thorough(&self) -> bool {
-        self.thorough
+        self.audited.is_infinite()
     }
 
     /// Notes the sum of errors, m/s, of so many bodies and ticks.
@@ -265,9 +265,9 @@ mod tests {
     use super::*;
 
     /// Regions in a row, 10 m each, of which a step takes so long.
-    fn row(count: u64, step_ms: f64) -> Vec<RegionState> {
+    fn row(count: u32, step_ms: f64) -> Vec<RegionState> {
         let cell = |k: f64| Cell { min: [10.0 * k, -5.0, -5.0], max: [10.0 * k + 10.0, 5.0, 5.0] };
-        (0..count).map(|k| RegionState { id: RegionId(k), cell: cell(k as f64), step_ms }).collect()
+        (0..count).map(|k| RegionState { id: RegionId(k), cell: cell(f64::from(k)), step_ms }).collect()
     }
 
     fn governor(fidelity: Fidelity) -> Governor {

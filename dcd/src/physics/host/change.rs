@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use rapier3d::prelude::*;
 
-use super::{HostError, RegionHost, Side};
+use super::{HostError, RegionHost, Side, StepSettings};
 use crate::physics::articulation::LinkSettings;
 use crate::physics::convert;
 use crate::physics::region::{Ownership, Region};
@@ -15,6 +15,25 @@ use crate::protocol::{
 use crate::space::{BodyId, JointId};
 
 impl RegionHost {
+    /// Sets how the world is stepped from the next tick on, and wakes what sleeps if gravity is another. The host must compute every
+    /// region. How regions are coupled, all but the tolerance, stays as it is.
+    pub fn set_settings(&mut self, settings: StepSettings) {
+        let StepSettings { coupling, exchanges, depth, island_limit, .. } = self.settings;
+        let former = self.settings.gravity;
+        self.settings = StepSettings { coupling, exchanges, depth, island_limit, ..settings };
+        if settings.gravity == former {
+            return;
+        }
+        self.sides.iter_mut().for_each(|side| side.region.set_gravity(settings.gravity));
+        let sleeps = |(id, region, handle): (BodyId, &Region, RigidBodyHandle)| {
+            let body = &region.physics().bodies[handle];
+            (body.is_dynamic() && body.is_sleeping()).then_some(id)
+        };
+        for id in self.owned_bodies().filter_map(sleeps).collect::<Vec<_>>() {
+            self.update(id, |body| body.wake_up(true));
+        }
+    }
+
     /// Applies a change to every copy of a body held here, so that owner and replicas stay alike. Returns what the
     /// change returned for the owner's copy, or for the first other copy when the owner is elsewhere.
     pub fn update<R>(&mut self, id: BodyId, mut change: impl FnMut(&mut RigidBody) -> R) -> Option<R> {
@@ -197,10 +216,14 @@ impl RegionHost {
     }
 
     /// Returns the load on the locked axes of a joint, as of the last step: newtons along the three axes of its frame, newton
-    /// metres about them. Summed over the regions here that hold it. Rapier makes what it solves orthogonal first, so the numbers
+    /// metres about them. Summed over the regions here that bear a part of it: of copies that only follow, the load is not the joint's. Rapier makes what it solves orthogonal first, so the numbers
     /// of several axes are mixed.
     pub fn joint_load(&self, id: JointId) -> Option<[f32; 6]> {
-        let loads = self.regions().filter_map(|region| region.joint_load(id));
+        let loads = self.regions().filter_map(|region| {
+            let load = region.joint_load(id)?;
+            let bears = region.joint_bodies(id).is_some_and(|(a, b)| region.answers_for(a.min(b), a.max(b)));
+            Some(if bears { load } else { [0.0; 6] })
+        });
         loads.reduce(|sum, load| std::array::from_fn(|axis| sum[axis] + load[axis]))
     }
 
@@ -320,7 +343,7 @@ impl RegionHost {
 mod tests {
     use super::*;
     use crate::physics::region::BodyRef;
-    use crate::physics::{Coupling, Partition, StepSettings};
+    use crate::physics::{Coupling, Partition};
     use crate::space::{Axis, Bounds, DistributionTree};
 
     /// Two boxes of 1 kg that touch over the border of two regions, on a floor.

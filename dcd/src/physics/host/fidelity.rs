@@ -10,11 +10,19 @@ use crate::space::{Viewpoint, mixed};
 /// Loads out of proportion are looked for every so many ticks.
 const REFINE_TICKS: u64 = 16;
 
+/// Bodies that are drawn for an audit, of which the first is audited that does not fly alone; what that costs, in bodies stepped once.
+const DRAWS: usize = 32;
+const DRAWING: f64 = 10.0;
+/// The increment of SplitMix64.
+const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
+
 /// An audit under way, of a region in this place.
 pub(super) struct Auditing {
     place: usize,
     /// Of so many ticks' step.
     span: u8,
+    /// The part of all bodies that do not fly alone.
+    share: f32,
     audit: Audit,
 }
 
@@ -44,15 +52,15 @@ impl RegionHost {
         }
     }
 
-    /// Has the islands of all bodies audited in every tick from now on, for tests of what is stated: see [`RegionHost::true_error_m_s`].
+    /// Sets the part of the time that audits may take; without end, every island is audited in every tick: see [`RegionHost::true_error_m_s`].
     #[doc(hidden)]
-    pub fn audit_all(&mut self, thorough: bool) {
+    pub fn set_audited(&mut self, part: f64) {
         if let Some(governor) = &mut self.governor {
-            governor.set_thorough(thorough);
+            governor.set_audited(part);
         }
     }
 
-    /// Returns the mean error of all bodies in all ticks for which [`RegionHost::audit_all`] was set, m/s.
+    /// Returns the mean error of all bodies in all ticks in which all were audited, m/s.
     #[doc(hidden)]
     pub fn true_error_m_s(&self) -> Option<f64> {
         self.governor.as_ref()?.true_error_m_s()
@@ -96,21 +104,48 @@ impl RegionHost {
         if !governor.earn(work.iter().sum()) {
             return Vec::new();
         }
-        // Every body in every tick is as likely as any other: what a step computes counts for each of its ticks.
+        // Every body in every tick is as likely as any other: what a step computes counts for each of its ticks. What flies alone is right;
+        // how much of all that is, some draws tell.
         let weight = |place: usize| (work[place] * usize::from(self.sides[place].clock.span)) as u64;
         let total: u64 = (0..work.len()).map(weight).sum();
-        let mut at = mixed(self.tick.0 + 1) % total.max(1);
-        let chosen = (0..work.len()).find(|&place| {
-            let is_here = at < weight(place);
-            at = at.saturating_sub(weight(place));
-            is_here
-        });
-        let one = |place: usize| mixed(mixed(self.tick.0 + 1)) as usize % work[place];
-        let auditing: Vec<_> = chosen.and_then(|place| self.audit(place, one(place))).into_iter().collect();
-        if let Some(governor) = &mut self.governor {
-            auditing.iter().for_each(|auditing| governor.pay(auditing.audit.work()));
+        if total == 0 {
+            return Vec::new();
         }
-        auditing
+        let mut random = mixed(self.tick.0 + 1);
+        let mut draw = || {
+            random = mixed(random.wrapping_add(GOLDEN));
+            let mut at = random % total;
+            let place = (0..work.len()).find(|&place| {
+                let is_here = at < weight(place);
+                at = at.saturating_sub(weight(place));
+                is_here
+            });
+            let place = place.expect("the sum of all weights is above it");
+            (place, (random >> 32) as usize % work[place])
+        };
+        let drawn: Vec<_> = (0..DRAWS).map(|_| draw()).collect();
+        let is_held = |&&(place, one): &&(usize, usize)| {
+            let region = &self.sides[place].region;
+            let body = region.physics().islands.active_bodies().nth(one);
+            body.is_some_and(|body| region.may_collide(body))
+        };
+        let held: Vec<_> = drawn.iter().filter(is_held).collect();
+        let share = held.len() as f32 / DRAWS as f32;
+        let auditing = held.first().and_then(|&&(place, one)| self.audit(place, one));
+        let Some(governor) = &mut self.governor else { return Vec::new() };
+        match auditing {
+            Some(auditing) => {
+                governor.pay(auditing.audit.work());
+                vec![Auditing { share, ..auditing }]
+            }
+            None if held.is_empty() => {
+                governor.pay(DRAWING);
+                governor.note_error(self.sides[drawn[0].0].region.id(), 0.0);
+                Vec::new()
+            }
+            // What cannot be audited is not drawn again.
+            None => Vec::new(),
+        }
     }
 
     /// Begins to audit all islands of the region in this place.
@@ -137,7 +172,7 @@ impl RegionHost {
             ..self.settings.integration
         };
         let audit = Audit::begin(region, seed, clock.span, &parameters)?;
-        Some(Auditing { place, span: clock.span, audit })
+        Some(Auditing { place, span: clock.span, share: 1.0, audit })
     }
 
     /// Notes what the tick's steps took, and concludes its audits.
@@ -150,7 +185,7 @@ impl RegionHost {
         }
         let is_thorough = governor.is_thorough();
         let (mut sum, mut weight) = (0.0, 0.0);
-        for Auditing { place, span, audit } in all {
+        for Auditing { place, span, share, audit } in all {
             let region = &self.sides[place].region;
             let bodies = audit.len() as f64;
             let Some(error_m_s) = audit.finish(region) else { continue };
@@ -158,7 +193,7 @@ impl RegionHost {
                 sum += f64::from(error_m_s) * f64::from(span) * bodies;
                 weight += f64::from(span) * bodies;
             } else {
-                governor.note_error(region.id(), error_m_s);
+                governor.note_error(region.id(), share * error_m_s);
             }
         }
         governor.note_all(sum, weight);

@@ -24,7 +24,7 @@ pub use self::validate::Inconsistency;
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -36,7 +36,7 @@ use super::hooks::ContactHooks;
 use super::outbox::Outbox;
 use super::owner_index::{Home, OwnerIndex};
 use super::partition::Partition;
-use super::region::{Ownership, Region};
+use super::region::{Ownership, Profile, Region};
 use super::settings::StepSettings;
 use super::shapes::{ShapeError, ShapeLibrary};
 use super::statics::Statics;
@@ -123,6 +123,9 @@ pub struct RegionHost {
     round: usize,
     /// Rounds of the last tick.
     rounds_done: usize,
+    /// Wall time of the exchanges of the present tick.
+    #[serde(skip)]
+    exchange_time: Duration,
     transfers: u64,
     /// Of the last step, and of insertions since.
     handovers: Vec<Handover>,
@@ -158,6 +161,7 @@ impl RegionHost {
             rounds: settings.coupling.first_steps(settings.exchanges),
             round: 0,
             rounds_done: 0,
+            exchange_time: Duration::ZERO,
             transfers: 0,
             handovers: Vec::new(),
         };
@@ -245,6 +249,7 @@ impl RegionHost {
         let (tick, rounds, round) = (self.tick.next(), self.rounds, self.round);
         let partition = Arc::clone(&self.partition);
         if round == 1 {
+            self.exchange_time = Duration::ZERO;
             for side in &mut self.sides {
                 let rests = side.is_idle();
                 side.region.begin_tick(rests);
@@ -271,11 +276,11 @@ impl RegionHost {
             }
             let moment = Moment { dt_s: settings.dt_s * f32::from(clock.span) / steps as f32, ..moment };
             settings.coupling.prepare(region, moment.dt_s);
-            let parameters = IntegrationParameters {
+            let parameters = region.refined(IntegrationParameters {
                 dt: moment.dt_s,
                 num_solver_iterations: clock.iterations(settings.solver_iterations).div_ceil(steps).max(1),
                 ..settings.integration
-            };
+            });
             region.step(&parameters, steps);
             settings.coupling.gather(side, moment);
             side.region.count_time(start.elapsed(), round == 1);
@@ -398,6 +403,13 @@ impl RegionHost {
     }
 
     fn exchange_here(&mut self) -> Result<(), HostError> {
+        let start = Instant::now();
+        let exchanged = self.exchange_messages();
+        self.exchange_time += start.elapsed();
+        exchanged
+    }
+
+    fn exchange_messages(&mut self) -> Result<(), HostError> {
         if self.partition.len() > 1 {
             let outboxes: Vec<_> =
                 self.sides.iter_mut().map(|side| std::mem::take(&mut side.outbox)).collect();
@@ -538,6 +550,12 @@ impl RegionHost {
     /// Returns the region of a rank, if it is computed here.
     fn region_at(&self, rank: usize) -> Option<&Region> {
         Some(&self.sides[self.place_of[rank]?].region)
+    }
+
+    /// Returns what the last tick took, summed over the regions here.
+    pub fn profile(&self) -> Profile {
+        let sum = self.regions().fold(Profile::default(), |sum, region| sum.and(region.profile()));
+        Profile { border: self.exchange_time, ..sum }
     }
 
     /// Returns how many bodies changed owner since the host was made, counted at the new owner.

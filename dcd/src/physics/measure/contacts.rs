@@ -61,7 +61,7 @@ fn force_over_n(world: &PhysicsWorld, pair: &ContactPair, dt_s: f32) -> [f64; 3]
 }
 
 /// Returns the length of the step in which a pair was solved last, in seconds. Of two that touch, both sleep or none does.
-fn solved_dt_s(view: View<'_>, pair: &ContactPair) -> f32 {
+pub(super) fn solved_dt_s(view: View<'_>, pair: &ContactPair) -> f32 {
     let world = view.physics();
     let parents = [pair.collider1, pair.collider2].map(|collider| world.colliders.get(collider)?.parent());
     let dynamic = |handle: &RigidBodyHandle| world.bodies.get(*handle).is_some_and(RigidBody::is_dynamic);
@@ -135,7 +135,7 @@ pub(super) fn penetrations_m(view: View<'_>) -> Vec<f64> {
 
 /// One end of a contact pair.
 #[derive(Clone, Copy, PartialEq)]
-enum Side {
+pub(super) enum Side {
     /// On a dynamic body, by its id; whether the view owns it, and whether it has only a part of it.
     Dynamic(BodyId, bool, bool),
     /// On a fixed body, or on none.
@@ -144,7 +144,7 @@ enum Side {
 }
 
 impl Side {
-    fn of(view: View<'_>, collider: ColliderHandle) -> Self {
+    pub(super) fn of(view: View<'_>, collider: ColliderHandle) -> Self {
         let world = view.physics();
         let parent = world.colliders.get(collider).and_then(Collider::parent);
         let Some((handle, body)) = parent.and_then(|handle| Some((handle, world.bodies.get(handle)?))) else {
@@ -162,7 +162,7 @@ impl Side {
 }
 
 /// Returns whether this view answers for the contact: it owns the dynamic body of the lowest id.
-fn answers(sides: [Side; 2]) -> bool {
+pub(super) fn answers(sides: [Side; 2]) -> bool {
     match sides {
         [Side::Dynamic(a, owned_a, _), Side::Dynamic(b, owned_b, _)] => {
             if a <= b {
@@ -178,7 +178,7 @@ fn answers(sides: [Side; 2]) -> bool {
 
 /// Returns whether the contact is on a body of which the view has a part: then every region that has one bears a part of the
 /// force.
-fn has_part(sides: [Side; 2]) -> bool {
+pub(super) fn has_part(sides: [Side; 2]) -> bool {
     sides.iter().any(|side| matches!(side, Side::Dynamic(_, _, true)))
 }
 

@@ -6,6 +6,7 @@
 mod census;
 mod contacts;
 mod motion;
+mod points;
 
 use rapier3d::prelude::*;
 
@@ -17,6 +18,7 @@ use crate::space::{BodyId, RegionId};
 
 pub use census::Census;
 pub use contacts::{ContactSample, pair_force_n};
+pub use points::ContactPoint;
 
 /// One Rapier world, and which of its bodies it answers for.
 #[derive(Clone, Copy)]

@@ -11,6 +11,11 @@ use crate::physics::{convert, record};
 use crate::protocol::{BodyKind, BodyTraits};
 
 impl Region {
+    /// Sets gravity, m/s².
+    pub(in crate::physics) fn set_gravity(&mut self, gravity: [f32; 3]) {
+        self.world.gravity = Vector::from_array(gravity);
+    }
+
     /// Notes that a body is not, or may not be, what and where it was in the last step.
     pub(in crate::physics) fn touch(&mut self, handle: RigidBodyHandle) {
         self.moved.take();

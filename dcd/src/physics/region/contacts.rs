@@ -66,6 +66,14 @@ impl Region {
         !self.slot(handle).joints.is_empty() || self.world.bodies[handle].colliders().iter().any(touches)
     }
 
+    /// Returns whether anything is near enough to a body to touch it, or tied to it.
+    pub(in crate::physics) fn may_collide(&self, handle: RigidBodyHandle) -> bool {
+        let is_near = |&collider: &ColliderHandle| {
+            self.world.narrow_phase.contact_pairs_with(collider).next().is_some()
+        };
+        !self.slot(handle).joints.is_empty() || self.world.bodies[handle].colliders().iter().any(is_near)
+    }
+
     /// Returns whether a body can be computed apart from the region, with what it touches: it is no link of a multibody, does not walk or
     /// drive by itself, and has all of its mass here.
     pub(in crate::physics) fn is_auditable(&self, handle: RigidBodyHandle) -> bool {

@@ -5,7 +5,7 @@ use rapier3d::prelude::*;
 use super::Region;
 use crate::physics::{convert, record};
 use crate::protocol::{BodyRecord, BodyState, SharedState, Velocity, WorldPose};
-use crate::space::{Bounds, Epoch};
+use crate::space::{BodyId, Bounds, Epoch};
 
 impl Region {
     /// Returns the length of the substep in which the contacts of a body were solved last, in seconds: impulses that Rapier
@@ -13,6 +13,11 @@ impl Region {
     pub(in crate::physics) fn solved_dt_s(&self, handle: RigidBodyHandle) -> f32 {
         let noted = self.solved_dt_s.get(handle.into_raw_parts().0 as usize);
         noted.copied().unwrap_or(self.world.integration_parameters.dt)
+    }
+
+    /// Returns the body of a collider that is held here, and its index there.
+    pub(in crate::physics) fn collider_name(&self, collider: ColliderHandle) -> Option<(BodyId, u16)> {
+        self.listener.name_of(collider)
     }
 
     /// Returns a body's pose in world space, as this region sees it.

@@ -1,10 +1,13 @@
 //! Steps a region's Rapier world by one substep, and collects its contact events and quarantined bodies.
 
+use std::time::Instant;
+
 use rapier3d::prelude::*;
 
 use super::mass_splitting::MassSplit;
 use super::{Ownership, Region, kinematic_targets};
 use crate::physics::hooks::Named;
+use crate::space::BodyId;
 
 impl Region {
     /// Steps the Rapier world by one of `steps` substeps of a tick.
@@ -20,6 +23,7 @@ impl Region {
         self.stirred = false;
         self.touched.clear();
         self.moved.take();
+        let start = Instant::now();
         match self.hooks.as_deref() {
             Some(hooks) => {
                 let named = Named { hooks, listener: &self.listener, anchor: self.anchor };
@@ -27,6 +31,8 @@ impl Region {
             }
             None => self.world.step_with_events(&(), &self.listener),
         }
+        let (awake, joints) = (self.world.islands.num_active_bodies(), self.world.impulse_joints.len());
+        self.profile.note(start.elapsed(), &self.world.physics_pipeline.counters, awake, joints);
         self.note_solved(dt_before_s);
         self.listener.remind(&mut self.world.colliders);
         let heard = self.events.forces.len();
@@ -52,21 +58,26 @@ impl Region {
         }
     }
 
-    /// Keeps the contact forces that this region is to report. Where each copy has all of the mass, the owner of the first movable
-    /// body reports; where masses are split, all regions whose copies have a part.
+    /// Keeps the contact forces that this region is to report.
     pub(in crate::physics) fn answer_for_forces(&mut self, from: usize) {
         let mut forces = std::mem::take(&mut self.events.forces);
         let heard = forces.split_off(from);
+        forces.extend(heard.into_iter().filter(|force| self.answers_for(force.key.a, force.key.b)));
+        self.events.forces = forces;
+    }
+
+    /// Returns whether this region tells of a force between two bodies, of which the first has the lower id. Where each copy has all of the
+    /// mass, the owner of the first movable body does; where masses are split, all regions whose copies have a part.
+    pub(in crate::physics) fn answers_for(&self, a: BodyId, b: BodyId) -> bool {
         let role = |id| self.handle_of(id).map_or(Ownership::Immovable, |handle| self.slot(handle).role);
         let copy = |id| self.handle_of(id);
         let splits =
             |id| copy(id).and_then(|handle| self.mass_split(handle)).is_some_and(MassSplit::is_split);
         let counts = |id| copy(id).is_none_or(|handle| self.counts(handle));
-        forces.extend(heard.into_iter().filter(|force| match role(force.key.a) {
-            _ if splits(force.key.a) || splits(force.key.b) => counts(force.key.a) && counts(force.key.b),
-            Ownership::Immovable => role(force.key.b) == Ownership::Owner,
+        match role(a) {
+            _ if splits(a) || splits(b) => counts(a) && counts(b),
+            Ownership::Immovable => role(b) == Ownership::Owner,
             role => role == Ownership::Owner,
-        }));
-        self.events.forces = forces;
+        }
     }
 }

@@ -383,6 +383,12 @@ impl Region {
         Some((self.handle_of(joint.a)?, self.handle_of(joint.b)?))
     }
 
+    /// Returns the ids of the bodies that a joint held here ties.
+    pub(in crate::physics) fn joint_bodies(&self, id: JointId) -> Option<(BodyId, BodyId)> {
+        let joint = &self.joints.get(&id)?.record;
+        Some((joint.a, joint.b))
+    }
+
     /// Returns the ids of the bodies that each joint held here ties.
     pub(in crate::physics) fn ties(&self) -> impl Iterator<Item = (BodyId, BodyId)> {
         self.joints.values().map(|joint| (joint.record.a, joint.record.b))

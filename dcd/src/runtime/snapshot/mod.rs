@@ -17,6 +17,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use super::choice::Why;
+use super::joint_strength::Strengths;
 use super::local::check_threads;
 use super::{LocalWorld, WorldError};
 use crate::physics::RegionHost;
@@ -44,10 +45,11 @@ impl LocalWorld {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn save(&self, mut to: impl Write) -> Result<(), SnapshotError> {
-        let Self { host, ledger, events, next_body, next_joint, last_step: _, why: _, tape: _ } = self;
+        let Self { host, ledger, events, next_body, next_joint, strengths, last_step: _, why: _, tape: _ } =
+            self;
         let header = header::write(FORMAT, &mut to)?;
         let mut blocks = BlockWriter::new(to, header);
-        let saved = Saved { host, ledger, events, next_body: *next_body, next_joint: *next_joint };
+        let saved = Saved { host, ledger, events, next_body: *next_body, next_joint: *next_joint, strengths };
         write_state(&saved, &mut blocks).map_err(SnapshotError::Unsavable)?;
         Ok(blocks.finish()?)
     }
@@ -61,13 +63,23 @@ impl LocalWorld {
         let header = header::read(FORMAT, &mut from)?;
         let mut blocks = BlockReader::new(from, header);
         let restored = read_state(&mut blocks);
-        let Restored { mut host, ledger, events, next_body, next_joint } =
+        let Restored { mut host, ledger, events, next_body, next_joint, strengths } =
             restored.map_err(|error| blocks.failure().unwrap_or(SnapshotError::Undecodable(error)))?;
         blocks.finish()?;
         host.resume();
         host.set_threads(threads).map_err(WorldError::from)?;
         let why = Why::Saved;
-        Ok(Self { host, ledger, events, next_body, next_joint, last_step: Duration::ZERO, why, tape: None })
+        Ok(Self {
+            host,
+            ledger,
+            events,
+            next_body,
+            next_joint,
+            strengths,
+            last_step: Duration::ZERO,
+            why,
+            tape: None,
+        })
     }
 
     /// Replaces this world by one that [`LocalWorld::save`] wrote, earlier or later, and keeps the threads and hooks of this one.
@@ -129,6 +141,7 @@ struct Saved<'a> {
     events: &'a WorldEvents,
     next_body: u32,
     next_joint: u64,
+    strengths: &'a Strengths,
 }
 
 /// The fields of [`Saved`], owned.
@@ -139,4 +152,5 @@ struct Restored {
     events: WorldEvents,
     next_body: u32,
     next_joint: u64,
+    strengths: Strengths,
 }

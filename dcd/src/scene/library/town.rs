@@ -29,7 +29,7 @@ const COLUMNS: usize = 6;
 const ROWS: usize = 4;
 /// How far the viewer looks.
 const SIGHT_M: f64 = 50.0;
-const CAR_M_S: f32 = 5.0;
+const CAR_M_S: f32 = 12.0;
 /// The cars' lane is beside the middle of a street, along which the town is cut.
 const LANE_M: f64 = 5.0;
 

@@ -1,0 +1,76 @@
+//! Reads what the last step of a world took: times by phase, and what was computed.
+
+use crate::guard::guard;
+use crate::ids::DcdWorld;
+use crate::pointer::{Out, Sized32};
+use crate::registry::with;
+use crate::status::DcdStatus;
+
+/// What the last step took, in seconds, and what was computed in it: sums over all regions, which compute side by side, so that times may be more
+/// than DcdStats.last_step. Start from DCD_PROFILE_INIT. It may grow at its end.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DcdProfile {
+    /// sizeof(DcdProfile).
+    pub struct_size: u32,
+    /// 0.
+    pub reserved: u32,
+    /// Steps of Rapier, all phases.
+    pub rapier: f64,
+    /// Finding pairs whose boxes touch. This and the next four are 0 in a library that was built without the feature `profiler`.
+    pub broad_phase: f64,
+    /// Finding contacts.
+    pub narrow_phase: f64,
+    /// Keeping islands, and putting bodies to sleep.
+    pub islands: f64,
+    /// Solving contacts and joints, and moving bodies.
+    pub solver: f64,
+    /// Sweeping fast bodies.
+    pub ccd: f64,
+    /// Exchange of messages between regions: wall time.
+    pub border: f64,
+    /// Pairs of colliders near enough for contacts; those that regions share count in each, as in all that follows.
+    pub contact_pairs: u64,
+    /// Points of contact that were solved.
+    pub contacts: u64,
+    /// Bodies that were awake.
+    pub awake: u64,
+    /// Joints, awake or not.
+    pub joints: u64,
+}
+
+// SAFETY: begins with `struct_size`; every other member is a number.
+unsafe impl Sized32 for DcdProfile {
+    const NAME: &'static str = "DcdProfile";
+}
+
+/// Reads what the last dcd_step of a local world took by phase; all is 0 before the first, and of regions that rested.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED in a served world, of which dcd_stats tells the wall time of taking in
+/// what came and the bytes of the network.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_profile(world: DcdWorld, out: *mut DcdProfile) -> DcdStatus {
+    guard("dcd_profile", || {
+        // SAFETY: the caller vouches for the pointer.
+        let out = unsafe { Out::sized(out, "out")? };
+        with(world, |world| {
+            let profile = world.dcd.profile()?;
+            out.write(DcdProfile {
+                struct_size: size_of::<DcdProfile>() as u32,
+                reserved: 0,
+                rapier: profile.rapier.as_secs_f64(),
+                broad_phase: profile.broad_phase.as_secs_f64(),
+                narrow_phase: profile.narrow_phase.as_secs_f64(),
+                islands: profile.islands.as_secs_f64(),
+                solver: profile.solver.as_secs_f64(),
+                ccd: profile.ccd.as_secs_f64(),
+                border: profile.border.as_secs_f64(),
+                contact_pairs: profile.contact_pairs as u64,
+                contacts: profile.contacts as u64,
+                awake: profile.awake as u64,
+                joints: profile.joints as u64,
+            });
+            Ok(())
+        })
+    })
+}

@@ -1,0 +1,192 @@
+//! Reads and changes how a world is stepped: gravity, length of a step, parameters of the solver.
+
+use dcd::StepSettings;
+
+use crate::guard::guard;
+use crate::ids::DcdWorld;
+use crate::pointer::{self, Out, Sized32, check_not_negative, check_numbers, check_reserved};
+use crate::registry::with;
+use crate::status::{DcdStatus, Failure};
+
+/// How a world is stepped. Start from DCD_SETTINGS_INIT and dcd_settings. It may grow at its end.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DcdSettings {
+    /// sizeof(DcdSettings).
+    pub struct_size: u32,
+    /// Iterations of the solver per step, 1 to 1000.
+    pub solver_iterations: u32,
+    /// m/s².
+    pub gravity: [f32; 3],
+    /// Length of a step in seconds, above 0.
+    pub dt: f32,
+    /// Units of length per metre, above 0: 100 if your numbers are centimetres. It scales the tolerances of the solver, the
+    /// thresholds of sleep, `max_speed` and `max_correction`; gravity, densities and all else are numbers of your units.
+    pub length_unit: f32,
+    /// m/s, 0 or more: faster than so no dynamic body moves.
+    pub max_speed: f32,
+    /// Natural frequency of contacts, 1/s, 0 or more: higher is stiffer.
+    pub contact_frequency: f32,
+    /// Damping ratio of contacts, 0 or more: higher takes overlaps away more slowly.
+    pub contact_damping: f32,
+    /// The same of contacts with fixed bodies.
+    pub static_frequency: f32,
+    /// The same of contacts with fixed bodies.
+    pub static_damping: f32,
+    /// m/s, 0 or more: faster than so no overlap is taken away.
+    pub max_correction: f32,
+    /// Metres of overlap that are left as they are, 0 or more.
+    pub allowed_overlap: f32,
+    /// Metres ahead at which contacts are looked for, 0 or more.
+    pub contact_margin: f32,
+    /// The part of the last step's impulses that the next begins with, 0 to 1.
+    pub warm_start: f32,
+    /// Iterations within each iteration of the solver, 1 to 1000.
+    pub internal_iterations: u32,
+    /// The most substeps by which bodies with DCD_BODY_CCD are swept in a step, 0 to 1000.
+    pub ccd_substeps: u32,
+    /// Disagreement of copies that DCD_COUPLING_AUTO tolerates, m/s, above 0.
+    pub tolerance: f32,
+    /// 0.
+    pub reserved: u32,
+}
+
+// SAFETY: begins with `struct_size`; every other member is a number.
+unsafe impl Sized32 for DcdSettings {
+    const NAME: &'static str = "DcdSettings";
+}
+
+/// The most iterations and substeps.
+const MOST: u32 = 1000;
+
+impl DcdSettings {
+    fn of(settings: &StepSettings) -> Self {
+        let rapier = &settings.integration;
+        Self {
+            struct_size: size_of::<Self>() as u32,
+            solver_iterations: settings.solver_iterations as u32,
+            gravity: settings.gravity,
+            dt: settings.dt_s,
+            length_unit: rapier.length_unit,
+            max_speed: rapier.normalized_max_linear_velocity,
+            contact_frequency: rapier.contact_softness.natural_frequency,
+            contact_damping: rapier.contact_softness.damping_ratio,
+            static_frequency: rapier.static_contact_softness.natural_frequency,
+            static_damping: rapier.static_contact_softness.damping_ratio,
+            max_correction: rapier.normalized_max_corrective_velocity,
+            allowed_overlap: rapier.normalized_allowed_linear_error,
+            contact_margin: rapier.normalized_prediction_distance,
+            warm_start: rapier.warmstart_coefficient,
+            internal_iterations: rapier.num_internal_pgs_iterations as u32,
+            ccd_substeps: rapier.max_ccd_substeps as u32,
+            tolerance: settings.tolerance_m_s,
+            reserved: 0,
+        }
+    }
+
+    /// Checks what the world itself does not: the rest is refused there.
+    fn check(&self) -> Result<(), Failure> {
+        check_reserved(self.reserved)?;
+        check_numbers(&self.gravity, "gravity")?;
+        pointer::check_fraction(self.warm_start, "warm_start")?;
+        if !(1..=MOST).contains(&self.internal_iterations) {
+            let given = self.internal_iterations;
+            return Err(Failure::argument(format!("internal_iterations is {given}; give 1 to {MOST}")));
+        }
+        if self.ccd_substeps > MOST {
+            let given = self.ccd_substeps;
+            return Err(Failure::argument(format!("ccd_substeps is {given}; give 0 to {MOST}")));
+        }
+        for (value, name) in [
+            (self.max_speed, "max_speed"),
+            (self.contact_frequency, "contact_frequency"),
+            (self.contact_damping, "contact_damping"),
+            (self.static_frequency, "static_frequency"),
+            (self.static_damping, "static_damping"),
+            (self.max_correction, "max_correction"),
+            (self.allowed_overlap, "allowed_overlap"),
+            (self.contact_margin, "contact_margin"),
+        ] {
+            check_not_negative(value, name)?;
+        }
+        if !(self.length_unit > 0.0 && pointer::is_in_range(self.length_unit)) {
+            let given = self.length_unit;
+            return Err(Failure::argument(format!(
+                "length_unit is {given}; give units per metre, above 0: 1 for metres, 100 for centimetres"
+            )));
+        }
+        Ok(())
+    }
+
+    fn applied_to(&self, mut settings: StepSettings) -> StepSettings {
+        settings.solver_iterations = self.solver_iterations as usize;
+        settings.gravity = self.gravity;
+        settings.dt_s = self.dt;
+        settings.tolerance_m_s = self.tolerance;
+        let rapier = &mut settings.integration;
+        rapier.length_unit = self.length_unit;
+        rapier.normalized_max_linear_velocity = self.max_speed;
+        rapier.contact_softness.natural_frequency = self.contact_frequency;
+        rapier.contact_softness.damping_ratio = self.contact_damping;
+        rapier.static_contact_softness.natural_frequency = self.static_frequency;
+        rapier.static_contact_softness.damping_ratio = self.static_damping;
+        rapier.normalized_max_corrective_velocity = self.max_correction;
+        rapier.normalized_allowed_linear_error = self.allowed_overlap;
+        rapier.normalized_prediction_distance = self.contact_margin;
+        rapier.warmstart_coefficient = self.warm_start;
+        rapier.num_internal_pgs_iterations = self.internal_iterations as usize;
+        rapier.max_ccd_substeps = self.ccd_substeps as usize;
+        settings
+    }
+}
+
+/// Reads how a world is stepped; a node is told by its server.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED for a node.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_settings(world: DcdWorld, out: *mut DcdSettings) -> DcdStatus {
+    guard("dcd_settings", || {
+        // SAFETY: the caller vouches for the pointer.
+        let out = unsafe { Out::sized(out, "out")? };
+        with(world, |world| {
+            out.write(DcdSettings::of(&world.dcd.settings()?));
+            Ok(())
+        })
+    })
+}
+
+/// Changes how a world is stepped, from the next dcd_step on: read it by dcd_settings, change members, and give it back. Bodies that sleep are
+/// woken if gravity changes. It is saved with the world. A served world keeps the settings with which its server was made, and is stepped
+/// by Rapier's own parameters: of a world that is to be a server's source, change only gravity, dt, solver_iterations and tolerance.
+///
+/// `settings` is read during the call.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range (then nothing is changed),
+/// DCD_ERR_UNSUPPORTED in a served world.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_settings_set(world: DcdWorld, settings: *const DcdSettings) -> DcdStatus {
+    guard("dcd_settings_set", || {
+        // SAFETY: the caller vouches for the pointer.
+        let settings = unsafe { pointer::read_sized(settings, "settings")? };
+        settings.check()?;
+        with(world, |world| {
+            let present = world.dcd.settings()?;
+            Ok(world.dcd.set_settings(settings.applied_to(present))?)
+        })
+    })
+}
+
+/// Changes gravity, m/s², as dcd_settings_set does.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers out of range, DCD_ERR_UNSUPPORTED in a served world.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_gravity_set(world: DcdWorld, gravity: *const f32) -> DcdStatus {
+    guard("dcd_gravity_set", || {
+        // SAFETY: three floats have the alignment of one; the caller vouches for them.
+        let gravity = unsafe { pointer::read(gravity.cast::<[f32; 3]>(), "gravity")? };
+        check_numbers(&gravity, "gravity")?;
+        with(world, |world| {
+            let present = world.dcd.settings()?;
+            Ok(world.dcd.set_settings(StepSettings { gravity, ..present })?)
+        })
+    })
+}

@@ -1,0 +1,94 @@
+/* A chain that is loaded until its weakest joint is told of and breaks, at the border of two regions. */
+#include "checks.h"
+
+#include <math.h>
+
+static DcdBodyId ball_at(DcdWorld world, DcdShapeId shape, DcdBodyType type, double y, float mass)
+{
+    DcdBodyDef def = DCD_BODY_DEF_INIT;
+    DcdBodyId ball = { 0 };
+    def.body_type = type;
+    def.shape = shape;
+    def.mass = mass;
+    def.pose.p[0] = 0.1;
+    def.pose.p[1] = y;
+    OK(dcd_body_create(world, &def, &ball));
+    return ball;
+}
+
+static DcdJointId tied(DcdWorld world, DcdBodyId above, DcdBodyId below, uint64_t user_data)
+{
+    DcdJointDef def = DCD_JOINT_DEF_INIT;
+    DcdJointId joint = { 0 };
+    def.joint_type = DCD_JOINT_SPHERICAL;
+    def.a = above;
+    def.b = below;
+    def.frame_a.p[1] = -0.5f;
+    def.frame_b.p[1] = 0.5f;
+    def.user_data = user_data;
+    OK(dcd_joint_create(world, &def, &joint));
+    return joint;
+}
+
+/* Steps, and returns the first joint that is told of, or none. */
+static DcdJointOverload told_in(DcdWorld world, int steps)
+{
+    DcdJointOverload none = { { 0 }, 0, 0.0f, 0.0f };
+    for (int i = 0; i < steps; i++) {
+        DcdEventView events = DCD_EVENT_VIEW_INIT;
+        OK(dcd_step(world));
+        OK(dcd_events(world, &events));
+        HOLDS((events.overloads == NULL) == (events.overload_count == 0));
+        if (events.overload_count > 0)
+            return events.overloads[0];
+    }
+    return none;
+}
+
+static void chain(uint32_t regions)
+{
+    DcdWorldDef def = DCD_WORLD_DEF_INIT;
+    DcdWorld world;
+    DcdShapeId shape;
+    def.regions = regions;
+    OK(dcd_world_create(&def, &world));
+    OK(dcd_shape_sphere(world, 0.3f, &shape));
+    const DcdBodyId nail = ball_at(world, shape, DCD_FIXED, 10.0, 0.0f);
+    const DcdBodyId upper = ball_at(world, shape, DCD_DYNAMIC, 9.0, 100.0f);
+    const DcdBodyId lower = ball_at(world, shape, DCD_DYNAMIC, 8.0, 100.0f);
+    const DcdJointId top = tied(world, nail, upper, 1), bottom = tied(world, upper, lower, 2);
+
+    /* The upper one bears both: 1962 N. */
+    OK(dcd_joint_strength_set(world, top, 2500.0f, INFINITY));
+    OK(dcd_joint_strength_set(world, bottom, 1300.0f, INFINITY));
+    HOLDS(told_in(world, 60).joint.v == 0);
+    /* 100 kg more below. */
+    const DcdBodyId load = ball_at(world, shape, DCD_DYNAMIC, 7.0, 100.0f);
+    tied(world, lower, load, 3);
+    DcdJointOverload weak = told_in(world, 60);
+    HOLDS(weak.joint.v != 0 && weak.torque >= 0.0f);
+    for (int i = 0; i < 60; i++)
+        OK(dcd_step(world));
+    OK(dcd_joint_strength_set(world, bottom, INFINITY, INFINITY));
+    weak = told_in(world, 1);
+    HOLDS(weak.joint.v == top.v && weak.user_data == 1 && fabs(weak.force - 2943.0) < 60.0);
+    OK(dcd_joint_destroy(world, top));
+    HOLDS(told_in(world, 30).joint.v == 0);
+    DcdVelocity velocity;
+    OK(dcd_body_get(world, upper, NULL, &velocity));
+    HOLDS(velocity.linear[1] < -4.0f);
+
+    FAILS(dcd_joint_strength_set(world, top, 1.0f, 1.0f), DCD_ERR_STALE_ID, "joint");
+    FAILS(dcd_joint_strength_set(world, (DcdJointId){ 0 }, 1.0f, 1.0f), DCD_ERR_NULL, "joint");
+    FAILS(dcd_joint_strength_set(world, bottom, -1.0f, 1.0f), DCD_ERR_ARGUMENT, "force");
+    FAILS(dcd_joint_strength_set(world, bottom, 1.0f, NAN), DCD_ERR_ARGUMENT, "torque");
+    OK(dcd_world_destroy(world));
+    FAILS(dcd_joint_strength_set(world, bottom, 1.0f, 1.0f), DCD_ERR_STALE_ID, "world");
+}
+
+int main(void)
+{
+    chain(1);
+    chain(2);
+    return checked();
+}

@@ -1,0 +1,207 @@
+/* What bodies look like: all of them are listed, shapes are read back as they were made, and how large and heavy bodies are follows from them. */
+#include "checks.h"
+
+#include <math.h>
+
+static const DcdFrame HERE = { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } };
+
+static bool near(double a, double b, double within)
+{
+    return fabs(a - b) <= within;
+}
+
+static DcdShapeInfo info_of(DcdWorld world, DcdShapeId shape)
+{
+    DcdShapeInfo info = DCD_SHAPE_INFO_INIT;
+    OK(dcd_shape_info(world, shape, &info));
+    return info;
+}
+
+/* Each shape is as it was made. */
+static void shapes(DcdWorld world)
+{
+    const float half[3] = { 1.0f, 2.0f, 3.0f };
+    const float corners[15] = { 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0.1f, 0.1f, 0.1f };
+    const uint32_t faces[6] = { 0, 2, 1, 0, 1, 3 };
+    const float heights[6] = { 0, 1, 2, 3, 4, 5 }, scale[3] = { 10.0f, 2.0f, 20.0f };
+    float xyz[12 * 3] = { 0 }, read[6] = { 0 };
+    uint32_t indices[12 * 3] = { 0 };
+    size_t count = 0;
+    DcdShapeId shape, part, again;
+    DcdFrame frame = HERE;
+
+    OK(dcd_shape_box(world, half, &shape));
+    DcdShapeInfo info = info_of(world, shape);
+    HOLDS(info.kind == DCD_SHAPE_BOX && memcmp(info.size, half, sizeof half) == 0 && info.border == 0.0f);
+    HOLDS(info.vertex_count == 0 && info.parts == 0 && memcmp(&info.frame, &HERE, sizeof HERE) == 0);
+    OK(dcd_shape_vertices(world, shape, NULL, 0, &count));
+    HOLDS(count == 0);
+    OK(dcd_shape_sphere(world, 0.75f, &shape));
+    info = info_of(world, shape);
+    HOLDS(info.kind == DCD_SHAPE_SPHERE && info.size[0] == 0.75f);
+    OK(dcd_shape_capsule(world, 0.5f, 0.25f, &shape));
+    info = info_of(world, shape);
+    HOLDS(info.kind == DCD_SHAPE_CAPSULE && info.size[0] == 0.25f && info.size[1] == 0.5f);
+    HOLDS(memcmp(&info.frame, &HERE, sizeof HERE) == 0);
+    OK(dcd_shape_cylinder(world, 0.5f, 0.25f, &shape));
+    info = info_of(world, shape);
+    HOLDS(info.kind == DCD_SHAPE_CYLINDER && info.size[0] == 0.25f && info.size[1] == 0.5f);
+    OK(dcd_shape_cone(world, 0.5f, 0.25f, &shape));
+    info = info_of(world, shape);
+    HOLDS(info.kind == DCD_SHAPE_CONE && info.size[0] == 0.25f && info.size[1] == 0.5f);
+
+    /* The point inside is no corner of the hull. */
+    OK(dcd_shape_hull(world, corners, 5, &shape));
+    info = info_of(world, shape);
+    HOLDS(info.kind == DCD_SHAPE_HULL && info.vertex_count == 4 && info.triangle_count == 4);
+    OK(dcd_shape_vertices(world, shape, xyz, 12, &count));
+    HOLDS(count == 4);
+    OK(dcd_shape_triangles(world, shape, indices, 12, &count));
+    HOLDS(count == 4);
+    for (size_t i = 0; i < 3 * count; i++)
+        HOLDS(indices[i] < 4);
+
+    OK(dcd_shape_mesh(world, corners, 4, faces, 2, &shape));
+    info = info_of(world, shape);
+    HOLDS(info.kind == DCD_SHAPE_MESH && info.vertex_count == 4 && info.triangle_count == 2);
+    OK(dcd_shape_vertices(world, shape, xyz, 4, &count));
+    OK(dcd_shape_triangles(world, shape, indices, 2, &count));
+    HOLDS(memcmp(xyz, corners, 12 * sizeof *xyz) == 0 && memcmp(indices, faces, sizeof faces) == 0);
+    xyz[0] = 9.0f;
+    FAILS(dcd_shape_vertices(world, shape, xyz, 3, &count), DCD_ERR_SMALL_BUFFER, "xyz has room for 3");
+    HOLDS(count == 4 && xyz[0] == 9.0f);
+    FAILS(dcd_shape_triangles(world, shape, NULL, 0, &count), DCD_ERR_SMALL_BUFFER, "indices");
+    HOLDS(count == 2);
+
+    OK(dcd_shape_heightfield(world, heights, 2, 3, scale, &shape));
+    info = info_of(world, shape);
+    HOLDS(info.kind == DCD_SHAPE_HEIGHTFIELD && info.rows == 2 && info.columns == 3);
+    HOLDS(memcmp(info.size, scale, sizeof scale) == 0 && info.vertex_count == 6 && info.triangle_count == 4);
+    OK(dcd_shape_heights(world, shape, read, 6, &count));
+    HOLDS(count == 6 && memcmp(read, heights, sizeof heights) == 0);
+    /* heights[1] is the second along z, at x = -5, z = 10. */
+    OK(dcd_shape_vertices(world, shape, xyz, 12, &count));
+    bool found = false;
+    for (size_t i = 0; i < count; i++)
+        found |= xyz[3 * i] == -5.0f && xyz[3 * i + 1] == 2.0f && xyz[3 * i + 2] == 10.0f;
+    HOLDS(found);
+    FAILS(dcd_shape_heights(world, shape, read, 5, &count), DCD_ERR_SMALL_BUFFER, "6");
+
+    DcdShapeId parts[2];
+    DcdFrame frames[2] = { HERE, HERE };
+    frames[1].p[1] = 2.0f;
+    OK(dcd_shape_box(world, half, &parts[0]));
+    OK(dcd_shape_sphere(world, 1.0f, &parts[1]));
+    OK(dcd_shape_compound(world, parts, frames, 2, &shape));
+    info = info_of(world, shape);
+    HOLDS(info.kind == DCD_SHAPE_COMPOUND && info.parts == 2 && info.vertex_count == 0);
+    OK(dcd_shape_part(world, shape, 1, &part, &frame));
+    HOLDS(info_of(world, part).kind == DCD_SHAPE_SPHERE && frame.p[1] == 2.0f);
+    OK(dcd_shape_part(world, shape, 1, &again, NULL));
+    HOLDS(again.v == part.v && part.v != parts[1].v);
+    FAILS(dcd_shape_part(world, shape, 2, &part, NULL), DCD_ERR_ARGUMENT, "has 2 parts");
+    FAILS(dcd_shape_part(world, parts[0], 0, &part, NULL), DCD_ERR_ARGUMENT, "has 0 parts");
+    FAILS(dcd_shape_part(world, shape, 0, NULL, NULL), DCD_ERR_NULL, "out");
+    info.struct_size = 3;
+    FAILS(dcd_shape_info(world, shape, &info), DCD_ERR_STRUCT, "DcdShapeInfo");
+    FAILS(dcd_shape_info(world, shape, NULL), DCD_ERR_NULL, "out");
+    info.struct_size = (uint32_t)sizeof info;
+    OK(dcd_shape_destroy(world, shape));
+    FAILS(dcd_shape_info(world, shape, &info), DCD_ERR_STALE_ID, "shape");
+    FAILS(dcd_shape_vertices(world, shape, xyz, 12, &count), DCD_ERR_STALE_ID, "shape");
+    FAILS(dcd_shape_triangles(world, shape, indices, 12, &count), DCD_ERR_STALE_ID, "shape");
+    FAILS(dcd_shape_heights(world, shape, read, 6, &count), DCD_ERR_STALE_ID, "shape");
+    FAILS(dcd_shape_vertices(world, parts[0], xyz, 12, NULL), DCD_ERR_NULL, "count");
+}
+
+/* Bodies by what the library says of them alone. */
+static void bodies(DcdWorld world)
+{
+    const float slab[3] = { 20.0f, 0.5f, 20.0f }, half[3] = { 0.5f, 1.0f, 1.5f };
+    DcdBodyDef def = DCD_BODY_DEF_INIT;
+    DcdColliderProperties hat = DCD_COLLIDER_PROPERTIES_INIT;
+    DcdBodyId floor, box, twin, all[4];
+    DcdShapeId made, shape, other, again;
+    DcdBodyInfo info = DCD_BODY_INFO_INIT;
+    DcdBodyExtent extent = DCD_BODY_EXTENT_INIT;
+    size_t count = 7;
+
+    OK(dcd_bodies(world, NULL, 0, &count));
+    HOLDS(count == 0);
+    def.body_type = DCD_FIXED;
+    def.pose.p[1] = -0.5;
+    OK(dcd_shape_box(world, slab, &def.shape));
+    OK(dcd_body_create(world, &def, &floor));
+    def.body_type = DCD_DYNAMIC;
+    OK(dcd_shape_box(world, half, &made));
+    def.shape = made;
+    def.pose.p[0] = -0.4; /* at the border */
+    def.pose.p[1] = 1.0;
+    OK(dcd_body_create(world, &def, &box));
+    def.pose.p[0] = 0.7;
+    OK(dcd_body_create(world, &def, &twin));
+    for (int i = 0; i < 5; i++)
+        OK(dcd_step(world));
+
+    FAILS(dcd_bodies(world, all, 2, &count), DCD_ERR_SMALL_BUFFER, "3");
+    OK(dcd_bodies(world, all, 4, &count));
+    HOLDS(count == 3 && all[0].v == floor.v && all[1].v == box.v && all[2].v == twin.v);
+
+    /* Equal shapes have one handle, which is not that with which they were made, and does what others do. */
+    OK(dcd_collider_shape(world, box, 0, &shape));
+    OK(dcd_collider_shape(world, twin, 0, &other));
+    HOLDS(shape.v == other.v && shape.v != made.v);
+    OK(dcd_shape_destroy(world, made));
+    HOLDS(info_of(world, shape).size[2] == 1.5f);
+    OK(dcd_collider_shape(world, floor, 0, &other));
+    HOLDS(other.v != shape.v && info_of(world, other).size[0] == 20.0f);
+    OK(dcd_shape_destroy(world, shape));
+    OK(dcd_collider_shape(world, box, 0, &again));
+    HOLDS(again.v != shape.v && info_of(world, again).size[2] == 1.5f);
+    FAILS(dcd_collider_shape(world, box, 1, &again), DCD_ERR_ARGUMENT, "no collider 1");
+    FAILS(dcd_collider_shape(world, box, 0, NULL), DCD_ERR_NULL, "out");
+    def.shape = again;
+    def.pose.p[0] = 9.0;
+    DcdBodyId third;
+    OK(dcd_body_create(world, &def, &third));
+    OK(dcd_body_destroy(world, third));
+    FAILS(dcd_collider_shape(world, third, 0, &again), DCD_ERR_STALE_ID, "body");
+
+    /* 1 x 2 x 3 m of water, whatever regions share it. */
+    OK(dcd_body_extent(world, box, &extent));
+    OK(dcd_body_info(world, box, &info));
+    HOLDS(near(extent.mass, 6000.0, 0.1) && near(info.mass, extent.mass, 0.1));
+    HOLDS(near(extent.max[0] - extent.min[0], 1.0, 0.02) && near(extent.max[2] - extent.min[2], 3.0, 0.02));
+    HOLDS(near(0.5 * (extent.max[0] + extent.min[0]), -0.4, 0.05) && near(extent.min[1], 0.0, 0.02));
+    HOLDS(near(extent.inertia[0], 500.0 * 13.0, 1.0) && near(extent.inertia[1], 500.0 * 10.0, 1.0) &&
+          near(extent.inertia[2], 500.0 * 5.0, 1.0));
+    /* Two metres above, as heavy again. */
+    hat.mass = 6000.0f;
+    hat.frame.p[1] = 2.0f;
+    OK(dcd_shape_sphere(world, 0.5f, &shape));
+    OK(dcd_collider_add(world, twin, shape, &hat, NULL));
+    OK(dcd_body_extent(world, twin, &extent));
+    HOLDS(near(extent.mass, 12000.0, 0.1) && near(extent.centre[1], 1.0, 1e-4) && near(extent.centre[0], 0.0, 1e-4));
+    HOLDS(near(extent.max[1] - extent.min[1], 3.5, 0.05));
+    OK(dcd_body_extent(world, floor, &extent));
+    HOLDS(extent.mass == 0.0f && extent.inertia[1] == 0.0f && extent.max[0] == 20.0 && extent.max[1] == 0.0);
+    extent.struct_size = 8;
+    FAILS(dcd_body_extent(world, floor, &extent), DCD_ERR_STRUCT, "DcdBodyExtent");
+    FAILS(dcd_body_extent(world, floor, NULL), DCD_ERR_NULL, "out");
+    extent.struct_size = (uint32_t)sizeof extent;
+    FAILS(dcd_body_extent(world, third, &extent), DCD_ERR_STALE_ID, "body");
+    FAILS(dcd_bodies(world, all, 4, NULL), DCD_ERR_NULL, "count");
+    FAILS(dcd_bodies((DcdWorld){ 0 }, all, 4, &count), DCD_ERR_NULL, "world");
+}
+
+int main(void)
+{
+    DcdWorldDef def = DCD_WORLD_DEF_INIT;
+    DcdWorld world;
+    def.regions = 2;
+    OK(dcd_world_create(&def, &world));
+    shapes(world);
+    bodies(world);
+    OK(dcd_world_destroy(world));
+    return checked();
+}

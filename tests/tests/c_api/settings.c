@@ -1,0 +1,164 @@
+/* How a world is stepped changes while it runs: gravity, length of a step, solver, units. */
+#include "checks.h"
+
+#include <math.h>
+
+static DcdSettings settings_of(DcdWorld world)
+{
+    DcdSettings settings = DCD_SETTINGS_INIT;
+    OK(dcd_settings(world, &settings));
+    return settings;
+}
+
+static DcdBodyId ball_at(DcdWorld world, double x, double y)
+{
+    DcdBodyDef def = DCD_BODY_DEF_INIT;
+    DcdBodyId ball = { 0 };
+    OK(dcd_shape_sphere(world, 0.5f, &def.shape));
+    def.pose.p[0] = x;
+    def.pose.p[1] = y;
+    OK(dcd_body_create(world, &def, &ball));
+    return ball;
+}
+
+static float speed_of(DcdWorld world, DcdBodyId body, int axis)
+{
+    DcdVelocity velocity;
+    OK(dcd_body_get(world, body, NULL, &velocity));
+    return velocity.linear[axis];
+}
+
+/* Gravity turns for what falls and for what sleeps, in both regions; the world that is saved has it. */
+static void gravity(DcdWorld world)
+{
+    const float slab[3] = { 20.0f, 0.5f, 20.0f }, up[3] = { 0.0f, 3.0f, 0.0f };
+    static char saved[1 << 20];
+    DcdBodyDef def = DCD_BODY_DEF_INIT;
+    DcdBodyId floor, left, right;
+    DcdBodyInfo info = DCD_BODY_INFO_INIT;
+    DcdWorldInfo about = DCD_WORLD_INFO_INIT;
+    size_t size = 0;
+    def.body_type = DCD_FIXED;
+    def.pose.p[1] = -0.5;
+    OK(dcd_shape_box(world, slab, &def.shape));
+    OK(dcd_body_create(world, &def, &floor));
+    left = ball_at(world, -3.0, 0.5);
+    right = ball_at(world, 3.0, 0.5);
+    for (int i = 0; i < 300 && !info.sleeping; i++) {
+        OK(dcd_step(world));
+        OK(dcd_body_info(world, right, &info));
+    }
+    HOLDS(info.sleeping);
+    OK(dcd_gravity_set(world, up));
+    OK(dcd_world_info(world, &about));
+    HOLDS(about.gravity[1] == 3.0f && settings_of(world).gravity[1] == 3.0f);
+    for (int i = 0; i < 60; i++)
+        OK(dcd_step(world));
+    HOLDS(fabs(speed_of(world, left, 1) - 3.0) < 0.05 && fabs(speed_of(world, right, 1) - 3.0) < 0.05);
+    OK(dcd_snapshot_save(world, saved, sizeof saved, &size));
+    OK(dcd_gravity_set(world, (const float[3]){ 0.0f, 0.0f, 0.0f }));
+    OK(dcd_snapshot_load(world, saved, size));
+    HOLDS(settings_of(world).gravity[1] == 3.0f);
+}
+
+/* Steps become half as long, and no body faster than so. */
+static void steps(DcdWorld world)
+{
+    DcdSettings settings = settings_of(world);
+    const DcdSettings before = settings;
+    const DcdBodyId ball = ball_at(world, 3.0, 50.0);
+    HOLDS(settings.solver_iterations == 4 && settings.length_unit == 1.0f && settings.warm_start == 1.0f);
+    HOLDS(settings.max_speed == 400.0f && settings.contact_frequency > 0.0f && settings.ccd_substeps == 1);
+    settings.gravity[1] = -10.0f;
+    settings.dt = 0.005f;
+    OK(dcd_settings_set(world, &settings));
+    for (int i = 0; i < 100; i++)
+        OK(dcd_step(world));
+    HOLDS(fabs(speed_of(world, ball, 1) + 5.0) < 0.01);
+    settings.max_speed = 2.0f;
+    OK(dcd_settings_set(world, &settings));
+    OK(dcd_step(world));
+    OK(dcd_step(world));
+    HOLDS(fabs(speed_of(world, ball, 1)) < 2.1);
+    settings = settings_of(world);
+    HOLDS(settings.dt == 0.005f && settings.max_speed == 2.0f);
+    OK(dcd_settings_set(world, &before));
+    HOLDS(memcmp(&before, &(DcdSettings){ 0 }, sizeof before) != 0 && settings_of(world).max_speed == 400.0f);
+    OK(dcd_body_destroy(world, ball));
+}
+
+/* What a step took, and what was computed in it. */
+static void costs(DcdWorld world)
+{
+    DcdProfile profile = DCD_PROFILE_INIT;
+    DcdStats stats = DCD_STATS_INIT;
+    DcdBodyId one = ball_at(world, 0.0, 20.0), other = ball_at(world, 0.0, 20.9); /* they touch, at the border */
+    OK(dcd_step(world));
+    OK(dcd_profile(world, &profile));
+    OK(dcd_stats(world, &stats));
+    HOLDS(profile.rapier > 0.0 && profile.border > 0.0 && profile.border < stats.last_step);
+    HOLDS(profile.broad_phase + profile.narrow_phase + profile.islands + profile.solver + profile.ccd <= profile.rapier);
+    HOLDS(profile.awake >= 2 && profile.contact_pairs >= 1 && profile.contacts >= 1 && profile.joints == 0);
+    OK(dcd_body_destroy(world, one));
+    OK(dcd_body_destroy(world, other));
+    FAILS(dcd_profile(world, NULL), DCD_ERR_NULL, "out");
+    profile.struct_size = 1;
+    FAILS(dcd_profile(world, &profile), DCD_ERR_STRUCT, "DcdProfile");
+}
+
+static void misuse(DcdWorld world)
+{
+    const DcdSettings good = settings_of(world);
+    DcdSettings bad = good;
+    FAILS(dcd_settings(world, NULL), DCD_ERR_NULL, "out");
+    FAILS(dcd_settings_set(world, NULL), DCD_ERR_NULL, "settings");
+    FAILS(dcd_settings((DcdWorld){ 0 }, &bad), DCD_ERR_NULL, "world");
+    FAILS(dcd_gravity_set(world, NULL), DCD_ERR_NULL, "gravity");
+    FAILS(dcd_gravity_set(world, (const float[3]){ NAN, 0.0f, 0.0f }), DCD_ERR_ARGUMENT, "gravity");
+    bad.struct_size--;
+    FAILS(dcd_settings_set(world, &bad), DCD_ERR_STRUCT, "DcdSettings");
+    FAILS(dcd_settings(world, &bad), DCD_ERR_STRUCT, "DcdSettings");
+#define REFUSED(member, value) \
+    bad = good; \
+    bad.member = (value); \
+    FAILS(dcd_settings_set(world, &bad), DCD_ERR_ARGUMENT, #member)
+    REFUSED(solver_iterations, 0);
+    bad = good;
+    bad.dt = -1.0f;
+    FAILS(dcd_settings_set(world, &bad), DCD_ERR_ARGUMENT, "dt");
+    bad = good;
+    bad.gravity[2] = INFINITY;
+    FAILS(dcd_settings_set(world, &bad), DCD_ERR_ARGUMENT, "gravity");
+    REFUSED(length_unit, 0.0f);
+    REFUSED(length_unit, NAN);
+    REFUSED(max_speed, -1.0f);
+    REFUSED(contact_frequency, NAN);
+    REFUSED(contact_damping, -1.0f);
+    REFUSED(static_frequency, INFINITY);
+    REFUSED(static_damping, NAN);
+    REFUSED(max_correction, -0.5f);
+    REFUSED(allowed_overlap, -0.5f);
+    REFUSED(contact_margin, NAN);
+    REFUSED(warm_start, 1.5f);
+    REFUSED(internal_iterations, 0);
+    REFUSED(ccd_substeps, 1001);
+    REFUSED(tolerance, 0.0f);
+    REFUSED(reserved, 1);
+    bad = settings_of(world);
+    HOLDS(memcmp(&bad, &good, sizeof good) == 0);
+}
+
+int main(void)
+{
+    DcdWorldDef def = DCD_WORLD_DEF_INIT;
+    DcdWorld world;
+    def.regions = 2;
+    OK(dcd_world_create(&def, &world));
+    misuse(world);
+    costs(world);
+    gravity(world);
+    steps(world);
+    OK(dcd_world_destroy(world));
+    FAILS(dcd_gravity_set(world, (const float[3]){ 0.0f, 0.0f, 0.0f }), DCD_ERR_STALE_ID, "world");
+    return checked();
+}

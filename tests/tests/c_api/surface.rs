@@ -1,0 +1,39 @@
+//! Tests, bare and under the sanitizers, the C programs that each check one part of the surface.
+
+use std::process::Command;
+
+use crate::programs::{SANITIZED, checker};
+use crate::toolchain::{build, run_well};
+
+fn run_both_ways(name: &str) {
+    let dir = tempfile::tempdir().unwrap();
+    for flags in [&[][..], &SANITIZED] {
+        let said = run_well(&mut Command::new(build(&checker(name), dir.path(), flags)));
+        assert!(said.contains(" checks, 0 failures"), "{said}");
+    }
+}
+
+#[test]
+fn contacts_and_hits_say_where_how_hard_and_on_what() {
+    run_both_ways("touching.c");
+}
+
+#[test]
+fn joints_that_bear_too_much_are_told_of() {
+    run_both_ways("breaking.c");
+}
+
+#[test]
+fn a_program_is_asked_about_contacts() {
+    run_both_ways("asked.c");
+}
+
+#[test]
+fn a_world_is_stepped_otherwise_from_the_next_step_on() {
+    run_both_ways("settings.c");
+}
+
+#[test]
+fn bodies_and_shapes_are_read_back_as_they_were_made() {
+    run_both_ways("looking.c");
+}

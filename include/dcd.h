@@ -1389,7 +1389,8 @@ typedef struct DcdJointOverload {
     uint64_t user_data;
     // The force on its locked axes, newtons.
     float force;
-    // The torque on its locked axes, newton metres.
+    // The torque on its locked axes as Rapier's solver has it, newton metres: not that about the anchor, unless this is the
+    // body's centre of mass.
     float torque;
 } DcdJointOverload;
 
@@ -2873,7 +2874,8 @@ DcdStatus dcd_body_joints(DcdWorld world,
 // which it bears more, DcdEventView.overloads tells of it; it stays as it is until you destroy it. It is saved with the world.
 //
 // The load is that of the whole joint, however many regions share it. It is the solver's: of its last iteration, without the forces of limits and
-// motors. A load that lasts shows; of a blow, only what its last iteration had left to bear.
+// motors. A load that lasts shows; of a blow, only what its last iteration had left to bear. Its torque is
+// not that about the anchor, unless this is the body's centre of mass: go by the force.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or joint), DCD_ERR_ARGUMENT for numbers below 0 or NaN, DCD_ERR_UNSUPPORTED in a
 // served world.
 DCD_API

@@ -159,7 +159,8 @@ pub struct DcdJointOverload {
     pub user_data: u64,
     /// The force on its locked axes, newtons.
     pub force: f32,
-    /// The torque on its locked axes, newton metres.
+    /// The torque on its locked axes as Rapier's solver has it, newton metres: not that about the anchor, unless this is the
+    /// body's centre of mass.
     pub torque: f32,
 }
 

@@ -84,7 +84,7 @@ mod tests {
 
     #[test]
     fn what_is_endless_has_an_endless_box_and_what_is_disabled_no_mass() {
-        let half_space = ColliderBuilder::new(SharedShape::halfspace(Vector::Y));
+        let half_space = ColliderBuilder::new(SharedShape::halfspace(Vector::Y)).mass(1.0);
         let Bounds { min, max } = extent(WorldPose::default(), &[half_space]).aabb;
         assert_eq!((min, max), ([f64::NEG_INFINITY; 3], [f64::INFINITY; 3]));
         let balls =

@@ -68,20 +68,13 @@ mod tests {
     #[test]
     fn a_joint_that_bears_more_than_it_can_is_told_of_wherever_the_world_is_cut() {
         for (cuts, at) in [(vec![], 0.0), (vec![(Axis::X, 0.0)], 0.0), (vec![(Axis::Y, 9.5)], 0.1)] {
-            let (mut world, ball, joint) = hung(cuts, at);
+            let (mut world, _, joint) = hung(cuts, at);
             world.set_joint_strength(joint, 11_000.0, 500.0).unwrap();
             assert_eq!(steps(&mut world, 60), [], "9.81 kN");
             world.set_joint_strength(joint, 9_000.0, 500.0).unwrap();
             let told = steps(&mut world, 3);
             assert_eq!(told.len(), 3);
             assert!((told[2].force_n - 9810.0).abs() < 100.0, "{told:?}");
-            // A wind from the side bends it.
-            world.set_joint_strength(joint, f32::INFINITY, 500.0).unwrap();
-            assert_eq!(steps(&mut world, 3), []);
-            world.update(ball, |body| body.add_force(Vector::new(2000.0, 0.0, 0.0), true)).unwrap();
-            let told = steps(&mut world, 20);
-            let last = told.last().expect("it bends");
-            assert!(last.joint == joint && (last.torque_n_m - 2000.0).abs() < 200.0, "{told:?}");
             world.remove_joint(joint).unwrap();
             assert_eq!(steps(&mut world, 1), []);
             assert!(matches!(world.set_joint_strength(joint, 1.0, 1.0), Err(WorldError::NoJoint(_))));

@@ -129,7 +129,8 @@ impl World {
 
     /// Sets the force and torque on its locked axes above which a joint is too weak: [`World::joint_overloads`] tells of it after each
     /// step in which it bears more, and the program decides whether it breaks. As [`World::joint_load`] it is the load
-    /// of the solver's last iteration: one that lasts shows, of a blow what is left. Infinite for never, as at first. Local worlds only.
+    /// of the solver's last iteration: one that lasts shows, of a blow what is left. Its torque is not that about the anchor, unless this is
+    /// the body's centre of mass: go by the force. Infinite for never, as at first. Local worlds only.
     ///
     /// ```
     /// # use dcd::prelude::*;

@@ -62,8 +62,9 @@ fn town(values: &Values) -> Result<Scene, SceneError> {
         }
     }
     for car in 0..cars {
-        convoy::car(&mut scene, [-half[0] + 12.0 * car as f64, LANE_M], CAR_M_S);
+        convoy::car(&mut scene, [-half[0] + 10.0 + 12.0 * car as f64, LANE_M], CAR_M_S);
     }
+    scene.bodies.iter_mut().for_each(|body| body.body.can_sleep = true);
     let planes = |axis: Axis, count: usize, half: f64| {
         (1..count).map(move |k| (axis, k as f64 * PITCH_M - half)).collect::<Vec<_>>()
     };

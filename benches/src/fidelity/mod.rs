@@ -194,23 +194,24 @@ fn savings(case: Case, steps: usize, repeats: usize) -> Result<Vec<Row>, Box<dyn
         ("budget, 75 %", budget(0.75)),
         ("budget, 50 %", budget(0.5)),
     ];
-    let mut least = vec![vec![Duration::MAX; steps]; settings.len()];
+    // By step and setting.
+    let mut least = vec![vec![Duration::MAX; settings.len()]; steps];
     let mut rows = Vec::new();
     for repeat in 0..repeats {
         let mut worlds =
             settings.iter().map(|(_, fidelity)| world(&scene, *fidelity)).collect::<Result<Vec<_>, _>>()?;
         let mut means = vec![(0.0, 0.0); settings.len()];
         let mut over = vec![0; settings.len()];
-        for step in 0..steps {
+        for (step, least) in least.iter_mut().enumerate() {
             for (i, world) in worlds.iter_mut().enumerate() {
                 let start = Instant::now();
                 world.step()?;
                 let took = start.elapsed();
-                least[i][step] = least[i][step].min(took);
-                if step >= WARM_UP {
-                    if let Fidelity::Budget { tick_ms } = settings[i].1 {
-                        over[i] += u32::from(took.as_secs_f64() * 1e3 > f64::from(tick_ms));
-                    }
+                least[i] = least[i].min(took);
+                if let Fidelity::Budget { tick_ms } = settings[i].1
+                    && step >= WARM_UP
+                {
+                    over[i] += u32::from(took.as_secs_f64() * 1e3 > f64::from(tick_ms));
                 }
                 if step >= WARM_UP && repeat == 0 && step % 10 == 0 {
                     means[i].0 += world.energy_j();
@@ -249,13 +250,18 @@ fn savings(case: Case, steps: usize, repeats: usize) -> Result<Vec<Row>, Box<dyn
             });
         }
     }
-    let full_ms = mean_ms(&least[0]);
-    for (row, least) in rows.iter_mut().zip(&mut least) {
-        row.step_ms = mean_ms(least);
+    let times = |i: usize| {
+        let mut times: Vec<_> = least[WARM_UP..].iter().map(|least| least[i].as_secs_f64() * 1e3).collect();
+        times.sort_by(f64::total_cmp);
+        times
+    };
+    let mean = |times: &[f64]| times.iter().sum::<f64>() / times.len() as f64;
+    let full_ms = mean(&times(0));
+    for (i, row) in rows.iter_mut().enumerate() {
+        let times = times(i);
+        row.step_ms = mean(&times);
         row.share_percent = 100.0 * row.step_ms / full_ms;
-        least.drain(..WARM_UP);
-        least.sort();
-        row.p99_ms = least[least.len() * 99 / 100].as_secs_f64() * 1e3;
+        row.p99_ms = times[times.len() * 99 / 100];
     }
     Ok(rows)
 }
@@ -272,11 +278,6 @@ fn twin(case: Case, steps: usize) -> Result<(f64, f64), Box<dyn Error>> {
         }
     }
     Ok(sums)
-}
-
-fn mean_ms(least: &[Duration]) -> f64 {
-    let timed = &least[WARM_UP..];
-    1e3 * timed.iter().sum::<Duration>().as_secs_f64() / timed.len() as f64
 }
 
 /// Has a scene looked at from an empty region beside it, and no more.

@@ -88,7 +88,12 @@ impl Recording {
         let mut rows = Vec::new();
         for &(scene, name, count, regions) in cases {
             eprintln!("{scene} of {count} in {regions} regions");
-            rows.push(measure(scene, name, count, regions, steps, repeats)?);
+            let row = measure(scene, name, count, regions, steps, repeats)?;
+            eprintln!(
+                "  {:.2} ms, recorded {:.2} ms, {:.1} kB/s",
+                row.step_ms, row.recorded_ms, row.kb_per_s
+            );
+            rows.push(row);
         }
         let cells = |row: &Row| {
             let percent = |v: f64| format!("{v:.1}");

@@ -49,7 +49,6 @@ pub use partition::Partition;
 pub use query::{BodyFilter, PointHit, Queries, QueryError, RayHit, ShapeHit, WorldMotion, WorldRay};
 pub use region::{Ownership, Profile, Region};
 pub use settings::{Coupling, Preset, StepSettings};
-#[cfg(feature = "net")]
 pub(crate) use shapes::can_build;
 pub use shapes::{ShapeError, ShapeLibrary};
 #[cfg(feature = "net")]

@@ -263,7 +263,6 @@ impl ShapeLibrary {
 }
 
 /// Returns whether these shapes can be built, each after its parts, given those known already.
-#[cfg(feature = "net")]
 pub(crate) fn can_build(known: &BTreeMap<ShapeHash, ShapeRecord>, shapes: &[ShapeRecord]) -> bool {
     let mut library = ShapeLibrary::default();
     shapes.iter().all(|shape| {

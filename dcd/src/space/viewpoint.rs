@@ -16,12 +16,14 @@ pub struct Viewpoint {
 
 impl Viewpoint {
     /// Returns whether its numbers are finite and it looks no less than nowhere.
-    pub(crate) fn is_fit(&self) -> bool {
+    #[doc(hidden)]
+    pub fn is_fit(&self) -> bool {
         self.at.iter().all(|v| v.is_finite()) && self.radius_m.is_finite() && self.radius_m >= 0.0
     }
 
     /// Returns how far a cell is from what is looked at, metres; not above 0 where it is looked into.
-    pub(crate) fn gap_m(&self, cell: &Cell) -> f64 {
+    #[doc(hidden)]
+    pub fn gap_m(&self, cell: &Cell) -> f64 {
         let off = (0..3).map(|i| (cell.min[i] - self.at[i]).max(self.at[i] - cell.max[i]).max(0.0));
         off.map(|off| off * off).sum::<f64>().sqrt() - self.radius_m
     }

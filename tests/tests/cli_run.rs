@@ -74,6 +74,32 @@ fn the_json_object_has_the_keys_of_the_contract() {
 }
 
 #[test]
+fn what_is_not_computed_in_full_is_said() {
+    let report = json(&["run", "town", "--set", "n=600", "--seconds", "2", "--fidelity", "auto"]);
+    let said = &report["fidelity"];
+    assert_eq!(keys(said), set("share_of_full_time error_stated_m_s audits overruns levels"));
+    assert_eq!(keys(&said["error_stated_m_s"]), set("mean low95 high95"));
+    assert!(said["levels"][2].as_u64().unwrap() > 10, "{said}");
+    assert!(said["share_of_full_time"].as_f64().unwrap() < 0.9, "{said}");
+    let everywhere = [
+        "run",
+        "town",
+        "--set",
+        "n=600",
+        "--seconds",
+        "1",
+        "--fidelity",
+        "budget=1000",
+        "--viewpoint",
+        "0,0,0,1e4",
+    ];
+    assert_eq!(json(&everywhere)["fidelity"]["levels"], serde_json::json!([24, 0, 0]));
+    assert!(error(&["run", "tower", "--fidelity", "sharp"], 2).contains("off, auto"));
+    assert!(error(&["run", "tower", "--viewpoint", "1,2,3"], 2).contains("10,2,-5,50"));
+    assert!(error(&["run", "tower", "--regions", "0", "--fidelity", "auto"], 2).contains("--fidelity"));
+}
+
+#[test]
 fn one_region_gives_the_same_bits_as_the_bare_world() {
     for scene in [&["tower"][..], &["pile", "--set", "n=60"], &["gas", "--set", "n=60"]] {
         let run = |regions| {

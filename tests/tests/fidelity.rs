@@ -170,6 +170,45 @@ fn towers_that_nobody_looks_at_stand() {
     }
 }
 
+#[test]
+fn what_a_program_ties_where_nobody_looks_holds() {
+    let mut world = row(4, ALL_COARSE, [0.0, -9.81, 0.0]);
+    world.set_viewpoints(&[Viewpoint { at: [35.0, 0.0, 0.0], radius_m: 1.0 }]).unwrap();
+    run(&mut world, 70);
+    // At a tick at which regions are behind, over the border at -20 and beside it.
+    for from_m in [-22.0_f64, -8.0] {
+        let nail = world
+            .insert_at(
+                WorldPose::at([from_m, 5.0, 0.0]),
+                RigidBodyBuilder::fixed(),
+                [ColliderBuilder::ball(0.1)],
+            )
+            .unwrap();
+        let mut above = nail;
+        let mut chain = Vec::new();
+        for i in 1..=6 {
+            let at = WorldPose::at([from_m + 0.6 * f64::from(i), 5.0, 0.0]);
+            let link =
+                world.insert_at(at, RigidBodyBuilder::dynamic(), [ColliderBuilder::ball(0.2)]).unwrap();
+            let joint =
+                SphericalJointBuilder::new().local_anchor1(Vector::X * 0.3).local_anchor2(Vector::X * -0.3);
+            world.insert_joint(above, link, joint).unwrap();
+            chain.push(link);
+            above = link;
+        }
+        run(&mut world, 241);
+        assert_eq!(world.host().validate(), []);
+        let mut before = [from_m, 5.0, 0.0];
+        for link in chain {
+            let place = world.pose(link).unwrap().translation;
+            let apart = (0..3).map(|i| (place[i] - before[i]).powi(2)).sum::<f64>().sqrt();
+            assert!(apart < 0.65, "{link} is {apart} m from the one before it");
+            before = place;
+        }
+    }
+    assert_eq!(levels(&world)[2], 3);
+}
+
 /// Returns how far a tower under a load of 100:1 sags, and how far a chain with a bob of 1000:1 stretches, metres.
 fn strain(fidelity: Fidelity) -> [f64; 2] {
     let tower =

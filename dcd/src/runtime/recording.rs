@@ -132,7 +132,7 @@ mod tests {
     use crate::runtime::replays::Here;
     use crate::runtime::{Partitioning, WorldConfig};
     use crate::scene::{Params, Scene};
-    use crate::space::{Balance, Tick};
+    use crate::space::{Balance, Tick, Viewpoint};
 
     /// A recording in memory.
     #[derive(Clone, Default)]
@@ -164,6 +164,31 @@ mod tests {
         let partitioning = Partitioning::Regions(regions);
         LocalWorld::from_scene(&scene, WorldConfig { partitioning, ..WorldConfig::for_scene(&scene) })
             .unwrap()
+    }
+
+    #[test]
+    fn a_world_of_which_less_is_computed_is_repeated_bit_for_bit_and_one_with_a_budget_is_refused() {
+        let scene = Scene::named("town", &Params::new().with("n", 600).with("cars", 2)).unwrap();
+        let world = |fidelity| {
+            LocalWorld::from_scene(&scene, WorldConfig { fidelity, ..WorldConfig::for_scene(&scene) })
+                .unwrap()
+        };
+        let mut walked = world(Fidelity::AUTO);
+        let memory = Memory::default();
+        walked.record(memory.clone()).unwrap();
+        for tick in 0..120_u8 {
+            let view = Viewpoint { at: [f64::from(tick) - 60.0, 2.0, 0.0], radius_m: 20.0 };
+            walked.set_viewpoints(&[view]).unwrap();
+            walked.step().unwrap();
+        }
+        walked.stop_recording().unwrap();
+        let levels = walked.fidelity_report().unwrap().levels;
+        assert!(levels[0] > 0 && levels[2] > 0, "{levels:?}");
+        let bytes = memory.0.lock().unwrap().clone();
+        let (matches, mismatch) = checked(bytes, None);
+        assert!(mismatch.is_none() && matches >= 100, "{matches}, {mismatch:?}");
+        let refused = world(Fidelity::Budget { tick_ms: 5.0 }).record(Memory::default()).unwrap_err();
+        assert!(refused.to_string().contains("budget"), "{refused}");
     }
 
     /// Does everything that a program can do to a world, and steps it in between.

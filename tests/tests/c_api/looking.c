@@ -70,7 +70,9 @@ static void shapes(DcdWorld world)
     xyz[0] = 9.0f;
     FAILS(dcd_shape_vertices(world, shape, xyz, 3, &count), DCD_ERR_SMALL_BUFFER, "xyz has room for 3");
     HOLDS(count == 4 && xyz[0] == 9.0f);
-    FAILS(dcd_shape_triangles(world, shape, NULL, 0, &count), DCD_ERR_SMALL_BUFFER, "indices");
+    FAILS(dcd_shape_triangles(world, shape, indices, 1, &count), DCD_ERR_SMALL_BUFFER, "indices");
+    HOLDS(count == 2);
+    OK(dcd_shape_triangles(world, shape, NULL, 0, &count));
     HOLDS(count == 2);
 
     OK(dcd_shape_heightfield(world, heights, 2, 3, scale, &shape));

@@ -239,6 +239,10 @@ impl Query {
                 };
                 let all = pipeline.colliders.iter().filter_map(one);
                 let theirs = all.min_by(|a: &(_, f64), b| a.1.total_cmp(&b.1));
+                // Parry casts nothing that turns at terrain.
+                if pipeline.colliders.iter().any(|(_, other)| other.shape().as_heightfield().is_some()) {
+                    return Ok(());
+                }
                 same_nearest("cast_shape_nonlinear", ours, theirs)
             }
         }

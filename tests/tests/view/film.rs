@@ -160,7 +160,7 @@ fn every_kind_of_shape_is_written() {
     ];
     for (place, shape) in shapes.into_iter().enumerate() {
         let at = Vector::new(1e6 + 4.0 * place as f32, 0.0, 0.0);
-        world.insert(RigidBodyBuilder::dynamic().translation(at), shape).unwrap();
+        world.insert(RigidBodyBuilder::kinematic_position_based().translation(at), shape).unwrap();
     }
     world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::new(SharedShape::halfspace(Vector::Y))).unwrap();
     world.save_gltf(&path).unwrap();

@@ -68,6 +68,7 @@ pub struct Report {
     /// How it was computed, and why so.
     pub chosen: Chosen,
     /// What is not computed in full, and what that costs; none where all is.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub fidelity: Option<FidelityShare>,
 }
 

@@ -111,6 +111,13 @@ fn what_flies_through_regions_of_unlike_rates_keeps_its_time() {
         for &(ball, from, speed) in &balls {
             let off_m = now(&world, ball)[0] - (from[0] + speed * f64::from(tick) / 60.0);
             assert!(off_m.abs() < 1e-3, "{ball} is {off_m} m off at tick {tick}");
+            let (region, handle) = world.host().owned(ball).unwrap();
+            let x = region.motion(handle).0.translation[0];
+            let outside_m = (region.cell().min[0] - x).max(x - region.cell().max[0]);
+            assert!(
+                outside_m < speed.abs() * 10.0 / 60.0,
+                "{ball} is {outside_m} m outside of its region at tick {tick}"
+            );
         }
     }
     assert!(rates.contains(&[true, false, true]), "{rates:?}");

@@ -92,9 +92,9 @@ impl Side {
 
     /// Begins a tick, in which all regions meet or only neighbours exchange messages, and some stay behind.
     pub(super) fn meet(&mut self, regions: usize, all: bool, behind: RegionSet) {
-        let Self { region, border, .. } = self;
+        let Self { region, border, clock, .. } = self;
         border.neighbours.begin(region, border.predicted.acquainted(), regions, all);
-        border.neighbours.leave_behind(behind);
+        border.neighbours.leave_behind(behind, clock.span > 0);
     }
 
     /// Returns the regions with which this one exchanges messages in a round: with all neighbours in the last one of a tick, before

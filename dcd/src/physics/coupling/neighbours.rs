@@ -75,9 +75,13 @@ impl Neighbours {
         self.now.remove(region.rank());
     }
 
-    /// Notes the regions that will be behind the present time when the tick ends.
-    pub(super) fn leave_behind(&mut self, behind: RegionSet) {
-        (self.behind, self.missed) = (behind, RegionSet::EMPTY);
+    /// Notes the regions that will be behind the present time when the tick ends. What this one misses it misses until it is `stepped`
+    /// again: the two may come to be at one time only ticks later.
+    pub(super) fn leave_behind(&mut self, behind: RegionSet, stepped: bool) {
+        self.behind = behind;
+        if stepped {
+            self.missed = RegionSet::EMPTY;
+        }
     }
 
     /// Returns the neighbours that will be at the present time when the tick ends.

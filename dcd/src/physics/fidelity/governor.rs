@@ -15,7 +15,7 @@ const RATES: [u8; 3] = [1, 2, 4];
 const MARGIN_M: f64 = 5.0;
 const LEAVE: f64 = 2.0;
 /// Levels are chosen every so many ticks.
-pub(super) const EVERY_TICKS: u64 = 8;
+const EVERY_TICKS: u64 = 8;
 /// A region becomes coarser where its error is below this part of the tolerance, and finer where it is above, once it has been audited so
 /// often at its level.
 const EASY: f32 = 0.5;
@@ -160,19 +160,16 @@ impl Governor {
             a_watched.cmp(b_watched).then(b_m.total_cmp(a_m)).then(a.id.cmp(&b.id))
         });
         let mut levels: BTreeMap<RegionId, u8> = regions.iter().map(|region| (region.id, 0)).collect();
-        let expected = |levels: &BTreeMap<RegionId, u8>| -> f64 {
-            regions
-                .iter()
-                .map(|region| region.step_ms / f64::from(RATES[usize::from(levels[&region.id])]))
-                .sum()
-        };
+        let at_ms = |region: &RegionState, level: u8| region.step_ms / f64::from(RATES[usize::from(level)]);
+        let mut expected_ms: f64 = regions.iter().map(|region| region.step_ms).sum();
         let goal_ms = PLANNED * tick_ms;
         'shed: for watched in [false, true] {
             for level in 1..RATES.len() as u8 {
                 for (_, _, region) in order.iter().filter(|(is, ..)| *is == watched) {
-                    if expected(&levels) <= goal_ms {
+                    if expected_ms <= goal_ms {
                         break 'shed;
                     }
+                    expected_ms += at_ms(region, level) - at_ms(region, level - 1);
                     levels.insert(region.id, level);
                 }
             }

@@ -13,6 +13,8 @@ const REFINE_TICKS: u64 = 16;
 /// Bodies that are drawn for an audit, of which the first is audited that does not fly alone; what that costs, in bodies stepped once.
 const DRAWS: usize = 32;
 const DRAWING: f64 = 10.0;
+/// The cost of looking at an awake body, in bodies stepped once.
+const GATHERING: f64 = 0.01;
 /// The increment of SplitMix64.
 const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
 
@@ -27,12 +29,9 @@ pub(super) struct Auditing {
 }
 
 impl RegionHost {
-    /// Sets how much of the world is computed in full; at once, and all of it is at the present time after the next step.
+    /// Sets how much of the world is computed in full; to be called before the first step.
     pub fn set_fidelity(&mut self, fidelity: Fidelity) {
-        // One that has nothing to choose brings regions that are behind to the present.
-        if fidelity != Fidelity::Off || self.governor.is_some() {
-            self.governor = Some(Governor::new(fidelity));
-        }
+        self.governor = (fidelity != Fidelity::Off).then(|| Governor::new(fidelity));
     }
 
     /// Returns how much of the world is computed in full.
@@ -78,12 +77,9 @@ impl RegionHost {
         for (side, (_, rate)) in self.sides.iter_mut().zip(rates) {
             side.clock.rate = rate;
         }
-        if governor.fidelity() != Fidelity::Off {
-            // In turn, so that no tick takes much longer than another.
-            let due =
-                |side: &&mut Side| (self.tick.0 + side.region.rank() as u64).is_multiple_of(REFINE_TICKS);
-            self.sides.iter_mut().filter(due).for_each(|side| side.region.refine());
-        }
+        // In turn, so that no tick takes much longer than another.
+        let due = |side: &&mut Side| (self.tick.0 + side.region.rank() as u64).is_multiple_of(REFINE_TICKS);
+        self.sides.iter_mut().filter(due).for_each(|side| side.region.refine());
         self.schedule();
         self.audited()
     }
@@ -91,23 +87,28 @@ impl RegionHost {
     /// Begins to audit the island of a body that is chosen at random, when the last audit is paid for; of every body, when that is asked for.
     fn audited(&mut self) -> Vec<Auditing> {
         let work = |side: &Side| {
-            if side.steps_now() { side.region.physics().islands.active_bodies().count() } else { 0 }
+            if side.steps_now() { side.region.physics().islands.num_active_bodies() } else { 0 }
         };
-        let work: Vec<_> = self.sides.iter().map(work).collect();
-        let Some(governor) = self.governor.as_mut().filter(|governor| governor.fidelity() != Fidelity::Off)
-        else {
-            return Vec::new();
-        };
+        let work: usize = self.sides.iter().map(work).sum();
+        let Some(governor) = &mut self.governor else { return Vec::new() };
         if governor.is_thorough() {
-            return (0..work.len()).flat_map(|place| self.audits(place)).collect();
+            return (0..self.sides.len()).flat_map(|place| self.audits(place)).collect();
         }
-        if !governor.earn(work.iter().sum()) {
+        if !governor.earn(work) {
             return Vec::new();
         }
+        let awake = |side: &Side| -> Vec<_> {
+            if side.steps_now() {
+                side.region.physics().islands.active_bodies().collect()
+            } else {
+                Vec::new()
+            }
+        };
+        let awake: Vec<_> = self.sides.iter().map(awake).collect();
         // Every body in every tick is as likely as any other: what a step computes counts for each of its ticks. What flies alone is right;
         // how much of all that is, some draws tell.
-        let weight = |place: usize| (work[place] * usize::from(self.sides[place].clock.span)) as u64;
-        let total: u64 = (0..work.len()).map(weight).sum();
+        let weight = |place: usize| (awake[place].len() * usize::from(self.sides[place].clock.span)) as u64;
+        let total: u64 = (0..awake.len()).map(weight).sum();
         if total == 0 {
             return Vec::new();
         }
@@ -115,31 +116,29 @@ impl RegionHost {
         let mut draw = || {
             random = mixed(random.wrapping_add(GOLDEN));
             let mut at = random % total;
-            let place = (0..work.len()).find(|&place| {
+            let place = (0..awake.len()).find(|&place| {
                 let is_here = at < weight(place);
                 at = at.saturating_sub(weight(place));
                 is_here
             });
             let place = place.expect("the sum of all weights is above it");
-            (place, (random >> 32) as usize % work[place])
+            (place, awake[place][(random >> 32) as usize % awake[place].len()])
         };
         let drawn: Vec<_> = (0..DRAWS).map(|_| draw()).collect();
-        let is_held = |&&(place, one): &&(usize, usize)| {
-            let region = &self.sides[place].region;
-            let body = region.physics().islands.active_bodies().nth(one);
-            body.is_some_and(|body| region.may_collide(body))
-        };
+        let is_held =
+            |&&(place, body): &&(usize, RigidBodyHandle)| self.sides[place].region.may_collide(body);
         let held: Vec<_> = drawn.iter().filter(is_held).collect();
         let share = held.len() as f32 / DRAWS as f32;
-        let auditing = held.first().and_then(|&&(place, one)| self.audit(place, one));
+        let auditing = held.first().and_then(|&&(place, body)| self.audit(place, body));
         let Some(governor) = &mut self.governor else { return Vec::new() };
+        // To gather all awake bodies and to draw costs something, whatever comes of it.
+        let drawing = DRAWING + work as f64 * GATHERING;
+        governor.pay(drawing + auditing.as_ref().map_or(0.0, |auditing| auditing.audit.work()));
         match auditing {
             Some(auditing) => {
-                governor.pay(auditing.audit.work());
                 vec![Auditing { share, ..auditing }]
             }
             None if held.is_empty() => {
-                governor.pay(DRAWING);
                 governor.note_error(self.sides[drawn[0].0].region.id(), 0.0);
                 Vec::new()
             }
@@ -153,24 +152,23 @@ impl RegionHost {
         let side = &self.sides[place];
         let mut begun: Vec<Auditing> = Vec::new();
         if side.steps_now() {
-            for (one, handle) in side.region.physics().islands.active_bodies().enumerate() {
+            for handle in side.region.physics().islands.active_bodies() {
                 if !begun.iter().any(|auditing| auditing.audit.contains(handle)) {
-                    begun.extend(self.audit(place, one));
+                    begun.extend(self.audit(place, handle));
                 }
             }
         }
         begun
     }
 
-    /// Begins to audit the island of one of the awake bodies of the region in this place.
-    fn audit(&self, place: usize, one: usize) -> Option<Auditing> {
+    /// Begins to audit the island of an awake body of the region in this place.
+    fn audit(&self, place: usize, seed: RigidBodyHandle) -> Option<Auditing> {
         let Side { region, clock, .. } = &self.sides[place];
-        let seed = region.physics().islands.active_bodies().nth(one)?;
-        let parameters = IntegrationParameters {
+        let parameters = region.refined(IntegrationParameters {
             dt: self.settings.dt_s,
             num_solver_iterations: self.settings.solver_iterations,
             ..self.settings.integration
-        };
+        });
         let audit = Audit::begin(region, seed, clock.span, &parameters)?;
         Some(Auditing { place, span: clock.span, share: 1.0, audit })
     }

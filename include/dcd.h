@@ -1459,7 +1459,7 @@ typedef struct DcdContactPoint {
     uint64_t material_b;
 } DcdContactPoint;
 
-// What DcdHooks.filter answers.
+// Says what becomes of a pair: the answer of DcdHooks.filter.
 typedef uint32_t DcdPairAnswer;
 
 // Two colliders that a hook is asked about.
@@ -1480,13 +1480,13 @@ typedef struct DcdHookedPair {
     uint32_t collider_a;
     // Which collider of `b`.
     uint32_t collider_b;
-    // Where `a` is.
+    // The pose of `a`.
     DcdPose pose_a;
-    // Where `b` is.
+    // The pose of `b`.
     DcdPose pose_b;
-    // How `a` moves.
+    // The velocity of `a`.
     DcdVelocity velocity_a;
-    // How `b` moves.
+    // The velocity of `b`.
     DcdVelocity velocity_b;
 } DcdHookedPair;
 

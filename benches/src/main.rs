@@ -54,7 +54,7 @@ enum Suite {
     Consistency(consistency::Consistency),
     /// Whole clusters in virtual time under every kind of fault, a thousand seeds each.
     Faults(faults::Faults),
-    /// What it saves and costs to compute less where nobody looks; stated errors beside the true ones.
+    /// Measures what it saves and costs to compute less where nobody looks; puts stated errors beside true ones.
     Fidelity(fidelity::Fidelities),
     /// The same boxes in bare Rapier, Rapier's `parallel`, Box3D, Jolt and dcd: time beside penetration, energy and sag.
     #[cfg(feature = "peers")]

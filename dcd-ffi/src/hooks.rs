@@ -22,7 +22,7 @@ pub const DCD_HOOK_DETECT: u32 = 2;
 /// In DcdBodyDef.hooks and DcdColliderProperties.hooks: DcdHooks.modify is asked about its contacts before they are solved.
 pub const DCD_HOOK_MODIFY: u32 = 4;
 
-/// What DcdHooks.filter answers.
+/// Says what becomes of a pair: the answer of DcdHooks.filter.
 pub type DcdPairAnswer = u32;
 
 /// They touch and push each other, as without hooks.
@@ -52,13 +52,13 @@ pub struct DcdHookedPair {
     pub collider_a: u32,
     /// Which collider of `b`.
     pub collider_b: u32,
-    /// Where `a` is.
+    /// The pose of `a`.
     pub pose_a: DcdPose,
-    /// Where `b` is.
+    /// The pose of `b`.
     pub pose_b: DcdPose,
-    /// How `a` moves.
+    /// The velocity of `a`.
     pub velocity_a: DcdVelocity,
-    /// How `b` moves.
+    /// The velocity of `b`.
     pub velocity_b: DcdVelocity,
 }
 

@@ -64,12 +64,12 @@ struct Row {
     /// Means of the timed steps.
     energy_j: f64,
     penetration_mm: f64,
-    /// How far two worlds in full are from each other in both, of which one is of another seed.
+    /// Says how far two worlds in full, one of another seed, are from each other in both.
     energy_spread_j: f64,
     penetration_spread_mm: f64,
 }
 
-/// How often the true error lay in the stated interval.
+/// Says how often the true error lay in the stated interval.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Cover {
     scene: String,

@@ -11,8 +11,6 @@ use crate::space::{BodyId, NodeId, RegionId, Tick};
 pub struct Mismatch {
     /// Whose replay.
     pub who: Who,
-    /// On which node, if it is one.
-    pub node: Option<NodeId>,
     /// After which tick.
     pub tick: Tick,
     /// In which region; `None`: other regions were computed, or a server sent or stored something else.
@@ -73,7 +71,7 @@ impl Replay {
     /// that far.
     pub fn advance(&mut self, until: Tick) -> Result<bool, RecordingError> {
         let behind = self.members.iter_mut().filter(|member| !member.ended && member.next_tick() <= until);
-        let Some(member) = behind.min_by_key(|member| (member.next_tick(), member.replay.node())) else {
+        let Some(member) = behind.min_by_key(|member| (member.next_tick(), member.replay.who())) else {
             return Ok(false);
         };
         let settled = match member.first.take() {
@@ -111,14 +109,14 @@ impl Replay {
         let tick = self.tick();
         let is_present =
             move |member: &Member| member.first.is_none() && (tick..=tick.next()).contains(&member.tick);
-        let begins_anew = move |at: usize, node: Option<NodeId>| {
-            self.members[at + 1..].iter().any(|later| later.replay.node() == node && is_present(later))
+        let begins_anew = move |at: usize, who: Who| {
+            self.members[at + 1..].iter().any(|later| later.replay.who() == who && is_present(later))
         };
         let present = self
             .members
             .iter()
             .enumerate()
-            .filter(move |(at, member)| is_present(member) && !begins_anew(*at, member.replay.node()));
+            .filter(move |(at, member)| is_present(member) && !begins_anew(*at, member.replay.who()));
         present.map(|(_, member)| member)
     }
 
@@ -156,7 +154,7 @@ impl Replay {
             let regions = replay.readout();
             for region in regions.regions() {
                 let owned = regions.bodies(region);
-                found.extend(owned.map(|(id, bits)| (id, (replay.node(), region, bits))));
+                found.extend(owned.map(|(id, bits)| (id, (replay.who().node(), region, bits))));
             }
         }
         found
@@ -178,7 +176,6 @@ fn acts(replay: &dyn Replayed, body: BodyId) -> Vec<String> {
 fn explain(replay: &dyn Replayed, Settled { tick, recorded, replayed }: &Settled) -> Mismatch {
     let mut found = Mismatch {
         who: replay.who(),
-        node: replay.node(),
         tick: *tick,
         region: None,
         body: None,

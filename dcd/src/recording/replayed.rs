@@ -39,6 +39,13 @@ pub enum Who {
     Server,
 }
 
+impl Who {
+    /// Returns which node it is, if it is one.
+    pub fn node(self) -> Option<NodeId> {
+        if let Self::Node(node) = self { Some(node) } else { None }
+    }
+}
+
 impl fmt::Display for Who {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -53,10 +60,6 @@ impl fmt::Display for Who {
 pub trait Replayed {
     /// Returns who it is.
     fn who(&self) -> Who;
-    /// Returns which node it is, if it is one.
-    fn node(&self) -> Option<NodeId> {
-        if let Who::Node(node) = self.who() { Some(node) } else { None }
-    }
     /// Returns who made the recording.
     fn maker(&self) -> &Maker;
     /// Returns whether the file has no end, as that of a killed process.

@@ -82,7 +82,7 @@ fn is_found(seed: u64) -> bool {
     while replay.mismatch().is_none() && replay.advance(END).unwrap() {}
     let found = replay.mismatch().unwrap_or_else(|| panic!("seed {seed}: {flipped:?} is not found"));
     let [before, after] = flipped.values;
-    let as_flipped = found.node == Some(flipped.node)
+    let as_flipped = found.who == Who::Node(flipped.node)
         && found.tick == flipped.tick
         && found.region == Some(flipped.region)
         && found.body == Some(flipped.body)

@@ -3,7 +3,8 @@
 use rapier3d::control::EffectiveCharacterMovement;
 use rapier3d::prelude::Pose;
 
-use super::local::{LocalWorld, WorldError};
+use super::config::WorldError;
+use super::local::LocalWorld;
 use crate::physics::{BodyFilter, CharacterHit, CharacterMove, VehicleController};
 use crate::protocol::WorldPose;
 use crate::space::BodyId;

@@ -1,7 +1,8 @@
 //! Watches joints of a local world: tells of those that bear more than their strength.
 
+use super::config::WorldError;
 use super::joint_strength::JointOverload;
-use super::local::{LocalWorld, WorldError};
+use super::local::LocalWorld;
 use crate::space::JointId;
 
 impl LocalWorld {

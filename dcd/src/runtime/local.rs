@@ -5,176 +5,20 @@ use std::time::{Duration, Instant};
 use rapier3d::prelude::*;
 
 use super::choice::{self, Choice, Why};
+use super::config::{Partitioning, WorldConfig, WorldError, check_speed};
 use super::joint_strength::Strengths;
 use super::tape::{Copies, Tape};
 use crate::physics::{
-    ControlError, Fidelity, FidelityReport, Handover, HostError, LinkSettings, Ownership, Partition, Queries,
-    Region, RegionHost, StepSettings, joint_record,
+    FidelityReport, Handover, HostError, LinkSettings, Ownership, Partition, Queries, Region, RegionHost,
+    StepSettings, joint_record,
 };
 use crate::protocol::{
-    BodyKind, BodyRecord, Check, ContactLedger, Controller, Drive, Invalid, JointRecord, LinkMotion, Push,
-    StateHasher, Velocity, WorldEvents, WorldPose,
+    Check, ContactLedger, Controller, Drive, Invalid, JointRecord, LinkMotion, Push, StateHasher, Velocity,
+    WorldEvents, WorldPose,
 };
 use crate::recording::Operation;
 use crate::scene::Scene;
-use crate::space::{
-    Axis, Balance, BodyId, Bounds, DistributionTree, JointId, RegionId, Tick, TreeError, Viewpoint,
-};
-
-/// The way in which the world is cut into regions.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub enum Partitioning {
-    /// As few as are right: one, on all threads, which is exact. A world that is made of a scene has more where its movable
-    /// bodies lie more than 32 km apart, since f32 would not give one region millimetres.
-    #[default]
-    Auto,
-    /// This many, 1 to 256, by halving the largest across its longest axis; across that of gravity only where it could not be
-    /// halved otherwise, since a level cut goes through what lies on the ground.
-    Regions(usize),
-    /// This many, by planes across these axes alone.
-    RegionsAcross(usize, Vec<Axis>),
-    /// By these planes (metres of world space), each through the whole world.
-    Cuts(Vec<(Axis, f64)>),
-}
-
-/// The settings of a local world; of those of a served one its cut and its steps.
-#[derive(Clone, Debug, PartialEq)]
-pub struct WorldConfig {
-    /// The box that is cut into regions, in metres. Bodies may leave it: outer regions reach to infinity.
-    pub bounds: Bounds,
-    /// How it is cut.
-    pub partitioning: Partitioning,
-    /// Threads that step it, in as many regions as there are: with the feature `parallel` one region uses all of them. 1 uses the
-    /// calling thread, which does for few awake bodies anyhow. What happens does not depend on it.
-    pub threads: usize,
-    /// How far beyond its cell a region holds copies of other regions' bodies (replicas), in metres; `None` follows the largest
-    /// body.
-    pub halo_m: Option<f64>,
-    /// How regions follow the load; `None` leaves them as they are cut. Served, a world of [`Partitioning::Auto`] has one region for each
-    /// node then: [`Balance::by_nodes`].
-    pub balance: Option<Balance>,
-    /// How much of it is computed in full. With the couplings `owner` and `proxy`, and served, all of it is.
-    pub fidelity: Fidelity,
-    /// How it is stepped.
-    pub step: StepSettings,
-}
-
-impl Default for WorldConfig {
-    fn default() -> Self {
-        Self {
-            bounds: Bounds::around([0.0; 3], [64.0; 3]),
-            partitioning: Partitioning::Auto,
-            threads: 1,
-            halo_m: None,
-            balance: None,
-            fidelity: Fidelity::Off,
-            step: StepSettings::default(),
-        }
-    }
-}
-
-impl WorldConfig {
-    /// Returns the configuration that a scene asks for, its coupling too, on one thread.
-    #[must_use]
-    pub fn for_scene(scene: &Scene) -> Self {
-        Self {
-            bounds: scene.bounds,
-            partitioning: match scene.regions {
-                _ if !scene.cuts.is_empty() => Partitioning::Cuts(scene.cuts.clone()),
-                Some(count) => Partitioning::Regions(count),
-                None => Partitioning::Auto,
-            },
-            threads: 1,
-            halo_m: None,
-            balance: scene.balance,
-            fidelity: Fidelity::Off,
-            step: scene.step_settings(),
-        }
-    }
-
-    /// Checks that every setting is in range.
-    pub fn check(&self) -> Result<(), WorldError> {
-        check(self)
-    }
-
-    /// Returns the distribution tree that this configuration asks for; with [`Partitioning::Auto`] that of a world without
-    /// bodies.
-    #[doc(hidden)]
-    pub fn tree(&self) -> Result<DistributionTree, TreeError> {
-        match &self.partitioning {
-            Partitioning::Auto => DistributionTree::halved(self.bounds, 1),
-            Partitioning::Regions(count) => {
-                let upright = upright_axes(self.step.gravity);
-                match DistributionTree::halved_across(self.bounds, *count, &upright) {
-                    Err(TreeError::Limits(_)) => DistributionTree::halved(self.bounds, *count),
-                    cut => cut,
-                }
-            }
-            Partitioning::RegionsAcross(count, axes) => {
-                DistributionTree::halved_across(self.bounds, *count, axes)
-            }
-            Partitioning::Cuts(planes) => DistributionTree::cut_by(self.bounds, planes),
-        }
-    }
-}
-
-/// The error of a local world.
-#[derive(Debug, thiserror::Error)]
-pub enum WorldError {
-    /// The regions cannot be as asked.
-    #[error(transparent)]
-    Tree(#[from] TreeError),
-    /// A body, shape or joint is refused.
-    #[error(transparent)]
-    Host(#[from] HostError),
-    /// A controller cannot do its work.
-    #[error(transparent)]
-    Control(#[from] ControlError),
-    /// A setting is out of range.
-    #[error("{what} is {value}: {range}")]
-    Setting {
-        /// Which setting.
-        what: &'static str,
-        /// What it was.
-        value: String,
-        /// What it may be.
-        range: &'static str,
-    },
-    /// No such body.
-    #[error("{0} is not in the world: it was removed, or its id belongs to another world")]
-    NoBody(BodyId),
-    /// A dynamic body is to be faster than the world lets it be.
-    #[error(
-        "{body} is to move at {speed_m_s} m/s, and what the solver moves here is cut to {limit_m_s} m/s: make it slower, or make the world with a higher speed limit"
-    )]
-    TooFast {
-        /// Which body.
-        body: BodyId,
-        /// How fast.
-        speed_m_s: f32,
-        /// The world's limit ([`StepSettings::speed_limit_m_s`]).
-        limit_m_s: f32,
-    },
-    /// Not a vehicle.
-    #[error("{0} is no vehicle; insert it by World::insert_vehicle")]
-    NoVehicle(BodyId),
-    /// No such collider.
-    #[error("{body} has {count} colliders, there is none of index {index}; count from 0")]
-    NoCollider {
-        /// Which body.
-        body: BodyId,
-        /// The index asked for.
-        index: usize,
-        /// How many it has.
-        count: usize,
-    },
-    /// No such joint.
-    #[error("{0} is not in the world: it was removed, or one of its bodies was")]
-    NoJoint(JointId),
-    /// All ids are used up.
-    #[error("the world has given all 4,294,967,295 body ids")]
-    Full,
-}
+use crate::space::{Axis, Balance, BodyId, DistributionTree, JointId, RegionId, Tick, TreeError, Viewpoint};
 
 /// Statistics of a world so far, as far as its process knows them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -793,53 +637,4 @@ impl LocalWorld {
         };
         self.regions().filter(owns).count()
     }
-}
-
-/// Refuses a dynamic body that is faster than the solver would let it be. What was read from a body that is at the limit may be above it
-/// by rounding.
-pub(crate) fn check_speed(body: &BodyRecord, limit_m_s: f32) -> Result<(), WorldError> {
-    let velocity = &body.state.velocity;
-    if body.traits.kind != BodyKind::Dynamic || velocity.is_within(limit_m_s * 1.000_01) {
-        return Ok(());
-    }
-    let speed_m_s = velocity.linear.iter().map(|v| v * v).sum::<f32>().sqrt();
-    Err(WorldError::TooFast { body: body.id, speed_m_s, limit_m_s })
-}
-
-/// Returns the axes other than the one along which gravity pulls most: all where there is none.
-fn upright_axes(gravity: [f32; 3]) -> Vec<Axis> {
-    let pull = |axis: Axis| gravity[axis.index()].abs();
-    let pulled = Axis::ALL.into_iter().filter(|&axis| pull(axis) > 0.0);
-    let down = pulled.max_by(|&a, &b| pull(a).total_cmp(&pull(b)));
-    Axis::ALL.into_iter().filter(|&axis| Some(axis) != down).collect()
-}
-
-fn check(config: &WorldConfig) -> Result<(), WorldError> {
-    let wrong = |what, value: String, range| Err(WorldError::Setting { what, value, range });
-    if let Some((what, value, range)) = config.step.fault() {
-        return wrong(what, value, range);
-    }
-    if let Some((what, value, range)) = config.balance.as_ref().and_then(Balance::fault) {
-        return wrong(what, value, range);
-    }
-    if let Some((what, value, range)) = config.fidelity.fault() {
-        return wrong(what, value, range);
-    }
-    let coupling = config.step.coupling;
-    if config.fidelity != Fidelity::Off && !coupling.shares_mass() {
-        return wrong("fidelity", format!("{:?}", config.fidelity), "off with the couplings owner and proxy");
-    }
-    check_threads(config.threads)?;
-    if config.halo_m.is_some_and(|halo| !halo.is_finite() || halo < 0.0) {
-        return wrong("halo_m", format!("{:?}", config.halo_m), "a number of metres, 0 or more");
-    }
-    Ok(())
-}
-
-pub(super) fn check_threads(threads: usize) -> Result<(), WorldError> {
-    if threads > 1024 {
-        let (what, range) = ("threads", "1 to 1024 threads");
-        return Err(WorldError::Setting { what, value: threads.to_string(), range });
-    }
-    Ok(())
 }

@@ -6,6 +6,7 @@ mod bandwidth;
 mod choice;
 #[cfg(feature = "net")]
 mod client;
+mod config;
 #[cfg(feature = "net")]
 mod connections;
 mod control;
@@ -49,6 +50,9 @@ pub use choice::{Choice, Why};
 #[cfg(feature = "net")]
 pub use client::{ClientEvents, ClientWorld, JoinConfig};
 #[cfg(feature = "net")]
+pub(crate) use config::check_speed;
+pub use config::{Partitioning, WorldConfig, WorldError};
+#[cfg(feature = "net")]
 pub use connections::{
     Connection, ConnectionChange, ConnectionError, ConnectionEvent, ConnectionId, Connections, Delivery,
     ProgramMessage,
@@ -63,9 +67,7 @@ pub use ending::{Cause, Reason};
 #[cfg(feature = "net")]
 pub use error::ProcessError;
 pub use joint_strength::JointOverload;
-#[cfg(feature = "net")]
-pub(crate) use local::check_speed;
-pub use local::{LocalWorld, Partitioning, Stats, WorldConfig, WorldError};
+pub use local::{LocalWorld, Stats};
 #[cfg(feature = "net")]
 pub use member::{Member, MemberConfig, NodeSummary, Onlooker};
 #[cfg(feature = "net")]

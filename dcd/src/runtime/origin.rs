@@ -1,6 +1,6 @@
 //! Makes of a scene, or of a world in this process, what a served world begins with.
 
-use super::local::check_speed;
+use super::config::check_speed;
 use super::saved::contents;
 use super::{LocalWorld, Partitioning, ProcessError, ServeConfig, Why, WorldConfig, WorldError};
 use crate::cluster::Record;

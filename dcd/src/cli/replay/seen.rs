@@ -18,7 +18,7 @@ use crate::view::Due;
 /// Returns what is seen of a replay now; `None` where nothing is computed whose bodies have shapes.
 fn hosts(replay: &Replay) -> Option<Hosts<'_>> {
     let members = replay.present_members();
-    let regions = members.filter_map(|member| Some((member.node(), replayed_regions(member)?)));
+    let regions = members.filter_map(|member| Some((member.who().node(), replayed_regions(member)?)));
     Hosts::of(replay.tick().0, regions)
 }
 

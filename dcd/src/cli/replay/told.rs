@@ -68,7 +68,7 @@ struct ToldMismatch {
 impl ToldMismatch {
     fn new(found: &Mismatch) -> Self {
         Self {
-            node: found.node.map(|node| node.0),
+            node: found.who.node().map(|node| node.0),
             tick: found.tick.0,
             region: found.region.map(|region| region.0),
             body: found.body.map(|body| body.to_string()),

@@ -17,8 +17,8 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use super::choice::Why;
+use super::config::check_threads;
 use super::joint_strength::Strengths;
-use super::local::check_threads;
 use super::{LocalWorld, WorldError};
 use crate::physics::RegionHost;
 use crate::protocol::{ContactLedger, WorldEvents, read_state, write_state};

@@ -91,7 +91,7 @@ fn what_is_not_computed_in_full_is_said() {
         "--fidelity",
         "budget=1000",
         "--viewpoint",
-        "0,0,0,1e4",
+        "-5,0,0,1e4",
     ];
     assert_eq!(json(&everywhere)["fidelity"]["levels"], serde_json::json!([24, 0, 0]));
     assert!(error(&["run", "tower", "--fidelity", "sharp"], 2).contains("off, auto"));

@@ -12,7 +12,7 @@ pub(super) struct FidelityArgs {
     #[arg(long, value_name = "HOW", default_value = "off", hide_default_value = true)]
     pub fidelity: Fidelity,
     /// Look from here so many metres far, in world space; may be given several times [default: what the scene says, else at all]
-    #[arg(long, value_name = "X,Y,Z,RADIUS", value_parser = viewpoint)]
+    #[arg(long, value_name = "X,Y,Z,RADIUS", allow_hyphen_values = true, value_parser = viewpoint)]
     viewpoint: Vec<Viewpoint>,
 }
 

@@ -90,6 +90,7 @@ pub struct FidelityReport {
     pub audits: u64,
     /// How many ticks took longer than the budget, since the first second.
     pub overruns: u64,
-    /// How many regions are stepped in every tick, in every second one, and in every fourth.
+    /// How many regions are stepped in every tick, in every second one, and in every fourth. Those that share bodies with one that is looked
+    /// at are stepped as often as that.
     pub levels: [usize; 3],
 }

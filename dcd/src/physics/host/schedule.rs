@@ -22,12 +22,14 @@ impl RegionHost {
 
     /// Chooses for each region by how many ticks it is stepped in the tick that begins.
     pub(super) fn schedule(&mut self) {
-        let groups = self.bound();
-        for group in groups {
+        let mut levels = [0; 3];
+        for group in self.bound() {
             let members =
                 || group.iter().filter_map(|rank| self.place_of[rank]).map(|place| &self.sides[place]);
-            let rate = members().filter(|side| !side.is_idle()).map(|side| side.clock.rate).min();
-            let rate = rate.unwrap_or(1);
+            // Where all rest nothing is stepped, and what was chosen stands.
+            let busy = members().filter(|side| !side.is_idle()).map(|side| side.clock.rate).min();
+            let rate = busy.or(members().map(|side| side.clock.rate).min()).unwrap_or(1);
+            levels[rate.ilog2() as usize] += members().count();
             let owed = members().map(|side| side.clock.owed).max().unwrap_or(0);
             // Groups of one rate take turns, so that ticks take alike.
             let turn = group.iter().next().expect("a group has a member") as u64;
@@ -41,6 +43,9 @@ impl RegionHost {
                 (side.clock.span, side.clock.owed) =
                     if is_due || rests { (owed + 1, 0) } else { (0, owed + 1) };
             }
+        }
+        if let Some(governor) = &mut self.governor {
+            governor.note_levels(levels);
         }
     }
 

@@ -19,7 +19,7 @@ impl World {
     /// let config = WorldConfig { fidelity: Fidelity::AUTO, ..WorldConfig::for_scene(&scene) };
     /// let mut world = World::from_scene(&scene, config)?;
     /// world.set_viewpoints(&[Viewpoint { at: [-120.0, 2.0, -60.0], radius_m: 50.0 }])?;
-    /// for _ in 0..60 {
+    /// for _ in 0..120 {
     ///     world.step()?;
     /// }
     /// let report = world.fidelity_report().unwrap();

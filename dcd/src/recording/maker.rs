@@ -11,6 +11,8 @@ use crate::protocol::VERSION;
 pub struct Maker {
     /// Version of dcd.
     pub dcd: String,
+    /// The commit that dcd was built from: what `DCD_COMMIT` was when it was compiled; empty if nothing.
+    pub commit: String,
     /// Version of Rapier.
     pub rapier: String,
     /// Version of the protocol: the form of messages.
@@ -32,6 +34,8 @@ impl Maker {
         }
         Self {
             dcd: env!("CARGO_PKG_VERSION").to_owned(),
+            // No build script asks git: it would compile dcd anew after each commit, or name an older one.
+            commit: option_env!("DCD_COMMIT").unwrap_or_default().to_owned(),
             rapier: rapier(),
             protocol: VERSION,
             features,
@@ -42,16 +46,25 @@ impl Maker {
 
     /// Returns how this maker differs from another, as far as bits may depend on it; `None` if it does not.
     pub fn unlike(&self, other: &Self) -> Option<String> {
-        (self != other).then(|| format!("made by {self}, this is {other}: bits may differ"))
+        let mut alike = other.clone();
+        // What one of them does not know is no difference.
+        if self.commit.is_empty() || other.commit.is_empty() {
+            alike.commit.clone_from(&self.commit);
+        }
+        (*self != alike).then(|| format!("made by {self}, this is {other}: bits may differ"))
     }
 }
 
 impl fmt::Display for Maker {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "dcd {}", self.dcd)?;
+        if !self.commit.is_empty() {
+            write!(f, " at {}", self.commit)?;
+        }
         write!(
             f,
-            "dcd {} (protocol {}) with Rapier {} on {} ({})",
-            self.dcd, self.protocol, self.rapier, self.platform, self.cpu
+            " (protocol {}) with Rapier {} on {} ({})",
+            self.protocol, self.rapier, self.platform, self.cpu
         )?;
         self.features.iter().try_for_each(|feature| write!(f, ", {feature}"))
     }
@@ -72,4 +85,20 @@ fn cpu() -> String {
     let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let name = info.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
     name.map_or_else(|| "unknown processor".to_owned(), |(_, name)| name.trim().to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn builds_of_two_commits_are_unlike_and_one_of_no_known_commit_is_like_either() {
+        let at = |commit: &str| Maker { commit: commit.to_owned(), ..Maker::here() };
+        let said = at("4cfee01").unlike(&at("e958bcf")).expect("two commits");
+        assert!(said.contains(" at 4cfee01 (") && said.contains(" at e958bcf ("), "{said}");
+        for [one, other] in [["4cfee01", "4cfee01"], ["4cfee01", ""], ["", "e958bcf"], ["", ""]] {
+            assert_eq!(at(one).unlike(&at(other)), None, "{one:?}, {other:?}");
+        }
+        assert!(Maker { dcd: "0.0.9".into(), ..at("") }.unlike(&at("e958bcf")).is_some());
+    }
 }

@@ -4250,6 +4250,8 @@ DCD_ASSERT_(offsetof(DcdOverlap, user_data) == 8);
 DCD_ASSERT_(offsetof(DcdOverlap, collider) == 16);
 DCD_ASSERT_(offsetof(DcdOverlap, reserved) == 20);
 DCD_ASSERT_(offsetof(DcdOverlap, material) == 24);
+DCD_ASSERT_(sizeof(DcdCheckpointId) == 8);
+DCD_ASSERT_(offsetof(DcdCheckpointId, v) == 0);
 DCD_ASSERT_(sizeof(DcdQueryId) == 8);
 DCD_ASSERT_(offsetof(DcdQueryId, v) == 0);
 DCD_ASSERT_(sizeof(DcdRegionInfo) == 64);

@@ -75,7 +75,7 @@ fn the_json_object_has_the_keys_of_the_contract() {
 
 #[test]
 fn what_is_not_computed_in_full_is_said() {
-    let report = json(&["run", "town", "--set", "n=600", "--seconds", "2", "--fidelity", "auto"]);
+    let report = json(&["run", "town", "--set", "n=600", "--seconds", "4", "--fidelity", "auto"]);
     let said = &report["fidelity"];
     assert_eq!(keys(said), set("share_of_full_time error_stated_m_s audits overruns levels"));
     assert_eq!(keys(&said["error_stated_m_s"]), set("mean low95 high95"));

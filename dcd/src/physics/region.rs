@@ -25,6 +25,7 @@ pub(super) use assembly::Assembly;
 pub(super) use floating_origin::better_anchor;
 pub(super) use moved::Moved;
 pub use profile::Profile;
+pub(super) use refine::Signals;
 pub use slot::Ownership;
 pub(super) use slot::{BodyRef, Slot};
 
@@ -105,6 +106,7 @@ pub struct Region {
     solved_dt_s: Vec<f32>,
     /// Whether it has loads out of proportion, as found last.
     strained: bool,
+    signals: Signals,
     /// Bodies inserted or changed since the last step, perhaps more than once; and their colliders as queries find them.
     touched: Vec<RigidBodyHandle>,
     #[serde(skip)]
@@ -148,6 +150,7 @@ impl Region {
             mean_step_us: 0.0,
             solved_dt_s: Vec::new(),
             strained: false,
+            signals: Signals::default(),
             touched: Vec::new(),
             moved: OnceLock::new(),
             profile: Profile::default(),

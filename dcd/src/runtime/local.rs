@@ -342,6 +342,12 @@ impl LocalWorld {
         self.host.set_audited(part);
     }
 
+    /// Audits every island in every tick beside those by which levels are chosen; see [`RegionHost::true_error_m_s`].
+    #[doc(hidden)]
+    pub fn audit_all(&mut self) {
+        self.host.audit_all();
+    }
+
     /// Returns what its [`Fidelity`] saves and costs; `None` where all is computed in full.
     pub fn fidelity_report(&self) -> Option<FidelityReport> {
         self.host.fidelity_report()

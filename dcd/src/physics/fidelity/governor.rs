@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::estimate::Estimate;
 use super::{Fidelity, FidelityReport};
+use crate::physics::region::Signals;
 use crate::space::{Cell, RegionId, Viewpoint};
 
 /// Rates by level: a region is stepped once per so many ticks.
@@ -20,8 +21,14 @@ const EVERY_TICKS: u64 = 8;
 /// often at its level.
 const EASY: f32 = 0.5;
 const SEASONED: usize = 3;
-/// From level to level at least so many ticks pass.
-const PAUSE_TICKS: u64 = 30;
+/// From level to level at least so many ticks pass, after which signals are those of the present level.
+const PAUSE_TICKS: u64 = 32;
+/// In a step bodies turn by so much at most: what touches stays where it touched on both until the next.
+const TURN_RAD: f32 = 1.0;
+/// Beyond so many times that a region becomes finer.
+const SLACK: f32 = 1.25;
+/// The part of a new look in the mean overlap at full rate.
+const NEWER: f32 = 0.25;
 /// A region that was found too coarse stays finer for so many ticks, at first; each time twice as long, up to 64 times.
 const PATIENCE_TICKS: u64 = 120;
 /// The part of a budget that is planned for: single ticks take longer than the mean.
@@ -38,6 +45,7 @@ pub(in crate::physics) struct RegionState {
     pub cell: Cell,
     /// The time that one step takes, smoothed, milliseconds.
     pub step_ms: f64,
+    pub signals: Signals,
 }
 
 /// The memory of a governor about one region.
@@ -46,6 +54,10 @@ struct Memory {
     level: u8,
     watched: bool,
     error: Estimate,
+    /// When it came to its level.
+    since: u64,
+    /// The mean overlap at full rate, metres; smoothed.
+    overlap_m: Option<f32>,
     /// Until when it may not become coarser, and for how long that will be the next time, ticks.
     stays_until: u64,
     patience: u64,
@@ -69,6 +81,7 @@ pub(in crate::physics) struct Governor {
     full_ms: f64,
     /// The part of the time that audits may take.
     audited: f64,
+    audits_all: bool,
     /// Where all islands are audited, the sum of their errors, and of their bodies and ticks.
     #[serde(skip)]
     all: (f64, f64),
@@ -89,6 +102,7 @@ impl Governor {
             overruns: 0,
             ticks: 0,
             audited: AUDITED,
+            audits_all: false,
             all: (0.0, 0.0),
             spent_ms: 0.0,
             full_ms: 0.0,
@@ -106,47 +120,63 @@ impl Governor {
     }
 
     /// Returns the rate of every region for the tick that begins.
-    pub(in crate::physics) fn rates(&mut self, regions: &[RegionState]) -> Vec<(RegionId, u8)> {
+    pub(in crate::physics) fn rates(&mut self, regions: &[RegionState], dt_s: f32) -> Vec<(RegionId, u8)> {
         let now = self.ticks;
         self.ticks += 1;
         self.regions.retain(|id, _| regions.iter().any(|region| region.id == *id));
         for region in regions {
-            let memory = self.regions.entry(region.id).or_default();
+            let memory =
+                self.regions.entry(region.id).or_insert_with(|| Memory { since: now, ..Memory::default() });
             let margin_m = if memory.watched { LEAVE * MARGIN_M } else { MARGIN_M };
             let is_seen = |view: &Viewpoint| view.gap_m(&region.cell) <= margin_m;
             let was_watched = memory.watched;
             memory.watched = self.viewpoints.is_empty() || self.viewpoints.iter().any(is_seen);
             // A budget may leave no more for what has long been looked at.
             let is_kept = was_watched && matches!(self.fidelity, Fidelity::Budget { .. });
-            if memory.watched && !is_kept {
-                memory.level = 0;
+            if memory.watched && !is_kept && memory.level > 0 {
+                memory.turn_to(0, now);
             }
         }
         if now.is_multiple_of(EVERY_TICKS) {
             match self.fidelity {
                 Fidelity::Off => {}
-                Fidelity::Tolerance { m_s } => self.keep_error(m_s, now),
+                Fidelity::Tolerance { m_s } => self.keep_error(m_s, dt_s, regions),
                 Fidelity::Budget { tick_ms } => self.keep_time(tick_ms.into(), regions),
             }
         }
         regions.iter().map(|region| (region.id, RATES[usize::from(self.regions[&region.id].level)])).collect()
     }
 
-    /// Lets unwatched regions become coarser, a level at a time, until audits find too large an error.
-    fn keep_error(&mut self, tolerance_m_s: f32, now: u64) {
-        for memory in self.regions.values_mut().filter(|memory| !memory.watched) {
+    /// Lets unwatched regions become coarser, a level at a time, until audits find too large an error, or signals too long a step.
+    fn keep_error(&mut self, tolerance_m_s: f32, dt_s: f32, regions: &[RegionState]) {
+        let now = self.ticks;
+        for region in regions {
+            let memory = self.regions.get_mut(&region.id).expect("every region has a memory");
+            memory.look(&region.signals, now);
+            if memory.watched {
+                continue;
+            }
             let (mean, count) = (memory.error.mean(), memory.error.count());
             let coarsest = RATES.len() as u8 - 1;
-            if memory.level > 0 && count >= SEASONED && mean > tolerance_m_s {
+            let turn_rad =
+                |level: u8| region.signals.spin_rad_s * dt_s * f32::from(RATES[usize::from(level)]);
+            // Deeper by no more than what the error that is tolerated moves a body by in the longest step.
+            let deeper_m = tolerance_m_s * dt_s * f32::from(RATES[RATES.len() - 1]);
+            let overlaps = memory.is_settled(now)
+                && memory.overlap_m.is_some_and(|full_m| region.signals.overlap_m > full_m + deeper_m);
+            let errs = count >= SEASONED && mean > tolerance_m_s;
+            if memory.level > 0 && (errs || overlaps || turn_rad(memory.level) > SLACK * TURN_RAD) {
                 memory.patience = (2 * memory.patience).clamp(PATIENCE_TICKS, 64 * PATIENCE_TICKS);
                 memory.stays_until = now + memory.patience;
-                memory.turn_to(memory.level - 1);
+                memory.turn_to(memory.level - 1, now);
             } else if memory.level < coarsest
                 && now >= memory.stays_until
+                && memory.overlap_m.is_some()
                 && (count < SEASONED || mean < EASY * tolerance_m_s)
+                && turn_rad(memory.level + 1) <= TURN_RAD
             {
                 memory.stays_until = now + PAUSE_TICKS;
-                memory.turn_to(memory.level + 1);
+                memory.turn_to(memory.level + 1, now);
             }
         }
     }
@@ -180,7 +210,7 @@ impl Governor {
         for (id, level) in levels {
             let memory = self.regions.get_mut(&id).expect("every region has a memory");
             if memory.level != level {
-                memory.turn_to(level);
+                memory.turn_to(level, self.ticks);
             }
         }
     }
@@ -216,8 +246,12 @@ impl Governor {
         self.audited = part;
     }
 
-    pub(in crate::physics) fn is_thorough(&self) -> bool {
-        self.audited.is_infinite()
+    pub(in crate::physics) fn audit_all(&mut self) {
+        self.audits_all = true;
+    }
+
+    pub(in crate::physics) fn audits_all(&self) -> bool {
+        self.audits_all
     }
 
     /// Notes the sum of errors, m/s, of so many bodies and ticks.
@@ -258,8 +292,21 @@ impl Governor {
 }
 
 impl Memory {
-    fn turn_to(&mut self, level: u8) {
-        (self.level, self.error) = (level, Estimate::default());
+    fn turn_to(&mut self, level: u8, now: u64) {
+        (self.level, self.since, self.error) = (level, now, Estimate::default());
+    }
+
+    /// Returns whether it has been at its level for long enough.
+    fn is_settled(&self, now: u64) -> bool {
+        now >= self.since + PAUSE_TICKS
+    }
+
+    /// Learns how deep overlaps are at full rate.
+    fn look(&mut self, signals: &Signals, now: u64) {
+        if self.level == 0 && self.is_settled(now) {
+            let mean_m = self.overlap_m.get_or_insert(signals.overlap_m);
+            *mean_m += NEWER * (signals.overlap_m - *mean_m);
+        }
     }
 }
 
@@ -270,7 +317,14 @@ mod tests {
     /// Regions in a row, 10 m each, of which a step takes so long.
     fn row(count: u32, step_ms: f64) -> Vec<RegionState> {
         let cell = |k: f64| Cell { min: [10.0 * k, -5.0, -5.0], max: [10.0 * k + 10.0, 5.0, 5.0] };
-        (0..count).map(|k| RegionState { id: RegionId(k), cell: cell(f64::from(k)), step_ms }).collect()
+        (0..count)
+            .map(|k| RegionState {
+                id: RegionId(k),
+                cell: cell(f64::from(k)),
+                step_ms,
+                signals: Signals::default(),
+            })
+            .collect()
     }
 
     fn governor(fidelity: Fidelity) -> Governor {
@@ -281,7 +335,7 @@ mod tests {
 
     fn rates_after(governor: &mut Governor, regions: &[RegionState], ticks: u64) -> Vec<u8> {
         (0..ticks)
-            .map(|_| governor.rates(regions))
+            .map(|_| governor.rates(regions, 1.0 / 60.0))
             .last()
             .unwrap()
             .into_iter()
@@ -311,7 +365,7 @@ mod tests {
         let regions = row(4, 1.0);
         let mut fine = Vec::new();
         for tick in 0..4_000 {
-            let rates = governor.rates(&regions);
+            let rates = governor.rates(&regions, 1.0 / 60.0);
             for &(id, rate) in &rates {
                 // The second region that is not seen errs at its lowest rate.
                 governor.note_error(id, if id == RegionId(3) && rate == 4 { 0.5 } else { 0.01 });
@@ -320,10 +374,38 @@ mod tests {
                 fine.push(tick);
             }
         }
-        let rates: Vec<_> = governor.rates(&regions).into_iter().map(|(_, rate)| rate).collect();
+        let rates: Vec<_> = governor.rates(&regions, 1.0 / 60.0).into_iter().map(|(_, rate)| rate).collect();
         assert_eq!(rates[..3], [1, 4, 4]);
         let returns = fine.windows(2).filter(|two| two[1] > two[0] + 1).count();
         assert!((2..8).contains(&returns), "{returns} returns to the lowest rate in 4,000 ticks");
+    }
+
+    #[test]
+    fn what_spins_is_stepped_so_often_that_it_turns_by_a_radian_at_most() {
+        for (spin_rad_s, rate) in [(10.0, 4), (14.0, 4), (20.0, 2), (29.0, 2), (31.0, 1), (200.0, 1)] {
+            let mut governor = governor(Fidelity::AUTO);
+            let mut regions = row(3, 1.0);
+            regions[2].signals.spin_rad_s = spin_rad_s;
+            assert_eq!(rates_after(&mut governor, &regions, 200), [1, 4, rate], "{spin_rad_s} rad/s");
+            // When it comes to spin faster it is stepped more often.
+            regions[1].signals.spin_rad_s = 40.0;
+            assert_eq!(rates_after(&mut governor, &regions, 40)[1], 1);
+        }
+    }
+
+    #[test]
+    fn what_overlaps_more_than_at_full_rate_becomes_finer() {
+        let mut governor = governor(Fidelity::Tolerance { m_s: 0.3 });
+        let mut regions = row(3, 1.0);
+        // As deep at any rate is no fault of the rate.
+        regions[1].signals.overlap_m = 0.5;
+        regions[2].signals.overlap_m = 0.01;
+        assert_eq!(rates_after(&mut governor, &regions, 200), [1, 4, 4]);
+        // By 0.3 m/s in four ticks: 20 mm.
+        regions[2].signals.overlap_m = 0.029;
+        assert_eq!(rates_after(&mut governor, &regions, 100)[2], 4);
+        regions[2].signals.overlap_m = 0.031;
+        assert!(rates_after(&mut governor, &regions, 100)[2] < 4);
     }
 
     #[test]

@@ -23,8 +23,8 @@ pub(super) struct Auditing {
     place: usize,
     /// Of so many ticks' step.
     span: u8,
-    /// The part of all bodies that do not fly alone.
-    share: f32,
+    /// Where it is one of all: see [`RegionHost::audit_all`]. Otherwise the part of all bodies that do not fly alone.
+    share: Option<f32>,
     audit: Audit,
 }
 
@@ -51,11 +51,19 @@ impl RegionHost {
         }
     }
 
-    /// Sets the part of the time that audits may take; without end, every island is audited in every tick: see [`RegionHost::true_error_m_s`].
+    /// Sets the part of the time that audits may take.
     #[doc(hidden)]
     pub fn set_audited(&mut self, part: f64) {
         if let Some(governor) = &mut self.governor {
             governor.set_audited(part);
+        }
+    }
+
+    /// Audits every island in every tick, beside those by which levels are chosen: see [`RegionHost::true_error_m_s`].
+    #[doc(hidden)]
+    pub fn audit_all(&mut self) {
+        if let Some(governor) = &mut self.governor {
+            governor.audit_all();
         }
     }
 
@@ -72,8 +80,9 @@ impl RegionHost {
             id: side.region.id(),
             cell: *side.region.cell(),
             step_ms: side.region.mean_step_us() * 1e-3,
+            signals: side.region.signals(),
         });
-        let rates = governor.rates(&states.collect::<Vec<_>>());
+        let rates = governor.rates(&states.collect::<Vec<_>>(), self.settings.dt_s);
         for (side, (_, rate)) in self.sides.iter_mut().zip(rates) {
             side.clock.rate = rate;
         }
@@ -81,21 +90,25 @@ impl RegionHost {
         let due = |side: &&mut Side| (self.tick.0 + side.region.rank() as u64).is_multiple_of(REFINE_TICKS);
         self.sides.iter_mut().filter(due).for_each(|side| side.region.refine());
         self.schedule();
-        self.audited()
+        for side in self.sides.iter_mut().filter(|side| side.steps_now()) {
+            side.region.foresee(side.clock.span);
+        }
+        let mut begun = Vec::new();
+        if self.governor.as_ref().is_some_and(Governor::audits_all) {
+            begun.extend((0..self.sides.len()).flat_map(|place| self.audits(place)));
+        }
+        begun.extend(self.sample());
+        begun
     }
 
-    /// Begins to audit the island of a body that is chosen at random, when the last audit is paid for; of every body, when that is asked for.
-    fn audited(&mut self) -> Vec<Auditing> {
+    /// Begins to audit the island of a body that is chosen at random, when the last audit is paid for.
+    fn sample(&mut self) -> Option<Auditing> {
         let work = |side: &Side| {
             if side.steps_now() { side.region.physics().islands.num_active_bodies() } else { 0 }
         };
         let work: usize = self.sides.iter().map(work).sum();
-        let Some(governor) = &mut self.governor else { return Vec::new() };
-        if governor.is_thorough() {
-            return (0..self.sides.len()).flat_map(|place| self.audits(place)).collect();
-        }
-        if !governor.earn(work) {
-            return Vec::new();
+        if !self.governor.as_mut()?.earn(work) {
+            return None;
         }
         let awake = |side: &Side| -> Vec<_> {
             if side.steps_now() {
@@ -110,7 +123,7 @@ impl RegionHost {
         let weight = |place: usize| (awake[place].len() * usize::from(self.sides[place].clock.span)) as u64;
         let total: u64 = (0..awake.len()).map(weight).sum();
         if total == 0 {
-            return Vec::new();
+            return None;
         }
         let mut random = mixed(self.tick.0 + 1);
         let mut draw = || {
@@ -130,21 +143,15 @@ impl RegionHost {
         let held: Vec<_> = drawn.iter().filter(is_held).collect();
         let share = held.len() as f32 / DRAWS as f32;
         let auditing = held.first().and_then(|&&(place, body)| self.audit(place, body));
-        let Some(governor) = &mut self.governor else { return Vec::new() };
+        let governor = self.governor.as_mut()?;
         // To gather all awake bodies and to draw costs something, whatever comes of it.
         let drawing = DRAWING + work as f64 * GATHERING;
         governor.pay(drawing + auditing.as_ref().map_or(0.0, |auditing| auditing.audit.work()));
-        match auditing {
-            Some(auditing) => {
-                vec![Auditing { share, ..auditing }]
-            }
-            None if held.is_empty() => {
-                governor.note_error(self.sides[drawn[0].0].region.id(), 0.0);
-                Vec::new()
-            }
-            // What cannot be audited is not drawn again.
-            None => Vec::new(),
+        if held.is_empty() {
+            governor.note_error(self.sides[drawn[0].0].region.id(), 0.0);
         }
+        // What cannot be audited is not drawn again.
+        auditing.map(|auditing| Auditing { share: Some(share), ..auditing })
     }
 
     /// Begins to audit all islands of the region in this place.
@@ -170,7 +177,7 @@ impl RegionHost {
             ..self.settings.integration
         });
         let audit = Audit::begin(region, seed, clock.span, &parameters)?;
-        Some(Auditing { place, span: clock.span, share: 1.0, audit })
+        Some(Auditing { place, span: clock.span, share: None, audit })
     }
 
     /// Notes what the tick's steps took, and concludes its audits.
@@ -181,17 +188,17 @@ impl RegionHost {
             let iterations = side.clock.iterations(per_tick) as f64 / per_tick as f64;
             governor.note_step(side.region.last_step().as_secs_f64() * 1e3, side.clock.span, iterations);
         }
-        let is_thorough = governor.is_thorough();
         let (mut sum, mut weight) = (0.0, 0.0);
         for Auditing { place, span, share, audit } in all {
             let region = &self.sides[place].region;
             let bodies = audit.len() as f64;
             let Some(error_m_s) = audit.finish(region) else { continue };
-            if is_thorough {
-                sum += f64::from(error_m_s) * f64::from(span) * bodies;
-                weight += f64::from(span) * bodies;
-            } else {
-                governor.note_error(region.id(), share * error_m_s);
+            match share {
+                Some(share) => governor.note_error(region.id(), share * error_m_s),
+                None => {
+                    sum += f64::from(error_m_s) * f64::from(span) * bodies;
+                    weight += f64::from(span) * bodies;
+                }
             }
         }
         governor.note_all(sum, weight);

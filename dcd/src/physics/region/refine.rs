@@ -2,6 +2,7 @@
 //! are tied to has as many; and contacts are stiffer in the region, since what a soft one gives way grows with the load.
 
 use rapier3d::prelude::*;
+use serde::{Deserialize, Serialize};
 
 use super::{Ownership, Region};
 
@@ -12,6 +13,20 @@ const EXTRA: usize = 16;
 /// Contacts of a region with such bodies have so many times the natural frequency, and sag by the square of that less. With Rapier's 30 Hz and 4
 /// iterations of 1/60 s it is 0.3 of the frequency of the iterations; they shake from half of it on.
 const STIFFER: f32 = 2.4;
+/// In a step of several ticks bodies meet what they would come to touch within it, up to so far away, metres: otherwise they would be found
+/// inside of one another after it.
+const FORESEEN_M: f32 = 1.0;
+/// The spin that tells is the one that so many of the bodies exceed.
+const SPINNING: usize = 10;
+
+/// Tells how a region bears the length of its steps.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+pub(in crate::physics) struct Signals {
+    /// The mean of the awake bodies' deepest overlaps, metres.
+    pub overlap_m: f32,
+    /// The spin that a tenth of the awake bodies exceed, rad/s.
+    pub spin_rad_s: f32,
+}
 
 impl Region {
     /// Gives more iterations to the awake bodies that touch, or are tied to, bodies much heavier or lighter, and takes them from those that
@@ -27,13 +42,55 @@ impl Region {
                 self.world.bodies[handle].set_additional_solver_iterations(wanted);
             }
         }
+        self.signals = self.look();
+    }
+
+    /// Returns what the last look found.
+    pub(in crate::physics) fn signals(&self) -> Signals {
+        self.signals
+    }
+
+    /// Has awake bodies meet in time what they touch in a step of so many ticks.
+    pub(in crate::physics) fn foresee(&mut self, ticks: u8) {
+        let least_m = if ticks > 1 { FORESEEN_M } else { 0.0 };
+        let awake: Vec<_> = self.world.islands.active_bodies().collect();
+        for handle in awake {
+            let wanted_m = self.slot(handle).traits.soft_ccd_m.max(least_m);
+            if self.world.bodies[handle].soft_ccd_prediction() != wanted_m {
+                self.world.bodies[handle].set_soft_ccd_prediction(wanted_m);
+            }
+        }
+    }
+
+    fn look(&self) -> Signals {
+        let bodies = &self.world.bodies;
+        let (mut overlap_m, mut spins) = (0.0, Vec::new());
+        for handle in self.world.islands.active_bodies() {
+            let pairs = bodies[handle]
+                .colliders()
+                .iter()
+                .flat_map(|&collider| self.world.narrow_phase.contact_pairs_with(collider));
+            let dist_m =
+                pairs.filter_map(|pair| pair.find_deepest_contact()).map(|(_, contact)| contact.dist);
+            overlap_m += dist_m.fold(0.0, |deepest: f32, dist_m| deepest.max(-dist_m));
+            spins.push(bodies[handle].angvel().length());
+        }
+        let count = spins.len();
+        if count == 0 {
+            return Signals::default();
+        }
+        let (_, spin_rad_s, _) = spins.select_nth_unstable_by(count - 1 - count / SPINNING, f32::total_cmp);
+        Signals { overlap_m: overlap_m / count as f32, spin_rad_s: *spin_rad_s }
     }
 
     /// Gives a body the iterations that its user gave it, to be seen by its user; [`Region::refine`] gives it more again.
     pub(in crate::physics) fn unrefine(&mut self, handle: RigidBodyHandle) {
-        let own = self.own_iterations(handle);
-        if self.world.bodies[handle].additional_solver_iterations() != own {
-            self.world.bodies[handle].set_additional_solver_iterations(own);
+        let (own, own_m) = (self.own_iterations(handle), self.slot(handle).traits.soft_ccd_m);
+        let body = &self.world.bodies[handle];
+        if body.additional_solver_iterations() != own || body.soft_ccd_prediction() != own_m {
+            let body = &mut self.world.bodies[handle];
+            body.set_additional_solver_iterations(own);
+            body.set_soft_ccd_prediction(own_m);
         }
     }
 

@@ -472,7 +472,8 @@ typedef struct DcdParticipantDef {
     const char *record_path;
 } DcdParticipantDef;
 
-// A body. 0 is null. An id is never given again, so that of a destroyed body stays stale for ever; an id of another world
+// A body. 0 is null. An id is never given again, so that of a destroyed body stays stale for ever, unless dcd_checkpoint_restore
+// goes back to before it was given; an id of another world
 // is stale in this one. A body has one id for as long as the world's handle lives, whoever owns it; other processes, and
 // later handles of the same world, know it by other ids.
 typedef struct DcdBodyId {
@@ -980,7 +981,7 @@ typedef struct DcdJointDef {
     uint64_t user_data;
 } DcdJointDef;
 
-// A joint. 0 is null; an id is never given again.
+// A joint. 0 is null; an id is never given again, but after dcd_checkpoint_restore as for bodies.
 typedef struct DcdJointId {
     // Opaque.
     uint64_t v;
@@ -1837,6 +1838,12 @@ typedef struct DcdProfile {
     // Joints, awake or not.
     uint64_t joints;
 } DcdProfile;
+
+// A local world as it was between two steps. 0 is null; an id is never given again.
+typedef struct DcdCheckpointId {
+    // Opaque.
+    uint64_t v;
+} DcdCheckpointId;
 
 // The force and torque on a body in every step, in world axes.
 typedef struct DcdForce {
@@ -3411,6 +3418,36 @@ DCD_API
 DcdStatus dcd_profile(DcdWorld world,
                       DcdProfile *out);
 
+// Keeps a local world in memory as it is now, to go back to: for rollback, where a game computes some ticks again with inputs that
+// came late. `out` is the checkpoint; dcd_checkpoint_destroy frees it, dcd_world_destroy all of its world.
+//
+// Little is copied here: the next step copies the regions that it changes, each on its own thread, and none that rests. A checkpoint
+// takes as much memory as what has changed since.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED for a served world, which dcd_snapshot_save_file saves.
+DCD_API
+DcdStatus dcd_checkpoint_create(DcdWorld world,
+                                DcdCheckpointId *out);
+
+// Keeps the world anew as it is now, in place of what the checkpoint kept before: a game of rollback has one per tick that it may go
+// back, and uses them in turn. Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID.
+DCD_API
+DcdStatus dcd_checkpoint_save(DcdWorld world,
+                              DcdCheckpointId checkpoint);
+
+// Goes back to a checkpoint of this world, as often as wanted; from there it goes on to the same bits. All is as it was then:
+// bodies, joints, regions, settings, dcd_state_view and dcd_events. Threads, shapes and hooks stay as they are now, and so
+// do other checkpoints, later ones too. A recording of the world goes on from here.
+//
+// Ids of bodies and joints that were given since are given again, in the same order, so that computing a tick again gives the same
+// ones: forget those that you have.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, also for a checkpoint of another world.
+DCD_API
+DcdStatus dcd_checkpoint_restore(DcdWorld world,
+                                 DcdCheckpointId checkpoint);
+
+// Destroys a checkpoint; its world stays as it is. Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (also when destroyed twice).
+DCD_API DcdStatus dcd_checkpoint_destroy(DcdWorld world, DcdCheckpointId checkpoint);
+
 // Begins to record a local world to a file: a snapshot of it as it is now, what is done to it from now on, and a digest of each region
 // after each step. `dcd replay FILE` computes it again from that, bit for bit, `dcd diff` finds where two recordings differ. A thread
 // of the library writes the file; what a crash loses is the last tenth of a second. A recording that was going on ends. Nodes and
@@ -4213,6 +4250,8 @@ DCD_ASSERT_(offsetof(DcdOverlap, user_data) == 8);
 DCD_ASSERT_(offsetof(DcdOverlap, collider) == 16);
 DCD_ASSERT_(offsetof(DcdOverlap, reserved) == 20);
 DCD_ASSERT_(offsetof(DcdOverlap, material) == 24);
+DCD_ASSERT_(sizeof(DcdCheckpointId) == 8);
+DCD_ASSERT_(offsetof(DcdCheckpointId, v) == 0);
 DCD_ASSERT_(sizeof(DcdQueryId) == 8);
 DCD_ASSERT_(offsetof(DcdQueryId, v) == 0);
 DCD_ASSERT_(sizeof(DcdRegionInfo) == 64);

@@ -60,6 +60,7 @@
 DCD_ID_(DcdBodyId)
 DCD_ID_(DcdShapeId)
 DCD_ID_(DcdJointId)
+DCD_ID_(DcdCheckpointId)
 DCD_ID_(DcdQueryId)
 DCD_ID_(DcdConnectionId)
 #undef DCD_ID_
@@ -69,6 +70,7 @@ namespace dcd {
 using BodyId = DcdBodyId;
 using ShapeId = DcdShapeId;
 using JointId = DcdJointId;
+using CheckpointId = DcdCheckpointId;
 using QueryId = DcdQueryId;
 using ConnectionId = DcdConnectionId;
 using Pose = DcdPose;
@@ -424,6 +426,17 @@ public:
         return Status(dcd_snapshot_load(world_, data.data(), data.size()));
     }
     Status snapshot_save_file(const char *path) const { return Status(dcd_snapshot_save_file(world_, path)); }
+    /* Rollback: keeps a local world in memory, and goes back to it. */
+    Result<DcdCheckpointId> checkpoint_create() const
+    {
+        return got<DcdCheckpointId>([&](DcdCheckpointId *out) { return dcd_checkpoint_create(world_, out); });
+    }
+    Status checkpoint_save(DcdCheckpointId checkpoint) const { return Status(dcd_checkpoint_save(world_, checkpoint)); }
+    Status checkpoint_restore(DcdCheckpointId checkpoint) { return Status(dcd_checkpoint_restore(world_, checkpoint)); }
+    Status checkpoint_destroy(DcdCheckpointId checkpoint) const
+    {
+        return Status(dcd_checkpoint_destroy(world_, checkpoint));
+    }
     Status gltf_save_file(const char *path) const { return Status(dcd_gltf_save_file(world_, path)); }
     Status snapshot_load_file(const char *path) { return Status(dcd_snapshot_load_file(world_, path)); }
     Status record(const char *path) { return Status(dcd_record(world_, path)); }

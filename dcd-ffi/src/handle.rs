@@ -6,7 +6,7 @@ use dcd::query::ShapeHash;
 use dcd::runtime::ConnectionId;
 use dcd::space::{BodyId, JointId};
 
-use crate::ids::{DcdBodyId, DcdConnectionId, DcdJointId, DcdQueryId, DcdShapeId};
+use crate::ids::{DcdBodyId, DcdCheckpointId, DcdConnectionId, DcdJointId, DcdQueryId, DcdShapeId};
 use crate::status::{DCD_ERR_NULL, DCD_ERR_STALE_ID, Failure};
 
 /// Things by index and generation: the generation grows when a place is used again.
@@ -135,6 +135,14 @@ impl Mark {
 
     pub(crate) fn shape(self, slot: u64) -> DcdShapeId {
         DcdShapeId { v: self.mix(slot) }
+    }
+
+    pub(crate) fn checkpoint(self, slot: u64) -> DcdCheckpointId {
+        DcdCheckpointId { v: self.mix(slot) }
+    }
+
+    pub(crate) fn checkpoint_slot(self, checkpoint: DcdCheckpointId) -> Result<u64, Failure> {
+        Ok(self.mix(not_null(checkpoint.v, "checkpoint")?))
     }
 
     pub(crate) fn query(self, slot: u64) -> DcdQueryId {

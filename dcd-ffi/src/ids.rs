@@ -8,7 +8,8 @@ pub struct DcdWorld {
     pub v: u64,
 }
 
-/// A body. 0 is null. An id is never given again, so that of a destroyed body stays stale for ever; an id of another world
+/// A body. 0 is null. An id is never given again, so that of a destroyed body stays stale for ever, unless dcd_checkpoint_restore
+/// goes back to before it was given; an id of another world
 /// is stale in this one. A body has one id for as long as the world's handle lives, whoever owns it; other processes, and
 /// later handles of the same world, know it by other ids.
 #[repr(C)]
@@ -26,7 +27,7 @@ pub struct DcdShapeId {
     pub v: u64,
 }
 
-/// A joint. 0 is null; an id is never given again.
+/// A joint. 0 is null; an id is never given again, but after dcd_checkpoint_restore as for bodies.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DcdJointId {
@@ -38,6 +39,14 @@ pub struct DcdJointId {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DcdConnectionId {
+    /// Opaque.
+    pub v: u64,
+}
+
+/// A local world as it was between two steps. 0 is null; an id is never given again.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct DcdCheckpointId {
     /// Opaque.
     pub v: u64,
 }

@@ -93,6 +93,7 @@ pub mod stats;
 
 pub mod profile;
 
+pub mod checkpoint;
 pub mod record;
 pub mod snapshot;
 

@@ -146,6 +146,7 @@ impl From<WorldError> for Failure {
             | WorldError::Setting { .. }
             | WorldError::TooFast { .. }
             | WorldError::NoVehicle(_)
+            | WorldError::OtherWorld
             | WorldError::NoCollider { .. } => DCD_ERR_ARGUMENT,
         };
         // Those that DcdWorldDef calls otherwise.

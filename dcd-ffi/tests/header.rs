@@ -187,6 +187,7 @@ fn layouts() -> Vec<Layout> {
         DcdShapeQuery { shape, pose, exclude, mask, reserved }
         DcdBoxQuery { min, max, exclude, mask, reserved }
         DcdOverlap { body, user_data, collider, reserved, material }
+        DcdCheckpointId { v }
         DcdQueryId { v }
         DcdRegionInfo { region, bodies, replicas, node, min, max }
         DcdOwner { struct_size, region, node, holders, flags }

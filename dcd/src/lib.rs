@@ -105,7 +105,7 @@ pub use protocol::{
     WorldPose,
 };
 #[cfg(feature = "physics")]
-pub use runtime::{Choice, JointOverload, Partitioning, Stats, Why, WorldConfig};
+pub use runtime::{Checkpoint, Choice, JointOverload, Partitioning, Stats, Why, WorldConfig};
 #[cfg(feature = "physics")]
 pub use scene::{Params, Scene};
 pub use space::{

@@ -381,6 +381,7 @@ fn every_public_type_can_be_printed_and_passes_between_threads() {
         dcd::Cell,
         dcd::Character,
         dcd::CharacterHit,
+        dcd::Checkpoint,
         dcd::Choice,
         dcd::ClientId,
         dcd::ColliderId,

@@ -5,6 +5,8 @@
  *   calls step BODIES STEPS            ms a step of a pile, the median
  *   calls viewed BODIES STEPS          the same with the view; a program of its own, as the second world of a program
  *                                      steps some percent slower than its first, seen or not
+ *   calls rollback BODIES REPEATS      ms to keep a pile by a checkpoint, to go back to it, and that the next step takes longer
+ *                                      for it, in which what was shared is copied; medians
  *   calls connect SERVER TOKEN         ms until a client has the first state of a served world */
 #define _POSIX_C_SOURCE 200809L
 
@@ -157,6 +159,53 @@ static double median_step_ms(size_t bodies, size_t steps, bool viewed)
     return median;
 }
 
+/* A game of rollback at its worst: everything moves, and each tick is kept and computed once more. */
+static void rolling_back(size_t bodies, size_t repeats)
+{
+    enum { PLAIN, SAVE, STEP_SAVED, RESTORE, STEP_RESTORED, PARTS };
+    char n[32];
+    const char *params[1] = { n };
+    DcdWorldDef def = DCD_WORLD_DEF_INIT;
+    DcdWorld world;
+    DcdCheckpointId checkpoint;
+    double median[PARTS], *times[PARTS];
+    snprintf(n, sizeof n, "n=%zu", bodies);
+    def.regions = 1;
+    def.threads = 1;
+    check(dcd_world_open_scene("pile", params, 1, &def, &world));
+    check(dcd_checkpoint_create(world, &checkpoint));
+    for (size_t i = 0; i < WARM_UP; i++) {
+        check(dcd_step(world));
+    }
+    for (int part = 0; part < PARTS; part++) {
+        times[part] = allocate(repeats, sizeof **times);
+    }
+    for (size_t i = 0; i < repeats; i++) {
+        for (int part = 0; part < PARTS; part++) {
+            const double start = now_ns();
+            if (part == SAVE) {
+                check(dcd_checkpoint_save(world, checkpoint));
+            } else if (part == RESTORE) {
+                check(dcd_checkpoint_restore(world, checkpoint));
+            } else {
+                check(dcd_step(world));
+            }
+            times[part][i] = (now_ns() - start) / 1e6;
+        }
+    }
+    for (int part = 0; part < PARTS; part++) {
+        qsort(times[part], repeats, sizeof **times, by_value);
+        median[part] = times[part][repeats / 2];
+        free(times[part]);
+    }
+    check(dcd_world_destroy(world));
+    printf("step_ms %.4f\n", median[PLAIN]);
+    printf("save_ms %.4f\n", median[SAVE]);
+    printf("copy_ms %.4f\n", median[STEP_SAVED] - median[PLAIN]);
+    printf("restore_ms %.4f\n", median[RESTORE]);
+    printf("copy_again_ms %.4f\n", median[STEP_RESTORED] - median[PLAIN]);
+}
+
 static void connecting(const char *server, const char *token)
 {
     DcdClientDef def = DCD_CLIENT_DEF_INIT;
@@ -182,10 +231,12 @@ int main(int argc, char **argv)
     } else if (argc == 4 && (strcmp(argv[1], "step") == 0 || strcmp(argv[1], "viewed") == 0)) {
         const size_t bodies = strtoul(argv[2], NULL, 10), steps = strtoul(argv[3], NULL, 10);
         printf("step_ms %.6f\n", median_step_ms(bodies, steps, strcmp(argv[1], "viewed") == 0));
+    } else if (argc == 4 && strcmp(argv[1], "rollback") == 0) {
+        rolling_back(strtoul(argv[2], NULL, 10), strtoul(argv[3], NULL, 10));
     } else if (argc == 4 && strcmp(argv[1], "connect") == 0) {
         connecting(argv[2], argv[3]);
     } else {
-        fprintf(stderr, "usage: calls read BODIES REPEATS | step|viewed BODIES STEPS | connect SERVER TOKEN\n");
+        fprintf(stderr, "usage: calls read|rollback BODIES REPEATS | step|viewed BODIES STEPS | connect SERVER TOKEN\n");
         return EXIT_FAILURE;
     }
     return EXIT_SUCCESS;

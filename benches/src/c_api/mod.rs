@@ -111,6 +111,18 @@ impl CApi {
         rows.push(Row::new("what dcd_step adds to a step of 1,000 bodies", added(c), "%", 1.0));
         rows.push(Row::new("the same with the view", added(viewed), "%", None));
 
+        for (bodies, goal) in [(2_000, 1.0), (20_000, 10.0)] {
+            let said = calls.said(&["rollback", &bodies.to_string(), &(rounds * 9).to_string()])?;
+            for (what, name, goal) in [
+                ("kept by a checkpoint", "save_ms", Some(goal)),
+                ("gone back to", "restore_ms", Some(goal)),
+                ("copied by the step after keeping", "copy_ms", None),
+                ("copied by the step after going back", "copy_again_ms", None),
+            ] {
+                rows.push(Row::new(&format!("{bodies} bodies in a pile, {what}"), said[name], "ms", goal));
+            }
+        }
+
         let joined = join_ms(&calls, joins, &work)?;
         rows.push(Row::new("from dcd_client_connect to the first state", joined, "ms", 50.0));
 

@@ -6,7 +6,7 @@ use std::cell::RefCell;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use dcd::{BodyId, World as Dcd};
+use dcd::{BodyId, Checkpoint, World as Dcd};
 use rapier3d::prelude::SharedShape;
 
 use crate::callback::check_outside;
@@ -28,6 +28,7 @@ pub(crate) struct World {
     pub shown: ShownArrays,
     pub events: EventBuffers,
     pub queries: OpenQueries,
+    pub checkpoints: Slots<Checkpoint>,
     pub user_data: u64,
 }
 
@@ -97,6 +98,7 @@ pub(crate) fn add(dcd: Dcd, user_data: u64) -> DcdWorld {
         shown: ShownArrays::default(),
         events: EventBuffers::default(),
         queries: OpenQueries::new(),
+        checkpoints: Slots::new(),
         user_data,
     };
     let handle = DcdWorld { v: worlds().insert(Arc::new(Cell::new(world))) };

@@ -12,11 +12,10 @@ use crate::protocol::{ColliderRecord, ContactForce, ContactKey, RegionEvents, To
 use crate::space::BodyId;
 
 /// The contact listener: Rapier's event handler for one region.
-#[derive(Default, Serialize, Deserialize)]
+#[derive(Clone, Default, Serialize, Deserialize)]
 pub(super) struct ContactListener {
-    /// Only the stepping thread locks it; Rapier asks for a handler that can be shared.
     #[serde(skip)]
-    heard: Mutex<Heard>,
+    heard: Ear,
     /// By Rapier's collider index.
     names: Vec<Option<Name>>,
     /// Each with whether one of the two is a sensor.
@@ -35,6 +34,17 @@ struct Name {
     of: (BodyId, u16),
     /// The force above which its contacts are reported, newtons; infinite for never.
     threshold_n: f32,
+}
+
+/// What is heard in the present step; nothing between steps. Only the stepping thread locks it; Rapier asks for a handler that can be
+/// shared.
+#[derive(Default)]
+struct Ear(Mutex<Heard>);
+
+impl Clone for Ear {
+    fn clone(&self) -> Self {
+        Self::default()
+    }
 }
 
 #[derive(Default)]
@@ -113,7 +123,7 @@ impl ContactListener {
     /// Appends everything recorded since the last call to `events`, by body ids; forces count for this part of a tick.
     pub(super) fn drain(&mut self, anchor: [f64; 3], part: f32, events: &mut RegionEvents) {
         events.touches.extend(self.lost.drain(..).map(|(key, sensor)| end_of(key, sensor)));
-        let heard = std::mem::take(self.heard.get_mut().expect("a region steps on one thread at a time"));
+        let heard = std::mem::take(self.heard.0.get_mut().expect("a region steps on one thread at a time"));
         for raw in heard.touches {
             let Some((key, swapped)) = self.key(raw.colliders) else { continue };
             if raw.began {
@@ -207,7 +217,7 @@ impl EventHandler for ContactListener {
                 touch.speed = (velocity(a) - velocity(b)).dot(touch.normal).max(0.0);
             }
         }
-        self.heard.lock().expect("no thread panics while it holds the lock").touches.push(touch);
+        self.heard.0.lock().expect("no thread panics while it holds the lock").touches.push(touch);
     }
 
     fn handle_contact_force_event(
@@ -223,7 +233,7 @@ impl EventHandler for ContactListener {
             force: pair.total_impulse() / dt,
             magnitude,
         };
-        self.heard.lock().expect("no thread panics while it holds the lock").forces.push(force);
+        self.heard.0.lock().expect("no thread panics while it holds the lock").forces.push(force);
     }
 
     fn handle_soft_body_tear_event(&self, _soft_bodies: &SoftBodySet, _event: &SoftBodyTearEvent) {}

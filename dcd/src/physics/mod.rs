@@ -40,7 +40,6 @@ pub use control::{CharacterHit, CharacterMove, ControlError, VehicleController};
 pub use extent::BodyExtent;
 pub use fidelity::{Fidelity, FidelityReport};
 pub use hooks::{ContactHooks, HookedPair};
-#[cfg(feature = "net")]
 pub(crate) use host::Checkpoint;
 pub use host::{BorderView, HostError, Inconsistency, RegionHost};
 pub use joints::joint_record;

@@ -9,7 +9,7 @@ use crate::protocol::BorderMessage;
 use crate::space::{RegionId, Tick};
 
 /// The messages of one region: one to each region that it has something to send to.
-#[derive(Default, Serialize, Deserialize)]
+#[derive(Clone, Default, Serialize, Deserialize)]
 pub(super) struct Outbox {
     from: RegionId,
     /// All regions by rank.

@@ -9,7 +9,7 @@ use super::convert;
 use crate::space::Bounds;
 
 /// The cached bounds of hulls, from which the AABB of a body is computed.
-#[derive(Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Outline {
     /// By index of the collider on its body; empty if none of them is a hull.
     hulls: Box<[Option<Hull>]>,

@@ -18,7 +18,7 @@ pub(super) struct Home {
 const DENSE: u32 = 1 << 20;
 
 /// The owner index. Low persistent ids are dense, so they index an array; the other bodies are few.
-#[derive(Default, Serialize, Deserialize)]
+#[derive(Clone, Default, Serialize, Deserialize)]
 pub(super) struct OwnerIndex {
     dense: Vec<Option<Home>>,
     sparse: BTreeMap<BodyId, Home>,

@@ -3,16 +3,17 @@
 mod assembly;
 mod change;
 mod characters;
-#[cfg(feature = "net")]
-mod checkpoint;
 mod contacts;
 mod contents;
+mod cow_world;
 mod floating_origin;
 mod kinematic_targets;
 mod mass_splitting;
 mod moved;
 mod place;
 mod profile;
+#[cfg(feature = "net")]
+mod put;
 mod read;
 mod refine;
 mod slot;
@@ -36,8 +37,7 @@ use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize, Serializer};
 
 use self::characters::Walking;
-#[cfg(feature = "net")]
-pub(super) use self::checkpoint::Checkpoint;
+use self::cow_world::CowWorld;
 use self::kinematic_targets::KinematicTargets;
 use self::ties::{HeldJoint, JointNews};
 use self::vehicles::Driving;
@@ -52,13 +52,13 @@ use crate::space::{BodyId, Bounds, Cell, JointId, RegionId, Tick};
 const COVER_M: f64 = 4.0 * HUB_REACH_M as f64;
 
 /// A leaf of the distribution tree with its Rapier world.
-#[derive(Serialize, Deserialize)]
+#[derive(Clone, Serialize, Deserialize)]
 pub struct Region {
     id: RegionId,
     rank: usize,
     cell: Cell,
     anchor: [f64; 3],
-    world: PhysicsWorld,
+    world: CowWorld,
     /// By Rapier's body index.
     slots: Vec<Option<Slot>>,
     /// For look-ups only: iteration goes by [`Region::links`], in id order. A map of one block leaves Rapier's own small
@@ -124,7 +124,7 @@ impl Region {
             rank,
             cell,
             anchor: convert::anchor_of(part.centre()),
-            world,
+            world: CowWorld::new(world),
             slots: Vec::new(),
             by_id: HashMap::new(),
             shared: Vec::new(),
@@ -328,6 +328,17 @@ impl Region {
     /// Returns the handle of a body, if it is held here.
     pub fn handle_of(&self, id: BodyId) -> Option<RigidBodyHandle> {
         self.by_id.get(&id).copied()
+    }
+
+    /// Makes the Rapier world one that the next copy of the region shares until it changes.
+    pub(super) fn share(&mut self) {
+        self.world.share();
+    }
+
+    /// Returns whether a copy of the region has its Rapier world still.
+    #[cfg(test)]
+    pub(crate) fn shares(&self, other: &Self) -> bool {
+        std::ptr::eq(self.physics(), other.physics())
     }
 
     pub(super) fn world_mut(&mut self) -> &mut PhysicsWorld {

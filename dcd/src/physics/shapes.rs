@@ -60,7 +60,7 @@ pub enum ShapeError {
 }
 
 /// The shapes of the process, each by the hash of its record.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub struct ShapeLibrary {
     shapes: BTreeMap<ShapeHash, (ShapeRecord, SharedShape)>,
 }

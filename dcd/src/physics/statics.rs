@@ -12,7 +12,7 @@ use crate::protocol::{BodyRecord, BodyTraits, JointRecord};
 use crate::space::{BodyId, Bounds, RegionSet};
 
 /// Every immovable body of the world, in id order.
-#[derive(Default, Serialize, Deserialize)]
+#[derive(Clone, Default, Serialize, Deserialize)]
 pub(super) struct Statics {
     bodies: Vec<(BodyRecord, Bounds)>,
 }

@@ -440,7 +440,7 @@ impl Predictor {
     fn go_back(&mut self, tick: Tick) -> Result<(), HostError> {
         self.checkpoints.truncate(self.checkpoints.partition_point(|checkpoint| checkpoint.tick() <= tick));
         if let Some(checkpoint) = self.checkpoints.back() {
-            self.host.restore(checkpoint);
+            self.host.restore(checkpoint)?;
             while self.host.tick() < tick {
                 self.compute()?;
             }

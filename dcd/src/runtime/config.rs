@@ -155,6 +155,11 @@ pub enum WorldError {
     /// No such joint.
     #[error("{0} is not in the world: it was removed, or one of its bodies was")]
     NoJoint(JointId),
+    /// A checkpoint of another world.
+    #[error(
+        "the checkpoint is of another world: go back to one that this world's own checkpoint() made, or move worlds by save() and reload()"
+    )]
+    OtherWorld,
     /// All ids are used up.
     #[error("the world has given all 4,294,967,295 body ids")]
     Full,

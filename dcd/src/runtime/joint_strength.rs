@@ -20,7 +20,7 @@ pub struct JointOverload {
 }
 
 /// The strengths of joints, and which of them were not strong enough in the last step.
-#[derive(Default, Serialize, Deserialize)]
+#[derive(Clone, Default, Serialize, Deserialize)]
 pub(super) struct Strengths {
     /// Newtons and newton metres.
     by_joint: BTreeMap<JointId, [f32; 2]>,

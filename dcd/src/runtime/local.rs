@@ -1,5 +1,6 @@
 //! Computes a whole world in this process: every region, on the threads of one machine.
 
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use rapier3d::prelude::*;
@@ -71,6 +72,8 @@ pub struct LocalWorld {
     pub(super) why: Why,
     pub(super) strengths: Strengths,
     pub(super) tape: Option<Box<Tape>>,
+    /// Its own, by which it knows its checkpoints.
+    pub(super) identity: Arc<()>,
 }
 
 impl LocalWorld {
@@ -103,6 +106,7 @@ impl LocalWorld {
             why,
             strengths: Strengths::default(),
             tape: None,
+            identity: Arc::default(),
         })
     }
 

@@ -79,4 +79,4 @@ pub use serve_config::{GroupConfig, ServeConfig};
 pub(crate) use server::SUSPENDED;
 #[cfg(feature = "net")]
 pub use server::{ServerProcess, ServerSummary};
-pub use snapshot::SnapshotError;
+pub use snapshot::{Checkpoint, SnapshotError};

@@ -253,6 +253,21 @@ mod tests {
     }
 
     #[test]
+    fn a_world_that_goes_back_to_a_checkpoint_is_repeated_with_what_it_did_before_and_after() {
+        let mut world = ragdolls(4);
+        let tape = Memory::default();
+        world.record(tape.clone()).unwrap();
+        world.step().unwrap();
+        let before = world.checkpoint();
+        play(&mut world);
+        world.rewind(&before).unwrap();
+        play(&mut world);
+        world.stop_recording().unwrap();
+        let bytes = tape.0.lock().unwrap().clone();
+        assert_eq!(checked(bytes, None), (181 * world.regions().len() as u64, None));
+    }
+
+    #[test]
     fn the_last_seconds_are_kept_and_replayed() {
         let mut world = ragdolls(2);
         // No time: a segment for each step.

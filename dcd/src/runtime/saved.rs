@@ -1,6 +1,7 @@
 //! Makes a local world of a served one that was saved, so that both have the same files, and back.
 
 use std::collections::BTreeMap;
+use std::sync::Arc;
 use std::time::Duration;
 
 use super::choice::Why;
@@ -42,6 +43,7 @@ pub(super) fn local_of(
     let (next_body, next_joint) = saved.next_ids;
     Ok(LocalWorld {
         tape: None,
+        identity: Arc::default(),
         host,
         ledger: ContactLedger::default(),
         events: WorldEvents::default(),

@@ -23,6 +23,7 @@ mod queries;
 mod recording;
 mod remote;
 mod role;
+mod rollback;
 #[cfg(feature = "net")]
 mod served;
 mod shapes;

@@ -1563,6 +1563,48 @@ static uint64_t tick_of(DcdWorld world)
     return info.tick;
 }
 
+/* What a game of rollback does: it keeps each of the last ticks, goes back and computes them again. */
+static void ticks_are_computed_again(void)
+{
+    enum { KEPT = 8, TICKS = 40 };
+    DcdWorldDef def = DCD_WORLD_DEF_INIT;
+    const char *params[] = { "n=60" };
+    DcdWorld world = { 0 };
+    DcdCheckpointId kept[KEPT];
+    uint64_t hashes[TICKS];
+    DcdStateView view = DCD_STATE_VIEW_INIT;
+    def.regions = 3;
+    OK(dcd_world_open_scene("pile", params, 1, &def, &world));
+    for (int i = 0; i < KEPT; i++) {
+        OK(dcd_checkpoint_create(world, &kept[i]));
+    }
+    for (int tick = 0; tick < TICKS; tick++) {
+        hashes[tick] = hash_of(world);
+        OK(dcd_checkpoint_save(world, kept[tick % KEPT]));
+        if (tick % 10 == 5) {
+            add(world, crate(world, 0.0, 20.0)); /* after what is kept: it is gone when that is gone back to */
+        }
+        OK(dcd_step(world));
+    }
+    uint64_t end = hash_of(world);
+    for (int turn = 0; turn < 2; turn++) {
+        OK(dcd_checkpoint_restore(world, kept[(TICKS - KEPT) % KEPT]));
+        OK(dcd_state_view(world, &view));
+        HOLDS(tick_of(world) == TICKS - KEPT && view.tick == TICKS - KEPT);
+        for (int tick = TICKS - KEPT; tick < TICKS; tick++) {
+            HOLDS(hash_of(world) == hashes[tick]);
+            OK(dcd_checkpoint_save(world, kept[tick % KEPT]));
+            if (tick % 10 == 5) {
+                add(world, crate(world, 0.0, 20.0));
+            }
+            OK(dcd_step(world));
+        }
+        HOLDS(hash_of(world) == end);
+    }
+    OK(dcd_checkpoint_destroy(world, kept[0]));
+    OK(dcd_world_destroy(world)); /* and the other checkpoints with it */
+}
+
 /* `path` is where a file may be written; it is left there. */
 static void snapshots_are_gone_back_to(const char *path)
 {
@@ -1742,6 +1784,7 @@ int main(int count, char **texts)
     rays_meet_what_the_filter_lets_through();
     shapes_and_points_find_bodies();
     millimetres_count_far_out();
+    ticks_are_computed_again();
     snapshots_are_gone_back_to(count > 1 ? texts[1] : "behaviour.dcd");
     recordings_are_written(count > 1 ? texts[1] : "behaviour");
     steps_go_on_in_the_background();

@@ -1072,6 +1072,38 @@ static void network(void)
     EXPECT(dcd_send(world, stranger, found, sizeof found, 0), DCD_ERR_STALE_ID);
 }
 
+static void checkpoints(void)
+{
+    const DcdCheckpointId none = { 0 };
+    DcdCheckpointId one = none, other = none;
+    DcdWorld world = make_world(2), stranger = make_world(1);
+    EXPECT(dcd_checkpoint_create(world, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_checkpoint_create(NO_WORLD, &one), DCD_ERR_NULL);
+    EXPECT(dcd_checkpoint_create(world, &one), DCD_OK);
+    EXPECT(dcd_checkpoint_create(stranger, &other), DCD_OK);
+    EXPECT(dcd_checkpoint_save(world, none), DCD_ERR_NULL);
+    EXPECT(dcd_checkpoint_save(world, other), DCD_ERR_STALE_ID);
+    EXPECT(dcd_checkpoint_save(NO_WORLD, one), DCD_ERR_NULL);
+    EXPECT(dcd_checkpoint_restore(world, none), DCD_ERR_NULL);
+    EXPECT(dcd_checkpoint_restore(world, other), DCD_ERR_STALE_ID);
+    EXPECT(dcd_checkpoint_restore(NO_WORLD, one), DCD_ERR_NULL);
+    EXPECT(dcd_checkpoint_destroy(world, none), DCD_ERR_NULL);
+    EXPECT(dcd_checkpoint_destroy(world, other), DCD_ERR_STALE_ID);
+    EXPECT(dcd_checkpoint_destroy(NO_WORLD, one), DCD_ERR_NULL);
+    /* A body that came since is gone, and its id is given to the next. */
+    DcdShapeId shape = make_box(world);
+    DcdBodyId late = make_body(world, shape, DCD_DYNAMIC, 5.0);
+    EXPECT(dcd_checkpoint_restore(world, one), DCD_OK);
+    EXPECT(dcd_body_destroy(world, late), DCD_ERR_STALE_ID);
+    HOLDS(make_body(world, shape, DCD_DYNAMIC, 5.0).v == late.v);
+    EXPECT(dcd_checkpoint_destroy(world, one), DCD_OK);
+    EXPECT(dcd_checkpoint_destroy(world, one), DCD_ERR_STALE_ID);
+    EXPECT(dcd_checkpoint_restore(world, one), DCD_ERR_STALE_ID);
+    EXPECT(dcd_world_destroy(stranger), DCD_OK);
+    EXPECT(dcd_checkpoint_restore(stranger, other), DCD_ERR_STALE_ID);
+    EXPECT(dcd_world_destroy(world), DCD_OK);
+}
+
 static void snapshots(void)
 {
     DcdWorld world = make_world(2);
@@ -1237,6 +1269,7 @@ int main(void)
     submitted_shapes();
     network();
     snapshots();
+    checkpoints();
     logging();
     threads();
     return checked();

@@ -467,6 +467,19 @@ static DcdStatus play(void)
         static char saved[1 << 20];
         static size_t size;
         saved[dice(sizeof saved)] ^= dice(4) == 0;
+        static DcdCheckpointId kept;
+        if (dice(2)) {
+            switch (dice(4)) {
+            case 0:
+                return dcd_checkpoint_create(world, &kept);
+            case 1:
+                return dcd_checkpoint_save(world, kept);
+            case 2:
+                return dcd_checkpoint_restore(world, kept);
+            default:
+                return dcd_checkpoint_destroy(world, kept);
+            }
+        }
         return dice(3) == 0 ? dcd_snapshot_save(world, saved, sizeof saved, &size) : dcd_snapshot_load(world, saved, size);
     }
     case 35: {

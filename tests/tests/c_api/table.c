@@ -401,6 +401,17 @@ CALL(dcd_snapshot_load) {
     (void)dcd_snapshot_save(s->world, saved, sizeof saved, &count);
     return dcd_snapshot_load(s->world, saved, count);
 }
+static DcdCheckpointId checkpoint;
+CALL(dcd_checkpoint_create) { return dcd_checkpoint_create(s->world, &checkpoint); }
+/* Without a checkpoint there is nothing to keep or to go back to. */
+#define ON_CHECKPOINT(name) \
+    CALL(name) { \
+        DcdStatus status = dcd_checkpoint_create(s->world, &checkpoint); \
+        return status == DCD_OK ? name(s->world, checkpoint) : status; \
+    }
+ON_CHECKPOINT(dcd_checkpoint_save)
+ON_CHECKPOINT(dcd_checkpoint_restore)
+ON_CHECKPOINT(dcd_checkpoint_destroy)
 static char path[600];
 CALL(dcd_snapshot_save_file) { return dcd_snapshot_save_file(s->world, path); }
 CALL(dcd_snapshot_load_file) {
@@ -441,6 +452,7 @@ CALL(dcd_world_destroy) {
     of(dcd_overlap_boxes_submit) of(dcd_query_poll_casts) of(dcd_query_poll_overlaps) \
     of(dcd_borders) of(dcd_body_owner) of(dcd_interest_set) of(dcd_bandwidth_set) of(dcd_prediction_set) of(dcd_prediction) of(dcd_stats) of(dcd_stats_text) of(dcd_state_hash) \
     of(dcd_snapshot_save) of(dcd_snapshot_load) of(dcd_snapshot_save_file) of(dcd_snapshot_load_file) \
+    of(dcd_checkpoint_create) of(dcd_checkpoint_save) of(dcd_checkpoint_restore) of(dcd_checkpoint_destroy) \
     of(dcd_record) of(dcd_record_last) of(dcd_record_keep) of(dcd_record_stop) \
     of(dcd_server_suspend) of(dcd_world_destroy)
 #define ENTRY(name) { #name, try_##name },

@@ -187,6 +187,13 @@ static void a_ball_breaks_a_tower()
     world.step_wait(60000000000u).expect();
     world.snapshot_load(saved).expect();
     HOLDS(*world.state_hash() == then);
+    const DcdCheckpointId checkpoint = *world.checkpoint_create();
+    world.step().expect();
+    HOLDS(*world.state_hash() != then);
+    world.checkpoint_restore(checkpoint).expect();
+    HOLDS(*world.state_hash() == then);
+    HOLDS(world.checkpoint_save(checkpoint) && world.checkpoint_destroy(checkpoint));
+    HOLDS(world.checkpoint_restore(checkpoint).code() == DCD_ERR_STALE_ID);
     HOLDS(!world.address() && world.address().status().code() == DCD_ERR_UNSUPPORTED);
 
     HOLDS(world.interest_set({ 0.0, 0.0, 0.0 }, 10.0));

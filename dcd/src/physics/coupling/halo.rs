@@ -20,7 +20,7 @@ const LONGEST_REST: u32 = 8;
 const SURPRISE_M_S: f32 = 10.0;
 
 /// A change of the regions that hold a body, or of its owner.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct HolderChange {
     link: BodyRef,
     holders: RegionSet,

@@ -32,7 +32,7 @@ const WALK_TICKS: u64 = 8;
 const TICKS_PER_HOP: u32 = 2;
 
 /// The islands that come near a border, as found last; kept for its memory.
-#[derive(Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Islands {
     /// By Rapier's body index: place in `found`, plus one; 0 for a body in no island.
     of: Vec<u32>,
@@ -48,7 +48,7 @@ pub(super) struct Islands {
 }
 
 /// An island: awake bodies that touch or are tied by joints, as far as this region sees them.
-#[derive(Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Island {
     /// Its bodies owned here.
     pub members: Vec<BodyRef>,

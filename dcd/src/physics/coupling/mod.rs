@@ -43,7 +43,7 @@ use crate::protocol::BorderMessage;
 use crate::space::{RegionId, RegionSet, Tick};
 
 /// A region with the state of its borders and the messages to its neighbours.
-#[derive(Serialize, Deserialize)]
+#[derive(Clone, Serialize, Deserialize)]
 pub(super) struct Side {
     pub region: Region,
     pub border: Border,
@@ -220,7 +220,7 @@ impl Coupling {
 }
 
 /// The state that a region keeps for its borders from one exchange to the next.
-#[derive(Default, Serialize, Deserialize)]
+#[derive(Clone, Default, Serialize, Deserialize)]
 pub(super) struct Border {
     /// The copies of each body that other regions hold too.
     shared: SharedBodies,

@@ -29,7 +29,7 @@ const LONGEST_REST: u32 = 8;
 const SURPRISE_M_S: f32 = 10.0;
 
 /// The lists of bodies near the border that a region sent and received, and the contacts predicted from them; kept from tick to tick.
-#[derive(Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct PredictedContacts {
     /// Bodies owned here near or beyond the border, in id order.
     pub near: Vec<Near>,

@@ -11,7 +11,7 @@ use crate::protocol::BodyKind;
 use crate::space::RegionSet;
 
 /// For each body, the regions with a body within `depth` hops of it; kept for its memory.
-#[derive(Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Reach {
     /// By Rapier's body index.
     marks: Vec<RegionSet>,

@@ -11,7 +11,7 @@ use crate::protocol::{Check, CopyState};
 use crate::space::{RegionSet, mixed};
 
 /// The members of a body that several regions hold, and the last states of its copies.
-#[derive(Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Shared {
     /// All regions that hold it as of the last exchange, this one too.
     pub members: RegionSet,
@@ -57,7 +57,7 @@ impl Shared {
 }
 
 /// The [`Shared`] state of each body that several regions hold, by Rapier's handle.
-#[derive(Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct SharedBodies {
     /// By Rapier's body index. An entry left of a removed body has another generation than its successor.
     of: Vec<Option<(RigidBodyHandle, Box<Shared>)>>,

@@ -1,42 +1,52 @@
-//! Goes back to a former tick, for who predicts: with the contacts as they were then, or with bodies put into other states.
+//! Goes back to a former tick: with all that the regions were then, or, for who predicts, with bodies put into other states.
 
-use super::{RegionHost, Side};
-use crate::physics::region;
+use super::threads::Threads;
+use super::{HostError, RegionHost};
+#[cfg(test)]
+use crate::physics::Region;
+#[cfg(feature = "net")]
 use crate::protocol::BodyState;
-use crate::space::{BodyId, Tick};
+#[cfg(feature = "net")]
+use crate::space::BodyId;
+use crate::space::Tick;
 
-/// What a host held after a tick. It can be restored as long as nothing was inserted, removed or changed since.
-pub(crate) struct Checkpoint {
-    tick: Tick,
-    regions: Vec<region::Checkpoint>,
-}
+/// What a host held between two ticks. The Rapier worlds in it are shared with the host until that changes them.
+pub(crate) struct Checkpoint(RegionHost);
 
 impl Checkpoint {
     /// Returns the tick after which it was made.
     pub(crate) fn tick(&self) -> Tick {
-        self.tick
+        self.0.tick
+    }
+
+    /// Returns the regions as they were.
+    #[cfg(test)]
+    pub(crate) fn regions(&self) -> impl Iterator<Item = &Region> {
+        self.0.regions()
     }
 }
 
 impl RegionHost {
     /// Returns what it holds now, after a whole tick.
-    pub(crate) fn checkpoint(&self) -> Checkpoint {
-        Checkpoint {
-            tick: self.tick,
-            regions: self.sides.iter().map(|side| side.region.checkpoint()).collect(),
-        }
+    pub(crate) fn checkpoint(&mut self) -> Checkpoint {
+        self.sides.iter_mut().for_each(|side| side.region.share());
+        let mut kept = self.clone();
+        kept.threads = Threads::default();
+        kept.set_hooks(None);
+        Checkpoint(kept)
     }
 
-    /// Goes back to what it held.
-    pub(crate) fn restore(&mut self, to: &Checkpoint) {
-        self.tick = to.tick;
-        for (Side { region, .. }, to) in self.sides.iter_mut().zip(&to.regions) {
-            region.restore(to);
-        }
+    /// Goes back to what it held, and keeps its threads and hooks.
+    pub(crate) fn restore(&mut self, to: &Checkpoint) -> Result<(), HostError> {
+        let mut host = to.0.clone();
+        host.serve_as(self)?;
+        *self = host;
+        Ok(())
     }
 
     /// Puts bodies held here into the states that they have after a tick, as if they had come into them by themselves, and goes on from
     /// that tick.
+    #[cfg(feature = "net")]
     pub(crate) fn put<'a>(&mut self, tick: Tick, states: impl Iterator<Item = (BodyId, &'a BodyState)>) {
         self.tick = tick;
         for (id, state) in states {
@@ -46,11 +56,11 @@ impl RegionHost {
     }
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "net"))]
 mod tests {
     use super::*;
     use crate::physics::{Partition, StepSettings};
-    use crate::protocol::{Drive, Velocity};
+    use crate::protocol::{BodyState, Drive, Velocity};
     use crate::scene::{Params, Scene};
     use crate::space::{BodyId, DistributionTree};
 
@@ -86,7 +96,7 @@ mod tests {
             (0..7).for_each(|_| host.step().unwrap());
             assert_ne!(states(&host), once, "{scene} moves");
             for _ in 0..2 {
-                host.restore(&checkpoint);
+                host.restore(&checkpoint).unwrap();
                 assert_eq!((host.tick(), checkpoint.tick()), (Tick(40), Tick(40)));
                 push(&mut host);
                 (0..30).for_each(|_| host.step().unwrap());

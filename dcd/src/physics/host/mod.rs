@@ -3,7 +3,6 @@
 
 mod borders;
 mod change;
-#[cfg(feature = "net")]
 mod checkpoint;
 mod fidelity;
 mod giants;
@@ -18,7 +17,6 @@ mod threads;
 mod validate;
 
 pub use self::borders::BorderView;
-#[cfg(feature = "net")]
 pub(crate) use self::checkpoint::Checkpoint;
 pub use self::validate::Inconsistency;
 
@@ -91,7 +89,7 @@ pub enum HostError {
 
 /// Some regions of a world, stepped together. Its serde form is part of snapshots
 /// ([`LocalWorld::save`](crate::runtime::LocalWorld::save)) and is checked by nothing else.
-#[derive(Serialize, Deserialize)]
+#[derive(Clone, Serialize, Deserialize)]
 pub struct RegionHost {
     partition: Arc<Partition>,
     settings: StepSettings,
@@ -197,7 +195,7 @@ impl RegionHost {
 
     /// Takes over the threads and hooks of the host that this one replaces.
     pub(crate) fn serve_as(&mut self, former: &Self) -> Result<(), HostError> {
-        self.threads = former.threads.clone();
+        (self.threads, self.trial) = (former.threads.clone(), former.trial.clone());
         self.set_hooks(former.hooks.clone());
         self.threads.suit(self.sides.len())
     }

@@ -8,7 +8,7 @@ use super::slot::BodyRef;
 use crate::space::{BodyId, Groups};
 
 /// A group of bodies of one region that joints tie together, in id order.
-#[derive(Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(in crate::physics) struct Assembly {
     pub members: Vec<BodyRef>,
     /// Whether it has a multibody: then it is never shared.

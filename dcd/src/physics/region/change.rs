@@ -82,7 +82,8 @@ impl Region {
         Some(self.change_colliders_whole(handle, |region| {
             let slot = region.slots[handle.into_raw_parts().0 as usize].as_mut().expect("a body held here");
             region.stirred = true;
-            let (body, own) = (&mut region.world.bodies[handle], &mut region.world.colliders[collider]);
+            let PhysicsWorld { bodies, colliders, .. } = &mut *region.world;
+            let (body, own) = (&mut bodies[handle], &mut colliders[collider]);
             let old = &slot.traits.colliders[index];
             let (mass, was_enabled) = (own.mass_properties(), own.is_enabled());
             let (shape, place) = (own.shared_shape().clone(), own.position_wrt_parent().copied());
@@ -110,10 +111,10 @@ impl Region {
             if new != *old {
                 Arc::make_mut(&mut slot.traits).colliders[index] = new;
             }
-            body.recompute_mass_properties_from_colliders(&region.world.colliders);
+            body.recompute_mass_properties_from_colliders(colliders);
             // Its skin may reach farther than before.
-            slot.reach_m = record::reach_of(body, &region.world.colliders, &slot.traits);
-            slot.outline = Outline::of(body, &region.world.colliders);
+            slot.reach_m = record::reach_of(body, colliders, &slot.traits);
+            slot.outline = Outline::of(body, colliders);
             region.due[handle.into_raw_parts().0 as usize] = 0;
             result
         }))

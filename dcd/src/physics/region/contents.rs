@@ -27,8 +27,9 @@ impl Region {
         let handle = self.world.bodies.insert(rigid_body);
         self.touch(handle);
         for (place, (collider, record)) in colliders.into_iter().zip(&body.traits.colliders).enumerate() {
-            let collider = self.world.colliders.insert_with_parent(collider, handle, &mut self.world.bodies);
-            let inserted = &mut self.world.colliders[collider];
+            let world = &mut *self.world;
+            let collider = world.colliders.insert_with_parent(collider, handle, &mut world.bodies);
+            let inserted = &mut world.colliders[collider];
             if role == Ownership::Immovable {
                 floating_origin::fetch_plane(inserted, &body.state.pose, self.anchor);
             }
@@ -36,7 +37,8 @@ impl Region {
         }
         if body.traits.colliders.iter().any(|collider| !collider.enabled) {
             // Rapier counts their mass until it steps.
-            self.world.bodies[handle].recompute_mass_properties_from_colliders(&self.world.colliders);
+            let PhysicsWorld { bodies, colliders, .. } = &mut *self.world;
+            bodies[handle].recompute_mass_properties_from_colliders(colliders);
         }
         self.targets.note(handle, body.traits.kind);
         if body.traits.character.is_some() {

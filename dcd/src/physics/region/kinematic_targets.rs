@@ -9,7 +9,7 @@ use super::Region;
 use crate::protocol::BodyKind;
 
 /// The kinematic bodies of a region, their targets, and how many substeps of the tick are done.
-#[derive(Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct KinematicTargets {
     /// Bodies that are kinematic by position, in the order of insertion into the region.
     bodies: Vec<RigidBodyHandle>,

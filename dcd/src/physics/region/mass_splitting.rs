@@ -21,7 +21,7 @@ const FORCE_MEMORY_TICKS: f32 = 0.5;
 const TORQUE_MEMORY: f32 = 0.3;
 
 /// The split of one body's mass and user's force among regions, and the forces on the copy here.
-#[derive(Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(in crate::physics) struct MassSplit {
     /// The regions whose copies have a part of the mass; without this one, the copy here is a ghost.
     pub among: RegionSet,

@@ -14,7 +14,7 @@ use rapier3d::prelude::*;
 use super::{Ownership, Region};
 
 /// Copies of the moved colliders at their present places, in a BVH.
-#[derive(Default)]
+#[derive(Clone, Default)]
 pub(in crate::physics) struct Moved {
     pub(in crate::physics) bvh: Bvh,
     pub(in crate::physics) colliders: ColliderSet,

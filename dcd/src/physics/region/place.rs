@@ -138,11 +138,12 @@ impl Region {
         self.unsettle_vehicles();
         let immovable = self.slots.iter().flatten().filter(|slot| slot.role == Ownership::Immovable);
         for handle in immovable.map(|slot| self.by_id[&slot.id]) {
-            let body = &self.world.bodies[handle];
+            let PhysicsWorld { bodies, colliders, .. } = &mut *self.world;
+            let body = &bodies[handle];
             let pose = convert::world_from_region(anchor, body.position());
             for &collider in body.colliders() {
-                if self.world.colliders[collider].shape().as_halfspace().is_some() {
-                    floating_origin::fetch_plane(&mut self.world.colliders[collider], &pose, anchor);
+                if colliders[collider].shape().as_halfspace().is_some() {
+                    floating_origin::fetch_plane(&mut colliders[collider], &pose, anchor);
                 }
             }
         }

@@ -32,7 +32,7 @@ pub(in crate::physics) struct BodyRef {
 }
 
 /// The state of one body held by a region, besides Rapier's.
-#[derive(Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(in crate::physics) struct Slot {
     pub id: BodyId,
     pub epoch: Epoch,

@@ -15,7 +15,7 @@ use crate::protocol::{JointRecord, LinkMotion};
 use crate::space::{BodyId, JointId, RegionSet};
 
 /// A joint as its user knows it, and its handle in Rapier.
-#[derive(Serialize, Deserialize)]
+#[derive(Clone, Serialize, Deserialize)]
 pub(super) struct HeldJoint {
     pub record: JointRecord,
     /// None while it is not in Rapier.
@@ -32,7 +32,7 @@ enum Solver {
 }
 
 /// The changes of joints to be applied to Rapier when the next step begins.
-#[derive(Default, Serialize, Deserialize)]
+#[derive(Clone, Default, Serialize, Deserialize)]
 pub(super) struct JointNews {
     /// In order of insertion.
     tied: Vec<JointId>,

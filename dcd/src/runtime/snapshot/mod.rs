@@ -1,9 +1,11 @@
-//! Saves a world to a snapshot between two ticks, and restores it to go on bit for bit as if it had not been interrupted.
+//! Saves a world to a snapshot between two ticks, and restores it to go on bit for bit as if it had not been interrupted. In memory
+//! (`checkpoint`) it does so without encoding anything.
 //!
 //! A snapshot is Rapier's own state of every region with all other state of the regions, behind a header that names the build
 //! that made it (`header`), in blocks with checksums (`blocks`). Damage is found before anything is decoded.
 
 mod blocks;
+mod checkpoint;
 mod error;
 mod header;
 #[cfg(test)]
@@ -12,6 +14,7 @@ mod tests;
 use std::fs::{self, File};
 use std::io::{self, BufReader, BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
@@ -23,6 +26,7 @@ use super::{LocalWorld, WorldError};
 use crate::physics::RegionHost;
 use crate::protocol::{ContactLedger, WorldEvents, read_state, write_state};
 use blocks::{BlockReader, BlockWriter};
+pub use checkpoint::Checkpoint;
 pub use error::SnapshotError;
 
 /// Grows with every change of what is saved, the order of fields too.
@@ -45,8 +49,18 @@ impl LocalWorld {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn save(&self, mut to: impl Write) -> Result<(), SnapshotError> {
-        let Self { host, ledger, events, next_body, next_joint, strengths, last_step: _, why: _, tape: _ } =
-            self;
+        let Self {
+            host,
+            ledger,
+            events,
+            next_body,
+            next_joint,
+            strengths,
+            last_step: _,
+            why: _,
+            tape: _,
+            identity: _,
+        } = self;
         let header = header::write(FORMAT, &mut to)?;
         let mut blocks = BlockWriter::new(to, header);
         let saved = Saved { host, ledger, events, next_body: *next_body, next_joint: *next_joint, strengths };
@@ -79,6 +93,7 @@ impl LocalWorld {
             last_step: Duration::ZERO,
             why,
             tape: None,
+            identity: Arc::default(),
         })
     }
 
@@ -90,6 +105,7 @@ impl LocalWorld {
         world.next_body = world.next_body.max(self.next_body);
         world.next_joint = world.next_joint.max(self.next_joint);
         world.tape = self.tape.take();
+        world.identity = Arc::clone(&self.identity);
         *self = world;
         self.tape_spoilt();
         Ok(())

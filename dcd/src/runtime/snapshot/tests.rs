@@ -43,6 +43,25 @@ fn continues_alike(world: &mut LocalWorld, ticks: u64, bytes: bool, what: &str) 
     assert!(!bytes || saved(world) == saved(&again), "{what}: they move alike and keep unlike things");
 }
 
+/// Steps a world from a checkpoint, goes back to it and steps it again: the same passes, and the same is kept in the end.
+fn goes_back_alike(world: &mut LocalWorld, ticks: u64, bytes: bool, what: &str) {
+    let first = saved(world);
+    let checkpoint = world.checkpoint();
+    let pass = |world: &mut LocalWorld| {
+        let step = |_| {
+            world.step().unwrap();
+            (world.state_hash(), world.events().clone(), world.handovers().to_vec())
+        };
+        (0..ticks).map(step).collect::<Vec<_>>()
+    };
+    let once = pass(world);
+    let last = saved(world);
+    world.rewind(&checkpoint).unwrap();
+    assert!(!bytes || saved(world) == first, "{what}: it went back to something else");
+    assert!(pass(world) == once, "{what}: it goes on otherwise");
+    assert!(!bytes || saved(world) == last, "{what}: it moves alike and keeps unlike things");
+}
+
 /// Returns every kind of scene that there is: stacks, rain, elastic gas, joints, height fields, hulls, sleep, kinematic bodies.
 fn zoo() -> Vec<Scene> {
     let small = |name| match name {
@@ -94,6 +113,18 @@ fn a_restored_world_goes_on_to_the_same_bits() {
                     continues_alike(&mut world, 12, has_stable_bytes(&scene), &what);
                 }
             }
+        }
+    }
+}
+
+#[test]
+fn a_world_that_went_back_goes_on_to_the_same_bits() {
+    for scene in zoo() {
+        for coupling in Coupling::ALL {
+            let mut world = world_of(&scene, coupling, Partitioning::Regions(5));
+            (0..30).for_each(|_| world.step().unwrap());
+            let what = format!("{} by {}", scene.name, coupling.name());
+            goes_back_alike(&mut world, 12, has_stable_bytes(&scene), &what);
         }
     }
 }
@@ -193,6 +224,7 @@ fn what_users_changed_since_the_last_step_is_not_lost() {
             };
             let what = format!("{}, round {round}, {what}", coupling.name());
             continues_alike(&mut world, 3, true, &what);
+            goes_back_alike(&mut world, 3, true, &what);
         }
     }
 }
@@ -224,7 +256,9 @@ fn a_multibody_that_changes_region_goes_on_too() {
             }
         }
         for tick in 0..60 {
-            continues_alike(&mut world, 1, true, &format!("{}, tick {tick}", coupling.name()));
+            let what = format!("{}, tick {tick}", coupling.name());
+            continues_alike(&mut world, 1, true, &what);
+            goes_back_alike(&mut world, 1, true, &what);
         }
         assert!(world.stats().transfers > 0, "{}", coupling.name());
     }

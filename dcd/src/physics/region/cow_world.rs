@@ -1,0 +1,120 @@
+//! Holds the Rapier world of a region, which checkpoints share with it until one of them changes it: copy on write.
+//!
+//! To make a checkpoint costs nothing then, to go back to one neither. What is changed afterwards is copied first, by the step that
+//! changes it and so on that region's thread; a region that rests is never copied.
+
+use std::mem;
+use std::ops::{Deref, DerefMut};
+use std::sync::Arc;
+
+use rapier3d::prelude::*;
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+/// A Rapier world that may be shared. Reading it costs a branch; the first change of a shared one copies it.
+pub(super) enum CowWorld {
+    Own(Box<PhysicsWorld>),
+    /// Without its workspace, which is this region's own; one that has gone back begins with a new one, since Rapier's workspace
+    /// remembers by counters that go back too.
+    Shared(Arc<PhysicsWorld>, Option<Box<Workspace>>),
+}
+
+/// What Rapier keeps from step to step for its memory alone: no snapshot has it either.
+pub(super) struct Workspace(PhysicsPipeline, CollisionPipeline, CCDSolver);
+
+impl CowWorld {
+    pub(super) fn new(world: PhysicsWorld) -> Self {
+        Self::Own(Box::new(world))
+    }
+
+    /// Makes the next [`Clone::clone`] share the world.
+    pub(super) fn share(&mut self) {
+        if let Self::Own(world) = self {
+            let workspace = Workspace(
+                mem::take(&mut world.physics_pipeline),
+                mem::take(&mut world.collision_pipeline),
+                mem::take(&mut world.ccd_solver),
+            );
+            let world = mem::take(&mut **world);
+            *self = Self::Shared(Arc::new(world), Some(Box::new(workspace)));
+        }
+    }
+
+    /// Makes it this region's own, by a copy if others share it.
+    #[cold]
+    fn own(&mut self) {
+        if let Self::Shared(shared, workspace) = self {
+            let shared = mem::take(shared);
+            let mut world = Arc::try_unwrap(shared).unwrap_or_else(|shared| copy(&shared));
+            if let Some(workspace) = workspace.take() {
+                (world.physics_pipeline, world.collision_pipeline, world.ccd_solver) =
+                    (workspace.0, workspace.1, workspace.2);
+            }
+            *self = Self::new(world);
+        }
+    }
+}
+
+impl Clone for CowWorld {
+    fn clone(&self) -> Self {
+        match self {
+            Self::Own(world) => Self::new(copy(world)),
+            Self::Shared(world, _) => Self::Shared(Arc::clone(world), None),
+        }
+    }
+}
+
+impl Deref for CowWorld {
+    type Target = PhysicsWorld;
+
+    #[inline]
+    fn deref(&self) -> &PhysicsWorld {
+        match self {
+            Self::Own(world) => world,
+            Self::Shared(world, _) => world,
+        }
+    }
+}
+
+impl DerefMut for CowWorld {
+    #[inline]
+    fn deref_mut(&mut self) -> &mut PhysicsWorld {
+        if matches!(self, Self::Shared(..)) {
+            self.own();
+        }
+        match self {
+            Self::Own(world) => world,
+            Self::Shared(..) => unreachable!("it has just become its own"),
+        }
+    }
+}
+
+impl Serialize for CowWorld {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        (**self).serialize(serializer)
+    }
+}
+
+impl<'de> Deserialize<'de> for CowWorld {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        PhysicsWorld::deserialize(deserializer).map(Self::new)
+    }
+}
+
+/// Copies all that a snapshot has, and what Rapier has noted for its next step.
+fn copy(world: &PhysicsWorld) -> PhysicsWorld {
+    PhysicsWorld {
+        gravity: world.gravity,
+        integration_parameters: world.integration_parameters,
+        physics_pipeline: PhysicsPipeline::new(),
+        collision_pipeline: CollisionPipeline::new(),
+        islands: world.islands.clone(),
+        broad_phase: world.broad_phase.clone(),
+        narrow_phase: world.narrow_phase.clone(),
+        bodies: world.bodies.clone(),
+        colliders: world.colliders.clone(),
+        impulse_joints: world.impulse_joints.clone(),
+        multibody_joints: world.multibody_joints.clone(),
+        soft_bodies: world.soft_bodies.clone(),
+        ccd_solver: CCDSolver::new(),
+    }
+}

@@ -4,6 +4,7 @@ use rapier3d::prelude::*;
 
 use super::collider_id::ColliderId;
 use super::contact_listener::ContactListener;
+use crate::space::RegionId;
 
 /// Rapier's `PhysicsHooks` with bodies by id. Only colliders with the matching `ActiveHooks` are asked about.
 ///
@@ -40,6 +41,8 @@ pub struct HookedPair<'a> {
     pub bodies: [&'a RigidBody; 2],
     /// The origin of the region's space, in world space.
     pub anchor: [f64; 3],
+    /// The region that asks.
+    pub(crate) region: RegionId,
 }
 
 impl std::fmt::Debug for HookedPair<'_> {
@@ -57,6 +60,7 @@ pub(super) struct Named<'a> {
     pub hooks: &'a dyn ContactHooks,
     pub listener: &'a ContactListener,
     pub anchor: [f64; 3],
+    pub region: RegionId,
 }
 
 impl Named<'_> {
@@ -79,6 +83,7 @@ impl Named<'_> {
             colliders: [first.1, second.1],
             bodies: [first.2, second.2],
             anchor: self.anchor,
+            region: self.region,
         })
     }
 }

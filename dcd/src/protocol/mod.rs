@@ -8,6 +8,7 @@ mod codec;
 mod contacts;
 mod controller;
 mod hash;
+mod hook_answer;
 mod joint;
 pub mod link;
 mod messages;
@@ -35,6 +36,7 @@ pub(crate) use codec::{read_state, write_state};
 pub use contacts::{ContactLedger, WorldEvents};
 pub use controller::Controller;
 pub use hash::StateHasher;
+pub use hook_answer::{HookAnswer, HookCall, HookQuestion};
 pub use joint::{JointLimit, JointMotor, JointRecord, LinkMotion, LinkRecord};
 pub use messages::{
     Answer, Area, BodyCheckpoint, Border, CastAnswer, CastQuery, Chunk, Claim, Costs, Delay, DelayThresholds,

@@ -8,7 +8,9 @@ use super::entries::Entries;
 use super::entry::Digests;
 use super::replayed::{Disturbance, Flip, Replayed, Settled, Who};
 use super::{Maker, Readout, RecordingError, digests_of};
-use crate::protocol::{BodyRecord, Drive, JointRecord, Push, ShapeRecord, Velocity, WorldPose};
+use crate::protocol::{
+    BodyRecord, Drive, HookAnswer, HookCall, JointRecord, Push, ShapeRecord, Velocity, WorldPose,
+};
 use crate::space::{BodyId, JointId, RegionId, Tick, Viewpoint};
 
 /// Ticks of which operations are kept.
@@ -63,6 +65,8 @@ pub enum Operation {
     MovePlane(RegionId, f64),
     /// The world is looked at from elsewhere.
     Look(Vec<Viewpoint>),
+    /// The program's contact hooks answer otherwise than if there were none, in the step that follows.
+    Answers(Vec<(HookCall, HookAnswer)>),
 }
 
 impl Operation {
@@ -81,6 +85,10 @@ impl Operation {
                 (*body == id, format!("given a velocity of {:?} m/s", velocity.linear))
             }
             Self::Drive(body, _) => (*body == id, "driven otherwise".to_owned()),
+            Self::Answers(answers) => (
+                answers.iter().any(|(call, _)| [call.first.0, call.second.0].contains(&id)),
+                "of which contacts were changed by the program's hooks".to_owned(),
+            ),
             Self::Restore => (true, "restored with the whole world".to_owned()),
             Self::Seed(_)
             | Self::Remove(_)

@@ -38,14 +38,10 @@ impl LocalWorld {
     /// # Ok::<(), dcd::runtime::WorldError>(())
     /// ```
     pub fn set_hooks(&mut self, hooks: Option<Arc<dyn ContactHooks>>) {
-        if hooks.is_some() && self.is_recorded() {
-            tracing::warn!(
-                "the recording ends here: contact hooks are the program's own code, and cannot be repeated"
-            );
-            if let Err(error) = self.stop_recording() {
-                tracing::warn!(%error, "it is not whole");
-            }
-        }
-        self.host_mut().set_hooks(hooks);
+        let hooks = match &mut self.tape {
+            Some(tape) => tape.listen_to(hooks),
+            None => hooks,
+        };
+        self.host.set_hooks(hooks);
     }
 }

@@ -17,7 +17,7 @@ impl LocalWorld {
     pub fn record(&mut self, to: impl Write + Send + Sync + 'static) -> Result<(), RecordingError> {
         self.can_be_recorded()?;
         self.stop_recording()?;
-        self.tape = Some(Box::new(Tape::new(Recorder::of_local(to)?)));
+        self.begin(Recorder::of_local(to)?);
         Ok(())
     }
 
@@ -25,8 +25,14 @@ impl LocalWorld {
     pub fn record_last(&mut self, time: Duration) -> Result<(), RecordingError> {
         self.can_be_recorded()?;
         self.stop_recording()?;
-        self.tape = Some(Box::new(Tape::new(Recorder::of_local_for(time))));
+        self.begin(Recorder::of_local_for(time));
         Ok(())
+    }
+
+    fn begin(&mut self, recorder: Recorder) {
+        let mut tape = Box::new(Tape::new(recorder));
+        self.host.set_hooks(tape.listen_to(self.host.hooks().cloned()));
+        self.tape = Some(tape);
     }
 
     /// Writes what [`LocalWorld::record_last`] has kept, and goes on recording.
@@ -38,7 +44,9 @@ impl LocalWorld {
 
     /// Ends the recording, and waits until it is written; an error if anything of it could not be.
     pub fn stop_recording(&mut self) -> Result<(), RecordingError> {
-        Ok(self.tape.take().map_or(Ok(()), |tape| tape.recorder.finish())?)
+        let Some(tape) = self.tape.take() else { return Ok(()) };
+        self.host.set_hooks(tape.hooks());
+        Ok(tape.recorder.finish()?)
     }
 
     /// Returns whether the world is recorded.
@@ -48,10 +56,6 @@ impl LocalWorld {
 
     /// Returns an error if this world cannot be recorded.
     pub(crate) fn can_be_recorded(&self) -> Result<(), RecordingError> {
-        if self.host.has_hooks() {
-            let why = "a world with contact hooks cannot be recorded: they are the program's own code; remove them first";
-            return Err(RecordingError::Unsuitable(why.into()));
-        }
         if matches!(self.host.fidelity(), Fidelity::Budget { .. }) {
             let why = "a world with a time budget cannot be recorded: what it computes depends on the time that steps take; give it a \
                        tolerance (Fidelity::AUTO) instead";
@@ -106,7 +110,9 @@ impl LocalWorld {
 
     /// Records what a step has computed.
     pub(super) fn tape_step(&mut self) {
-        if let Some(tape) = self.tape.as_mut().filter(|tape| !tape.recorder.has_failed()) {
+        let Some(tape) = &mut self.tape else { return };
+        tape.note_answers();
+        if !tape.recorder.has_failed() {
             let digests: Vec<_> =
                 self.host.regions().map(|region| (region.id(), digest(bodies_of(region)))).collect();
             tape.note_step(self.host.tick(), &digests);
@@ -122,17 +128,19 @@ impl LocalWorld {
 #[cfg(test)]
 mod tests {
     use std::io;
+    use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
     use std::sync::{Arc, Mutex};
 
     use rapier3d::prelude::*;
 
     use super::*;
+    use crate::physics::{ContactHooks, HookedPair};
     use crate::protocol::{Push, Velocity, WorldPose};
     use crate::recording::{Flip, Mismatch, Replay, open};
     use crate::runtime::replays::Here;
     use crate::runtime::{Partitioning, WorldConfig};
     use crate::scene::{Params, Scene};
-    use crate::space::{Balance, Tick, Viewpoint};
+    use crate::space::{Axis, Balance, Bounds, Tick, Viewpoint};
 
     /// A recording in memory.
     #[derive(Clone, Default)]
@@ -265,6 +273,85 @@ mod tests {
         world.stop_recording().unwrap();
         let bytes = tape.0.lock().unwrap().clone();
         assert_eq!(checked(bytes, None), (181 * world.regions().len() as u64, None));
+    }
+
+    /// Lets balls fall through the floor in every other half second, carries the rest along, and blinds sensors now and then.
+    #[derive(Default)]
+    struct Whims(AtomicU32);
+
+    impl ContactHooks for Whims {
+        fn filter_contact_pair(&self, pair: &HookedPair<'_>) -> Option<SolverFlags> {
+            let is_solid = self.0.load(Relaxed) % 60 < 30
+                || pair.colliders.iter().all(|one| one.shape().as_ball().is_none());
+            is_solid.then_some(SolverFlags::COMPUTE_RIGID_IMPULSES)
+        }
+
+        fn filter_intersection_pair(&self, _pair: &HookedPair<'_>) -> bool {
+            self.0.load(Relaxed) % 20 < 10
+        }
+
+        fn modify_solver_contacts(
+            &self,
+            _pair: &HookedPair<'_>,
+            contacts: &mut ContactModificationContext<'_>,
+        ) {
+            let Some(manifold) = contacts.rigid_mut() else { return };
+            *manifold.friction = 0.9;
+            *manifold.user_data += 1;
+            for contact in manifold.solver_contacts.iter_mut() {
+                contact.tangent_velocity = Vector::X * (*manifold.user_data as f32 * 0.1).sin();
+            }
+        }
+    }
+
+    fn hooked(regions: usize) -> LocalWorld {
+        let partitioning = Partitioning::RegionsAcross(regions, vec![Axis::X]);
+        let bounds = Bounds { min: [-12.0, -2.0, -12.0], max: [12.0, 20.0, 12.0] };
+        let mut world =
+            LocalWorld::new(WorldConfig { partitioning, bounds, ..WorldConfig::default() }).unwrap();
+        let hooks = ActiveHooks::all();
+        let floor = ColliderBuilder::cuboid(12.0, 0.5, 12.0).active_hooks(hooks);
+        world.insert(RigidBodyBuilder::fixed(), floor).unwrap();
+        let sensor = ColliderBuilder::cuboid(12.0, 0.5, 12.0).sensor(true).active_hooks(hooks);
+        let sensor = sensor.active_events(ActiveEvents::COLLISION_EVENTS);
+        world.insert(RigidBodyBuilder::fixed().translation(Vector::Y * 2.0), sensor).unwrap();
+        for i in 0..12_u8 {
+            let x = f32::from(i) - 5.7;
+            let body =
+                || RigidBodyBuilder::dynamic().translation(Vector::new(x, 2.0 + 0.3 * x.abs(), 0.9 * x));
+            world.insert(body(), ColliderBuilder::ball(0.3)).unwrap();
+            world
+                .insert(body().translation(Vector::new(x, 1.5, -x)), ColliderBuilder::cuboid(0.3, 0.3, 0.3))
+                .unwrap();
+        }
+        world
+    }
+
+    #[test]
+    fn what_hooks_answered_is_answered_again() {
+        for regions in [1, 4] {
+            let mut world = hooked(regions);
+            let whims = Arc::new(Whims::default());
+            world.set_hooks(Some(whims.clone()));
+            let tape = Memory::default();
+            world.record(tape.clone()).unwrap();
+            for tick in 0..120 {
+                whims.0.store(tick, Relaxed);
+                // They may come and go while the world is recorded.
+                match tick {
+                    80 => world.set_hooks(None),
+                    100 => world.set_hooks(Some(whims.clone())),
+                    _ => {}
+                }
+                world.step().unwrap();
+            }
+            world.stop_recording().unwrap();
+            assert!(Arc::strong_count(&whims) > 1, "the hooks are those of before");
+            let fell = world.states().filter(|(_, _, pose, _)| pose.translation[1] < -1.0).count();
+            assert!(fell > 0 && fell < 13, "{fell} of 12 balls fell");
+            let bytes = tape.0.lock().unwrap().clone();
+            assert_eq!(checked(bytes, None), (120 * world.regions().len() as u64, None));
+        }
     }
 
     #[test]

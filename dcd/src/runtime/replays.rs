@@ -4,13 +4,14 @@ use std::any::Any;
 use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
+use std::sync::Arc;
 
 use rapier3d::prelude::*;
 
 use super::recorded::{bodies_of, touching_in};
 use super::{LocalWorld, PhysicsDevice};
 use crate::cluster::CanBuild;
-use crate::physics::{RegionHost, can_build};
+use crate::physics::{RegionHost, RepeatedHooks, can_build};
 use crate::protocol::read_state;
 use crate::recording::{
     BodyBits, Computers, LocalPhysics, Operation, Physics, Readout, RecordingError, Replayed, last_tick, open,
@@ -120,8 +121,9 @@ impl LocalPhysics for LocalComputer {
 
     fn step(&mut self) -> Result<Tick, String> {
         let world = self.world()?;
-        world.step().map_err(|error| error.to_string())?;
-        Ok(world.tick())
+        let stepped = world.step().map_err(|error| error.to_string());
+        world.set_hooks(None);
+        stepped.map(|()| world.tick())
     }
 
     fn repeat(&mut self, operation: Operation) -> Result<(), String> {
@@ -154,6 +156,10 @@ impl LocalPhysics for LocalComputer {
             Operation::Drive(body, drive) => world.drive(body, &drive),
             Operation::MovePlane(vertex, at) => world.move_plane(vertex, at),
             Operation::Look(viewpoints) => world.set_viewpoints(&viewpoints),
+            Operation::Answers(answers) => {
+                world.set_hooks(Some(Arc::new(RepeatedHooks::new(answers))));
+                Ok(())
+            }
             Operation::Seed(_) | Operation::Restore => Ok(()),
         };
         done.map_err(|error| error.to_string())

@@ -2,11 +2,12 @@
 
 use std::collections::BTreeSet;
 use std::io::{self, Write};
+use std::sync::Arc;
 use std::time::Instant;
 
 use serde::Serialize;
 
-use crate::physics::ShapeLibrary;
+use crate::physics::{ContactHooks, NotedHooks, ShapeLibrary};
 use crate::protocol::{BodyRecord, ShapeHash, encoded_len, write_state};
 use crate::recording::{Operation, Recorder};
 use crate::space::{RegionId, Tick};
@@ -24,11 +25,13 @@ pub(super) struct Tape {
     known: BTreeSet<ShapeHash>,
     /// Something happened that only a snapshot can tell.
     is_stale: bool,
+    /// The program's hooks, with what they answer.
+    hooks: Option<Arc<NotedHooks>>,
 }
 
 impl Tape {
     pub(super) fn new(recorder: Recorder) -> Self {
-        Self { recorder, since: Instant::now(), known: BTreeSet::new(), is_stale: true }
+        Self { recorder, since: Instant::now(), known: BTreeSet::new(), is_stale: true, hooks: None }
     }
 
     /// Records an operation, unless a snapshot is to come that has it in it.
@@ -59,6 +62,28 @@ impl Tape {
             return self.spoil();
         }
         self.note(Operation::Insert { bodies, shapes: new });
+    }
+
+    /// Notes from now on what these hooks answer; returns what is to be asked in their place.
+    pub(super) fn listen_to(
+        &mut self,
+        hooks: Option<Arc<dyn ContactHooks>>,
+    ) -> Option<Arc<dyn ContactHooks>> {
+        self.hooks = hooks.map(|hooks| Arc::new(NotedHooks::new(hooks)));
+        self.hooks.clone().map(|hooks| hooks as Arc<dyn ContactHooks>)
+    }
+
+    /// Returns the program's hooks.
+    pub(super) fn hooks(&self) -> Option<Arc<dyn ContactHooks>> {
+        self.hooks.as_ref().map(|hooks| Arc::clone(hooks.program()))
+    }
+
+    /// Records what hooks have answered in a step.
+    pub(super) fn note_answers(&mut self) {
+        let answers = self.hooks.as_ref().map(|hooks| hooks.take()).unwrap_or_default();
+        if !answers.is_empty() {
+            self.put(Operation::Answers(answers));
+        }
     }
 
     /// Records the digests of the regions after a step.

@@ -19,7 +19,7 @@ impl World {
     ///
     /// What a program changes by its own code ([`World::update`]) is recorded by its effect. What has no form of its own is recorded by
     /// a further snapshot before the next step: colliders that come, go or change, vehicles and characters that a program controls,
-    /// links of multibodies.
+    /// links of multibodies. Contact hooks are recorded by their answers: a replay needs no hooks.
     ///
     /// ```
     /// use dcd::prelude::*;
@@ -38,8 +38,7 @@ impl World {
     /// ```
     ///
     /// # Errors
-    /// [`Error::Recording`] where the file cannot be written, or contact hooks are set: they cannot be repeated, and hooks that are set later
-    /// end the recording. [`Error::Unsupported`] in other roles.
+    /// [`Error::Recording`] where the file cannot be written, or the world has a time budget. [`Error::Unsupported`] in other roles.
     pub fn record_to(&mut self, path: impl AsRef<Path>) -> Result<(), Error> {
         let world = self.local_mut(RECORD, Instead::RecordNodes)?;
         world.can_be_recorded()?;

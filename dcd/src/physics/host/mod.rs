@@ -188,9 +188,9 @@ impl RegionHost {
         self.threads.count()
     }
 
-    /// Returns whether a program's contact hooks are called.
-    pub(crate) fn has_hooks(&self) -> bool {
-        self.hooks.is_some()
+    /// Returns the contact hooks that are called.
+    pub(crate) fn hooks(&self) -> Option<&Arc<dyn ContactHooks>> {
+        self.hooks.as_ref()
     }
 
     /// Takes over the threads and hooks of the host that this one replaces.

@@ -26,7 +26,7 @@ impl Region {
         let start = Instant::now();
         match self.hooks.as_deref() {
             Some(hooks) => {
-                let named = Named { hooks, listener: &self.listener, anchor: self.anchor };
+                let named = Named { hooks, listener: &self.listener, anchor: self.anchor, region: self.id() };
                 self.world.step_with_events(&named, &self.listener);
             }
             None => self.world.step_with_events(&(), &self.listener),

@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::common::{Common, print};
 use super::failure::Failure;
 use super::replay::{open, ticks};
-use crate::recording::{Difference, difference};
+use crate::recording::{Difference, Who, difference};
 use crate::space::Tick;
 
 /// Finds where two recordings differ first: at which tick, in which body and field
@@ -19,7 +19,7 @@ use crate::space::Tick;
 ///   dcd diff a.dcdr b.dcdr
 ///
 /// Both are replayed side by side here, so it shows what they were given, not what another processor made of it. A folder (*.dcdr) is
-/// one recording: the members of a cluster. Exits with 1 if they differ.
+/// one recording: the members of a cluster. A server's own file has no bodies to compare. Exits with 1 if they differ.
 #[derive(clap::Args)]
 #[command(
     verbatim_doc_comment,
@@ -44,8 +44,17 @@ pub(super) struct Diff {
 
 impl Diff {
     pub(super) fn execute(self, common: &Common) -> Result<ExitCode, Failure> {
-        let mut a = open(&[self.a], self.threads, common)?;
-        let mut b = open(&[self.b], self.threads, common)?;
+        let [mut a, mut b] =
+            [open(&[self.a.clone()], self.threads, common)?, open(&[self.b.clone()], self.threads, common)?];
+        for (replay, path) in [(&a, &self.a), (&b, &self.b)] {
+            if replay.members().all(|member| member.who() == Who::Server) {
+                let path = path.display();
+                return Err(Failure::run(format!(
+                    "{path} is the recording of a server, which has no bodies to compare: give the folder that has those of its nodes too; \
+                     dcd replay --check checks what the server sent and stored"
+                )));
+            }
+        }
         let bar = ticks(common, self.json);
         let until = Tick(self.until.unwrap_or(u64::MAX));
         let (tick, found) = difference([&mut a, &mut b], until, |tick| bar.set_position(tick.0))

@@ -42,6 +42,13 @@ fn a_cluster_of_which_a_node_was_killed_is_replayed_to_the_recorded_digests() {
     assert_eq!((alone.code(), &alone.json()["mismatch"]), (Some(0), &serde_json::Value::Null), "{alone:?}");
     assert!(alone.json()["matches"].as_u64().unwrap() > 5, "{alone:?}");
 
+    let diff = |with: &str| Process::start(&mut dcd(&["diff", folder, with, "--json"])).end();
+    let itself = diff(folder);
+    assert_eq!(itself.json(), serde_json::json!({"ticks": tick, "difference": null}), "{itself:?}");
+    let bodiless = diff(&server_file);
+    assert_eq!(bodiless.code(), Some(1), "{bodiless:?}");
+    assert!(bodiless.errors.contains("recording of a server, which has no bodies"), "{bodiless:?}");
+
     let now = Process::start(&mut dcd(&["replay", folder, "--dump", &(tick - 1).to_string()])).end();
     let ids: Vec<_> = now.lines.iter().map(|line| line.split(',').next().unwrap()).collect();
     let once: std::collections::BTreeSet<_> = ids.iter().collect();

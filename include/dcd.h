@@ -341,6 +341,9 @@ typedef uint32_t DcdCoupling;
 // The accuracy that DCD_COUPLING_AUTO is asked for.
 typedef uint32_t DcdPreset;
 
+// How much of a world is computed in full: regions that nobody looks at may be stepped once per two or four steps.
+typedef uint32_t DcdFidelity;
+
 // The definition of a local world. Start from DCD_WORLD_DEF_INIT.
 //
 // How a world is cut. `regions` of them are made by halving: of the box from `min` to `max` the largest part is halved across its
@@ -386,6 +389,11 @@ typedef struct DcdWorldDef {
     // The fastest that a dynamic body moves, m/s, up to DCD_MAX_NUMBER; 0 is what the scene says, else 400. What forces and contacts make
     // faster is cut to it; a body that is made or set to be faster is refused.
     float speed_limit;
+    // DCD_FIDELITY_...: how much of the world is computed in full; dcd_viewpoints_set says where it is looked at from. It goes with the
+    // couplings that share mass: not with DCD_COUPLING_OWNER and _PROXY.
+    DcdFidelity fidelity;
+    // With DCD_FIDELITY_TOLERANCE m/s, with DCD_FIDELITY_BUDGET milliseconds, above 0; else 0.
+    float fidelity_limit;
 } DcdWorldDef;
 
 // A world, whatever its role. 0 is null.
@@ -1845,6 +1853,37 @@ typedef struct DcdCheckpointId {
     uint64_t v;
 } DcdCheckpointId;
 
+// A place that a world is looked at from.
+typedef struct DcdViewpoint {
+    // World space, metres.
+    double at[3];
+    // How far is looked, metres, 0 or more: regions within it are computed in full.
+    double radius;
+} DcdViewpoint;
+
+// What fidelity saved and what it cost, as far as is known. Start from DCD_FIDELITY_REPORT_INIT. It may grow at its end.
+typedef struct DcdFidelityReport {
+    // sizeof(DcdFidelityReport).
+    uint32_t struct_size;
+    // The mean error of a body's velocity per step against a model four times as fine, m/s, by audits of the last steps; 0
+    // before the first, and where all is computed in full.
+    float error;
+    // The lower end of its 95 % confidence interval, m/s.
+    float low95;
+    // The upper end.
+    float high95;
+    // The time of regions' steps over what they would have taken had each been stepped in every step, as reckoned.
+    double share_of_full_time;
+    // Audits so far.
+    uint64_t audits;
+    // Steps that took longer than the budget, since the first second.
+    uint64_t overruns;
+    // Regions that are stepped in every step, in every second one, and in every fourth.
+    uint32_t levels[3];
+    // 0.
+    uint32_t reserved;
+} DcdFidelityReport;
+
 // The force and torque on a body in every step, in world axes.
 typedef struct DcdForce {
     // At the centre of mass, newtons.
@@ -2194,6 +2233,23 @@ typedef struct DcdForce {
 
 // They pass through each other, and nothing is told.
 #define DCD_MEET_NOT 2
+
+// What the scene says, else DCD_FIDELITY_OFF.
+#define DCD_FIDELITY_DEFAULT 0
+
+// All of it, in every step.
+#define DCD_FIDELITY_OFF 1
+
+// DCD_FIDELITY_TOLERANCE of 0.33 m/s.
+#define DCD_FIDELITY_AUTO 2
+
+// What is looked at in full, all else as seldom as keeps the mean error of a body's velocity per step below
+// DcdWorldDef.fidelity_limit, m/s. The same on every machine, with any number of threads.
+#define DCD_FIDELITY_TOLERANCE 3
+
+// As much as fits into DcdWorldDef.fidelity_limit, milliseconds a step, what is looked at before all else. It depends on the time that
+// steps take, so such a world cannot be recorded.
+#define DCD_FIDELITY_BUDGET 4
 
 #ifdef __cplusplus
 extern "C" {
@@ -3448,6 +3504,22 @@ DcdStatus dcd_checkpoint_restore(DcdWorld world,
 // Destroys a checkpoint; its world stays as it is. Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (also when destroyed twice).
 DCD_API DcdStatus dcd_checkpoint_destroy(DcdWorld world, DcdCheckpointId checkpoint);
 
+// Sets where a local world is looked at from, in place of what was set before: regions farther than what is seen from there are
+// stepped less often, as DcdWorldDef.fidelity allows. Without viewpoints, as at first, all of it is looked at. Call it as often as viewers move.
+//
+// `viewpoints` points to `count` of them, read during the call; it may be null when there are none.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a place out of range or a radius that is negative or NaN,
+// DCD_ERR_UNSUPPORTED in a served world, which is computed in full.
+DCD_API
+DcdStatus dcd_viewpoints_set(DcdWorld world,
+                             const DcdViewpoint *viewpoints,
+                             size_t count);
+
+// Reads what fidelity saves and costs. Where all is computed in full, share_of_full_time is 1 and the rest says nothing.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
+DCD_API DcdStatus dcd_fidelity_report(DcdWorld world, DcdFidelityReport *out);
+
 // Begins to record a local world to a file: a snapshot of it as it is now, what is done to it from now on, and a digest of each region
 // after each step. `dcd replay FILE` computes it again from that, bit for bit, `dcd diff` finds where two recordings differ. A thread
 // of the library writes the file; what a crash loses is the last tenth of a second. A recording that was going on ends. Nodes and
@@ -3538,7 +3610,7 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
 /* One region, a thread per core, Earth's gravity, 60 steps a second, a box of 128 m around the origin, up to 400 m/s. */
 #define DCD_WORLD_DEF_INIT \
     { (uint32_t)sizeof(DcdWorldDef), 0, 0, 4, { 0.0f, -9.81f, 0.0f }, 1.0f / 60.0f, \
-      { -64.0, -64.0, -64.0 }, { 64.0, 64.0, 64.0 }, 0, 0, 0, 0, 0, 0, 0.0f, 0, 0.0f }
+      { -64.0, -64.0, -64.0 }, { 64.0, 64.0, 64.0 }, 0, 0, 0, 0, 0, 0, 0.0f, 0, 0.0f, 0, 0.0f }
 
 /* A dynamic body as dense as water at the origin. */
 #define DCD_BODY_DEF_INIT \
@@ -3619,6 +3691,8 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
 #define DCD_SETTINGS_INIT \
     { (uint32_t)sizeof(DcdSettings), 0, { 0.0f, 0.0f, 0.0f }, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, \
       0.0f, 0.0f, 0, 0, 0.0f, 0 }
+#define DCD_FIDELITY_REPORT_INIT \
+    { (uint32_t)sizeof(DcdFidelityReport), 0.0f, 0.0f, 0.0f, 0.0, 0, 0, { 0, 0, 0 }, 0 }
 #define DCD_PROFILE_INIT \
     { (uint32_t)sizeof(DcdProfile), 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 0, 0, 0 }
 /* No function is asked. */
@@ -3680,7 +3754,7 @@ DCD_ASSERT_(offsetof(DcdVelocity, angular) == 12);
 DCD_ASSERT_(sizeof(DcdFrame) == 28);
 DCD_ASSERT_(offsetof(DcdFrame, p) == 0);
 DCD_ASSERT_(offsetof(DcdFrame, q) == 12);
-DCD_ASSERT_(sizeof(DcdWorldDef) == 120);
+DCD_ASSERT_(sizeof(DcdWorldDef) == 128);
 DCD_ASSERT_(offsetof(DcdWorldDef, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdWorldDef, threads) == 4);
 DCD_ASSERT_(offsetof(DcdWorldDef, regions) == 8);
@@ -3698,6 +3772,8 @@ DCD_ASSERT_(offsetof(DcdWorldDef, island_limit) == 104);
 DCD_ASSERT_(offsetof(DcdWorldDef, tolerance) == 108);
 DCD_ASSERT_(offsetof(DcdWorldDef, axes) == 112);
 DCD_ASSERT_(offsetof(DcdWorldDef, speed_limit) == 116);
+DCD_ASSERT_(offsetof(DcdWorldDef, fidelity) == 120);
+DCD_ASSERT_(offsetof(DcdWorldDef, fidelity_limit) == 124);
 DCD_ASSERT_(sizeof(DcdWorldInfo) == 56);
 DCD_ASSERT_(offsetof(DcdWorldInfo, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdWorldInfo, role) == 4);
@@ -3940,6 +4016,19 @@ DCD_ASSERT_(offsetof(DcdProfile, contact_pairs) == 64);
 DCD_ASSERT_(offsetof(DcdProfile, contacts) == 72);
 DCD_ASSERT_(offsetof(DcdProfile, awake) == 80);
 DCD_ASSERT_(offsetof(DcdProfile, joints) == 88);
+DCD_ASSERT_(sizeof(DcdViewpoint) == 32);
+DCD_ASSERT_(offsetof(DcdViewpoint, at) == 0);
+DCD_ASSERT_(offsetof(DcdViewpoint, radius) == 24);
+DCD_ASSERT_(sizeof(DcdFidelityReport) == 56);
+DCD_ASSERT_(offsetof(DcdFidelityReport, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdFidelityReport, error) == 4);
+DCD_ASSERT_(offsetof(DcdFidelityReport, low95) == 8);
+DCD_ASSERT_(offsetof(DcdFidelityReport, high95) == 12);
+DCD_ASSERT_(offsetof(DcdFidelityReport, share_of_full_time) == 16);
+DCD_ASSERT_(offsetof(DcdFidelityReport, audits) == 24);
+DCD_ASSERT_(offsetof(DcdFidelityReport, overruns) == 32);
+DCD_ASSERT_(offsetof(DcdFidelityReport, levels) == 40);
+DCD_ASSERT_(offsetof(DcdFidelityReport, reserved) == 52);
 DCD_ASSERT_(sizeof(DcdBodyExtent) == 96);
 DCD_ASSERT_(offsetof(DcdBodyExtent, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdBodyExtent, mass) == 4);

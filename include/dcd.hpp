@@ -91,6 +91,7 @@ using ConnectionEvent = DcdConnectionEvent;
 using Message = DcdMessage;
 using RayHit = DcdRayHit;
 using RegionInfo = DcdRegionInfo;
+using Viewpoint = DcdViewpoint;
 using BorderInfo = DcdBorderInfo;
 using ShapeHit = DcdShapeHit;
 using PointHit = DcdPointHit;
@@ -134,6 +135,7 @@ DCD_STRUCT_(WorldInfo, DCD_WORLD_INFO_INIT);
 DCD_STRUCT_(BodyInfo, DCD_BODY_INFO_INIT);
 DCD_STRUCT_(Settings, DCD_SETTINGS_INIT);
 DCD_STRUCT_(Profile, DCD_PROFILE_INIT);
+DCD_STRUCT_(FidelityReport, DCD_FIDELITY_REPORT_INIT);
 DCD_STRUCT_(Hooks, DCD_HOOKS_INIT);
 DCD_STRUCT_(ShapeInfo, DCD_SHAPE_INFO_INIT);
 DCD_STRUCT_(BodyExtent, DCD_BODY_EXTENT_INIT);
@@ -503,13 +505,22 @@ public:
             return dcd_regions(world_, out, cap, count);
         });
     }
-    /* A radius of 0 is everything. */
+    /* Without viewpoints all is looked at. */
+    Status viewpoints_set(Span<const Viewpoint> viewpoints)
+    {
+        return Status(dcd_viewpoints_set(world_, viewpoints.data(), viewpoints.size()));
+    }
+    Result<FidelityReport> fidelity_report() const
+    {
+        return got<FidelityReport>([&](FidelityReport *out) { return dcd_fidelity_report(world_, out); });
+    }
     Status prediction_set(bool predicts) { return Status(dcd_prediction_set(world_, predicts)); }
     Result<Prediction> prediction() const
     {
         return got<Prediction>([&](Prediction *out) { return dcd_prediction(world_, out); });
     }
     Status bandwidth_set(std::uint32_t bytes_per_second) { return Status(dcd_bandwidth_set(world_, bytes_per_second)); }
+    /* A radius of 0 is everything. */
     Status interest_set(const Point &centre, double radius) { return Status(dcd_interest_set(world_, centre.data(), radius)); }
     Result<std::vector<BorderInfo>> borders() const
     {

@@ -94,6 +94,7 @@ pub mod stats;
 pub mod profile;
 
 pub mod checkpoint;
+pub mod fidelity;
 pub mod record;
 pub mod snapshot;
 

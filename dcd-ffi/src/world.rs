@@ -6,6 +6,7 @@ use dcd::physics::{Coupling, CouplingChoice, Method, Preset, StepSettings};
 use dcd::space::Axis;
 use dcd::{Bounds, Params, Partitioning, Scene, World as Dcd, WorldConfig};
 
+use crate::fidelity::{self, DcdFidelity};
 use crate::guard::{guard, guard_value};
 use crate::ids::DcdWorld;
 use crate::limits::DCD_MAX_NUMBER;
@@ -97,6 +98,11 @@ pub struct DcdWorldDef {
     /// The fastest that a dynamic body moves, m/s, up to DCD_MAX_NUMBER; 0 is what the scene says, else 400. What forces and contacts make
     /// faster is cut to it; a body that is made or set to be faster is refused.
     pub speed_limit: f32,
+    /// DCD_FIDELITY_...: how much of the world is computed in full; dcd_viewpoints_set says where it is looked at from. It goes with the
+    /// couplings that share mass: not with DCD_COUPLING_OWNER and _PROXY.
+    pub fidelity: DcdFidelity,
+    /// With DCD_FIDELITY_TOLERANCE m/s, with DCD_FIDELITY_BUDGET milliseconds, above 0; else 0.
+    pub fidelity_limit: f32,
 }
 
 /// The role, tick and settings of a world. Start from DCD_WORLD_INFO_INIT.
@@ -236,6 +242,7 @@ pub unsafe extern "C" fn dcd_world_create(def: *const DcdWorldDef, out: *mut Dcd
             partitioning: partitioning(&def)?.unwrap_or_default(),
             threads: threads(def.threads),
             step: limited(choice(&def)?.applied_to(step), &def)?,
+            fidelity: fidelity::asked(def.fidelity, def.fidelity_limit)?.unwrap_or_default(),
             ..WorldConfig::default()
         };
         out.write(add(Dcd::new(config)?, def.user_data));
@@ -302,6 +309,7 @@ pub(crate) unsafe fn open(
     }
     config.threads = threads(def.threads);
     config.step = limited(choice(&def)?.applied_to(config.step), &def)?;
+    config.fidelity = fidelity::asked(def.fidelity, def.fidelity_limit)?.unwrap_or(config.fidelity);
     Ok(Opened { scene, config, user_data: def.user_data })
 }
 

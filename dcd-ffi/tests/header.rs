@@ -13,6 +13,7 @@ use dcd_ffi::connection::*;
 use dcd_ffi::contacts::*;
 use dcd_ffi::draw::*;
 use dcd_ffi::event::*;
+use dcd_ffi::fidelity::*;
 use dcd_ffi::hooks::*;
 use dcd_ffi::ids::*;
 use dcd_ffi::join::*;
@@ -64,7 +65,7 @@ fn layouts() -> Vec<Layout> {
         DcdFrame { p, q }
         DcdWorldDef {
             struct_size, threads, regions, solver_iterations, gravity, dt, min, max, user_data, coupling, preset,
-            exchanges, depth, island_limit, tolerance, axes, speed_limit
+            exchanges, depth, island_limit, tolerance, axes, speed_limit, fidelity, fidelity_limit
         }
         DcdWorldInfo { struct_size, role, tick, user_data, regions, dt, gravity, client, speed_limit, reserved }
         DcdClientDef {
@@ -123,6 +124,10 @@ fn layouts() -> Vec<Layout> {
         DcdProfile {
             struct_size, reserved, rapier, broad_phase, narrow_phase, islands, solver, ccd, border, contact_pairs, contacts,
             awake, joints
+        }
+        DcdViewpoint { at, radius }
+        DcdFidelityReport {
+            struct_size, error, low95, high95, share_of_full_time, audits, overruns, levels, reserved
         }
         DcdBodyExtent { struct_size, mass, min, max, centre, inertia, axes }
         DcdJointDef {
@@ -205,7 +210,7 @@ const MACROS: &str = "
 /* One region, a thread per core, Earth's gravity, 60 steps a second, a box of 128 m around the origin, up to 400 m/s. */
 #define DCD_WORLD_DEF_INIT \\
     { (uint32_t)sizeof(DcdWorldDef), 0, 0, 4, { 0.0f, -9.81f, 0.0f }, 1.0f / 60.0f, \\
-      { -64.0, -64.0, -64.0 }, { 64.0, 64.0, 64.0 }, 0, 0, 0, 0, 0, 0, 0.0f, 0, 0.0f }
+      { -64.0, -64.0, -64.0 }, { 64.0, 64.0, 64.0 }, 0, 0, 0, 0, 0, 0, 0.0f, 0, 0.0f, 0, 0.0f }
 
 /* A dynamic body as dense as water at the origin. */
 #define DCD_BODY_DEF_INIT \\
@@ -286,6 +291,8 @@ const MACROS: &str = "
 #define DCD_SETTINGS_INIT \\
     { (uint32_t)sizeof(DcdSettings), 0, { 0.0f, 0.0f, 0.0f }, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f, \\
       0.0f, 0.0f, 0, 0, 0.0f, 0 }
+#define DCD_FIDELITY_REPORT_INIT \\
+    { (uint32_t)sizeof(DcdFidelityReport), 0.0f, 0.0f, 0.0f, 0.0, 0, 0, { 0, 0, 0 }, 0 }
 #define DCD_PROFILE_INIT \\
     { (uint32_t)sizeof(DcdProfile), 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 0, 0, 0 }
 /* No function is asked. */
@@ -443,7 +450,7 @@ fn size_of_member(declaration: &str) -> usize {
         "uint8_t" | "bool" | "char" => 1,
         "float" | "uint32_t" | "int32_t" | "DcdStatus" | "DcdBodyType" | "DcdJointType" | "DcdMotorModel"
         | "DcdCombineRule" | "DcdDrawFlags" | "DcdDrawnKind" | "DcdConnectionState" | "DcdCause"
-        | "DcdRole" | "DcdCoupling" | "DcdPreset" | "DcdShapeKind" => 4,
+        | "DcdRole" | "DcdCoupling" | "DcdPreset" | "DcdFidelity" | "DcdShapeKind" => 4,
         "double" | "uint64_t" | "size_t" => 8,
         name if name.starts_with("Dcd") && name.ends_with("Fn") => size_of::<usize>(),
         name => layouts().iter().find(|layout| layout.name == name).unwrap_or_else(|| panic!("{name}")).size,

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 use std::process::ExitCode;
+use std::slice::from_ref;
 
 use serde::Serialize;
 
@@ -45,7 +46,7 @@ pub(super) struct Diff {
 impl Diff {
     pub(super) fn execute(self, common: &Common) -> Result<ExitCode, Failure> {
         let [mut a, mut b] =
-            [open(&[self.a.clone()], self.threads, common)?, open(&[self.b.clone()], self.threads, common)?];
+            [open(from_ref(&self.a), self.threads, common)?, open(from_ref(&self.b), self.threads, common)?];
         for (replay, path) in [(&a, &self.a), (&b, &self.b)] {
             if replay.members().all(|member| member.who() == Who::Server) {
                 let path = path.display();

@@ -71,7 +71,7 @@ impl WorldConfig {
             threads: 1,
             halo_m: None,
             balance: scene.balance,
-            fidelity: Fidelity::Off,
+            fidelity: scene.fidelity,
             step: scene.step_settings(),
         }
     }

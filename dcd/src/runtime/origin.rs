@@ -1,10 +1,12 @@
 //! Makes of a scene, or of a world in this process, what a served world begins with.
 
+use tracing::warn;
+
 use super::config::check_speed;
 use super::saved::contents;
 use super::{LocalWorld, Partitioning, ProcessError, ServeConfig, Why, WorldConfig, WorldError};
 use crate::cluster::Record;
-use crate::physics::{Coupling, Partition, RegionHost, ShapeLibrary, StepSettings};
+use crate::physics::{Coupling, Fidelity, Partition, RegionHost, ShapeLibrary, StepSettings};
 use crate::protocol::{
     BodyKind, BodyRecord, EnvironmentProperties, JointRecord, MAX_STATE_TICKS, ShapeRecord, SyncProtocol,
 };
@@ -33,6 +35,13 @@ pub(super) struct Beginning {
 
 impl Beginning {
     pub(super) fn of(origin: Origin<'_>) -> Result<Self, ProcessError> {
+        let fidelity = match origin {
+            Origin::Scene(_, config) => config.fidelity,
+            Origin::World(world) => world.host().fidelity(),
+        };
+        if fidelity != Fidelity::Off {
+            warn!(?fidelity, "a served world is computed in full: fidelity is of worlds of one process");
+        }
         match origin {
             Origin::Scene(scene, config) => {
                 config.check()?;

@@ -2,7 +2,9 @@
 
 use rapier3d::prelude::*;
 
-use crate::physics::{CouplingChoice, LinkSettings, StepSettings, equip_link, insert_link, motion_between};
+use crate::physics::{
+    CouplingChoice, Fidelity, LinkSettings, StepSettings, equip_link, insert_link, motion_between,
+};
 use crate::protocol::{LinkRecord, WorldPose};
 use crate::space::{Axis, Balance, Bounds, Viewpoint};
 
@@ -31,6 +33,8 @@ pub struct Scene {
     pub cuts: Vec<(Axis, f64)>,
     /// Load balancing of regions in a world of one process, when the scene says so.
     pub balance: Option<Balance>,
+    /// How much of a world of one process is computed in full.
+    pub fidelity: Fidelity,
     /// Where the scene is looked at from, when it says so.
     pub viewpoints: Vec<Viewpoint>,
     /// The coupling that the scene asks for.
@@ -154,6 +158,7 @@ impl Scene {
             regions: None,
             cuts: Vec::new(),
             balance: None,
+            fidelity: Fidelity::Off,
             viewpoints: Vec::new(),
             coupling: CouplingChoice::default(),
             avatar: None,

@@ -106,6 +106,73 @@ static void costs(DcdWorld world)
     FAILS(dcd_profile(world, &profile), DCD_ERR_STRUCT, "DcdProfile");
 }
 
+static DcdFidelityReport report_of(DcdWorld world)
+{
+    DcdFidelityReport report = DCD_FIDELITY_REPORT_INIT;
+    OK(dcd_fidelity_report(world, &report));
+    return report;
+}
+
+/* Two halls full of boxes: nobody looks into one of them, and it is computed less often, whatever a scene or a definition says it with. */
+static void fidelity(DcdFidelity asked, float limit)
+{
+    const char *params[2] = { "n=600", "cars=2" };
+    const DcdViewpoint corner = { { -120.0, 2.0, -60.0 }, 50.0 };
+    DcdWorldDef def = DCD_WORLD_DEF_INIT;
+    DcdFidelityReport report;
+    DcdWorld world;
+    def.fidelity = asked;
+    def.fidelity_limit = limit;
+    def.threads = 1;
+    OK(dcd_world_open_scene("town", params, 2, &def, &world));
+    OK(dcd_viewpoints_set(world, &corner, 1));
+    for (int i = 0; i < 80; i++)
+        OK(dcd_step(world));
+    report = report_of(world);
+    if (asked == DCD_FIDELITY_OFF) {
+        HOLDS(report.share_of_full_time == 1.0 && report.audits == 0 && report.levels[2] == 0);
+    } else {
+        HOLDS(report.share_of_full_time > 0.0 && report.share_of_full_time < 1.0 && report.levels[2] > 0);
+        HOLDS(report.low95 <= report.error && report.error <= report.high95 && report.audits > 0);
+    }
+    OK(dcd_viewpoints_set(world, NULL, 0)); /* all of it is looked at */
+    for (int i = 0; i < 8; i++)
+        OK(dcd_step(world));
+    report = report_of(world);
+    HOLDS(report.levels[1] == 0 && report.levels[2] == 0);
+    OK(dcd_world_destroy(world));
+}
+
+static void misuse_of_fidelity(DcdWorld world)
+{
+    DcdWorldDef def = DCD_WORLD_DEF_INIT;
+    DcdViewpoint view = { { 0.0, 0.0, 0.0 }, -1.0 };
+    DcdFidelityReport report = DCD_FIDELITY_REPORT_INIT;
+    DcdWorld none;
+    FAILS(dcd_viewpoints_set(world, NULL, 1), DCD_ERR_NULL, "viewpoints");
+    FAILS(dcd_viewpoints_set(world, &view, 1), DCD_ERR_ARGUMENT, "radius is -1");
+    view.radius = NAN;
+    FAILS(dcd_viewpoints_set(world, &view, 1), DCD_ERR_ARGUMENT, "radius");
+    view.radius = 1.0;
+    view.at[1] = INFINITY;
+    FAILS(dcd_viewpoints_set(world, &view, 1), DCD_ERR_ARGUMENT, "at");
+    FAILS(dcd_fidelity_report(world, NULL), DCD_ERR_NULL, "out");
+    report.struct_size = 1;
+    FAILS(dcd_fidelity_report(world, &report), DCD_ERR_STRUCT, "DcdFidelityReport");
+    def.fidelity = DCD_FIDELITY_BUDGET + 1;
+    FAILS(dcd_world_create(&def, &none), DCD_ERR_ARGUMENT, "fidelity is 5");
+    def.fidelity = DCD_FIDELITY_BUDGET;
+    FAILS(dcd_world_create(&def, &none), DCD_ERR_ARGUMENT, "fidelity_limit is 0");
+    def.fidelity_limit = NAN;
+    FAILS(dcd_world_create(&def, &none), DCD_ERR_ARGUMENT, "fidelity_limit is NaN");
+    def.fidelity = DCD_FIDELITY_AUTO;
+    def.fidelity_limit = 1.0f;
+    FAILS(dcd_world_open_scene("town", NULL, 0, &def, &none), DCD_ERR_ARGUMENT, "fidelity_limit is 1");
+    def.fidelity_limit = 0.0f;
+    def.coupling = DCD_COUPLING_OWNER;
+    FAILS(dcd_world_create(&def, &none), DCD_ERR_ARGUMENT, "fidelity");
+}
+
 static void misuse(DcdWorld world)
 {
     const DcdSettings good = settings_of(world);
@@ -158,6 +225,10 @@ int main(void)
     costs(world);
     gravity(world);
     steps(world);
+    misuse_of_fidelity(world);
+    fidelity(DCD_FIDELITY_OFF, 0.0f);
+    fidelity(DCD_FIDELITY_AUTO, 0.0f);
+    fidelity(DCD_FIDELITY_TOLERANCE, 1.0f);
     OK(dcd_world_destroy(world));
     FAILS(dcd_gravity_set(world, (const float[3]){ 0.0f, 0.0f, 0.0f }), DCD_ERR_STALE_ID, "world");
     return checked();

@@ -122,6 +122,8 @@ static void a_ball_breaks_a_tower()
     hooks.filter = [](void *, const dcd::HookedPair *) -> DcdPairAnswer { return DCD_MEET_PUSH; };
     HOLDS(world.hooks_set(hooks) && world.hooks_clear());
     HOLDS(world.profile()->rapier >= 0.0);
+    HOLDS(world.viewpoints_set(std::vector<dcd::Viewpoint>{ { { 0.0, 1.0, 0.0 }, 5.0 } }) && world.viewpoints_set({}));
+    HOLDS(world.fidelity_report()->share_of_full_time == 1.0);
     dcd::Settings settings = *world.settings();
     HOLDS(settings.gravity[1] == -9.81f && settings.length_unit == 1.0f);
     settings.solver_iterations = 6;

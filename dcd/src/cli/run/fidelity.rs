@@ -8,9 +8,9 @@ use crate::space::Viewpoint;
 pub(super) struct FidelityArgs {
     /// Compute in full only what is looked at: `auto` (or tolerance=M_S) steps all other regions as seldom as keeps the mean error
     /// of a body's velocity per tick below 0.33 m/s (or M_S); budget=MS as seldom as makes a tick take no longer than MS
-    /// milliseconds; `off` computes all in full
-    #[arg(long, value_name = "HOW", default_value = "off", hide_default_value = true)]
-    pub fidelity: Fidelity,
+    /// milliseconds; `off` computes all in full [default: what the scene says, else off]
+    #[arg(long, value_name = "HOW")]
+    fidelity: Option<Fidelity>,
     /// Look from here so many metres far, in world space; may be given several times [default: what the scene says, else at all]
     #[arg(long, value_name = "X,Y,Z,RADIUS", allow_hyphen_values = true, value_parser = viewpoint)]
     viewpoint: Vec<Viewpoint>,
@@ -18,11 +18,12 @@ pub(super) struct FidelityArgs {
 
 impl FidelityArgs {
     pub(super) fn is_given(&self) -> bool {
-        self.fidelity != Fidelity::Off || !self.viewpoint.is_empty()
+        self.fidelity.is_some() || !self.viewpoint.is_empty()
     }
 
-    /// Has a scene looked at from the viewpoints that were given.
-    pub(super) fn look(&self, scene: &mut Scene) {
+    /// Has a scene looked at from the viewpoints that were given, and computed as was said.
+    pub(super) fn apply(&self, scene: &mut Scene) {
+        scene.fidelity = self.fidelity.unwrap_or(scene.fidelity);
         if !self.viewpoint.is_empty() {
             scene.viewpoints.clone_from(&self.viewpoint);
         }

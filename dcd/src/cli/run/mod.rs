@@ -181,7 +181,7 @@ impl Run {
             )));
         }
         let mut scene = scenes::open(&self.scene, &Params::from_args(&self.set)?)?;
-        self.fidelity.look(&mut scene);
+        self.fidelity.apply(&mut scene);
         let plan = self.plan(&scene)?;
         let subject = plan.subject(&scene).map_err(|error| explained(error, &scene))?;
         Ok((Cast::of_scene(&scene), plan, subject))
@@ -229,7 +229,6 @@ impl Run {
         let mut config = self.cuts.config(scene, self.regions)?;
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         config.threads = self.threads.map_or(cores, usize::from);
-        config.fidelity = self.fidelity.fidelity;
         Ok(Plan { config: Some(config), ticks })
     }
 }

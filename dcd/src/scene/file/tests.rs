@@ -3,9 +3,9 @@
 use rapier3d::prelude::*;
 
 use super::*;
-use crate::physics::Coupling;
+use crate::physics::{Coupling, Fidelity};
 use crate::scene::SceneBody;
-use crate::space::{Axis, Bounds};
+use crate::space::{Axis, Bounds, Viewpoint};
 
 const FLOOR: &str = "[[body]]\nkind = \"fixed\"\n[[body.collider]]\nshape = \"box\"\nhalf_size = [9, 1, 9]\n";
 
@@ -50,6 +50,23 @@ fn all_shipped_files_run_for_a_second() {
         count += 1;
     }
     assert_eq!(count, 4);
+}
+
+#[test]
+fn a_file_says_how_much_is_computed_in_full() {
+    let of = |world: &str| {
+        let scene = read(&format!("[world]\n{world}\n{FLOOR}")).unwrap();
+        (crate::runtime::WorldConfig::for_scene(&scene).fidelity, scene.viewpoints)
+    };
+    assert_eq!(of(""), (Fidelity::Off, vec![]));
+    let view = Viewpoint { at: [0.0, 2.0, -1.0], radius_m: 30.0 };
+    let asked = "fidelity = \"auto\"\nviewpoints = [{ at = [0, 2, -1], radius = 30 }]";
+    assert_eq!(of(asked), (Fidelity::AUTO, vec![view]));
+    assert_eq!(of("fidelity = \"budget=8\"").0, Fidelity::Budget { tick_ms: 8.0 });
+    let wrong = |line, at, parts: &[&str]| refused(&format!("[world]\n{line}\n{FLOOR}"), at, parts);
+    wrong("fidelity = \"some\"", 1, &["`some` is none of off, auto", "write off, auto"]);
+    wrong("fidelity = \"budget=0\"", 1, &["`0` must be finite and above 0"]);
+    wrong("viewpoints = [{ at = [0, 0, 0], radius = 0 }]", 2, &["0 is not a finite number above 0"]);
 }
 
 #[test]

@@ -11,7 +11,7 @@ use super::source::Fault;
 use crate::physics::{Coupling, CouplingChoice, Method, Preset};
 use crate::scene::model::world_pose;
 use crate::scene::{AvatarHint, Params, Scene, SceneBody};
-use crate::space::{Axis, Balance, Bounds, MAX_REGIONS};
+use crate::space::{Axis, Balance, Bounds, MAX_REGIONS, Viewpoint};
 
 /// Room around the bodies when the file gives no bounds.
 const MARGIN_M: f64 = 1.0;
@@ -30,12 +30,22 @@ pub(super) struct WorldDef {
     #[serde(default)]
     cuts: Vec<CutDef>,
     balance: Option<Balance>,
+    fidelity: Option<String>,
+    #[serde(default)]
+    viewpoints: Vec<ViewpointDef>,
     coupling: Option<Coupling>,
     preset: Option<Preset>,
     exchanges: Option<usize>,
     depth: Option<usize>,
     island_limit: Option<usize>,
     tolerance: Option<Positive>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ViewpointDef {
+    at: Place,
+    radius: Positive,
 }
 
 #[derive(Deserialize)]
@@ -98,6 +108,18 @@ impl WorldDef {
                 ));
             }
             scene.balance = Some(balance);
+        }
+        if let Some(fidelity) = &self.fidelity {
+            scene.fidelity = fidelity.parse().map_err(|error| {
+                Fault::new(
+                    format!("[world] fidelity: {error}"),
+                    "write off, auto, tolerance=M_S or budget=MS",
+                )
+            })?;
+        }
+        if !self.viewpoints.is_empty() {
+            let view = |def: &ViewpointDef| Viewpoint { at: def.at.0, radius_m: f64::from(def.radius.0) };
+            scene.viewpoints = self.viewpoints.iter().map(view).collect();
         }
         scene.coupling = self.choice()?;
         if let Some((what, value, range)) = scene.step_settings().fault() {

@@ -1,0 +1,140 @@
+//! Says how much of a local world is computed in full and where it is looked at from, and reads what that saves and costs.
+
+use dcd::{Fidelity, Viewpoint};
+
+use crate::guard::guard;
+use crate::ids::DcdWorld;
+use crate::pointer::{self, Out, Sized32, check_point};
+use crate::registry::with;
+use crate::status::{DcdStatus, Failure};
+
+/// How much of a world is computed in full: regions that nobody looks at may be stepped once per two or four steps.
+pub type DcdFidelity = u32;
+
+/// What the scene says, else DCD_FIDELITY_OFF.
+pub const DCD_FIDELITY_DEFAULT: DcdFidelity = 0;
+/// All of it, in every step.
+pub const DCD_FIDELITY_OFF: DcdFidelity = 1;
+/// DCD_FIDELITY_TOLERANCE of 0.33 m/s.
+pub const DCD_FIDELITY_AUTO: DcdFidelity = 2;
+/// What is looked at in full, all else as seldom as keeps the mean error of a body's velocity per step below
+/// DcdWorldDef.fidelity_limit, m/s. The same on every machine, with any number of threads.
+pub const DCD_FIDELITY_TOLERANCE: DcdFidelity = 3;
+/// As much as fits into DcdWorldDef.fidelity_limit, milliseconds a step, what is looked at before all else. It depends on the time that
+/// steps take, so such a world cannot be recorded.
+pub const DCD_FIDELITY_BUDGET: DcdFidelity = 4;
+
+/// A place that a world is looked at from.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct DcdViewpoint {
+    /// World space, metres.
+    pub at: [f64; 3],
+    /// How far is looked, metres, 0 or more: regions within it are computed in full.
+    pub radius: f64,
+}
+
+/// What fidelity saved and what it cost, as far as is known. Start from DCD_FIDELITY_REPORT_INIT. It may grow at its end.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct DcdFidelityReport {
+    /// sizeof(DcdFidelityReport).
+    pub struct_size: u32,
+    /// The mean error of a body's velocity per step against a model four times as fine, m/s, by audits of the last steps; 0
+    /// before the first, and where all is computed in full.
+    pub error: f32,
+    /// The lower end of its 95 % confidence interval, m/s.
+    pub low95: f32,
+    /// The upper end.
+    pub high95: f32,
+    /// The time of regions' steps over what they would have taken had each been stepped in every step, as reckoned.
+    pub share_of_full_time: f64,
+    /// Audits so far.
+    pub audits: u64,
+    /// Steps that took longer than the budget, since the first second.
+    pub overruns: u64,
+    /// Regions that are stepped in every step, in every second one, and in every fourth.
+    pub levels: [u32; 3],
+    /// 0.
+    pub reserved: u32,
+}
+
+// SAFETY: begins with `struct_size`; every other member is a number.
+unsafe impl Sized32 for DcdFidelityReport {
+    const NAME: &'static str = "DcdFidelityReport";
+}
+
+/// Returns what a definition asks for, if it asks; `limit` is checked with it.
+pub(crate) fn asked(fidelity: DcdFidelity, limit: f32) -> Result<Option<Fidelity>, Failure> {
+    let takes_limit = matches!(fidelity, DCD_FIDELITY_TOLERANCE | DCD_FIDELITY_BUDGET);
+    let is_fit = if takes_limit { limit > 0.0 && pointer::is_in_range(limit) } else { limit == 0.0 };
+    match fidelity {
+        _ if fidelity > DCD_FIDELITY_BUDGET => Err(Failure::argument(format!(
+            "fidelity is {fidelity}, the last is {DCD_FIDELITY_BUDGET}; give a DCD_FIDELITY_..."
+        ))),
+        _ if !is_fit => Err(Failure::argument(format!(
+            "fidelity_limit is {limit}; give m/s or milliseconds above 0 with DCD_FIDELITY_TOLERANCE or _BUDGET, else 0"
+        ))),
+        DCD_FIDELITY_DEFAULT => Ok(None),
+        DCD_FIDELITY_OFF => Ok(Some(Fidelity::Off)),
+        DCD_FIDELITY_AUTO => Ok(Some(Fidelity::AUTO)),
+        DCD_FIDELITY_TOLERANCE => Ok(Some(Fidelity::Tolerance { m_s: limit })),
+        _ => Ok(Some(Fidelity::Budget { tick_ms: limit })),
+    }
+}
+
+/// Sets where a local world is looked at from, in place of what was set before: regions farther than what is seen from there are
+/// stepped less often, as DcdWorldDef.fidelity allows. Without viewpoints, as at first, all of it is looked at. Call it as often as viewers move.
+///
+/// `viewpoints` points to `count` of them, read during the call; it may be null when there are none.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a place out of range or a radius that is negative or NaN,
+/// DCD_ERR_UNSUPPORTED in a served world, which is computed in full.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_viewpoints_set(
+    world: DcdWorld,
+    viewpoints: *const DcdViewpoint,
+    count: usize,
+) -> DcdStatus {
+    guard("dcd_viewpoints_set", || {
+        // SAFETY: the caller vouches for the pointer and the count.
+        let given = unsafe { pointer::slice(viewpoints, count, "viewpoints")? };
+        for viewpoint in given {
+            check_point(&viewpoint.at, "at")?;
+            if !(viewpoint.radius >= 0.0 && viewpoint.radius.is_finite()) {
+                let radius = viewpoint.radius;
+                return Err(Failure::argument(format!("radius is {radius}; give metres, 0 or more")));
+            }
+        }
+        let viewpoints: Vec<_> =
+            given.iter().map(|given| Viewpoint { at: given.at, radius_m: given.radius }).collect();
+        with(world, |world| world.dcd.set_viewpoints(&viewpoints).map_err(Failure::from))
+    })
+}
+
+/// Reads what fidelity saves and costs. Where all is computed in full, share_of_full_time is 1 and the rest says nothing.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_fidelity_report(world: DcdWorld, out: *mut DcdFidelityReport) -> DcdStatus {
+    guard("dcd_fidelity_report", || {
+        // SAFETY: the caller vouches for the pointer.
+        let out = unsafe { Out::sized(out, "out")? };
+        with(world, |world| {
+            let report = world.dcd.fidelity_report();
+            let share_of_full_time = report.map_or(1.0, |report| report.share_of_full_time);
+            let report = report.unwrap_or_default();
+            out.write(DcdFidelityReport {
+                struct_size: size_of::<DcdFidelityReport>() as u32,
+                error: report.error_m_s,
+                low95: report.low95_m_s,
+                high95: report.high95_m_s,
+                share_of_full_time,
+                audits: report.audits,
+                overruns: report.overruns,
+                levels: report.levels.map(|count| count as u32),
+                reserved: 0,
+            });
+            Ok(())
+        })
+    })
+}

@@ -170,6 +170,7 @@ impl From<ProcessError> for Failure {
             )
             | ProcessError::Directory(_)
             | ProcessError::Record { .. }
+            | ProcessError::Metrics { .. }
             | ProcessError::Restore(_) => DCD_ERR_IO,
             ProcessError::Fault => DCD_ERR_PANIC,
             ProcessError::Thread(_) | ProcessError::Net(NetError::Threads(_)) => DCD_ERR_LIMIT,

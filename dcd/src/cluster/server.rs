@@ -388,6 +388,16 @@ impl Server {
         self.groups.values().any(|group| group.change.is_some())
     }
 
+    /// Returns how many votes on membership there were since this server started.
+    pub fn poll_counts(&self) -> PollCounts {
+        self.polls.counts()
+    }
+
+    /// Returns the clients that have joined and are linked.
+    pub fn linked_clients(&self) -> impl Iterator<Item = ClientId> {
+        self.common.clients.iter().filter(|(_, entry)| entry.linked).map(|(&client, _)| client)
+    }
+
     /// Returns the nodes that have joined and are linked.
     pub fn linked_nodes(&self) -> impl Iterator<Item = NodeId> {
         self.common.nodes.iter().filter(|(_, entry)| entry.linked).map(|(&node, _)| node)

@@ -88,13 +88,17 @@ pub enum Subject {
     Pings,
     /// What programs tell one another.
     Programs,
+    /// Bodies near borders, as nodes tell each other.
+    Borders,
+    /// How a group of nodes keeps in step: dispatches, and what members say of their ticks.
+    Ticks,
     /// Greetings, refusals, and what nodes tell one another.
     Rest,
 }
 
 impl Subject {
     /// All of them.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 10] = [
         Self::States,
         Self::Bodies,
         Self::Contacts,
@@ -102,6 +106,8 @@ impl Subject {
         Self::Regions,
         Self::Pings,
         Self::Programs,
+        Self::Borders,
+        Self::Ticks,
         Self::Rest,
     ];
 
@@ -115,6 +121,8 @@ impl Subject {
             Self::Regions => "regions",
             Self::Pings => "pings",
             Self::Programs => "programs",
+            Self::Borders => "borders",
+            Self::Ticks => "ticks",
             Self::Rest => "rest",
         }
     }
@@ -150,6 +158,8 @@ impl Message {
             },
             Self::Ping(_) | Self::Pong(_) => Subject::Pings,
             Self::Program(_) => Subject::Programs,
+            Self::Border(_) => Subject::Borders,
+            Self::Dispatch(_) | Self::Done(_) | Self::Report(_) | Self::Waiting(_) => Subject::Ticks,
             _ => Subject::Rest,
         }
     }

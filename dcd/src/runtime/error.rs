@@ -37,6 +37,16 @@ pub enum ProcessError {
         /// The system's reason.
         cause: std::io::Error,
     },
+    /// Nobody can be told how the process is.
+    #[error(
+        "cannot answer for metrics at {address}: {cause}; give a free address of this machine, or port 0 for any"
+    )]
+    Metrics {
+        /// Where.
+        address: SocketAddr,
+        /// The system's reason.
+        cause: std::io::Error,
+    },
     /// The world cannot be as asked.
     #[error(transparent)]
     World(#[from] WorldError),

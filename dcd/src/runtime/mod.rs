@@ -29,6 +29,8 @@ pub mod measure;
 #[cfg(feature = "net")]
 mod member;
 #[cfg(feature = "net")]
+mod metrics;
+#[cfg(feature = "net")]
 mod origin;
 mod recorded;
 mod recording;

@@ -3,6 +3,7 @@
 
 mod demo;
 mod faults;
+mod metrics;
 mod process;
 mod recorded;
 mod resting;

@@ -162,6 +162,7 @@ impl From<ProcessError> for Failure {
     fn from(error: ProcessError) -> Self {
         let status = match &error {
             ProcessError::Timeout { .. }
+            | ProcessError::NoStatus { .. }
             | ProcessError::NotSaved { .. }
             | ProcessError::NotReleased { .. }
             | ProcessError::Net(NetError::Unreachable { .. }) => DCD_ERR_TIMEOUT,

@@ -5,6 +5,7 @@ mod client;
 mod group;
 mod program;
 mod query;
+mod status;
 
 use std::net::SocketAddr;
 
@@ -28,6 +29,7 @@ pub use query::{
     MAX_QUERY_BYTES, MAX_TURN, MAX_TURNING_M, OVERLAPS_COST, Overlap, OverlapQuery, PartFilter, Place, Query,
     QueryParts, QueryResult, RayAnswer, RayQuery, SHAPE_COST,
 };
+pub use status::{GroupStatus, NodeStatus, RegionStatus, Status};
 
 /// The number of a group's membership. It grows with every join, leave and death; 0 is before the first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Encode, Decode)]
@@ -67,6 +69,10 @@ pub enum Message {
     Ping(Ping),
     /// The echo.
     Pong(Pong),
+    /// Any process to the server: asks for the status of its world.
+    AskStatus,
+    /// The answer.
+    Status(Status),
     /// Program to program, over a link between a server and another process.
     Program(Program),
 }

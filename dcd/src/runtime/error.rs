@@ -150,6 +150,14 @@ pub enum ProcessError {
         /// How long we waited.
         waited: Duration,
     },
+    /// The server did not say how its world is.
+    #[error("the server at {server} has not answered within {waited:?}: it or the link is slow; ask again")]
+    NoStatus {
+        /// Where it is.
+        server: SocketAddr,
+        /// How long we waited.
+        waited: Duration,
+    },
     /// The server or leader said no.
     #[error(transparent)]
     Refused(#[from] Refusal),

@@ -12,6 +12,9 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use tracing::error_span;
+use tracing::field::display;
+
 use self::event_loop::Loop;
 use self::recorded_node::RecordedNode;
 use super::bandwidth::Received;
@@ -242,6 +245,8 @@ impl Member {
         let thread = std::thread::Builder::new()
             .name(format!("dcd-{who:?}"))
             .spawn(move || {
+                let (node, client) = (who.node().map(display), who.client().map(display));
+                let _log = error_span!("process", role = %who.role(), node, client).entered();
                 let shared = running.shared.clone();
                 if catch_unwind(AssertUnwindSafe(|| running.run(&inputs))).is_err() {
                     shared.lock().end = Some(Err(ProcessError::Fault));

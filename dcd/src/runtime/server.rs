@@ -9,7 +9,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use tracing::{debug, error, info, warn};
+use tracing::{debug, error, error_span, info, warn};
 
 use super::end_request::EndRequests;
 use super::ending::{Cause, Reason};
@@ -228,6 +228,7 @@ impl ServerProcess {
         let thread = std::thread::Builder::new()
             .name("dcd-server".into())
             .spawn(move || {
+                let _log = error_span!("process", role = "server").entered();
                 let (shared, connections) = (running.shared.clone(), running.connections.clone());
                 if catch_unwind(AssertUnwindSafe(|| running.run(&inputs))).is_err() {
                     let mut state = shared.lock();

@@ -102,11 +102,7 @@ pub(super) fn write_file(to: &mut impl Write, kind: &str, content: &[u8]) -> io:
 }
 
 pub(super) fn write_refusal(to: &mut impl Write, Refused(status, why): &Refused) -> io::Result<()> {
-    let length = why.len() + 1;
-    write!(
-        to,
-        "HTTP/1.1 {status}\r\nContent-Type: text/plain\r\nContent-Length: {length}\r\nConnection: close\r\n\r\n{why}\n"
-    )
+    write_answer(to, status, "text/plain", "", format!("{why}\n").as_bytes())
 }
 
 pub(super) fn write_upgrade(to: &mut impl Write, accept: &str) -> io::Result<()> {

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use crate::process::{LIMIT, Process, Server, dcd};
 
 /// Where a process answers, by the line that it prints.
-fn address(process: &mut Process) -> String {
+pub(crate) fn address(process: &mut Process) -> String {
     process.line("metrics http://").strip_suffix("/metrics").expect("the path of metrics").to_owned()
 }
 
@@ -27,9 +27,9 @@ fn get(address: &str, path: &str) -> (u16, String) {
 }
 
 /// Values by name and labels, as they are written: `dcd_messages_total{direction="in",subject="ticks"}`.
-type Values = BTreeMap<String, f64>;
+pub(crate) type Values = BTreeMap<String, f64>;
 
-fn scrape(address: &str) -> Values {
+pub(crate) fn scrape(address: &str) -> Values {
     let (status, text) = get(address, "/metrics");
     assert_eq!(status, 200);
     parse(&text).unwrap_or_else(|error| panic!("{error} in\n{text}"))
@@ -119,7 +119,7 @@ fn check_manual<'a>(told: impl Iterator<Item = &'a Values>) {
 }
 
 /// Waits until something holds, as it does soon.
-fn wait<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
+pub(crate) fn wait<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
     let deadline = Instant::now() + LIMIT;
     loop {
         if let Some(found) = look() {

@@ -9,6 +9,8 @@ use std::net::SocketAddr;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use tracing::info;
+
 pub(super) use self::node::{NodeGauge, NodeMetrics};
 pub(super) use self::server::ServerMetrics;
 use super::ProcessError;
@@ -16,8 +18,8 @@ use super::bandwidth::LinkTotals;
 use crate::metrics::{Endpoint, Source, Text};
 use crate::protocol::VERSION;
 
-/// A loop turns at least twice per second, but for ticks that take long: one that has not for so long hangs.
-const HUNG: Duration = Duration::from_secs(10);
+/// A loop turns at least twice per second, but while it builds a large world: one that has not for so long hangs.
+const HUNG: Duration = Duration::from_secs(30);
 
 /// Bounds of times, seconds: a tick has 1/60 s.
 const SECONDS: &[f64] =
@@ -25,7 +27,10 @@ const SECONDS: &[f64] =
 
 /// Starts to answer for a process.
 pub(super) fn start(address: SocketAddr, source: Arc<dyn Source>) -> Result<Endpoint, ProcessError> {
-    Endpoint::start(address, source).map_err(|cause| ProcessError::Metrics { address, cause })
+    let endpoint = Endpoint::start(address, source);
+    let endpoint = endpoint.map_err(|cause| ProcessError::Metrics { address, cause })?;
+    info!(address = %endpoint.address(), "metrics are told");
+    Ok(endpoint)
 }
 
 /// Returns why a loop is not healthy that turned then.

@@ -117,7 +117,7 @@ mod tests {
         let mut bytes = text.counter("dcd_bytes_total", "Bytes \\ by\nkind.");
         bytes.of(&[("kind", "a\"b\\c\nd"), ("to", "x")], 0.5).of(&[("kind", "e")], f64::INFINITY);
         let mut times = Histogram::new(&[0.001, 0.1]);
-        [0.001, 0.0005, 0.05, 7.0].map(|time| times.observe(time));
+        [0.001, 0.0005, 0.05, 7.0].into_iter().for_each(|time| times.observe(time));
         text.histogram("dcd_tick_seconds", "Times.", &times);
         let expected = "# HELP dcd_bodies Bodies.\n# TYPE dcd_bodies gauge\ndcd_bodies 3\n\
             # HELP dcd_bytes_total Bytes \\\\ by\\nkind.\n# TYPE dcd_bytes_total counter\n\

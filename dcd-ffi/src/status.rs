@@ -162,6 +162,7 @@ impl From<ProcessError> for Failure {
     fn from(error: ProcessError) -> Self {
         let status = match &error {
             ProcessError::Timeout { .. }
+            | ProcessError::NoStatus { .. }
             | ProcessError::NotSaved { .. }
             | ProcessError::NotReleased { .. }
             | ProcessError::Net(NetError::Unreachable { .. }) => DCD_ERR_TIMEOUT,
@@ -170,6 +171,7 @@ impl From<ProcessError> for Failure {
             )
             | ProcessError::Directory(_)
             | ProcessError::Record { .. }
+            | ProcessError::Metrics { .. }
             | ProcessError::Restore(_) => DCD_ERR_IO,
             ProcessError::Fault => DCD_ERR_PANIC,
             ProcessError::Thread(_) | ProcessError::Net(NetError::Threads(_)) => DCD_ERR_LIMIT,

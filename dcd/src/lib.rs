@@ -69,6 +69,10 @@ pub mod space;
 #[cfg(feature = "cli")]
 #[doc(hidden)]
 pub mod cli;
+#[cfg(all(feature = "net", feature = "physics"))]
+mod http;
+#[cfg(all(feature = "net", feature = "physics"))]
+mod metrics;
 #[cfg(feature = "net")]
 #[doc(hidden)]
 pub mod net;

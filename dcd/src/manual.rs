@@ -1,4 +1,4 @@
-//! Holds the manual: concepts, couplings, serving, seeing, recording, fidelity, limits and architecture, beyond the documentation of single items.
+//! Holds the manual: concepts, couplings, serving, operating, seeing, recording, fidelity, limits and architecture, beyond the documentation of single items.
 
 #[doc = include_str!("../manual/concepts.md")]
 pub mod concepts {}
@@ -8,6 +8,9 @@ pub mod coupling {}
 
 #[doc = include_str!("../manual/serving.md")]
 pub mod serving {}
+
+#[doc = include_str!("../manual/operating.md")]
+pub mod operating {}
 
 #[doc = include_str!("../manual/seeing.md")]
 pub mod seeing {}

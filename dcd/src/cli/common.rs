@@ -13,9 +13,22 @@ pub(super) struct Common {
     /// Say more on standard error: -v what is done, -vv details, -vvv everything (RUST_LOG overrides it)
     #[arg(short, long, action = clap::ArgAction::Count, global = true, display_order = 900)]
     verbose: u8,
+    /// How the log on standard error is written: for people, or a JSON object per line
+    #[arg(long, value_enum, value_name = "FORMAT", default_value_t, global = true, display_order = 902)]
+    log_format: LogFormat,
     /// Show no progress
     #[arg(short, long, global = true, display_order = 901)]
     quiet: bool,
+}
+
+/// The forms of a log.
+#[derive(Clone, Copy, Debug, Default, clap::ValueEnum)]
+enum LogFormat {
+    /// Lines for people
+    #[default]
+    Text,
+    /// JSON objects
+    Json,
 }
 
 impl Common {
@@ -29,7 +42,11 @@ impl Common {
         let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(level));
         // Fails only if there is a log already, which then serves.
         let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr);
-        let _ = log.log_internal_errors(false).try_init();
+        let log = log.log_internal_errors(false);
+        let _ = match self.log_format {
+            LogFormat::Text => log.try_init(),
+            LogFormat::Json => log.json().flatten_event(true).with_span_list(false).try_init(),
+        };
     }
 
     /// Returns whether people want to see nothing but the result.

@@ -23,6 +23,7 @@ mod save;
 mod scenes;
 mod serve;
 mod simulate;
+mod status;
 mod summary;
 mod token;
 mod truth;
@@ -62,6 +63,7 @@ subcommands! {
     Node in node,
     Client in client,
     Token in token,
+    Status in status,
     Save in save,
     Restore in restore,
     End in end,

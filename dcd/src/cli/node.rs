@@ -22,7 +22,7 @@ const LOOK: Duration = Duration::from_millis(50);
 /// Example:
 ///   dcd node --server 192.0.2.7:7420 --token $(dcd token --role node)
 ///
-/// Prints `joined as NODE` first, `listening ADDR` next and a summary last. Ctrl-C hands its regions over to other nodes, or
+/// Prints `joined as NODE` first, `listening ADDR` next, with --metrics `metrics URL`, and a summary last. Ctrl-C hands its regions over to other nodes, or
 /// back to the server. While the server is out of reach the node computes on with the others, and dials it again.
 #[derive(clap::Args)]
 #[command(
@@ -57,6 +57,9 @@ pub(super) struct Node {
     /// Record all that the node is given, and a digest of each region after each tick: `dcd replay FILE` computes it again
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
+    /// Answer over HTTP at this address with metrics (/metrics, in Prometheus' format), and whether the node is well (/healthz, /readyz)
+    #[arg(long, value_name = "ADDR", value_parser = address)]
+    metrics: Option<SocketAddr>,
     /// Show the regions of this node in the browser, with their copies of others' bodies, by a page at this address, which is printed on
     /// standard error: any free port of this machine if none is given
     #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = ANY_PORT, value_parser = address)]
@@ -83,6 +86,7 @@ impl Node {
         config.advertise = self.advertise;
         config.give_up = self.give_up;
         config.record = self.record;
+        config.metrics = self.metrics;
         config.threads = self
             .threads
             .map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from);
@@ -92,7 +96,13 @@ impl Node {
             Box::new(move |regions, stats| viewer.show_node(regions, stats))
         });
         let node = Member::start(config)?;
-        print(&format!("joined as {}\nlistening {}", node.summary().node, node.address))?;
+        let metrics = node.metrics_address().map(|address| format!("\nmetrics http://{address}/metrics"));
+        print(&format!(
+            "joined as {}\nlistening {}{}",
+            node.summary().node,
+            node.address,
+            metrics.unwrap_or_default()
+        ))?;
         while !node.wait_over(LOOK) && !interrupt.asked() {}
         if interrupt.asked() {
             common.say("leaving: regions are handed over first");

@@ -100,6 +100,9 @@ pub(super) struct Serve {
     /// Record all that the server is given, to be replayed by `dcd replay` with the recordings of its nodes
     #[arg(long, value_name = "FILE.dcdr")]
     record: Option<PathBuf>,
+    /// Answer over HTTP at this address with metrics (/metrics, in Prometheus' format), and whether the server is well (/healthz, /readyz)
+    #[arg(long, value_name = "ADDR", value_parser = address)]
+    metrics: Option<SocketAddr>,
     /// Show the world in the browser as a client is told of it, by a page at this address, which is printed on standard error: any free
     /// port of this machine if none is given
     #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = ANY_PORT, value_parser = address)]
@@ -134,6 +137,7 @@ impl Serve {
             events: false,
             avatar_expiry: self.keep_avatars,
             record: self.record.clone(),
+            metrics: self.metrics,
             groups: self.groups()?,
         };
         requests::forget(&self.data);
@@ -143,6 +147,9 @@ impl Serve {
         }?;
         drop(origin);
         let mut first = format!("listening {}", server.address);
+        if let Some(address) = server.metrics_address() {
+            first += &format!("\nmetrics http://{address}/metrics");
+        }
         if let Some(tick) = server.resumed {
             first += &format!("\ngoing on with the world at tick {}", tick.0);
         }
@@ -326,7 +333,7 @@ fn membership(view: Option<&View>) -> String {
 
 fn after_help() -> String {
     format!(
-        "Prints `listening ADDR` first, then `going on with the world at tick N` if --data holds one that has not ended, a line\n\
+        "Prints `listening ADDR` first, with --metrics `metrics URL`, then `going on with the world at tick N` if --data holds one that has not ended, a line\n\
          `view NUMBER at tick T: n1 r1, n2 r2; n1 leads` whenever the nodes or their shares change, and the summary last; with\n\
          --json as an object with the keys tick bodies regions nodes views repartitions lost doubled state_hash bytes seconds kept (state_hash\n\
          with --ticks only; views, repartitions and seconds since this start; kept: whether the world goes on). Exits with 1 when the last look at the world finds bodies\n\

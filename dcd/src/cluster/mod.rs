@@ -45,8 +45,8 @@ pub use server::{
     ServerConfig, ServerEvent, ServerOrigin, ServerOutput, WORLD_ENDED,
 };
 pub use votes::{
-    Ballot, Call, DelayMonitor, DelayRules, Outcome, PeerDelay, PollRules, Polls, Tally, VoteError,
-    VoteRefusal, VoteThresholds,
+    Ballot, Call, DelayMonitor, DelayRules, Outcome, PeerDelay, PollCounts, PollRules, Polls, Tally,
+    VoteError, VoteRefusal, VoteThresholds,
 };
 
 /// The other end of a link, as its certificate names it.

@@ -306,6 +306,11 @@ impl Record {
         avatar.suits_clients(find) && can_build(&self.shapes, brought)
     }
 
+    /// Returns how many bodies are on record, those included that are not in the world now.
+    pub(super) fn len(&self) -> usize {
+        self.bodies.len()
+    }
+
     /// Returns a body as last known.
     pub fn body(&self, id: BodyId) -> Option<&BodyRecord> {
         self.bodies.get(&id).map(|entry| &entry.body)

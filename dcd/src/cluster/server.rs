@@ -11,6 +11,7 @@ mod program;
 mod questions;
 mod regroup;
 mod save;
+mod status;
 mod stored;
 #[cfg(test)]
 mod tests;
@@ -23,8 +24,9 @@ use self::common::{ABSENCE, ClientEntry, Common};
 use self::group::Group;
 use self::nodes::Resumption;
 use self::questions::Questions;
+use self::status::Statuses;
 use self::vicinity::Vicinity;
-use super::{Batch, Peer, Pinger, Polls, Record};
+use super::{Batch, Peer, Pinger, PollCounts, Polls, Record};
 use crate::protocol::{
     Area, Chunk, EnvironmentProperties, Farewell, Hello, JoinAs, Member, Message, Query, QueryResult,
     Refusal, ShapeHash, ShapeRecord, ToClient, VERSION, View, ViewNumber, WorldEvents, chunks,
@@ -180,6 +182,7 @@ pub struct Server {
     arbiter: arbiter::Arbiter,
     polls: Polls,
     questions: Questions,
+    statuses: Statuses,
     /// How long it was stopped, ever. That time does not count: what others sent meanwhile is yet to be heard.
     stopped: Duration,
     /// Whether it was before the last event. A server that is late each time is slow, and its time passes.
@@ -220,6 +223,7 @@ impl Server {
         Self {
             polls,
             questions: Questions::default(),
+            statuses: Statuses::default(),
             stopped: Duration::ZERO,
             was_stopped: false,
             looked_at: Duration::ZERO,
@@ -238,6 +242,9 @@ impl Server {
     /// Takes an event in; [`Server::poll_output`] tells what follows from it. `now` never goes back.
     pub fn handle(&mut self, now: Duration, event: ServerEvent) {
         let mark = self.begin(now);
+        if let ServerEvent::Disconnected(peer) = &event {
+            self.statuses.forget(*peer);
+        }
         match event {
             ServerEvent::Disconnected(Peer::Node(node)) => self.unlink_node(node),
             ServerEvent::Disconnected(Peer::Client(client)) => {
@@ -265,6 +272,7 @@ impl Server {
                 let message = Pinger::answer(now, ping);
                 self.common.outputs.push_back(ServerOutput::Send { to: from, message });
             }
+            ServerEvent::Message { from, message: Message::AskStatus } => self.tell_status(from),
             ServerEvent::Message { .. } => self.common.stale += 1,
             ServerEvent::SendAway { node, client, reason } => {
                 client.into_iter().for_each(|client| self.part(client));
@@ -386,6 +394,16 @@ impl Server {
     /// Returns whether a view change is under way.
     pub fn is_changing(&self) -> bool {
         self.groups.values().any(|group| group.change.is_some())
+    }
+
+    /// Returns how many votes on membership there were since this server started.
+    pub fn poll_counts(&self) -> PollCounts {
+        self.polls.counts()
+    }
+
+    /// Returns the clients that have joined and are linked.
+    pub fn linked_clients(&self) -> impl Iterator<Item = ClientId> {
+        self.common.clients.iter().filter(|(_, entry)| entry.linked).map(|(&client, _)| client)
     }
 
     /// Returns the nodes that have joined and are linked.

@@ -19,7 +19,7 @@ use crate::protocol::{DelayThresholds, Motion};
 use crate::space::NodeId;
 
 pub use self::delay_monitor::{DelayMonitor, DelayRules};
-pub use self::polls::{Call, Outcome, PollRules, Polls, VoteRefusal};
+pub use self::polls::{Call, Outcome, PollCounts, PollRules, Polls, VoteRefusal};
 
 /// The delay thresholds of votes, in milliseconds of round trips.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -36,6 +36,8 @@ pub(super) struct Shared {
     /// Taken by each handshake or join under way.
     pub(super) handshake_slots: Arc<Semaphore>,
     pub(super) peers: RwLock<BTreeMap<PeerKey, Arc<Peer>>>,
+    /// Peers that we have closed, until their connections are over: what they carry still counts. Locked after `peers`, before `totals`.
+    pub(super) leaving: Mutex<BTreeMap<PeerKey, Arc<Peer>>>,
     pub(super) next_key: AtomicU64,
     pub(super) totals: Mutex<NetTotals>,
     /// `None` once it is shut down, so that readers of events see the end.
@@ -61,6 +63,10 @@ impl Shared {
 
     pub(super) fn peers_mut(&self) -> RwLockWriteGuard<'_, BTreeMap<PeerKey, Arc<Peer>>> {
         self.peers.write().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    pub(super) fn leaving(&self) -> MutexGuard<'_, BTreeMap<PeerKey, Arc<Peer>>> {
+        self.leaving.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     pub(super) fn totals(&self) -> MutexGuard<'_, NetTotals> {
@@ -194,11 +200,13 @@ async fn carry(
     shared.peers_mut().insert(key, peer.clone());
     let _ = events.send(Delivery { event: NetEvent::Connected { peer: key, who, addr }, share: None });
     let (cause, reason) = peer.run(receivers, &events).await;
-    shared.peers_mut().remove(&key);
-    let mut totals = shared.totals();
+    // All at once: no sum may miss it, or count it twice.
+    let (mut peers, mut leaving, mut totals) = (shared.peers_mut(), shared.leaving(), shared.totals());
+    peers.remove(&key);
+    leaving.remove(&key);
     let last = PeerStats { bytes_waiting: 0, rtt: Default::default(), ..peer.stats() };
     totals.traffic.add(&last);
     totals.violations += u64::from(cause == CloseCause::Violation);
-    drop(totals);
+    drop((totals, leaving, peers));
     let _ = events.send(Delivery { event: NetEvent::Closed { peer: key, who, cause, reason }, share: slot });
 }

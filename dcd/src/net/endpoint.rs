@@ -83,6 +83,7 @@ impl Net {
             limits,
             refusals: Seldom::default(),
             peers: RwLock::default(),
+            leaving: Mutex::default(),
             next_key: AtomicU64::new(1),
             totals: Mutex::default(),
             events: Mutex::new(Some(events)),
@@ -143,7 +144,12 @@ impl Net {
     /// Closes a connection after what was sent has arrived or [`Limits::linger`] has passed. `code` and
     /// `reason` reach the peer.
     pub fn close(&self, peer: PeerKey, code: CloseCode, reason: &str) {
-        let peer = self.shared.peers_mut().remove(&peer);
+        let peer = {
+            let mut peers = self.shared.peers_mut();
+            let closed = peers.remove(&peer);
+            self.shared.leaving().extend(closed.clone().map(|closed| (peer, closed)));
+            closed
+        };
         if let (Some(runtime), Some(peer)) = (&self.runtime, peer) {
             let (shared, reason) = (self.shared.clone(), reason.to_owned());
             let task = runtime.spawn(async move { peer.close(code, &reason, &shared.limits).await });
@@ -161,9 +167,10 @@ impl Net {
     /// Returns the traffic over all connections.
     pub fn totals(&self) -> NetTotals {
         let peers = self.shared.peers.read().unwrap_or_else(PoisonError::into_inner);
+        let leaving = self.shared.leaving();
         let mut totals = *self.shared.totals();
         totals.peers = peers.len() as u64;
-        for peer in peers.values() {
+        for peer in peers.values().chain(leaving.values()) {
             totals.traffic.add(&peer.stats());
         }
         totals

@@ -18,7 +18,7 @@ use super::{Check, Chunk, Invalid, Message};
 use crate::protocol::SharedState;
 
 /// Version of the protocol. It grows with every change of the message set; peers of unequal versions refuse each other.
-pub const VERSION: u32 = 20;
+pub const VERSION: u32 = 21;
 
 /// The most bytes of a message. A single shape (a height field of 2,000 × 2,000) is what needs most.
 pub const MAX_MESSAGE_BYTES: usize = 16 << 20;
@@ -232,6 +232,62 @@ mod tests {
         assert!(matches!(decode(&forged), Err(CodecError::Malformed(DecodeError::LimitExceeded))));
     }
 
+    fn status() -> Message {
+        use crate::protocol::{GroupStatus, NodeStatus, RegionStatus, Status};
+        use crate::space::{Bounds, GroupId, NodeId, RegionId};
+        let bounds = Bounds::new([0.0; 3], [8.0; 3]);
+        let region = RegionStatus { region: RegionId(1), owner: NodeId(1), bodies: 3, bounds };
+        let group = GroupStatus {
+            group: GroupId(1),
+            view: ViewNumber(1),
+            tick: Tick(9),
+            leader: Some(NodeId(1)),
+            is_changing: false,
+            clients: 1,
+            regions: vec![region],
+        };
+        let node = NodeStatus {
+            node: NodeId(1),
+            address: "127.0.0.1:1".parse().unwrap(),
+            client: None,
+            group: Some(GroupId(1)),
+            is_linked: true,
+            is_loaded: true,
+            is_leaving: false,
+            delay_ms: Some(0.5),
+            unreached: 0,
+        };
+        let (groups, nodes) = (vec![group], vec![node]);
+        Message::Status(Status {
+            tick: Tick(9),
+            dt_s: 0.1,
+            bodies: 3,
+            clients: 1,
+            main: GroupId(1),
+            groups,
+            nodes,
+        })
+    }
+
+    #[test]
+    fn a_status_that_breaks_a_rule_is_refused() {
+        let refused = |change: fn(&mut crate::protocol::Status)| {
+            let Message::Status(mut status) = status() else { panic!() };
+            change(&mut status);
+            decode(&encode(&Message::Status(status))).unwrap_err().to_string()
+        };
+        assert!(decode(&encode(&status())).is_ok());
+        assert!(refused(|status| status.dt_s = f32::NAN).contains("status.dt_s"));
+        assert!(refused(|status| status.groups.push(status.groups[0].clone())).contains("status.groups"));
+        assert!(refused(|status| status.nodes.push(status.nodes[0].clone())).contains("status.nodes"));
+        let doubled = |status: &mut crate::protocol::Status| {
+            let region = status.groups[0].regions[0].clone();
+            status.groups[0].regions.push(region);
+        };
+        assert!(refused(doubled).contains("status.regions"));
+        assert!(refused(|status| status.nodes[0].delay_ms = Some(-1.0)).contains("status.delay_ms"));
+    }
+
     #[test]
     fn a_value_that_breaks_a_rule_is_refused_by_the_name_of_its_field() {
         let with = |change: fn(&mut SharedState)| {
@@ -312,7 +368,7 @@ mod tests {
                 last_tick: None,
             };
             let welcome = Message::ToNode(ToNode::Welcome { id: crate::space::NodeId(1), world });
-            for message in [sample(), welcome, Message::Ping(Ping { sent_us: 5 })] {
+            for message in [sample(), welcome, Message::Ping(Ping { sent_us: 5 }), status()] {
                 let mut bytes = encode(&message);
                 let at = at % bytes.len();
                 bytes[at] = to;

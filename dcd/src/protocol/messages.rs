@@ -5,6 +5,7 @@ mod client;
 mod group;
 mod program;
 mod query;
+mod status;
 
 use std::net::SocketAddr;
 
@@ -28,6 +29,7 @@ pub use query::{
     MAX_QUERY_BYTES, MAX_TURN, MAX_TURNING_M, OVERLAPS_COST, Overlap, OverlapQuery, PartFilter, Place, Query,
     QueryParts, QueryResult, RayAnswer, RayQuery, SHAPE_COST,
 };
+pub use status::{GroupStatus, NodeStatus, RegionStatus, Status};
 
 /// The number of a group's membership. It grows with every join, leave and death; 0 is before the first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Encode, Decode)]
@@ -67,6 +69,10 @@ pub enum Message {
     Ping(Ping),
     /// The echo.
     Pong(Pong),
+    /// Any process to the server: asks for the status of its world.
+    AskStatus,
+    /// The answer.
+    Status(Status),
     /// Program to program, over a link between a server and another process.
     Program(Program),
 }
@@ -88,13 +94,17 @@ pub enum Subject {
     Pings,
     /// What programs tell one another.
     Programs,
+    /// Bodies near borders, as nodes tell each other.
+    Borders,
+    /// How a group of nodes keeps in step: dispatches, and what members say of their ticks.
+    Ticks,
     /// Greetings, refusals, and what nodes tell one another.
     Rest,
 }
 
 impl Subject {
     /// All of them.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 10] = [
         Self::States,
         Self::Bodies,
         Self::Contacts,
@@ -102,6 +112,8 @@ impl Subject {
         Self::Regions,
         Self::Pings,
         Self::Programs,
+        Self::Borders,
+        Self::Ticks,
         Self::Rest,
     ];
 
@@ -115,6 +127,8 @@ impl Subject {
             Self::Regions => "regions",
             Self::Pings => "pings",
             Self::Programs => "programs",
+            Self::Borders => "borders",
+            Self::Ticks => "ticks",
             Self::Rest => "rest",
         }
     }
@@ -150,6 +164,8 @@ impl Message {
             },
             Self::Ping(_) | Self::Pong(_) => Subject::Pings,
             Self::Program(_) => Subject::Programs,
+            Self::Border(_) => Subject::Borders,
+            Self::Dispatch(_) | Self::Done(_) | Self::Report(_) | Self::Waiting(_) => Subject::Ticks,
             _ => Subject::Rest,
         }
     }

@@ -1,6 +1,7 @@
 //! Says what a process was sent over its links: bytes by what messages are about, by the fields of states, and by body.
 
 use crate::delta::{Field, Tally};
+use crate::net::NetTotals;
 use crate::protocol::Subject;
 use crate::space::BodyId;
 
@@ -32,6 +33,21 @@ impl Received {
     pub fn iter(&self) -> impl Iterator<Item = (Subject, Count)> {
         Subject::ALL.into_iter().zip(self.0)
     }
+}
+
+/// What went over all links of a process since its start.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct LinkTotals {
+    /// As the network counts.
+    pub net: NetTotals,
+    /// Messages received, by what they are about.
+    pub received: Received,
+    /// Messages given to send.
+    pub sent: Received,
+    /// Bytes that wait for links now, beside those of [`NetTotals`].
+    pub waiting_bytes: u64,
+    /// Messages that could not be decoded, or that their sender may not send.
+    pub malformed: u64,
 }
 
 /// What a client was sent since it joined, and what for.

@@ -49,6 +49,9 @@ pub struct JoinConfig {
     /// A file to record a participant's or node's share of the world to: all that it is given, and a digest of each region after each
     /// tick. `dcd replay` computes it again from that, bit for bit.
     pub record: Option<PathBuf>,
+    /// An address where a participant's node, or a node, answers over HTTP with its metrics (`/metrics`, in Prometheus' format) and
+    /// whether it is well (`/healthz`, `/readyz`). Whoever reaches it may read that.
+    pub metrics: Option<SocketAddr>,
 }
 
 impl JoinConfig {
@@ -66,6 +69,7 @@ impl JoinConfig {
             listen: None,
             advertise: None,
             record: None,
+            metrics: None,
         }
     }
 
@@ -142,6 +146,7 @@ impl ClientWorld {
             listen: config.listen.unwrap_or(usual.listen),
             advertise: config.advertise,
             record: config.record.clone(),
+            metrics: config.metrics,
             interest: config.interest,
             ..usual
         })?;

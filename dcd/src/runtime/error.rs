@@ -37,6 +37,16 @@ pub enum ProcessError {
         /// The system's reason.
         cause: std::io::Error,
     },
+    /// Nobody can be told how the process is.
+    #[error(
+        "cannot answer for metrics at {address}: {cause}; give a free address of this machine, or port 0 for any"
+    )]
+    Metrics {
+        /// Where.
+        address: SocketAddr,
+        /// The system's reason.
+        cause: std::io::Error,
+    },
     /// The world cannot be as asked.
     #[error(transparent)]
     World(#[from] WorldError),
@@ -135,6 +145,14 @@ pub enum ProcessError {
         "the server at {server} did not tell the whole world within {waited:?}: it or the link is slow; wait longer"
     )]
     Timeout {
+        /// Where it is.
+        server: SocketAddr,
+        /// How long we waited.
+        waited: Duration,
+    },
+    /// The server did not say how its world is.
+    #[error("the server at {server} has not answered within {waited:?}: it or the link is slow; ask again")]
+    NoStatus {
         /// Where it is.
         server: SocketAddr,
         /// How long we waited.

@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 
 use tracing::{debug, warn};
 
-use super::bandwidth::Received;
+use super::bandwidth::{LinkTotals, Received};
 use super::connections::{Connections, Delivery, Sent};
 use super::ending::{Cause, Ending, Reason};
 use super::repeats::Repeats;
@@ -75,6 +75,8 @@ pub(super) struct Links {
     world_bytes: usize,
     repeats: Repeats,
     received: Received,
+    sent: Received,
+    malformed: u64,
     /// Whether this process sends to a participant as a client too: only the server does.
     is_server: bool,
 }
@@ -104,12 +106,21 @@ impl Links {
             world_bytes: WORLD_BYTES,
             repeats: Repeats::default(),
             received: Received::default(),
+            sent: Received::default(),
+            malformed: 0,
             is_server,
         }
     }
 
     pub(super) fn totals(&self) -> NetTotals {
         self.net.totals()
+    }
+
+    /// Returns all that is counted here.
+    pub(super) fn all_totals(&self) -> LinkTotals {
+        let waiting_bytes = self.waiting.values().map(|waiting| waiting.bytes as u64).sum();
+        let &Self { received, sent, malformed, .. } = self;
+        LinkTotals { net: self.net.totals(), received, sent, waiting_bytes, malformed }
     }
 
     /// Returns what has come, by what it is about.
@@ -136,6 +147,7 @@ impl Links {
     /// Sends a message, now or when the link is there and has room.
     pub(super) fn send(&mut self, to: Peer, message: &Message) {
         let bytes = protocol::encode(message);
+        self.sent.count(message.subject(), bytes.len());
         let lane = match message.lane() {
             Lane::State => {
                 let key = self.keys.get(&to).copied();
@@ -242,19 +254,24 @@ impl Links {
     }
 
     /// Sends waiting messages of programs, as far as there is room. Returns whether something is to be tried again soon.
-    fn send_programs(&self) -> bool {
-        self.connections.send_waiting(|link, frame, delivery| match delivery {
-            Delivery::Datagram if self.net.datagrams_waiting(link) > PROGRAM_DATAGRAMS_WAITING => {
-                Sent::Dropped
+    fn send_programs(&mut self) -> bool {
+        let Self { connections, net, sent, .. } = self;
+        connections.send_waiting(|link, frame, delivery| {
+            match delivery {
+                Delivery::Datagram if net.datagrams_waiting(link) > PROGRAM_DATAGRAMS_WAITING => {
+                    return Sent::Dropped;
+                }
+                Delivery::Datagram => {
+                    let _ = net.send_datagram(link, frame.to_vec());
+                }
+                Delivery::Message => {
+                    if let Err(SendError::Full { .. }) = net.send(link, crate::net::Lane::Program, frame) {
+                        return Sent::Waits;
+                    }
+                }
             }
-            Delivery::Datagram => {
-                let _ = self.net.send_datagram(link, frame.to_vec());
-                Sent::Done
-            }
-            Delivery::Message => match self.net.send(link, crate::net::Lane::Program, frame) {
-                Err(SendError::Full { .. }) => Sent::Waits,
-                _ => Sent::Done,
-            },
+            sent.count(protocol::Subject::Programs, frame.len());
+            Sent::Done
         })
     }
 
@@ -366,6 +383,7 @@ impl Links {
                 match heard {
                     Ok(message) => vec![LinkEvent::Message { from: self.sender(who, &message), message }],
                     Err(error) => {
+                        self.malformed += 1;
                         warn!(?who, error, "a peer sent what it may not and is disconnected");
                         let peers = self.peers_of(who);
                         for &peer in &peers {

@@ -12,13 +12,18 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use tracing::error_span;
+use tracing::field::display;
+
 use self::event_loop::Loop;
 use self::recorded_node::RecordedNode;
 use super::bandwidth::Received;
 use super::ending::{GIVE_UP, Reason};
 use super::links::Links;
+use super::metrics::{NodeGauge, NodeMetrics};
 use super::{Connections, PhysicsDevice, ProcessError};
 use crate::cluster::{Client, ClientEvent, Node, NodeConfig, Peer, TickStats};
+use crate::metrics::Endpoint;
 use crate::net::{Identity, Limits, Net, NetConfig, NetEvent, NetEvents, PeerStats};
 use crate::physics::RegionHost;
 use crate::protocol::{Area, Refusal};
@@ -50,6 +55,8 @@ pub struct MemberConfig {
     pub interest: Option<Area>,
     /// A file to record the node to: all that it is given, and a digest of each region after each tick.
     pub record: Option<PathBuf>,
+    /// An address where a node answers over HTTP with its metrics, and whether it is well.
+    pub metrics: Option<SocketAddr>,
     /// Who looks at the regions of a node after each tick, by its thread.
     pub onlooker: Option<Onlooker>,
 }
@@ -71,6 +78,7 @@ impl MemberConfig {
             give_up: GIVE_UP,
             interest: None,
             record: None,
+            metrics: None,
             onlooker: None,
         }
     }
@@ -115,6 +123,7 @@ pub struct Member {
     /// Where it listens.
     pub address: SocketAddr,
     connections: Connections,
+    metrics: Option<Endpoint>,
 }
 
 /// The state that the loop and its user share.
@@ -184,6 +193,12 @@ impl Member {
             checkpoint_every: config.checkpoint_every,
             patience: config.patience,
         });
+        let metrics = node.as_ref().and(config.metrics).map(|address| {
+            let metrics = Arc::new(NodeMetrics::new());
+            super::metrics::start(address, metrics.clone())
+                .map(|endpoint| (endpoint, NodeGauge::new(metrics)))
+        });
+        let (metrics, gauge) = metrics.transpose()?.unzip();
         let recorder = match (&node, config.record) {
             (Some(node), Some(path)) => {
                 let begun = Background::create(&path).and_then(|file| Recorder::of_node(file, node, false));
@@ -226,10 +241,12 @@ impl Member {
             shared.clone(),
             connections.clone(),
         );
-        running.onlooker = config.onlooker;
+        (running.onlooker, running.gauge) = (config.onlooker, gauge);
         let thread = std::thread::Builder::new()
             .name(format!("dcd-{who:?}"))
             .spawn(move || {
+                let (node, client) = (who.node().map(display), who.client().map(display));
+                let _log = error_span!("process", role = %who.role(), node, client).entered();
                 let shared = running.shared.clone();
                 if catch_unwind(AssertUnwindSafe(|| running.run(&inputs))).is_err() {
                     shared.lock().end = Some(Err(ProcessError::Fault));
@@ -238,12 +255,17 @@ impl Member {
                 }
             })
             .map_err(ProcessError::Thread)?;
-        Ok(Self { shared, inbox, thread: Some(thread), who, address, connections })
+        Ok(Self { shared, inbox, thread: Some(thread), who, address, connections, metrics })
     }
 
     /// Returns the connections of the process.
     pub fn connections(&self) -> &Connections {
         &self.connections
+    }
+
+    /// Returns where the node answers with its metrics, if it does.
+    pub fn metrics_address(&self) -> Option<SocketAddr> {
+        self.metrics.as_ref().map(Endpoint::address)
     }
 
     /// Returns a summary of what the node did so far.

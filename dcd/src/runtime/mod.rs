@@ -29,6 +29,8 @@ pub mod measure;
 #[cfg(feature = "net")]
 mod member;
 #[cfg(feature = "net")]
+mod metrics;
+#[cfg(feature = "net")]
 mod origin;
 mod recorded;
 mod recording;
@@ -42,6 +44,8 @@ mod serve_config;
 #[cfg(feature = "net")]
 mod server;
 mod snapshot;
+#[cfg(feature = "net")]
+mod status;
 mod tape;
 
 #[cfg(feature = "net")]
@@ -80,3 +84,5 @@ pub(crate) use server::SUSPENDED;
 #[cfg(feature = "net")]
 pub use server::{ServerProcess, ServerSummary};
 pub use snapshot::{Checkpoint, SnapshotError};
+#[cfg(feature = "net")]
+pub use status::StatusLink;

@@ -39,6 +39,9 @@ pub struct ServeConfig {
     pub events: bool,
     /// A file to record the server to: all that it is given, and a digest of all that it sends and stores.
     pub record: Option<PathBuf>,
+    /// An address where the server answers over HTTP with its metrics (`/metrics`, in Prometheus' format) and whether it is well
+    /// (`/healthz`, `/readyz`). Whoever reaches it may read that.
+    pub metrics: Option<SocketAddr>,
     /// How members of a group keep in step, which nodes may share a group, and how far apart groups may be.
     pub groups: GroupConfig,
 }
@@ -60,6 +63,7 @@ impl ServeConfig {
             avatar_expiry: AVATAR_EXPIRY,
             events: true,
             record: None,
+            metrics: None,
             groups: GroupConfig::default(),
         }
     }

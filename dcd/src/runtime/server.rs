@@ -9,12 +9,13 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use tracing::{debug, error, info, warn};
+use tracing::{debug, error, error_span, info, warn};
 
 use super::end_request::EndRequests;
 use super::ending::{Cause, Reason};
 use super::links::{LinkEvent, Links};
 use super::member::forward;
+use super::metrics::ServerMetrics;
 use super::origin::{Beginning, world_of};
 use super::saved::{local_of, saved_of};
 use super::{Connections, LocalWorld, Origin, ProcessError, RedbDirectory, ServeConfig};
@@ -22,6 +23,7 @@ use crate::cluster::directory::{Batch, Condition, Directory, DirectoryError, Ent
 use crate::cluster::{
     ProgramOp, Record, SavedWorld, Server, ServerConfig, ServerEvent, ServerOrigin, ServerOutput, WORLD_ENDED,
 };
+use crate::metrics::Endpoint;
 use crate::net::{
     Authority, JoinRole, Limits, Net, NetConfig, NetEvent, NetTotals, PeerName, PeerStats, check_address,
 };
@@ -88,6 +90,7 @@ pub struct ServerProcess {
     thread: Option<JoinHandle<()>>,
     authority: Arc<Authority>,
     connections: Connections,
+    metrics: Option<Endpoint>,
     /// Where it listens.
     pub address: SocketAddr,
     /// The tick from which it goes on with a world that was stored; the nodes may be farther already.
@@ -200,6 +203,11 @@ impl ServerProcess {
         let resumed = goes_on.then(|| server.tick());
         let next_ids = server.next_ids();
         let server = Arc::new(Mutex::new(server));
+        let metrics = config.metrics.map(|address| {
+            let metrics = Arc::new(ServerMetrics::new(server.clone()));
+            super::metrics::start(address, metrics.clone()).map(|endpoint| (endpoint, metrics))
+        });
+        let (endpoint, metrics) = metrics.transpose()?.unzip();
         let running = Loop {
             links: Some(Links::new(net, connections.clone())),
             connections: connections.clone(),
@@ -210,6 +218,7 @@ impl ServerProcess {
             start: Instant::now(),
             server: server.clone(),
             shared: shared.clone(),
+            metrics: metrics.clone(),
             began: None,
             savers: Vec::new(),
             end_by: None,
@@ -219,12 +228,14 @@ impl ServerProcess {
         let thread = std::thread::Builder::new()
             .name("dcd-server".into())
             .spawn(move || {
+                let _log = error_span!("process", role = "server").entered();
                 let (shared, connections) = (running.shared.clone(), running.connections.clone());
                 if catch_unwind(AssertUnwindSafe(|| running.run(&inputs))).is_err() {
                     let mut state = shared.lock();
                     (state.failure, state.over) = (Some(ProcessError::Fault), true);
                     drop(state);
                     shared.changed.notify_all();
+                    metrics.iter().for_each(|metrics| metrics.failed());
                     connections.end(Reason::new(Cause::Failed, ProcessError::Fault.to_string()));
                 }
             })
@@ -236,6 +247,7 @@ impl ServerProcess {
             thread: Some(thread),
             authority,
             connections,
+            metrics: endpoint,
             address,
             resumed,
             next_ids,
@@ -262,6 +274,11 @@ impl ServerProcess {
     /// Returns a summary of the world so far.
     pub fn summary(&self) -> ServerSummary {
         self.shared.lock().summary.clone()
+    }
+
+    /// Returns where the server answers with its metrics, if it does.
+    pub fn metrics_address(&self) -> Option<SocketAddr> {
+        self.metrics.as_ref().map(Endpoint::address)
     }
 
     /// Returns the traffic over the network.
@@ -411,6 +428,8 @@ struct Loop {
     start: Instant,
     server: Arc<Mutex<RecordedServer>>,
     shared: Arc<Shared>,
+    /// If somebody wants to know how the server is.
+    metrics: Option<Arc<ServerMetrics>>,
     began: Option<Instant>,
     /// Who waits for the world to be saved.
     savers: Vec<SyncSender<SavedWorld>>,
@@ -529,6 +548,7 @@ impl Loop {
             let output = self.server().poll_output();
             let Some(output) = output else { return };
             let Some(links) = &mut self.links else { return };
+            self.metrics.iter().for_each(|metrics| metrics.put_out(&output));
             match output {
                 ServerOutput::Send { to, message } => links.send(to, &message),
                 ServerOutput::Close { peer, farewell, reason } => links.close(peer, farewell.into(), &reason),
@@ -536,6 +556,7 @@ impl Loop {
                     if let Err(error) = self.store(&batch) {
                         error!(%error, "the server cannot go on");
                         self.shared.lock().failure = Some(error.into());
+                        self.metrics.iter().for_each(|metrics| metrics.failed());
                         self.over = true;
                         return;
                     }
@@ -612,7 +633,15 @@ impl Loop {
     }
 
     fn store(&mut self, batch: &Batch) -> Result<(), DirectoryError> {
+        let begun = self.metrics.as_ref().map(|metrics| (metrics, Instant::now()));
         let revision = self.directory.commit(batch, &[Condition { key: Key::World, at: self.stored }])?;
+        if let Some((metrics, begun)) = begun {
+            let bytes = batch
+                .writes
+                .iter()
+                .map(|(key, value)| key.to_bytes().len() + value.as_ref().map_or(0, Vec::len));
+            metrics.committed(begun.elapsed(), bytes.sum());
+        }
         if batch.writes.iter().any(|(key, _)| *key == Key::World) {
             self.stored = Some(revision);
         }
@@ -640,6 +669,9 @@ impl Loop {
             state.summary.bytes = traffic.bytes_in + traffic.bytes_out;
         }
         drop(state);
+        if let (Some(links), Some(metrics)) = (&self.links, &self.metrics) {
+            metrics.turned(Instant::now(), links.all_totals());
+        }
         self.shared.changed.notify_all();
     }
 

@@ -5,9 +5,7 @@ use std::net::{IpAddr, SocketAddr};
 
 use ring::digest::{SHA1_FOR_LEGACY_USE_ONLY, digest};
 
-/// The longest head of a request, and the most headers.
-const MOST_HEAD: usize = 16 << 10;
-const MOST_HEADERS: usize = 64;
+use crate::http::{read_head, write_answer};
 
 /// A request for a page, or for the stream of pictures.
 #[derive(Debug, PartialEq, Eq)]
@@ -30,22 +28,8 @@ pub(super) fn read(
     here: SocketAddr,
     key: &str,
 ) -> io::Result<Result<Request, Refused>> {
-    let mut head = Vec::new();
-    loop {
-        let mut part = [0; 2048];
-        let count = from.read(&mut part)?;
-        if count == 0 {
-            return Err(io::ErrorKind::UnexpectedEof.into());
-        }
-        head.extend(&part[..count]);
-        let mut headers = [httparse::EMPTY_HEADER; MOST_HEADERS];
-        let mut request = httparse::Request::new(&mut headers);
-        match request.parse(&head) {
-            Ok(httparse::Status::Complete(length)) => return Ok(judge(&request, &head[length..], here, key)),
-            Ok(httparse::Status::Partial) if head.len() < MOST_HEAD => {}
-            _ => return Ok(Err(MALFORMED)),
-        }
-    }
+    let judged = read_head(from, |request, rest| judge(request, rest, here, key))?;
+    Ok(judged.unwrap_or(Err(MALFORMED)))
 }
 
 fn judge(
@@ -111,22 +95,14 @@ fn accept(nonce: &str) -> String {
 
 /// Writes a file of the page. It may load nothing from elsewhere, nor be framed.
 pub(super) fn write_file(to: &mut impl Write, kind: &str, content: &[u8]) -> io::Result<()> {
-    write!(
-        to,
-        "HTTP/1.1 200 OK\r\nContent-Type: {kind}\r\nContent-Length: {}\r\nConnection: close\r\nCache-Control: no-store\r\n\
+    const HEADERS: &str = "Cache-Control: no-store\r\n\
          Content-Security-Policy: default-src 'self'; img-src data:; frame-ancestors 'none'\r\n\
-         X-Content-Type-Options: nosniff\r\nReferrer-Policy: no-referrer\r\nCross-Origin-Resource-Policy: same-origin\r\n\r\n",
-        content.len()
-    )?;
-    to.write_all(content)
+         X-Content-Type-Options: nosniff\r\nReferrer-Policy: no-referrer\r\nCross-Origin-Resource-Policy: same-origin\r\n";
+    write_answer(to, "200 OK", kind, HEADERS, content)
 }
 
 pub(super) fn write_refusal(to: &mut impl Write, Refused(status, why): &Refused) -> io::Result<()> {
-    let length = why.len() + 1;
-    write!(
-        to,
-        "HTTP/1.1 {status}\r\nContent-Type: text/plain\r\nContent-Length: {length}\r\nConnection: close\r\n\r\n{why}\n"
-    )
+    write_answer(to, status, "text/plain", "", format!("{why}\n").as_bytes())
 }
 
 pub(super) fn write_upgrade(to: &mut impl Write, accept: &str) -> io::Result<()> {

@@ -40,6 +40,7 @@ impl World {
         member.listen = config.listen.unwrap_or(member.listen);
         member.advertise = config.advertise;
         member.record.clone_from(&config.record);
+        member.metrics = config.metrics;
         Ok(Self::of(Hosted::new(Process::Node(Member::start(member)?), None)))
     }
 

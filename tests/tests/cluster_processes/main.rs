@@ -3,10 +3,13 @@
 
 mod demo;
 mod faults;
+mod logs;
+mod metrics;
 mod process;
 mod recorded;
 mod resting;
 mod saved;
+mod status;
 mod stored;
 mod takeover;
 mod weather;

@@ -13,7 +13,7 @@ use super::ServerOutput;
 use super::common::{Common, NodeEntry};
 use crate::cluster::{Life, Record};
 use crate::protocol::{ToClient, ToNode, ToServer, View, WorldOp};
-use crate::space::{Allocation, BodyId, DistributionTree, GroupId, JointId, NodeId, Tick};
+use crate::space::{Allocation, BodyId, DistributionTree, GroupId, JointId, NodeId, RegionId, Tick};
 
 /// How long complaints about lost links are collected before one of those concerned has to go.
 const HEARING: Duration = Duration::from_millis(50);
@@ -43,6 +43,8 @@ pub(super) struct Group {
     pub altered_bodies: BTreeMap<BodyId, bool>,
     /// Joints that it changed.
     pub altered_joints: BTreeSet<JointId>,
+    /// The regions that own bodies, as members told in the present view: for operators.
+    pub owners: BTreeMap<BodyId, RegionId>,
     complaints: BTreeSet<Complaint>,
     /// When they are decided on.
     pub hearing: Option<Duration>,
@@ -76,6 +78,7 @@ impl Group {
             removed_joints: Vec::new(),
             altered_bodies: BTreeMap::new(),
             altered_joints: BTreeSet::new(),
+            owners: BTreeMap::new(),
             complaints: BTreeSet::new(),
             hearing: None,
             unsure: false,
@@ -248,6 +251,14 @@ impl Group {
                     }
                     self.arriving.remove(&checkpoint.id);
                     self.record.checkpoint(tick, checkpoint);
+                    let known = self.record.body(checkpoint.id);
+                    if known.is_some_and(|body| body.epoch == checkpoint.epoch) {
+                        self.owners.insert(checkpoint.id, checkpoint.region);
+                    }
+                }
+                // Now and then those are forgotten that are gone.
+                if self.owners.len() > 2 * self.record.len() + 64 {
+                    self.owners.retain(|&id, _| self.record.life(id).is_some());
                 }
                 self.tick = self.tick.max(tick);
                 if common.config.world.last_tick == Some(tick) {

@@ -2,6 +2,7 @@
 
 mod asked;
 mod hostile;
+mod status;
 mod vicinity;
 
 use std::sync::Arc;

@@ -127,6 +127,17 @@ pub struct Outcome {
     pub passed: bool,
 }
 
+/// How many votes there were, and how they ended.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PollCounts {
+    /// Votes that were opened. Those that neither passed nor failed are open, or were cancelled.
+    pub opened: u64,
+    /// Votes that passed.
+    pub passed: u64,
+    /// Votes that failed.
+    pub failed: u64,
+}
+
 #[derive(Clone, Debug)]
 struct Poll {
     motion: Motion,
@@ -157,6 +168,7 @@ struct Standing {
 pub struct Polls {
     rules: PollRules,
     last: u64,
+    counts: PollCounts,
     open: BTreeMap<u64, Poll>,
     /// When the votes of the window were opened.
     opened: VecDeque<Duration>,
@@ -170,7 +182,14 @@ impl Polls {
     /// When `rules` have not been checked.
     pub fn new(rules: PollRules) -> Self {
         assert_eq!(rules.checked(), Ok(rules), "rules are checked before they are followed");
-        Self { rules, last: 0, open: BTreeMap::new(), opened: VecDeque::new(), nodes: BTreeMap::new() }
+        Self {
+            rules,
+            last: 0,
+            counts: PollCounts::default(),
+            open: BTreeMap::new(),
+            opened: VecDeque::new(),
+            nodes: BTreeMap::new(),
+        }
     }
 
     /// Records that a node is in another group from now on, other than by a vote: its stay begins.
@@ -205,6 +224,7 @@ impl Polls {
         self.nodes.entry(caller).or_default().may_call = now + self.rules.rest;
         self.nodes.entry(candidate).or_default().may_be_voted_on = now + self.rules.rest;
         self.last += 1;
+        self.counts.opened += 1;
         let voters: Vec<_> = group.iter().copied().filter(|&voter| voter != candidate).collect();
         let poll = Poll {
             motion,
@@ -254,6 +274,11 @@ impl Polls {
         if all { self.close(now, poll) } else { None }
     }
 
+    /// Returns how many votes there were.
+    pub fn counts(&self) -> PollCounts {
+        self.counts
+    }
+
     /// Returns when [`Self::handle_timeout`] has something to do.
     pub fn poll_timeout(&self) -> Option<Duration> {
         self.open.values().map(|poll| poll.deadline).min()
@@ -271,6 +296,8 @@ impl Polls {
         let mut tally = Tally::default();
         ballots.into_values().for_each(|ballot| tally.count(ballot.unwrap_or(Ballot::Abstain)));
         let passed = motion.passes(tally);
+        let count = if passed { &mut self.counts.passed } else { &mut self.counts.failed };
+        *count += 1;
         if passed {
             self.nodes.entry(motion.candidate()).or_default().moves(motion, &self.rules, now);
         }

@@ -129,6 +129,28 @@ fn what_arrived_before_the_end_is_delivered_to_a_slow_reader_too() {
 }
 
 #[test]
+fn what_a_connection_has_carried_counts_while_it_is_being_closed_and_afterwards() {
+    let server = Server::start();
+    let node = server.process(JoinRole::Node);
+    let (here, _) = node.connect_to(&server.process);
+    node.net.send(here, Lane::Object, vec![1; 1_000]).unwrap();
+    assert_eq!(server.process.frame().1.len(), 1_000);
+    let sent = || node.net.totals().traffic.bytes_out;
+    let before = sent();
+    assert!(before >= 1_000);
+    node.net.close(here, LEAVING, "leaving");
+    assert_eq!(sent(), before, "at once");
+    loop {
+        assert_eq!(sent(), before, "until it is over");
+        match node.events.try_recv() {
+            Ok(NetEvent::Closed { .. }) => break,
+            _ => std::thread::yield_now(),
+        }
+    }
+    assert_eq!((sent(), node.net.totals().peers), (before, 0));
+}
+
+#[test]
 fn shutting_down_tells_peers_and_ends_the_events() {
     let server = Server::start();
     let node = server.process(JoinRole::Node);

@@ -352,6 +352,21 @@ impl Check for Program {
     }
 }
 
+impl Check for Status {
+    fn check(&self) -> Result<(), Invalid> {
+        must(self.dt_s.is_finite() && self.dt_s > 0.0, "status.dt_s", "above 0")?;
+        ascending(&self.groups, |group| group.group, "status.groups")?;
+        ascending(&self.nodes, |node| node.node, "status.nodes")?;
+        for group in &self.groups {
+            ascending(&group.regions, |region| region.region, "status.regions")?;
+            let finite = group.regions.iter().all(|region| region.bounds.is_finite());
+            must(finite, "status.bounds", "finite boxes")?;
+        }
+        let delays = self.nodes.iter().filter_map(|node| node.delay_ms);
+        not_negative(&delays.collect::<Vec<_>>(), "status.delay_ms")
+    }
+}
+
 impl Check for Message {
     fn check(&self) -> Result<(), Invalid> {
         match self {
@@ -367,7 +382,8 @@ impl Check for Message {
             }
             Self::ToClient(_, message) => message.check(),
             Self::Program(program) => program.check(),
-            Self::Hello(_) | Self::Waiting(_) | Self::Ping(_) | Self::Pong(_) => Ok(()),
+            Self::Status(status) => status.check(),
+            Self::Hello(_) | Self::Waiting(_) | Self::Ping(_) | Self::Pong(_) | Self::AskStatus => Ok(()),
         }
     }
 }

@@ -18,6 +18,7 @@ use crate::protocol::{Farewell, Message, ToClient};
 use crate::recording::tick_of;
 use crate::runtime::ending::{Cause, Ending, Reason};
 use crate::runtime::links::{LinkEvent, Links};
+use crate::runtime::metrics::NodeGauge;
 use crate::runtime::{Connections, PhysicsDevice, ProcessError};
 use crate::space::ClientId;
 
@@ -40,6 +41,8 @@ pub(super) struct Loop {
     pub(super) shared: Arc<Shared>,
     pub(super) connections: Connections,
     pub(super) onlooker: Option<Onlooker>,
+    /// If somebody wants to know how the node is.
+    pub(super) gauge: Option<NodeGauge>,
     /// When the process leaves without the server, after its user asked to leave.
     release_by: Option<Duration>,
     give_up: Duration,
@@ -81,6 +84,7 @@ impl Loop {
             shared,
             connections,
             onlooker: None,
+            gauge: None,
             release_by: None,
             give_up,
             has_more: false,
@@ -135,10 +139,15 @@ impl Loop {
                 self.end = Some(Err(ProcessError::GivenUp { server: self.server, waited, reason }));
             }
             self.look_for_leader(now);
+            self.gauge.iter().for_each(|gauge| gauge.turned(Instant::now()));
             if self.count_at <= now {
                 self.count_at = now + COUNT;
                 let mut state = self.shared.lock();
                 (state.traffic, state.received) = (self.links.totals().traffic, self.links.received());
+                drop(state);
+                if let (Some(gauge), Some(node)) = (&self.gauge, &self.node) {
+                    gauge.counted(node.node(), self.links.all_totals());
+                }
             }
             if self.end.is_none() && self.release_by.is_some_and(|by| by <= now) {
                 self.end = Some(Err(ProcessError::NotReleased { server: self.server, waited: RELEASE }));
@@ -378,6 +387,7 @@ impl Loop {
 
     fn compute(&mut self, command: PhysicsCommand) {
         let tick = tick_of(&command);
+        self.gauge.iter_mut().for_each(|gauge| gauge.begins(Instant::now(), &command));
         match self.device.run(command) {
             Ok(None) => {}
             Ok(Some(event)) => {
@@ -397,6 +407,16 @@ impl Loop {
                     }
                     if let (Some(onlooker), Some(host)) = (&mut self.onlooker, self.device.host()) {
                         onlooker(host, stats);
+                    }
+                }
+                if let Some(gauge) = &mut self.gauge {
+                    match (&event, &self.node, tick) {
+                        (PhysicsEvent::Computed { .. }, ..) => gauge.computed(Instant::now()),
+                        (PhysicsEvent::Settled { stats, .. }, Some(node), Some(tick)) => {
+                            let regions = self.device.host().map_or(0, |host| host.regions().len());
+                            gauge.settled(Instant::now(), tick, stats, regions, node.node());
+                        }
+                        _ => {}
                     }
                 }
                 if matches!(event, PhysicsEvent::Speculated(_)) {

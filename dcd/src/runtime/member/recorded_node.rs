@@ -48,6 +48,11 @@ impl RecordedNode {
         recorder.finish().map_err(|cause| ProcessError::Record { path, cause })
     }
 
+    /// Returns the state machine, to be read.
+    pub(super) fn node(&self) -> &Node {
+        &self.node
+    }
+
     pub(super) fn poll_timeout(&self) -> Option<Duration> {
         self.node.poll_timeout()
     }

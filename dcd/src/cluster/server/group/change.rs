@@ -418,6 +418,7 @@ impl Group {
         }
         common.world_changed |= !std::mem::replace(&mut common.begun, true);
         self.arriving.clear();
+        self.owners.clear();
         self.confirmed = false;
         self.divisions = Divisions::of_view(view.allocation.clone());
         common.outputs.push_back(ServerOutput::Began { group: self.id, view: view.clone() });

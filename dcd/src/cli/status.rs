@@ -1,0 +1,267 @@
+//! Implements `dcd status`: shows who computes a served world, and how it goes.
+
+use std::fmt::Write;
+use std::io::IsTerminal;
+use std::net::SocketAddr;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::{Duration, Instant, SystemTime};
+
+use serde::Serialize;
+
+use super::common::{Common, print};
+use super::failure::Failure;
+use super::interrupt::Interrupt;
+use super::values::{SERVER, address};
+use crate::net::{Authority, JoinRole};
+use crate::protocol::{NodeStatus, Status as Told};
+use crate::runtime::{JoinConfig, StatusLink};
+use crate::space::Bounds;
+
+/// The time between two looks, from which rates follow.
+const BETWEEN: Duration = Duration::from_secs(1);
+/// How long an answer may take.
+const ANSWER: Duration = Duration::from_secs(10);
+/// How long a token of our own is valid: it is used at once.
+const AT_ONCE: Duration = Duration::from_secs(60);
+/// Interval at which Ctrl-C is looked for.
+const LOOK: Duration = Duration::from_millis(50);
+/// Clears a terminal, and goes to its upper left corner.
+const CLEAR: &str = "\x1b[2J\x1b[H";
+
+/// Shows who computes a served world: nodes, groups, regions and their owners, and how fast it goes
+///
+/// Takes a second, for rates. On the server's machine `--data` in place of `--token` makes the token.
+///
+/// Examples:
+///   dcd status --data /var/lib/dcd
+///   dcd status --server 192.0.2.7:7420 --token dcd1-... --json
+#[derive(clap::Args)]
+#[command(
+    verbatim_doc_comment,
+    after_long_help = "--json prints an object with the keys tick ticks_per_s real_time bodies clients main_group nodes groups regions. nodes are\n\
+                       objects with node address client group state regions bodies load delay_ms unreached; groups with group view tick leader\n\
+                       changing clients; regions with region group owner bodies min max. real_time is 1 where the world keeps up with the clock.\n\
+                       With --watch there is a line per second."
+)]
+pub(super) struct Status {
+    /// Where the server is
+    #[arg(long, value_name = "ADDR", default_value = SERVER, value_parser = address)]
+    server: SocketAddr,
+    /// From `dcd token --role client`; used up by this
+    #[arg(long, required_unless_present = "data")]
+    token: Option<String>,
+    /// The server's data folder, on its machine: whoever may read it needs no token
+    #[arg(long, value_name = "DIR", conflicts_with = "token")]
+    data: Option<PathBuf>,
+    /// Show it once per second until Ctrl-C
+    #[arg(long)]
+    watch: bool,
+    /// Print one JSON object
+    #[arg(long)]
+    json: bool,
+}
+
+impl Status {
+    pub(super) fn execute(self, _common: &Common) -> Result<ExitCode, Failure> {
+        let interrupt = Interrupt::listen()?;
+        let link = StatusLink::connect(&JoinConfig::new(self.server, self.token()?))?;
+        let (mut before, mut asked) = (link.ask(ANSWER)?, Instant::now());
+        loop {
+            while asked.elapsed() < BETWEEN && !interrupt.asked() {
+                std::thread::sleep(LOOK.min(BETWEEN.saturating_sub(asked.elapsed())));
+            }
+            if interrupt.asked() {
+                return Ok(interrupt.exit_code());
+            }
+            let (now, at) = (link.ask(ANSWER)?, Instant::now());
+            let report = Report::of(&before, &now, at.duration_since(asked));
+            let text = if self.json { report.json()? } else { report.table() };
+            let is_screen = self.watch && !self.json && std::io::stdout().is_terminal();
+            print(&if is_screen { format!("{CLEAR}{text}") } else { text })?;
+            if !self.watch {
+                return Ok(ExitCode::SUCCESS);
+            }
+            (before, asked) = (now, at);
+        }
+    }
+
+    fn token(&self) -> Result<String, Failure> {
+        let Some(data) = &self.data else { return Ok(self.token.clone().unwrap_or_default()) };
+        if !data.join("authority.pem").exists() {
+            return Err(Failure::usage(format!(
+                "no server has used {}; name the folder that its server was started with (--data)",
+                data.display()
+            )));
+        }
+        let token =
+            Authority::load_or_create(data)?.issue_token(JoinRole::Client, AT_ONCE, SystemTime::now())?;
+        Ok(token.to_string())
+    }
+}
+
+/// What is shown.
+#[derive(Serialize)]
+struct Report {
+    tick: u64,
+    ticks_per_s: f64,
+    real_time: f64,
+    bodies: u32,
+    clients: u32,
+    main_group: String,
+    nodes: Vec<Node>,
+    groups: Vec<Group>,
+    regions: Vec<Region>,
+}
+
+#[derive(Serialize)]
+struct Node {
+    node: String,
+    address: SocketAddr,
+    client: Option<String>,
+    group: Option<String>,
+    state: &'static str,
+    regions: Vec<String>,
+    bodies: u32,
+    /// Its part of the bodies of its group.
+    load: f64,
+    delay_ms: Option<f32>,
+    unreached: u32,
+}
+
+#[derive(Serialize)]
+struct Group {
+    group: String,
+    view: u64,
+    tick: u64,
+    leader: Option<String>,
+    changing: bool,
+    clients: u32,
+}
+
+#[derive(Serialize)]
+struct Region {
+    region: String,
+    group: String,
+    owner: String,
+    bodies: u32,
+    min: [f64; 3],
+    max: [f64; 3],
+}
+
+impl Report {
+    /// Makes it of two answers, and the time between them.
+    fn of(before: &Told, now: &Told, between: Duration) -> Self {
+        let ticks_per_s = now.tick.0.saturating_sub(before.tick.0) as f64 / between.as_secs_f64();
+        let groups = now.groups.iter().map(|group| Group {
+            group: group.group.to_string(),
+            view: group.view.0,
+            tick: group.tick.0,
+            leader: group.leader.map(|leader| leader.to_string()),
+            changing: group.is_changing,
+            clients: group.clients,
+        });
+        let regions = now.groups.iter().flat_map(|group| {
+            group.regions.iter().map(|region| {
+                let Bounds { min, max } = region.bounds;
+                let (region, owner, bodies) =
+                    (region.region.to_string(), region.owner.to_string(), region.bodies);
+                Region { region, group: group.group.to_string(), owner, bodies, min, max }
+            })
+        });
+        Self {
+            tick: now.tick.0,
+            ticks_per_s,
+            real_time: ticks_per_s * f64::from(now.dt_s),
+            bodies: now.bodies,
+            clients: now.clients,
+            main_group: now.main.to_string(),
+            nodes: now.nodes.iter().map(|node| Node::of(node, now)).collect(),
+            groups: groups.collect(),
+            regions: regions.collect(),
+        }
+    }
+
+    fn json(&self) -> Result<String, Failure> {
+        serde_json::to_string(self)
+            .map_err(|error| Failure::run(format!("cannot write JSON: {error}; leave --json out")))
+    }
+
+    fn table(&self) -> String {
+        let mut text = format!(
+            "tick {}, {:.1} per second ({:.2} of real time); {} bodies, {} regions, {} nodes, {} clients\n",
+            self.tick,
+            self.ticks_per_s,
+            self.real_time,
+            self.bodies,
+            self.regions.len(),
+            self.nodes.len(),
+            self.clients
+        );
+        for Group { group, view, tick, leader, changing, clients } in &self.groups {
+            let leader = match leader {
+                Some(leader) => format!("{leader} leads"),
+                None => "no node computes it".to_owned(),
+            };
+            let changing = if *changing { ", membership changes" } else { "" };
+            let main = if *group == self.main_group { " (main)" } else { "" };
+            let _ = writeln!(
+                text,
+                "{group}{main}: view {view} at tick {tick}, {leader}, {clients} clients{changing}"
+            );
+        }
+        let row = |text: &mut String, cells: [&str; 7]| {
+            let [node, group, state, regions, bodies, load, delay] = cells;
+            let line = format!("{node:<6}{group:<6}{state:<10}{regions:<16}{bodies:>8}{load:>7}{delay:>10}");
+            let _ = write!(text, "\n{line}");
+        };
+        row(&mut text, ["node", "group", "state", "regions", "bodies", "load", "delay"]);
+        let _ = write!(text, "  address");
+        for node in &self.nodes {
+            let delay = node.delay_ms.map_or_else(|| "-".to_owned(), |delay| format!("{delay:.1} ms"));
+            let (bodies, load) = (node.bodies.to_string(), format!("{:.0} %", 100.0 * node.load));
+            let group = node.group.as_deref().unwrap_or("-");
+            row(&mut text, [&node.node, group, node.state, &node.regions.join(" "), &bodies, &load, &delay]);
+            let _ = write!(text, "  {}", node.address);
+            if node.unreached > 0 {
+                let _ = write!(text, "  does not reach {} others", node.unreached);
+            }
+        }
+        let _ = write!(text, "\n\n{:<8}{:<6}{:<6}{:>8}  from, to (m)", "region", "group", "owner", "bodies");
+        for Region { region, group, owner, bodies, min, max } in &self.regions {
+            let [from, to] = [min, max].map(|at| at.map(|value| format!("{value:.1}")).join(" "));
+            let _ = write!(text, "\n{region:<8}{group:<6}{owner:<6}{bodies:>8}  {from}, {to}");
+        }
+        text
+    }
+}
+
+impl Node {
+    fn of(node: &NodeStatus, world: &Told) -> Self {
+        let group = node.group.and_then(|id| world.groups.iter().find(|group| group.group == id));
+        let all = group.map(|group| &group.regions[..]).unwrap_or_default();
+        let own = || all.iter().filter(|region| region.owner == node.node);
+        let bodies: u32 = own().map(|region| region.bodies).sum();
+        let in_group: u32 = all.iter().map(|region| region.bodies).sum();
+        let state = match node {
+            NodeStatus { is_linked: false, .. } => "lost",
+            NodeStatus { is_leaving: true, .. } => "leaves",
+            NodeStatus { is_loaded: false, .. } => "loads",
+            _ if group.is_some_and(|group| group.leader == Some(node.node)) => "leads",
+            _ if own().next().is_some() => "computes",
+            _ => "waits",
+        };
+        Self {
+            node: node.node.to_string(),
+            address: node.address,
+            client: node.client.map(|client| client.to_string()),
+            group: node.group.map(|group| group.to_string()),
+            state,
+            regions: own().map(|region| region.region.to_string()).collect(),
+            bodies,
+            load: if in_group > 0 { f64::from(bodies) / f64::from(in_group) } else { 0.0 },
+            delay_ms: node.delay_ms,
+            unreached: node.unreached,
+        }
+    }
+}

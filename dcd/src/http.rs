@@ -1,0 +1,46 @@
+//! Reads the heads of HTTP requests and writes short answers, for the viewer and for metrics.
+
+use std::io::{self, Read, Write};
+
+/// The longest head of a request, and the most headers.
+const MOST_HEAD: usize = 16 << 10;
+const MOST_HEADERS: usize = 64;
+
+/// Reads the head of a request and returns what `judge` makes of it and of the bytes that came after it; `None` if it is none.
+pub(crate) fn read_head<T>(
+    from: &mut impl Read,
+    judge: impl FnOnce(&httparse::Request<'_, '_>, &[u8]) -> T,
+) -> io::Result<Option<T>> {
+    let mut head = Vec::new();
+    loop {
+        let mut part = [0; 2048];
+        let count = from.read(&mut part)?;
+        if count == 0 {
+            return Err(io::ErrorKind::UnexpectedEof.into());
+        }
+        head.extend(&part[..count]);
+        let mut headers = [httparse::EMPTY_HEADER; MOST_HEADERS];
+        let mut request = httparse::Request::new(&mut headers);
+        match request.parse(&head) {
+            Ok(httparse::Status::Complete(length)) => return Ok(Some(judge(&request, &head[length..]))),
+            Ok(httparse::Status::Partial) if head.len() < MOST_HEAD => {}
+            _ => return Ok(None),
+        }
+    }
+}
+
+/// Writes an answer whole, after which the connection ends. `headers` end with `\r\n`, each.
+pub(crate) fn write_answer(
+    to: &mut impl Write,
+    status: &str,
+    kind: &str,
+    headers: &str,
+    content: &[u8],
+) -> io::Result<()> {
+    let length = content.len();
+    write!(
+        to,
+        "HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {length}\r\nConnection: close\r\n{headers}\r\n"
+    )?;
+    to.write_all(content)
+}

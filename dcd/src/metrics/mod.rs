@@ -1,0 +1,7 @@
+//! Serves the numbers of a process over HTTP, for Prometheus and for what watches over processes. It knows nothing of worlds.
+
+mod endpoint;
+mod text;
+
+pub(crate) use endpoint::{Endpoint, Source};
+pub(crate) use text::{Histogram, Text};

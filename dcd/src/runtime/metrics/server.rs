@@ -1,0 +1,154 @@
+//! Keeps the metrics of a server: the world as its record has it, who has joined, and how long its directory takes.
+
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
+
+use super::{SECONDS, turns, write_common};
+use crate::cluster::ServerOutput;
+use crate::metrics::{Histogram, Source, Text};
+use crate::protocol::BodyKind;
+use crate::recording::RecordedServer;
+use crate::runtime::bandwidth::LinkTotals;
+
+/// The numbers of a server, as its loop last wrote them down, and its record, which is read when somebody asks.
+pub(in crate::runtime) struct ServerMetrics {
+    numbers: Mutex<Numbers>,
+    server: Arc<Mutex<RecordedServer>>,
+}
+
+#[derive(Clone)]
+struct Numbers {
+    turned: Option<Instant>,
+    /// Why it does not serve any more.
+    over: Option<&'static str>,
+    links: LinkTotals,
+    views: u64,
+    repartitions: u64,
+    expelled: u64,
+    unreached: u64,
+    commit_times: Histogram,
+    commit_bytes: u64,
+}
+
+impl ServerMetrics {
+    pub(in crate::runtime) fn new(server: Arc<Mutex<RecordedServer>>) -> Self {
+        let numbers = Numbers {
+            turned: None,
+            over: None,
+            links: LinkTotals::default(),
+            views: 0,
+            repartitions: 0,
+            expelled: 0,
+            unreached: 0,
+            commit_times: Histogram::new(SECONDS),
+            commit_bytes: 0,
+        };
+        Self { numbers: Mutex::new(numbers), server }
+    }
+
+    fn write<R>(&self, write: impl FnOnce(&mut Numbers) -> R) -> R {
+        write(&mut self.numbers.lock().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// Notes that the loop turns, and what its links have counted.
+    pub(in crate::runtime) fn turned(&self, now: Instant, links: LinkTotals) {
+        self.write(|numbers| (numbers.turned, numbers.links) = (Some(now), links));
+    }
+
+    /// Notes what the server's state machine wants done.
+    pub(in crate::runtime) fn put_out(&self, output: &ServerOutput) {
+        self.write(|numbers| match output {
+            ServerOutput::Began { .. } => numbers.views += 1,
+            ServerOutput::Repartitioned { .. } => numbers.repartitions += 1,
+            ServerOutput::Expelled(_) => numbers.expelled += 1,
+            ServerOutput::Unreached(_) => numbers.unreached += 1,
+            ServerOutput::Ended => numbers.over = Some("the world has ended"),
+            ServerOutput::Suspended => numbers.over = Some("the server has stopped"),
+            _ => {}
+        });
+    }
+
+    /// Notes how long the directory took to write a batch of so many bytes.
+    pub(in crate::runtime) fn committed(&self, took: Duration, bytes: usize) {
+        self.write(|numbers| {
+            numbers.commit_times.observe(took.as_secs_f64());
+            numbers.commit_bytes += bytes as u64;
+        });
+    }
+
+    /// Notes that the server can serve no more.
+    pub(in crate::runtime) fn failed(&self) {
+        self.write(|numbers| numbers.over = numbers.over.or(Some("the server has failed")));
+    }
+}
+
+impl Source for ServerMetrics {
+    fn metrics(&self) -> String {
+        let n = self.write(|numbers| numbers.clone());
+        let mut text = Text::default();
+        let server = self.server.lock().unwrap_or_else(PoisonError::into_inner);
+        let movable = server.record().present().filter(|body| body.traits.kind != BodyKind::Fixed).count();
+        let (nodes, clients) = (server.linked_nodes().count(), server.linked_clients().count());
+        let members: usize = server.views().map(|(_, view)| view.members.len()).sum();
+        let regions = server.view().map_or(0, |view| view.allocation.len());
+        let view = server.view().map_or(0, |view| view.number.0);
+        let (groups, tick) = (server.views().count(), server.tick().0);
+        let (stale, polls, changing) = (server.stale(), server.poll_counts(), server.is_changing());
+        drop(server);
+        write_common(&mut text, "server", &n.links, &[("stale", stale)]);
+        text.gauge("dcd_world_tick", "The last tick that a node is known to have completed.").is(tick as f64);
+        text.gauge("dcd_world_bodies", "Movable bodies on record.").is(movable as f64);
+        text.gauge("dcd_world_regions", "Regions that nodes compute, of the main group.").is(regions as f64);
+        text.gauge("dcd_world_nodes", "Nodes that have joined and are linked.").is(nodes as f64);
+        text.gauge("dcd_world_members", "Nodes that are members of a group.").is(members as f64);
+        text.gauge("dcd_world_clients", "Clients that have joined and are linked.").is(clients as f64);
+        text.gauge("dcd_world_groups", "Groups of nodes.").is(groups as f64);
+        text.gauge(
+            "dcd_world_view",
+            "The number of the main group's membership (view); 0: no node computes.",
+        )
+        .is(view as f64);
+        text.gauge("dcd_world_changing", "1 while a membership changes: ticks wait for that.")
+            .is(f64::from(u8::from(changing)));
+        text.counter("dcd_world_views_total", "Views that began.").is(n.views as f64);
+        text.counter("dcd_world_repartitions_total", "How often regions changed within a view.")
+            .is(n.repartitions as f64);
+        text.counter("dcd_world_expulsions_total", "Nodes without which the world went on.")
+            .is(n.expelled as f64);
+        text.counter("dcd_world_unreached_total", "Nodes that joined and that others did not reach.")
+            .is(n.unreached as f64);
+        text.counter(
+            "dcd_votes_total",
+            "Votes on membership, by what became of them; open ones and cancelled ones are in neither.",
+        )
+        .of(&[("outcome", "passed")], polls.passed as f64)
+        .of(&[("outcome", "failed")], polls.failed as f64);
+        text.counter("dcd_votes_opened_total", "Votes on membership that were opened.")
+            .is(polls.opened as f64);
+        text.counter("dcd_joins_total", "Processes that were let in by a token.")
+            .is(n.links.net.joins_granted as f64);
+        text.histogram(
+            "dcd_directory_commit_seconds",
+            "What the directory took to write a batch down.",
+            &n.commit_times,
+        );
+        text.counter("dcd_directory_bytes_total", "Bytes of keys and values written to the directory.")
+            .is(n.commit_bytes as f64);
+        text.into_string()
+    }
+
+    fn healthy(&self) -> Result<(), String> {
+        self.write(|numbers| turns(numbers.turned))
+    }
+
+    fn ready(&self) -> Result<(), String> {
+        self.write(|numbers| {
+            turns(numbers.turned)?;
+            match (numbers.over, numbers.turned) {
+                (Some(why), _) => Err(why.to_owned()),
+                (None, None) => Err("the server begins".to_owned()),
+                (None, Some(_)) => Ok(()),
+            }
+        })
+    }
+}

@@ -1,0 +1,78 @@
+//! Asks a server how its world is, without taking part in it.
+
+use std::net::SocketAddr;
+use std::time::{Duration, Instant};
+
+use super::{JoinConfig, MemberConfig, ProcessError};
+use crate::net::{JoinRole, Lane, Limits, Net, NetConfig, NetEvent, NetEvents, PeerKey, PeerName};
+use crate::protocol::{self, Message, Status};
+
+/// A link to a server over which it is asked for the status of its world.
+pub struct StatusLink {
+    net: Net,
+    events: NetEvents,
+    server: SocketAddr,
+    link: PeerKey,
+}
+
+impl StatusLink {
+    /// Connects with a client's token, and waits for the link no longer than the configuration says. The process plays no part in the
+    /// world: it is told of no body.
+    pub fn connect(config: &JoinConfig) -> Result<Self, ProcessError> {
+        let until = Instant::now() + config.timeout;
+        let identity = config.join(JoinRole::Client)?;
+        let usual = MemberConfig::new(config.server, identity);
+        let net = NetConfig {
+            listen: usual.listen,
+            identity: usual.identity,
+            authority: None,
+            renewed_by: Some(config.server),
+            limits: Limits::default(),
+        };
+        let (net, events) = Net::start(net)?;
+        let link = net.connect(config.server, PeerName::Server);
+        let status = Self { net, events, server: config.server, link };
+        let is_up = |event| matches!(event, NetEvent::Connected { .. }).then_some(());
+        status.wait(until, config.timeout, is_up)?;
+        Ok(status)
+    }
+
+    /// Asks, and waits for the answer. A server answers ten times per second at most.
+    pub fn ask(&self, timeout: Duration) -> Result<Status, ProcessError> {
+        let until = Instant::now() + timeout;
+        let gone = |reason: String| ProcessError::ServerGone { server: self.server, reason };
+        let question = protocol::encode(&Message::AskStatus);
+        self.net.send(self.link, Lane::Admin, &question).map_err(|error| gone(error.to_string()))?;
+        self.wait(until, timeout, |event| match event {
+            NetEvent::Frame { bytes, .. } => match protocol::decode(&bytes) {
+                Ok(Message::Status(status)) => Some(status),
+                _ => None,
+            },
+            _ => None,
+        })
+    }
+
+    fn wait<T>(
+        &self,
+        until: Instant,
+        waited: Duration,
+        take: impl Fn(NetEvent) -> Option<T>,
+    ) -> Result<T, ProcessError> {
+        let server = self.server;
+        loop {
+            let left = until.saturating_duration_since(Instant::now());
+            match self.events.recv_timeout(left) {
+                Ok(NetEvent::ConnectFailed { error, .. }) => return Err(error.into()),
+                Ok(NetEvent::Closed { reason, .. }) => {
+                    return Err(ProcessError::ServerGone { server, reason });
+                }
+                Ok(event) => {
+                    if let Some(taken) = take(event) {
+                        return Ok(taken);
+                    }
+                }
+                Err(_) => return Err(ProcessError::NoStatus { server, waited }),
+            }
+        }
+    }
+}

@@ -1,0 +1,32 @@
+//! Tests the log of processes in the form that other programs read.
+
+use serde_json::Value;
+
+use crate::process::{Process, Server, dcd};
+
+#[test]
+fn each_line_of_a_json_log_is_an_object_that_says_who_wrote_it() {
+    let mut server = Server::start(&["pile"]);
+    let token = server.token("node");
+    let args = ["node", "-v", "--log-format", "json", "--server", &server.address, "--token", &token];
+    let mut node = Process::start(&mut dcd(&args));
+    assert_eq!(node.line("joined as "), "n1");
+    server.view();
+    server.stop();
+    let ended = node.end();
+    assert_eq!(ended.code(), Some(0), "{ended:?}");
+    let lines: Vec<Value> = ended.errors.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    let text = |line: &Value, key: &str| line[key].as_str().map(str::to_owned);
+    for line in &lines {
+        assert!(
+            ["timestamp", "level", "target", "message"].iter().all(|key| text(line, key).is_some()),
+            "{line}"
+        );
+    }
+    let stops = lines.iter().find(|line| text(line, "message").is_some_and(|text| text == "the node stops"));
+    let stops = stops.unwrap_or_else(|| panic!("{ended:?}"));
+    assert_eq!(
+        (text(&stops["span"], "role"), text(&stops["span"], "node")),
+        (Some("node".into()), Some("n1".into()))
+    );
+}

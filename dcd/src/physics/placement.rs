@@ -39,7 +39,7 @@ impl Placement {
                 groups.join(a, b);
             }
         }
-        if settings.coupling.moves_islands() {
+        if bodies.len() > 1 && settings.coupling.moves_islands() {
             join_touching(bodies, shapes, &mut groups)?;
         }
         let assembly = articulated(bodies, joints);
@@ -111,6 +111,9 @@ pub(super) fn movable_ends(joint: &JointRecord, bodies: &[BodyRecord]) -> [Optio
 
 /// Returns for each body the first body of its multibody and of what is tied to that; a body without a multibody is by itself.
 fn articulated(bodies: &[BodyRecord], joints: &[JointRecord]) -> Vec<u32> {
+    if joints.iter().all(|joint| joint.link.is_none()) {
+        return (0..bodies.len() as u32).collect();
+    }
     let mut groups = PlaceGroups::new(bodies.len());
     let mut linked = vec![false; bodies.len()];
     for joint in joints {

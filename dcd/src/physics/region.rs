@@ -61,6 +61,9 @@ pub struct Region {
     world: CowWorld,
     /// By Rapier's body index.
     slots: Vec<Option<Slot>>,
+    /// Where [`Region::owns_any`] looks first.
+    #[serde(skip)]
+    owned_at: usize,
     /// For look-ups only: iteration goes by [`Region::links`], in id order. A map of one block leaves Rapier's own small
     /// blocks side by side in memory.
     #[serde(serialize_with = "in_id_order")]
@@ -127,6 +130,7 @@ impl Region {
             world: CowWorld::new(world),
             slots: Vec::new(),
             by_id: HashMap::new(),
+            owned_at: 0,
             shared: Vec::new(),
             replicas: Vec::new(),
             assemblies: Vec::new(),
@@ -206,9 +210,14 @@ impl Region {
         self.slots.iter().flatten().filter(|slot| slot.role == Ownership::Owner).count()
     }
 
-    /// Returns whether it owns any body: cheaper than [`Region::owned_count`] where it does, as bodies are inserted one by one.
-    pub fn owns_any(&self) -> bool {
-        self.slots.iter().flatten().any(|slot| slot.role == Ownership::Owner)
+    /// Returns whether it owns any body. It looks first where it found one last: bodies come and go one by one.
+    pub(super) fn owns_any(&mut self) -> bool {
+        let is_owned = |slot: &Option<Slot>| slot.as_ref().is_some_and(|slot| slot.role == Ownership::Owner);
+        let from = self.owned_at.min(self.slots.len());
+        let found = self.slots[from..].iter().position(is_owned).map(|place| from + place);
+        let found = found.or_else(|| self.slots[..from].iter().position(is_owned));
+        self.owned_at = found.unwrap_or(self.owned_at);
+        found.is_some()
     }
 
     /// Returns how many of the bodies that it owns are awake.

@@ -1,4 +1,4 @@
-//! Holds the manual: concepts, couplings, serving, seeing, recording, fidelity, limits and architecture, beyond the documentation of single items.
+//! Holds the manual: concepts, couplings, serving, seeing, recording, fidelity, engines, limits and architecture, beyond the documentation of single items.
 
 #[doc = include_str!("../manual/concepts.md")]
 pub mod concepts {}
@@ -17,6 +17,9 @@ pub mod recording {}
 
 #[doc = include_str!("../manual/fidelity.md")]
 pub mod fidelity {}
+
+#[doc = include_str!("../manual/engines.md")]
+pub mod engines {}
 
 #[doc = include_str!("../manual/limits.md")]
 pub mod limits {}

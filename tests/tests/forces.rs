@@ -86,10 +86,10 @@ fn bodies_that_several_regions_hold_are_pushed_once() {
 #[test]
 fn an_explosion_is_symmetric_weakens_and_gives_the_light_more_speed() {
     let mut world = cut_at(&FOUR, Coupling::Auto);
-    let side = [1.0, -1.0].map(|sign| [[2.0 * sign, 0.0, 0.0], [0.0, 2.0 * sign, 0.0], [0.0, 0.0, 2.0 * sign]]);
+    let side =
+        [1.0, -1.0].map(|sign| [[2.0 * sign, 0.0, 0.0], [0.0, 2.0 * sign, 0.0], [0.0, 0.0, 2.0 * sign]]);
     let cube = || ColliderBuilder::cuboid(0.5, 0.5, 0.5).mass(4.0);
-    let around: Vec<_> =
-        side.iter().flatten().map(|&at| (at, insert(&mut world, at, cube()))).collect();
+    let around: Vec<_> = side.iter().flatten().map(|&at| (at, insert(&mut world, at, cube()))).collect();
     let beyond = insert(&mut world, [5.5, 0.0, 0.0], cube().mass(1.0));
     let far = insert(&mut world, [-8.0, 0.0, 0.0], cube());
     let masked = insert(&mut world, [1.0, 1.0, 1.0], cube().collision_groups(InteractionGroups::none()));
@@ -122,7 +122,11 @@ fn bodies_float_as_deep_as_archimedes_says() {
     let lake = Fluid { surface_m: 3.0, drag: 0.5, damping_per_s: 2.0, ..Fluid::default() };
     // How deep the lowest point of each lies: by volume, and for the ball at half its density to its middle.
     let floating = [
-        (insert(&mut world, [0.0, 3.0, 0.0], ColliderBuilder::cuboid(0.5, 0.25, 0.5).density(600.0)), 0.25, 0.3),
+        (
+            insert(&mut world, [0.0, 3.0, 0.0], ColliderBuilder::cuboid(0.5, 0.25, 0.5).density(600.0)),
+            0.25,
+            0.3,
+        ),
         (insert(&mut world, [4.0, 2.0, 0.0], ColliderBuilder::ball(0.5).density(500.0)), 0.5, 0.5),
         (insert(&mut world, [0.0, 5.0, 4.0], ColliderBuilder::cylinder(0.2, 0.6).density(250.0)), 0.2, 0.1),
     ];
@@ -183,7 +187,10 @@ fn a_trigger_lists_who_is_inside_across_borders_and_asleep() {
     for coupling in [Coupling::Auto, Coupling::Overlap, Coupling::Owner] {
         let mut world = cut_at(&FOUR, coupling);
         let floor = world
-            .insert(RigidBodyBuilder::fixed().translation(Vector::Y * -0.5), ColliderBuilder::cuboid(20.0, 0.5, 20.0))
+            .insert(
+                RigidBodyBuilder::fixed().translation(Vector::Y * -0.5),
+                ColliderBuilder::cuboid(20.0, 0.5, 20.0),
+            )
             .unwrap();
         // One that stands still over the edge of all four, and one that a body of one region carries across.
         let zone = ColliderBuilder::cuboid(2.0, 2.0, 2.0).sensor(true);
@@ -199,7 +206,11 @@ fn a_trigger_lists_who_is_inside_across_borders_and_asleep() {
             world.step().unwrap();
         }
         assert!(within.iter().chain([&scanned]).all(|&body| world.body(body).unwrap().sleeping));
-        assert_ne!(world.owner(scanner).region, world.owner(scanned).region, "there is a border between them");
+        assert_ne!(
+            world.owner(scanner).region,
+            world.owner(scanned).region,
+            "there is a border between them"
+        );
         assert_eq!(world.inside(fixed).unwrap(), within, "{coupling:?}");
         assert_eq!(world.inside((fixed, 0)).unwrap(), within);
         assert_eq!(world.inside(scanner).unwrap(), [scanned], "{coupling:?}");

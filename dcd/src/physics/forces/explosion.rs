@@ -48,11 +48,7 @@ impl Explosion {
 
     fn strength_at(&self, distance_m: f32) -> f32 {
         let beyond_m = distance_m - self.radius_m;
-        if beyond_m <= 0.0 {
-            1.0
-        } else {
-            (1.0 - beyond_m / self.falloff_m).max(0.0)
-        }
+        if beyond_m <= 0.0 { 1.0 } else { (1.0 - beyond_m / self.falloff_m).max(0.0) }
     }
 }
 
@@ -64,7 +60,8 @@ impl RegionHost {
         let found = self.queries().intersect_shape(&reach, &at, &solids(&meant))?;
         let (up, limit_m_s) = (self.up(), self.settings().speed_limit_m_s());
         let push = |target: Target<'_>| {
-            let (centre, mut linear, mut angular) = (target.local(explosion.centre), Vector::ZERO, Vector::ZERO);
+            let (centre, mut linear, mut angular) =
+                (target.local(explosion.centre), Vector::ZERO, Vector::ZERO);
             for (collider, pose) in &target.parts {
                 let shape = collider.shape();
                 let nearest = shape.project_point(pose, centre, true).point;

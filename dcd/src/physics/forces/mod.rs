@@ -75,7 +75,8 @@ impl<'a> Target<'a> {
         let kick_m_s = linear.length() / self.mass_kg;
         let part = if kick_m_s > limit_m_s { limit_m_s / kick_m_s } else { 1.0 };
         let (linear, angular) = (linear * part, angular * part);
-        let does = linear.is_finite() && angular.is_finite() && (linear, angular) != (Vector::ZERO, Vector::ZERO);
+        let does =
+            linear.is_finite() && angular.is_finite() && (linear, angular) != (Vector::ZERO, Vector::ZERO);
         let push = Push { angular: angular.to_array(), ..Push::impulse(self.id, linear.to_array()) };
         does.then_some(push)
     }

@@ -190,7 +190,10 @@ mod tests {
 
     #[test]
     fn the_part_below_a_plane_is_that_of_points_counted() {
-        let pose = Pose::from_parts(Vector::new(3.0, 1.0, -2.0), Rotation::from_axis_angle(Vector::ONE.normalize(), 0.7));
+        let pose = Pose::from_parts(
+            Vector::new(3.0, 1.0, -2.0),
+            Rotation::from_axis_angle(Vector::ONE.normalize(), 0.7),
+        );
         let up = Vector::new(0.2, 0.9, -0.3).normalize();
         for (name, shape) in solids() {
             let middle = volume(&*shape, &pose).centre.dot(up);
@@ -207,7 +210,8 @@ mod tests {
 
     #[test]
     fn shadows_are_those_of_geometry() {
-        let turned = Pose::from_parts(Vector::X, Rotation::from_axis_angle(Vector::Y, std::f32::consts::FRAC_PI_4));
+        let turned =
+            Pose::from_parts(Vector::X, Rotation::from_axis_angle(Vector::Y, std::f32::consts::FRAC_PI_4));
         let side = |shape: SharedShape| silhouette_m2(&*shape, &turned, Vector::X);
         let is = |found: f32, exact: f32| assert!((found / exact - 1.0).abs() < 0.015, "{found}, {exact}");
         is(side(SharedShape::ball(0.5)), std::f32::consts::FRAC_PI_4);

@@ -56,7 +56,7 @@ fn pushes_are_the_same_to_the_bit_in_one_region_and_in_four() {
             let after = velocities(&world, &bodies);
             assert_eq!(world.region_count(), 1 << planes.len());
             let changed = before.iter().zip(&after).filter(|(before, after)| before != after).count();
-            assert!(changed > 40, "{changed} of {} are pushed", bodies.len());
+            assert!(changed > 36, "{changed} of {} are pushed", bodies.len());
             (counts, after)
         };
         assert_eq!(pushed(&[]), pushed(&FOUR), "{coupling:?}");
@@ -146,7 +146,7 @@ fn bodies_float_as_deep_as_archimedes_says() {
     // Where drag, damping and what it weighs in water are equal, of a ball of radius r, with s = rho_fluid / rho_body:
     // 3/8 s c v² / r + s d v = (1 - s) g.
     let [a, b, c] = [0.375 * 0.5 / 1.5 / 0.5, 2.0 / 1.5, -9.81 / 3.0];
-    let exact = ((b * b - 4.0 * a * c) as f32).sqrt() / (2.0 * a) - b / (2.0 * a);
+    let exact = (f32::sqrt(b * b - 4.0 * a * c) - b) / (2.0 * a);
     let sinks = -world.velocity(heavy).unwrap().linear[1];
     assert!((sinks / exact - 1.0).abs() < 0.01, "{sinks} m/s, not {exact}");
 }

@@ -106,7 +106,8 @@ pub unsafe extern "C" fn dcd_explode(
 ///
 /// What is in it is each collider that is no sensor and whose box (AABB) touches that of the fluid, and of that what lies below the surface. It is lifted by the weight of the fluid that it
 /// displaces, at the centre of that volume, and dragged, at the centre of mass, by 1/2 density drag A v², by the silhouette A against the motion v through the fluid. Besides, motion and spin
-/// die down by `damping` times the mass displaced over the body's own. Neither ever turns a motion about. Terrain and open meshes displace nothing
+/// die down by `damping` times the mass displaced over the body's own. Neither ever turns a motion about. Lift comes at once and weight over the
+/// step, so that between two steps what floats at rest has a velocity of up to half of gravity times dt downwards, and does not move. Terrain and open meshes displace nothing
 /// and are left alone; of round shapes the border does not count, as it does not for their mass.
 ///
 /// `fluid` is read during the call.

@@ -201,9 +201,9 @@ mod tests {
                 let (found, counted) =
                     (volume_below(&*shape, &pose, up, height_m), counted(&*shape, &pose, up, height_m));
                 let whole = volume(&*shape, &pose).m3;
-                assert!((found.m3 - counted.m3).abs() < 0.03 * whole, "{name}: {found:?}, {counted:?}");
+                assert!((found.m3 - counted.m3).abs() < 0.06 * whole, "{name}: {found:?}, {counted:?}");
                 let off_m = (found.centre - counted.centre).length();
-                assert!(counted.m3 < 0.05 * whole || off_m < 0.03, "{name}: {found:?}, {counted:?}");
+                assert!(counted.m3 < 0.05 * whole || off_m < 0.05, "{name}: {found:?}, {counted:?}");
             }
         }
     }

@@ -795,6 +795,46 @@ typedef struct DcdBodyInfo {
     uint8_t reserved[2];
 } DcdBodyInfo;
 
+// An explosion. Start from DCD_EXPLOSION_INIT and give its centre. It may grow at its end.
+typedef struct DcdExplosion {
+    // sizeof(DcdExplosion).
+    uint32_t struct_size;
+    // Only colliders that are in one of these groups; 0xFFFFFFFF for all.
+    uint32_t mask;
+    // Where, metres.
+    double centre[3];
+    // Up to where it has its full strength, metres, 0 or more: to the nearest point of a collider.
+    float radius;
+    // How far beyond it weakens, linearly down to nothing, metres, 0 or more.
+    float falloff;
+    // The impulse per area of the silhouette that a collider shows it, N s/m²; negative draws bodies in.
+    float impulse;
+    // 0.
+    uint32_t reserved;
+} DcdExplosion;
+
+// A fluid, water or air, in a box. Start from DCD_FLUID_INIT. It may grow at its end.
+typedef struct DcdFluid {
+    // sizeof(DcdFluid).
+    uint32_t struct_size;
+    // Only colliders that are in one of these groups; 0xFFFFFFFF for all.
+    uint32_t mask;
+    // Lowest corner of where it is, metres; may be infinite.
+    double min[3];
+    // Highest corner.
+    double max[3];
+    // How high it stands, metres from the origin against gravity (along +y without gravity); infinite where it fills its box.
+    double surface;
+    // kg/m³, 0 or more.
+    float density;
+    // How it flows, or the wind blows, m/s.
+    float velocity[3];
+    // The coefficient c of drag, 0 or more: 0.5 for balls, 1 for boxes.
+    float drag;
+    // How fast motion and spin die down besides, of a body as heavy as what it displaces, 1/s, 0 or more.
+    float damping;
+} DcdFluid;
+
 // The properties of a body, but for those of its colliders: the members of DcdBodyDef, to be read and changed later. Start from
 // DCD_BODY_PROPERTIES_INIT and dcd_body_properties.
 typedef struct DcdBodyProperties {
@@ -2655,6 +2695,50 @@ DcdStatus dcd_body_add_force(DcdWorld world,
                              const float *force,
                              const double *point);
 
+// Pushes all dynamic bodies near a place away from it, once and at once, and wakes them; writes their number into `pushed`, which may be null.
+// Each of their colliders near it that is no sensor is pushed at its nearest point, away from the centre, by its silhouette: of two
+// bodies of one size the lighter flies off faster. Walls give no shelter: cast rays to know of them. No body becomes faster by it than the world's speed limit.
+//
+// `explosion` is read during the call.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range (then nothing is pushed),
+// DCD_ERR_UNSUPPORTED in a served world: its server finds bodies by dcd_overlap_shapes_submit and pushes them.
+DCD_API
+DcdStatus dcd_explode(DcdWorld world,
+                      const DcdExplosion *explosion,
+                      size_t *pushed);
+
+// Pushes the dynamic bodies that are in a fluid as it does in one step, and wakes them: call it before each dcd_step, for each lake and each
+// wind. Writes their number into `pushed`, which may be null.
+//
+// What is in it is each collider that is no sensor and whose box (AABB) touches that of the fluid, and of that what lies below the surface. It is lifted by the weight of the fluid that it
+// displaces, at the centre of that volume, and dragged, at the centre of mass, by 1/2 density drag A v², by the silhouette A against the motion v through the fluid. Besides, motion and spin
+// die down by `damping` times the mass displaced over the body's own. Neither ever turns a motion about. Lift comes at once and weight over the
+// step, so that between two steps what floats at rest has a velocity of up to half of gravity times dt downwards, and does not move. Terrain and open meshes displace nothing
+// and are left alone; of round shapes the border does not count, as it does not for their mass.
+//
+// `fluid` is read during the call.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range or a min above its max (then nothing is
+// pushed), DCD_ERR_UNSUPPORTED in a served world: its server finds bodies by dcd_overlap_boxes_submit and pushes them.
+DCD_API
+DcdStatus dcd_flow(DcdWorld world,
+                   const DcdFluid *fluid,
+                   size_t *pushed);
+
+// Lists the movable bodies that overlap a sensor as the world is now, by age, into `out`, which has `cap` entries, and their number into `count`:
+// asleep or not, whichever region they are in, also when they were made or moved since the last step. `collider` says which one of `body` is
+// the sensor, from 0. Groups and masks of both count; other sensors and fixed bodies are not listed, and no events need be asked for. With `cap` 0 `out` may be null, to ask for the
+// number. Who comes and goes is told by dcd_events.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a collider that is not there or is no sensor, DCD_ERR_SMALL_BUFFER (then
+// `count` is written all the same and `out` is not), DCD_ERR_UNSUPPORTED in a served world.
+DCD_API
+DcdStatus dcd_sensor_bodies(DcdWorld world,
+                            DcdBodyId body,
+                            uint32_t collider,
+                            DcdBodyId *out,
+                            size_t cap,
+                            size_t *count);
+
 // Reads the properties of a body.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
@@ -3632,6 +3716,15 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
 #define DCD_VEHICLE_DEF_INIT \
     { (uint32_t)sizeof(DcdVehicleDef), 0, NULL, 20.0f, 0 }
 
+/* At the origin: 100 N s/m² within 5 m, down to nothing at 10 m. */
+#define DCD_EXPLOSION_INIT \
+    { (uint32_t)sizeof(DcdExplosion), 0xFFFFFFFFu, { 0.0, 0.0, 0.0 }, 5.0f, 5.0f, 100.0f, 0 }
+
+/* Still water without end, up to the height of the origin. */
+#define DCD_FLUID_INIT \
+    { (uint32_t)sizeof(DcdFluid), 0xFFFFFFFFu, { -1.0e9, -1.0e9, -1.0e9 }, { 1.0e9, 1.0e9, 1.0e9 }, 0.0, 1000.0f, \
+      { 0.0f, 0.0f, 0.0f }, 1.0f, 1.0f }
+
 /* A shape as dense as water at the body's origin. */
 #define DCD_COLLIDER_PROPERTIES_INIT \
     { (uint32_t)sizeof(DcdColliderProperties), 0, { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }, \
@@ -3971,6 +4064,24 @@ DCD_ASSERT_(offsetof(DcdBodyInfo, reserved) == 78);
 DCD_ASSERT_(sizeof(DcdForce) == 24);
 DCD_ASSERT_(offsetof(DcdForce, force) == 0);
 DCD_ASSERT_(offsetof(DcdForce, torque) == 12);
+DCD_ASSERT_(sizeof(DcdExplosion) == 48);
+DCD_ASSERT_(offsetof(DcdExplosion, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdExplosion, mask) == 4);
+DCD_ASSERT_(offsetof(DcdExplosion, centre) == 8);
+DCD_ASSERT_(offsetof(DcdExplosion, radius) == 32);
+DCD_ASSERT_(offsetof(DcdExplosion, falloff) == 36);
+DCD_ASSERT_(offsetof(DcdExplosion, impulse) == 40);
+DCD_ASSERT_(offsetof(DcdExplosion, reserved) == 44);
+DCD_ASSERT_(sizeof(DcdFluid) == 88);
+DCD_ASSERT_(offsetof(DcdFluid, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdFluid, mask) == 4);
+DCD_ASSERT_(offsetof(DcdFluid, min) == 8);
+DCD_ASSERT_(offsetof(DcdFluid, max) == 32);
+DCD_ASSERT_(offsetof(DcdFluid, surface) == 56);
+DCD_ASSERT_(offsetof(DcdFluid, density) == 64);
+DCD_ASSERT_(offsetof(DcdFluid, velocity) == 68);
+DCD_ASSERT_(offsetof(DcdFluid, drag) == 80);
+DCD_ASSERT_(offsetof(DcdFluid, damping) == 84);
 DCD_ASSERT_(sizeof(DcdShapeInfo) == 76);
 DCD_ASSERT_(offsetof(DcdShapeInfo, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdShapeInfo, kind) == 4);

@@ -137,6 +137,8 @@ DCD_STRUCT_(Settings, DCD_SETTINGS_INIT);
 DCD_STRUCT_(Profile, DCD_PROFILE_INIT);
 DCD_STRUCT_(FidelityReport, DCD_FIDELITY_REPORT_INIT);
 DCD_STRUCT_(Hooks, DCD_HOOKS_INIT);
+DCD_STRUCT_(Explosion, DCD_EXPLOSION_INIT);
+DCD_STRUCT_(Fluid, DCD_FLUID_INIT);
 DCD_STRUCT_(ShapeInfo, DCD_SHAPE_INFO_INIT);
 DCD_STRUCT_(BodyExtent, DCD_BODY_EXTENT_INIT);
 DCD_STRUCT_(Owner, DCD_OWNER_INIT);
@@ -681,6 +683,23 @@ public:
     {
         return listed<ContactPoint>([&](ContactPoint *out, std::size_t cap, std::size_t *count) {
             return dcd_body_contacts(world_, body, out, cap, count);
+        });
+    }
+    /* Pushes what is near, once; how many bodies. */
+    Result<std::size_t> explode(const Explosion &explosion)
+    {
+        return got<std::size_t>([&](std::size_t *out) { return dcd_explode(world_, &explosion, out); });
+    }
+    /* Pushes what is in it as it does in one step: before each step; how many bodies. */
+    Result<std::size_t> flow(const Fluid &fluid)
+    {
+        return got<std::size_t>([&](std::size_t *out) { return dcd_flow(world_, &fluid, out); });
+    }
+    /* The movable bodies inside a sensor now. */
+    Result<std::vector<BodyId>> sensor_bodies(BodyId body, std::uint32_t collider = 0) const
+    {
+        return listed<BodyId>([&](BodyId *out, std::size_t cap, std::size_t *count) {
+            return dcd_sensor_bodies(world_, body, collider, out, cap, count);
         });
     }
     Result<BodyExtent> body_extent(BodyId body) const

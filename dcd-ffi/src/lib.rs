@@ -49,6 +49,8 @@ pub mod motion;
 
 pub mod push;
 
+pub mod forces;
+
 pub mod properties;
 
 pub mod collider;

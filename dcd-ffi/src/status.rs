@@ -94,6 +94,9 @@ impl From<Unsupported> for Failure {
             Instead::PushByAvatars => {
                 "it drives its own avatars, which push what they meet (dcd_body_set_velocity)"
             }
+            Instead::PushFound => {
+                "push what a query finds (dcd_overlap_shapes_submit, dcd_body_apply_impulse)"
+            }
             Instead::MakeAvatars => "it has its own avatars (dcd_own_avatars) to meet them with",
             Instead::ShapeAtBirth => {
                 "give an avatar its own in DcdBodyDef, and other bodies theirs in the scene"

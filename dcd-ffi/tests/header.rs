@@ -14,6 +14,7 @@ use dcd_ffi::contacts::*;
 use dcd_ffi::draw::*;
 use dcd_ffi::event::*;
 use dcd_ffi::fidelity::*;
+use dcd_ffi::forces::*;
 use dcd_ffi::hooks::*;
 use dcd_ffi::ids::*;
 use dcd_ffi::join::*;
@@ -113,6 +114,8 @@ fn layouts() -> Vec<Layout> {
             struct_size, body_type, user_data, centre, mass, region, force, torque, colliders, sleeping, outside, reserved
         }
         DcdForce { force, torque }
+        DcdExplosion { struct_size, mask, centre, radius, falloff, impulse, reserved }
+        DcdFluid { struct_size, mask, min, max, surface, density, velocity, drag, damping }
         DcdShapeInfo {
             struct_size, kind, size, border, frame, vertex_count, triangle_count, rows, columns, parts, reserved
         }
@@ -231,6 +234,15 @@ const MACROS: &str = "
 /* A car of 3.2 x 1.6 m and about a tonne, up to 20 m/s. */
 #define DCD_VEHICLE_DEF_INIT \\
     { (uint32_t)sizeof(DcdVehicleDef), 0, NULL, 20.0f, 0 }
+
+/* At the origin: 100 N s/m² within 5 m, down to nothing at 10 m. */
+#define DCD_EXPLOSION_INIT \\
+    { (uint32_t)sizeof(DcdExplosion), 0xFFFFFFFFu, { 0.0, 0.0, 0.0 }, 5.0f, 5.0f, 100.0f, 0 }
+
+/* Still water without end, up to the height of the origin. */
+#define DCD_FLUID_INIT \\
+    { (uint32_t)sizeof(DcdFluid), 0xFFFFFFFFu, { -1.0e9, -1.0e9, -1.0e9 }, { 1.0e9, 1.0e9, 1.0e9 }, 0.0, 1000.0f, \\
+      { 0.0f, 0.0f, 0.0f }, 1.0f, 1.0f }
 
 /* A shape as dense as water at the body's origin. */
 #define DCD_COLLIDER_PROPERTIES_INIT \\

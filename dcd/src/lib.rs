@@ -96,8 +96,8 @@ pub use drawing::{DebugDraw, DebugDrawFlags, DebugDrawSettings, DebugShape};
 #[cfg(feature = "physics")]
 pub use physics::{
     BodyExtent, BorderView, CharacterHit, CharacterMove, ColliderId, ContactHooks, ContactPoint, Coupling,
-    Fidelity, FidelityReport, HookedPair, Inconsistency, LinkSettings, Preset, Profile, StepSettings,
-    VehicleController,
+    Explosion, Fidelity, FidelityReport, Fluid, HookedPair, Inconsistency, LinkSettings, Preset, Profile,
+    StepSettings, VehicleController,
 };
 #[cfg(feature = "physics")]
 pub use playback::ViewTime;

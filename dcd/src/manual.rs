@@ -1,4 +1,4 @@
-//! Holds the manual: concepts, couplings, serving, operating, seeing, recording, fidelity, limits and architecture, beyond the documentation of single items.
+//! Holds the manual: concepts, couplings, serving, operating, seeing, recording, fidelity, engines, limits and architecture, beyond the documentation of single items.
 
 #[doc = include_str!("../manual/concepts.md")]
 pub mod concepts {}
@@ -20,6 +20,9 @@ pub mod recording {}
 
 #[doc = include_str!("../manual/fidelity.md")]
 pub mod fidelity {}
+
+#[doc = include_str!("../manual/engines.md")]
+pub mod engines {}
 
 #[doc = include_str!("../manual/limits.md")]
 pub mod limits {}

@@ -139,6 +139,7 @@ impl Remote for Hosted {
     fn compute(&self, what: &'static str, instead: Instead) -> Error {
         match (&self.process, instead) {
             (Process::Server(_), Instead::SubmitQuery) => self.unsupported(what, instead),
+            (Process::Server(_), Instead::PushByAvatars) => self.unsupported(what, Instead::PushFound),
             _ => self.unsupported(what, Instead::ComputeAlone),
         }
     }

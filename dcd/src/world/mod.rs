@@ -11,6 +11,7 @@ mod control;
 mod drawing;
 mod error;
 mod fidelity;
+mod forces;
 #[cfg(feature = "net")]
 mod hosted;
 #[cfg(feature = "net")]

@@ -58,6 +58,8 @@ pub enum Instead {
     DriveAvatars,
     /// Push by avatars.
     PushByAvatars,
+    /// Push what a submitted query finds.
+    PushFound,
     /// Make avatars of one's own.
     MakeAvatars,
     /// Give an avatar its colliders at birth.
@@ -109,6 +111,7 @@ impl fmt::Display for Instead {
             Self::MakeSourceAnew => "make the world anew with World::new",
             Self::DriveAvatars => "it drives its own avatars by set_velocity and set_pose",
             Self::PushByAvatars => "it drives its own avatars, which push what they meet (set_velocity)",
+            Self::PushFound => "push what a query finds (World::submit, World::push)",
             Self::MakeAvatars => "it has its own avatars (own_avatars) to meet them with",
             Self::ShapeAtBirth => {
                 "give an avatar its colliders on insertion, and other bodies theirs in the scene"

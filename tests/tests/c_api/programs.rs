@@ -67,6 +67,24 @@ fn the_program_of_the_readme_says_where_its_ball_lies() {
     assert_eq!(said, "the ball is at 1.00 m\n");
 }
 
+#[test]
+fn the_programs_of_the_page_for_engines_draw_between_steps_and_float_a_raft() {
+    let page = std::fs::read_to_string(root().join("dcd/manual/engines.md")).unwrap();
+    let programs: Vec<_> =
+        page.split("```c\n").skip(1).map(|block| block.split("```").next().unwrap()).collect();
+    let said = [
+        (0..3).map(|i| format!("thing {i} is drawn at x = {}.0 m, fallen\n", 2 * i)).collect(),
+        "the raft floats at y = 2.0 m\n".to_owned(),
+    ];
+    assert_eq!(programs.len(), said.len(), "each block is a whole program");
+    for (program, said) in programs.iter().zip(said) {
+        let dir = tempfile::tempdir().unwrap();
+        let file = dir.path().join("engine.c");
+        std::fs::write(&file, program).unwrap();
+        assert_eq!(run_well(&mut Command::new(build(&file, dir.path(), &[]))), said);
+    }
+}
+
 /// The numbers of a line, in their order.
 pub(crate) fn numbers(line: &str) -> Vec<f64> {
     line.split(|c: char| !(c.is_ascii_digit() || c == '.')).filter_map(|n| n.parse().ok()).collect()

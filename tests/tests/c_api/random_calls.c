@@ -486,6 +486,19 @@ static DcdStatus play(void)
         DcdOwner owner = DCD_OWNER_INIT;
         DcdBorderInfo borders[4];
         size_t count;
+        if (dice(2)) {
+            DcdExplosion blast = DCD_EXPLOSION_INIT;
+            DcdFluid fluid = DCD_FLUID_INIT;
+            DcdBodyId inside[4];
+            memcpy(blast.centre, pose.p, sizeof blast.centre);
+            blast.radius = number();
+            blast.impulse = number();
+            fluid.surface = (double)number();
+            fluid.density = number();
+            return dice(3) == 0 ? dcd_explode(world, &blast, dice(2) ? &count : NULL)
+                   : dice(2)    ? dcd_flow(world, &fluid, dice(2) ? &count : NULL)
+                                : dcd_sensor_bodies(world, named, dice(3), inside, dice(5), &count);
+        }
         return dice(3) ? dcd_body_owner(world, named, &owner)
                : dice(3) == 0 ? dcd_bandwidth_set(world, dice(100000))
                : dice(3) == 0 ? dcd_prediction_set(world, dice(2) == 0)

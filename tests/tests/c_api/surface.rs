@@ -34,6 +34,11 @@ fn a_world_is_stepped_otherwise_from_the_next_step_on() {
 }
 
 #[test]
+fn bodies_are_pushed_by_explosions_water_and_wind_and_triggers_list_who_is_inside() {
+    run_both_ways("pushing.c");
+}
+
+#[test]
 fn bodies_and_shapes_are_read_back_as_they_were_made() {
     run_both_ways("looking.c");
 }

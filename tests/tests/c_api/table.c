@@ -362,6 +362,13 @@ CALL(dcd_settings_set) {
 }
 CALL(dcd_gravity_set) { return dcd_gravity_set(s->world, ONE); }
 CALL(dcd_body_contacts) { return dcd_body_contacts(s->world, s->body, NULL, 0, &count); }
+CALL(dcd_explode) { DcdExplosion blast = DCD_EXPLOSION_INIT; return dcd_explode(s->world, &blast, NULL); }
+CALL(dcd_flow) { DcdFluid fluid = DCD_FLUID_INIT; return dcd_flow(s->world, &fluid, NULL); }
+/* A body that is no sensor is refused after the role was asked. */
+CALL(dcd_sensor_bodies) {
+    DcdStatus status = dcd_sensor_bodies(s->world, s->body, 0, NULL, 0, &count);
+    return status == DCD_ERR_ARGUMENT ? DCD_OK : status;
+}
 CALL(dcd_joint_strength_set) { return dcd_joint_strength_set(s->world, s->joint, 1.0f, 1.0f); }
 CALL(dcd_profile) { DcdProfile profile = DCD_PROFILE_INIT; return dcd_profile(s->world, &profile); }
 CALL(dcd_viewpoints_set) { return dcd_viewpoints_set(s->world, NULL, 0); }
@@ -436,7 +443,7 @@ CALL(dcd_world_destroy) {
     of(dcd_shape_hull) of(dcd_shape_mesh) of(dcd_shape_heightfield) of(dcd_shape_compound) of(dcd_shape_destroy) \
     of(dcd_body_create) of(dcd_bodies_create) of(dcd_character_create) of(dcd_vehicle_create) of(dcd_vehicle_drive) \
     of(dcd_body_destroy) of(dcd_bodies_destroy) of(dcd_body_is_valid) \
-    of(dcd_settings) of(dcd_settings_set) of(dcd_gravity_set) of(dcd_joint_strength_set) of(dcd_profile) of(dcd_viewpoints_set) of(dcd_fidelity_report) of(dcd_hooks_set) of(dcd_body_contacts) of(dcd_bodies) of(dcd_body_extent) of(dcd_collider_shape) of(dcd_shape_info) of(dcd_shape_vertices) \
+    of(dcd_settings) of(dcd_settings_set) of(dcd_gravity_set) of(dcd_joint_strength_set) of(dcd_profile) of(dcd_viewpoints_set) of(dcd_fidelity_report) of(dcd_hooks_set) of(dcd_body_contacts) of(dcd_explode) of(dcd_flow) of(dcd_sensor_bodies) of(dcd_bodies) of(dcd_body_extent) of(dcd_collider_shape) of(dcd_shape_info) of(dcd_shape_vertices) \
     of(dcd_shape_triangles) of(dcd_shape_heights) of(dcd_shape_part) \
     of(dcd_body_at) of(dcd_body_info) of(dcd_body_get) of(dcd_body_set_pose) of(dcd_body_set_velocity) \
     of(dcd_body_set_target) of(dcd_body_wake) of(dcd_body_sleep) of(dcd_body_apply_impulse) \

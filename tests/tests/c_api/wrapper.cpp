@@ -118,6 +118,13 @@ static void a_ball_breaks_a_tower()
 
     const std::vector<dcd::ContactPoint> touching = *world.body_contacts(tower[0]);
     HOLDS(!touching.empty() && (touching[0].a == tower[0] || touching[0].b == tower[0]));
+    dcd::Explosion blast;
+    blast.centre[1] = -30.0;
+    HOLDS(*world.explode(blast) == 0);
+    dcd::Fluid water;
+    water.surface = -40.0;
+    HOLDS(*world.flow(water) == 0);
+    HOLDS(world.sensor_bodies(ball).status().code() == DCD_ERR_ARGUMENT);
     dcd::Hooks hooks;
     hooks.filter = [](void *, const dcd::HookedPair *) -> DcdPairAnswer { return DCD_MEET_PUSH; };
     HOLDS(world.hooks_set(hooks) && world.hooks_clear());

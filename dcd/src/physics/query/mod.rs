@@ -12,6 +12,7 @@ mod found;
 mod overlap;
 mod point;
 mod ray;
+mod sensor;
 
 pub use cast::{ShapeHit, WorldMotion};
 pub use check::QueryError;

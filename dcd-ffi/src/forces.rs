@@ -1,0 +1,173 @@
+//! Pushes bodies by explosions, water and wind, and lists the bodies inside a sensor.
+
+use dcd::{Bounds, Explosion, Fluid};
+
+use crate::guard::guard;
+use crate::ids::{DcdBodyId, DcdWorld};
+use crate::pointer::{
+    self, Out, Room, Sized32, check_not_negative, check_numbers, check_point, check_reserved,
+};
+use crate::registry::{find, with};
+use crate::status::{DcdStatus, Failure};
+
+/// An explosion. Start from DCD_EXPLOSION_INIT and give its centre. It may grow at its end.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct DcdExplosion {
+    /// sizeof(DcdExplosion).
+    pub struct_size: u32,
+    /// Only colliders that are in one of these groups; 0xFFFFFFFF for all.
+    pub mask: u32,
+    /// Where, metres.
+    pub centre: [f64; 3],
+    /// Up to where it has its full strength, metres, 0 or more: to the nearest point of a collider.
+    pub radius: f32,
+    /// How far beyond it weakens, linearly down to nothing, metres, 0 or more.
+    pub falloff: f32,
+    /// The impulse per area of the silhouette that a collider shows it, N s/m²; negative draws bodies in.
+    pub impulse: f32,
+    /// 0.
+    pub reserved: u32,
+}
+
+// SAFETY: begins with `struct_size`; every other member is a number.
+unsafe impl Sized32 for DcdExplosion {
+    const NAME: &'static str = "DcdExplosion";
+}
+
+/// A fluid, water or air, in a box. Start from DCD_FLUID_INIT. It may grow at its end.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct DcdFluid {
+    /// sizeof(DcdFluid).
+    pub struct_size: u32,
+    /// Only colliders that are in one of these groups; 0xFFFFFFFF for all.
+    pub mask: u32,
+    /// Lowest corner of where it is, metres; may be infinite.
+    pub min: [f64; 3],
+    /// Highest corner.
+    pub max: [f64; 3],
+    /// How high it stands, metres from the origin against gravity (along +y without gravity); infinite where it fills its box.
+    pub surface: f64,
+    /// kg/m³, 0 or more.
+    pub density: f32,
+    /// How it flows, or the wind blows, m/s.
+    pub velocity: [f32; 3],
+    /// The coefficient c of drag, 0 or more: 0.5 for balls, 1 for boxes.
+    pub drag: f32,
+    /// How fast motion and spin die down besides, of a body as heavy as what it displaces, 1/s, 0 or more.
+    pub damping: f32,
+}
+
+// SAFETY: begins with `struct_size`; every other member is a number.
+unsafe impl Sized32 for DcdFluid {
+    const NAME: &'static str = "DcdFluid";
+}
+
+/// Pushes all dynamic bodies near a place away from it, once and at once, and wakes them; writes their number into `pushed`, which may be null.
+/// Each of their colliders near it that is no sensor is pushed at its nearest point, away from the centre, by its silhouette: of two
+/// bodies of one size the lighter flies off faster. Walls give no shelter: cast rays to know of them. No body becomes faster by it than the world's speed limit.
+///
+/// `explosion` is read during the call.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range (then nothing is pushed),
+/// DCD_ERR_UNSUPPORTED in a served world: its server finds bodies by dcd_overlap_shapes_submit and pushes them.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_explode(
+    world: DcdWorld,
+    explosion: *const DcdExplosion,
+    pushed: *mut usize,
+) -> DcdStatus {
+    guard("dcd_explode", || {
+        // SAFETY: the caller vouches for both pointers.
+        let (given, pushed) =
+            unsafe { (pointer::read_sized(explosion, "explosion")?, Out::optional(pushed, "pushed")?) };
+        check_reserved(given.reserved)?;
+        check_point(&given.centre, "centre")?;
+        check_not_negative(given.radius, "radius")?;
+        check_not_negative(given.falloff, "falloff")?;
+        check_numbers(&[given.impulse], "impulse")?;
+        let explosion = Explosion {
+            centre: given.centre,
+            radius_m: given.radius,
+            falloff_m: given.falloff,
+            impulse_ns_m2: given.impulse,
+            mask: given.mask,
+        };
+        with(world, |world| {
+            let count = world.dcd.explode(&explosion)?;
+            pushed.into_iter().for_each(|pushed| pushed.write(count));
+            Ok(())
+        })
+    })
+}
+
+/// Pushes the dynamic bodies that are in a fluid as it does in one step, and wakes them: call it before each dcd_step, for each lake and each
+/// wind. Writes their number into `pushed`, which may be null.
+///
+/// What is in it is each collider that is no sensor and whose box (AABB) touches that of the fluid, and of that what lies below the surface. It is lifted by the weight of the fluid that it
+/// displaces, at the centre of that volume, and dragged, at the centre of mass, by 1/2 density drag A v², by the silhouette A against the motion v through the fluid. Besides, motion and spin
+/// die down by `damping` times the mass displaced over the body's own. Neither ever turns a motion about. Lift comes at once and weight over the
+/// step, so that between two steps what floats at rest has a velocity of up to half of gravity times dt downwards, and does not move. Terrain and open meshes displace nothing
+/// and are left alone; of round shapes the border does not count, as it does not for their mass.
+///
+/// `fluid` is read during the call.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range or a min above its max (then nothing is
+/// pushed), DCD_ERR_UNSUPPORTED in a served world: its server finds bodies by dcd_overlap_boxes_submit and pushes them.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_flow(world: DcdWorld, fluid: *const DcdFluid, pushed: *mut usize) -> DcdStatus {
+    guard("dcd_flow", || {
+        // SAFETY: the caller vouches for both pointers.
+        let (given, pushed) =
+            unsafe { (pointer::read_sized(fluid, "fluid")?, Out::optional(pushed, "pushed")?) };
+        if !(0..3).all(|i| given.min[i] <= given.max[i]) {
+            return Err(Failure::argument("min is above max, or NaN; give the corners of a box"));
+        }
+        if given.surface.is_nan() {
+            return Err(Failure::argument("surface is NaN; give metres, or infinity where it fills its box"));
+        }
+        check_numbers(&given.velocity, "velocity")?;
+        check_not_negative(given.density, "density")?;
+        check_not_negative(given.drag, "drag")?;
+        check_not_negative(given.damping, "damping")?;
+        let fluid = Fluid {
+            bounds: Bounds { min: given.min, max: given.max },
+            surface_m: given.surface,
+            density_kg_m3: given.density,
+            velocity_m_s: given.velocity,
+            drag: given.drag,
+            damping_per_s: given.damping,
+            mask: given.mask,
+        };
+        with(world, |world| {
+            let count = world.dcd.flow(&fluid)?;
+            pushed.into_iter().for_each(|pushed| pushed.write(count));
+            Ok(())
+        })
+    })
+}
+
+/// Lists the movable bodies that overlap a sensor as the world is now, by age, into `out`, which has `cap` entries, and their number into `count`:
+/// asleep or not, whichever region they are in, also when they were made or moved since the last step. `collider` says which one of `body` is
+/// the sensor, from 0. Groups and masks of both count; other sensors and fixed bodies are not listed, and no events need be asked for. With `cap` 0 `out` may be null, to ask for the
+/// number. Who comes and goes is told by dcd_events.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a collider that is not there or is no sensor, DCD_ERR_SMALL_BUFFER (then
+/// `count` is written all the same and `out` is not), DCD_ERR_UNSUPPORTED in a served world.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_sensor_bodies(
+    world: DcdWorld,
+    body: DcdBodyId,
+    collider: u32,
+    out: *mut DcdBodyId,
+    cap: usize,
+    count: *mut usize,
+) -> DcdStatus {
+    guard("dcd_sensor_bodies", || {
+        // SAFETY: the caller vouches for `cap` entries and for `count`.
+        let out = unsafe { Room::new(out, cap, count, ["out", "count"])? };
+        with(world, |world| {
+            let inside = world.dcd.inside((find(world, body)?, collider as usize))?;
+            out.fill(inside.iter().map(|&body| world.mark.body(body)))
+        })
+    })
+}

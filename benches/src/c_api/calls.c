@@ -5,6 +5,7 @@
  *   calls step BODIES STEPS            ms a step of a pile, the median
  *   calls viewed BODIES STEPS          the same with the view; a program of its own, as the second world of a program
  *                                      steps some percent slower than its first, seen or not
+ *   calls made BODIES ROUNDS           ns to make a box, and to destroy it a step later: each the least of so many rounds
  *   calls rollback BODIES REPEATS      ms to keep a pile by a checkpoint, to go back to it, and that the next step takes longer
  *                                      for it, in which what was shared is copied; medians
  *   calls connect SERVER TOKEN         ms until a client has the first state of a served world */
@@ -159,6 +160,44 @@ static double median_step_ms(size_t bodies, size_t steps, bool viewed)
     return median;
 }
 
+/* Boxes in a grid, a metre and a half apart, all made and all destroyed again, as often as `rounds` says. */
+static void making(size_t bodies, size_t rounds)
+{
+    const float half[3] = { 0.5f, 0.5f, 0.5f };
+    DcdWorldDef def = DCD_WORLD_DEF_INIT;
+    DcdBodyDef body = DCD_BODY_DEF_INIT;
+    DcdWorld world;
+    DcdBodyId *ids = allocate(bodies, sizeof *ids);
+    double make = 0.0, destroy = 0.0;
+    def.regions = 1;
+    def.threads = 1;
+    check(dcd_world_create(&def, &world));
+    check(dcd_shape_box(world, half, &body.shape));
+    for (size_t round = 0; round < rounds; round++) {
+        double start = now_ns();
+        for (size_t i = 0; i < bodies; i++) {
+            body.pose.p[0] = 1.5 * (double)(i % 50);
+            body.pose.p[1] = 1.5 * (double)(i / 50 % 50);
+            body.pose.p[2] = 1.5 * (double)(i / 2500);
+            check(dcd_body_create(world, &body, &ids[i]));
+        }
+        const double made = (now_ns() - start) / (double)bodies;
+        check(dcd_step(world));
+        start = now_ns();
+        for (size_t i = 0; i < bodies; i++) {
+            check(dcd_body_destroy(world, ids[i]));
+        }
+        const double destroyed = (now_ns() - start) / (double)bodies;
+        check(dcd_step(world));
+        make = round == 0 || made < make ? made : make;
+        destroy = round == 0 || destroyed < destroy ? destroyed : destroy;
+    }
+    check(dcd_world_destroy(world));
+    free(ids);
+    printf("make_ns %.1f\n", make);
+    printf("destroy_ns %.1f\n", destroy);
+}
+
 /* A game of rollback at its worst: everything moves, and each tick is kept and computed once more. */
 static void rolling_back(size_t bodies, size_t repeats)
 {
@@ -231,12 +270,14 @@ int main(int argc, char **argv)
     } else if (argc == 4 && (strcmp(argv[1], "step") == 0 || strcmp(argv[1], "viewed") == 0)) {
         const size_t bodies = strtoul(argv[2], NULL, 10), steps = strtoul(argv[3], NULL, 10);
         printf("step_ms %.6f\n", median_step_ms(bodies, steps, strcmp(argv[1], "viewed") == 0));
+    } else if (argc == 4 && strcmp(argv[1], "made") == 0) {
+        making(strtoul(argv[2], NULL, 10), strtoul(argv[3], NULL, 10));
     } else if (argc == 4 && strcmp(argv[1], "rollback") == 0) {
         rolling_back(strtoul(argv[2], NULL, 10), strtoul(argv[3], NULL, 10));
     } else if (argc == 4 && strcmp(argv[1], "connect") == 0) {
         connecting(argv[2], argv[3]);
     } else {
-        fprintf(stderr, "usage: calls read|rollback BODIES REPEATS | step|viewed BODIES STEPS | connect SERVER TOKEN\n");
+        fprintf(stderr, "usage: calls read|made|rollback BODIES REPEATS | step|viewed BODIES STEPS | connect SERVER TOKEN\n");
         return EXIT_FAILURE;
     }
     return EXIT_SUCCESS;

@@ -4,10 +4,11 @@ use std::collections::BTreeMap;
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use clap::Args;
 use dcd::net::JoinRole;
+use dcd::rapier3d::prelude::*;
 use dcd::runtime::measure::Plan;
 use dcd::runtime::{
     JoinConfig, Member, MemberConfig, Origin, Partitioning, ServeConfig, ServerProcess, WorldConfig,
@@ -111,6 +112,22 @@ impl CApi {
         rows.push(Row::new("what dcd_step adds to a step of 1,000 bodies", added(c), "%", 1.0));
         rows.push(Row::new("the same with the view", added(viewed), "%", None));
 
+        let many = if self.quick { 1_000 } else { 20_000 };
+        let (mut bare, mut ours) = ([f64::INFINITY; 2], [f64::INFINITY; 2]);
+        for _ in 0..rounds {
+            let said = calls.said(&["made", &many.to_string(), "3"])?;
+            let least = |best: [f64; 2], new: [f64; 2]| [best[0].min(new[0]), best[1].min(new[1])];
+            (bare, ours) =
+                (least(bare, bare_making_ns(many)), least(ours, [said["make_ns"], said["destroy_ns"]]));
+        }
+        for (what, ours, bare) in
+            [("dcd_body_create", ours[0], bare[0]), ("dcd_body_destroy", ours[1], bare[1])]
+        {
+            let figure = format!("{what}, of {many} boxes, over the same in a bare Rapier world");
+            rows.push(Row::new(&figure, ours / bare, "times", 2.0));
+            rows.push(Row::new(&format!("{what}, of {many} boxes"), ours, "ns", None));
+        }
+
         for (bodies, goal) in [(2_000, 1.0), (20_000, 10.0)] {
             let said = calls.said(&["rollback", &bodies.to_string(), &(rounds * 9).to_string()])?;
             for (what, name, goal) in [
@@ -205,6 +222,32 @@ fn rust_step_ms(steps: usize) -> Result<f64, Box<dyn Error>> {
         WorldConfig { partitioning: Partitioning::Regions(1), threads: 1, ..WorldConfig::for_scene(&scene) };
     let plan = Plan { config: Some(config), ticks: (timing::WARM_UP + steps) as u64 };
     Ok(StepMs::of(&mut plan.subject(&scene)?, steps)?.p50_ms)
+}
+
+/// Nanoseconds to make a box and to remove it a step later in a bare Rapier world, as `calls made` does: each the least of three rounds.
+fn bare_making_ns(bodies: usize) -> [f64; 2] {
+    let (mut world, mut best) = (PhysicsWorld::new(), [f64::INFINITY; 2]);
+    for _ in 0..3 {
+        let start = Instant::now();
+        let make = |i: usize| {
+            let at = Vector::new((i % 50) as f32, (i / 50 % 50) as f32, (i / 2500) as f32) * 1.5;
+            let body = RigidBodyBuilder::dynamic().translation(at);
+            world.insert(body, ColliderBuilder::cuboid(0.5, 0.5, 0.5).density(1000.0)).0
+        };
+        let handles: Vec<_> = (0..bodies).map(make).collect();
+        let made = start.elapsed();
+        world.step();
+        let start = Instant::now();
+        for handle in handles {
+            world.remove_body(handle);
+        }
+        let removed = start.elapsed();
+        world.step();
+        for (best, took) in best.iter_mut().zip([made, removed]) {
+            *best = best.min(1e9 * took.as_secs_f64() / bodies as f64);
+        }
+    }
+    best
 }
 
 /// The median of several clients that join a world on this machine, one after the other.

@@ -16,8 +16,7 @@
  * Members named reserved are 0. Values outside their range are DCD_ERR_ARGUMENT.
  *
  * Pointers. What a function reads is read during the call; it keeps none of your pointers (but those of dcd_log_set and
- * dcd_hooks_set). They
- * must be aligned for their type. What it lends says how long it lives. Texts are UTF-8 that ends with NUL.
+ * dcd_hooks_set). They must be aligned for their type. What it lends says how long it lives. Texts are UTF-8 that ends with NUL.
  *
  * Threads. Any thread may call any function at any time. Calls on one world run one after the other; a call waits for its
  * turn. Calls on different worlds run side by side. From within the log callback, those of dcd_debug_draw and the functions of
@@ -481,9 +480,8 @@ typedef struct DcdParticipantDef {
 } DcdParticipantDef;
 
 // A body. 0 is null. An id is never given again, so that of a destroyed body stays stale for ever, unless dcd_checkpoint_restore
-// goes back to before it was given; an id of another world
-// is stale in this one. A body has one id for as long as the world's handle lives, whoever owns it; other processes, and
-// later handles of the same world, know it by other ids.
+// goes back to before it was given; an id of another world is stale in this one. A body has one id for as long as the world's
+// handle lives, whoever owns it; other processes, and later handles of the same world, know it by other ids.
 typedef struct DcdBodyId {
     // Opaque.
     uint64_t v;
@@ -1910,7 +1908,7 @@ typedef struct DcdFidelityReport {
     float error;
     // The lower end of its 95 % confidence interval, m/s.
     float low95;
-    // The upper end.
+    // The upper end; infinite before two audits, and 0 where all is computed in full.
     float high95;
     // The time of regions' steps over what they would have taken had each been stepped in every step, as reckoned.
     double share_of_full_time;
@@ -2042,13 +2040,13 @@ typedef struct DcdForce {
 // What the scene says, else DCD_PRESET_GAME.
 #define DCD_PRESET_DEFAULT 0
 
-// Speed first: 2 exchanges at most, islands of 64 bodies, 0.1 m/s.
+// Speed first: 2 exchanges at most, islands of up to 256 bodies whole, 0.1 m/s.
 #define DCD_PRESET_DRAFT 1
 
-// What games want: 4 exchanges at most, islands of 256 bodies, 0.03 m/s.
+// What games want: 4 exchanges at most, every island whole, 0.03 m/s.
 #define DCD_PRESET_GAME 2
 
-// Accuracy first: 4 exchanges at most, 3 hops deep, islands of 1024 bodies, 0.01 m/s.
+// Accuracy first: 4 exchanges at most, 3 hops deep, every island whole, 0.01 m/s.
 #define DCD_PRESET_PRECISE 3
 
 // (a + b) / 2.
@@ -3284,7 +3282,7 @@ DcdStatus dcd_body_contacts(DcdWorld world,
 // and the result depends on how the world is cut. A pair may be asked about in every step, or only when it begins to be near, for as long
 // as it rests.
 //
-// They are not saved with the world, nor recorded: a recording ends here.
+// They are not saved with the world. A recording goes on, and has what they answered: a replay does not call them.
 // Errors: DCD_ERR_NULL (world), DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT, DCD_ERR_UNSUPPORTED in a served world.
 DCD_API
 DcdStatus dcd_hooks_set(DcdWorld world,

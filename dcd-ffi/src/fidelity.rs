@@ -45,7 +45,7 @@ pub struct DcdFidelityReport {
     pub error: f32,
     /// The lower end of its 95 % confidence interval, m/s.
     pub low95: f32,
-    /// The upper end.
+    /// The upper end; infinite before two audits, and 0 where all is computed in full.
     pub high95: f32,
     /// The time of regions' steps over what they would have taken had each been stepped in every step, as reckoned.
     pub share_of_full_time: f64,

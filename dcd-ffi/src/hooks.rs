@@ -128,7 +128,7 @@ unsafe impl Sized32 for DcdHooks {
 /// and the result depends on how the world is cut. A pair may be asked about in every step, or only when it begins to be near, for as long
 /// as it rests.
 ///
-/// They are not saved with the world, nor recorded: a recording ends here.
+/// They are not saved with the world. A recording goes on, and has what they answered: a replay does not call them.
 /// Errors: DCD_ERR_NULL (world), DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT, DCD_ERR_UNSUPPORTED in a served world.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_hooks_set(world: DcdWorld, hooks: *const DcdHooks) -> DcdStatus {

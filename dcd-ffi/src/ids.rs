@@ -9,9 +9,8 @@ pub struct DcdWorld {
 }
 
 /// A body. 0 is null. An id is never given again, so that of a destroyed body stays stale for ever, unless dcd_checkpoint_restore
-/// goes back to before it was given; an id of another world
-/// is stale in this one. A body has one id for as long as the world's handle lives, whoever owns it; other processes, and
-/// later handles of the same world, know it by other ids.
+/// goes back to before it was given; an id of another world is stale in this one. A body has one id for as long as the world's
+/// handle lives, whoever owns it; other processes, and later handles of the same world, know it by other ids.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DcdBodyId {

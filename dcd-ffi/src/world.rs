@@ -37,11 +37,11 @@ pub type DcdPreset = u32;
 
 /// What the scene says, else DCD_PRESET_GAME.
 pub const DCD_PRESET_DEFAULT: DcdPreset = 0;
-/// Speed first: 2 exchanges at most, islands of 64 bodies, 0.1 m/s.
+/// Speed first: 2 exchanges at most, islands of up to 256 bodies whole, 0.1 m/s.
 pub const DCD_PRESET_DRAFT: DcdPreset = 1;
-/// What games want: 4 exchanges at most, islands of 256 bodies, 0.03 m/s.
+/// What games want: 4 exchanges at most, every island whole, 0.03 m/s.
 pub const DCD_PRESET_GAME: DcdPreset = 2;
-/// Accuracy first: 4 exchanges at most, 3 hops deep, islands of 1024 bodies, 0.01 m/s.
+/// Accuracy first: 4 exchanges at most, 3 hops deep, every island whole, 0.01 m/s.
 pub const DCD_PRESET_PRECISE: DcdPreset = 3;
 
 /// In DcdWorldDef.axes: planes across x may cut the world into regions.

@@ -1,5 +1,5 @@
 //! Computes one rigid-body world by many [Rapier](https://rapier.rs) worlds: one per region of space, on the cores of one machine
-//! or on many machines. Every body has exactly one owner; contacts and joints hold across the borders of regions.
+//! or on many machines. Every movable body has exactly one owner; contacts and joints hold across the borders of regions.
 //!
 //! ```
 //! use dcd::prelude::*;

@@ -1,6 +1,6 @@
 //! Serves `/metrics`, `/healthz` and `/readyz`: a thread that listens, and one for each connection.
 
-use std::io::{self, Read};
+use std::io::{self, Read, Write};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -66,25 +66,36 @@ fn listen(listener: &TcpListener, is_closed: &AtomicBool, source: &Arc<dyn Sourc
         if is_closed.load(Ordering::SeqCst) {
             return;
         }
-        let Ok(stream) = stream else { continue };
+        let Ok(stream) = stream else {
+            // Out of descriptors, perhaps: they come back as others close theirs.
+            std::thread::sleep(Duration::from_millis(50));
+            continue;
+        };
         if open.fetch_add(1, Ordering::SeqCst) >= MOST_CONNECTIONS {
             open.fetch_sub(1, Ordering::SeqCst);
             continue;
         }
-        let (source, count) = (Arc::clone(source), Arc::clone(&open));
+        let (source, place) = (Arc::clone(source), Place(Arc::clone(&open)));
         let serve = move || {
+            let _place = place;
             // Who goes away before the answer is no error.
             let _ = serve(stream, &*source);
-            count.fetch_sub(1, Ordering::SeqCst);
         };
-        if std::thread::Builder::new().name("dcd-metrics-answer".into()).spawn(serve).is_err() {
-            open.fetch_sub(1, Ordering::SeqCst);
-        }
+        // Without a thread the place is free again, too.
+        let _ = std::thread::Builder::new().name("dcd-metrics-answer".into()).spawn(serve);
     }
 }
 
-fn serve(mut stream: TcpStream, source: &dyn Source) -> io::Result<()> {
-    stream.set_write_timeout(Some(TIMEOUT))?;
+/// One of the places for connections, free again when it is dropped.
+struct Place(Arc<AtomicUsize>);
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        self.0.fetch_sub(1, Ordering::SeqCst);
+    }
+}
+
+fn serve(stream: TcpStream, source: &dyn Source) -> io::Result<()> {
     let mut request = Timely { stream: &stream, until: Instant::now() + TIMEOUT };
     let (status, kind, content) =
         read_head(&mut request, |request, _| answer(request.method, request.path, source))?.unwrap_or((
@@ -92,7 +103,8 @@ fn serve(mut stream: TcpStream, source: &dyn Source) -> io::Result<()> {
             PLAIN,
             "this is no request of HTTP\n".to_owned(),
         ));
-    write_answer(&mut stream, status, kind, "Cache-Control: no-store\r\n", content.as_bytes())
+    let mut to = Timely { stream: &stream, until: Instant::now() + TIMEOUT };
+    write_answer(&mut to, status, kind, "Cache-Control: no-store\r\n", content.as_bytes())
 }
 
 fn answer(
@@ -114,28 +126,41 @@ fn answer(
     }
 }
 
-/// A stream whose bytes must all have come by a time, however few come at once.
+/// A stream whose bytes must all have come, or gone, by a time, however few do at once.
 struct Timely<'a> {
     stream: &'a TcpStream,
     until: Instant,
 }
 
+impl Timely<'_> {
+    fn left(&self) -> io::Result<Duration> {
+        let left = self.until.saturating_duration_since(Instant::now());
+        if left.is_zero() { Err(io::ErrorKind::TimedOut.into()) } else { Ok(left) }
+    }
+}
+
 impl Read for Timely<'_> {
     fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
-        let left = self.until.saturating_duration_since(Instant::now());
-        if left.is_zero() {
-            return Err(io::ErrorKind::TimedOut.into());
-        }
-        self.stream.set_read_timeout(Some(left))?;
+        self.stream.set_read_timeout(Some(self.left()?))?;
         let mut stream = self.stream;
         stream.read(into)
     }
 }
 
+impl Write for Timely<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.stream.set_write_timeout(Some(self.left()?))?;
+        let mut stream = self.stream;
+        stream.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use std::io::Write;
-
     use super::*;
 
     struct Late;

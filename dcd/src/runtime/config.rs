@@ -37,7 +37,8 @@ pub struct WorldConfig {
     /// How regions follow the load; `None` leaves them as they are cut. Served, a world of [`Partitioning::Auto`] has one region for each
     /// node then: [`Balance::by_nodes`].
     pub balance: Option<Balance>,
-    /// How much of it is computed in full. With the couplings `owner` and `proxy`, and served, all of it is.
+    /// How much of it is computed in full. Only [`Fidelity::Off`] goes with the couplings `owner` and `proxy`; a served world is computed in full
+    /// whatever this says.
     pub fidelity: Fidelity,
     /// How it is stepped.
     pub step: StepSettings,

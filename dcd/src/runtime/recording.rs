@@ -3,9 +3,9 @@
 use std::io::Write;
 use std::time::Duration;
 
-use super::LocalWorld;
 use super::recorded::bodies_of;
 use super::tape::{Copies, Tape};
+use super::{LocalWorld, WorldError};
 use crate::physics::Fidelity;
 use crate::protocol::BodyRecord;
 use crate::recording::{Operation, Recorder, RecordingError, digest};
@@ -62,6 +62,18 @@ impl LocalWorld {
             return Err(RecordingError::Unsuitable(why.into()));
         }
         Ok(())
+    }
+
+    /// Returns an error if the world is recorded and is to become one that cannot be.
+    pub(super) fn can_go_on_recording(&self, fidelity: Fidelity) -> Result<(), WorldError> {
+        match fidelity {
+            Fidelity::Budget { .. } if self.is_recorded() => {
+                let (what, value) = ("fidelity", format!("{fidelity:?}"));
+                let range = "no time budget as long as the world is recorded: end the recording first (World::stop_recording)";
+                Err(WorldError::Setting { what, value, range })
+            }
+            _ => Ok(()),
+        }
     }
 
     /// Records bodies that came.
@@ -195,8 +207,16 @@ mod tests {
         let bytes = memory.0.lock().unwrap().clone();
         let (matches, mismatch) = checked(bytes, None);
         assert!(mismatch.is_none() && matches >= 100, "{matches}, {mismatch:?}");
-        let refused = world(Fidelity::Budget { tick_ms: 5.0 }).record(Memory::default()).unwrap_err();
+        let mut hurried = world(Fidelity::Budget { tick_ms: 5.0 });
+        let refused = hurried.record(Memory::default()).unwrap_err();
         assert!(refused.to_string().contains("budget"), "{refused}");
+        let mut saved = Vec::new();
+        hurried.save(&mut saved).unwrap();
+        walked.record(Memory::default()).unwrap();
+        let refused = walked.reload(&saved[..]).unwrap_err();
+        assert!(refused.to_string().contains("end the recording first"), "{refused}");
+        walked.stop_recording().unwrap();
+        walked.reload(&saved[..]).unwrap();
     }
 
     /// Does everything that a program can do to a world, and steps it in between.

@@ -12,7 +12,7 @@ use super::recorded::{bodies_of, touching_in};
 use super::{LocalWorld, PhysicsDevice};
 use crate::cluster::CanBuild;
 use crate::physics::{RegionHost, RepeatedHooks, can_build};
-use crate::protocol::read_state;
+use crate::protocol::{HookAnswer, HookCall, read_state};
 use crate::recording::{
     BodyBits, Computers, LocalPhysics, Operation, Physics, Readout, RecordingError, Replayed, last_tick, open,
 };
@@ -76,11 +76,13 @@ fn stand_in_physics() -> Option<Box<dyn Physics>> {
 struct LocalComputer {
     threads: usize,
     world: Option<LocalWorld>,
+    /// What the program's hooks answered in the step that follows.
+    answers: Vec<(HookCall, HookAnswer)>,
 }
 
 impl LocalComputer {
     fn new(threads: usize) -> Self {
-        Self { threads, world: None }
+        Self { threads, world: None, answers: Vec::new() }
     }
 
     fn world(&mut self) -> Result<&mut LocalWorld, String> {
@@ -120,7 +122,11 @@ impl LocalPhysics for LocalComputer {
     }
 
     fn step(&mut self) -> Result<Tick, String> {
+        let answers = std::mem::take(&mut self.answers);
         let world = self.world()?;
+        if !answers.is_empty() {
+            world.set_hooks(Some(Arc::new(RepeatedHooks::new(answers))));
+        }
         let stepped = world.step().map_err(|error| error.to_string());
         world.set_hooks(None);
         stepped.map(|()| world.tick())
@@ -157,8 +163,8 @@ impl LocalPhysics for LocalComputer {
             Operation::MovePlane(vertex, at) => world.move_plane(vertex, at),
             Operation::Look(viewpoints) => world.set_viewpoints(&viewpoints),
             Operation::Answers(answers) => {
-                world.set_hooks(Some(Arc::new(RepeatedHooks::new(answers))));
-                Ok(())
+                self.answers.extend(answers);
+                return Ok(());
             }
             Operation::Seed(_) | Operation::Restore => Ok(()),
         };

@@ -14,6 +14,8 @@ use crate::space::{RegionId, Tick};
 
 /// Shapes of more bytes than this are told by a snapshot.
 const LARGE: usize = 1 << 20;
+/// Answers of hooks in an entry: a few megabytes.
+const ANSWERS: usize = 1 << 14;
 /// Bytes of each part of a snapshot.
 const PART: usize = 1 << 20;
 
@@ -81,8 +83,8 @@ impl Tape {
     /// Records what hooks have answered in a step.
     pub(super) fn note_answers(&mut self) {
         let answers = self.hooks.as_ref().map(|hooks| hooks.take()).unwrap_or_default();
-        if !answers.is_empty() {
-            self.put(Operation::Answers(answers));
+        for some in answers.chunks(ANSWERS) {
+            self.put(Operation::Answers(some.to_vec()));
         }
     }
 
@@ -103,6 +105,8 @@ impl Tape {
         save: impl FnOnce(&mut Parts<'_>) -> Result<(), E>,
     ) -> Result<(), E> {
         self.is_stale = false;
+        // Of a step that failed: no replay does it.
+        self.hooks.iter().for_each(|hooks| drop(hooks.take()));
         self.recorder.begin_segment();
         let mut parts = Parts { tape: self, part: Vec::with_capacity(PART) };
         save(&mut parts)?;

@@ -19,7 +19,7 @@ impl World {
     ///
     /// What a program changes by its own code ([`World::update`]) is recorded by its effect. What has no form of its own is recorded by
     /// a further snapshot before the next step: colliders that come, go or change, vehicles and characters that a program controls,
-    /// links of multibodies. Contact hooks are recorded by their answers: a replay needs no hooks.
+    /// links of multibodies, settings, a load balance that is set, going back to a checkpoint or a save. Contact hooks are recorded by their answers: a replay needs no hooks.
     ///
     /// ```
     /// use dcd::prelude::*;

@@ -81,7 +81,7 @@ pub struct FidelityReport {
     pub error_m_s: f32,
     /// The lower end of that interval.
     pub low95_m_s: f32,
-    /// The upper end of that interval.
+    /// The upper end of that interval; infinite before there are two audits.
     pub high95_m_s: f32,
     /// The time of regions' steps over what they would have taken had every region been stepped in every tick, as reckoned: half of a step
     /// is solving, which takes as long as it has iterations. What is exchanged and what is measured is left out.

@@ -18,7 +18,7 @@ use crate::space::Bounds;
 /// the body's own. Neither ever turns a motion about. Lift comes at once at the beginning of a step and weight over its substeps: between two
 /// steps what floats at rest has a velocity of up to half of g dt downwards, 0.08 m/s at 60 steps per second, and does not move.
 ///
-/// What has no inside (terrain, open meshes) displaces nothing and is left alone; of round shapes the border does not count, as in Rapier's masses.
+/// Terrain and flat meshes displace nothing and are left alone; the lift of an open mesh means nothing: close it. Of round shapes the border does not count, as in Rapier's masses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fluid {
     /// Where it is, in world space; may be infinite.
@@ -55,13 +55,13 @@ impl Default for Fluid {
 impl Fluid {
     /// Returns what is out of range, and its range.
     pub(crate) fn fault(&self) -> Option<(&'static str, &'static str)> {
-        let positive = |v: f32| v.is_finite() && v >= 0.0;
+        let positive = |v: f32| (0.0..=1e6).contains(&v);
         if !(0..3).all(|i| self.bounds.min[i] <= self.bounds.max[i]) {
             Some(("bounds of a fluid", "min not above max, without NaN"))
         } else if self.surface_m.is_nan() {
             Some(("surface of a fluid", "no NaN"))
         } else if ![self.density_kg_m3, self.drag, self.damping_per_s].into_iter().all(positive) {
-            Some(("density, drag or damping of a fluid", "0 or more, finite"))
+            Some(("density, drag or damping of a fluid", "0 to 1,000,000"))
         } else if !self.velocity_m_s.iter().all(|v| v.is_finite()) {
             Some(("velocity of a fluid", "finite"))
         } else {

@@ -81,7 +81,7 @@ fn mesh_below(shape: &dyn Shape, pose: &Pose, up: Vector, height_m: f32) -> Volu
     // From here on about this point, so that numbers are small.
     let origin = pose.translation - up * (pose.translation.dot(up) - height_m);
     let points: Vec<Vector> = points.iter().map(|&point| *pose * point - origin).collect();
-    let (mut all, mut below, mut moment) = (0.0, 0.0, Vector::ZERO);
+    let (mut all, mut below, mut moment) = (0.0_f32, 0.0_f32, Vector::ZERO);
     for corners in triangles {
         let triangle = corners.map(|corner| points[corner as usize]);
         all += six_times([triangle[0], triangle[1], triangle[2]]);
@@ -93,11 +93,13 @@ fn mesh_below(shape: &dyn Shape, pose: &Pose, up: Vector, height_m: f32) -> Volu
             moment += (part[0] + part[1] + part[2]) * (0.25 * six);
         }
     }
-    if all <= 0.0 || below <= 0.0 {
+    // Both are negative where triangles are wound inwards.
+    let part = below / all;
+    if part.is_nan() || part <= 0.0 {
         return Volume::default();
     }
     // Triangles stand for less than what is curved.
-    let m3 = shape.mass_properties(1.0).mass() * (below / all).min(1.0);
+    let m3 = shape.mass_properties(1.0).mass() * part.min(1.0);
     Volume { m3, centre: origin + moment / below }
 }
 
@@ -165,7 +167,7 @@ mod tests {
             ("cylinder", SharedShape::cylinder(0.5, 0.3)),
             ("cone", SharedShape::cone(0.5, 0.3)),
             ("hull", SharedShape::convex_hull(&corners).unwrap()),
-            ("mesh", SharedShape::trimesh(vertices, triangles).unwrap()),
+            ("mesh", SharedShape::trimesh_with_flags(vertices, triangles, TriMeshFlags::ORIENTED).unwrap()),
             ("compound", SharedShape::compound(two.to_vec())),
             ("voxels", SharedShape::voxels(Vector::splat(0.5), &[[0, 0, 0].into(), [1, 0, 0].into()])),
         ]

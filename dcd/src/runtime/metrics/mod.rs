@@ -1,5 +1,5 @@
 //! Keeps what servers and nodes tell of themselves over HTTP. Their loops write numbers down, once per tick or turn; who asks copies
-//! them, and never waits for a loop, nor a loop for them.
+//! them. Only a scrape of a server also locks its record, to count it.
 
 mod node;
 mod resources;

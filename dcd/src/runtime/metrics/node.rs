@@ -174,6 +174,9 @@ impl Numbers {
             self.views += 1;
         }
         self.membership = membership;
+        if self.membership.is_none() {
+            (self.last, self.regions) = (TickStats::default(), 0);
+        }
     }
 }
 

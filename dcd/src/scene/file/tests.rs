@@ -66,7 +66,7 @@ fn a_file_says_how_much_is_computed_in_full() {
     let wrong = |line, at, parts: &[&str]| refused(&format!("[world]\n{line}\n{FLOOR}"), at, parts);
     wrong("fidelity = \"some\"", 1, &["`some` is none of off, auto", "write off, auto"]);
     wrong("fidelity = \"budget=0\"", 1, &["`0` must be finite and above 0"]);
-    wrong("viewpoints = [{ at = [0, 0, 0], radius = 0 }]", 2, &["0 is not a finite number above 0"]);
+    wrong("viewpoints = [{ at = [0, 0, 0], radius = -1 }]", 2, &["-1 is not"]);
 }
 
 #[test]

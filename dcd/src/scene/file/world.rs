@@ -6,7 +6,7 @@ use std::ops::RangeInclusive;
 use rapier3d::prelude::Rotation;
 use serde::Deserialize;
 
-use super::numbers::{Finite, Place, Positive, Quaternion};
+use super::numbers::{Finite, NonNegative, Place, Positive, Quaternion};
 use super::source::Fault;
 use crate::physics::{Coupling, CouplingChoice, Method, Preset};
 use crate::scene::model::world_pose;
@@ -45,7 +45,7 @@ pub(super) struct WorldDef {
 #[serde(deny_unknown_fields)]
 struct ViewpointDef {
     at: Place,
-    radius: Positive,
+    radius: NonNegative,
 }
 
 #[derive(Deserialize)]

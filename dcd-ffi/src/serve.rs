@@ -94,7 +94,7 @@ pub struct DcdNodeDef {
     pub timeout_ms: u32,
     /// As in DcdClientDef.
     pub server: *const c_char,
-    /// What dcd_token_create or `dcd token --role node` gave; joining uses it up.
+    /// What dcd_token_create or `dcd token --role node` gave; joining uses it up. A used one does where identity_path has its file already.
     pub token: *const c_char,
     /// As in DcdClientDef.
     pub identity_path: *const c_char,

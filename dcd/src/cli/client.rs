@@ -14,6 +14,7 @@ use super::common::{Common, print};
 use super::failure::Failure;
 use super::film::{Camera, FilmArgs};
 use super::interrupt::Interrupt;
+use super::join_token::TokenArgs;
 use super::summary::Summary;
 use super::truth::Truth;
 use super::values::{GIVE_UP, SERVER, address, positive, speed, wall_seconds};
@@ -53,9 +54,8 @@ pub(super) struct Client {
     /// Where the server is
     #[arg(long, value_name = "ADDR", default_value = SERVER, value_parser = address)]
     server: SocketAddr,
-    /// From `dcd token --role client`, or `participant` with --compute
-    #[arg(long)]
-    token: String,
+    #[command(flatten)]
+    token: TokenArgs,
     /// How many avatars
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(0..=1024))]
     avatars: u16,
@@ -255,7 +255,7 @@ impl Client {
             interest: self.interest.map(|radius| Area { centre: [0.0; 3], radius_m: radius.into() }),
             listen: self.listen,
             advertise: self.advertise,
-            ..JoinConfig::new(self.server, self.token)
+            ..JoinConfig::new(self.server, self.token.read()?)
         };
         let truth = self
             .truth

@@ -13,6 +13,7 @@ mod end;
 mod failure;
 mod film;
 mod interrupt;
+mod join_token;
 mod man;
 mod node;
 mod replay;

@@ -8,6 +8,7 @@ use std::time::Duration;
 use super::common::{Common, print};
 use super::failure::Failure;
 use super::interrupt::Interrupt;
+use super::join_token::TokenArgs;
 use super::summary::{Computed, Summary};
 use super::values::{GIVE_UP, SERVER, address, unused, wall_seconds};
 use super::view::{self, ANY_PORT};
@@ -36,9 +37,8 @@ pub(super) struct Node {
     /// Where the server is
     #[arg(long, value_name = "ADDR", default_value = SERVER, value_parser = address)]
     server: SocketAddr,
-    /// From `dcd token --role node`
-    #[arg(long)]
-    token: String,
+    #[command(flatten)]
+    token: TokenArgs,
     /// Where to listen for other nodes and clients [default: any free port]
     #[arg(long, value_name = "ADDR", value_parser = address)]
     listen: Option<SocketAddr>,
@@ -80,7 +80,7 @@ impl Node {
         }
         self.record.as_deref().map_or(Ok(()), unused)?;
         let (identity, record) = (self.identity, self.record.clone());
-        let join = JoinConfig { identity, record, ..JoinConfig::new(self.server, self.token) };
+        let join = JoinConfig { identity, record, ..JoinConfig::new(self.server, self.token.read()?) };
         let mut config = MemberConfig::new(self.server, join.join(JoinRole::Node)?);
         config.listen = self.listen.unwrap_or(config.listen);
         config.advertise = self.advertise;

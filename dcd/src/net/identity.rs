@@ -8,8 +8,8 @@ use rustls::pki_types::pem::PemObject;
 use rustls::pki_types::{CertificateDer, PrivateKeyDer, PrivatePkcs8KeyDer};
 
 use super::files::{at, replace_private};
-use super::verify::names_of;
-use super::{JoinRole, NetError, PeerName, ResumeKey};
+use super::verify::{fingerprint, names_of};
+use super::{JoinRole, NetError, PeerName, ResumeKey, Token};
 use crate::space::{ClientId, NodeId};
 
 /// A private key, the certificate for it that names role and ids, and the authority that issued it.
@@ -41,6 +41,11 @@ impl Identity {
     /// Returns the id as a client.
     pub fn client(&self) -> Option<ClientId> {
         self.who.client()
+    }
+
+    /// Returns whether the server that issued this identity has issued a token, too.
+    pub(crate) fn is_of_server_of(&self, token: &Token) -> bool {
+        fingerprint(&self.authority) == token.fingerprint
     }
 
     /// Returns the resume key: with it and a fresh token the process gets the same ids again. A server has none.

@@ -45,6 +45,7 @@ pub use identity::Identity;
 pub use join::join;
 pub use lanes::Lane;
 pub use limits::{Limits, MAX_DATAGRAM_BYTES};
+pub use renewal::renew;
 pub use role::{JoinRole, PeerName};
 pub use stats::{NetTotals, PeerStats};
 pub use token::{ResumeKey, Token};

@@ -10,7 +10,7 @@ use std::time::{Duration, SystemTime};
 use rustls::pki_types::CertificateDer;
 
 use super::calls::Shared;
-use super::join::{decode_reply, exchange_here};
+use super::join::{decode_reply, exchange, exchange_here};
 use super::quic_config::{client_config, server_config};
 use super::renewal_request::RenewalRequest;
 use super::verify::fingerprint;
@@ -58,29 +58,44 @@ pub(super) async fn renew_in_time(shared: Arc<Shared>, mut identity: Identity, s
     }
 }
 
+/// Returns an identity with a new certificate, for a process that begins anew under the name that it had: it needs no token.
+///
+/// # Panics
+/// Inside a tokio runtime: this call blocks.
+pub fn renew(server: SocketAddr, identity: &Identity, timeout: Duration) -> Result<Identity, NetError> {
+    let request = RenewalRequest::of(identity)?.encode();
+    let reply = exchange(server, fingerprint(&identity.authority), &request, timeout)?;
+    fresh(identity, server, &reply)
+}
+
 /// Returns the identity with a new certificate, which new links use from here on.
 async fn renewed(shared: &Shared, identity: &Identity, server: SocketAddr) -> Result<Identity, NetError> {
     let request = RenewalRequest::of(identity)?.encode();
     let reply = exchange_here(server, fingerprint(&identity.authority), &request, PATIENCE).await?;
+    let fresh = fresh(identity, server, &reply)?;
+    let answer = server_config(&fresh, false, &shared.limits)?;
+    shared.set_dial(client_config(&fresh, &shared.limits)?);
+    shared.endpoint.set_server_config(Some(answer));
+    shared.set_expiry(fresh.expires());
+    Ok(fresh)
+}
+
+/// Returns the identity with the certificate of the server's answer.
+fn fresh(identity: &Identity, server: SocketAddr, reply: &[u8]) -> Result<Identity, NetError> {
     let broken = |detail: &str| NetError::Broken { addr: server, detail: detail.to_owned() };
-    let admission = match decode_reply(&reply).ok_or_else(|| broken("its answer cannot be read"))? {
+    let admission = match decode_reply(reply).ok_or_else(|| broken("its answer cannot be read"))? {
         Ok(admission) => admission,
         Err(refused) => return Err(refused.by(server)),
     };
     if admission.who != identity.who {
         return Err(broken("its answer names another process"));
     }
-    let fresh = Identity {
+    Ok(Identity {
         who: identity.who,
         key: identity.key.clone_key(),
         certificate: CertificateDer::from(admission.certificate),
         authority: identity.authority.clone(),
         expires_unix_s: admission.expires_unix_s,
         resume: identity.resume.clone(),
-    };
-    let answer = server_config(&fresh, false, &shared.limits)?;
-    shared.set_dial(client_config(&fresh, &shared.limits)?);
-    shared.endpoint.set_server_config(Some(answer));
-    shared.set_expiry(fresh.expires());
-    Ok(fresh)
+    })
 }

@@ -12,7 +12,7 @@ use super::bandwidth::{Bandwidth, COSTLIEST};
 use super::ending::GIVE_UP;
 use super::{Connections, Member, MemberConfig, NodeSummary, ProcessError};
 use crate::cluster::{BodyView, Client, ClientEvent};
-use crate::net::{Identity, JoinRole, PeerStats, Token, join};
+use crate::net::{Identity, JoinRole, NetError, PeerStats, Token, join, renew};
 use crate::physics::{ShapeError, ShapeLibrary};
 use crate::playback::{Motion, ViewTime};
 use crate::prediction::{Prediction, Predictor};
@@ -28,7 +28,8 @@ use crate::space::{BodyId, ClientId, DistributionTree, NodeId, RegionId, Tick};
 pub struct JoinConfig {
     /// Where the server is.
     pub server: SocketAddr,
-    /// From `dcd token --role client` (or `participant`, or `node`); used up by joining.
+    /// From `dcd token --role client` (or `participant`, or `node`); used up by joining. Who has an `identity` file already needs none: it may
+    /// be empty, or a used one.
     pub token: String,
     /// File that keeps the process's identity: a later join with it continues with the same avatars.
     pub identity: Option<PathBuf>,
@@ -73,25 +74,42 @@ impl JoinConfig {
         }
     }
 
-    /// Trades the token for an identity of this role.
+    /// Trades the token for an identity of this role; an identity that is kept is renewed, for which no token is needed.
     #[doc(hidden)]
     pub fn join(&self, role: JoinRole) -> Result<Identity, ProcessError> {
         // Before the token is used up.
         if let Some(path) = &self.record {
             Background::check(path).map_err(|cause| ProcessError::Record { path: path.clone(), cause })?;
         }
-        let token: Token = self.token.trim().parse()?;
-        token.require(role)?;
         let former = match &self.identity {
             Some(path) if path.exists() => Some(Identity::load(path)?),
             _ => None,
         };
-        let resume = former.as_ref().and_then(Identity::resume);
-        let identity = join(self.server, &token, resume, self.timeout)?;
+        let identity = match &former {
+            Some(former) if former.role() == role && self.token.trim().is_empty() => {
+                renew(self.server, former, self.timeout)?
+            }
+            _ => self.admitted(role, former.as_ref())?,
+        };
         if let Some(path) = &self.identity {
             identity.save(path)?;
         }
         Ok(identity)
+    }
+
+    fn admitted(&self, role: JoinRole, former: Option<&Identity>) -> Result<Identity, ProcessError> {
+        let token: Token = self.token.trim().parse()?;
+        token.require(role)?;
+        if let Some(former) = former.filter(|former| former.role() == role && former.is_of_server_of(&token))
+        {
+            match renew(self.server, former, self.timeout) {
+                // A server that does not know the identity may still take the token.
+                Err(NetError::Refused { .. }) => {}
+                renewed => return Ok(renewed?),
+            }
+        }
+        let resume = former.and_then(Identity::resume);
+        Ok(join(self.server, &token, resume, self.timeout)?)
     }
 }
 

@@ -7,6 +7,7 @@ mod logs;
 mod metrics;
 mod process;
 mod recorded;
+mod restarted;
 mod resting;
 mod saved;
 mod status;

@@ -1,0 +1,40 @@
+//! Takes the token with which a process joins: as an option, or from a file, which lists of processes do not show.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::PathBuf;
+
+use super::failure::Failure;
+
+/// The longest file that is read: a token takes some two hundred bytes.
+const MOST_BYTES: u64 = 4096;
+
+#[derive(clap::Args)]
+pub(super) struct TokenArgs {
+    /// From `dcd token --role ROLE`: node, client, or participant with --compute. Who may list processes sees it; not so with --token-file
+    #[arg(long, required_unless_present_any = ["token_file", "identity"])]
+    token: Option<String>,
+    /// A file with the token. Neither is needed where --identity has its file already, nor is a token used up then
+    #[arg(long, value_name = "FILE", conflicts_with = "token")]
+    token_file: Option<PathBuf>,
+}
+
+impl TokenArgs {
+    /// Returns the token.
+    pub(super) fn read(self) -> Result<String, Failure> {
+        let Some(path) = &self.token_file else { return Ok(self.token.unwrap_or_default()) };
+        let mut text = String::new();
+        let read = File::open(path).and_then(|file| file.take(MOST_BYTES).read_to_string(&mut text));
+        read.map_err(|error| {
+            Failure::usage(format!("{}: {error}; write a token of `dcd token` to it", path.display()))
+        })?;
+        let mut words = text.split_whitespace();
+        match (words.next(), words.next()) {
+            (Some(token), None) => Ok(token.to_owned()),
+            _ => Err(Failure::usage(format!(
+                "{} does not have one token; write what `dcd token` prints to it",
+                path.display()
+            ))),
+        }
+    }
+}

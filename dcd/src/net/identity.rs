@@ -7,9 +7,13 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 use rustls::pki_types::pem::PemObject;
 use rustls::pki_types::{CertificateDer, PrivateKeyDer, PrivatePkcs8KeyDer};
 
+#[cfg(feature = "physics")]
+use super::Token;
 use super::files::{at, replace_private};
-use super::verify::{fingerprint, names_of};
-use super::{JoinRole, NetError, PeerName, ResumeKey, Token};
+#[cfg(feature = "physics")]
+use super::verify::fingerprint;
+use super::verify::names_of;
+use super::{JoinRole, NetError, PeerName, ResumeKey};
 use crate::space::{ClientId, NodeId};
 
 /// A private key, the certificate for it that names role and ids, and the authority that issued it.
@@ -44,6 +48,7 @@ impl Identity {
     }
 
     /// Returns whether the server that issued this identity has issued a token, too.
+    #[cfg(feature = "physics")]
     pub(crate) fn is_of_server_of(&self, token: &Token) -> bool {
         fingerprint(&self.authority) == token.fingerprint
     }

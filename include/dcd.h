@@ -437,7 +437,7 @@ typedef struct DcdClientDef {
     uint32_t timeout_ms;
     // Where the server is: "host:port", "192.0.2.1:port" or "[2001:db8::1]:port".
     const char *server;
-    // What `dcd token --role client` or dcd_token_create gave; joining uses it up. A used one does where identity_path has its file already.
+    // What `dcd token --role client` or dcd_token_create gave; joining uses it up.
     const char *token;
     // A file that keeps who you are, or null. It is written on joining; who joins with it again gets the avatars back that
     // were left behind. It holds a secret.
@@ -460,7 +460,7 @@ typedef struct DcdParticipantDef {
     uint32_t timeout_ms;
     // As in DcdClientDef.
     const char *server;
-    // What `dcd token --role participant` or dcd_token_create gave; joining uses it up. A used one does where identity_path has its file already.
+    // What `dcd token --role participant` or dcd_token_create gave; joining uses it up.
     const char *token;
     // As in DcdClientDef.
     const char *identity_path;

@@ -26,7 +26,7 @@ pub struct DcdClientDef {
     pub timeout_ms: u32,
     /// Where the server is: "host:port", "192.0.2.1:port" or "[2001:db8::1]:port".
     pub server: *const c_char,
-    /// What `dcd token --role client` or dcd_token_create gave; joining uses it up. A used one does where identity_path has its file already.
+    /// What `dcd token --role client` or dcd_token_create gave; joining uses it up.
     pub token: *const c_char,
     /// A file that keeps who you are, or null. It is written on joining; who joins with it again gets the avatars back that
     /// were left behind. It holds a secret.
@@ -51,7 +51,7 @@ pub struct DcdParticipantDef {
     pub timeout_ms: u32,
     /// As in DcdClientDef.
     pub server: *const c_char,
-    /// What `dcd token --role participant` or dcd_token_create gave; joining uses it up. A used one does where identity_path has its file already.
+    /// What `dcd token --role participant` or dcd_token_create gave; joining uses it up.
     pub token: *const c_char,
     /// As in DcdClientDef.
     pub identity_path: *const c_char,

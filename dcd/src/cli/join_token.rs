@@ -14,7 +14,7 @@ pub(super) struct TokenArgs {
     /// From `dcd token --role ROLE`: node, client, or participant with --compute. Who may list processes sees it; not so with --token-file
     #[arg(long, required_unless_present_any = ["token_file", "identity"])]
     token: Option<String>,
-    /// A file with the token. Neither is needed where --identity has its file already, nor is a token used up then
+    /// A file with the token. A node whose --identity has its file already needs neither, nor is a token used up then
     #[arg(long, value_name = "FILE", conflicts_with = "token")]
     token_file: Option<PathBuf>,
 }

@@ -28,8 +28,8 @@ use crate::space::{BodyId, ClientId, DistributionTree, NodeId, RegionId, Tick};
 pub struct JoinConfig {
     /// Where the server is.
     pub server: SocketAddr,
-    /// From `dcd token --role client` (or `participant`, or `node`); used up by joining. Who has an `identity` file already needs none: it may
-    /// be empty, or a used one.
+    /// From `dcd token --role client` (or `participant`, or `node`); used up by joining. A node that has its `identity` file already needs
+    /// none: it may be empty, or a used one.
     pub token: String,
     /// File that keeps the process's identity: a later join with it continues with the same avatars.
     pub identity: Option<PathBuf>,
@@ -55,6 +55,12 @@ pub struct JoinConfig {
     pub metrics: Option<SocketAddr>,
 }
 
+/// Returns whether an identity that was kept needs no token: of nodes, which supervisors start again. Whom a server sends away among
+/// clients comes back by a new token only.
+fn renews(former: &Identity, role: JoinRole) -> bool {
+    (former.role(), role) == (JoinRole::Node, JoinRole::Node)
+}
+
 impl JoinConfig {
     /// Returns the usual settings: no identity file, ten seconds to join, thirty for a server that is lost, one thread, any port.
     #[must_use]
@@ -74,7 +80,7 @@ impl JoinConfig {
         }
     }
 
-    /// Trades the token for an identity of this role; an identity that is kept is renewed, for which no token is needed.
+    /// Trades the token for an identity of this role; that which a node has kept is renewed, for which no token is needed.
     #[doc(hidden)]
     pub fn join(&self, role: JoinRole) -> Result<Identity, ProcessError> {
         // Before the token is used up.
@@ -86,7 +92,7 @@ impl JoinConfig {
             _ => None,
         };
         let identity = match &former {
-            Some(former) if former.role() == role && self.token.trim().is_empty() => {
+            Some(former) if renews(former, role) && self.token.trim().is_empty() => {
                 renew(self.server, former, self.timeout)?
             }
             _ => self.admitted(role, former.as_ref())?,
@@ -100,8 +106,7 @@ impl JoinConfig {
     fn admitted(&self, role: JoinRole, former: Option<&Identity>) -> Result<Identity, ProcessError> {
         let token: Token = self.token.trim().parse()?;
         token.require(role)?;
-        if let Some(former) = former.filter(|former| former.role() == role && former.is_of_server_of(&token))
-        {
+        if let Some(former) = former.filter(|former| renews(former, role) && former.is_of_server_of(&token)) {
             match renew(self.server, former, self.timeout) {
                 // A server that does not know the identity may still take the token.
                 Err(NetError::Refused { .. }) => {}

@@ -51,7 +51,7 @@ impl Demo {
     fn end(self, dead: &[&str]) -> BTreeMap<String, u64> {
         self.witness.advance(60);
         let tick = self.witness.tick();
-        drop(self.witness);
+        self.witness.leave();
         let served = self.server.stop();
         assert_eq!(served["bodies"], 155);
         let mut speculative = BTreeMap::new();
@@ -108,7 +108,7 @@ fn a_killed_server_is_back_within_ten_seconds_and_physics_never_pauses() {
         );
         assert!(back < RETURN && stood < PAUSE, "{back:?} {stood:?}");
         // It lets others in as before.
-        drop(demo.server.witness());
+        demo.server.witness().leave();
     }
     demo.end(&[]);
 }
@@ -142,7 +142,7 @@ fn a_world_whose_server_and_nodes_all_die_goes_on_from_the_last_checkpoint() {
     while !demo.server.view().contains(&format!("{} r", other.0)) {}
     demo.witness.advance(60);
     assert!(demo.witness.tick() > tick);
-    drop(demo.witness);
+    demo.witness.leave();
     let served = demo.server.stop();
     assert_eq!(served["bodies"], 155);
 }

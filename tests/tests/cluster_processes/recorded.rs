@@ -25,7 +25,7 @@ fn a_cluster_of_which_a_node_was_killed_is_replayed_to_the_recorded_digests() {
     assert_eq!(third.0, nodes[0].0);
     server.view();
     witness.advance(30);
-    drop(witness);
+    witness.leave();
     let tick = server.end_world()["tick"].as_u64().unwrap();
     for (_, node) in [third, nodes.into_iter().last().unwrap()] {
         assert_eq!(node.end().code(), Some(0));

@@ -43,6 +43,6 @@ fn a_node_that_is_started_again_by_the_same_command_is_who_it_was() {
     std::fs::write(&token, "one two").unwrap();
     let two = command(&["--token-file", &token]).end();
     assert!(two.code() == Some(2) && two.errors.contains("does not have one token"), "{two:?}");
-    drop(witness);
+    witness.leave();
     server.end_world();
 }

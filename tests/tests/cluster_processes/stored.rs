@@ -93,7 +93,7 @@ fn a_terminal_that_is_gone_ends_no_world() {
     // It cannot print the membership, and what it says at its end. Nothing is kept before a tick is computed, which
     // only a client can tell here.
     let (_, _node) = server.node();
-    drop(server.witness());
+    server.witness().leave();
     let hung_up = Command::new("kill").args(["-HUP", &deaf.id().to_string()]).status().unwrap();
     assert!(hung_up.success());
     assert_eq!(deaf.wait().unwrap().code(), Some(0));

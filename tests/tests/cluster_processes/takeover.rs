@@ -25,7 +25,7 @@ fn a_killed_node_is_taken_over_within_three_seconds_and_nothing_is_lost() {
         assert!(stood < TAKEOVER, "{victim}: {stood:?}");
         // The avatar is where it would be had nothing happened, less what the world stood still.
         assert!(witness.world.body(witness.avatar).is_some());
-        drop(witness);
+        witness.leave();
         let served = server.stop();
         assert_eq!((&served["views"], &served["nodes"]), (&2.into(), &1.into()));
     }
@@ -47,7 +47,7 @@ fn a_new_node_shares_the_world_again_after_a_death() {
     let stood = witness.advance(60);
     println!("a node joined: the world stood still for {:.2} s", stood.as_secs_f64());
     assert!(stood < Duration::from_secs(1), "{stood:?}");
-    drop(witness);
+    witness.leave();
     server.stop();
 }
 
@@ -65,6 +65,6 @@ fn the_server_holds_the_world_when_all_nodes_die_and_the_next_node_goes_on() {
     assert!(server.view().contains("r1 r2"));
     witness.advance(60);
     assert!(witness.tick() > tick);
-    drop(witness);
+    witness.leave();
     server.stop();
 }

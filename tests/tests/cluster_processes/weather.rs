@@ -66,7 +66,7 @@ impl Cluster {
     fn end(self, views: Option<u64>) {
         self.proxy.set(Weather::default());
         self.witness.advance(30);
-        drop(self.witness);
+        self.witness.leave();
         let traffic = self.proxy.traffic();
         assert!(traffic.passed > 100, "the links go through the proxy: {traffic:?}");
         println!("{traffic:?}");

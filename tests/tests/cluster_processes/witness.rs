@@ -32,6 +32,19 @@ impl Witness {
         witness
     }
 
+    /// Takes its avatar out of the world, and goes. Who only goes says so once, and a server that is just back may not know yet who that is:
+    /// then the avatar stays until it expires.
+    pub(crate) fn leave(self) {
+        self.world.despawn(self.avatar).unwrap();
+        let start = Instant::now();
+        while self.world.body(self.avatar).is_some() {
+            let seen = self.world.updates();
+            self.world.wait_update(seen, Duration::from_millis(100));
+            self.world.check().unwrap();
+            assert!(start.elapsed() < LIMIT, "the avatar is still there");
+        }
+    }
+
     /// The newest tick that counts: speculative ones do not.
     pub(crate) fn tick(&self) -> u64 {
         self.view().settled_tick().0

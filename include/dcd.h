@@ -15,14 +15,14 @@
  *
  * Members named reserved are 0. Values outside their range are DCD_ERR_ARGUMENT.
  *
- * Pointers. What a function reads is read during the call; it keeps none of your pointers (but those of dcd_log_set and
- * dcd_hooks_set). They must be aligned for their type. What it lends says how long it lives. Texts are UTF-8 that ends with NUL.
+ * Pointers. What a function reads is read during the call; it keeps none of your pointers (but those of dcd_log_set,
+ * dcd_bug_set, dcd_hooks_set and dcd_tasks_set). They must be aligned for their type. What it lends says how long it lives. Texts are UTF-8 that ends with NUL.
  *
  * Threads. Any thread may call any function at any time. Calls on one world run one after the other; a call waits for its
- * turn. Calls on different worlds run side by side. From within the log callback, those of dcd_debug_draw and the functions of
- * dcd_hooks_set every call on a world is DCD_ERR_BUSY.
+ * turn, but dcd_cast_... and dcd_overlap_... run beside each other. Calls on different worlds run side by side. From within a function
+ * that the library calls (those of dcd_log_set, dcd_bug_set, dcd_debug_draw, dcd_hooks_set, dcd_tasks_set, queries) every call on a world is DCD_ERR_BUSY.
  *
- * Bugs of ours. A panic inside the library becomes DCD_ERR_PANIC. The world it happened in answers every later call so, and
+ * Bugs of ours. A panic inside the library becomes DCD_ERR_PANIC, and dcd_bug_set tells where. The world it happened in answers every later call so, and
  * can be destroyed; everything else goes on.
  *
  * Units. Metres, kilograms, seconds, newtons, radians. Positions in world space are double, all else is float. Vectors are
@@ -333,6 +333,9 @@ typedef uint32_t DcdLogLevel;
 // call. Any thread may call it, several at a time. It must return normally (no longjmp, no C++ exception), and calls on
 // worlds from within it give DCD_ERR_BUSY.
 typedef void (*DcdLogFn)(void *user, DcdLogLevel level, const char *message, size_t length);
+
+// Told of a bug: what does not hold, and where in the library's source. The texts are valid during the call.
+typedef void (*DcdBugFn)(void *context, const char *message, const char *file, uint32_t line);
 
 // The coupling: how regions come to consensus on the bodies that they share.
 typedef uint32_t DcdCoupling;
@@ -1075,6 +1078,30 @@ typedef struct DcdJointInfo {
 // An axis of a joint's frame on body `a`: along it, or about it. As a bit it is 1 << axis, which DCD_LOCK_… are.
 typedef uint32_t DcdJointAxis;
 
+// A task of the library: to be called once, on any thread, with the `task` that came with it. It returns when the step needs it no more.
+typedef void (*DcdTaskFn)(void *task);
+
+// Starts `run(task)` on a thread of the program's and returns at once, with anything by which to know it again. A job system that has no
+// thread free may begin it later, or within DcdFinishFn: then it has nothing to do.
+typedef void *(*DcdEnqueueFn)(void *context, DcdTaskFn run, void *task);
+
+// Returns when the task that DcdEnqueueFn gave this for has returned; begins it if it was not begun.
+typedef void (*DcdFinishFn)(void *context, void *started);
+
+// The program's job system. Start from DCD_TASKS_INIT.
+typedef struct DcdTasks {
+    // sizeof(DcdTasks).
+    uint32_t struct_size;
+    // 0.
+    uint32_t reserved;
+    // The first argument of both functions.
+    void *context;
+    // Starts a task.
+    DcdEnqueueFn enqueue;
+    // Waits for one.
+    DcdFinishFn finish;
+} DcdTasks;
+
 // How a world is stepped. Start from DCD_SETTINGS_INIT and dcd_settings. It may grow at its end.
 typedef struct DcdSettings {
     // sizeof(DcdSettings).
@@ -1763,6 +1790,16 @@ typedef struct DcdBoxQuery {
     uint32_t reserved;
 } DcdBoxQuery;
 
+// Called with a body that a ray met; `hit` is valid during the call. Returns how far the ray goes from now on, metres: INFINITY for as far as
+// it did, hit->distance to be called for nearer bodies only, 0 to end.
+//
+// It is called on the thread that asks, must return normally (no longjmp, no C++ exception), and calls on worlds from within it give
+// DCD_ERR_BUSY.
+typedef float (*DcdRayFn)(void *context, const DcdRayHit *hit);
+
+// Called with a body that was found; `found` is valid during the call. Returns whether to go on. As DcdRayFn else.
+typedef bool (*DcdOverlapFn)(void *context, const DcdOverlap *found);
+
 // Rays, casts or overlaps that were submitted and whose answer was not fetched yet. 0 is null; an id is never given again.
 typedef struct DcdQueryId {
     // Opaque.
@@ -2315,6 +2352,18 @@ DCD_API size_t dcd_last_error(char *buf, size_t cap);
 // One function serves the whole process. Errors: DCD_ERR_ARGUMENT for an unknown level, DCD_ERR_BUSY from within the
 // callback.
 DCD_API DcdStatus dcd_log_set(DcdLogFn function, void *user, DcdLogLevel most);
+
+// Calls `function` where the library finds a bug of its own, an assertion that fails or a panic, on the thread and stack that it happens
+// on, before the call that met it returns DCD_ERR_PANIC: to stop in a debugger, or to write a report with a stack trace. Without one, and
+// after a null one, a line on stderr tells of it. When this returns, the former function is not running and will not be called
+// again.
+//
+// One function serves the whole process, also for panics of the program's own parts in Rust. Any thread may call it, several at a time. It
+// must return normally or end the process (no longjmp, no C++ exception), and calls on worlds from within it give DCD_ERR_BUSY.
+// Errors: DCD_ERR_BUSY from within a function that the library calls.
+DCD_API
+DcdStatus dcd_bug_set(DcdBugFn function,
+                      void *context);
 
 // Creates an empty local world, which this process computes alone. Destroy it with dcd_world_destroy.
 //
@@ -3055,6 +3104,24 @@ DCD_API DcdStatus dcd_step_begin(DcdWorld world);
 // Errors: DCD_ERR_TIMEOUT while it is not done, DCD_ERR_ARGUMENT when none was begun, and those of dcd_step.
 DCD_API DcdStatus dcd_step_wait(DcdWorld world, uint64_t timeout_ns);
 
+// Has the program's own threads compute a local world from the next dcd_step on, instead of threads of the library's, which end; null
+// goes back to these. `tasks` is read during the call; its functions and `context` must be there until others are set or the world is
+// destroyed.
+//
+// A step that is worth it (some hundred awake bodies) starts DcdWorldDef.threads tasks and waits a tenth of a millisecond for them to begin.
+// Those that have share the work; with none the calling thread does it alone, so that no step waits for a thread that is busy
+// elsewhere. The calling thread waits meanwhile: it is best none of the job system's own. Every task is finished before dcd_step returns, those
+// that came too late too. The same holds for a call with many queries. The result does not depend on any of it.
+//
+// Both functions are called by the thread that calls dcd_step, must return normally (no longjmp, no C++ exception), and calls on worlds
+// from within them give DCD_ERR_BUSY: so a thread that helps others while it waits must not take on a job that calls the library.
+// They are not saved with the world.
+// Errors: DCD_ERR_NULL (world, a function), DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT, DCD_ERR_LIMIT when the system gives no
+// threads to go back to, DCD_ERR_UNSUPPORTED in a served world.
+DCD_API
+DcdStatus dcd_tasks_set(DcdWorld world,
+                        const DcdTasks *tasks);
+
 // Reads how a world is stepped; a node is told by its server.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED for a node.
@@ -3291,9 +3358,10 @@ DcdStatus dcd_hooks_set(DcdWorld world,
 // Finds the first body that each of `count` rays meets; hits[i] belongs to rays[i]. Sensors count as bodies, unless `filter`
 // overlooks them; a null filter overlooks nothing.
 //
-// This and the other queries see bodies where they are now, also those made or moved since the last step. They are answered on
-// the calling thread, and only where the whole world is: in a served world they are DCD_ERR_UNSUPPORTED, and dcd_rays_submit,
-// dcd_shape_casts_submit and dcd_overlap_shapes_submit, _points_ and _boxes_ ask instead.
+// This and the other queries see bodies where they are now, also those made or moved since the last step. Several threads may ask one world
+// at the same time, and a hundred and more of one call are spread over DcdWorldDef.threads. They are answered only where the whole world
+// is: in a served world they are DCD_ERR_UNSUPPORTED, and dcd_rays_submit, dcd_shape_casts_submit and dcd_overlap_shapes_submit, _points_
+// and _boxes_ ask instead.
 //
 // `rays` and `filter` are read during the call; `hits` has `count` entries.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world, or a body to exclude), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for numbers that are not
@@ -3382,6 +3450,38 @@ DcdStatus dcd_overlap_boxes(DcdWorld world,
                             size_t cap,
                             size_t *ends,
                             size_t *total);
+
+// Calls `function` with every body that one ray meets, a collider of it once, in no order that is promised, until it has enough: for a
+// question that dcd_cast_rays does not ask, such as what is thickest on the way, or the first body that a rule of yours lets count.
+//
+// `ray` and `filter` are read during the call. Errors: as dcd_cast_rays.
+DCD_API
+DcdStatus dcd_cast_ray_each(DcdWorld world,
+                            const DcdRay *ray,
+                            const DcdFilter *filter,
+                            DcdRayFn function,
+                            void *context);
+
+// Calls `function` with every body that a shape overlaps, a collider of it once, in no order that is promised, until it has enough: to know
+// whether a place is free, one is.
+//
+// `shape` and `filter` are read during the call. Errors: as dcd_overlap_shapes.
+DCD_API
+DcdStatus dcd_overlap_shape_each(DcdWorld world,
+                                 const DcdShapeQuery *shape,
+                                 const DcdFilter *filter,
+                                 DcdOverlapFn function,
+                                 void *context);
+
+// Calls `function` with every body whose AABB touches a box, as dcd_overlap_boxes, until it has enough.
+//
+// `box` and `filter` are read during the call. Errors: as dcd_overlap_boxes.
+DCD_API
+DcdStatus dcd_overlap_box_each(DcdWorld world,
+                               const DcdBoxQuery *box,
+                               const DcdFilter *filter,
+                               DcdOverlapFn function,
+                               void *context);
 
 // Submits `count` rays, to find what each meets first; dcd_query_poll fetches the answer. As dcd_cast_rays, and in a served world too: a
 // client, a participant or the server's program asks the nodes, each answers for the bodies that it owns, as they are after one and the same step, and
@@ -3788,6 +3888,7 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
     { (uint32_t)sizeof(DcdProfile), 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 0, 0, 0 }
 /* No function is asked. */
 #define DCD_HOOKS_INIT { (uint32_t)sizeof(DcdHooks), 0, NULL, NULL, NULL, NULL }
+#define DCD_TASKS_INIT { (uint32_t)sizeof(DcdTasks), 0, NULL, NULL, NULL }
 #define DCD_BODY_EXTENT_INIT \
     { (uint32_t)sizeof(DcdBodyExtent), 0.0f, { 0.0, 0.0, 0.0 }, { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f }, \
       { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }
@@ -4340,6 +4441,12 @@ DCD_ASSERT_(offsetof(DcdHooks, context) == 8);
 DCD_ASSERT_(offsetof(DcdHooks, filter) == 16);
 DCD_ASSERT_(offsetof(DcdHooks, detect) == 24);
 DCD_ASSERT_(offsetof(DcdHooks, modify) == 32);
+DCD_ASSERT_(sizeof(DcdTasks) == 32);
+DCD_ASSERT_(offsetof(DcdTasks, struct_size) == 0);
+DCD_ASSERT_(offsetof(DcdTasks, reserved) == 4);
+DCD_ASSERT_(offsetof(DcdTasks, context) == 8);
+DCD_ASSERT_(offsetof(DcdTasks, enqueue) == 16);
+DCD_ASSERT_(offsetof(DcdTasks, finish) == 24);
 DCD_ASSERT_(sizeof(DcdTransfer) == 24);
 DCD_ASSERT_(offsetof(DcdTransfer, body) == 0);
 DCD_ASSERT_(offsetof(DcdTransfer, user_data) == 8);

@@ -137,6 +137,7 @@ DCD_STRUCT_(Settings, DCD_SETTINGS_INIT);
 DCD_STRUCT_(Profile, DCD_PROFILE_INIT);
 DCD_STRUCT_(FidelityReport, DCD_FIDELITY_REPORT_INIT);
 DCD_STRUCT_(Hooks, DCD_HOOKS_INIT);
+DCD_STRUCT_(Tasks, DCD_TASKS_INIT);
 DCD_STRUCT_(Explosion, DCD_EXPLOSION_INIT);
 DCD_STRUCT_(Fluid, DCD_FLUID_INIT);
 DCD_STRUCT_(ShapeInfo, DCD_SHAPE_INFO_INIT);
@@ -410,6 +411,8 @@ public:
     /* Its functions are called by any thread, several at a time, and must not throw. */
     Status hooks_set(const Hooks &hooks) { return Status(dcd_hooks_set(world_, &hooks)); }
     Status hooks_clear() { return Status(dcd_hooks_set(world_, nullptr)); }
+    Status tasks_set(const Tasks &tasks) { return Status(dcd_tasks_set(world_, &tasks)); }
+    Status tasks_clear() { return Status(dcd_tasks_set(world_, nullptr)); }
     Result<Settings> settings() const
     {
         return got<Settings>([&](Settings *out) { return dcd_settings(world_, out); });
@@ -944,6 +947,21 @@ public:
     {
         return found<RayHit>(rays, filter, dcd_cast_rays_all);
     }
+    /* `meet` takes a const RayHit & and returns how far the ray goes from then on, metres; see DcdRayFn. */
+    template <class Meet> Status cast_ray_each(const Ray &ray, Meet meet, const Filter &filter = {}) const
+    {
+        const auto call = [](void *context, const DcdRayHit *hit) -> float { return (*static_cast<Meet *>(context))(*hit); };
+        return Status(dcd_cast_ray_each(world_, &ray, &filter, call, std::addressof(meet)));
+    }
+    /* `meet` takes a const Overlap & and returns whether to go on; see DcdOverlapFn. */
+    template <class Meet> Status overlap_shape_each(const ShapeQuery &shape, Meet meet, const Filter &filter = {}) const
+    {
+        return Status(dcd_overlap_shape_each(world_, &shape, &filter, meeting<Meet>, std::addressof(meet)));
+    }
+    template <class Meet> Status overlap_box_each(const BoxQuery &box, Meet meet, const Filter &filter = {}) const
+    {
+        return Status(dcd_overlap_box_each(world_, &box, &filter, meeting<Meet>, std::addressof(meet)));
+    }
     Result<std::vector<ShapeHit>> cast_shapes(Span<const ShapeCast> casts, const Filter &filter = {}) const
     {
         std::vector<ShapeHit> hits(casts.size());
@@ -971,6 +989,11 @@ public:
 
 private:
     DcdWorld world_{ 0 };
+
+    template <class Meet> static bool meeting(void *context, const DcdOverlap *found)
+    {
+        return (*static_cast<Meet *>(context))(*found);
+    }
 
     template <class Call> static Result<World> made(Call call)
     {
@@ -1107,6 +1130,10 @@ inline Status version_check()
 inline Status log_set(DcdLogFn function, void *user, DcdLogLevel most)
 {
     return Status(dcd_log_set(function, user, most));
+}
+inline Status bug_set(DcdBugFn function, void *context)
+{
+    return Status(dcd_bug_set(function, context));
 }
 inline Result<Pose> pose_interpolate(const Pose &from, const Pose &to, double t)
 {

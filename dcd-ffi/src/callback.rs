@@ -10,6 +10,9 @@ pub(crate) enum Callback {
     Log,
     Drawing,
     Hook,
+    Query,
+    Tasks,
+    Bug,
 }
 
 thread_local! {
@@ -39,6 +42,9 @@ fn busy(callback: Callback) -> Failure {
         Callback::Log => "the log callback",
         Callback::Drawing => "a callback of dcd_debug_draw",
         Callback::Hook => "a function of dcd_hooks_set",
+        Callback::Query => "a function that a query calls",
+        Callback::Bug => "the function of dcd_bug_set",
+        Callback::Tasks => "a function of dcd_tasks_set",
     };
     Failure::new(DCD_ERR_BUSY, format!("called from within {name}; note it there and call later"))
 }

@@ -27,6 +27,9 @@ pub mod ids;
 pub mod library;
 pub mod limits;
 pub mod log;
+
+pub mod bug;
+
 pub mod role;
 pub mod status;
 pub mod types;
@@ -64,6 +67,8 @@ pub mod joint;
 pub mod strength;
 
 pub mod step;
+
+pub mod tasks;
 
 pub mod settings;
 

@@ -46,6 +46,8 @@ pub struct DcdMessage {
 
 // SAFETY: a plain value; whoever follows its pointer keeps to how long the bytes live, in any thread.
 unsafe impl Send for DcdMessage {}
+// SAFETY: as above.
+unsafe impl Sync for DcdMessage {}
 
 /// Messages with their bytes, lent to C.
 #[derive(Default)]

@@ -31,6 +31,7 @@ use dcd_ffi::settings::*;
 use dcd_ffi::shape_info::*;
 use dcd_ffi::state::*;
 use dcd_ffi::stats::*;
+use dcd_ffi::tasks::*;
 use dcd_ffi::topology::*;
 use dcd_ffi::types::*;
 use dcd_ffi::vehicle::*;
@@ -175,6 +176,7 @@ fn layouts() -> Vec<Layout> {
             normal, separation, points, enabled, friction, restitution, surface_velocity, memory
         }
         DcdHooks { struct_size, reserved, context, filter, detect, modify }
+        DcdTasks { struct_size, reserved, context, enqueue, finish }
         DcdTransfer { body, user_data, from, to }
         DcdBodyChange { body, user_data, kind, reason }
         DcdEventView {
@@ -309,6 +311,7 @@ const MACROS: &str = "
     { (uint32_t)sizeof(DcdProfile), 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 0, 0, 0 }
 /* No function is asked. */
 #define DCD_HOOKS_INIT { (uint32_t)sizeof(DcdHooks), 0, NULL, NULL, NULL, NULL }
+#define DCD_TASKS_INIT { (uint32_t)sizeof(DcdTasks), 0, NULL, NULL, NULL }
 #define DCD_BODY_EXTENT_INIT \\
     { (uint32_t)sizeof(DcdBodyExtent), 0.0f, { 0.0, 0.0, 0.0 }, { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f }, \\
       { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }

@@ -97,7 +97,7 @@ pub use drawing::{DebugDraw, DebugDrawFlags, DebugDrawSettings, DebugShape};
 pub use physics::{
     BodyExtent, BorderView, CharacterHit, CharacterMove, ColliderId, ContactHooks, ContactPoint, Coupling,
     Explosion, Fidelity, FidelityReport, Fluid, HookedPair, Inconsistency, LinkSettings, Preset, Profile,
-    StepSettings, VehicleController,
+    StepSettings, Tasks, VehicleController,
 };
 #[cfg(feature = "physics")]
 pub use playback::ViewTime;

@@ -2,7 +2,7 @@
 
 use crate::ids::{DcdBodyId, DcdWorld};
 use crate::pointer::{self, Room, Sized32, check_bits};
-use crate::registry::{self, World, with};
+use crate::registry::{self, World};
 use crate::status::Failure;
 use dcd::physics::{Queries, QueryError};
 use dcd::protocol::{FilterRecord, PartFilter};
@@ -63,6 +63,9 @@ pub use point::*;
 
 mod overlap;
 pub use overlap::*;
+
+mod visit;
+pub use visit::*;
 
 pub(crate) mod open;
 
@@ -134,38 +137,53 @@ impl<'a, Q> Batch<'a, Q> {
         Ok(exclude)
     }
 
-    /// Answers every query, and says which one is wrong if one is.
-    fn answers<R>(
-        &self,
-        asked: &Asked<'_>,
-        answer: impl Fn(&Asked<'_>, &Q) -> Result<R, Failure>,
-    ) -> Result<Vec<R>, Failure> {
-        self.numbered(|query| answer(asked, query))
+    /// Looks at every query, and says which one is wrong if one is.
+    fn numbered<R>(&self, look: impl FnMut(&Q) -> Result<R, Failure>) -> Result<Vec<R>, Failure> {
+        self.first_wrong(self.queries.iter().map(look))
     }
 
-    fn numbered<R>(&self, mut look: impl FnMut(&Q) -> Result<R, Failure>) -> Result<Vec<R>, Failure> {
+    fn first_wrong<R>(
+        &self,
+        looked: impl IntoIterator<Item = Result<R, Failure>>,
+    ) -> Result<Vec<R>, Failure> {
         let name = self.name;
         let wrong =
             |i, failure: Failure| Failure::new(failure.status, format!("{name}[{i}]: {}", failure.message));
-        let look = |(i, query)| look(query).map_err(|failure| wrong(i, failure));
-        self.queries.iter().enumerate().map(look).collect()
+        let numbered = looked.into_iter().enumerate();
+        numbered.map(|(i, looked)| looked.map_err(|failure| wrong(i, failure))).collect()
+    }
+
+    /// Answers every query, many of them on the world's threads, and says which one is wrong if one is.
+    fn answers<R: Send>(
+        &self,
+        world: &World,
+        answer: impl Fn(&Asked<'_>, &Q) -> Result<R, Failure> + Sync,
+    ) -> Result<Vec<R>, Failure>
+    where
+        Q: Sync,
+    {
+        let asked = self.ask(world)?;
+        self.first_wrong(asked.queries.ask_about(self.queries, |query| answer(&asked, query)))
     }
 
     /// One answer a query, to `hits`.
     ///
     /// # Safety
     /// `hits` has an entry for each query.
-    unsafe fn each<R>(
+    unsafe fn each<R: Send>(
         &self,
         world: DcdWorld,
         hits: *mut R,
-        answer: impl Fn(&Asked<'_>, &Q) -> Result<R, Failure>,
-    ) -> Result<(), Failure> {
+        answer: impl Fn(&Asked<'_>, &Q) -> Result<R, Failure> + Sync,
+    ) -> Result<(), Failure>
+    where
+        Q: Sync,
+    {
         if !self.queries.is_empty() {
             pointer::check(hits, "hits")?;
         }
-        with(world, |world| {
-            let answers = self.answers(&self.ask(world)?, answer)?;
+        registry::ask(world, |world| {
+            let answers = self.answers(world, answer)?;
             for (i, hit) in answers.into_iter().enumerate() {
                 // SAFETY: not null, aligned, and the caller vouches for the entries.
                 unsafe { hits.add(i).write(hit) };
@@ -178,18 +196,21 @@ impl<'a, Q> Batch<'a, Q> {
     ///
     /// # Safety
     /// `ends` has an entry for each query.
-    unsafe fn lists<R>(
+    unsafe fn lists<R: Send>(
         &self,
         world: DcdWorld,
         room: Room<R>,
         ends: *mut usize,
-        answer: impl Fn(&Asked<'_>, &Q) -> Result<Vec<R>, Failure>,
-    ) -> Result<(), Failure> {
+        answer: impl Fn(&Asked<'_>, &Q) -> Result<Vec<R>, Failure> + Sync,
+    ) -> Result<(), Failure>
+    where
+        Q: Sync,
+    {
         if !self.queries.is_empty() {
             pointer::check(ends, "ends")?;
         }
-        with(world, |world| {
-            let answers = self.answers(&self.ask(world)?, answer)?;
+        registry::ask(world, |world| {
+            let answers = self.answers(world, answer)?;
             let lengths: Vec<usize> = answers.iter().map(Vec::len).collect();
             if room.give(answers.into_iter().flatten().collect::<Vec<_>>().into_iter())? {
                 // SAFETY: not null, aligned, and the caller vouches for the entries.

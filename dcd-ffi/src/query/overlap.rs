@@ -126,8 +126,9 @@ pub unsafe extern "C" fn dcd_overlap_boxes(
 
 /// A query that names a place.
 pub(super) trait Somewhere {
-    /// What an array of them is called.
+    /// What an array of them is called, and one of them.
     const NAME: &'static str;
+    const ONE: &'static str;
 
     /// The place; its shape has no name yet.
     fn place(&self) -> Result<Place, Failure>;
@@ -141,6 +142,7 @@ pub(super) trait Somewhere {
 
 impl Somewhere for DcdShapeQuery {
     const NAME: &'static str = "shapes";
+    const ONE: &'static str = "shape";
 
     fn place(&self) -> Result<Place, Failure> {
         check_pose(&self.pose)?;
@@ -159,6 +161,7 @@ impl Somewhere for DcdShapeQuery {
 
 impl Somewhere for DcdPointQuery {
     const NAME: &'static str = "points";
+    const ONE: &'static str = "point";
 
     fn place(&self) -> Result<Place, Failure> {
         check_point(&self.point, "point")?;
@@ -178,6 +181,7 @@ impl Somewhere for DcdPointQuery {
 
 impl Somewhere for DcdBoxQuery {
     const NAME: &'static str = "boxes";
+    const ONE: &'static str = "box";
 
     fn place(&self) -> Result<Place, Failure> {
         check_reserved(self.reserved)?;
@@ -204,7 +208,7 @@ pub(super) fn question(world: &World, mask: u32, query: &impl Somewhere) -> Resu
 
 /// # Safety
 /// As [`Batch::new`], [`Room::new`] and [`Batch::lists`].
-unsafe fn overlaps<Q: Somewhere>(
+unsafe fn overlaps<Q: Somewhere + Sync>(
     world: DcdWorld,
     queries: *const Q,
     count: usize,

@@ -54,9 +54,10 @@ pub struct DcdRayHit {
 /// Finds the first body that each of `count` rays meets; hits[i] belongs to rays[i]. Sensors count as bodies, unless `filter`
 /// overlooks them; a null filter overlooks nothing.
 ///
-/// This and the other queries see bodies where they are now, also those made or moved since the last step. They are answered on
-/// the calling thread, and only where the whole world is: in a served world they are DCD_ERR_UNSUPPORTED, and dcd_rays_submit,
-/// dcd_shape_casts_submit and dcd_overlap_shapes_submit, _points_ and _boxes_ ask instead.
+/// This and the other queries see bodies where they are now, also those made or moved since the last step. Several threads may ask one world
+/// at the same time, and a hundred and more of one call are spread over DcdWorldDef.threads. They are answered only where the whole world
+/// is: in a served world they are DCD_ERR_UNSUPPORTED, and dcd_rays_submit, dcd_shape_casts_submit and dcd_overlap_shapes_submit, _points_
+/// and _boxes_ ask instead.
 ///
 /// `rays` and `filter` are read during the call; `hits` has `count` entries.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world, or a body to exclude), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for numbers that are not

@@ -3,17 +3,17 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver, Sender};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, RwLock};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use super::World;
 use crate::status::{DCD_ERR_BUSY, DCD_ERR_LIMIT, DCD_ERR_PANIC, DCD_ERR_TIMEOUT, Failure};
 
-/// A world that calls take turns on.
+/// A world that calls take turns on, but for those that only ask.
 pub(crate) struct Cell {
     /// `None` once it is destroyed, for calls that waited meanwhile.
-    world: Mutex<Option<World>>,
+    world: RwLock<Option<World>>,
     background: Mutex<Background>,
     /// A step that was begun is not done: looked at by every call, so it has a place of its own.
     stepping: AtomicBool,
@@ -33,7 +33,7 @@ struct Background {
 impl Cell {
     pub(crate) fn new(world: World) -> Self {
         Self {
-            world: Mutex::new(Some(world)),
+            world: RwLock::new(Some(world)),
             background: Mutex::default(),
             stepping: AtomicBool::new(false),
             done: Condvar::new(),
@@ -45,12 +45,29 @@ impl Cell {
         &self,
         work: impl FnOnce(&mut World) -> Result<R, Failure>,
     ) -> Option<Result<R, Failure>> {
-        if self.stepping.load(Ordering::Acquire) {
-            drop(self.settled());
-        }
-        match self.world.lock() {
+        self.settle();
+        match self.world.write() {
             Ok(mut world) => Some(work(world.as_mut()?)),
             Err(_) => Some(Err(poisoned())),
+        }
+    }
+
+    /// The same for what changes nothing, at the same time as others of its kind.
+    pub(crate) fn ask<R>(
+        &self,
+        work: impl FnOnce(&World) -> Result<R, Failure>,
+    ) -> Option<Result<R, Failure>> {
+        self.settle();
+        match self.world.read() {
+            Ok(world) => Some(work(world.as_ref()?)),
+            Err(_) => Some(Err(poisoned())),
+        }
+    }
+
+    /// Waits for a step that was begun.
+    fn settle(&self) {
+        if self.stepping.load(Ordering::Acquire) {
+            drop(self.settled());
         }
     }
 
@@ -115,7 +132,7 @@ impl Cell {
             let _ = thread.join();
         }
         // A poisoned world is destroyed like any other.
-        self.world.lock().unwrap_or_else(PoisonError::into_inner).take()
+        self.world.write().unwrap_or_else(PoisonError::into_inner).take()
     }
 
     fn background(&self) -> MutexGuard<'_, Background> {
@@ -133,7 +150,7 @@ impl Cell {
     /// The thread's work: a step an order.
     fn serve(&self, orders: &Receiver<()>) {
         while orders.recv().is_ok() {
-            let step = || match self.world.lock() {
+            let step = || match self.world.write() {
                 Ok(mut world) => world.as_mut().map_or(Ok(()), World::step),
                 Err(_) => Err(panicked()),
             };

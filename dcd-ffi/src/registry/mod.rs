@@ -66,6 +66,15 @@ pub(crate) fn with<R>(
     world: DcdWorld,
     work: impl FnOnce(&mut World) -> Result<R, Failure>,
 ) -> Result<R, Failure> {
+    in_cell(world, |cell| cell.with(work))
+}
+
+/// Calls `work` with the world to look at, after every other call that changes it and beside those that do not.
+pub(crate) fn ask<R>(world: DcdWorld, work: impl FnOnce(&World) -> Result<R, Failure>) -> Result<R, Failure> {
+    in_cell(world, |cell| cell.ask(work))
+}
+
+fn in_cell<R>(world: DcdWorld, work: impl FnOnce(&Cell) -> Option<Result<R, Failure>>) -> Result<R, Failure> {
     check_outside()?;
     not_null(world.v, "world")?;
     LAST.with(|last| {
@@ -75,7 +84,7 @@ pub(crate) fn with<R>(
         }
         // No call is made within another on this thread, so nobody replaces it meanwhile.
         let last = last.borrow();
-        let done = last.as_ref().and_then(|(_, cell)| cell.with(work));
+        let done = last.as_ref().and_then(|(_, cell)| work(cell));
         done.unwrap_or_else(|| Err(stale("world", world.v)))
     })
 }

@@ -45,7 +45,7 @@ pub use forces::{Explosion, Fluid};
 pub(crate) use hook_tape::{NotedHooks, RepeatedHooks};
 pub use hooks::{ContactHooks, HookedPair};
 pub(crate) use host::Checkpoint;
-pub use host::{BorderView, HostError, Inconsistency, RegionHost};
+pub use host::{BorderView, HostError, Inconsistency, RegionHost, Tasks};
 pub use joints::joint_record;
 pub use measure::{Census, ContactPoint, ContactSample, Measured, View, pair_force_n};
 pub use partition::Partition;

@@ -1,9 +1,10 @@
-//! Sets a user's contact hooks in a local world.
+//! Sets a user's contact hooks in a local world, and the threads that compute it.
 
 use std::sync::Arc;
 
+use super::config::WorldError;
 use super::local::LocalWorld;
-use crate::physics::ContactHooks;
+use crate::physics::{ContactHooks, Tasks};
 
 impl LocalWorld {
     /// Sets the contact hooks that are called from now on; `None` removes them. They are called for colliders with Rapier's
@@ -43,5 +44,10 @@ impl LocalWorld {
             None => hooks,
         };
         self.host.set_hooks(hooks);
+    }
+
+    /// See [`World::set_tasks`](crate::World::set_tasks).
+    pub(crate) fn set_tasks(&mut self, tasks: Option<Arc<dyn Tasks>>) -> Result<(), WorldError> {
+        Ok(self.host.set_tasks(tasks)?)
     }
 }

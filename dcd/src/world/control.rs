@@ -7,7 +7,7 @@ use rapier3d::prelude::Pose;
 
 use super::role::Instead;
 use super::{Error, World};
-use crate::physics::{BodyFilter, CharacterHit, CharacterMove, ContactHooks, VehicleController};
+use crate::physics::{BodyFilter, CharacterHit, CharacterMove, ContactHooks, Tasks, VehicleController};
 use crate::protocol::WorldPose;
 use crate::space::BodyId;
 
@@ -76,5 +76,16 @@ impl World {
     pub fn set_hooks(&mut self, hooks: Option<Arc<dyn ContactHooks>>) -> Result<(), Error> {
         self.local_mut("ask hooks about contacts", Instead::ComputeAlone)?.set_hooks(hooks);
         Ok(())
+    }
+
+    /// Has the program's own threads compute a local world from now on, its job system: as many as [`WorldConfig::threads`](crate::WorldConfig),
+    /// which then starts none; `None`: threads of its own again. A step that is worth it starts as many tasks and waits a tenth of a
+    /// millisecond for them to begin: those that have share the work, one that comes later goes home, and with none the calling
+    /// thread does it alone, so that no step waits for a thread that is busy. The calling thread waits meanwhile. Results do not
+    /// depend on it.
+    ///
+    /// A thread of one of rayon's pools cannot take part.
+    pub fn set_tasks(&mut self, tasks: Option<Arc<dyn Tasks>>) -> Result<(), Error> {
+        Ok(self.local_mut("compute on the program's threads", Instead::ComputeAlone)?.set_tasks(tasks)?)
     }
 }

@@ -1369,6 +1369,72 @@ static void lay_out(DcdWorld world, DcdBodyId row[ROW])
     }
 }
 
+/* What a function of a query has seen, and how it answers. */
+typedef struct Seen {
+    uint32_t bodies; /* bit i: body 100 + i */
+    int calls, limit;
+    bool nearer_only;
+} Seen;
+
+static float note_hit(void *context, const DcdRayHit *hit)
+{
+    Seen *seen = context;
+    seen->bodies |= 1u << (hit->user_data - 100);
+    seen->calls++;
+    return seen->calls == seen->limit ? 0.0f : seen->nearer_only ? hit->distance : INFINITY;
+}
+
+static bool note_overlap(void *context, const DcdOverlap *found)
+{
+    Seen *seen = context;
+    seen->bodies |= 1u << (found->user_data - 100);
+    seen->calls++;
+    return seen->calls != seen->limit;
+}
+
+static void a_query_calls_until_its_function_has_enough(void)
+{
+    DcdWorld world = make_world(2, 1, 0.0f);
+    DcdBodyId row[ROW];
+    DcdRay ray = DCD_RAY_INIT;
+    DcdFilter filter = DCD_FILTER_INIT;
+    DcdBoxQuery box = DCD_BOX_QUERY_INIT;
+    DcdShapeQuery ball = DCD_SHAPE_QUERY_INIT;
+    const uint32_t all = (1u << ROW) - 1;
+    lay_out(world, row);
+    ray.origin[0] = -5.0;
+    ray.direction[0] = 1.0f;
+    for (int limit = 0; limit <= ROW; limit++) {
+        Seen hits = { .limit = limit }, boxes = { .limit = limit }, balls = { .limit = limit };
+        const int expected = limit == 0 ? ROW : limit;
+        OK(dcd_cast_ray_each(world, &ray, NULL, note_hit, &hits));
+        box.min[0] = -100.0;
+        box.min[1] = box.min[2] = -1.0;
+        box.max[0] = 100.0;
+        box.max[1] = box.max[2] = 1.0;
+        OK(dcd_overlap_box_each(world, &box, NULL, note_overlap, &boxes));
+        if (ball.shape.v == 0)
+            OK(dcd_shape_sphere(world, 100.0f, &ball.shape));
+        OK(dcd_overlap_shape_each(world, &ball, NULL, note_overlap, &balls));
+        HOLDS(hits.calls == expected && boxes.calls == expected && balls.calls == expected);
+        HOLDS(limit != 0 || (hits.bodies == all && boxes.bodies == all && balls.bodies == all));
+    }
+    Seen nearest = { .nearer_only = true };
+    OK(dcd_cast_ray_each(world, &ray, NULL, note_hit, &nearest));
+    HOLDS(nearest.bodies & 1u << WALL);
+    ray.origin[0] = 20.0;
+    ray.direction[0] = -1.0f;
+    ray.max_distance = 14.0f;
+    Seen back = { 0 };
+    OK(dcd_cast_ray_each(world, &ray, NULL, note_hit, &back));
+    HOLDS(back.bodies == (1u << DOOR | 1u << GATE));
+    filter.flags = DCD_FILTER_NO_SENSORS;
+    Seen filtered = { 0 };
+    OK(dcd_cast_ray_each(world, &ray, &filter, note_hit, &filtered));
+    HOLDS(filtered.bodies == 1u << DOOR);
+    OK(dcd_world_destroy(world));
+}
+
 static void rays_meet_what_the_filter_lets_through(void)
 {
     DcdWorld world = make_world(2, 1, 0.0f);
@@ -1781,6 +1847,7 @@ int main(int count, char **texts)
     views_and_bulk_agree();
     threads_do_not_change_the_result();
     couplings_are_as_asked();
+    a_query_calls_until_its_function_has_enough();
     rays_meet_what_the_filter_lets_through();
     shapes_and_points_find_bodies();
     millimetres_count_far_out();

@@ -36,6 +36,7 @@ int main(void)
     DcdExplosion explosion = DCD_EXPLOSION_INIT;
     DcdFluid fluid = DCD_FLUID_INIT;
     DcdHooks hooks = DCD_HOOKS_INIT;
+    DcdTasks tasks = DCD_TASKS_INIT;
     DcdBodyExtent body_extent = DCD_BODY_EXTENT_INIT;
     DcdStateView state_view = DCD_STATE_VIEW_INIT;
     DcdViewTime view_time = DCD_VIEW_TIME_INIT;
@@ -50,7 +51,7 @@ int main(void)
                    collider_properties.struct_size + joint_info.struct_size + world_info.struct_size +
                    body_info.struct_size + owner.struct_size + state_view.struct_size + view_time.struct_size + debug_draw.struct_size + event_view.struct_size + stats.struct_size +
                    client_def.struct_size + participant_def.struct_size + character_def.struct_size +
-                   vehicle_def.struct_size + hooks.struct_size + profile.struct_size + explosion.struct_size + fluid.struct_size + settings.struct_size + shape_info.struct_size + body_extent.struct_size + (wheel.radius < 0.0f) ==
+                   vehicle_def.struct_size + hooks.struct_size + tasks.struct_size + profile.struct_size + explosion.struct_size + fluid.struct_size + settings.struct_size + shape_info.struct_size + body_extent.struct_size + (wheel.radius < 0.0f) ==
                0
            ? DCD_VERSION
            : DCD_OK;

@@ -923,6 +923,23 @@ static void submitted_shapes(void)
     EXPECT(dcd_world_destroy(world), DCD_OK);
 }
 
+/* What a call on the world gave from within a function of a query. */
+static DcdStatus meddled;
+
+static float meddling_hit(void *context, const DcdRayHit *hit)
+{
+    (void)hit;
+    meddled = dcd_step(*(DcdWorld *)context);
+    return NAN; /* what is no distance ends it */
+}
+
+static bool meddling_overlap(void *context, const DcdOverlap *found)
+{
+    (void)found;
+    meddled = dcd_step(*(DcdWorld *)context);
+    return false;
+}
+
 static void queries(void)
 {
     DcdWorld world = make_world(2);
@@ -972,6 +989,26 @@ static void queries(void)
     filter.exclude_count = 1;
     EXPECT(dcd_cast_rays(world, &good, 1, &filter, &hit), DCD_OK);
     HOLDS(hit.body.v == 0);
+
+    EXPECT(dcd_cast_ray_each(world, &good, NULL, NULL, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_cast_ray_each(world, NULL, NULL, meddling_hit, &world), DCD_ERR_NULL);
+    meddled = DCD_OK;
+    EXPECT(dcd_cast_ray_each(world, &good, NULL, meddling_hit, &world), DCD_OK);
+    HOLDS(meddled == DCD_ERR_BUSY);
+    DcdBoxQuery everywhere = DCD_BOX_QUERY_INIT, inside_out = DCD_BOX_QUERY_INIT;
+    for (int i = 0; i < 3; i++) {
+        everywhere.min[i] = -1e3;
+        everywhere.max[i] = 1e3;
+        inside_out.min[i] = 1.0;
+        inside_out.max[i] = 0.0;
+    }
+    EXPECT(dcd_overlap_box_each(world, &everywhere, NULL, NULL, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_overlap_box_each(world, &inside_out, NULL, meddling_overlap, &world), DCD_ERR_ARGUMENT);
+    meddled = DCD_OK;
+    EXPECT(dcd_overlap_box_each(world, &everywhere, NULL, meddling_overlap, &world), DCD_OK);
+    HOLDS(meddled == DCD_ERR_BUSY);
+    DcdShapeQuery nowhere = DCD_SHAPE_QUERY_INIT;
+    EXPECT(dcd_overlap_shape_each(world, &nowhere, NULL, meddling_overlap, &world), DCD_ERR_NULL);
 
     size_t ends = 9, total = 9;
     EXPECT(dcd_cast_rays_all(world, &good, 1, NULL, &hit, 1, NULL, &total), DCD_ERR_NULL);

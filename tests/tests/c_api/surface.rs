@@ -24,6 +24,11 @@ fn joints_that_bear_too_much_are_told_of() {
 }
 
 #[test]
+fn a_world_is_computed_by_the_programs_own_threads() {
+    run_both_ways("jobs.c");
+}
+
+#[test]
 fn a_program_is_asked_about_contacts() {
     run_both_ways("asked.c");
 }

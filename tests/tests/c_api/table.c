@@ -264,6 +264,18 @@ CALL(dcd_cast_rays_all) {
     size_t end;
     return dcd_cast_rays_all(s->world, &RAY, 1, NULL, hits, 64, &end, &count);
 }
+static float end_ray(void *context, const DcdRayHit *hit) { (void)context, (void)hit; return 0.0f; }
+static bool end_overlaps(void *context, const DcdOverlap *found) { (void)context, (void)found; return false; }
+CALL(dcd_cast_ray_each) { return dcd_cast_ray_each(s->world, &RAY, NULL, end_ray, NULL); }
+CALL(dcd_overlap_shape_each) {
+    DcdShapeQuery query = DCD_SHAPE_QUERY_INIT;
+    query.shape = s->shape;
+    return dcd_overlap_shape_each(s->world, &query, NULL, end_overlaps, NULL);
+}
+CALL(dcd_overlap_box_each) {
+    DcdBoxQuery query = DCD_BOX_QUERY_INIT;
+    return dcd_overlap_box_each(s->world, &query, NULL, end_overlaps, NULL);
+}
 CALL(dcd_cast_shapes) {
     DcdShapeCast cast = DCD_SHAPE_CAST_INIT;
     DcdShapeHit hit;
@@ -374,6 +386,7 @@ CALL(dcd_profile) { DcdProfile profile = DCD_PROFILE_INIT; return dcd_profile(s-
 CALL(dcd_viewpoints_set) { return dcd_viewpoints_set(s->world, NULL, 0); }
 CALL(dcd_fidelity_report) { DcdFidelityReport report = DCD_FIDELITY_REPORT_INIT; return dcd_fidelity_report(s->world, &report); }
 CALL(dcd_hooks_set) { return dcd_hooks_set(s->world, NULL); }
+CALL(dcd_tasks_set) { return dcd_tasks_set(s->world, NULL); }
 CALL(dcd_bodies) { DcdBodyId ids[64]; return dcd_bodies(s->world, ids, 64, &count); }
 CALL(dcd_body_extent) { DcdBodyExtent extent = DCD_BODY_EXTENT_INIT; return dcd_body_extent(s->world, s->body, &extent); }
 CALL(dcd_collider_shape) { DcdShapeId shape; return dcd_collider_shape(s->world, s->body, 0, &shape); }
@@ -443,7 +456,7 @@ CALL(dcd_world_destroy) {
     of(dcd_shape_hull) of(dcd_shape_mesh) of(dcd_shape_heightfield) of(dcd_shape_compound) of(dcd_shape_destroy) \
     of(dcd_body_create) of(dcd_bodies_create) of(dcd_character_create) of(dcd_vehicle_create) of(dcd_vehicle_drive) \
     of(dcd_body_destroy) of(dcd_bodies_destroy) of(dcd_body_is_valid) \
-    of(dcd_settings) of(dcd_settings_set) of(dcd_gravity_set) of(dcd_joint_strength_set) of(dcd_profile) of(dcd_viewpoints_set) of(dcd_fidelity_report) of(dcd_hooks_set) of(dcd_body_contacts) of(dcd_explode) of(dcd_flow) of(dcd_sensor_bodies) of(dcd_bodies) of(dcd_body_extent) of(dcd_collider_shape) of(dcd_shape_info) of(dcd_shape_vertices) \
+    of(dcd_settings) of(dcd_settings_set) of(dcd_gravity_set) of(dcd_joint_strength_set) of(dcd_profile) of(dcd_viewpoints_set) of(dcd_fidelity_report) of(dcd_hooks_set) of(dcd_tasks_set) of(dcd_body_contacts) of(dcd_explode) of(dcd_flow) of(dcd_sensor_bodies) of(dcd_bodies) of(dcd_body_extent) of(dcd_collider_shape) of(dcd_shape_info) of(dcd_shape_vertices) \
     of(dcd_shape_triangles) of(dcd_shape_heights) of(dcd_shape_part) \
     of(dcd_body_at) of(dcd_body_info) of(dcd_body_get) of(dcd_body_set_pose) of(dcd_body_set_velocity) \
     of(dcd_body_set_target) of(dcd_body_wake) of(dcd_body_sleep) of(dcd_body_apply_impulse) \
@@ -455,7 +468,7 @@ CALL(dcd_world_destroy) {
     of(dcd_joint_set_frames) of(dcd_joint_set_flags) of(dcd_joint_set_softness) of(dcd_body_joints) of(dcd_step) \
     of(dcd_step_begin) of(dcd_step_wait) of(dcd_state_view) of(dcd_view_time) of(dcd_view_body) of(dcd_view_state) of(dcd_debug_draw) of(dcd_gltf_save_file) of(dcd_state_read) of(dcd_state_write) of(dcd_events) \
     of(dcd_connections) of(dcd_connection_info) of(dcd_send) of(dcd_disconnect) of(dcd_poll) of(dcd_cast_rays) \
-    of(dcd_cast_rays_all) of(dcd_cast_shapes) of(dcd_project_points) of(dcd_overlap_shapes) of(dcd_overlap_points) \
+    of(dcd_cast_rays_all) of(dcd_cast_ray_each) of(dcd_overlap_shape_each) of(dcd_overlap_box_each) of(dcd_cast_shapes) of(dcd_project_points) of(dcd_overlap_shapes) of(dcd_overlap_points) \
     of(dcd_overlap_boxes) of(dcd_rays_submit) of(dcd_query_poll) of(dcd_query_cancel) of(dcd_regions) \
     of(dcd_shape_casts_submit) of(dcd_overlap_shapes_submit) of(dcd_overlap_points_submit) \
     of(dcd_overlap_boxes_submit) of(dcd_query_poll_casts) of(dcd_query_poll_overlaps) \

@@ -128,6 +128,7 @@ static void a_ball_breaks_a_tower()
     dcd::Hooks hooks;
     hooks.filter = [](void *, const dcd::HookedPair *) -> DcdPairAnswer { return DCD_MEET_PUSH; };
     HOLDS(world.hooks_set(hooks) && world.hooks_clear());
+    HOLDS(world.tasks_set({}).code() == DCD_ERR_NULL && world.tasks_clear() && dcd::bug_set(nullptr, nullptr));
     HOLDS(world.profile()->rapier >= 0.0);
     HOLDS(world.viewpoints_set(std::vector<dcd::Viewpoint>{ { { 0.0, 1.0, 0.0 }, 5.0 } }) && world.viewpoints_set({}));
     HOLDS(world.fidelity_report()->share_of_full_time == 1.0);
@@ -184,6 +185,19 @@ static void a_ball_breaks_a_tower()
     HOLDS(through.of(0).size() == 1 && through.of(1).size() == 1 && through.of(1)[0].body == hits[1].body);
     dcd::Filter movable;
     movable.flags = DCD_FILTER_NO_FIXED;
+    int calls = 0;
+    const auto goes_on = [&calls](const dcd::RayHit &hit) { return ++calls, hit.distance; };
+    world.cast_ray_each(rays[1], goes_on).expect();
+    HOLDS(calls == 1);
+    world.cast_ray_each(rays[1], goes_on, movable).expect();
+    HOLDS(calls == 1);
+    std::vector<DcdBodyId> near_by;
+    const auto note = [&near_by](const dcd::Overlap &found) { return near_by.push_back(found.body), false; };
+    world.overlap_box_each(around, note).expect();
+    dcd::ShapeQuery sphere;
+    sphere.shape = cast.shape;
+    world.overlap_shape_each(sphere, note).expect();
+    HOLDS(near_by.size() == 2);
     HOLDS((*world.cast_rays_all(rays, movable)).items.empty());
     dcd::PointQuery point;
     point.point[1] = -0.1;

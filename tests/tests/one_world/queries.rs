@@ -1,5 +1,7 @@
 //! Tests queries over all regions, one by one.
 
+use std::ops::ControlFlow;
+
 use dcd::physics::{BodyFilter, ColliderId, Coupling, QueryError, WorldRay};
 use dcd::protocol::WorldPose;
 use dcd::runtime::{LocalWorld, Partitioning, WorldConfig};
@@ -53,6 +55,67 @@ fn what_is_immovable_and_in_every_region_is_met_once() {
     assert_eq!(queries.intersect_shape(&reach, &WorldPose::at([0.0, 3.0, 0.0]), &all).unwrap(), expected);
     let bounds = Bounds::around([0.0; 3], [f64::INFINITY; 3]);
     assert_eq!(queries.intersect_aabb_conservative(&bounds, &all).unwrap(), expected);
+}
+
+#[test]
+fn a_visit_meets_what_the_lists_have_each_once_and_ends_when_told() {
+    let mut world = halves();
+    let floor = ColliderBuilder::cuboid(50.0, 1.0, 50.0).translation(Vector::new(0.0, -1.4, 0.0));
+    world.insert(RigidBodyBuilder::fixed(), floor).unwrap();
+    for x in -6..6 {
+        insert(&mut world, x as f32 + 0.25, ColliderBuilder::ball(0.45));
+    }
+    world.step().unwrap();
+    let (queries, all) = (world.queries(), BodyFilter::default());
+    let slanting = WorldRay::new([-8.0, 0.2, 0.0], [1.0, -0.03, 0.0]);
+    let listed = queries.intersect_ray(&slanting, &all).unwrap();
+    assert!(listed.len() > 10, "the test needs a crowd on both sides: {}", listed.len());
+
+    let mut visited = Vec::new();
+    queries
+        .visit_ray(&slanting, &all, |hit| {
+            visited.push(*hit);
+            f64::INFINITY
+        })
+        .unwrap();
+    visited.sort_by(|a, b| a.distance_m.total_cmp(&b.distance_m));
+    assert_eq!(visited, listed);
+    // Only what is nearer: the last one is the nearest of all.
+    let mut nearest = None;
+    queries
+        .visit_ray(&slanting, &all, |hit| {
+            assert!(nearest.is_none_or(|last| hit.distance_m <= last));
+            *nearest.insert(hit.distance_m)
+        })
+        .unwrap();
+    assert_eq!(nearest, Some(listed[0].distance_m));
+
+    let (reach, at) = (Ball::new(3.0), WorldPose::at([0.0; 3]));
+    let bounds = Bounds::around([0.0; 3], [3.0; 3]);
+    let listed =
+        [queries.intersect_shape(&reach, &at, &all), queries.intersect_aabb_conservative(&bounds, &all)];
+    for (which, listed) in listed.into_iter().enumerate() {
+        let listed = listed.unwrap();
+        let visit = |most: usize| {
+            let mut met = Vec::new();
+            let meet = |id| {
+                met.push(id);
+                if met.len() == most { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            };
+            match which {
+                0 => queries.visit_shape(&reach, &at, &all, meet),
+                _ => queries.visit_aabb_conservative(&bounds, &all, meet),
+            }
+            .unwrap();
+            met
+        };
+        let mut met = visit(usize::MAX);
+        met.sort_unstable();
+        assert_eq!(met, listed);
+        for most in 1..=listed.len() {
+            assert_eq!(visit(most).len(), most);
+        }
+    }
 }
 
 #[test]

@@ -13,11 +13,13 @@ mod repartition;
 mod replace;
 mod rounds;
 mod schedule;
+mod tasks;
 mod threads;
 mod validate;
 
 pub use self::borders::BorderView;
 pub(crate) use self::checkpoint::Checkpoint;
+pub use self::tasks::Tasks;
 pub use self::validate::Inconsistency;
 
 use std::collections::BTreeSet;
@@ -179,7 +181,14 @@ impl RegionHost {
     /// depend on it. With the feature `parallel` a single region uses all of them, several regions divide them; without, each
     /// region uses one.
     pub fn set_threads(&mut self, threads: usize) -> Result<(), HostError> {
-        self.threads = Threads::new(threads, self.sides.len())?;
+        let tasks = self.threads.tasks().cloned();
+        self.threads = Threads::new(threads, self.sides.len(), tasks)?;
+        Ok(())
+    }
+
+    /// Has the program's own threads step it from now on, as many as were set; `None`: threads of its own again.
+    pub(crate) fn set_tasks(&mut self, tasks: Option<Arc<dyn Tasks>>) -> Result<(), HostError> {
+        self.threads = Threads::new(self.threads.count(), self.sides.len(), tasks)?;
         Ok(())
     }
 
@@ -212,10 +221,38 @@ impl RegionHost {
             return work(self);
         }
         let start = Instant::now();
-        let done =
-            if self.trial.is_for_teams() { self.threads.clone().enter(|| work(self)) } else { work(self) };
+        let done = if self.trial.is_for_teams() { self.on_teams(work) } else { work(self) };
         self.trial.note(start.elapsed());
         done
+    }
+
+    fn on_teams<R: Send>(&mut self, work: impl FnOnce(&mut Self) -> R + Send) -> R {
+        let own = self.threads.clone();
+        if own.tasks().is_none() {
+            return own.enter(|| work(self));
+        }
+        // Who comes for a step forms one team where one region has more to do than all others.
+        let teams = if self.heaviest().is_some() { 1 } else { self.sides.len() };
+        own.gathered(teams, |gathered| {
+            self.threads = gathered.clone();
+            let done = gathered.enter(|| work(self));
+            self.threads = own.clone();
+            done
+        })
+    }
+
+    /// Returns the place of the region that has more to do than all others, if there is one.
+    fn heaviest(&self) -> Option<usize> {
+        threads::heaviest(self.regions().map(|region| region.physics().islands.active_bodies().count()))
+    }
+
+    /// Does the work for each of many small things, on all threads if they are worth waking; results are in the order of the things.
+    pub(in crate::physics) fn spread<T: Sync, R: Send>(
+        &self,
+        things: &[T],
+        work: impl Fn(&T) -> R + Sync,
+    ) -> Vec<R> {
+        self.threads.spread(things, work)
     }
 
     /// Sets the contact hooks of every region; `None` removes them.
@@ -284,9 +321,7 @@ impl RegionHost {
             side.region.count_time(start.elapsed(), round == 1);
         };
         if self.threads.are_entered() {
-            let heaviest = threads::heaviest(
-                self.regions().map(|region| region.physics().islands.active_bodies().count()),
-            );
+            let heaviest = self.heaviest();
             let due = self.sides.iter_mut().enumerate().filter(|(_, side)| is_due(side, &moment));
             let (heavy, others): (Vec<_>, Vec<_>) = due.partition(|(place, _)| Some(*place) == heaviest);
             // First, with all threads: one alone would be at it when all others have long been done.
@@ -394,7 +429,7 @@ impl RegionHost {
     /// Computes the second half of a round: every region applies the messages of the others, in rank order.
     pub fn exchange(&mut self) -> Result<(), HostError> {
         if self.is_busy() && self.trial.is_for_teams() {
-            self.threads.clone().enter(|| self.exchange_here())
+            self.on_teams(Self::exchange_here)
         } else {
             self.exchange_here()
         }

@@ -4,14 +4,19 @@
 //! (feature `parallel`). Teams are pools apart since a step of Rapier waits, without taking other work, for what it hands to its
 //! pool: in a pool that it shared with other regions, all threads could come to wait like that, with none left to work.
 
+use std::num::NonZero;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 use super::HostError;
+use super::tasks::{self, Tasks};
 
 /// Fewer awake bodies than this are stepped by the calling thread: waking a worker takes 15 to 30 µs, which they are worth
 /// less than. Rapier shares out bodies by 256.
 pub(super) const WORTH_WAKING: usize = 256;
+
+/// Fewer small things than this, a microsecond or more each, are done by the calling thread, for the same reason.
+const WORTH_SPREADING: usize = 128;
 
 /// The worker threads, in teams. Results do not depend on them.
 #[derive(Clone)]
@@ -20,20 +25,44 @@ pub(super) struct Threads {
     teams: Arc<[rayon::ThreadPool]>,
     /// As many threads as in all teams, for a region that has more to do than all others.
     all: Option<Arc<rayon::ThreadPool>>,
+    /// Where threads come from when there is work; then there are no teams between.
+    tasks: Option<Arc<dyn Tasks>>,
 }
 
 impl Default for Threads {
     fn default() -> Self {
-        Self { count: 1, teams: Arc::new([]), all: None }
+        Self { count: 1, teams: Arc::new([]), all: None, tasks: None }
     }
 }
 
 impl Threads {
-    /// Starts so many threads for so many regions; none for one thread.
-    pub(super) fn new(count: usize, regions: usize) -> Result<Self, HostError> {
-        let mut threads = Self { count: count.max(1), ..Self::default() };
+    /// Starts so many threads for so many regions; none for one thread, or where the program has its own.
+    pub(super) fn new(
+        count: usize,
+        regions: usize,
+        tasks: Option<Arc<dyn Tasks>>,
+    ) -> Result<Self, HostError> {
+        let mut threads = Self { count: count.max(1), tasks, ..Self::default() };
         threads.suit(regions)?;
         Ok(threads)
+    }
+
+    /// Returns where the program has threads of its own come from.
+    pub(super) fn tasks(&self) -> Option<&Arc<dyn Tasks>> {
+        self.tasks.as_ref()
+    }
+
+    /// Does the work on what threads there are for so many regions: where the program has its own, on those that come. One region with
+    /// more to do than all others has all of them.
+    pub(super) fn gathered<R>(&self, regions: usize, work: impl FnOnce(Self) -> R) -> R {
+        let Some(tasks) = self.tasks.as_deref() else { return work(self.clone()) };
+        let sizes = |came: NonZero<usize>| match came.get() {
+            1 => vec![1],
+            came => team_sizes(came, regions),
+        };
+        tasks::gather(tasks, self.count, sizes, |pools| {
+            work(Self { teams: pools.into(), all: None, tasks: None, count: self.count })
+        })
     }
 
     /// Returns the number of threads.
@@ -43,6 +72,9 @@ impl Threads {
 
     /// Forms the teams that suit this many regions, unless they are formed so already.
     pub(super) fn suit(&mut self, regions: usize) -> Result<(), HostError> {
+        if self.tasks.is_some() {
+            return Ok(());
+        }
         let sizes = team_sizes(self.count, regions);
         if !self.teams.iter().map(rayon::ThreadPool::current_num_threads).eq(sizes.iter().copied()) {
             let pool = |name: String, size| {
@@ -77,9 +109,24 @@ impl Threads {
         }
     }
 
-    /// Returns whether there are teams.
+    /// Does the work for each of many small things, and returns the results in their order.
+    pub(super) fn spread<T: Sync, R: Send>(&self, things: &[T], work: impl Fn(&T) -> R + Sync) -> Vec<R> {
+        use rayon::prelude::*;
+        if things.len() < WORTH_SPREADING {
+            return things.iter().map(work).collect();
+        }
+        self.gathered(1, |threads| match threads.all.as_deref().or(threads.teams.first()) {
+            Some(pool) => {
+                let chunks = things.par_iter().with_min_len(WORTH_SPREADING / 4);
+                pool.install(|| chunks.map(&work).collect())
+            }
+            None => things.iter().map(&work).collect(),
+        })
+    }
+
+    /// Returns whether there are teams, or will be.
     pub(super) fn are_teams(&self) -> bool {
-        !self.teams.is_empty()
+        !self.teams.is_empty() || (self.tasks.is_some() && self.count > 1)
     }
 
     /// Returns whether the calling thread is of the first team.
@@ -321,12 +368,34 @@ mod tests {
     #[test]
     fn everything_is_done_once_inside_the_teams_and_outside() {
         for (count, regions) in [(1, 5), (2, 5), (3, 2), (4, 1)] {
-            let threads = Threads::new(count, regions).unwrap();
+            let threads = Threads::new(count, regions, None).unwrap();
             let mut all = vec![0; 40];
             threads.share_out(all.iter_mut().collect(), |one| *one += 1);
             threads.enter(|| threads.share_out(all.iter_mut().collect(), |one| *one += 1));
             assert_eq!(all, [2; 40], "{count} threads");
         }
+    }
+
+    #[cfg(feature = "parallel")]
+    #[test]
+    fn many_small_things_are_spread_over_all_threads_and_answered_in_order() {
+        for (count, regions) in [(1, 1), (2, 1), (3, 2)] {
+            let threads = Threads::new(count, regions, None).unwrap();
+            let things: Vec<_> = (0..4 * WORTH_SPREADING).collect();
+            // All threads are in at the same time, or this hangs.
+            let all_are_in = std::sync::Barrier::new(count);
+            let marked = |&thing: &usize| {
+                if thing % (things.len() / count) == 0 {
+                    all_are_in.wait();
+                }
+                2 * thing
+            };
+            let doubled = threads.spread(&things, marked);
+            assert!(doubled.iter().enumerate().all(|(i, &twice)| twice == 2 * i), "{count} threads");
+        }
+        let here = std::thread::current().id();
+        let few = Threads::new(2, 1, None).unwrap().spread(&[(); 3], |()| std::thread::current().id());
+        assert_eq!(few, [here; 3], "nobody is woken for three");
     }
 
     #[cfg(feature = "parallel")]

@@ -1,5 +1,7 @@
 //! Answers queries in wire form, as clients and the C API send them, by the bodies that this process holds.
 
+use std::ops::ControlFlow;
+
 use parry3d::query::{ShapeCastOptions, ShapeCastStatus};
 use rapier3d::prelude::*;
 
@@ -117,6 +119,41 @@ impl Queries<'_> {
             ..ShapeCastOptions::with_max_time_of_impact(1.0)
         };
         self.asking(all, filter, |queries, filter| queries.cast_shape(shape, pose, *motion, options, filter))
+    }
+
+    /// Calls `meet` for the hits of one ray, as [`Queries::visit_ray`].
+    #[doc(hidden)]
+    pub fn ask_ray_each(
+        &self,
+        all: &FilterRecord,
+        ray: &RayQuery,
+        mut meet: impl FnMut(RayAnswer) -> f64,
+    ) -> Result<(), QueryError> {
+        self.asking(all, &ray.filter, |queries, filter| {
+            queries.visit_ray(&straight(ray), filter, |hit| meet(hit.into()))
+        })
+    }
+
+    /// Calls `meet` for the colliders that overlap one shape or box, until it breaks off; never if its shape is not known.
+    #[doc(hidden)]
+    pub fn ask_overlap_each(
+        &self,
+        all: &FilterRecord,
+        shape: impl Fn(ShapeHash) -> Option<SharedShape>,
+        overlap: &OverlapQuery,
+        meet: impl FnMut(ColliderId) -> ControlFlow<()>,
+    ) -> Result<(), QueryError> {
+        self.asking(all, &overlap.filter, |queries, filter| match &overlap.place {
+            Place::Shape(hash, pose) => match shape(*hash) {
+                Some(shape) => queries.visit_shape(&*shape.0, pose, filter, meet),
+                None => Ok(()),
+            },
+            Place::Point(point) => {
+                let _ = queries.intersect_point(*point, filter)?.into_iter().try_for_each(meet);
+                Ok(())
+            }
+            Place::Box(bounds) => queries.visit_aabb_conservative(bounds, filter, meet),
+        })
     }
 
     /// Returns all colliders that overlap one shape, point or box, by id; none if its shape is not known.

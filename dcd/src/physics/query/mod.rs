@@ -63,6 +63,14 @@ impl std::fmt::Debug for Queries<'_> {
     }
 }
 
+impl Queries<'_> {
+    /// Asks about each of many things, on the world's threads if they are worth waking; answers are in the order of the things.
+    #[doc(hidden)]
+    pub fn ask_about<T: Sync, R: Send>(&self, things: &[T], ask: impl Fn(&T) -> R + Sync) -> Vec<R> {
+        self.host.spread(things, ask)
+    }
+}
+
 impl RegionHost {
     /// Returns the queries over the bodies computed here.
     pub fn queries(&self) -> Queries<'_> {

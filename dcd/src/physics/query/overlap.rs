@@ -1,5 +1,8 @@
 //! Finds the colliders that overlap a shape or a box.
 
+use std::collections::BTreeSet;
+use std::ops::ControlFlow;
+
 use parry3d::bounding_volume::BoundingVolume;
 use rapier3d::prelude::*;
 
@@ -29,8 +32,42 @@ impl Queries<'_> {
         pose: &WorldPose,
         filter: &BodyFilter<'_>,
     ) -> Result<Vec<ColliderId>, QueryError> {
-        check::pose(pose, "shape's pose")?;
         let mut found = Vec::new();
+        self.visit_shape(shape, pose, filter, |id| {
+            found.push(id);
+            ControlFlow::Continue(())
+        })?;
+        found.sort_unstable();
+        Ok(found)
+    }
+
+    /// Calls `meet` with every collider that overlaps a shape at a pose, in no order, until it breaks off.
+    ///
+    /// ```
+    /// # use std::ops::ControlFlow;
+    /// # use dcd::physics::BodyFilter;
+    /// # use dcd::protocol::WorldPose;
+    /// # use dcd::runtime::{LocalWorld, WorldConfig};
+    /// # use rapier3d::prelude::*;
+    /// # let mut world = LocalWorld::new(WorldConfig::default())?;
+    /// # world.insert(RigidBodyBuilder::dynamic(), ColliderBuilder::cuboid(0.5, 0.5, 0.5))?;
+    /// let (mut is_free, at) = (true, WorldPose::at([0.0, 0.2, 0.0]));
+    /// world.queries().visit_shape(&Ball::new(0.5), &at, &BodyFilter::default(), |_| {
+    ///     is_free = false;
+    ///     ControlFlow::Break(())
+    /// })?;
+    /// assert!(!is_free);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn visit_shape(
+        &self,
+        shape: &dyn Shape,
+        pose: &WorldPose,
+        filter: &BodyFilter<'_>,
+        meet: impl FnMut(ColliderId) -> ControlFlow<()>,
+    ) -> Result<(), QueryError> {
+        check::pose(pose, "shape's pose")?;
+        let mut once = Once::new(meet);
         let turn = Pose::from_rotation(convert::rotation(pose.rotation));
         let around = shape.compute_aabb(&turn);
         let world = |v: Vector| convert::world_point(pose.translation, v);
@@ -40,11 +77,9 @@ impl Queries<'_> {
             let pose = convert::region_from_world(answerer.region.anchor(), pose);
             let near = shape.compute_aabb(&pose).loosened(0.01);
             let overlapping = answerer.pipeline.intersect_shape(pose, shape);
-            found.extend(overlapping.filter_map(|(handle, _)| answerer.name(handle, near)));
+            once.pass(overlapping.filter_map(|(handle, _)| answerer.name(handle, near)));
         });
-        found.sort_unstable();
-        found.dedup();
-        Ok(found)
+        Ok(())
     }
 
     /// Returns every collider whose own AABB touches this box, by id: those that may overlap it. The box may be infinite.
@@ -54,8 +89,24 @@ impl Queries<'_> {
         bounds: &Bounds,
         filter: &BodyFilter<'_>,
     ) -> Result<Vec<ColliderId>, QueryError> {
-        check::bounds(bounds)?;
         let mut found = Vec::new();
+        self.visit_aabb_conservative(bounds, filter, |id| {
+            found.push(id);
+            ControlFlow::Continue(())
+        })?;
+        found.sort_unstable();
+        Ok(found)
+    }
+
+    /// Calls `meet` with every collider whose own AABB touches this box, in no order, until it breaks off.
+    pub fn visit_aabb_conservative(
+        &self,
+        bounds: &Bounds,
+        filter: &BodyFilter<'_>,
+        meet: impl FnMut(ColliderId) -> ControlFlow<()>,
+    ) -> Result<(), QueryError> {
+        check::bounds(bounds)?;
+        let mut once = Once::new(meet);
         self.ask(filter, Some(bounds), |answerer| {
             let local = |point: [f64; 3]| {
                 let point = convert::region_point(answerer.region.anchor(), point);
@@ -64,10 +115,29 @@ impl Queries<'_> {
             let aabb = Aabb::new(local(bounds.min), local(bounds.max));
             let near = answerer.pipeline.intersect_aabb_conservative(aabb);
             let touching = near.filter(|(_, collider)| collider.compute_aabb().intersects(&aabb));
-            found.extend(touching.filter_map(|(handle, _)| answerer.name(handle, aabb)));
+            once.pass(touching.filter_map(|(handle, _)| answerer.name(handle, aabb)));
         });
-        found.sort_unstable();
-        found.dedup();
-        Ok(found)
+        Ok(())
+    }
+}
+
+/// Passes on each collider once, though several regions may name it, until the receiver breaks off.
+struct Once<F> {
+    meet: F,
+    met: BTreeSet<ColliderId>,
+    is_over: bool,
+}
+
+impl<F: FnMut(ColliderId) -> ControlFlow<()>> Once<F> {
+    fn new(meet: F) -> Self {
+        Self { meet, met: BTreeSet::new(), is_over: false }
+    }
+
+    fn pass(&mut self, mut found: impl Iterator<Item = ColliderId>) {
+        while !self.is_over
+            && let Some(id) = found.next()
+        {
+            self.is_over = self.met.insert(id) && (self.meet)(id).is_break();
+        }
     }
 }

@@ -1,4 +1,6 @@
-//! Casts rays through all regions: finds the first hit, or all hits along a ray.
+//! Casts rays through all regions: finds the first hit, all hits along a ray, or as many as the program wants.
+
+use std::collections::BTreeSet;
 
 use rapier3d::prelude::*;
 
@@ -92,6 +94,53 @@ impl Queries<'_> {
         hits.dedup_by_key(|hit| (hit.body, hit.collider));
         hits.sort_by(order);
         Ok(hits)
+    }
+
+    /// Calls `meet` with one hit on every collider that a ray meets, in no order, and no longer than it wants: it returns how far the
+    /// ray goes from then on, metres. Its distance leaves what is nearer, infinity everything, and 0 ends it.
+    ///
+    /// ```
+    /// # use dcd::physics::{BodyFilter, WorldRay};
+    /// # use dcd::runtime::{LocalWorld, WorldConfig};
+    /// # use rapier3d::prelude::*;
+    /// # let mut world = LocalWorld::new(WorldConfig::default())?;
+    /// # for x in [3.0, 6.0, 9.0] {
+    /// #     world.insert(RigidBodyBuilder::fixed().translation(Vector::new(x, 0.0, 0.0)), ColliderBuilder::ball(1.0))?;
+    /// # }
+    /// let mut thickness = 0;
+    /// let along = WorldRay::new([0.0; 3], [1.0, 0.0, 0.0]);
+    /// world.queries().visit_ray(&along, &BodyFilter::default(), |_| {
+    ///     thickness += 1;
+    ///     if thickness < 2 { f64::INFINITY } else { 0.0 }
+    /// })?;
+    /// assert_eq!(thickness, 2, "of the three it has seen enough");
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn visit_ray(
+        &self,
+        ray: &WorldRay,
+        filter: &BodyFilter<'_>,
+        mut meet: impl FnMut(&RayHit) -> f64,
+    ) -> Result<(), QueryError> {
+        let ray = Straight::of(ray)?;
+        let mut reach_m = ray.max_m;
+        // A body that several regions hold answers in each of them.
+        let mut met = BTreeSet::new();
+        self.ask(filter, None, |answerer| {
+            let Some(part) = ray.part(&answerer.extent(), reach_m).filter(|_| reach_m > 0.0) else { return };
+            let (local, reach) = part.local(answerer);
+            for (handle, _, hit) in answerer.pipeline.intersect_ray(local, reach, ray.solid) {
+                let Some(hit) = part.hit(answerer, &local, handle, &hit) else { continue };
+                if hit.distance_m <= reach_m && met.insert((hit.body, hit.collider)) {
+                    // What is no number ends it too.
+                    reach_m = meet(&hit).clamp(0.0, reach_m).max(0.0);
+                    if reach_m == 0.0 {
+                        return;
+                    }
+                }
+            }
+        });
+        Ok(())
     }
 }
 

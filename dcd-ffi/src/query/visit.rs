@@ -1,0 +1,172 @@
+//! Answers one query by calls of a function of the user's, which may have enough before all is found.
+
+use std::ffi::c_void;
+use std::ops::ControlFlow;
+
+use dcd::physics::ColliderId;
+use dcd::protocol::RayAnswer;
+
+use super::overlap::{overlap, question};
+use super::ray::{question as ray_question, ray_hit};
+use super::{
+    Batch, DcdBoxQuery, DcdFilter, DcdOverlap, DcdRay, DcdRayHit, DcdShapeQuery, Somewhere, refused,
+};
+use crate::callback::{Callback, enter};
+use crate::guard::guard;
+use crate::ids::DcdWorld;
+use crate::registry::ask;
+use crate::status::{DCD_ERR_NULL, DcdStatus, Failure};
+
+/// Called with a body that a ray met; `hit` is valid during the call. Returns how far the ray goes from now on, metres: INFINITY for as far as
+/// it did, hit->distance to be called for nearer bodies only, 0 to end.
+///
+/// It is called on the thread that asks, must return normally (no longjmp, no C++ exception), and calls on worlds from within it give
+/// DCD_ERR_BUSY.
+pub type DcdRayFn = Option<unsafe extern "C" fn(context: *mut c_void, hit: *const DcdRayHit) -> f32>;
+/// Called with a body that was found; `found` is valid during the call. Returns whether to go on. As DcdRayFn else.
+pub type DcdOverlapFn = Option<unsafe extern "C" fn(context: *mut c_void, found: *const DcdOverlap) -> bool>;
+
+/// Calls `function` with every body that one ray meets, a collider of it once, in no order that is promised, until it has enough: for a
+/// question that dcd_cast_rays does not ask, such as what is thickest on the way, or the first body that a rule of yours lets count.
+///
+/// `ray` and `filter` are read during the call. Errors: as dcd_cast_rays.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_cast_ray_each(
+    world: DcdWorld,
+    ray: *const DcdRay,
+    filter: *const DcdFilter,
+    function: DcdRayFn,
+    context: *mut c_void,
+) -> DcdStatus {
+    guard("dcd_cast_ray_each", || {
+        let function = function.ok_or_else(no_function)?;
+        // SAFETY: the caller vouches for the ray and for the filter.
+        let batch = unsafe { Batch::new(ray, 1, "ray", filter)? };
+        ask(world, |world| {
+            let asked = batch.ask(world)?;
+            let ray = ray_question(world, asked.mask, &batch.queries[0])?;
+            let meet = |hit: RayAnswer| {
+                let (hit, mut reach) = (ray_hit(world, Some(hit)), 0.0);
+                // SAFETY: the caller vouches for the function and its context.
+                enter(Callback::Query, || reach = unsafe { function(context, &raw const hit) });
+                reach.into()
+            };
+            asked.queries.ask_ray_each(&asked.filter, &ray, meet).map_err(refused)
+        })
+    })
+}
+
+/// Calls `function` with every body that a shape overlaps, a collider of it once, in no order that is promised, until it has enough: to know
+/// whether a place is free, one is.
+///
+/// `shape` and `filter` are read during the call. Errors: as dcd_overlap_shapes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_overlap_shape_each(
+    world: DcdWorld,
+    shape: *const DcdShapeQuery,
+    filter: *const DcdFilter,
+    function: DcdOverlapFn,
+    context: *mut c_void,
+) -> DcdStatus {
+    // SAFETY: the caller vouches for all of them.
+    guard("dcd_overlap_shape_each", || unsafe { each_overlap(world, shape, filter, function, context) })
+}
+
+/// Calls `function` with every body whose AABB touches a box, as dcd_overlap_boxes, until it has enough.
+///
+/// `box` and `filter` are read during the call. Errors: as dcd_overlap_boxes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_overlap_box_each(
+    world: DcdWorld,
+    r#box: *const DcdBoxQuery,
+    filter: *const DcdFilter,
+    function: DcdOverlapFn,
+    context: *mut c_void,
+) -> DcdStatus {
+    // SAFETY: the caller vouches for all of them.
+    guard("dcd_overlap_box_each", || unsafe { each_overlap(world, r#box, filter, function, context) })
+}
+
+#[cold]
+fn no_function() -> Failure {
+    Failure::new(DCD_ERR_NULL, "function is null; give one to be called with what is found")
+}
+
+/// # Safety
+/// As [`Batch::new`]; the function may be called with its context.
+unsafe fn each_overlap<Q: Somewhere>(
+    world: DcdWorld,
+    place: *const Q,
+    filter: *const DcdFilter,
+    function: DcdOverlapFn,
+    context: *mut c_void,
+) -> Result<(), Failure> {
+    let function = function.ok_or_else(no_function)?;
+    // SAFETY: passed on.
+    let batch = unsafe { Batch::new(place, 1, Q::ONE, filter)? };
+    ask(world, |world| {
+        let asked = batch.ask(world)?;
+        let query = &batch.queries[0];
+        let (shape, query) = (query.shape(world)?, question(world, asked.mask, query)?);
+        let meet = |id: ColliderId| {
+            let (found, mut goes_on) = (overlap(world, &(&id).into()), false);
+            // SAFETY: the caller vouches for the function and its context.
+            enter(Callback::Query, || goes_on = unsafe { function(context, &raw const found) });
+            if goes_on { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+        };
+        asked.queries.ask_overlap_each(&asked.filter, |_| shape.cloned(), &query, meet).map_err(refused)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Barrier;
+
+    use super::*;
+    use crate::registry;
+
+    /// A world of one sphere of two metres.
+    fn world() -> DcdWorld {
+        use rapier3d::prelude::{ColliderBuilder, RigidBodyBuilder};
+        let mut world = dcd::World::new(dcd::WorldConfig::default()).unwrap();
+        world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::ball(2.0)).unwrap();
+        registry::add(world, 0)
+    }
+
+    unsafe extern "C" fn meet_the_other(context: *mut c_void, _: *const DcdOverlap) -> bool {
+        // SAFETY: the test gives a barrier that outlives the call.
+        unsafe { &*context.cast::<Barrier>() }.wait();
+        true
+    }
+
+    #[test]
+    fn two_threads_ask_one_world_at_the_same_time() {
+        let (world, both) = (world(), Barrier::new(2));
+        std::thread::scope(|scope| {
+            for _ in 0..2 {
+                scope.spawn(|| {
+                    let place = DcdBoxQuery {
+                        min: [-1.0; 3],
+                        max: [1.0; 3],
+                        mask: u32::MAX,
+                        exclude: crate::query::NOBODY,
+                        reserved: 0,
+                    };
+                    let context = (&raw const both).cast_mut().cast();
+                    // SAFETY: all pointers are valid during the call.
+                    let status = unsafe {
+                        dcd_overlap_box_each(
+                            world,
+                            &raw const place,
+                            std::ptr::null(),
+                            Some(meet_the_other),
+                            context,
+                        )
+                    };
+                    assert_eq!(status, crate::status::DCD_OK);
+                });
+            }
+        });
+        registry::remove(world).unwrap();
+    }
+}

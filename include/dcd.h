@@ -337,6 +337,12 @@ typedef void (*DcdLogFn)(void *user, DcdLogLevel level, const char *message, siz
 // Told of a bug: what does not hold, and where in the library's source. The texts are valid during the call.
 typedef void (*DcdBugFn)(void *context, const char *message, const char *file, uint32_t line);
 
+// Returns `size` bytes, above 0, aligned to `alignment`, a power of two; null if there are none, which ends the process.
+typedef void *(*DcdAllocateFn)(void *context, size_t size, size_t alignment);
+
+// Frees what DcdAllocateFn returned for this size and alignment.
+typedef void (*DcdFreeFn)(void *context, void *block, size_t size, size_t alignment);
+
 // The coupling: how regions come to consensus on the bodies that they share.
 typedef uint32_t DcdCoupling;
 
@@ -2364,6 +2370,17 @@ DCD_API DcdStatus dcd_log_set(DcdLogFn function, void *user, DcdLogLevel most);
 DCD_API
 DcdStatus dcd_bug_set(DcdBugFn function,
                       void *context);
+
+// Has all that the library allocates come from these functions, from now to the end of the process: to be called before any other
+// function of the library, once.
+//
+// Any thread may call them, several at a time, also from within every call of the library. They must return normally and call nothing of
+// the library. The library must have been built with it: cargo build -p dcd-ffi --release --features allocator.
+// Errors: DCD_ERR_NULL (a function), DCD_ERR_BUSY when the library has allocated already, DCD_ERR_UNSUPPORTED without the feature.
+DCD_API
+DcdStatus dcd_allocator_set(DcdAllocateFn allocate,
+                            DcdFreeFn free,
+                            void *context);
 
 // Creates an empty local world, which this process computes alone. Destroy it with dcd_world_destroy.
 //

@@ -1131,6 +1131,10 @@ inline Status log_set(DcdLogFn function, void *user, DcdLogLevel most)
 {
     return Status(dcd_log_set(function, user, most));
 }
+inline Status allocator_set(DcdAllocateFn allocate, DcdFreeFn free, void *context)
+{
+    return Status(dcd_allocator_set(allocate, free, context));
+}
 inline Status bug_set(DcdBugFn function, void *context)
 {
     return Status(dcd_bug_set(function, context));

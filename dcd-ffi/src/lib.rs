@@ -30,6 +30,8 @@ pub mod log;
 
 pub mod bug;
 
+pub mod allocator;
+
 pub mod role;
 pub mod status;
 pub mod types;
@@ -105,6 +107,6 @@ pub mod fidelity;
 pub mod record;
 pub mod snapshot;
 
-#[cfg(feature = "mimalloc")]
+#[cfg(all(feature = "mimalloc", not(feature = "allocator")))]
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;

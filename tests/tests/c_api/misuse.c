@@ -940,6 +940,25 @@ static bool meddling_overlap(void *context, const DcdOverlap *found)
     return false;
 }
 
+static void *no_memory(void *context, size_t size, size_t alignment)
+{
+    (void)context, (void)size, (void)alignment;
+    return NULL;
+}
+
+static void keep_memory(void *context, void *block, size_t size, size_t alignment)
+{
+    (void)context, (void)block, (void)size, (void)alignment;
+}
+
+/* The library of these tests is built without. */
+static void an_allocator(void)
+{
+    FAILS(dcd_allocator_set(no_memory, keep_memory, NULL), DCD_ERR_UNSUPPORTED, "--features allocator");
+    FAILS(dcd_allocator_set(NULL, keep_memory, NULL), DCD_ERR_NULL, "allocate");
+    FAILS(dcd_allocator_set(no_memory, NULL, NULL), DCD_ERR_NULL, "free");
+}
+
 static void queries(void)
 {
     DcdWorld world = make_world(2);
@@ -1302,6 +1321,7 @@ int main(void)
     joints();
     bulk();
     queries();
+    an_allocator();
     submitted();
     submitted_shapes();
     network();

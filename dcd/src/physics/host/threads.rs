@@ -382,10 +382,11 @@ mod tests {
         for (count, regions) in [(1, 1), (2, 1), (3, 2)] {
             let threads = Threads::new(count, regions, None).unwrap();
             let things: Vec<_> = (0..4 * WORTH_SPREADING).collect();
-            // All threads are in at the same time, or this hangs.
+            // One thing for each thread to wait at: all are in at the same time, or this hangs.
             let all_are_in = std::sync::Barrier::new(count);
+            let part = things.len() / count;
             let marked = |&thing: &usize| {
-                if thing % (things.len() / count) == 0 {
+                if thing % part == 0 && thing / part < count {
                     all_are_in.wait();
                 }
                 2 * thing

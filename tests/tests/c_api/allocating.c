@@ -1,0 +1,78 @@
+/* All memory of the library comes from functions of the program's: run by `.ci/run`, with a library that was built for it. */
+#define _POSIX_C_SOURCE 200809L
+#include "checks.h"
+
+#include <stdatomic.h>
+
+/* Blocks and bytes that are out, and whether one came back as another. */
+typedef struct Heap {
+    atomic_size_t blocks, bytes, calls, wrong;
+} Heap;
+
+/* Before each block: what it was asked for with. */
+typedef struct Head {
+    size_t size, alignment;
+    void *start;
+} Head;
+
+static void *allocate(void *context, size_t size, size_t alignment)
+{
+    Heap *heap = context;
+    char *start = malloc(size + alignment + sizeof(Head));
+    if (start == NULL)
+        return NULL;
+    char *block = start + sizeof(Head);
+    block += (alignment - (size_t)block % alignment) % alignment;
+    const Head head = { size, alignment, start };
+    memcpy(block - sizeof head, &head, sizeof head);
+    atomic_fetch_add(&heap->blocks, 1);
+    atomic_fetch_add(&heap->bytes, size);
+    atomic_fetch_add(&heap->calls, 1);
+    return block;
+}
+
+static void release(void *context, void *block, size_t size, size_t alignment)
+{
+    Heap *heap = context;
+    Head head;
+    memcpy(&head, (char *)block - sizeof head, sizeof head);
+    if (head.size != size || head.alignment != alignment)
+        atomic_fetch_add(&heap->wrong, 1);
+    atomic_fetch_sub(&heap->blocks, 1);
+    atomic_fetch_sub(&heap->bytes, size);
+    free(head.start);
+}
+
+int main(void)
+{
+    static Heap heap;
+    DcdWorldDef def = DCD_WORLD_DEF_INIT;
+    DcdBodyDef body = DCD_BODY_DEF_INIT;
+    DcdWorld world;
+    DcdBodyId id;
+    OK(dcd_allocator_set(allocate, release, &heap));
+    HOLDS(heap.calls == 0);
+    def.regions = 4;
+    def.threads = 2;
+    for (int round = 0; round < 3; round++) {
+        const size_t before = heap.bytes;
+        OK(dcd_world_create(&def, &world));
+        OK(dcd_shape_sphere(world, 0.5f, &body.shape));
+        for (int i = 0; i < 500; i++) {
+            body.pose.p[0] = i % 20 - 10.0;
+            body.pose.p[1] = i / 20;
+            OK(dcd_body_create(world, &body, &id));
+        }
+        for (int i = 0; i < 30; i++)
+            OK(dcd_step(world));
+        const size_t full = heap.bytes;
+        OK(dcd_world_destroy(world));
+        /* What threads that are still ending hold may be left. */
+        HOLDS(full - before > 500 * 500 && heap.bytes < before + 65536);
+    }
+    HOLDS(heap.calls > 1000 && heap.wrong == 0);
+    FAILS(dcd_allocator_set(allocate, release, &heap), DCD_ERR_BUSY, "before all other");
+    FAILS(dcd_allocator_set(NULL, release, &heap), DCD_ERR_NULL, "allocate");
+    FAILS(dcd_allocator_set(allocate, NULL, &heap), DCD_ERR_NULL, "free");
+    return checked();
+}

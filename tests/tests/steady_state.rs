@@ -1,4 +1,5 @@
-//! Tests what a step may cost in the steady state: nothing is allocated per body.
+//! Tests what a step and a body may cost in memory: in the steady state nothing is allocated per body, and a body takes little more than
+//! in a bare Rapier world.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -6,29 +7,39 @@ use std::cell::Cell;
 use dcd::physics::Coupling;
 use dcd::runtime::{LocalWorld, Partitioning, WorldConfig};
 use dcd::scene::{Params, Scene};
+use rapier3d::prelude::*;
 
 /// Counts what this thread allocates; tests run on threads of their own.
 struct Counting;
 
 thread_local! {
     static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
+    /// Bytes that are out.
+    static BYTES: Cell<usize> = const { Cell::new(0) };
+}
+
+fn count(bytes: usize, freed: usize) {
+    ALLOCATIONS.with(|count| count.set(count.get() + u64::from(bytes > 0)));
+    // What one thread allocates another may free.
+    BYTES.with(|count| count.set(count.get().wrapping_add(bytes).wrapping_sub(freed)));
 }
 
 // SAFETY: every call is passed on to the system's allocator unchanged.
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        ALLOCATIONS.with(|count| count.set(count.get() + 1));
+        count(layout.size(), 0);
         // SAFETY: the caller keeps GlobalAlloc's contract.
         unsafe { System.alloc(layout) }
     }
 
     unsafe fn realloc(&self, block: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        ALLOCATIONS.with(|count| count.set(count.get() + 1));
+        count(size, layout.size());
         // SAFETY: the caller keeps GlobalAlloc's contract.
         unsafe { System.realloc(block, layout, size) }
     }
 
     unsafe fn dealloc(&self, block: *mut u8, layout: Layout) {
+        count(0, layout.size());
         // SAFETY: the caller keeps GlobalAlloc's contract.
         unsafe { System.dealloc(block, layout) }
     }
@@ -88,4 +99,57 @@ fn compare() {
             println!("{n} bodies in {regions} regions: {owner} and {auto} allocations a step, bare {bare}");
         }
     }
+}
+
+/// Makes something, and says how many bytes it takes.
+fn bytes_of<W>(make: impl FnOnce() -> W) -> (usize, W) {
+    let before = BYTES.with(Cell::get);
+    let made = make();
+    (BYTES.with(Cell::get).wrapping_sub(before), made)
+}
+
+#[test]
+fn a_body_takes_little_more_memory_than_in_a_bare_world() {
+    // On this thread, as above.
+    let pool = rapier3d::rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    pool.install(|| {
+        for (arrangement, gap) in [("apart", 2.0), ("touching", 0.99)] {
+            let n = 4000;
+            let ball = |i: usize| {
+                let at = |k: usize| k as f32 * gap;
+                let place = Vector::new(at(i % 60), 0.5, at(i / 60));
+                (RigidBodyBuilder::dynamic().translation(place), ColliderBuilder::ball(0.5))
+            };
+            let (bare, _world) = bytes_of(|| {
+                let mut bare = PhysicsWorld::new();
+                bare.clear_thread_pool();
+                for (body, collider) in (0..n).map(ball) {
+                    bare.insert(body, collider);
+                }
+                (0..30).for_each(|_| bare.step());
+                bare
+            });
+            for regions in [1, 4] {
+                let partitioning = Partitioning::Regions(regions);
+                let (ours, world) = bytes_of(|| {
+                    let mut world =
+                        LocalWorld::new(WorldConfig { partitioning, ..WorldConfig::default() }).unwrap();
+                    for (body, collider) in (0..n).map(ball) {
+                        world.insert(body, collider).unwrap();
+                    }
+                    (0..30).for_each(|_| world.step().unwrap());
+                    world
+                });
+                let copies = world.stats().replicas;
+                println!(
+                    "{arrangement}, {regions} regions: {} bytes per body, {copies} copies; bare {}",
+                    ours / n,
+                    bare / n
+                );
+                // With borders there are lists of who may be near them; and a copy near one is a body too.
+                let most = if regions == 1 { 1.5 } else { 1.65 } * (bare * (n + copies) / n) as f64;
+                assert!((ours as f64) <= most, "{ours} bytes, bare {bare}");
+            }
+        }
+    });
 }

@@ -27,9 +27,12 @@ impl ShapeLibrary {
         if hangs(body, colliders) {
             return Err(ShapeError::Massless);
         }
-        let colliders =
-            colliders.iter().map(|collider| collider_record(collider, self)).collect::<Result<_, _>>()?;
-        let traits = Arc::new(traits_of(body, colliders));
+        // Collected results would leave room for four.
+        let mut records = Vec::with_capacity(colliders.len());
+        for collider in colliders {
+            records.push(collider_record(collider, self)?);
+        }
+        let traits = Arc::new(traits_of(body, records));
         let state = BodyState { pose, ..state_of(body, [0.0; 3]) };
         Ok(BodyRecord { id, epoch: Epoch(0), state, traits })
     }

@@ -840,6 +840,10 @@ typedef struct DcdFluid {
     float drag;
     // How fast motion and spin die down besides, of a body as heavy as what it displaces, 1/s, 0 or more.
     float damping;
+    // The coefficient l of dynamic lift, 0 or more: 1 for plates, 0 for none.
+    float lift;
+    // 0.
+    uint32_t reserved;
 } DcdFluid;
 
 // The properties of a body, but for those of its colliders: the members of DcdBodyDef, to be read and changed later. Start from
@@ -2589,6 +2593,19 @@ DcdStatus dcd_shape_compound(DcdWorld world,
                              size_t count,
                              DcdShapeId *out);
 
+// Makes a shape that is another one stretched along its own axes by `scale` (three factors above 0): one mesh or hull in many sizes. What is
+// round stays so where the factors let it, else it becomes a hull (of a sphere some hundred points). Parts of a compound that are turned
+// can only be stretched alike along all axes.
+//
+// `scale` is read during the call. The other shape may be destroyed afterwards.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_ARGUMENT for a factor that is not above 0 or makes the shape too small or
+// too large, or a compound that cannot be stretched so.
+DCD_API
+DcdStatus dcd_shape_scale(DcdWorld world,
+                          DcdShapeId shape,
+                          const float *scale,
+                          DcdShapeId *out);
+
 // Destroys a shape's handle. Bodies made with it keep their shape.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (also when destroyed twice).
@@ -2775,7 +2792,8 @@ DcdStatus dcd_explode(DcdWorld world,
 // wind. Writes their number into `pushed`, which may be null.
 //
 // What is in it is each collider that is no sensor and whose box (AABB) touches that of the fluid, and of that what lies below the surface. It is lifted by the weight of the fluid that it
-// displaces, at the centre of that volume, and dragged, at the centre of mass, by 1/2 density drag A v², by the silhouette A against the motion v through the fluid. Besides, motion and spin
+// displaces, at the centre of that volume, and dragged, at the centre of mass, by 1/2 density drag A v², by the silhouette A against the motion v through the fluid. Each face that is turned to it, with a shadow A, is pressed by
+// 1/2 density lift A v² against its normal, of which counts what is across the flow: sails and leaves are lifted. Besides, motion and spin
 // die down by `damping` times the mass displaced over the body's own. Neither ever turns a motion about. Lift comes at once and weight over the
 // step, so that between two steps what floats at rest has a velocity of up to half of gravity times dt downwards, and does not move. Terrain and open meshes displace nothing
 // and are left alone; of round shapes the border does not count, as it does not for their mass.
@@ -3838,7 +3856,7 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
 /* Still water without end, up to the height of the origin. */
 #define DCD_FLUID_INIT \
     { (uint32_t)sizeof(DcdFluid), 0xFFFFFFFFu, { -1.0e9, -1.0e9, -1.0e9 }, { 1.0e9, 1.0e9, 1.0e9 }, 0.0, 1000.0f, \
-      { 0.0f, 0.0f, 0.0f }, 1.0f, 1.0f }
+      { 0.0f, 0.0f, 0.0f }, 1.0f, 1.0f, 0.0f, 0 }
 
 /* A shape as dense as water at the body's origin. */
 #define DCD_COLLIDER_PROPERTIES_INIT \
@@ -4188,7 +4206,7 @@ DCD_ASSERT_(offsetof(DcdExplosion, radius) == 32);
 DCD_ASSERT_(offsetof(DcdExplosion, falloff) == 36);
 DCD_ASSERT_(offsetof(DcdExplosion, impulse) == 40);
 DCD_ASSERT_(offsetof(DcdExplosion, reserved) == 44);
-DCD_ASSERT_(sizeof(DcdFluid) == 88);
+DCD_ASSERT_(sizeof(DcdFluid) == 96);
 DCD_ASSERT_(offsetof(DcdFluid, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdFluid, mask) == 4);
 DCD_ASSERT_(offsetof(DcdFluid, min) == 8);
@@ -4198,6 +4216,8 @@ DCD_ASSERT_(offsetof(DcdFluid, density) == 64);
 DCD_ASSERT_(offsetof(DcdFluid, velocity) == 68);
 DCD_ASSERT_(offsetof(DcdFluid, drag) == 80);
 DCD_ASSERT_(offsetof(DcdFluid, damping) == 84);
+DCD_ASSERT_(offsetof(DcdFluid, lift) == 88);
+DCD_ASSERT_(offsetof(DcdFluid, reserved) == 92);
 DCD_ASSERT_(sizeof(DcdShapeInfo) == 76);
 DCD_ASSERT_(offsetof(DcdShapeInfo, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdShapeInfo, kind) == 4);

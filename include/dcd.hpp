@@ -616,6 +616,10 @@ public:
             return dcd_shape_compound(world_, parts.data(), frames.data(), count, out);
         });
     }
+    Result<ShapeId> shape_scale(ShapeId shape, const float (&scale)[3])
+    {
+        return got<ShapeId>([&](ShapeId *out) { return dcd_shape_scale(world_, shape, scale, out); });
+    }
     /* Of any shape, also one that collider_shape found. */
     Result<ShapeInfo> shape_info(ShapeId shape) const
     {

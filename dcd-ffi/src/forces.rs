@@ -57,6 +57,10 @@ pub struct DcdFluid {
     pub drag: f32,
     /// How fast motion and spin die down besides, of a body as heavy as what it displaces, 1/s, 0 or more.
     pub damping: f32,
+    /// The coefficient l of dynamic lift, 0 or more: 1 for plates, 0 for none.
+    pub lift: f32,
+    /// 0.
+    pub reserved: u32,
 }
 
 // SAFETY: begins with `struct_size`; every other member is a number.
@@ -105,7 +109,8 @@ pub unsafe extern "C" fn dcd_explode(
 /// wind. Writes their number into `pushed`, which may be null.
 ///
 /// What is in it is each collider that is no sensor and whose box (AABB) touches that of the fluid, and of that what lies below the surface. It is lifted by the weight of the fluid that it
-/// displaces, at the centre of that volume, and dragged, at the centre of mass, by 1/2 density drag A v², by the silhouette A against the motion v through the fluid. Besides, motion and spin
+/// displaces, at the centre of that volume, and dragged, at the centre of mass, by 1/2 density drag A v², by the silhouette A against the motion v through the fluid. Each face that is turned to it, with a shadow A, is pressed by
+/// 1/2 density lift A v² against its normal, of which counts what is across the flow: sails and leaves are lifted. Besides, motion and spin
 /// die down by `damping` times the mass displaced over the body's own. Neither ever turns a motion about. Lift comes at once and weight over the
 /// step, so that between two steps what floats at rest has a velocity of up to half of gravity times dt downwards, and does not move. Terrain and open meshes displace nothing
 /// and are left alone; of round shapes the border does not count, as it does not for their mass.
@@ -129,12 +134,15 @@ pub unsafe extern "C" fn dcd_flow(world: DcdWorld, fluid: *const DcdFluid, pushe
         check_not_negative(given.density, "density")?;
         check_not_negative(given.drag, "drag")?;
         check_not_negative(given.damping, "damping")?;
+        check_not_negative(given.lift, "lift")?;
+        check_reserved(given.reserved)?;
         let fluid = Fluid {
             bounds: Bounds { min: given.min, max: given.max },
             surface_m: given.surface,
             density_kg_m3: given.density,
             velocity_m_s: given.velocity,
             drag: given.drag,
+            lift: given.lift,
             damping_per_s: given.damping,
             mask: given.mask,
         };

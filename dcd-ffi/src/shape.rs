@@ -1,9 +1,11 @@
 //! Creates and destroys shapes, each of which any number of bodies may use.
 
+use std::sync::Arc;
+
 use dcd::physics::ShapeLibrary;
 use dcd::protocol::{SHAPE_LEAST_M, SHAPE_REACH_M};
 use rapier3d::parry::utils::Array2;
-use rapier3d::prelude::{SharedShape, Vector};
+use rapier3d::prelude::{Pose, Rotation, Shape, SharedShape, Vector};
 
 use crate::guard::guard;
 use crate::handle::stale;
@@ -273,6 +275,58 @@ pub unsafe extern "C" fn dcd_shape_compound(
             Ok(())
         })
     })
+}
+
+/// Makes a shape that is another one stretched along its own axes by `scale` (three factors above 0): one mesh or hull in many sizes. What is
+/// round stays so where the factors let it, else it becomes a hull (of a sphere some hundred points). Parts of a compound that are turned
+/// can only be stretched alike along all axes.
+///
+/// `scale` is read during the call. The other shape may be destroyed afterwards.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_ARGUMENT for a factor that is not above 0 or makes the shape too small or
+/// too large, or a compound that cannot be stretched so.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_shape_scale(
+    world: DcdWorld,
+    shape: DcdShapeId,
+    scale: *const f32,
+    out: *mut DcdShapeId,
+) -> DcdStatus {
+    guard("dcd_shape_scale", || {
+        // SAFETY: the caller vouches for three floats and for `out`.
+        let (scale, out) = unsafe { (pointer::slice(scale, 3, "scale")?, Out::new(out, "out")?) };
+        let scale = Vector::from_slice(scale);
+        if !scale.to_array().iter().all(|factor| (1e-6..=1e6).contains(factor)) {
+            return Err(Failure::argument(format!("scale is {scale}; give factors from 1e-6 to 1e6")));
+        }
+        with(world, |world| {
+            let scaled = checked(&scaled(&**find(world, shape)?, scale)?)?;
+            let slot = world.shapes.insert(scaled);
+            out.write(world.mark.shape(slot));
+            Ok(())
+        })
+    })
+}
+
+/// How finely round shapes are cut when they become hulls, along each of two angles.
+const ROUND: u32 = 16;
+
+fn scaled(shape: &dyn Shape, scale: Vector) -> Result<SharedShape, Failure> {
+    let Some(compound) = shape.as_compound() else {
+        let scaled = shape.scale_dyn(scale, ROUND).ok_or_else(|| {
+            Failure::argument(format!("the shape becomes flat or thin by {scale}; take larger factors"))
+        })?;
+        return Ok(SharedShape(Arc::from(scaled)));
+    };
+    let alike = scale.max_element() == scale.min_element();
+    let parts = compound.shapes().iter().enumerate().map(|(i, (place, part))| {
+        if !alike && place.rotation != Rotation::IDENTITY {
+            return Err(Failure::argument(format!(
+                "part {i} of the compound is turned; give one factor three times, or scale the parts"
+            )));
+        }
+        Ok((Pose { translation: place.translation * scale, ..*place }, scaled(&**part, scale)?))
+    });
+    Ok(SharedShape::compound(parts.collect::<Result<_, _>>()?))
 }
 
 /// Destroys a shape's handle. Bodies made with it keep their shape.

@@ -116,7 +116,8 @@ fn layouts() -> Vec<Layout> {
         }
         DcdForce { force, torque }
         DcdExplosion { struct_size, mask, centre, radius, falloff, impulse, reserved }
-        DcdFluid { struct_size, mask, min, max, surface, density, velocity, drag, damping }
+        DcdFluid { struct_size, mask, min, max, surface, density, velocity, drag, damping, lift,
+            reserved }
         DcdShapeInfo {
             struct_size, kind, size, border, frame, vertex_count, triangle_count, rows, columns, parts, reserved
         }
@@ -244,7 +245,7 @@ const MACROS: &str = "
 /* Still water without end, up to the height of the origin. */
 #define DCD_FLUID_INIT \\
     { (uint32_t)sizeof(DcdFluid), 0xFFFFFFFFu, { -1.0e9, -1.0e9, -1.0e9 }, { 1.0e9, 1.0e9, 1.0e9 }, 0.0, 1000.0f, \\
-      { 0.0f, 0.0f, 0.0f }, 1.0f, 1.0f }
+      { 0.0f, 0.0f, 0.0f }, 1.0f, 1.0f, 0.0f, 0 }
 
 /* A shape as dense as water at the body's origin. */
 #define DCD_COLLIDER_PROPERTIES_INIT \\

@@ -117,6 +117,45 @@ fn an_explosion_is_symmetric_weakens_and_gives_the_light_more_speed() {
 }
 
 #[test]
+fn wind_presses_what_is_slanted_aside_and_what_is_alike_on_all_sides_not() {
+    let mut world = cut_at(&FOUR, Coupling::Auto);
+    world.set_settings(StepSettings { gravity: [0.0; 3], ..world.settings().unwrap() }).unwrap();
+    let wind = Fluid {
+        surface_m: f64::INFINITY,
+        density_kg_m3: 1.2,
+        velocity_m_s: [10.0, 0.0, 0.0],
+        drag: 0.0,
+        lift: 1.0,
+        damping_per_s: 0.0,
+        ..Fluid::default()
+    };
+    // A plate of 2 m by 2 m, turned about z; the second one is its mirror image.
+    let mut plate = |at: [f64; 3], angle: f32| {
+        let body = RigidBodyBuilder::dynamic().rotation(Vector::Z * angle);
+        let rotation = body.clone().build().rotation().to_array();
+        let sheet = ColliderBuilder::cuboid(1.0, 5e-4, 1.0).mass(4.0);
+        world.insert_at(WorldPose { rotation, ..WorldPose::at(at) }, body, [sheet]).unwrap()
+    };
+    let plates =
+        [0.5, -0.5, 0.0, 0.2].map(|angle| (angle, plate([f64::from(angle) * 20.0, 0.1, 0.1], angle)));
+    let ball = insert(&mut world, [0.0, 8.0, 0.0], ColliderBuilder::ball(1.0).mass(4.0));
+    world.flow(&wind).unwrap();
+    for (angle, plate) in plates {
+        let Velocity { linear, angular } = world.velocity(plate).unwrap();
+        // ½ ρ l A sin v² along the normal, of which cos is across the wind; over 1/60 s and 4 kg.
+        let exact = 0.5 * 1.2 * 4.0 * angle.sin() * angle.cos() * 100.0 / 60.0 / 4.0;
+        assert!((linear[1] - -exact).abs() < 0.02 * exact.abs() + 2e-3, "{angle}: {linear:?}, not {exact}");
+        assert!(linear[0].abs() < 1e-4 && linear[2].abs() < 1e-4 && angular == [0.0; 3], "{linear:?}");
+    }
+    assert!(Vector::from(world.velocity(ball).unwrap().linear).length() < 1e-3);
+    // A gale gives no more speed across than there is along.
+    world.flow(&Fluid { density_kg_m3: 1e6, ..wind }).unwrap();
+    for (_, plate) in plates {
+        assert!(Vector::from(world.velocity(plate).unwrap().linear).length() < 15.0);
+    }
+}
+
+#[test]
 fn bodies_float_as_deep_as_archimedes_says() {
     let mut world = cut_at(&FOUR, Coupling::Auto);
     let lake = Fluid { surface_m: 3.0, drag: 0.5, damping_per_s: 2.0, ..Fluid::default() };
@@ -251,6 +290,7 @@ fn what_is_out_of_range_is_refused_by_name_and_nothing_is_pushed() {
         (Fluid { surface_m: f64::NAN, ..water }, "surface"),
         (Fluid { density_kg_m3: -1.0, ..water }, "density"),
         (Fluid { drag: f32::INFINITY, ..water }, "drag"),
+        (Fluid { lift: -1.0, ..water }, "lift"),
         (Fluid { velocity_m_s: [f32::NAN; 3], ..water }, "velocity"),
     ] {
         let refused = world.flow(&bad).unwrap_err().to_string();

@@ -67,6 +67,31 @@ static void shapes(DcdWorld world)
     OK(dcd_shape_vertices(world, shape, xyz, 4, &count));
     OK(dcd_shape_triangles(world, shape, indices, 2, &count));
     HOLDS(memcmp(xyz, corners, 12 * sizeof *xyz) == 0 && memcmp(indices, faces, sizeof faces) == 0);
+    /* Stretched: each vertex, and a sphere into a hull unless by one factor; what was stretched from stays. */
+    const float stretch[3] = { 2.0f, 3.0f, 0.5f }, twice[3] = { 2.0f, 2.0f, 2.0f };
+    OK(dcd_shape_scale(world, shape, stretch, &again));
+    OK(dcd_shape_vertices(world, again, xyz, 4, &count));
+    for (int i = 0; i < 12; i++)
+        HOLDS(xyz[i] == corners[i] * stretch[i % 3]);
+    OK(dcd_shape_vertices(world, shape, xyz, 4, &count));
+    HOLDS(memcmp(xyz, corners, 12 * sizeof *xyz) == 0);
+    OK(dcd_shape_sphere(world, 0.75f, &part));
+    OK(dcd_shape_scale(world, part, twice, &again));
+    info = info_of(world, again);
+    HOLDS(info.kind == DCD_SHAPE_SPHERE && info.size[0] == 1.5f);
+    OK(dcd_shape_scale(world, part, stretch, &again));
+    info = info_of(world, again);
+    HOLDS(info.kind == DCD_SHAPE_HULL && info.vertex_count > 100);
+    const DcdShapeId pieces[2] = { part, part };
+    const DcdFrame places[2] = { { { 1, 0, 0 }, { 0, 0, 0, 1 } }, { { 0, 1, 0 }, { 0, 0, 1, 0 } } };
+    OK(dcd_shape_compound(world, pieces, places, 1, &part));
+    OK(dcd_shape_scale(world, part, stretch, &again));
+    OK(dcd_shape_compound(world, pieces, places, 2, &part));
+    OK(dcd_shape_scale(world, part, twice, &again));
+    OK(dcd_shape_part(world, again, 1, &part, &frame));
+    HOLDS(frame.p[1] == 2.0f && info_of(world, part).size[0] == 1.5f);
+    OK(dcd_shape_compound(world, pieces, places, 2, &part));
+    FAILS(dcd_shape_scale(world, part, stretch, &again), DCD_ERR_ARGUMENT, "part 1");
     xyz[0] = 9.0f;
     FAILS(dcd_shape_vertices(world, shape, xyz, 3, &count), DCD_ERR_SMALL_BUFFER, "xyz has room for 3");
     HOLDS(count == 4 && xyz[0] == 9.0f);

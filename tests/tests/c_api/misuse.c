@@ -258,6 +258,15 @@ static void shapes(void)
     frames[1].q[3] = 1.0f;
     EXPECT(dcd_shape_compound(world, parts, frames, 2, &shape), DCD_OK);
 
+    const float level[3] = { 1.0f, 0.0f, 1.0f }, dusty[3] = { 1e-5f, 1e-5f, 1e-5f }, vast[3] = { 1e6f, 1e6f, NAN };
+    EXPECT(dcd_shape_scale(world, parts[0], NULL, &shape), DCD_ERR_NULL);
+    EXPECT(dcd_shape_scale(world, parts[0], HALF, NULL), DCD_ERR_NULL);
+    FAILS(dcd_shape_scale(world, parts[0], level, &shape), DCD_ERR_ARGUMENT, "scale");
+    FAILS(dcd_shape_scale(world, parts[0], vast, &shape), DCD_ERR_ARGUMENT, "scale");
+    FAILS(dcd_shape_scale(world, parts[0], dusty, &shape), DCD_ERR_ARGUMENT, "1e-4");
+    EXPECT(dcd_shape_scale(other, parts[0], HALF, &shape), DCD_ERR_STALE_ID);
+    EXPECT(dcd_shape_scale(world, parts[0], HALF, &shape), DCD_OK);
+
     EXPECT(dcd_shape_destroy(world, NO_SHAPE), DCD_ERR_NULL);
     EXPECT(dcd_shape_destroy(other, shape), DCD_ERR_STALE_ID);
     EXPECT(dcd_shape_destroy(world, shape), DCD_OK);

@@ -114,6 +114,12 @@ static void fluids(DcdWorld world)
     lake.struct_size = 8;
     FAILS(dcd_flow(world, &lake, &pushed), DCD_ERR_STRUCT, "DcdFluid");
     FAILS(dcd_flow(world, NULL, &pushed), DCD_ERR_NULL, "fluid");
+    lake = good;
+    lake.lift = -1.0f;
+    FAILS(dcd_flow(world, &lake, &pushed), DCD_ERR_ARGUMENT, "lift");
+    lake = good;
+    lake.reserved = 1;
+    FAILS(dcd_flow(world, &lake, &pushed), DCD_ERR_ARGUMENT, "reserved");
     FAILS(dcd_flow((DcdWorld){ 0 }, &good, &pushed), DCD_ERR_NULL, "world");
     HOLDS(pushed == 7);
 }

@@ -73,6 +73,7 @@ CALL(dcd_shape_mesh) {
 }
 CALL(dcd_shape_heightfield) { DcdShapeId id; return dcd_shape_heightfield(s->world, CORNERS, 2, 2, ONE, &id); }
 CALL(dcd_shape_compound) { DcdShapeId id; return dcd_shape_compound(s->world, &s->shape, &HERE, 1, &id); }
+CALL(dcd_shape_scale) { DcdShapeId id; return dcd_shape_scale(s->world, s->shape, ONE, &id); }
 CALL(dcd_shape_destroy) {
     DcdShapeId id;
     DcdStatus status = dcd_shape_sphere(s->world, 1.0f, &id);
@@ -453,7 +454,7 @@ CALL(dcd_world_destroy) {
 #define ALL(of) \
     of(dcd_world_info) of(dcd_world_is_valid) of(dcd_own_avatars) of(dcd_token_create) of(dcd_address) \
     of(dcd_shape_box) of(dcd_shape_sphere) of(dcd_shape_capsule) of(dcd_shape_cylinder) of(dcd_shape_cone) \
-    of(dcd_shape_hull) of(dcd_shape_mesh) of(dcd_shape_heightfield) of(dcd_shape_compound) of(dcd_shape_destroy) \
+    of(dcd_shape_hull) of(dcd_shape_mesh) of(dcd_shape_heightfield) of(dcd_shape_compound) of(dcd_shape_scale) of(dcd_shape_destroy) \
     of(dcd_body_create) of(dcd_bodies_create) of(dcd_character_create) of(dcd_vehicle_create) of(dcd_vehicle_drive) \
     of(dcd_body_destroy) of(dcd_bodies_destroy) of(dcd_body_is_valid) \
     of(dcd_settings) of(dcd_settings_set) of(dcd_gravity_set) of(dcd_joint_strength_set) of(dcd_profile) of(dcd_viewpoints_set) of(dcd_fidelity_report) of(dcd_hooks_set) of(dcd_tasks_set) of(dcd_body_contacts) of(dcd_explode) of(dcd_flow) of(dcd_sensor_bodies) of(dcd_bodies) of(dcd_body_extent) of(dcd_collider_shape) of(dcd_shape_info) of(dcd_shape_vertices) \

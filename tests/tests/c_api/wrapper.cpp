@@ -278,6 +278,8 @@ static void joints_and_shapes()
     HOLDS(world.shape_heightfield(heights, 3, 2, { 10.0f, 1.0f, 10.0f }));
     HOLDS(world.shape_heightfield(heights, 3, 3, { 10.0f, 1.0f, 10.0f }).status().code() == DCD_ERR_ARGUMENT);
     HOLDS(world.shape_compound(parts, frames));
+    const float twice[] = { 2.0f, 2.0f, 2.0f };
+    HOLDS(world.shape_scale(parts[0], twice));
     HOLDS(world.shape_compound(parts, dcd::Span<const dcd::Frame>(frames, 1)).status().code() == DCD_ERR_ARGUMENT);
     HOLDS(!world.shape_hull({}));
 }

@@ -2,7 +2,7 @@
 
 use rapier3d::prelude::*;
 
-use super::solid::{Volume, silhouette_m2, volume, volume_below};
+use super::solid::{Volume, lift_m2, silhouette_m2, volume, volume_below};
 use super::{Target, is_in, solids};
 use crate::physics::convert;
 use crate::physics::host::RegionHost;
@@ -14,8 +14,9 @@ use crate::space::Bounds;
 /// that the part below the surface.
 ///
 /// Lift is the weight of the fluid that is displaced, at the centre of that volume (Archimedes). Drag, at the centre of mass, is ½ ρ c A v², by the
-/// silhouette A against the motion through the fluid, and a slowing down of motion and spin by `damping_per_s` times the mass displaced over
-/// the body's own. Neither ever turns a motion about. Lift comes at once at the beginning of a step and weight over its substeps: between two
+/// silhouette A against the motion through the fluid. Faces at a slant are pushed aside (dynamic lift, of sails and falling leaves): the fluid presses on each
+/// face that is turned to it by ½ ρ l A v², by the shadow A of the face, against its normal, and of that counts what is across the flow. There is also a slowing down of motion and spin by `damping_per_s` times the mass displaced over
+/// the body's own. Neither ever turns a motion about, and dynamic lift never gives more speed across than there is along. The lift of what is displaced comes at once at the beginning of a step and weight over its substeps: between two
 /// steps what floats at rest has a velocity of up to half of g dt downwards, 0.08 m/s at 60 steps per second, and does not move.
 ///
 /// Terrain and flat meshes displace nothing and are left alone; the lift of an open mesh means nothing: close it. Of round shapes the border does not count, as in Rapier's masses.
@@ -31,6 +32,8 @@ pub struct Fluid {
     pub velocity_m_s: [f32; 3],
     /// c, without unit: 0.5 for balls, 1 for boxes.
     pub drag: f32,
+    /// l, without unit: 1 for plates, 0 for none. What is alike on all sides has none.
+    pub lift: f32,
     /// How fast motion and spin die down besides, of a body as heavy as what it displaces, 1/s.
     pub damping_per_s: f32,
     /// Only colliders that are in one of these groups.
@@ -46,6 +49,7 @@ impl Default for Fluid {
             density_kg_m3: 1000.0,
             velocity_m_s: [0.0; 3],
             drag: 1.0,
+            lift: 0.0,
             damping_per_s: 1.0,
             mask: u32::MAX,
         }
@@ -60,8 +64,8 @@ impl Fluid {
             Some(("bounds of a fluid", "min not above max, without NaN"))
         } else if self.surface_m.is_nan() {
             Some(("surface of a fluid", "no NaN"))
-        } else if ![self.density_kg_m3, self.drag, self.damping_per_s].into_iter().all(positive) {
-            Some(("density, drag or damping of a fluid", "0 to 1,000,000"))
+        } else if ![self.density_kg_m3, self.drag, self.lift, self.damping_per_s].into_iter().all(positive) {
+            Some(("density, drag, lift or damping of a fluid", "0 to 1,000,000"))
         } else if !self.velocity_m_s.iter().all(|v| v.is_finite()) {
             Some(("velocity of a fluid", "finite"))
         } else {
@@ -69,17 +73,24 @@ impl Fluid {
         }
     }
 
-    /// Returns the part of a body that is in it, and how large that looks along a direction.
-    fn holds(&self, target: &Target<'_>, up: Vector, along: Vector) -> (Volume, f32) {
+    /// Returns the part of a body that is in it, how large that looks to what flows against it along a direction, and where and how
+    /// much this presses it aside, m².
+    fn holds(&self, target: &Target<'_>, up: Vector, along: Vector) -> (Volume, f32, Vector) {
         let centre_m: f64 = (0..3).map(|i| target.centre[i] * f64::from(up[i])).sum();
         let height_m = (self.surface_m - centre_m).clamp(-1e30, 1e30) as f32;
         let parts = target.parts.iter().map(|(collider, pose)| {
             let (shape, all) = (collider.shape(), volume(collider.shape(), pose));
             let within = volume_below(shape, pose, up, height_m);
             let part = if all.m3 > 0.0 { within.m3 / all.m3 } else { 0.0 };
-            (within, if part > 0.0 { part * silhouette_m2(shape, pose, along) } else { 0.0 })
+            if part <= 0.0 {
+                return (within, 0.0, Vector::ZERO);
+            }
+            let aside = if self.lift > 0.0 { lift_m2(shape, pose, along) } else { Vector::ZERO };
+            (within, part * silhouette_m2(shape, pose, along), aside * part)
         });
-        parts.fold((Volume::default(), 0.0), |(all, area), (one, more)| (all.joined(one), area + more))
+        parts.fold((Volume::default(), 0.0, Vector::ZERO), |(all, area, aside), (one, more, further)| {
+            (all.joined(one), area + more, aside + further)
+        })
     }
 
     fn push(&self, target: &Target<'_>, host: &RegionHost) -> Option<Push> {
@@ -87,18 +98,23 @@ impl Fluid {
         let (body, up) = (target.body, host.up());
         let through = body.vels().linvel - convert::vector(self.velocity_m_s);
         let speed_m_s = through.length();
-        let (within, area_m2) = self.holds(target, up, through.try_normalize().unwrap_or(up));
+        let along = through.try_normalize().unwrap_or(up);
+        let (within, area_m2, aside_m2) = self.holds(target, up, along);
         let displaced_kg = self.density_kg_m3 * within.m3;
         if displaced_kg <= 0.0 {
             return None;
         }
-        let lift = gravity * (-displaced_kg * dt_s);
+        let buoyancy = gravity * (-displaced_kg * dt_s);
         // Both are taken at the end of the step, so that they end a motion at most.
         let damping_per_s = self.damping_per_s * displaced_kg / target.mass_kg;
         let drag_per_s = 0.5 * self.density_kg_m3 * self.drag * area_m2 * speed_m_s / target.mass_kg;
         let lost = |rate_per_s: f32| rate_per_s * dt_s / (1.0 + rate_per_s * dt_s);
-        let linear = lift - through * (target.mass_kg * lost(drag_per_s + damping_per_s));
-        let angular = within.centre.cross(lift) - target.spin() * lost(damping_per_s);
+        let aside = aside_m2.try_normalize().unwrap_or(Vector::ZERO);
+        let lift_per_s =
+            0.5 * self.density_kg_m3 * self.lift * aside_m2.length() * speed_m_s / target.mass_kg;
+        let linear = buoyancy - through * (target.mass_kg * lost(drag_per_s + damping_per_s))
+            + aside * (target.mass_kg * speed_m_s * lost(lift_per_s));
+        let angular = within.centre.cross(buoyancy) - target.spin() * lost(damping_per_s);
         target.push(linear, angular, host.settings().speed_limit_m_s())
     }
 }

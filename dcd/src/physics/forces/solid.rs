@@ -42,6 +42,24 @@ pub(super) fn silhouette_m2(shape: &dyn Shape, pose: &Pose, direction: Vector) -
     }
 }
 
+/// Returns how a shape that moves along a direction of length 1 is pressed aside by what it moves through: of each face that is turned
+/// forwards its shadow, m², against its normal, and of the sum what is across the direction.
+pub(super) fn lift_m2(shape: &dyn Shape, pose: &Pose, direction: Vector) -> Vector {
+    let local = pose.rotation.inverse() * direction;
+    if let TypedShape::Compound(compound) = shape.as_typed_shape() {
+        let parts = compound.shapes().iter();
+        return pose.rotation * parts.map(|(place, part)| lift_m2(&**part, place, local)).sum::<Vector>();
+    }
+    let (points, triangles) = surface(shape);
+    let pressed = triangles.iter().map(|corners| {
+        let [a, b, c] = corners.map(|corner| points[corner as usize]);
+        let face = 0.5 * (b - a).cross(c - a);
+        face.try_normalize().map_or(Vector::ZERO, |normal| normal * -face.dot(local).max(0.0))
+    });
+    let pressed: Vector = pressed.sum();
+    pose.rotation * (pressed - local * pressed.dot(local))
+}
+
 /// Returns the volume of a shape; none of what has no inside.
 pub(super) fn volume(shape: &dyn Shape, pose: &Pose) -> Volume {
     let mass = shape.mass_properties(1.0);

@@ -87,7 +87,7 @@ static void hear(DcdWorld world, DcdBodyId avatar, struct Diary *diary)
             continue;
         }
         if (change->kind == DCD_BODY_REFUSED) {
-            fprintf(stderr, "join: the server refuses, reason %" PRIu32 " (DCD_REFUSED_… in dcd.h)\n", change->reason);
+            fprintf(stderr, "join: the server refuses: %s\n", dcd_refused_string(change->reason));
             exit(EXIT_FAILURE);
         }
         diary->appeared = diary->appeared || change->kind == DCD_BODY_APPEARED;

@@ -1419,7 +1419,7 @@ typedef struct DcdBodyChange {
     uint64_t user_data;
     // DCD_BODY_APPEARED, _REMOVED or _REFUSED.
     uint32_t kind;
-    // DCD_REFUSED_… of a refusal, else 0.
+    // DCD_REFUSED_… of a refusal, else 0; dcd_refused_string names it.
     uint32_t reason;
 } DcdBodyChange;
 
@@ -2349,6 +2349,11 @@ DCD_API const char *dcd_version_string(void);
 
 // Returns the name of a status, as "DCD_ERR_NULL"; "(no DCD status)" for other numbers. Lives as long as the program.
 DCD_API const char *dcd_status_string(DcdStatus status);
+
+// Returns the name of a reason for a refusal (DcdBodyChange.reason), as "DCD_REFUSED_TOO_FAR"; "(no DCD reason)" for other numbers. Lives as
+// long as the program.
+DCD_API
+const char *dcd_refused_string(uint32_t reason);
 
 // Copies the message of the calling thread's last failed call: the function, the cause, the remedy. At most `cap` bytes
 // are written, NUL included; a longer message is cut. Calls that succeed leave the message as it is.

@@ -3,6 +3,7 @@
 mod calls;
 
 use std::collections::BTreeMap;
+use std::ffi::CStr;
 
 use dcd::protocol::{ContactKey, Refusal};
 use dcd::space::BodyId;
@@ -144,7 +145,7 @@ pub struct DcdBodyChange {
     pub user_data: u64,
     /// DCD_BODY_APPEARED, _REMOVED or _REFUSED.
     pub kind: u32,
-    /// DCD_REFUSED_… of a refusal, else 0.
+    /// DCD_REFUSED_… of a refusal, else 0; dcd_refused_string names it.
     pub reason: u32,
 }
 
@@ -358,5 +359,21 @@ fn code_of(refusal: Refusal) -> u32 {
         Refusal::Shape => DCD_REFUSED_SHAPE,
         Refusal::TooMany => DCD_REFUSED_TOO_MANY,
         Refusal::Costly(_) => DCD_REFUSED_COSTLY,
+    }
+}
+
+pub(crate) fn refused_name(reason: u32) -> &'static CStr {
+    match reason {
+        DCD_REFUSED_VERSION => c"DCD_REFUSED_VERSION",
+        DCD_REFUSED_NOT_YOURS => c"DCD_REFUSED_NOT_YOURS",
+        DCD_REFUSED_UNKNOWN => c"DCD_REFUSED_UNKNOWN",
+        DCD_REFUSED_EXISTS => c"DCD_REFUSED_EXISTS",
+        DCD_REFUSED_TOO_FAST => c"DCD_REFUSED_TOO_FAST",
+        DCD_REFUSED_LATE => c"DCD_REFUSED_LATE",
+        DCD_REFUSED_SHAPE => c"DCD_REFUSED_SHAPE",
+        DCD_REFUSED_TOO_MANY => c"DCD_REFUSED_TOO_MANY",
+        DCD_REFUSED_COSTLY => c"DCD_REFUSED_COSTLY",
+        DCD_REFUSED_TOO_FAR => c"DCD_REFUSED_TOO_FAR",
+        _ => c"(no DCD reason)",
     }
 }

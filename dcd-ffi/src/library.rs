@@ -1,7 +1,8 @@
-//! Reports the version of the library, the names of its status codes, and the last error.
+//! Reports the version of the library, the names of its codes, and the last error.
 
 use std::ffi::c_char;
 
+use crate::event::refused_name;
 use crate::guard::guard_value;
 use crate::status::{self, DcdStatus};
 
@@ -31,6 +32,13 @@ pub extern "C" fn dcd_version_string() -> *const c_char {
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_status_string(status: DcdStatus) -> *const c_char {
     status::name(status).as_ptr()
+}
+
+/// Returns the name of a reason for a refusal (DcdBodyChange.reason), as "DCD_REFUSED_TOO_FAR"; "(no DCD reason)" for other numbers. Lives as
+/// long as the program.
+#[unsafe(no_mangle)]
+pub extern "C" fn dcd_refused_string(reason: u32) -> *const c_char {
+    refused_name(reason).as_ptr()
 }
 
 /// Copies the message of the calling thread's last failed call: the function, the cause, the remedy. At most `cap` bytes

@@ -2,6 +2,7 @@
 //! programs find changed.
 
 mod abi;
+mod drawn;
 mod header;
 mod library;
 mod long;

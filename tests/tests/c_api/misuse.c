@@ -50,6 +50,8 @@ static void library(void)
     HOLDS(strlen(dcd_version_string()) >= 5);
     HOLDS(strcmp(dcd_status_string(DCD_ERR_STALE_ID), "DCD_ERR_STALE_ID") == 0);
     HOLDS(strcmp(dcd_status_string(12345), "(no DCD status)") == 0);
+    HOLDS(strcmp(dcd_refused_string(DCD_REFUSED_TOO_FAR), "DCD_REFUSED_TOO_FAR") == 0);
+    HOLDS(strcmp(dcd_refused_string(0), "(no DCD reason)") == 0);
     HOLDS(dcd_last_error(NULL, 0) == 0);
     HOLDS(dcd_last_error(NULL, 100) == 0);
     EXPECT(dcd_world_create(NULL, NULL), DCD_ERR_NULL);

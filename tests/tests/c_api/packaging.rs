@@ -21,7 +21,7 @@ fn of_this_test() -> [String; 3] {
 }
 
 /// Configures a project of ours and builds all of it.
-fn cmake_build(source: &str, build: &Path, flags: &[&str]) {
+pub(crate) fn cmake_build(source: &str, build: &Path, flags: &[&str]) {
     let mut configure = Command::new("cmake");
     configure.arg("-S").arg(root().join(source)).arg("-B").arg(build).args(flags).args(of_this_test());
     run_well(&mut configure);

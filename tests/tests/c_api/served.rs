@@ -16,8 +16,8 @@ use crate::toolchain::{build, root, run_well};
 
 const LIMIT: Duration = Duration::from_secs(60);
 
-struct Cluster {
-    server: ServerProcess,
+pub(crate) struct Cluster {
+    pub(crate) server: ServerProcess,
     nodes: Vec<Member>,
     folder: tempfile::TempDir,
 }
@@ -26,10 +26,14 @@ impl Cluster {
     /// A pile of boxes in two regions.
     fn start(nodes: usize) -> Self {
         let scene = Scene::named("pile", &Params::new().with("n", 100)).unwrap();
-        let folder = tempfile::tempdir().unwrap();
         let world = WorldConfig { partitioning: Partitioning::Regions(2), ..WorldConfig::for_scene(&scene) };
+        Self::of(&scene, &world, nodes)
+    }
+
+    pub(crate) fn of(scene: &Scene, world: &WorldConfig, nodes: usize) -> Self {
+        let folder = tempfile::tempdir().unwrap();
         let server = ServerProcess::start(
-            Origin::Scene(&scene, &world),
+            Origin::Scene(scene, world),
             ServeConfig { nodes, ..ServeConfig::new(folder.path().join("server")) },
         )
         .unwrap();
@@ -43,7 +47,7 @@ impl Cluster {
         Self { server, nodes, folder }
     }
 
-    fn token(&self, role: JoinRole) -> String {
+    pub(crate) fn token(&self, role: JoinRole) -> String {
         self.server.token(role, LIMIT).unwrap()
     }
 
@@ -60,7 +64,7 @@ impl Cluster {
     }
 
     /// The world must have come through it whole.
-    fn stop(self) {
+    pub(crate) fn stop(self) {
         let summary = self.server.stop();
         assert_eq!((summary.lost, summary.doubled), (0, 0));
         for node in self.nodes {

@@ -24,7 +24,8 @@ pub struct DcdClientDef {
     pub struct_size: u32,
     /// Milliseconds to wait for the server and the world; 0 is 10,000.
     pub timeout_ms: u32,
-    /// Where the server is: "host:port", "192.0.2.1:port" or "[2001:db8::1]:port".
+    /// Where the server is: "host:port", "192.0.2.1:port" or "[2001:db8::1]:port". Where servers stand by for one another
+    /// (`dcd serve --directory`) those of all, separated by commas without spaces: the one that answers is the server, now and later on.
     pub server: *const c_char,
     /// What `dcd token --role client` or dcd_token_create gave; joining uses it up.
     pub token: *const c_char,
@@ -226,7 +227,7 @@ impl Entry {
         Ok(Self { interest: (radius_m > 0.0).then_some(area), ..self })
     }
 
-    /// Tries each address that the server's name stands for until one answers.
+    /// Tries each address that the servers' names stand for until one answers.
     pub(crate) fn enter(
         self,
         threads: usize,
@@ -234,19 +235,20 @@ impl Entry {
         join: impl Fn(&JoinConfig) -> Result<Dcd, dcd::Error>,
     ) -> Result<(), Failure> {
         let deadline = Instant::now() + self.timeout;
-        let addresses = resolve(&self.server)?;
-        let count = addresses.len() as u32;
-        for (i, server) in addresses.into_iter().enumerate() {
-            let left = count - i as u32;
+        let servers = self.server.split(',').map(resolve).collect::<Result<Vec<_>, _>>()?;
+        let count = servers.iter().map(Vec::len).max().unwrap_or(0);
+        for i in 0..count {
+            let left = (count - i) as u32;
+            let mut addresses = servers.iter().filter_map(|found| found.get(i).or(found.last()).copied());
+            let Some(server) = addresses.next() else { break };
             let config = JoinConfig {
-                server,
-                token: self.token.clone(),
+                standbys: addresses.collect(),
                 identity: self.identity.clone(),
                 timeout: deadline.saturating_duration_since(Instant::now()) / left,
                 threads,
                 interest: self.interest,
                 record: self.record.clone(),
-                ..JoinConfig::new(server, "")
+                ..JoinConfig::new(server, self.token.clone())
             };
             match join(&config).map_err(Failure::from) {
                 // Nobody answers there.

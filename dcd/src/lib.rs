@@ -32,6 +32,7 @@
 //! | `net` | served worlds: QUIC, TLS, join tokens | yes |
 //! | `models` | scenes from MJCF and URDF files | no |
 //! | `cli` | the program `dcd`; implies all above | no |
+//! | `etcd` | servers that stand by for one another, with their world in an etcd cluster | no |
 //! | `sim` | whole clusters in one thread from one seed, to test protocols under faults | no |
 //! | `profiler` | the times of Rapier's phases in [`World::profile`] | no |
 //! | `enhanced-determinism` | equal bits on unlike machines, at 3 to 10 % of the speed | no |

@@ -2,6 +2,7 @@
 
 pub mod browser;
 pub mod course;
+pub mod etcd;
 pub mod proxy;
 pub mod served;
 pub mod socket;

@@ -17,7 +17,7 @@ use super::interrupt::Interrupt;
 use super::join_token::TokenArgs;
 use super::summary::Summary;
 use super::truth::Truth;
-use super::values::{GIVE_UP, SERVER, address, positive, speed, wall_seconds};
+use super::values::{GIVE_UP, SERVER, address, joining, positive, speed, wall_seconds};
 use super::view::{self, ANY_PORT};
 use crate::Viewer;
 use crate::drawing::Told;
@@ -51,9 +51,9 @@ const HALF_M: f32 = 0.4;
                        dialled again; the avatars go on as long as nodes compute the world."
 )]
 pub(super) struct Client {
-    /// Where the server is
-    #[arg(long, value_name = "ADDR", default_value = SERVER, value_parser = address)]
-    server: SocketAddr,
+    /// Where the server is; with servers that stand by (`dcd serve --directory`) all addresses, separated by commas
+    #[arg(long, value_name = "ADDR", default_value = SERVER, value_parser = address, value_delimiter = ',')]
+    server: Vec<SocketAddr>,
     #[command(flatten)]
     token: TokenArgs,
     /// How many avatars
@@ -255,11 +255,10 @@ impl Client {
             interest: self.interest.map(|radius| Area { centre: [0.0; 3], radius_m: radius.into() }),
             listen: self.listen,
             advertise: self.advertise,
-            ..JoinConfig::new(self.server, self.token.read()?)
+            ..joining(&self.server, self.token.read()?)
         };
-        let truth = self
-            .truth
-            .map(|token| JoinConfig { give_up: self.give_up, ..JoinConfig::new(self.server, token) });
+        let truth =
+            self.truth.map(|token| JoinConfig { give_up: self.give_up, ..joining(&self.server, token) });
         let mut world = if compute { ClientWorld::participate(&join)? } else { ClientWorld::connect(&join)? };
         world.set_prediction(!self.no_prediction);
         print(&format!("joined as {}", world.id()))?;
@@ -267,7 +266,7 @@ impl Client {
             print(&format!("listening {address}"))?;
         }
         world.limit(self.limit)?;
-        let name = format!("{} of {}", world.id(), self.server);
+        let name = format!("{} of {}", world.id(), self.server[0]);
         let viewer = self.view.map(|at| view::open(at, &name)).transpose()?;
         let camera = self.film.open()?;
         let mut crowd = Crowd::enter(world, self.avatars.into(), self.speed, self.interest.map(f64::from))?;

@@ -10,7 +10,7 @@ use super::failure::Failure;
 use super::interrupt::Interrupt;
 use super::join_token::TokenArgs;
 use super::summary::{Computed, Summary};
-use super::values::{GIVE_UP, SERVER, address, unused, wall_seconds};
+use super::values::{GIVE_UP, SERVER, address, joining, unused, wall_seconds};
 use super::view::{self, ANY_PORT};
 use crate::net::JoinRole;
 use crate::runtime::{JoinConfig, Member, MemberConfig, Onlooker};
@@ -34,9 +34,9 @@ const LOOK: Duration = Duration::from_millis(50);
                        speculative counts ticks that were computed for clients alone while other nodes were waited for."
 )]
 pub(super) struct Node {
-    /// Where the server is
-    #[arg(long, value_name = "ADDR", default_value = SERVER, value_parser = address)]
-    server: SocketAddr,
+    /// Where the server is; with servers that stand by (`dcd serve --directory`) all addresses, separated by commas
+    #[arg(long, value_name = "ADDR", default_value = SERVER, value_parser = address, value_delimiter = ',')]
+    server: Vec<SocketAddr>,
     #[command(flatten)]
     token: TokenArgs,
     /// Where to listen for other nodes and clients [default: any free port]
@@ -80,8 +80,9 @@ impl Node {
         }
         self.record.as_deref().map_or(Ok(()), unused)?;
         let (identity, record) = (self.identity, self.record.clone());
-        let join = JoinConfig { identity, record, ..JoinConfig::new(self.server, self.token.read()?) };
-        let mut config = MemberConfig::new(self.server, join.join(JoinRole::Node)?);
+        let join = JoinConfig { identity, record, ..joining(&self.server, self.token.read()?) };
+        let mut config = MemberConfig::new(join.server, join.join(JoinRole::Node)?);
+        config.standbys = join.standbys;
         config.listen = self.listen.unwrap_or(config.listen);
         config.advertise = self.advertise;
         config.give_up = self.give_up;
@@ -90,7 +91,7 @@ impl Node {
         config.threads = self
             .threads
             .map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from);
-        let name = format!("a node of {}", self.server);
+        let name = format!("a node of {}", self.server[0]);
         let viewer = self.view.map(|at| view::open(at, &name)).transpose()?;
         config.onlooker = viewer.map(|mut viewer| -> Onlooker {
             Box::new(move |regions, stats| viewer.show_node(regions, stats))

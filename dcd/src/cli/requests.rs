@@ -6,8 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use super::failure::Failure;
-use crate::cluster::directory::DirectoryError;
-use crate::runtime::{LocalWorld, ProcessError, RedbDirectory, ServerProcess};
+use crate::runtime::{LocalWorld, ProcessError, ServerProcess, is_served};
 
 /// The time that a server may take: nodes that hang are given up within seconds, and large files are written.
 const WAIT: Duration = Duration::from_secs(120);
@@ -39,14 +38,10 @@ impl Verb {
 /// Asks the server of a data folder, and waits until it is done; returns what it says.
 pub(super) fn ask(data: &Path, verb: Verb, file: &Path) -> Result<String, Failure> {
     let shown = data.display();
-    match data.join("world.redb").exists().then(|| RedbDirectory::open(data)) {
-        Some(Err(DirectoryError::Taken { .. })) => {}
-        Some(Err(error)) => return Err(ProcessError::from(error).into()),
-        Some(Ok(_)) | None => {
-            return Err(Failure::usage(format!(
-                "no server runs in {shown}; name the folder that `dcd serve` was started with (--data)"
-            )));
-        }
+    if !is_served(data).map_err(ProcessError::from)? {
+        return Err(Failure::usage(format!(
+            "no server runs in {shown}; name the folder that `dcd serve` was started with (--data)"
+        )));
     }
     let file = std::path::absolute(file).map_err(|error| refused(file, &error))?;
     let text = file.to_str().ok_or_else(|| Failure::usage("the file's path is no UTF-8; choose another"))?;
@@ -67,7 +62,7 @@ pub(super) fn ask(data: &Path, verb: Verb, file: &Path) -> Result<String, Failur
         // Once in a while: to look is to hold it for a moment.
         if looked.elapsed() >= LOOK_FOR_SERVER {
             looked = Instant::now();
-            if RedbDirectory::open(data).is_ok() && !answer.exists() {
+            if is_served(data).is_ok_and(|served| !served) && !answer.exists() {
                 let _ = fs::remove_file(&request);
                 return Err(Failure::run(format!("the server of {shown} has stopped before it was done")));
             }

@@ -52,7 +52,12 @@ pub(super) struct Serve {
     /// it is started again in the same way
     #[arg(long, value_name = "DIR", default_value = "dcd-data")]
     data: PathBuf,
-    /// Begins anew, and forgets a world that --data holds
+    /// Keep the world in an etcd cluster instead: etcd://HOST:PORT[,HOST:PORT...]/NAME. Servers of the same NAME, each with a --data of its own and the
+    /// same scene and settings, stand by for one another: when the one that serves the world is gone, another goes on with it. Nodes and
+    /// clients are given the addresses of all of them
+    #[arg(long, value_name = "PLACE")]
+    directory: Option<String>,
+    /// Begins anew, and forgets a world that is stored
     #[arg(long)]
     fresh: bool,
     /// Nodes to wait for before the first tick
@@ -127,6 +132,7 @@ impl Serve {
         let config = ServeConfig {
             listen: self.listen,
             data: self.data.clone(),
+            directory: self.directory.clone(),
             fresh: self.fresh,
             nodes: self.nodes.into(),
             pace: if self.unpaced { Pace::Unpaced } else { Pace::RealTime },
@@ -141,10 +147,21 @@ impl Serve {
             groups: self.groups()?,
         };
         requests::forget(&self.data);
-        let server = match &origin {
-            Beginning::Scene(scene) => ServerProcess::start(Origin::Scene(&scene.0, &scene.1), config),
-            Beginning::Snapshot(world) => ServerProcess::start(Origin::World(world), config),
-        }?;
+        let mut told = false;
+        let mut stand_by = |holder: &str| {
+            if !std::mem::replace(&mut told, true) {
+                // What cannot be printed keeps nobody from standing by.
+                let _ = print(&format!("standing by for {holder}"));
+            }
+            !interrupt.asked()
+        };
+        let origin_of_world = match &origin {
+            Beginning::Scene(scene) => Origin::Scene(&scene.0, &scene.1),
+            Beginning::Snapshot(world) => Origin::World(world),
+        };
+        let Some(server) = ServerProcess::start_or_stand_by(origin_of_world, config, &mut stand_by)? else {
+            return Ok(interrupt.exit_code());
+        };
         drop(origin);
         let mut first = format!("listening {}", server.address);
         if let Some(address) = server.metrics_address() {

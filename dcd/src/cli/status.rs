@@ -12,10 +12,10 @@ use serde::Serialize;
 use super::common::{Common, print};
 use super::failure::Failure;
 use super::interrupt::Interrupt;
-use super::values::{SERVER, address};
+use super::values::{SERVER, address, joining};
 use crate::net::{Authority, JoinRole};
 use crate::protocol::{NodeStatus, Status as Told};
-use crate::runtime::{JoinConfig, StatusLink};
+use crate::runtime::StatusLink;
 use crate::space::Bounds;
 
 /// The time between two looks, from which rates follow.
@@ -45,9 +45,9 @@ const CLEAR: &str = "\x1b[2J\x1b[H";
                        With --watch there is a line per second."
 )]
 pub(super) struct Status {
-    /// Where the server is
-    #[arg(long, value_name = "ADDR", default_value = SERVER, value_parser = address)]
-    server: SocketAddr,
+    /// Where the server is; with servers that stand by (`dcd serve --directory`) all addresses, separated by commas
+    #[arg(long, value_name = "ADDR", default_value = SERVER, value_parser = address, value_delimiter = ',')]
+    server: Vec<SocketAddr>,
     /// From `dcd token --role client`; used up by this
     #[arg(long, required_unless_present = "data")]
     token: Option<String>,
@@ -65,7 +65,7 @@ pub(super) struct Status {
 impl Status {
     pub(super) fn execute(self, _common: &Common) -> Result<ExitCode, Failure> {
         let interrupt = Interrupt::listen()?;
-        let link = StatusLink::connect(&JoinConfig::new(self.server, self.token()?))?;
+        let link = StatusLink::connect(&joining(&self.server, self.token()?))?;
         let (mut before, mut asked) = (link.ask(ANSWER)?, Instant::now());
         loop {
             while asked.elapsed() < BETWEEN && !interrupt.asked() {

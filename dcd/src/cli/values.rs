@@ -5,6 +5,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use super::failure::Failure;
+use crate::runtime::JoinConfig;
 
 /// Default address of servers.
 pub(super) const SERVER: &str = "127.0.0.1:7420";
@@ -29,6 +30,11 @@ pub(super) fn address(text: &str) -> Result<SocketAddr, String> {
     let mut found: Vec<_> = found.collect();
     found.sort_by_key(SocketAddr::is_ipv6);
     found.first().copied().ok_or_else(|| format!("`{text}` has no address; write it as numbers"))
+}
+
+/// Returns what joins a server that is at one of these addresses.
+pub(super) fn joining(servers: &[SocketAddr], token: impl Into<String>) -> JoinConfig {
+    JoinConfig { standbys: servers[1..].to_vec(), ..JoinConfig::new(servers[0], token) }
 }
 
 /// Parses a time with its unit: 90s, 10m, 2h, 1d.

@@ -6,12 +6,12 @@
 //!
 //! | | a file (`redb`) | a consensus store (etcd) |
 //! |---|---|---|
-//! | open | locks a file; the system lets go of it when the process dies | grants a lease, puts a holder's key under it where there is none; [`DirectoryError::Taken`] otherwise |
-//! | [`Directory::renew`] | nothing to do: [`Tenure::WhileOpen`] | keeps the lease alive: [`Tenure::For`] its time to live; `Taken` when it ran out |
-//! | [`Directory::commit`] | one write transaction | one transaction, which also compares the holder's key: `Taken` when that is another's or gone |
-//! | [`Revision`] | a counter in the file | `mod_revision` of a key, `header.revision` of an answer |
-//! | a [`Batch`] that is not durable | stays in memory until a durable one | as durable as any |
-//! | a batch of any size | as it is | beyond 128 operations or 1.5 MB: values of many keys in chunks under a new name, then one transaction that names them |
+//! | open | locks a file; the system lets go of it when the process dies | creates a holder's key where there is none; who finds one stands by until it is gone, or no longer renewed |
+//! | [`Directory::renew`] | nothing to do: [`Tenure::WhileOpen`] | a thread writes the holder's key again and again: [`Tenure::For`] what is left; [`DirectoryError::Deposed`] when it is another's |
+//! | [`Directory::commit`] | one write transaction | one transaction, which also compares the holder's key: `Deposed` when that is another's or gone |
+//! | [`Revision`] | a counter in the file | a counter as well |
+//! | a [`Batch`] that is not durable | stays in memory until a durable one | as there |
+//! | a batch of any size | as it is | beyond half a megabyte in parts under new names, then one transaction that counts them |
 //!
 //! So the only entry that vanishes unless renewed is the holder's own, and it has no key here: the implementation of the trait
 //! keeps it. A holder whose tenure ends by the clock stops sending before it does.
@@ -85,7 +85,7 @@ pub struct Condition {
 pub enum Tenure {
     /// As long as it has the directory open.
     WhileOpen,
-    /// For so long from the moment at which it *began* to ask, unless it renews the lease.
+    /// For so long from now, unless it is renewed.
     For(Duration),
 }
 
@@ -101,7 +101,8 @@ pub trait Directory: Send {
     /// directory anew.
     fn commit(&mut self, batch: &Batch, conditions: &[Condition]) -> Result<Revision, DirectoryError>;
 
-    /// Renews the hold on the directory. To be called three times per tenure, so that two answers may be lost.
+    /// Makes sure of the hold on the directory. To be called before anything is done that only its holder may do. Waits where that is not
+    /// known, as after a stop of the process.
     fn renew(&mut self) -> Result<Tenure, DirectoryError>;
 }
 
@@ -124,6 +125,14 @@ pub enum DirectoryError {
     /// The race is lost: somebody else holds the directory.
     #[error("another server keeps its world in {place}; stop it or choose another place")]
     Taken {
+        /// Where it is.
+        place: String,
+    },
+    /// The hold is lost: somebody else has taken the directory over.
+    #[error(
+        "another server has taken over the world in {place}, since this one was out of reach for too long; start it again, and it stands by"
+    )]
+    Deposed {
         /// Where it is.
         place: String,
     },

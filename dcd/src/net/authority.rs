@@ -15,6 +15,7 @@ use rustls::pki_types::{CertificateDer, PrivatePkcs8KeyDer};
 use super::files::{at, open_private, replace_private};
 use super::identity::pem_section;
 use super::join::{Admission, JoinRequest};
+use super::journal::{FileJournal, Journal};
 use super::key::Key;
 use super::ledger::Ledger;
 use super::renewal_request::RenewalRequest;
@@ -32,6 +33,8 @@ pub struct Authority {
     fingerprint: [u8; 32],
     secret: Secret,
     certificate_life: Duration,
+    /// Where joins are recorded, if not in the folder, until the ledger is opened.
+    journal: Mutex<Option<Box<dyn Journal>>>,
     ledger: Mutex<Option<Ledger>>,
 }
 
@@ -46,16 +49,31 @@ const SERVER_CERTIFICATE_LIFE: Duration = Duration::from_secs(10 * 365 * 24 * 36
 impl Authority {
     /// Loads the authority of the folder, or makes it on first use.
     pub fn load_or_create(folder: &Path) -> Result<Self, NetError> {
+        Self::load_or_adopt(folder, |own| Ok::<_, NetError>(own.to_owned()))
+    }
+
+    /// Loads the authority that several servers share. `agree` is told that of this folder, or a new one, and returns that of all: the
+    /// first that any of them told.
+    pub(crate) fn load_or_adopt<E: From<NetError>>(
+        folder: &Path,
+        agree: impl FnOnce(&str) -> Result<String, E>,
+    ) -> Result<Self, E> {
         std::fs::create_dir_all(folder).map_err(at(folder))?;
         // A server and `dcd token` may both come first.
         let lock_path = folder.join("authority.lock");
         let lock = open_private(&lock_path, OpenOptions::new().create(true).append(true))?;
         lock.lock().map_err(at(&lock_path))?;
         let path = folder.join("authority.pem");
-        if !path.try_exists().map_err(at(&path))? {
-            replace_private(&path, new_authority()?.as_bytes())?;
+        let is_there = path.try_exists().map_err(at(&path))?;
+        let own =
+            if is_there { std::fs::read_to_string(&path).map_err(at(&path))? } else { new_authority()? };
+        let shared = agree(&own)?;
+        match (is_there, shared == own) {
+            (true, true) => {}
+            (true, false) => return Err(NetError::OtherAuthority { path }.into()),
+            (false, _) => replace_private(&path, shared.as_bytes())?,
         }
-        Self::load(folder, &path)
+        Ok(Self::load(folder, &path)?)
     }
 
     fn load(folder: &Path, path: &Path) -> Result<Self, NetError> {
@@ -75,6 +93,7 @@ impl Authority {
             certificate,
             secret: Secret(secret),
             certificate_life: CERTIFICATE_LIFE,
+            journal: Mutex::new(None),
             ledger: Mutex::new(None),
         })
     }
@@ -125,8 +144,14 @@ impl Authority {
         reset_key(&self.secret.0)
     }
 
-    /// Opens the ledger, which locks the folder for this server; an error says that another one has it.
-    pub(super) fn open_ledger(&self) -> Result<(), NetError> {
+    /// Records joins there, and not in the folder.
+    #[cfg(feature = "etcd")]
+    pub(crate) fn record_in(&self, journal: Box<dyn Journal>) {
+        *self.journal.lock().unwrap_or_else(PoisonError::into_inner) = Some(journal);
+    }
+
+    /// Opens the ledger, for one server at a time; an error says that another one has it.
+    pub(crate) fn open_ledger(&self) -> Result<(), NetError> {
         self.ledger(SystemTime::now()).map(|_| ())
     }
 
@@ -207,7 +232,12 @@ impl Authority {
     fn ledger(&self, now: SystemTime) -> Result<MutexGuard<'_, Option<Ledger>>, NetError> {
         let mut ledger = self.ledger.lock().unwrap_or_else(PoisonError::into_inner);
         if ledger.is_none() {
-            *ledger = Some(Ledger::open(&self.folder, unix_seconds(now))?);
+            let shared = self.journal.lock().unwrap_or_else(PoisonError::into_inner).take();
+            let journal = match shared {
+                Some(journal) => journal,
+                None => Box::new(FileJournal::open(&self.folder)?),
+            };
+            *ledger = Some(Ledger::open(journal, unix_seconds(now))?);
         }
         Ok(ledger)
     }

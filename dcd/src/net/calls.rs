@@ -10,6 +10,7 @@ use quinn::{ClientConfig, Connection, Endpoint, Incoming};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use super::events::Delivery;
+use super::first::first_of;
 use super::join::{answer, explain};
 use super::peer::{GreetError, Lanes, Peer, greet};
 use super::seldom::Seldom;
@@ -145,10 +146,14 @@ async fn receive(shared: Arc<Shared>, incoming: Incoming, handshake: OwnedSemaph
     }
 }
 
-pub(super) async fn dial(shared: Arc<Shared>, key: PeerKey, addr: SocketAddr, expected: PeerName) {
+/// Dials a peer that is at one of these addresses.
+pub(super) async fn dial(shared: Arc<Shared>, key: PeerKey, addrs: Vec<SocketAddr>, expected: PeerName) {
     let timeout = shared.limits.handshake_timeout;
-    let greeted = tokio::time::timeout(timeout, call(&shared, addr, expected)).await;
-    match greeted.unwrap_or(Err(NetError::Unreachable { addr, waited: timeout })) {
+    let trial = |addr| {
+        let shared = shared.clone();
+        async move { call(&shared, addr, expected).await }
+    };
+    match first_of(&addrs, timeout, trial).await {
         Ok((who, connection, lanes)) => carry(&shared, key, who, connection, lanes, None).await,
         Err(error) => {
             if let Some(events) = shared.events() {

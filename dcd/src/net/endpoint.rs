@@ -28,8 +28,8 @@ pub struct NetConfig {
     pub identity: Identity,
     /// The authority, on a server: with it, joins are answered.
     pub authority: Option<Arc<Authority>>,
-    /// The server that renews the certificate; none where it outlives the process.
-    pub renewed_by: Option<SocketAddr>,
+    /// Where the server is that renews the certificate; nowhere if it outlives the process.
+    pub renewed_by: Vec<SocketAddr>,
     /// Time-outs and sizes.
     pub limits: Limits,
 }
@@ -89,8 +89,8 @@ impl Net {
             events: Mutex::new(Some(events)),
         });
         runtime.spawn(accept(shared.clone()));
-        if let Some(server) = renewed_by {
-            runtime.spawn(renew_in_time(shared.clone(), identity, server));
+        if !renewed_by.is_empty() {
+            runtime.spawn(renew_in_time(shared.clone(), identity, renewed_by));
         }
         Ok((Self { shared, runtime: Some(runtime), closing: Mutex::default() }, receiver))
     }
@@ -113,9 +113,14 @@ impl Net {
     /// Dials `addr`, where `expected` must prove itself. [`Connected`](super::NetEvent::Connected) or
     /// [`ConnectFailed`](super::NetEvent::ConnectFailed) follows.
     pub fn connect(&self, addr: SocketAddr, expected: PeerName) -> PeerKey {
+        self.connect_to_one_of(&[addr], expected)
+    }
+
+    /// Dials a peer that is at one of these addresses, and takes the one that answers first.
+    pub fn connect_to_one_of(&self, addrs: &[SocketAddr], expected: PeerName) -> PeerKey {
         let key = self.shared.new_key();
         if let Some(runtime) = &self.runtime {
-            runtime.spawn(dial(self.shared.clone(), key, addr, expected));
+            runtime.spawn(dial(self.shared.clone(), key, addrs.to_vec(), expected));
         }
         key
     }

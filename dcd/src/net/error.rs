@@ -32,6 +32,17 @@ pub enum NetError {
         /// The folder.
         path: PathBuf,
     },
+    /// The folder has the keys of another world.
+    #[error(
+        "{} is another authority than that of the world's other servers; name a folder without one, which gets theirs", path.display()
+    )]
+    OtherAuthority {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The record of joins cannot be read or written, so that nobody can be let in.
+    #[error("joins cannot be recorded: {0}")]
+    Joins(String),
     /// The text of a token is refused.
     #[error(transparent)]
     Token(#[from] TokenError),

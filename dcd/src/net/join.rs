@@ -9,6 +9,7 @@ use quinn::{Connection, ConnectionError, Endpoint};
 use rustls::pki_types::CertificateDer;
 
 use super::fields::{Fields, put_counted};
+use super::first::first_of;
 use super::key::{Key, PublicKey};
 use super::renewal_request::RenewalRequest;
 use super::seldom::Seldom;
@@ -19,13 +20,13 @@ use super::{
 };
 use crate::space::{ClientId, NodeId};
 
-/// Trades a token for an identity at the server on `server`, waiting no longer than `timeout`. With the resume key of an
+/// Trades a token for an identity at the server on one of these addresses, waiting no longer than `timeout`. With the resume key of an
 /// earlier identity the ids are the same again.
 ///
 /// # Panics
 /// Inside a tokio runtime: this call blocks.
 pub fn join(
-    server: SocketAddr,
+    servers: &[SocketAddr],
     token: &Token,
     resume: Option<&ResumeKey>,
     timeout: Duration,
@@ -39,7 +40,7 @@ pub fn join(
         resume: resume.map(ResumeKey::to_string),
     };
     let request = request.encode(PROTOCOL_VERSION);
-    let reply = exchange(server, token.fingerprint, &request, timeout)?;
+    let (server, reply) = exchange(servers, token.fingerprint, &request, timeout)?;
     let broken = |detail: &str| NetError::Broken { addr: server, detail: detail.to_owned() };
     let admission = match decode_reply(&reply).ok_or_else(|| broken("its answer cannot be read"))? {
         Ok(admission) => admission,
@@ -179,34 +180,37 @@ pub(super) fn decode_reply(bytes: &[u8]) -> Option<Result<Admission, Refused>> {
     }
 }
 
-/// Dials without a name, sends `request`, returns the answer.
+/// Dials without a name, sends `request`, returns the answer and whose it is.
 pub(super) fn exchange(
-    server: SocketAddr,
+    servers: &[SocketAddr],
     fingerprint: [u8; 32],
     request: &[u8],
     timeout: Duration,
-) -> Result<Vec<u8>, NetError> {
+) -> Result<(SocketAddr, Vec<u8>), NetError> {
     let runtime =
         tokio::runtime::Builder::new_current_thread().enable_all().build().map_err(NetError::Threads)?;
-    runtime.block_on(exchange_here(server, fingerprint, request, timeout))
+    runtime.block_on(exchange_here(servers, fingerprint, request, timeout))
 }
 
 /// Does the same on the runtime of the caller.
 pub(super) async fn exchange_here(
-    server: SocketAddr,
+    servers: &[SocketAddr],
     fingerprint: [u8; 32],
     request: &[u8],
     timeout: Duration,
-) -> Result<Vec<u8>, NetError> {
-    let (_endpoint, dialling) = anonymous(server, fingerprint, timeout)?;
+) -> Result<(SocketAddr, Vec<u8>), NetError> {
     let deadline = tokio::time::Instant::now() + timeout;
-    let unreachable = |_| NetError::Unreachable { addr: server, waited: timeout };
-    let failed = |error| explain(server, PeerName::Server, timeout, error);
-    let connection =
-        tokio::time::timeout_at(deadline, dialling).await.map_err(unreachable)?.map_err(failed)?;
+    let dialled = |server| async move {
+        let (endpoint, dialling) = anonymous(server, fingerprint, timeout)?;
+        let connection = dialling.await.map_err(|error| explain(server, PeerName::Server, timeout, error))?;
+        Ok((server, endpoint, connection))
+    };
+    let (server, _endpoint, connection) = first_of(servers, timeout, dialled).await?;
     let answer = tokio::time::timeout_at(deadline, ask(&connection, request)).await;
     say_goodbye(&connection).await;
-    answer.map_err(unreachable)?.map_err(failed)
+    let answer = answer.map_err(|_| NetError::Unreachable { addr: server, waited: timeout })?;
+    let answer = answer.map_err(|error| explain(server, PeerName::Server, timeout, error))?;
+    Ok((server, answer))
 }
 
 /// Closes the connection and waits until that is on its way, not for the three time-outs after which nobody can be left

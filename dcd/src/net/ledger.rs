@@ -1,53 +1,34 @@
 //! Records an authority's joins durably: which tokens were used, and which ids were given.
 
 use std::collections::BTreeMap;
-use std::fs::{self, File, OpenOptions, TryLockError};
-use std::io::Write;
-use std::path::{Path, PathBuf};
 
-use super::files::{at, open_private, replace_private};
+use super::journal::Journal;
 use super::token::NONCE_BYTES;
 use super::{JoinRole, NetError, PeerName};
 use crate::space::{ClientId, NodeId};
 
 type Nonce = [u8; NONCE_BYTES];
 
-/// The record of joins: one line of `joins.log` each, on disk before the joiner gets its answer. A server holds the
-/// folder's lock while it has the ledger open; minting tokens needs no ledger.
+/// The record of joins: one line of the journal each, kept before the joiner gets its answer. Minting tokens needs no ledger.
 pub(super) struct Ledger {
-    log: File,
-    /// Length of the whole lines in the log.
-    log_bytes: u64,
-    log_path: PathBuf,
+    journal: Box<dyn Journal>,
     /// Nonces of used tokens, each until its token would have expired anyway.
     used_until_s: BTreeMap<Nonce, u64>,
     last_node: u32,
     last_client: u32,
-    _lock: File,
 }
 
 impl Ledger {
     /// Reads the record back, and forgets tokens that have expired.
-    pub(super) fn open(folder: &Path, now_s: u64) -> Result<Self, NetError> {
-        let lock_path = folder.join("server.lock");
-        let lock = open_private(&lock_path, OpenOptions::new().create(true).append(true))?;
-        lock.try_lock().map_err(|error| match error {
-            TryLockError::WouldBlock => NetError::FolderTaken { path: folder.to_owned() },
-            TryLockError::Error(source) => at(&lock_path)(source),
-        })?;
-        let log_path = folder.join("joins.log");
-        let content = match fs::read_to_string(&log_path) {
-            Ok(content) => content,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
-            Err(error) => return Err(at(&log_path)(error)),
-        };
+    pub(super) fn open(mut journal: Box<dyn Journal>, now_s: u64) -> Result<Self, NetError> {
+        let content = journal.read()?;
         let mut used_until_s = BTreeMap::new();
         let (mut last_node, mut last_client) = (0, 0);
         // A last line without its end was cut by a crash; its joiner never got an answer.
         let whole = &content[..content.rfind('\n').map_or(0, |end| end + 1)];
         for line in whole.lines() {
             let (nonce, until_s, node, client) = parse_line(line).ok_or_else(|| NetError::Damaged {
-                path: log_path.clone(),
+                path: journal.place(),
                 what: format!("the line `{line}`"),
             })?;
             last_node = last_node.max(node);
@@ -60,17 +41,15 @@ impl Ledger {
         for (nonce, until_s) in &used_until_s {
             compact.push_str(&format_line(nonce, *until_s, 0, 0));
         }
-        replace_private(&log_path, compact.as_bytes())?;
-        let log = open_private(&log_path, OpenOptions::new().append(true))?;
-        let log_bytes = compact.len() as u64;
-        Ok(Self { log, log_bytes, log_path, used_until_s, last_node, last_client, _lock: lock })
+        journal.replace(&compact)?;
+        Ok(Self { journal, used_until_s, last_node, last_client })
     }
 
     pub(super) fn is_used(&self, nonce: &Nonce) -> bool {
         self.used_until_s.contains_key(nonce)
     }
 
-    /// Marks a token as used and gives ids for `role`, or those of `resumed`. On disk when this returns.
+    /// Marks a token as used and gives ids for `role`, or those of `resumed`. Kept when this returns.
     pub(super) fn record(
         &mut self,
         nonce: Nonce,
@@ -89,14 +68,7 @@ impl Ledger {
             }
         });
         let (node, client) = (who.node().unwrap_or_default().0, who.client().unwrap_or_default().0);
-        let line = format_line(&nonce, until_s, node, client);
-        if let Err(error) = self.log.write_all(line.as_bytes()).and_then(|()| self.log.sync_data()) {
-            // Half a line, as on a full disk, must not run into the next one. If this fails too, the log is cut when
-            // it is opened again, unless more was written to it; then the damage is named.
-            let _ = self.log.set_len(self.log_bytes);
-            return Err(at(&self.log_path)(error));
-        }
-        self.log_bytes += line.len() as u64;
+        self.journal.append(&format_line(&nonce, until_s, node, client))?;
         self.used_until_s.retain(|_, until_s| *until_s >= now_s);
         self.used_until_s.insert(nonce, until_s);
         self.last_node = self.last_node.max(node);
@@ -119,19 +91,27 @@ fn parse_line(line: &str) -> Option<(Nonce, u64, u32, u32)> {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+    use std::path::Path;
+
     use super::*;
+    use crate::net::journal::FileJournal;
+
+    fn open(folder: &Path, now_s: u64) -> Result<Ledger, NetError> {
+        Ledger::open(Box::new(FileJournal::open(folder)?), now_s)
+    }
 
     #[test]
     fn nonces_and_ids_survive_reopening_until_they_expire() {
         let folder = tempfile::tempdir().unwrap();
-        let mut ledger = Ledger::open(folder.path(), 0).unwrap();
+        let mut ledger = open(folder.path(), 0).unwrap();
         let first = ledger.record([1; 16], 100, JoinRole::Node, None, 0).unwrap();
         let second = ledger.record([2; 16], 200, JoinRole::Participant, None, 0).unwrap();
         assert_eq!(first, PeerName::Node(NodeId(1)));
         assert_eq!(second, PeerName::Participant(NodeId(2), ClientId(1)));
         drop(ledger);
 
-        let mut ledger = Ledger::open(folder.path(), 150).unwrap();
+        let mut ledger = open(folder.path(), 150).unwrap();
         assert!(!ledger.is_used(&[1; 16]), "its token has expired, which is reason enough to refuse it");
         assert!(ledger.is_used(&[2; 16]));
         let third = ledger.record([3; 16], 300, JoinRole::Node, None, 150).unwrap();
@@ -143,18 +123,18 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("joins.log");
         fs::write(&path, format!("{}{}", format_line(&[1; 16], 100, 1, 0), "0202")).unwrap();
-        let ledger = Ledger::open(folder.path(), 0).unwrap();
+        let ledger = open(folder.path(), 0).unwrap();
         assert!(ledger.is_used(&[1; 16]));
         assert_eq!(ledger.used_until_s.len(), 1);
         drop(ledger);
         fs::write(&path, "what is this\n").unwrap();
-        assert!(matches!(Ledger::open(folder.path(), 0), Err(NetError::Damaged { .. })));
+        assert!(matches!(open(folder.path(), 0), Err(NetError::Damaged { .. })));
     }
 
     #[test]
     fn two_servers_never_share_a_folder() {
         let folder = tempfile::tempdir().unwrap();
-        let _ledger = Ledger::open(folder.path(), 0).unwrap();
-        assert!(matches!(Ledger::open(folder.path(), 0), Err(NetError::FolderTaken { .. })));
+        let _ledger = open(folder.path(), 0).unwrap();
+        assert!(matches!(open(folder.path(), 0), Err(NetError::FolderTaken { .. })));
     }
 }

@@ -14,8 +14,10 @@ mod error;
 mod events;
 mod fields;
 mod files;
+mod first;
 mod identity;
 mod join;
+mod journal;
 mod key;
 mod lanes;
 mod ledger;
@@ -43,12 +45,16 @@ pub use events::{CloseCause, CloseCode, NetEvent, NetEvents, PeerKey};
 pub(crate) use files::open_private;
 pub use identity::Identity;
 pub use join::join;
+#[cfg(feature = "etcd")]
+pub(crate) use journal::Journal;
 pub use lanes::Lane;
 pub use limits::{Limits, MAX_DATAGRAM_BYTES};
 pub use renewal::renew;
 pub use role::{JoinRole, PeerName};
 pub use stats::{NetTotals, PeerStats};
 pub use token::{ResumeKey, Token};
+#[cfg(feature = "etcd")]
+pub(crate) use verify::random;
 
 /// The version of dcd's whole network protocol. Processes of different versions refuse each other.
 pub const PROTOCOL_VERSION: u32 = 4;

@@ -23,7 +23,7 @@ const PATIENCE: Duration = Duration::from_secs(10);
 /// The share of its life after which a certificate is renewed.
 const RENEW_AFTER: f64 = 2.0 / 3.0;
 /// Renews the identity of a process at its server, for as long as the process runs.
-pub(super) async fn renew_in_time(shared: Arc<Shared>, mut identity: Identity, server: SocketAddr) {
+pub(super) async fn renew_in_time(shared: Arc<Shared>, mut identity: Identity, servers: Vec<SocketAddr>) {
     let left = |identity: &Identity, now| identity.expires().duration_since(now).unwrap_or_default();
     let due_of = |identity: &Identity| {
         let now = SystemTime::now();
@@ -33,7 +33,7 @@ pub(super) async fn renew_in_time(shared: Arc<Shared>, mut identity: Identity, s
     let mut is_expiry_told = false;
     loop {
         if SystemTime::now() >= due {
-            match renewed(&shared, &identity, server).await {
+            match renewed(&shared, &identity, &servers).await {
                 Ok(fresh) => {
                     identity = fresh;
                     due = due_of(&identity);
@@ -62,16 +62,17 @@ pub(super) async fn renew_in_time(shared: Arc<Shared>, mut identity: Identity, s
 ///
 /// # Panics
 /// Inside a tokio runtime: this call blocks.
-pub fn renew(server: SocketAddr, identity: &Identity, timeout: Duration) -> Result<Identity, NetError> {
+pub fn renew(servers: &[SocketAddr], identity: &Identity, timeout: Duration) -> Result<Identity, NetError> {
     let request = RenewalRequest::of(identity)?.encode();
-    let reply = exchange(server, fingerprint(&identity.authority), &request, timeout)?;
+    let (server, reply) = exchange(servers, fingerprint(&identity.authority), &request, timeout)?;
     fresh(identity, server, &reply)
 }
 
 /// Returns the identity with a new certificate, which new links use from here on.
-async fn renewed(shared: &Shared, identity: &Identity, server: SocketAddr) -> Result<Identity, NetError> {
+async fn renewed(shared: &Shared, identity: &Identity, servers: &[SocketAddr]) -> Result<Identity, NetError> {
     let request = RenewalRequest::of(identity)?.encode();
-    let reply = exchange_here(server, fingerprint(&identity.authority), &request, PATIENCE).await?;
+    let (server, reply) =
+        exchange_here(servers, fingerprint(&identity.authority), &request, PATIENCE).await?;
     let fresh = fresh(identity, server, &reply)?;
     let answer = server_config(&fresh, false, &shared.limits)?;
     shared.set_dial(client_config(&fresh, &shared.limits)?);

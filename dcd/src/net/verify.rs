@@ -25,7 +25,7 @@ pub(super) fn fingerprint(certificate: &CertificateDer<'_>) -> [u8; 32] {
 }
 
 /// Returns random bytes that nobody can predict.
-pub(super) fn random<const N: usize>() -> Result<[u8; N], NetError> {
+pub(crate) fn random<const N: usize>() -> Result<[u8; N], NetError> {
     let mut bytes = [0; N];
     let filled = System.fill(&mut bytes);
     filled.map(|()| bytes).map_err(|_| NetError::Tls("the system gives no random bytes".to_owned()))

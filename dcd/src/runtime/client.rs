@@ -28,6 +28,9 @@ use crate::space::{BodyId, ClientId, DistributionTree, NodeId, RegionId, Tick};
 pub struct JoinConfig {
     /// Where the server is.
     pub server: SocketAddr,
+    /// Where else it may be: the addresses of servers that stand by. All are dialled, and the one that answers is the server. All of IPv4 or
+    /// all of IPv6.
+    pub standbys: Vec<SocketAddr>,
     /// From `dcd token --role client` (or `participant`, or `node`); used up by joining. A node that has its `identity` file already needs
     /// none: it may be empty, or a used one.
     pub token: String,
@@ -67,6 +70,7 @@ impl JoinConfig {
     pub fn new(server: SocketAddr, token: impl Into<String>) -> Self {
         Self {
             server,
+            standbys: Vec::new(),
             token: token.into(),
             identity: None,
             timeout: Duration::from_secs(10),
@@ -93,7 +97,7 @@ impl JoinConfig {
         };
         let identity = match &former {
             Some(former) if renews(former, role) && self.token.trim().is_empty() => {
-                renew(self.server, former, self.timeout)?
+                renew(&self.servers(), former, self.timeout)?
             }
             _ => self.admitted(role, former.as_ref())?,
         };
@@ -103,18 +107,23 @@ impl JoinConfig {
         Ok(identity)
     }
 
+    /// Returns all addresses at which the server may be.
+    pub(super) fn servers(&self) -> Vec<SocketAddr> {
+        [&[self.server], &self.standbys[..]].concat()
+    }
+
     fn admitted(&self, role: JoinRole, former: Option<&Identity>) -> Result<Identity, ProcessError> {
         let token: Token = self.token.trim().parse()?;
         token.require(role)?;
         if let Some(former) = former.filter(|former| renews(former, role) && former.is_of_server_of(&token)) {
-            match renew(self.server, former, self.timeout) {
+            match renew(&self.servers(), former, self.timeout) {
                 // A server that does not know the identity may still take the token.
                 Err(NetError::Refused { .. }) => {}
                 renewed => return Ok(renewed?),
             }
         }
         let resume = former.and_then(Identity::resume);
-        Ok(join(self.server, &token, resume, self.timeout)?)
+        Ok(join(&self.servers(), &token, resume, self.timeout)?)
     }
 }
 
@@ -164,6 +173,7 @@ impl ClientWorld {
         let client = identity.client().ok_or(ProcessError::Role { has: identity.role(), needs: role })?;
         let usual = MemberConfig::new(config.server, identity);
         let member = Member::start(MemberConfig {
+            standbys: config.standbys.clone(),
             threads: config.threads,
             give_up: config.give_up,
             listen: config.listen.unwrap_or(usual.listen),

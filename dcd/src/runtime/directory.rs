@@ -1,287 +1,97 @@
-//! Stores a server's directory (world, groups, bodies, shapes, joints) in a redb file in its data folder, for one server per
-//! folder.
+//! Opens the directory that a server keeps its world in, with the authority of that world: in its data folder, or in etcd, where
+//! servers that stand by have them too.
 
-use std::fs::{File, OpenOptions, TryLockError};
-use std::io::ErrorKind;
-use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+#[cfg(feature = "etcd")]
+mod etcd;
+mod lock;
+mod redb;
 
-use redb::{
-    Builder, Database, DatabaseError, Durability, ReadableDatabase, ReadableTable, StorageError,
-    TableDefinition, TableError,
-};
+use std::path::Path;
+use std::sync::Arc;
 
-use crate::cluster::directory::{Batch, Condition, Directory, DirectoryError, Entry, Key, Revision, Tenure};
-use crate::net::open_private;
+use tracing::info;
 
-/// The directory entries of a world in `world.redb`. Whoever has it open is its only holder: the system's lock on `world.lock`
-/// says so, and ends with the process, however that ends.
-///
-/// A batch that is not durable waits in memory, for a durable one or for a second to pass, so that a file that is written all the
-/// time is at most a second and a batch behind after a crash.
-pub struct RedbDirectory {
-    /// Dropped before the lock.
-    database: Database,
-    path: PathBuf,
-    synced_at: Instant,
-    _lock: Lock,
+use super::{ProcessError, ServeConfig, WorldError};
+use crate::cluster::directory::{Directory, DirectoryError};
+use crate::net::Authority;
+
+pub(super) use self::lock::FolderLock;
+pub(crate) use self::lock::is_served;
+pub use self::redb::RedbDirectory;
+
+/// What a server holds for as long as it serves a world.
+pub(super) struct Opened {
+    pub(super) directory: Box<dyn Directory>,
+    pub(super) authority: Arc<Authority>,
+    /// Of a folder whose world is elsewhere.
+    pub(super) folder_lock: Option<FolderLock>,
 }
 
-/// The lock, released explicitly: a child process that is just being started has the open file too for a moment.
-struct Lock(File);
+/// Asks who stands by, with who holds the world, whether to wait on.
+pub(crate) type GoesOn<'a> = &'a mut dyn FnMut(&str) -> bool;
 
-impl Drop for Lock {
-    fn drop(&mut self) {
-        let _ = self.0.unlock();
-    }
-}
-
-/// Format of keys and values in the file. A file of another format is refused.
-const FORMAT: u64 = 3;
-/// Key to revision (8 bytes, big-endian) and value.
-const ENTRIES: TableDefinition<'_, &[u8], &[u8]> = TableDefinition::new("dcd entries");
-/// The format of the file, and its last revision.
-const ABOUT: TableDefinition<'_, &str, u64> = TableDefinition::new("dcd directory");
-const FORMAT_ROW: &str = "format";
-const REVISION_ROW: &str = "revision";
-const REVISION_BYTES: usize = 8;
-
-/// Batches that are not durable become so after this long.
-const UNSYNCED: Duration = Duration::from_secs(1);
-/// Size of the page cache; redb's own 1 GiB is meant for files that do not fit there.
-const CACHE_BYTES: usize = 64 << 20;
-
-impl RedbDirectory {
-    /// Opens the world in this folder, or an empty one if there is none yet.
-    pub fn open(folder: &Path) -> Result<Self, DirectoryError> {
-        let path = folder.join("world.redb");
-        std::fs::create_dir_all(folder).map_err(|error| unreadable(folder, &error))?;
-        let lock = lock(&folder.join("world.lock"), &path)?;
-        // redb reports most damage as errors and panics on the rest: such a panic must not end the server without a word about
-        // the file.
-        let database = catch_unwind(AssertUnwindSafe(|| {
-            match path.try_exists().map_err(|error| unreadable(&path, &error))? {
-                true => opened(&path),
-                false => created(&path),
-            }
-        }))
-        .unwrap_or_else(|_| Err(damaged(&path, "redb cannot make sense of it")))?;
-        Ok(Self { database, path, synced_at: Instant::now(), _lock: lock })
-    }
-
-    /// Opens the world in this folder for a server that begins anew: a file that is damaged, or of another format, is replaced by
-    /// an empty one.
-    pub fn open_or_replace(folder: &Path) -> Result<Self, DirectoryError> {
-        match Self::open(folder) {
-            Err(DirectoryError::Damaged { .. } | DirectoryError::Format { .. }) => {}
-            opened => return opened,
-        }
-        let path = folder.join("world.redb");
-        let lock = lock(&folder.join("world.lock"), &path)?;
-        std::fs::remove_file(&path).map_err(|error| unreadable(&path, &error))?;
-        Ok(Self { database: created(&path)?, path, synced_at: Instant::now(), _lock: lock })
-    }
-
-    fn read(&self) -> Result<Vec<Entry>, redb::Error> {
-        let entries = self.database.begin_read()?.open_table(ENTRIES)?;
-        let mut read = Vec::new();
-        for entry in entries.iter()? {
-            let (key, value) = entry?;
-            let (revision, value) = split(value.value()).ok_or_else(|| corrupted("a value"))?;
-            let key = Key::from_bytes(key.value()).ok_or_else(|| corrupted("a key"))?;
-            read.push(Entry { key, revision, value: value.to_vec() });
-        }
-        Ok(read)
-    }
-
-    fn write(&self, batch: &Batch, conditions: &[Condition], durable: bool) -> Result<Written, redb::Error> {
-        let mut transaction = self.database.begin_write()?;
-        transaction.set_durability(if durable { Durability::Immediate } else { Durability::None })?;
-        let revision;
-        {
-            let mut entries = transaction.open_table(ENTRIES)?;
-            for &Condition { key, at } in conditions {
-                let found = match entries.get(key.to_bytes().as_slice())? {
-                    Some(stored) => Some(split(stored.value()).ok_or_else(|| corrupted("a value"))?.0),
-                    None => None,
-                };
-                if found != at {
-                    return Ok(Err(DirectoryError::Changed { key, expected: at, found }));
-                }
-            }
-            let mut about = transaction.open_table(ABOUT)?;
-            let last = about.get(REVISION_ROW)?.ok_or_else(|| corrupted("the last revision"))?.value();
-            revision = Revision(last + 1);
-            about.insert(REVISION_ROW, revision.0)?;
-            let mut stored = Vec::new();
-            for (key, value) in &batch.writes {
-                let key = key.to_bytes();
-                match value {
-                    Some(value) => {
-                        stored.clear();
-                        stored.extend(revision.0.to_be_bytes());
-                        stored.extend(value);
-                        entries.insert(key.as_slice(), stored.as_slice())?;
-                    }
-                    None => {
-                        entries.remove(key.as_slice())?;
-                    }
-                }
-            }
-        }
-        transaction.commit()?;
-        Ok(Ok(revision))
+/// Opens what the configuration names. In etcd this waits until no other server holds the world; `None`: it was not to wait on.
+pub(super) fn open(config: &ServeConfig, goes_on: GoesOn<'_>) -> Result<Option<Opened>, ProcessError> {
+    match &config.directory {
+        None => in_folder(&config.data, config.fresh).map(Some),
+        Some(address) => in_etcd(address, config, goes_on),
     }
 }
 
-type Written = Result<Revision, DirectoryError>;
-
-impl Directory for RedbDirectory {
-    fn load(&mut self) -> Result<Vec<Entry>, DirectoryError> {
-        self.read().map_err(|error| match error {
-            redb::Error::Corrupted(what) => damaged(&self.path, &what),
-            other => unreadable(&self.path, &other),
-        })
-    }
-
-    fn commit(&mut self, batch: &Batch, conditions: &[Condition]) -> Result<Revision, DirectoryError> {
-        let durable = batch.durable || self.synced_at.elapsed() >= UNSYNCED;
-        let written = self.write(batch, conditions, durable).map_err(|error| match error {
-            redb::Error::Corrupted(what) => damaged(&self.path, &what),
-            other => DirectoryError::Unwritable { place: place(&self.path), cause: other.to_string() },
-        })?;
-        if durable && written.is_ok() {
-            self.synced_at = Instant::now();
-        }
-        written
-    }
-
-    fn renew(&mut self) -> Result<Tenure, DirectoryError> {
-        Ok(Tenure::WhileOpen)
-    }
-}
-
-/// Locks the folder's world file. redb locks the file as well, but only once there is one.
-fn lock(lock_path: &Path, path: &Path) -> Result<Lock, DirectoryError> {
-    let lock = open_private(lock_path, OpenOptions::new().create(true).append(true))
-        .map_err(|error| DirectoryError::Unreadable { place: place(lock_path), cause: cause(&error) })?;
-    match lock.try_lock() {
-        Ok(()) => Ok(Lock(lock)),
-        Err(TryLockError::WouldBlock) => Err(DirectoryError::Taken { place: place(path) }),
-        Err(TryLockError::Error(error)) => Err(unreadable(lock_path, &error)),
-    }
-}
-
-fn builder() -> Builder {
-    let mut builder = Database::builder();
-    builder.set_cache_size(CACHE_BYTES);
-    builder
-}
-
-/// Creates the file, whole or not at all, so that an empty one is damage, and no beginning.
-fn created(path: &Path) -> Result<Database, DirectoryError> {
-    let draft = path.with_extension("draft");
-    match std::fs::remove_file(&draft) {
-        Err(error) if error.kind() != ErrorKind::NotFound => return Err(unreadable(&draft, &error)),
-        _ => {}
-    }
-    let unwritable =
-        |error: redb::Error| DirectoryError::Unwritable { place: place(&draft), cause: error.to_string() };
-    let file = open_private(&draft, OpenOptions::new().read(true).write(true).create_new(true))
-        .map_err(|error| DirectoryError::Unwritable { place: place(&draft), cause: cause(&error) })?;
-    let database = builder().create_file(file).map_err(|error| unwritable(error.into()))?;
-    begin(&database).map_err(unwritable)?;
-    // Closed and opened again: a rename under an open database would do on Unix alone.
-    drop(database);
-    std::fs::rename(&draft, path).map_err(|error| unreadable(path, &error))?;
-    #[cfg(unix)]
-    if let Some(folder) = path.parent() {
-        // The rename itself is durable only when the folder is.
-        File::open(folder)
-            .and_then(|folder| folder.sync_all())
-            .map_err(|error| unreadable(folder, &error))?;
-    }
-    opened(path)
-}
-
-fn begin(database: &Database) -> Result<(), redb::Error> {
-    let transaction = database.begin_write()?;
-    {
-        let mut about = transaction.open_table(ABOUT)?;
-        about.insert(FORMAT_ROW, FORMAT)?;
-        about.insert(REVISION_ROW, 0)?;
-        transaction.open_table(ENTRIES)?;
-    }
-    transaction.commit()?;
-    Ok(())
-}
-
-fn opened(path: &Path) -> Result<Database, DirectoryError> {
-    let mut database = builder().open(path).map_err(|error| refused(path, error))?;
-    check_format(path, &database)?;
-    // redb reads checksums after a crash only, unless asked.
-    match database.check_integrity() {
-        Ok(true) => Ok(database),
-        Ok(false) => Err(damaged(path, "and mended as far as that goes: a second start takes what is left")),
-        Err(error) => Err(refused(path, error)),
-    }
-}
-
-fn check_format(path: &Path, database: &Database) -> Result<(), DirectoryError> {
-    let format = || -> Result<Option<u64>, redb::Error> {
-        let about = match database.begin_read()?.open_table(ABOUT) {
-            Err(TableError::TableDoesNotExist(_) | TableError::TableTypeMismatch { .. }) => return Ok(None),
-            about => about?,
-        };
-        Ok(about.get(FORMAT_ROW)?.map(|format| format.value()))
+fn in_folder(folder: &Path, fresh: bool) -> Result<Opened, ProcessError> {
+    let authority = Arc::new(Authority::load_or_create(folder)?);
+    authority.open_ledger()?;
+    let directory = match fresh {
+        true => RedbDirectory::open_or_replace(folder)?,
+        false => RedbDirectory::open(folder)?,
     };
-    match format() {
-        Ok(Some(FORMAT)) => Ok(()),
-        Ok(Some(found)) => Err(DirectoryError::Format { place: place(path), found, known: FORMAT }),
-        Ok(None) => Err(DirectoryError::Foreign { place: place(path) }),
-        Err(error) => Err(damaged(path, &error.to_string())),
-    }
+    Ok(Opened { directory: Box::new(directory), authority, folder_lock: None })
 }
 
-fn refused(path: &Path, error: DatabaseError) -> DirectoryError {
-    match error {
-        DatabaseError::DatabaseAlreadyOpen => DirectoryError::Taken { place: place(path) },
-        DatabaseError::Storage(StorageError::Io(error)) if error.kind() == ErrorKind::InvalidData => {
-            DirectoryError::Foreign { place: place(path) }
+#[cfg(feature = "etcd")]
+fn in_etcd(address: &str, config: &ServeConfig, goes_on: GoesOn<'_>) -> Result<Option<Opened>, ProcessError> {
+    let Some(mut world) = etcd::EtcdWorld::at(address) else { return Err(malformed(address)) };
+    let authority =
+        Authority::load_or_adopt(&config.data, |own| world.authority(own).map_err(ProcessError::from))?;
+    let authority = Arc::new(authority);
+    // For people, and unlike all others.
+    let number = u64::from_be_bytes(crate::net::random()?);
+    let holder = format!("{} (process {}, {number:016x})", config.listen, std::process::id());
+    let mut stood_by = false;
+    let mut wait_on = |other: &str| {
+        if config.fresh {
+            return false;
         }
-        DatabaseError::Storage(StorageError::Io(error)) if error.kind() != ErrorKind::UnexpectedEof => {
-            unreadable(path, &error)
+        if !std::mem::replace(&mut stood_by, true) {
+            info!(place = address, holder = other, "standing by: another server holds the world");
         }
-        other => damaged(path, &other.to_string()),
+        goes_on(other)
+    };
+    let Some(directory) = world.open(&holder, config.fresh, &mut wait_on)? else {
+        return match config.fresh {
+            true => Err(DirectoryError::Taken { place: address.to_owned() }.into()),
+            false => Ok(None),
+        };
+    };
+    if directory.is_cleared() {
+        return Err(ProcessError::Ended("the world has ended while this server stood by".to_owned()));
     }
+    if stood_by {
+        info!(place = address, "taking over");
+    }
+    let folder_lock = FolderLock::take(&config.data, &config.data)?;
+    authority.record_in(Box::new(directory.journal()));
+    authority.open_ledger()?;
+    Ok(Some(Opened { directory: Box::new(directory), authority, folder_lock: Some(folder_lock) }))
 }
 
-fn split(stored: &[u8]) -> Option<(Revision, &[u8])> {
-    let (revision, value) = stored.split_first_chunk::<REVISION_BYTES>()?;
-    Some((Revision(u64::from_be_bytes(*revision)), value))
+#[cfg(feature = "etcd")]
+fn malformed(address: &str) -> ProcessError {
+    WorldError::Setting { what: "directory", value: address.to_owned(), range: etcd::WRITTEN }.into()
 }
 
-fn corrupted(what: &str) -> redb::Error {
-    redb::Error::Corrupted(format!("{what} is not one of dcd's"))
+#[cfg(not(feature = "etcd"))]
+fn in_etcd(address: &str, _: &ServeConfig, _: GoesOn<'_>) -> Result<Option<Opened>, ProcessError> {
+    let range = "this dcd was built without the feature `etcd`: build it with that, as cargo install --features cli,etcd";
+    Err(WorldError::Setting { what: "directory", value: address.to_owned(), range }.into())
 }
-
-fn damaged(path: &Path, what: &str) -> DirectoryError {
-    DirectoryError::Damaged { place: place(path), what: what.to_owned() }
-}
-
-fn unreadable(path: &Path, error: &dyn std::error::Error) -> DirectoryError {
-    DirectoryError::Unreadable { place: place(path), cause: error.to_string() }
-}
-
-fn place(path: &Path) -> String {
-    path.display().to_string()
-}
-
-/// Returns the system's message, without the words that [`DirectoryError`] adds itself.
-fn cause(error: &crate::net::NetError) -> String {
-    std::error::Error::source(error).map_or_else(|| error.to_string(), ToString::to_string)
-}
-
-#[cfg(test)]
-mod tests;

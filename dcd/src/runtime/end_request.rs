@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use super::RedbDirectory;
+use super::directory::is_served;
 use crate::cluster::directory::{Batch, Directory, DirectoryError};
 
 /// The file that asks the server of a data folder to end its world.
@@ -50,44 +51,51 @@ pub enum WorldEnd {
     Unheard,
 }
 
-/// Ends the world of a data folder: by its server, which is waited for, or, where none runs, by removing what is stored.
+/// Ends the world of a data folder: by its server, which is waited for, or, where none runs, by removing what is stored in the folder.
 pub fn end_world(folder: &Path, timeout: Duration) -> Result<WorldEnd, DirectoryError> {
-    if !folder.join("world.redb").exists() {
-        return Ok(WorldEnd::Nothing);
-    }
     let deadline = Instant::now() + timeout;
+    let path = folder.join(REQUEST);
     let mut asked = false;
     loop {
-        match RedbDirectory::open(folder) {
-            Ok(mut directory) => {
+        if !is_served(folder)? {
+            if asked {
                 // One that came when the server was ending already.
-                let _ = std::fs::remove_file(folder.join(REQUEST));
-                let entries = directory.load()?;
-                let end = match (entries.is_empty(), asked) {
-                    (true, true) => WorldEnd::ByServer,
-                    (true, false) => WorldEnd::Nothing,
-                    (false, _) => WorldEnd::Removed,
-                };
-                // Also where its server died meanwhile.
-                let writes = entries.into_iter().map(|entry| (entry.key, None)).collect();
-                directory.commit(&Batch { writes, durable: true }, &[])?;
-                return Ok(end);
+                let _ = std::fs::remove_file(&path);
             }
-            Err(DirectoryError::Taken { .. }) if Instant::now() >= deadline => return Ok(WorldEnd::Unheard),
-            Err(DirectoryError::Taken { .. }) => {
-                let path = folder.join(REQUEST);
-                // Once more if it is taken: a server that was just starting takes it for one to the server before.
-                if asked && path.exists() {
-                    std::thread::sleep(LOOK_AGAIN);
-                    continue;
-                }
-                std::fs::write(&path, []).map_err(|error| DirectoryError::Unwritable {
-                    place: path.display().to_string(),
-                    cause: error.to_string(),
-                })?;
-                asked = true;
+            match (remove(folder), asked) {
+                // By a server that has just started.
+                (Err(DirectoryError::Taken { .. }), _) => continue,
+                (Err(error), _) => return Err(error),
+                (Ok(true), _) => return Ok(WorldEnd::Removed),
+                (Ok(false), true) => return Ok(WorldEnd::ByServer),
+                (Ok(false), false) => return Ok(WorldEnd::Nothing),
             }
-            Err(error) => return Err(error),
         }
+        if Instant::now() >= deadline {
+            return Ok(WorldEnd::Unheard);
+        }
+        // Once more if it is taken: a server that was just starting takes it for one to the server before.
+        if asked && path.exists() {
+            std::thread::sleep(LOOK_AGAIN);
+            continue;
+        }
+        std::fs::write(&path, []).map_err(|error| DirectoryError::Unwritable {
+            place: path.display().to_string(),
+            cause: error.to_string(),
+        })?;
+        asked = true;
     }
+}
+
+/// Removes the world that is stored in a folder; returns whether there was one, as where its server died meanwhile.
+fn remove(folder: &Path) -> Result<bool, DirectoryError> {
+    if !folder.join("world.redb").exists() {
+        return Ok(false);
+    }
+    let mut directory = RedbDirectory::open(folder)?;
+    let entries = directory.load()?;
+    let is_stored = !entries.is_empty();
+    let writes = entries.into_iter().map(|entry| (entry.key, None)).collect();
+    directory.commit(&Batch { writes, durable: true }, &[])?;
+    Ok(is_stored)
 }

@@ -128,14 +128,14 @@ impl Links {
         self.received
     }
 
-    /// Dials a peer; the outcome comes as an event.
-    pub(super) fn dial(&mut self, peer: Peer, addr: SocketAddr) {
+    /// Dials a peer at one of these addresses; the outcome comes as an event.
+    pub(super) fn dial(&mut self, peer: Peer, addrs: &[SocketAddr]) {
         let expected = match peer {
             Peer::Server => PeerName::Server,
             Peer::Node(node) => PeerName::Node(node),
             Peer::Client(client) => PeerName::Client(client),
         };
-        let key = self.net.connect(addr, expected);
+        let key = self.net.connect_to_one_of(addrs, expected);
         self.dialled.insert(key, peer);
     }
 

@@ -26,7 +26,7 @@ use crate::cluster::{Client, ClientEvent, Node, NodeConfig, Peer, TickStats};
 use crate::metrics::Endpoint;
 use crate::net::{Identity, Limits, Net, NetConfig, NetEvent, NetEvents, PeerStats};
 use crate::physics::RegionHost;
-use crate::protocol::{Area, Refusal};
+use crate::protocol::{Area, Refusal, link};
 use crate::recording::{Background, Recorder};
 use crate::space::{BodyId, NodeId, Tick};
 
@@ -37,6 +37,8 @@ const QUEUE: usize = 4_096;
 pub struct MemberConfig {
     /// Where the server is.
     pub server: SocketAddr,
+    /// Where else it may be.
+    pub standbys: Vec<SocketAddr>,
     /// Who the process is; its role decides what it does.
     pub identity: Identity,
     /// Where it listens for others; port 0 takes any free one.
@@ -69,6 +71,7 @@ impl MemberConfig {
     pub fn new(server: SocketAddr, identity: Identity) -> Self {
         Self {
             server,
+            standbys: Vec::new(),
             identity,
             listen: SocketAddr::new(interface_towards(server.ip().to_canonical()), 0),
             advertise: None,
@@ -174,12 +177,13 @@ impl Member {
     /// Starts the process's loop on a thread of its own, and the link to the server.
     pub fn start(config: MemberConfig) -> Result<Self, ProcessError> {
         let who = config.identity.who();
+        let servers = [&[config.server], &config.standbys[..]].concat();
         let net = NetConfig {
             listen: config.listen,
             identity: config.identity,
             authority: None,
-            renewed_by: Some(config.server),
-            limits: Limits::default(),
+            renewed_by: servers.clone(),
+            limits: limits(servers.len()),
         };
         let (net, events) = Net::start(net)?;
         let address = net.local_addr();
@@ -230,17 +234,10 @@ impl Member {
         // A loop whose inbox is full is awake.
         let connections = Connections::new(who, move || drop(waker.try_send(Input::Wake)));
         let mut links = Links::new(net, connections.clone());
-        links.dial(Peer::Server, config.server);
+        links.dial(Peer::Server, &servers);
         let device = PhysicsDevice::new(config.threads);
-        let mut running = Loop::new(
-            config.server,
-            config.give_up,
-            links,
-            node,
-            device,
-            shared.clone(),
-            connections.clone(),
-        );
+        let mut running =
+            Loop::new(servers, config.give_up, links, node, device, shared.clone(), connections.clone());
         (running.onlooker, running.gauge) = (config.onlooker, gauge);
         let thread = std::thread::Builder::new()
             .name(format!("dcd-{who:?}"))
@@ -329,6 +326,19 @@ impl Drop for Member {
             self.leave();
             self.join();
         }
+    }
+}
+
+/// Returns the limits of a process whose server may be at so many addresses. That a server at another one has taken over nobody tells a
+/// client: it must miss its own soon.
+fn limits(servers: usize) -> Limits {
+    match servers {
+        1 => Limits::default(),
+        _ => Limits {
+            client_idle_timeout: link::IDLE_TIMEOUT,
+            client_keep_alive: link::KEEP_ALIVE,
+            ..Limits::default()
+        },
     }
 }
 

@@ -64,6 +64,8 @@ pub use connections::{
 pub use device::{DeviceError, PhysicsDevice};
 #[cfg(feature = "net")]
 pub use directory::RedbDirectory;
+#[cfg(feature = "cli")]
+pub(crate) use directory::is_served;
 #[cfg(feature = "net")]
 pub use end_request::{WorldEnd, end_world};
 #[cfg(feature = "net")]

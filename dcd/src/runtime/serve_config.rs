@@ -19,6 +19,10 @@ pub struct ServeConfig {
     /// Folder of the authority (keys, used tokens) and of the world: a server that died and is started again with the same
     /// origin and settings goes on with it.
     pub data: PathBuf,
+    /// Where the world is kept, if not in `data`: `etcd://HOST:PORT[,HOST:PORT...]/NAME` names members of an etcd cluster, and the world
+    /// there. Servers with the same place and the same origin stand by for one another: one serves, and the others wait until
+    /// it is gone. Needs the feature `etcd`.
+    pub directory: Option<String>,
     /// Begin anew, and forget a world that is stored there.
     pub fresh: bool,
     /// Nodes to wait for before the first tick.
@@ -54,6 +58,7 @@ impl ServeConfig {
         Self {
             listen: SocketAddr::from(([127, 0, 0, 1], 0)),
             data: data.into(),
+            directory: None,
             fresh: false,
             nodes: 1,
             pace: Pace::RealTime,

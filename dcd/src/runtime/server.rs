@@ -1,51 +1,41 @@
-//! Runs a server as a process: one thread feeds network events to the server's state machine and carries out its outputs.
+//! Starts and ends a server as a process: its loop has a thread of its own, and shares with the user what the user reads.
+
+mod event_loop;
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::PathBuf;
 use std::sync::mpsc::{self, RecvTimeoutError, SyncSender};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use tracing::{debug, error, error_span, info, warn};
+use tracing::error_span;
 
+use self::event_loop::Loop;
+use super::directory::{self, GoesOn, Opened};
 use super::end_request::EndRequests;
 use super::ending::{Cause, Reason};
-use super::links::{LinkEvent, Links};
+use super::links::Links;
 use super::member::forward;
 use super::metrics::ServerMetrics;
 use super::origin::{Beginning, world_of};
 use super::saved::{local_of, saved_of};
-use super::{Connections, LocalWorld, Origin, ProcessError, RedbDirectory, ServeConfig};
-use crate::cluster::directory::{Batch, Condition, Directory, DirectoryError, Entry, Key, Revision};
-use crate::cluster::{
-    ProgramOp, Record, SavedWorld, Server, ServerConfig, ServerEvent, ServerOrigin, ServerOutput, WORLD_ENDED,
-};
+use super::{Connections, LocalWorld, Origin, ProcessError, ServeConfig};
+use crate::cluster::directory::{Batch, Directory, DirectoryError, Entry, Key};
+use crate::cluster::{ProgramOp, Record, SavedWorld, ServerConfig, ServerOrigin};
 use crate::metrics::Endpoint;
-use crate::net::{
-    Authority, JoinRole, Limits, Net, NetConfig, NetEvent, NetTotals, PeerName, PeerStats, check_address,
-};
+use crate::net::{Authority, JoinRole, Limits, Net, NetConfig, NetEvent, PeerName, PeerStats, check_address};
 use crate::physics::can_build;
-use crate::protocol::{BodyKind, EnvironmentProperties, Query, QueryResult, StateHasher, View, WorldEvents};
+use crate::protocol::{EnvironmentProperties, Query, QueryResult, View, WorldEvents};
 use crate::recording::{Background, RecordedServer, Recorder};
 use crate::space::{DistributionTree, Tick};
 
-/// How often sending is tried again where a link had no room.
-const RETRY: Duration = Duration::from_millis(2);
-/// How long the loop sleeps when nothing is due.
-const IDLE: Duration = Duration::from_millis(500);
-/// Time-out of the last audit: dead members are found much sooner.
-const AUDIT: Duration = Duration::from_secs(10);
 /// Events that may wait for the loop; beyond that the network holds its peers back.
 const QUEUE: usize = 4_096;
 
 /// How long nodes may take to say what they own, for a save: one that hangs is given up within seconds.
 const SAVING: Duration = Duration::from_secs(30);
-
-/// The most contacts, and forces, kept for a program that does not fetch them; the oldest go first.
-const MAX_EVENTS: usize = 65_536;
 
 /// What a server that keeps its world says at its end.
 pub(crate) const SUSPENDED: &str = "the server has stopped, and its data folder keeps the world";
@@ -147,17 +137,28 @@ impl Shared {
 }
 
 impl ServerProcess {
-    /// Starts a server on a thread of its own.
+    /// Starts a server on a thread of its own. Where others stand by, it waits until none of them serves the world.
     pub fn start(origin: Origin<'_>, config: ServeConfig) -> Result<Self, ProcessError> {
+        let started = Self::start_or_stand_by(origin, config, &mut |_| true)?;
+        started.ok_or_else(|| ProcessError::Ended("this server was not to wait on".to_owned()))
+    }
+
+    /// Does the same; `None`: it was not to wait on.
+    pub(crate) fn start_or_stand_by(
+        origin: Origin<'_>,
+        config: ServeConfig,
+        goes_on: GoesOn<'_>,
+    ) -> Result<Option<Self>, ProcessError> {
         let (environment, record) = world_of(Beginning::of(origin)?, &config)?;
         // A port that is taken leaves no new folder behind.
         check_address(config.listen)?;
-        let authority = Arc::new(Authority::load_or_create(&config.data)?);
+        let Some(opened) = directory::open(&config, goes_on)? else { return Ok(None) };
+        let Opened { mut directory, authority, folder_lock } = opened;
         let net = NetConfig {
             listen: config.listen,
             identity: authority.server_identity()?,
             authority: Some(authority.clone()),
-            renewed_by: None,
+            renewed_by: Vec::new(),
             limits: Limits::default(),
         };
         let (net, events) = Net::start(net)?;
@@ -170,10 +171,6 @@ impl ServerProcess {
         let shared = Arc::new(Shared { state: Mutex::default(), changed: Condvar::new() });
         let properties = Box::new(environment.clone());
         shared.lock().summary.regions = properties.tree.leaf_count();
-        let mut directory = match config.fresh {
-            true => RedbDirectory::open_or_replace(&config.data)?,
-            false => RedbDirectory::open(&config.data)?,
-        };
         let entries = directory.load()?;
         let server_config = ServerConfig {
             world: environment,
@@ -185,7 +182,7 @@ impl ServerProcess {
         };
         let (mut stored, mut goes_on) = (None, false);
         let origin = if config.fresh {
-            forget(&mut directory, &entries)?;
+            forget(directory.as_mut(), &entries)?;
             ServerOrigin::Instead(record, entries)
         } else if entries.is_empty() {
             ServerOrigin::New(record)
@@ -212,6 +209,7 @@ impl ServerProcess {
             links: Some(Links::new(net, connections.clone())),
             connections: connections.clone(),
             directory,
+            folder_lock,
             end_requests: EndRequests::of(&config.data),
             stored,
             record: config.record,
@@ -240,7 +238,7 @@ impl ServerProcess {
                 }
             })
             .map_err(ProcessError::Thread)?;
-        Ok(Self {
+        Ok(Some(Self {
             inbox,
             shared,
             server,
@@ -252,7 +250,7 @@ impl ServerProcess {
             resumed,
             next_ids,
             properties,
-        })
+        }))
     }
 
     /// Returns the fastest that a dynamic body of the world moves, m/s.
@@ -411,305 +409,7 @@ impl Drop for ServerProcess {
 }
 
 /// Removes entries from a directory.
-fn forget(directory: &mut RedbDirectory, entries: &[Entry]) -> Result<(), DirectoryError> {
+fn forget(directory: &mut dyn Directory, entries: &[Entry]) -> Result<(), DirectoryError> {
     let writes = entries.iter().map(|entry| (entry.key, None)).collect();
     directory.commit(&Batch { writes, durable: true }, &[]).map(|_| ())
-}
-
-struct Loop {
-    links: Option<Links>,
-    connections: Connections,
-    directory: RedbDirectory,
-    end_requests: EndRequests,
-    /// The revision at which this server wrote the world's entry: whoever else writes it has taken over.
-    stored: Option<Revision>,
-    /// Where it is recorded.
-    record: Option<PathBuf>,
-    start: Instant,
-    server: Arc<Mutex<RecordedServer>>,
-    shared: Arc<Shared>,
-    /// If somebody wants to know how the server is.
-    metrics: Option<Arc<ServerMetrics>>,
-    began: Option<Instant>,
-    /// Who waits for the world to be saved.
-    savers: Vec<SyncSender<SavedWorld>>,
-    /// When the world ends even without an audit.
-    end_by: Option<Instant>,
-    audited: bool,
-    over: bool,
-}
-
-impl Loop {
-    fn run(mut self, inputs: &mpsc::Receiver<Input>) {
-        while !self.over {
-            let due = self.server().poll_timeout().map(|due| due.saturating_sub(self.start.elapsed()));
-            let Some(links) = &mut self.links else { break };
-            let wait = due.unwrap_or(IDLE).min(if links.flush(Instant::now()) { RETRY } else { IDLE });
-            let input = inputs.recv_timeout(wait);
-            let now = self.start.elapsed();
-            match input {
-                Ok(Input::Net(event)) => {
-                    for event in links.translate(event) {
-                        self.hear(now, event);
-                    }
-                }
-                Ok(Input::Stop) => self.stop(now),
-                Ok(Input::Suspend) => self.server().handle(now, ServerEvent::Suspend),
-                Ok(Input::Program(ops)) => self.server().handle(now, ServerEvent::Program(ops)),
-                Ok(Input::Ask(question)) => self.server().handle(now, ServerEvent::Ask(question)),
-                Ok(Input::Forget(number)) => {
-                    self.server().handle(now, ServerEvent::Forget(number));
-                    self.shared.lock().answers.remove(&number);
-                }
-                Ok(Input::Save(saver)) => {
-                    self.savers.push(saver);
-                    self.server().handle(now, ServerEvent::Save);
-                }
-                Ok(Input::Replace(saved, replacer)) => {
-                    info!(
-                        tick = saved.tick.0,
-                        bodies = saved.bodies.len(),
-                        "the world is replaced by a saved one"
-                    );
-                    self.server().handle(now, ServerEvent::Program(vec![ProgramOp::Replace(saved)]));
-                    {
-                        let mut state = self.shared.lock();
-                        (state.view, state.summary.nodes) = (None, 0);
-                    }
-                    // It is on record before its program hears of it.
-                    self.pump();
-                    let next_ids = self.server().next_ids();
-                    if !self.over {
-                        let _ = replacer.send(next_ids);
-                    }
-                }
-                Ok(Input::Wake) | Err(RecvTimeoutError::Timeout) => {}
-                Err(RecvTimeoutError::Disconnected) => break,
-            }
-            let now = self.start.elapsed();
-            if self.server().poll_timeout().is_some_and(|due| due <= now) {
-                self.server().handle_timeout(now);
-            }
-            if self.end_requests.take() {
-                info!("the world is to end: its data folder has a request");
-                self.stop(now);
-            }
-            self.send_away(now);
-            self.pump();
-            let given_up = self.links.as_mut().map(Links::take_given_up).unwrap_or_default();
-            if !given_up.is_empty() {
-                given_up.into_iter().for_each(|event| self.hear(now, event));
-                self.pump();
-            }
-            self.publish();
-            if !self.over && self.end_by.is_some_and(|by| by <= Instant::now()) {
-                warn!("the last audit is given up: members do not answer");
-                self.shared.lock().summary.unaudited = true;
-                break;
-            }
-        }
-        let totals = self.links.take().map(Links::shutdown);
-        self.finish(totals);
-    }
-
-    fn server(&self) -> MutexGuard<'_, RecordedServer> {
-        self.server.lock().unwrap_or_else(PoisonError::into_inner)
-    }
-
-    fn stop(&mut self, now: Duration) {
-        self.end_by.get_or_insert(Instant::now() + AUDIT);
-        self.server().handle(now, ServerEvent::Stop);
-    }
-
-    fn hear(&mut self, now: Duration, event: LinkEvent) {
-        match event {
-            LinkEvent::Connected(_) => {}
-            LinkEvent::Disconnected { peer, text, .. } => {
-                info!(?peer, text, "a link is gone");
-                self.server().handle(now, ServerEvent::Disconnected(peer));
-            }
-            LinkEvent::Message { from, message } => {
-                self.server().handle(now, ServerEvent::Message { from, message });
-            }
-        }
-    }
-
-    /// Disconnects the processes that the user asked to disconnect.
-    fn send_away(&mut self, now: Duration) {
-        for (who, reason) in self.connections.take_sent_away() {
-            info!(%who, reason, "sent away");
-            let (node, client) = (who.node(), who.client());
-            self.server().handle(now, ServerEvent::SendAway { node, client, reason });
-        }
-    }
-
-    fn pump(&mut self) {
-        loop {
-            let output = self.server().poll_output();
-            let Some(output) = output else { return };
-            let Some(links) = &mut self.links else { return };
-            self.metrics.iter().for_each(|metrics| metrics.put_out(&output));
-            match output {
-                ServerOutput::Send { to, message } => links.send(to, &message),
-                ServerOutput::Close { peer, farewell, reason } => links.close(peer, farewell.into(), &reason),
-                ServerOutput::Store(batch) => {
-                    if let Err(error) = self.store(&batch) {
-                        error!(%error, "the server cannot go on");
-                        self.shared.lock().failure = Some(error.into());
-                        self.metrics.iter().for_each(|metrics| metrics.failed());
-                        self.over = true;
-                        return;
-                    }
-                }
-                ServerOutput::Dissolved(group) => info!(%group, "a group is no more"),
-                ServerOutput::Expelled(node) => warn!(%node, "the world goes on without a node"),
-                ServerOutput::Unreached(node) => warn!(
-                    %node,
-                    "other nodes do not reach a new one at the address that it gave: it computes the world by itself until they do; \
-                     check its --advertise, and what is between"
-                ),
-                ServerOutput::Began { group, view } if group != self.server().main_group() => {
-                    info!(%group, view = view.number.0, members = view.members.len(), "a view begins");
-                }
-                ServerOutput::Began { view, .. } => {
-                    self.began.get_or_insert_with(Instant::now);
-                    info!(view = view.number.0, members = view.members.len(), "a view begins");
-                    let mut state = self.shared.lock();
-                    state.summary.views += 1;
-                    state.summary.bodies = movable(&self.server()).count();
-                    state.summary.nodes = view.members.len();
-                    state.summary.regions = view.allocation.len();
-                    state.view = Some(view);
-                }
-                ServerOutput::Repartitioned { group, view } => {
-                    debug!(%group, view = view.number.0, regions = view.allocation.len(), "regions follow the load");
-                    if group == self.server().main_group() {
-                        let mut state = self.shared.lock();
-                        state.summary.repartitions += 1;
-                        state.summary.regions = view.allocation.len();
-                        state.view = Some(view);
-                    }
-                }
-                ServerOutput::Held(tick) => {
-                    warn!(tick = tick.0, "no node is left; the world waits for one");
-                    let mut state = self.shared.lock();
-                    state.summary.nodes = 0;
-                    state.view = None;
-                }
-                ServerOutput::Audited { lost, doubled } => {
-                    let mut state = self.shared.lock();
-                    (state.summary.lost, state.summary.doubled) = (lost.len(), doubled.len());
-                    self.audited = true;
-                }
-                ServerOutput::Answered { number, found } => {
-                    self.shared.lock().answers.insert(number, found);
-                }
-                ServerOutput::Contacts(events) => {
-                    let mut state = self.shared.lock();
-                    keep_newest(&mut state.events.touches, events.touches);
-                    keep_newest(&mut state.events.forces, events.forces);
-                }
-                ServerOutput::Saved(saved) => {
-                    for saver in self.savers.drain(..) {
-                        // Who has waited for too long is gone.
-                        let _ = saver.try_send((*saved).clone());
-                    }
-                }
-                ServerOutput::Ended => {
-                    self.forget();
-                    self.over = true;
-                }
-                ServerOutput::Suspended => {
-                    let kept = self.server().has_begun();
-                    if !kept {
-                        self.forget();
-                    }
-                    let mut state = self.shared.lock();
-                    (state.suspended, state.summary.kept) = (true, kept);
-                    self.over = true;
-                }
-            }
-        }
-    }
-
-    fn store(&mut self, batch: &Batch) -> Result<(), DirectoryError> {
-        let begun = self.metrics.as_ref().map(|metrics| (metrics, Instant::now()));
-        let revision = self.directory.commit(batch, &[Condition { key: Key::World, at: self.stored }])?;
-        if let Some((metrics, begun)) = begun {
-            let bytes = batch
-                .writes
-                .iter()
-                .map(|(key, value)| key.to_bytes().len() + value.as_ref().map_or(0, Vec::len));
-            metrics.committed(begun.elapsed(), bytes.sum());
-        }
-        if batch.writes.iter().any(|(key, _)| *key == Key::World) {
-            self.stored = Some(revision);
-        }
-        Ok(())
-    }
-
-    /// Clears the directory: a world that has ended, or never began, leaves nothing to go on with.
-    fn forget(&mut self) {
-        let cleared = self.directory.load().and_then(|entries| {
-            let writes = entries.into_iter().map(|entry| (entry.key, None)).collect();
-            self.store(&Batch { writes, durable: true })
-        });
-        if let Err(error) = cleared {
-            warn!(%error, "what is stored of the world stays");
-        }
-    }
-
-    fn publish(&mut self) {
-        let mut state = self.shared.lock();
-        state.summary.tick = self.server().tick();
-        state.summary.seconds = self.began.map_or(0.0, |began| began.elapsed().as_secs_f64());
-        if let Some(links) = &self.links {
-            let traffic = links.totals().traffic;
-            state.traffic = traffic;
-            state.summary.bytes = traffic.bytes_in + traffic.bytes_out;
-        }
-        drop(state);
-        if let (Some(links), Some(metrics)) = (&self.links, &self.metrics) {
-            metrics.turned(Instant::now(), links.all_totals());
-        }
-        self.shared.changed.notify_all();
-    }
-
-    fn finish(self, totals: Option<NetTotals>) {
-        // Whoever hears of the end may start another server here.
-        let Self { directory, server, shared, connections, record, .. } = self;
-        drop(directory);
-        let mut server = server.lock().unwrap_or_else(PoisonError::into_inner);
-        let recorded = server.finish();
-        let mut hasher = StateHasher::default();
-        for body in movable(&server) {
-            hasher.add(body.id, &body.state.pose, &body.state.velocity);
-        }
-        let mut state = shared.lock();
-        state.summary.bodies = movable(&server).count();
-        state.summary.state_hash = Some(hasher.finish());
-        if let Some(totals) = totals {
-            state.summary.bytes = totals.traffic.bytes_in + totals.traffic.bytes_out;
-        }
-        if let (Err(cause), Some(path)) = (recorded, record) {
-            state.failure.get_or_insert(ProcessError::Record { path, cause });
-        }
-        state.over = true;
-        let reason = match state.suspended {
-            true => Reason::new(Cause::Left, SUSPENDED),
-            false => Reason::new(Cause::WorldEnded, WORLD_ENDED),
-        };
-        drop(state);
-        shared.changed.notify_all();
-        connections.end(reason);
-    }
-}
-
-fn keep_newest<T>(kept: &mut Vec<T>, new: Vec<T>) {
-    kept.extend(new);
-    kept.drain(..kept.len().saturating_sub(MAX_EVENTS));
-}
-
-fn movable(server: &Server) -> impl Iterator<Item = &crate::protocol::BodyRecord> {
-    server.record().present().filter(|body| body.traits.kind != BodyKind::Fixed)
 }

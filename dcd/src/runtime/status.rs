@@ -26,11 +26,11 @@ impl StatusLink {
             listen: usual.listen,
             identity: usual.identity,
             authority: None,
-            renewed_by: Some(config.server),
+            renewed_by: config.servers(),
             limits: Limits::default(),
         };
         let (net, events) = Net::start(net)?;
-        let link = net.connect(config.server, PeerName::Server);
+        let link = net.connect_to_one_of(&config.servers(), PeerName::Server);
         let status = Self { net, events, server: config.server, link };
         let is_up = |event| matches!(event, NetEvent::Connected { .. }).then_some(());
         status.wait(until, config.timeout, is_up)?;

@@ -35,6 +35,7 @@ impl World {
     /// first hands these regions to others.
     pub fn join_as_node(config: &JoinConfig) -> Result<Self, Error> {
         let mut member = MemberConfig::new(config.server, config.join(JoinRole::Node)?);
+        member.standbys.clone_from(&config.standbys);
         member.threads = config.threads;
         member.give_up = config.give_up;
         member.listen = config.listen.unwrap_or(member.listen);

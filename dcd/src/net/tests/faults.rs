@@ -83,7 +83,7 @@ fn a_server_that_is_started_again_ends_the_links_of_its_predecessor_at_once() {
     drop((process.events, authority));
     let authority = Arc::new(Authority::load_or_create(folder.path()).unwrap());
     let (identity, limits) = (authority.server_identity().unwrap(), Limits::default());
-    let config = NetConfig { listen, identity, authority: Some(authority), renewed_by: None, limits };
+    let config = NetConfig { listen, identity, authority: Some(authority), renewed_by: Vec::new(), limits };
     let (_net, _events) = Net::start(config).unwrap();
     assert_eq!(node.closed().0, CloseCause::Forgotten, "by its keep-alives");
     client.net.send(here, Lane::Client, b"are you there?").unwrap();
@@ -171,10 +171,10 @@ fn handshakes_beyond_the_limit_are_not_answered() {
         let (endpoint, connecting) = anonymous(server.addr(), token.fingerprint, PATIENCE).unwrap();
         (endpoint, connecting.await.unwrap())
     });
-    let error = join(server.addr(), &token, None, Duration::from_millis(300)).unwrap_err();
+    let error = join(&[server.addr()], &token, None, Duration::from_millis(300)).unwrap_err();
     assert!(matches!(error, NetError::Unreachable { .. }), "{error}");
     drop((idle, runtime));
-    join(server.addr(), &token, None, PATIENCE).unwrap();
+    join(&[server.addr()], &token, None, PATIENCE).unwrap();
     // A handshake that is over makes room although the peer stays.
     let (one, two) = (server.process(JoinRole::Node), server.process(JoinRole::Node));
     one.connect_to(&server.process);
@@ -185,7 +185,7 @@ fn handshakes_beyond_the_limit_are_not_answered() {
 fn a_node_does_not_talk_to_anonymous_peers_at_all() {
     let server = Server::start();
     let node = server.process(JoinRole::Node);
-    let error = join(node.net.local_addr(), &server.token(JoinRole::Node), None, PATIENCE).unwrap_err();
+    let error = join(&[node.net.local_addr()], &server.token(JoinRole::Node), None, PATIENCE).unwrap_err();
     assert!(matches!(error, NetError::WrongPeer { .. }), "a node is no server: {error}");
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
     let authority = server.token(JoinRole::Node).fingerprint;
@@ -289,7 +289,7 @@ fn a_port_that_is_taken_is_named() {
         listen: taken,
         identity: node,
         authority: None,
-        renewed_by: None,
+        renewed_by: Vec::new(),
         limits: Limits::default(),
     };
     let Err(error @ NetError::PortTaken { .. }) = Net::start(config) else { panic!("it is taken") };
@@ -304,7 +304,7 @@ fn a_second_server_on_the_same_folder_is_refused() {
         listen: anywhere(),
         identity: authority.server_identity().unwrap(),
         authority: Some(authority),
-        renewed_by: None,
+        renewed_by: Vec::new(),
         limits: Limits::default(),
     };
     assert!(matches!(Net::start(config), Err(NetError::FolderTaken { .. })));
@@ -317,7 +317,7 @@ fn an_address_where_nobody_answers_is_named_within_the_time_out() {
     let addr = silent.local_addr().unwrap();
     let server = Server::start();
     let start = Instant::now();
-    let error = join(addr, &server.token(JoinRole::Node), None, Duration::from_millis(700)).unwrap_err();
+    let error = join(&[addr], &server.token(JoinRole::Node), None, Duration::from_millis(700)).unwrap_err();
     assert!(matches!(error, NetError::Unreachable { .. }) && error.to_string().contains(&addr.to_string()));
     server.process.net.connect(addr, PeerName::Node(NodeId(1)));
     assert!(matches!(server.process.refused(), NetError::Unreachable { .. }));

@@ -21,7 +21,7 @@ fn refusal(result: Result<Identity, NetError>) -> String {
 /// Returns the server's answer to bytes of our own making.
 fn reply(server: &Server, request: &[u8]) -> String {
     let fingerprint = server.token(JoinRole::Node).fingerprint;
-    let reply = exchange(server.addr(), fingerprint, request, PATIENCE).unwrap();
+    let (_, reply) = exchange(&[server.addr()], fingerprint, request, PATIENCE).unwrap();
     assert_ne!(reply[0], 1, "a refusal");
     String::from_utf8(reply[1..].to_vec()).unwrap()
 }
@@ -44,8 +44,8 @@ fn a_token_lets_one_process_in_even_when_the_server_starts_again() {
     let Server { process, authority, folder } = Server::start();
     let mint = || authority.issue_token(JoinRole::Node, HOUR, SystemTime::now()).unwrap();
     let (used, unused) = (mint(), mint());
-    join(process.net.local_addr(), &used, None, PATIENCE).unwrap();
-    let again = refusal(join(process.net.local_addr(), &used, None, PATIENCE));
+    join(&[process.net.local_addr()], &used, None, PATIENCE).unwrap();
+    let again = refusal(join(&[process.net.local_addr()], &used, None, PATIENCE));
     assert!(again.contains("used already"), "{again}");
     assert_eq!(process.net.totals().joins_refused, 1);
 
@@ -53,9 +53,9 @@ fn a_token_lets_one_process_in_even_when_the_server_starts_again() {
     let authority = Arc::new(Authority::load_or_create(folder.path()).unwrap());
     let identity = authority.server_identity().unwrap();
     let process = Process::start(identity, Some(authority), Limits::default());
-    let again = refusal(join(process.net.local_addr(), &used, None, PATIENCE));
+    let again = refusal(join(&[process.net.local_addr()], &used, None, PATIENCE));
     assert!(again.contains("used already"), "{again}");
-    let second = join(process.net.local_addr(), &unused, None, PATIENCE).unwrap();
+    let second = join(&[process.net.local_addr()], &unused, None, PATIENCE).unwrap();
     assert_eq!(second.who(), PeerName::Node(NodeId(2)), "ids go on where they were");
 }
 
@@ -65,7 +65,7 @@ fn of_many_that_bring_the_same_token_at_once_one_gets_in() {
     let (addr, token) = (server.addr(), server.token(JoinRole::Client));
     let let_in = std::thread::scope(|scope| {
         let joins: Vec<_> =
-            (0..6).map(|_| scope.spawn(|| join(addr, &token, None, PATIENCE).is_ok())).collect();
+            (0..6).map(|_| scope.spawn(|| join(&[addr], &token, None, PATIENCE).is_ok())).collect();
         joins.into_iter().map(|join| join.join().unwrap()).filter(|let_in| *let_in).count()
     });
     assert_eq!(let_in, 1);
@@ -76,7 +76,7 @@ fn tokens_are_minted_by_another_process_while_the_server_runs() {
     let server = Server::start();
     let other = Authority::load_or_create(server.folder.path()).unwrap();
     let token = other.issue_token(JoinRole::Client, HOUR, SystemTime::now()).unwrap();
-    join(server.addr(), &token.to_string().parse().unwrap(), None, PATIENCE).unwrap();
+    join(&[server.addr()], &token.to_string().parse().unwrap(), None, PATIENCE).unwrap();
     assert!(matches!(
         other.issue_token(JoinRole::Server, HOUR, SystemTime::now()),
         Err(NetError::ServerToken)
@@ -88,14 +88,14 @@ fn an_expired_token_is_refused() {
     let server = Server::start();
     let then = SystemTime::now() - 2 * HOUR;
     let token = server.authority.issue_token(JoinRole::Node, HOUR, then).unwrap();
-    let reason = refusal(join(server.addr(), &token, None, PATIENCE));
+    let reason = refusal(join(&[server.addr()], &token, None, PATIENCE));
     assert!(reason.contains("expired"), "{reason}");
 }
 
 #[test]
 fn a_joiner_does_not_talk_to_a_server_of_another_authority() {
     let (server, foreign) = (Server::start(), Server::start());
-    let result = join(server.addr(), &foreign.token(JoinRole::Node), None, PATIENCE);
+    let result = join(&[server.addr()], &foreign.token(JoinRole::Node), None, PATIENCE);
     let Err(error @ NetError::WrongPeer { .. }) = result else { panic!("{result:?}") };
     assert!(error.to_string().contains("not the one that the token names"), "{error}");
 }
@@ -107,7 +107,7 @@ fn a_server_refuses_tokens_that_it_did_not_mint() {
     let forged_roots = Token { fingerprint, ..foreign.token(JoinRole::Node) };
     let forged_role = Token { role: JoinRole::Node, ..server.token(JoinRole::Client) };
     for token in [forged_roots, forged_role] {
-        let reason = refusal(join(server.addr(), &token, None, PATIENCE));
+        let reason = refusal(join(&[server.addr()], &token, None, PATIENCE));
         assert!(reason.contains("not minted by this server's authority"), "{reason}");
     }
 }
@@ -146,7 +146,7 @@ fn requests_of_any_bytes_are_refused_and_spend_no_token() {
     for request in [&b""[..], b"join", b"GET / HTTP/1.1", &whole[..whole.len() - 1], &strange] {
         assert!(reply(&server, request).contains("cannot be read"));
     }
-    join(server.addr(), &token, None, PATIENCE).unwrap();
+    join(&[server.addr()], &token, None, PATIENCE).unwrap();
 }
 
 #[test]
@@ -155,14 +155,16 @@ fn a_resume_key_brings_the_same_ids_back() {
     let first = server.join(JoinRole::Participant);
     server.join(JoinRole::Participant);
     let resumed =
-        join(server.addr(), &server.token(JoinRole::Participant), first.resume(), PATIENCE).unwrap();
+        join(&[server.addr()], &server.token(JoinRole::Participant), first.resume(), PATIENCE).unwrap();
     assert_eq!(resumed.who(), first.who());
     assert_eq!(resumed.resume(), first.resume());
 
-    let wrong_role = refusal(join(server.addr(), &server.token(JoinRole::Client), first.resume(), PATIENCE));
+    let wrong_role =
+        refusal(join(&[server.addr()], &server.token(JoinRole::Client), first.resume(), PATIENCE));
     assert!(wrong_role.contains("--role participant"), "{wrong_role}");
     let foreign = Server::start().join(JoinRole::Client);
-    let foreign = refusal(join(server.addr(), &server.token(JoinRole::Client), foreign.resume(), PATIENCE));
+    let foreign =
+        refusal(join(&[server.addr()], &server.token(JoinRole::Client), foreign.resume(), PATIENCE));
     assert!(foreign.contains("not of this server's authority"), "{foreign}");
     assert_eq!(server.join(JoinRole::Node).node(), Some(NodeId(3)), "a resumed id is not given to another");
 }
@@ -198,7 +200,7 @@ fn an_expired_certificate_proves_nothing() {
     let authority = Arc::new(authority.with_certificate_life(HOUR));
     let identity = authority.server_identity().unwrap();
     let server = Process::start(identity, Some(authority.clone()), Limits::default());
-    let mut node = join(server.net.local_addr(), &token, None, PATIENCE).unwrap();
+    let mut node = join(&[server.net.local_addr()], &token, None, PATIENCE).unwrap();
     // The same name and key, but of the day before yesterday.
     node.certificate = authority.issued(&node, SystemTime::now() - 48 * HOUR);
     let node = Process::start(node, None, Limits::default());
@@ -219,7 +221,7 @@ fn a_process_whose_certificate_expired_a_month_ago_has_it_renewed_and_is_let_in(
         listen: anywhere(),
         identity: node,
         authority: None,
-        renewed_by: Some(server.addr()),
+        renewed_by: vec![server.addr()],
         limits: Limits::default(),
     };
     let (net, events) = Net::start(config).unwrap();
@@ -233,6 +235,42 @@ fn a_process_whose_certificate_expired_a_month_ago_has_it_renewed_and_is_let_in(
     renewed.connect_to(&server.process);
     let other = Process::start(server.join(JoinRole::Node), None, Limits::default());
     other.connect_to(&renewed);
+}
+
+#[test]
+fn a_server_that_is_at_one_of_several_addresses_is_joined_and_dialled_there() {
+    // Nobody answers at the first, and the server comes to the second only later.
+    let silent = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+    let later = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+    let places = [silent.local_addr().unwrap(), later.local_addr().unwrap()];
+    let folder = tempfile::tempdir().unwrap();
+    let authority = Arc::new(Authority::load_or_create(folder.path()).unwrap());
+    let token = authority.issue_token(JoinRole::Node, PATIENCE, SystemTime::now()).unwrap();
+    let joined = std::thread::scope(|scope| {
+        let joining = scope.spawn(|| join(&places, &token, None, PATIENCE));
+        let mut first = [0; 2_048];
+        // Both are dialled, before either answers.
+        silent.recv_from(&mut first).unwrap();
+        later.recv_from(&mut first).unwrap();
+        drop(later);
+        let config = NetConfig {
+            listen: places[1],
+            identity: authority.server_identity().unwrap(),
+            authority: Some(authority.clone()),
+            renewed_by: Vec::new(),
+            limits: Limits::default(),
+        };
+        let started = Net::start(config).unwrap();
+        (joining.join().unwrap().unwrap(), started)
+    });
+    let (identity, (_server, _events)) = joined;
+    let listen = "127.0.0.1:0".parse().unwrap();
+    let config =
+        NetConfig { listen, identity, authority: None, renewed_by: Vec::new(), limits: Limits::default() };
+    let (node, events) = Net::start(config).unwrap();
+    node.connect_to_one_of(&places, PeerName::Server);
+    let connected = events.recv_timeout(PATIENCE).unwrap();
+    assert!(matches!(connected, NetEvent::Connected { addr, .. } if addr == places[1]), "{connected:?}");
 }
 
 #[test]

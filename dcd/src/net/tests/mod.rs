@@ -31,7 +31,7 @@ struct Server {
 
 impl Process {
     fn start(identity: Identity, authority: Option<Arc<Authority>>, limits: Limits) -> Self {
-        let config = NetConfig { listen: anywhere(), identity, authority, renewed_by: None, limits };
+        let config = NetConfig { listen: anywhere(), identity, authority, renewed_by: Vec::new(), limits };
         let (net, events) = Net::start(config).unwrap();
         Self { net, events }
     }
@@ -99,7 +99,7 @@ impl Server {
     }
 
     fn join(&self, role: JoinRole) -> Identity {
-        join(self.addr(), &self.token(role), None, PATIENCE).unwrap()
+        join(&[self.addr()], &self.token(role), None, PATIENCE).unwrap()
     }
 
     /// Starts a process that has joined and listens.

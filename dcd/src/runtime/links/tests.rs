@@ -24,7 +24,7 @@ struct Pair {
 
 fn start(identity: Identity, authority: Option<Arc<Authority>>, limits: Limits) -> (Net, NetEvents) {
     let listen = ([127, 0, 0, 1], 0).into();
-    Net::start(NetConfig { listen, identity, authority, renewed_by: None, limits }).unwrap()
+    Net::start(NetConfig { listen, identity, authority, renewed_by: Vec::new(), limits }).unwrap()
 }
 
 impl Pair {
@@ -34,7 +34,7 @@ impl Pair {
         let identity = authority.server_identity().unwrap();
         let (net, events) = start(identity, Some(authority.clone()), Limits::default());
         let token = authority.issue_token(role, PATIENCE, SystemTime::now()).unwrap();
-        let joined = join(net.local_addr(), &token, None, PATIENCE).unwrap();
+        let joined = join(&[net.local_addr()], &token, None, PATIENCE).unwrap();
         joined.save(&folder.path().join("joined")).unwrap();
         let (other, other_events) =
             start(joined, None, Limits { frame_bytes: 512 << 10, ..Limits::default() });

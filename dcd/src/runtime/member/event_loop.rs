@@ -33,7 +33,10 @@ const TIMES: usize = 1 << 20;
 
 /// The loop of a process, with all that it alone changes.
 pub(super) struct Loop {
+    /// Where the server is first looked for,
     server: SocketAddr,
+    /// and all places where it may be.
+    servers: Vec<SocketAddr>,
     start: Instant,
     links: Links,
     node: Option<RecordedNode>,
@@ -67,7 +70,7 @@ pub(super) struct Loop {
 
 impl Loop {
     pub(super) fn new(
-        server: SocketAddr,
+        servers: Vec<SocketAddr>,
         give_up: Duration,
         links: Links,
         node: Option<RecordedNode>,
@@ -76,7 +79,8 @@ impl Loop {
         connections: Connections,
     ) -> Self {
         Self {
-            server,
+            server: servers[0],
+            servers,
             start: shared.start,
             links,
             node,
@@ -225,7 +229,7 @@ impl Loop {
                 if peer == Peer::Server {
                     self.joined = true;
                     if self.lost.take().is_some() {
-                        info!(server = %self.server, "the server is back");
+                        info!(servers = ?self.servers, "the server is back, or another has taken over");
                     }
                 }
                 if let Some(node) = &mut self.node {
@@ -335,7 +339,7 @@ impl Loop {
                 self.links.send(to, &message);
             }
             NodeOutput::Redial => self.redial(),
-            NodeOutput::Connect(member) => self.links.dial(Peer::Node(member.node), member.address),
+            NodeOutput::Connect(member) => self.links.dial(Peer::Node(member.node), &[member.address]),
             NodeOutput::Disconnect(node) => self.links.end(Peer::Node(node), Ending::NotAMember),
             NodeOutput::Physics(command) => self.compute(command),
             NodeOutput::Client(message) => self.client(ClientEvent::Node(message)),
@@ -382,7 +386,7 @@ impl Loop {
     }
 
     fn redial(&mut self) {
-        self.links.dial(Peer::Server, self.server);
+        self.links.dial(Peer::Server, &self.servers);
     }
 
     fn compute(&mut self, command: PhysicsCommand) {
@@ -444,7 +448,7 @@ impl Loop {
                 drop(state);
                 self.redial();
             }
-            ClientOutput::Connect(member) => self.links.dial(Peer::Node(member.node), member.address),
+            ClientOutput::Connect(member) => self.links.dial(Peer::Node(member.node), &[member.address]),
             ClientOutput::Disconnect(node) => self.links.end(Peer::Node(node), Ending::NotTheLeader),
             ClientOutput::Node(message) => {
                 drop(state);
@@ -480,7 +484,7 @@ mod tests {
             listen: "127.0.0.1:0".parse().unwrap(),
             identity: authority.server_identity().unwrap(),
             authority: Some(authority.clone()),
-            renewed_by: None,
+            renewed_by: Vec::new(),
             limits: Limits::default(),
         };
         let (net, _events) = Net::start(net).unwrap();

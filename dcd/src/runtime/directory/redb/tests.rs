@@ -186,7 +186,7 @@ fn a_process_killed_in_mid_write_keeps_all_durable_batches_and_none_in_part() {
     let mut before = 0;
     for round in 0..8 {
         let mut child = Command::new(std::env::current_exe().unwrap())
-            .args(["--exact", "runtime::directory::tests::child_writes_until_it_is_killed"])
+            .args(["--exact", "runtime::directory::redb::tests::child_writes_until_it_is_killed"])
             .args(["--ignored", "--nocapture"])
             .env(CHILD, folder.path())
             .stdout(Stdio::piped())

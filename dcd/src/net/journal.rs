@@ -1,0 +1,75 @@
+//! Keeps the lines of a server's record of joins: in a file of its folder, unless its servers share another place.
+
+use std::fs::{self, File, OpenOptions, TryLockError};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use super::NetError;
+use super::files::{at, open_private, replace_private};
+
+/// A text of whole lines, kept durably for one server at a time.
+pub(crate) trait Journal: Send {
+    /// Returns where they are.
+    fn place(&self) -> PathBuf;
+
+    /// Returns all lines. A last one without its end was cut by a crash.
+    fn read(&mut self) -> Result<String, NetError>;
+
+    /// Replaces all lines.
+    fn replace(&mut self, text: &str) -> Result<(), NetError>;
+
+    /// Adds a line, with its end. It is kept when this returns.
+    fn append(&mut self, line: &str) -> Result<(), NetError>;
+}
+
+/// The record of joins in `joins.log` of a folder, which is locked for this server.
+pub(super) struct FileJournal {
+    log: File,
+    /// Length of the whole lines in the log.
+    log_bytes: u64,
+    log_path: PathBuf,
+    _lock: File,
+}
+
+impl FileJournal {
+    /// Opens the file, or makes it.
+    pub(super) fn open(folder: &Path) -> Result<Self, NetError> {
+        let lock_path = folder.join("server.lock");
+        let lock = open_private(&lock_path, OpenOptions::new().create(true).append(true))?;
+        lock.try_lock().map_err(|error| match error {
+            TryLockError::WouldBlock => NetError::FolderTaken { path: folder.to_owned() },
+            TryLockError::Error(source) => at(&lock_path)(source),
+        })?;
+        let log_path = folder.join("joins.log");
+        let log = open_private(&log_path, OpenOptions::new().create(true).append(true))?;
+        Ok(Self { log, log_bytes: 0, log_path, _lock: lock })
+    }
+}
+
+impl Journal for FileJournal {
+    fn place(&self) -> PathBuf {
+        self.log_path.clone()
+    }
+
+    fn read(&mut self) -> Result<String, NetError> {
+        fs::read_to_string(&self.log_path).map_err(at(&self.log_path))
+    }
+
+    fn replace(&mut self, text: &str) -> Result<(), NetError> {
+        replace_private(&self.log_path, text.as_bytes())?;
+        self.log = open_private(&self.log_path, OpenOptions::new().append(true))?;
+        self.log_bytes = text.len() as u64;
+        Ok(())
+    }
+
+    fn append(&mut self, line: &str) -> Result<(), NetError> {
+        if let Err(error) = self.log.write_all(line.as_bytes()).and_then(|()| self.log.sync_data()) {
+            // Half a line, as on a full disk, must not run into the next one. If this fails too, the log is cut when
+            // it is opened again, unless more was written to it; then the damage is named.
+            let _ = self.log.set_len(self.log_bytes);
+            return Err(at(&self.log_path)(error));
+        }
+        self.log_bytes += line.len() as u64;
+        Ok(())
+    }
+}

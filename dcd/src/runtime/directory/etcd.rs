@@ -1,0 +1,326 @@
+//! Stores a server's directory in an etcd cluster, so that another server can go on with the world when this one dies.
+//!
+//! A world is a log of *segments*, batches of entries in order, of which newer ones win. Its *head* names the segments that count. To
+//! save is to write the next segment and, in one transaction with its last part, a head that counts it. Once the log is much longer
+//! than what it says, all entries are written as one segment, from which the head counts on. So a batch of any size is
+//! there whole or not at all, although a transaction of etcd takes 128 writes and 1.5 MiB, and thousands of bodies cost a
+//! few keys. Entries are kept in memory as well: they are read from etcd once, by who takes over.
+//!
+//! | key, after `dcd/NAME/` | value |
+//! |---|---|
+//! | `holder` | who holds the world ([`lease`]) |
+//! | `authority` | the authority's key and certificate, as in `authority.pem` |
+//! | `head` | format, last revision, first segment, the one after the last |
+//! | `log/SEGMENT/PART` | a part of a segment |
+//! | `joins/NUMBER` | lines of the record of joins ([`journal`]) |
+
+mod address;
+mod gateway;
+mod journal;
+mod keys;
+mod lease;
+mod segment;
+#[cfg(test)]
+mod tests;
+
+use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
+
+use self::address::EtcdAddress;
+use self::gateway::Op;
+use self::keys::{Hold, Keys, VALUE_BYTES};
+use self::lease::Lease;
+use crate::cluster::directory::{Batch, Condition, Directory, DirectoryError, Entry, Key, Revision, Tenure};
+
+pub(super) use self::address::WRITTEN;
+pub(super) use self::journal::EtcdJournal;
+
+/// Format of head and segments. A world of another format is refused.
+const FORMAT: u64 = 1;
+/// Batches that are not durable become so after this long.
+const UNSAVED: Duration = Duration::from_secs(1);
+/// The log is begun anew once it has so many times the bytes of what it says,
+const LOG_RATIO: usize = 3;
+/// and so many bytes at least.
+const LOG_BYTES: usize = 1 << 20;
+
+/// A world in etcd that nobody needs to hold yet.
+pub(super) struct EtcdWorld {
+    keys: Keys,
+}
+
+/// The directory of a world in etcd, held by this server.
+///
+/// A batch that is not durable waits in memory, for a durable one or for a second to pass.
+pub(super) struct EtcdDirectory {
+    hold: Hold,
+    lease: Lease,
+    head: Head,
+    /// All entries, with what is not saved yet.
+    entries: BTreeMap<Key, (Revision, Vec<u8>)>,
+    /// What is not saved yet; without a value it is removed.
+    unsaved: BTreeMap<Key, (Revision, Option<Vec<u8>>)>,
+    /// The last revision, saved or not.
+    revision: Revision,
+    log_bytes: usize,
+    saved_at: Instant,
+    /// It is not known any more what is stored.
+    is_lost: bool,
+    /// Another server has removed all entries while this one stood by.
+    is_cleared: bool,
+}
+
+/// Says which segments count.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Head {
+    revision: Revision,
+    first: u64,
+    /// The one after the last.
+    next: u64,
+}
+
+impl EtcdWorld {
+    /// Returns the world at an address; `None` if it is none.
+    pub(super) fn at(address: &str) -> Option<Self> {
+        EtcdAddress::parse(address).map(|address| Self { keys: Keys::new(address) })
+    }
+
+    /// Returns the authority of all servers of the world: `own` if there was none.
+    pub(super) fn authority(&mut self, own: &str) -> Result<String, DirectoryError> {
+        let found = self.keys.read_or_create("authority", own.as_bytes())?;
+        String::from_utf8(found).map_err(|_| DirectoryError::Damaged {
+            place: self.keys.place(),
+            what: "its authority is no text".to_owned(),
+        })
+    }
+
+    /// Waits until no other server holds the world, and opens it. `holder` says who asks, unlike all others. While another holds it, `goes_on`
+    /// is told who, again and again, and says whether to wait on; if not, `None` is returned. `fresh`: what is stored may be damaged,
+    /// and is removed then.
+    pub(super) fn open(
+        self,
+        holder: &str,
+        fresh: bool,
+        goes_on: &mut dyn FnMut(&str) -> bool,
+    ) -> Result<Option<EtcdDirectory>, DirectoryError> {
+        let mut keys = self.keys;
+        let before = keys.read("head")?;
+        let Some(hold) = lease::hold(keys, holder, goes_on)? else { return Ok(None) };
+        let mut directory = EtcdDirectory::begin(hold, fresh)?;
+        directory.is_cleared = directory.entries.is_empty() && directory.hold.keys().read("head")? != before;
+        Ok(Some(directory))
+    }
+}
+
+impl EtcdDirectory {
+    fn begin(hold: Hold, fresh: bool) -> Result<Self, DirectoryError> {
+        let lease = Lease::begin(hold.clone())?;
+        let mut directory = Self {
+            hold: hold.for_bulk(),
+            lease,
+            head: Head::default(),
+            entries: BTreeMap::new(),
+            unsaved: BTreeMap::new(),
+            revision: Revision(0),
+            log_bytes: 0,
+            saved_at: Instant::now(),
+            is_lost: false,
+            is_cleared: false,
+        };
+        match directory.read() {
+            Err(DirectoryError::Damaged { .. } | DirectoryError::Format { .. }) if fresh => {
+                directory.clear()?
+            }
+            read => read?,
+        }
+        Ok(directory)
+    }
+
+    /// Returns whether another server has ended the world while this one stood by.
+    pub(super) fn is_cleared(&self) -> bool {
+        self.is_cleared
+    }
+
+    /// Returns a record of joins that the holder of this directory alone writes.
+    pub(super) fn journal(&self) -> EtcdJournal {
+        EtcdJournal::new(self.hold.clone())
+    }
+
+    /// Reads all entries, and removes segments that count no more, or that their writer died over.
+    fn read(&mut self) -> Result<(), DirectoryError> {
+        let place = self.hold.keys().place();
+        let damaged = |what: &str| DirectoryError::Damaged { place: place.clone(), what: what.to_owned() };
+        if let Some(head) = self.hold.keys().read("head")? {
+            self.head = Head::decode(&head, &place)?;
+        }
+        self.revision = self.head.revision;
+        let Head { first, next, .. } = self.head;
+        let parts = self.hold.keys().read_range(&segment_name(first), &segment_name(next))?;
+        let mut segments = BTreeMap::<u64, Vec<u8>>::new();
+        for part in &parts {
+            let segment = number_of_segment(&part.key).ok_or_else(|| damaged("a segment has no number"))?;
+            segments.entry(segment).or_default().extend(&part.value);
+        }
+        for number in first..next {
+            let segment = segments.remove(&number).ok_or_else(|| damaged("a segment is missing"))?;
+            let records = segment::decode(&segment).ok_or_else(|| damaged("a segment is not whole"))?;
+            for (key, revision, value) in records {
+                match value {
+                    Some(value) => self.entries.insert(key, (revision, value.to_vec())),
+                    None => self.entries.remove(&key),
+                };
+            }
+            self.log_bytes += segment.len();
+        }
+        self.remove_segments(0, first)?;
+        self.remove_segments(next, u64::MAX)
+    }
+
+    /// Removes all that is stored.
+    fn clear(&mut self) -> Result<(), DirectoryError> {
+        (self.head, self.revision, self.log_bytes) = (Head::default(), Revision(0), 0);
+        self.entries.clear();
+        let head = Op::delete(&self.hold.keys().key("head"));
+        self.hold.write(&[head])?;
+        self.remove_segments(0, u64::MAX)
+    }
+
+    fn remove_segments(&mut self, from: u64, to: u64) -> Result<(), DirectoryError> {
+        let keys = self.hold.keys();
+        let removal = Op::Delete(keys.key(&segment_name(from)), keys.key(&segment_name(to)));
+        if from < to { self.hold.write(&[removal]) } else { Ok(()) }
+    }
+
+    /// Saves all that is not saved yet.
+    fn save(&mut self) -> Result<(), DirectoryError> {
+        let saved = self.append_unsaved().and_then(|()| self.begin_anew_in_time());
+        self.is_lost |= saved.is_err();
+        saved
+    }
+
+    fn append_unsaved(&mut self) -> Result<(), DirectoryError> {
+        self.saved_at = Instant::now();
+        if self.head.revision == self.revision {
+            return Ok(());
+        }
+        let unsaved = std::mem::take(&mut self.unsaved);
+        let segment = segment::encode(unsaved.iter().map(|(key, (at, value))| (*key, *at, value.as_deref())));
+        self.log_bytes += segment.len();
+        let Head { first, next, .. } = self.head;
+        self.append(&segment, Head { revision: self.revision, first, next: next + 1 })
+    }
+
+    fn begin_anew_in_time(&mut self) -> Result<(), DirectoryError> {
+        if self.log_bytes <= LOG_BYTES {
+            return Ok(());
+        }
+        let entries_bytes: usize = self.entries.values().map(|(_, value)| value.len()).sum();
+        if self.log_bytes > LOG_RATIO * entries_bytes { self.begin_anew() } else { Ok(()) }
+    }
+
+    /// Writes all entries as one segment, and removes those before it.
+    fn begin_anew(&mut self) -> Result<(), DirectoryError> {
+        let records = self.entries.iter().map(|(key, (at, value))| (*key, *at, Some(value.as_slice())));
+        let segment = segment::encode(records);
+        let first = self.head.next;
+        self.append(&segment, Head { revision: self.revision, first, next: first + 1 })?;
+        self.log_bytes = segment.len();
+        self.remove_segments(0, first)
+    }
+
+    /// Writes the next segment, and a head that counts it.
+    fn append(&mut self, segment: &[u8], head: Head) -> Result<(), DirectoryError> {
+        let keys = self.hold.keys();
+        let parts = segment.chunks(VALUE_BYTES).enumerate();
+        let mut parts: Vec<_> = parts
+            .map(|(i, part)| {
+                Op::Put(keys.key(&format!("{}/{i:08x}", segment_name(head.next - 1))), part.to_vec())
+            })
+            .collect();
+        let counted = Op::Put(keys.key("head"), head.encode());
+        let last = parts.pop().expect("a segment is not empty: it begins with its length");
+        for part in parts {
+            self.hold.write(&[part])?;
+        }
+        self.hold.write(&[last, counted])?;
+        self.head = head;
+        Ok(())
+    }
+}
+
+impl Directory for EtcdDirectory {
+    fn load(&mut self) -> Result<Vec<Entry>, DirectoryError> {
+        let entries = self.entries.iter();
+        Ok(entries
+            .map(|(&key, (revision, value))| Entry { key, revision: *revision, value: value.clone() })
+            .collect())
+    }
+
+    /// Conditions are looked at here: nobody else writes, which etcd makes sure of.
+    fn commit(&mut self, batch: &Batch, conditions: &[Condition]) -> Result<Revision, DirectoryError> {
+        for &Condition { key, at } in conditions {
+            let found = self.entries.get(&key).map(|(revision, _)| *revision);
+            if found != at {
+                return Err(DirectoryError::Changed { key, expected: at, found });
+            }
+        }
+        self.revision.0 += 1;
+        for (key, value) in &batch.writes {
+            match value {
+                Some(value) => self.entries.insert(*key, (self.revision, value.clone())),
+                None => self.entries.remove(key),
+            };
+            self.unsaved.insert(*key, (self.revision, value.clone()));
+        }
+        if batch.durable || self.saved_at.elapsed() >= UNSAVED {
+            self.save()?;
+        }
+        Ok(self.revision)
+    }
+
+    fn renew(&mut self) -> Result<Tenure, DirectoryError> {
+        self.lease.left().map(Tenure::For)
+    }
+}
+
+impl Drop for EtcdDirectory {
+    fn drop(&mut self) {
+        if !self.is_lost {
+            let _ = self.save();
+        }
+    }
+}
+
+impl Head {
+    fn encode(self) -> Vec<u8> {
+        [FORMAT, self.revision.0, self.first, self.next].into_iter().flat_map(u64::to_be_bytes).collect()
+    }
+
+    fn decode(bytes: &[u8], place: &str) -> Result<Self, DirectoryError> {
+        let (numbers, rest) = bytes.as_chunks();
+        let numbers: Vec<_> = numbers.iter().map(|number| u64::from_be_bytes(*number)).collect();
+        match numbers[..] {
+            [FORMAT, revision, first, next] if first <= next && rest.is_empty() => {
+                Ok(Self { revision: Revision(revision), first, next })
+            }
+            [found, ..] if found != FORMAT => {
+                Err(DirectoryError::Format { place: place.to_owned(), found, known: FORMAT })
+            }
+            _ => {
+                Err(DirectoryError::Damaged { place: place.to_owned(), what: "its head is none".to_owned() })
+            }
+        }
+    }
+}
+
+/// Returns the beginning of the names of a segment's parts: names are in the order of numbers.
+fn segment_name(number: u64) -> String {
+    format!("log/{number:016x}")
+}
+
+/// Returns the number of the segment that a key is a part of.
+fn number_of_segment(key: &[u8]) -> Option<u64> {
+    let mut names = std::str::from_utf8(key).ok()?.rsplit('/');
+    let _part = names.next()?;
+    u64::from_str_radix(names.next()?, 16).ok()
+}

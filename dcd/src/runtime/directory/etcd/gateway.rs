@@ -1,0 +1,231 @@
+//! Asks the members of an etcd cluster over its JSON gateway (`/v3/kv/...`), one after the other until one answers.
+//!
+//! Bytes are base64 there, and 64-bit numbers texts (<https://etcd.io/docs/v3.4/dev-guide/api_grpc_gateway/>).
+
+use std::time::Duration;
+
+use data_encoding::BASE64;
+use serde_json::{Value, json};
+
+use super::address::EtcdAddress;
+
+/// How long one member may take to answer about a hold: one that hangs is passed by before the hold has run out.
+const ANSWER: Duration = Duration::from_millis(450);
+/// The same where much is read or written.
+const BULK_ANSWER: Duration = Duration::from_millis(1_500);
+/// The same for a connection.
+const CONNECT: Duration = Duration::from_millis(250);
+/// The most bytes of an answer: more than a page of values in base64.
+const ANSWER_BYTES: u64 = 64 << 20;
+/// The most values of an answer.
+const PAGE: usize = 8;
+
+/// A way to an etcd cluster. Clones share connections.
+#[derive(Clone, Debug)]
+pub(super) struct Gateway {
+    agent: ureq::Agent,
+    members: Vec<String>,
+    /// The member that answered last.
+    current: usize,
+    /// How long one may take.
+    answer: Duration,
+}
+
+/// Why etcd has not done what it was asked.
+#[derive(Debug)]
+pub(super) enum GatewayError {
+    /// No member answers, or the cluster has no leader now: it may be asked again.
+    Away(String),
+    /// It does not do such a thing.
+    Refused(String),
+}
+
+/// A write.
+#[derive(Clone, Debug)]
+pub(super) enum Op {
+    Put(Vec<u8>, Vec<u8>),
+    /// All keys from the first on, before the second.
+    Delete(Vec<u8>, Vec<u8>),
+}
+
+/// What must hold for a transaction.
+#[derive(Clone, Debug)]
+pub(super) enum Compare {
+    /// A key was created at this revision of etcd; 0: there is no such key.
+    Created(Vec<u8>, i64),
+    /// It was last written at this one.
+    Written(Vec<u8>, i64),
+}
+
+/// Some of the keys of a range.
+#[derive(Debug)]
+pub(super) struct Page {
+    pub(super) found: Vec<Found>,
+    /// There are more behind them.
+    pub(super) more: bool,
+}
+
+/// A key with its value.
+#[derive(Clone, Debug)]
+pub(super) struct Found {
+    pub(super) key: Vec<u8>,
+    pub(super) value: Vec<u8>,
+    /// Revisions of etcd at which it was created and last written.
+    pub(super) created: i64,
+    pub(super) written: i64,
+}
+
+impl Gateway {
+    pub(super) fn new(address: &EtcdAddress) -> Self {
+        let agent = ureq::Agent::config_builder()
+            .timeout_connect(Some(CONNECT))
+            .http_status_as_error(false)
+            .proxy(None)
+            .build()
+            .into();
+        Self { agent, members: address.members.clone(), current: 0, answer: ANSWER }
+    }
+
+    /// Returns a way by which much may be read and written.
+    pub(super) fn for_bulk(mut self) -> Self {
+        self.answer = BULK_ANSWER;
+        self
+    }
+
+    /// Does all of it if the condition holds; returns whether it does.
+    ///
+    /// After an error it is unknown whether it was done.
+    pub(super) fn transact(&mut self, condition: &Compare, ops: &[Op]) -> Result<bool, GatewayError> {
+        let success: Vec<_> = ops.iter().map(Op::json).collect();
+        let answer = self.ask("txn", &json!({ "compare": [condition.json()], "success": success }))?;
+        Ok(answer["succeeded"].as_bool().unwrap_or(false))
+    }
+
+    /// Returns the value of a key, if it has one.
+    pub(super) fn read(&mut self, key: &[u8]) -> Result<Option<Found>, GatewayError> {
+        let answer = self.ask("range", &json!({ "key": BASE64.encode(key) }))?;
+        Ok(found(&answer)?.pop())
+    }
+
+    /// Returns the first keys from one on, before another, in order.
+    pub(super) fn read_page(&mut self, from: &[u8], to: &[u8]) -> Result<Page, GatewayError> {
+        let (key, range_end) = (BASE64.encode(from), BASE64.encode(to));
+        let answer = self.ask("range", &json!({ "key": key, "range_end": range_end, "limit": PAGE }))?;
+        Ok(Page { found: found(&answer)?, more: answer["more"].as_bool().unwrap_or(false) })
+    }
+
+    /// Asks each member once, beginning with the one that answered last.
+    fn ask(&mut self, what: &str, request: &Value) -> Result<Value, GatewayError> {
+        let request = request.to_string();
+        let mut why = String::new();
+        for turn in 0..self.members.len() {
+            let at = (self.current + turn) % self.members.len();
+            match self.ask_member(&self.members[at], what, &request) {
+                Err(GatewayError::Away(cause)) => why = format!("{}: {cause}", self.members[at]),
+                answer => {
+                    self.current = at;
+                    return answer;
+                }
+            }
+        }
+        // Whoever answers first next time is not the one that failed first now.
+        self.current = (self.current + 1) % self.members.len();
+        Err(GatewayError::Away(why))
+    }
+
+    fn ask_member(&self, member: &str, what: &str, request: &str) -> Result<Value, GatewayError> {
+        let away = |error: ureq::Error| GatewayError::Away(error.to_string());
+        let asked = self.agent.post(format!("http://{member}/v3/kv/{what}"));
+        let asked = asked.config().timeout_global(Some(self.answer)).build();
+        let mut answer = asked.content_type("application/json").send(request).map_err(away)?;
+        let status = answer.status().as_u16();
+        let body = answer.body_mut().with_config().limit(ANSWER_BYTES).read_to_vec().map_err(away)?;
+        let parsed: Result<Value, _> = serde_json::from_slice(&body);
+        match (status, parsed) {
+            (200, Ok(answer)) => Ok(answer),
+            (200, Err(error)) => Err(GatewayError::Refused(format!("its answer is no JSON ({error})"))),
+            (status, parsed) => {
+                let text = parsed.ok().and_then(|answer| answer["error"].as_str().map(str::to_owned));
+                let text = text.unwrap_or_else(|| format!("HTTP status {status}"));
+                // No leader, a leader that changes, a time-out within the cluster.
+                let passes = matches!(status, 500 | 502..=504) || status == 408;
+                Err(if passes { GatewayError::Away(text) } else { GatewayError::Refused(text) })
+            }
+        }
+    }
+}
+
+impl Op {
+    /// Returns the removal of one key.
+    pub(super) fn delete(key: &[u8]) -> Self {
+        Self::Delete(key.to_vec(), [key, &[0]].concat())
+    }
+
+    fn json(&self) -> Value {
+        match self {
+            Self::Put(key, value) => {
+                json!({ "request_put": { "key": BASE64.encode(key), "value": BASE64.encode(value) } })
+            }
+            Self::Delete(from, to) => {
+                json!({ "request_delete_range": { "key": BASE64.encode(from), "range_end": BASE64.encode(to) } })
+            }
+        }
+    }
+}
+
+impl Compare {
+    fn json(&self) -> Value {
+        match self {
+            Self::Created(key, at) => {
+                json!({ "key": BASE64.encode(key), "target": "CREATE", "create_revision": at.to_string() })
+            }
+            Self::Written(key, at) => {
+                json!({ "key": BASE64.encode(key), "target": "MOD", "mod_revision": at.to_string() })
+            }
+        }
+    }
+}
+
+/// Reads the keys of an answer. What is 0 or empty is left out there.
+fn found(answer: &Value) -> Result<Vec<Found>, GatewayError> {
+    let unread = || GatewayError::Refused("its answer is not etcd's".to_owned());
+    let bytes = |value: &Value| match value.as_str() {
+        Some(text) => BASE64.decode(text.as_bytes()).map_err(|_| unread()),
+        None => Ok(Vec::new()),
+    };
+    let number = |value: &Value| value.as_str().and_then(|text| text.parse().ok()).ok_or_else(unread);
+    let keys = answer["kvs"].as_array().into_iter().flatten();
+    keys.map(|found| {
+        Ok(Found {
+            key: bytes(&found["key"])?,
+            value: bytes(&found["value"])?,
+            created: number(&found["create_revision"])?,
+            written: number(&found["mod_revision"])?,
+        })
+    })
+    .collect()
+}
+
+impl std::fmt::Display for GatewayError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Away(cause) | Self::Refused(cause) => f.write_str(cause),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_etcd_leaves_out_is_empty_and_what_is_not_etcds_is_an_error() {
+        let answer = json!({ "kvs": [{ "key": "YQ==", "create_revision": "3", "mod_revision": "12" }] });
+        let found = found(&answer).unwrap().pop().unwrap();
+        assert_eq!((found.key, found.value, found.created, found.written), (b"a".to_vec(), vec![], 3, 12));
+        assert!(super::found(&json!({ "count": "0" })).unwrap().is_empty());
+        for wrong in [json!({ "kvs": [{ "key": "?" }] }), json!({ "kvs": [{ "key": "YQ==" }] })] {
+            assert!(super::found(&wrong).is_err(), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,143 @@
+//! Reads and writes the keys of one world in etcd; a holder's writes are fenced by its own key.
+
+use std::time::{Duration, Instant};
+
+use super::address::EtcdAddress;
+use super::gateway::{Compare, Found, Gateway, GatewayError, Op};
+use crate::cluster::directory::DirectoryError;
+
+/// How long etcd is asked again while it does not answer: an election of its own takes one or two seconds.
+const TRY: Duration = Duration::from_secs(10);
+/// The pause between two such trials.
+const AGAIN: Duration = Duration::from_millis(20);
+/// The most bytes of a value: a transaction stays below the 1.5 MiB that etcd allows.
+pub(super) const VALUE_BYTES: usize = 512 << 10;
+
+/// The keys of one world.
+#[derive(Clone, Debug)]
+pub(super) struct Keys {
+    pub(super) gateway: Gateway,
+    address: EtcdAddress,
+}
+
+/// The same for the server that holds them. Clones write for the same holder.
+#[derive(Clone, Debug)]
+pub(super) struct Hold {
+    keys: Keys,
+    /// The holder, unlike all others.
+    holder: String,
+    /// The revision of etcd at which its key was created.
+    created: i64,
+}
+
+impl Keys {
+    pub(super) fn new(address: EtcdAddress) -> Self {
+        Self { gateway: Gateway::new(&address), address }
+    }
+
+    /// Returns where the world is, for people.
+    pub(super) fn place(&self) -> String {
+        self.address.to_string()
+    }
+
+    /// Returns the whole key of this name.
+    pub(super) fn key(&self, name: &str) -> Vec<u8> {
+        format!("dcd/{}/{name}", self.address.name).into_bytes()
+    }
+
+    /// Returns the key that its holder writes again and again.
+    pub(super) fn holder(&self) -> Vec<u8> {
+        self.key("holder")
+    }
+
+    pub(super) fn read(&mut self, name: &str) -> Result<Option<Vec<u8>>, DirectoryError> {
+        let key = self.key(name);
+        let found = patiently(|| self.gateway.read(&key)).map_err(|error| self.unreadable(&error))?;
+        Ok(found.map(|found| found.value))
+    }
+
+    /// Returns the values of all names from the first on, before the second, in order.
+    pub(super) fn read_range(&mut self, from: &str, to: &str) -> Result<Vec<Found>, DirectoryError> {
+        let (mut from, to, mut all) = (self.key(from), self.key(to), Vec::<Found>::new());
+        loop {
+            let page =
+                patiently(|| self.gateway.read_page(&from, &to)).map_err(|error| self.unreadable(&error))?;
+            all.extend(page.found);
+            match all.last() {
+                Some(last) if page.more => from = [&last.key[..], &[0]].concat(),
+                _ => return Ok(all),
+            }
+        }
+    }
+
+    /// Writes a value where there is none yet, and returns what is there then. Asks once: a wrong address is told at once.
+    pub(super) fn read_or_create(&mut self, name: &str, value: &[u8]) -> Result<Vec<u8>, DirectoryError> {
+        let key = self.key(name);
+        let create = Op::Put(key.clone(), value.to_vec());
+        let created = self.gateway.transact(&Compare::Created(key.clone(), 0), &[create]);
+        let found = created.and_then(|_| self.gateway.read(&key)).map_err(|error| self.unreadable(&error))?;
+        Ok(found.map(|found| found.value).unwrap_or_default())
+    }
+
+    pub(super) fn unreadable(&self, error: &GatewayError) -> DirectoryError {
+        DirectoryError::Unreadable { place: self.place(), cause: error.to_string() }
+    }
+}
+
+impl Hold {
+    pub(super) fn new(keys: Keys, holder: String, created: i64) -> Self {
+        Self { keys, holder, created }
+    }
+
+    /// Returns a clone by which much may be read and written.
+    pub(super) fn for_bulk(&self) -> Self {
+        let mut hold = self.clone();
+        hold.keys.gateway = hold.keys.gateway.for_bulk();
+        hold
+    }
+
+    /// Returns where the world is, for people.
+    pub(super) fn place(&self) -> String {
+        self.keys.place()
+    }
+
+    pub(super) fn keys(&mut self) -> &mut Keys {
+        &mut self.keys
+    }
+
+    /// Writes all at once, unless the world is another's meanwhile. Needs to fit into one transaction of etcd.
+    pub(super) fn write(&mut self, ops: &[Op]) -> Result<(), DirectoryError> {
+        let fence = Compare::Created(self.keys.holder(), self.created);
+        match patiently(|| self.keys.gateway.transact(&fence, ops)) {
+            Ok(true) => Ok(()),
+            Ok(false) => Err(DirectoryError::Deposed { place: self.keys.place() }),
+            Err(error) => {
+                Err(DirectoryError::Unwritable { place: self.keys.place(), cause: error.to_string() })
+            }
+        }
+    }
+
+    /// Gives a sign that the holder lives.
+    pub(super) fn renew(&mut self) -> Result<(), DirectoryError> {
+        let sign = Op::Put(self.keys.holder(), self.holder.clone().into_bytes());
+        self.write(&[sign])
+    }
+
+    /// Lets go, so that others need not wait. Asks once: who is gone is missed soon enough.
+    pub(super) fn release(&mut self) {
+        let key = self.keys.holder();
+        let fence = Compare::Created(key.clone(), self.created);
+        let _ = self.keys.gateway.transact(&fence, &[Op::delete(&key)]);
+    }
+}
+
+/// Asks until etcd answers, for some seconds. What is asked does the same when it is done twice.
+fn patiently<T>(mut ask: impl FnMut() -> Result<T, GatewayError>) -> Result<T, GatewayError> {
+    let deadline = Instant::now() + TRY;
+    loop {
+        match ask() {
+            Err(GatewayError::Away(_)) if Instant::now() < deadline => std::thread::sleep(AGAIN),
+            answer => return answer,
+        }
+    }
+}

@@ -1,0 +1,53 @@
+//! Locks a data folder for the one server that uses it.
+
+use std::fs::{File, OpenOptions, TryLockError};
+use std::path::Path;
+
+use crate::cluster::directory::DirectoryError;
+use crate::net::{NetError, open_private};
+
+/// The lock of a data folder: the system lets go of it when the process ends, however that ends.
+pub(in crate::runtime) struct FolderLock(File);
+
+impl FolderLock {
+    /// Locks the folder; `place` is what is taken where another server has it.
+    pub(in crate::runtime) fn take(folder: &Path, place: &Path) -> Result<Self, DirectoryError> {
+        let path = folder.join("world.lock");
+        let shown = || path.display().to_string();
+        let lock = open_private(&path, OpenOptions::new().create(true).append(true))
+            .map_err(|error| DirectoryError::Unreadable { place: shown(), cause: cause(&error) })?;
+        match lock.try_lock() {
+            Ok(()) => Ok(Self(lock)),
+            Err(TryLockError::WouldBlock) => {
+                Err(DirectoryError::Taken { place: place.display().to_string() })
+            }
+            Err(TryLockError::Error(error)) => {
+                Err(DirectoryError::Unreadable { place: shown(), cause: error.to_string() })
+            }
+        }
+    }
+}
+
+/// Released explicitly: a child process that is just being started has the open file too for a moment.
+impl Drop for FolderLock {
+    fn drop(&mut self) {
+        let _ = self.0.unlock();
+    }
+}
+
+/// Returns whether a server uses this data folder now.
+pub(crate) fn is_served(folder: &Path) -> Result<bool, DirectoryError> {
+    if !folder.join("world.lock").exists() {
+        return Ok(false);
+    }
+    match FolderLock::take(folder, folder) {
+        Ok(_) => Ok(false),
+        Err(DirectoryError::Taken { .. }) => Ok(true),
+        Err(error) => Err(error),
+    }
+}
+
+/// Returns the system's message, without the words that [`DirectoryError`] adds itself.
+pub(super) fn cause(error: &NetError) -> String {
+    std::error::Error::source(error).map_or_else(|| error.to_string(), ToString::to_string)
+}

@@ -1,0 +1,340 @@
+//! Runs the loop of a server: feeds events of the network and wishes of its program to the state machine, and carries out its outputs.
+
+use std::path::PathBuf;
+use std::sync::mpsc::{self, RecvTimeoutError, SyncSender};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use tracing::{debug, error, info, warn};
+
+use super::{Input, SUSPENDED, Shared};
+use crate::cluster::directory::{Batch, Condition, Directory, DirectoryError, Key, Revision};
+use crate::cluster::{ProgramOp, SavedWorld, Server, ServerEvent, ServerOutput, WORLD_ENDED};
+use crate::net::NetTotals;
+use crate::protocol::{BodyKind, BodyRecord, StateHasher};
+use crate::recording::RecordedServer;
+use crate::runtime::directory::FolderLock;
+use crate::runtime::end_request::EndRequests;
+use crate::runtime::ending::{Cause, Reason};
+use crate::runtime::links::{LinkEvent, Links};
+use crate::runtime::metrics::ServerMetrics;
+use crate::runtime::{Connections, ProcessError};
+
+/// How often sending is tried again where a link had no room.
+const RETRY: Duration = Duration::from_millis(2);
+/// How long the loop sleeps when nothing is due.
+const IDLE: Duration = Duration::from_millis(500);
+/// Time-out of the last audit: dead members are found much sooner.
+const AUDIT: Duration = Duration::from_secs(10);
+/// The most contacts, and forces, kept for a program that does not fetch them; the oldest go first.
+const MAX_EVENTS: usize = 65_536;
+
+/// The loop of a server, with all that it alone changes.
+pub(super) struct Loop {
+    pub(super) links: Option<Links>,
+    pub(super) connections: Connections,
+    pub(super) directory: Box<dyn Directory>,
+    /// Dropped after the directory.
+    pub(super) folder_lock: Option<FolderLock>,
+    pub(super) end_requests: EndRequests,
+    /// The revision at which this server wrote the world's entry: whoever else writes it has taken over.
+    pub(super) stored: Option<Revision>,
+    /// Where it is recorded.
+    pub(super) record: Option<PathBuf>,
+    pub(super) start: Instant,
+    pub(super) server: Arc<Mutex<RecordedServer>>,
+    pub(super) shared: Arc<Shared>,
+    /// If somebody wants to know how the server is.
+    pub(super) metrics: Option<Arc<ServerMetrics>>,
+    pub(super) began: Option<Instant>,
+    /// Who waits for the world to be saved.
+    pub(super) savers: Vec<SyncSender<SavedWorld>>,
+    /// When the world ends even without an audit.
+    pub(super) end_by: Option<Instant>,
+    pub(super) audited: bool,
+    pub(super) over: bool,
+}
+
+impl Loop {
+    pub(super) fn run(mut self, inputs: &mpsc::Receiver<Input>) {
+        while !self.over {
+            let due = self.server().poll_timeout().map(|due| due.saturating_sub(self.start.elapsed()));
+            let Some(links) = &mut self.links else { break };
+            let wait = due.unwrap_or(IDLE).min(if links.flush(Instant::now()) { RETRY } else { IDLE });
+            let input = inputs.recv_timeout(wait);
+            // Who has been replaced says nothing more.
+            if let Err(error) = self.directory.renew() {
+                self.fail(error);
+                break;
+            }
+            let now = self.start.elapsed();
+            match input {
+                Ok(Input::Net(event)) => {
+                    for event in links.translate(event) {
+                        self.hear(now, event);
+                    }
+                }
+                Ok(Input::Stop) => self.stop(now),
+                Ok(Input::Suspend) => self.server().handle(now, ServerEvent::Suspend),
+                Ok(Input::Program(ops)) => self.server().handle(now, ServerEvent::Program(ops)),
+                Ok(Input::Ask(question)) => self.server().handle(now, ServerEvent::Ask(question)),
+                Ok(Input::Forget(number)) => {
+                    self.server().handle(now, ServerEvent::Forget(number));
+                    self.shared.lock().answers.remove(&number);
+                }
+                Ok(Input::Save(saver)) => {
+                    self.savers.push(saver);
+                    self.server().handle(now, ServerEvent::Save);
+                }
+                Ok(Input::Replace(saved, replacer)) => {
+                    info!(
+                        tick = saved.tick.0,
+                        bodies = saved.bodies.len(),
+                        "the world is replaced by a saved one"
+                    );
+                    self.server().handle(now, ServerEvent::Program(vec![ProgramOp::Replace(saved)]));
+                    {
+                        let mut state = self.shared.lock();
+                        (state.view, state.summary.nodes) = (None, 0);
+                    }
+                    // It is on record before its program hears of it.
+                    self.pump();
+                    let next_ids = self.server().next_ids();
+                    if !self.over {
+                        let _ = replacer.send(next_ids);
+                    }
+                }
+                Ok(Input::Wake) | Err(RecvTimeoutError::Timeout) => {}
+                Err(RecvTimeoutError::Disconnected) => break,
+            }
+            let now = self.start.elapsed();
+            if self.server().poll_timeout().is_some_and(|due| due <= now) {
+                self.server().handle_timeout(now);
+            }
+            if self.end_requests.take() {
+                info!("the world is to end: its data folder has a request");
+                self.stop(now);
+            }
+            self.send_away(now);
+            self.pump();
+            let given_up = self.links.as_mut().map(Links::take_given_up).unwrap_or_default();
+            if !given_up.is_empty() {
+                given_up.into_iter().for_each(|event| self.hear(now, event));
+                self.pump();
+            }
+            self.publish();
+            if !self.over && self.end_by.is_some_and(|by| by <= Instant::now()) {
+                warn!("the last audit is given up: members do not answer");
+                self.shared.lock().summary.unaudited = true;
+                break;
+            }
+        }
+        let totals = self.links.take().map(Links::shutdown);
+        self.finish(totals);
+    }
+
+    fn server(&self) -> MutexGuard<'_, RecordedServer> {
+        self.server.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn stop(&mut self, now: Duration) {
+        self.end_by.get_or_insert(Instant::now() + AUDIT);
+        self.server().handle(now, ServerEvent::Stop);
+    }
+
+    fn hear(&mut self, now: Duration, event: LinkEvent) {
+        match event {
+            LinkEvent::Connected(_) => {}
+            LinkEvent::Disconnected { peer, text, .. } => {
+                info!(?peer, text, "a link is gone");
+                self.server().handle(now, ServerEvent::Disconnected(peer));
+            }
+            LinkEvent::Message { from, message } => {
+                self.server().handle(now, ServerEvent::Message { from, message });
+            }
+        }
+    }
+
+    /// Disconnects the processes that the user asked to disconnect.
+    fn send_away(&mut self, now: Duration) {
+        for (who, reason) in self.connections.take_sent_away() {
+            info!(%who, reason, "sent away");
+            let (node, client) = (who.node(), who.client());
+            self.server().handle(now, ServerEvent::SendAway { node, client, reason });
+        }
+    }
+
+    fn pump(&mut self) {
+        loop {
+            let output = self.server().poll_output();
+            let Some(output) = output else { return };
+            let Some(links) = &mut self.links else { return };
+            self.metrics.iter().for_each(|metrics| metrics.put_out(&output));
+            match output {
+                ServerOutput::Send { to, message } => links.send(to, &message),
+                ServerOutput::Close { peer, farewell, reason } => links.close(peer, farewell.into(), &reason),
+                ServerOutput::Store(batch) => {
+                    if let Err(error) = self.store(&batch) {
+                        return self.fail(error);
+                    }
+                }
+                ServerOutput::Dissolved(group) => info!(%group, "a group is no more"),
+                ServerOutput::Expelled(node) => warn!(%node, "the world goes on without a node"),
+                ServerOutput::Unreached(node) => warn!(
+                    %node,
+                    "other nodes do not reach a new one at the address that it gave: it computes the world by itself until they do; \
+                     check its --advertise, and what is between"
+                ),
+                ServerOutput::Began { group, view } if group != self.server().main_group() => {
+                    info!(%group, view = view.number.0, members = view.members.len(), "a view begins");
+                }
+                ServerOutput::Began { view, .. } => {
+                    self.began.get_or_insert_with(Instant::now);
+                    info!(view = view.number.0, members = view.members.len(), "a view begins");
+                    let mut state = self.shared.lock();
+                    state.summary.views += 1;
+                    state.summary.bodies = movable(&self.server()).count();
+                    state.summary.nodes = view.members.len();
+                    state.summary.regions = view.allocation.len();
+                    state.view = Some(view);
+                }
+                ServerOutput::Repartitioned { group, view } => {
+                    debug!(%group, view = view.number.0, regions = view.allocation.len(), "regions follow the load");
+                    if group == self.server().main_group() {
+                        let mut state = self.shared.lock();
+                        state.summary.repartitions += 1;
+                        state.summary.regions = view.allocation.len();
+                        state.view = Some(view);
+                    }
+                }
+                ServerOutput::Held(tick) => {
+                    warn!(tick = tick.0, "no node is left; the world waits for one");
+                    let mut state = self.shared.lock();
+                    state.summary.nodes = 0;
+                    state.view = None;
+                }
+                ServerOutput::Audited { lost, doubled } => {
+                    let mut state = self.shared.lock();
+                    (state.summary.lost, state.summary.doubled) = (lost.len(), doubled.len());
+                    self.audited = true;
+                }
+                ServerOutput::Answered { number, found } => {
+                    self.shared.lock().answers.insert(number, found);
+                }
+                ServerOutput::Contacts(events) => {
+                    let mut state = self.shared.lock();
+                    keep_newest(&mut state.events.touches, events.touches);
+                    keep_newest(&mut state.events.forces, events.forces);
+                }
+                ServerOutput::Saved(saved) => {
+                    for saver in self.savers.drain(..) {
+                        // Who has waited for too long is gone.
+                        let _ = saver.try_send((*saved).clone());
+                    }
+                }
+                ServerOutput::Ended => {
+                    self.forget();
+                    self.over = true;
+                }
+                ServerOutput::Suspended => {
+                    let kept = self.server().has_begun();
+                    if !kept {
+                        self.forget();
+                    }
+                    let mut state = self.shared.lock();
+                    (state.suspended, state.summary.kept) = (true, kept);
+                    self.over = true;
+                }
+            }
+        }
+    }
+
+    fn fail(&mut self, error: DirectoryError) {
+        error!(%error, "the server cannot go on");
+        self.shared.lock().failure = Some(error.into());
+        self.metrics.iter().for_each(|metrics| metrics.failed());
+        self.over = true;
+    }
+
+    fn store(&mut self, batch: &Batch) -> Result<(), DirectoryError> {
+        let begun = self.metrics.as_ref().map(|metrics| (metrics, Instant::now()));
+        let revision = self.directory.commit(batch, &[Condition { key: Key::World, at: self.stored }])?;
+        if let Some((metrics, begun)) = begun {
+            let bytes = batch
+                .writes
+                .iter()
+                .map(|(key, value)| key.to_bytes().len() + value.as_ref().map_or(0, Vec::len));
+            metrics.committed(begun.elapsed(), bytes.sum());
+        }
+        if batch.writes.iter().any(|(key, _)| *key == Key::World) {
+            self.stored = Some(revision);
+        }
+        Ok(())
+    }
+
+    /// Clears the directory: a world that has ended, or never began, leaves nothing to go on with.
+    fn forget(&mut self) {
+        let cleared = self.directory.load().and_then(|entries| {
+            let writes = entries.into_iter().map(|entry| (entry.key, None)).collect();
+            self.store(&Batch { writes, durable: true })
+        });
+        if let Err(error) = cleared {
+            warn!(%error, "what is stored of the world stays");
+        }
+    }
+
+    fn publish(&mut self) {
+        let mut state = self.shared.lock();
+        state.summary.tick = self.server().tick();
+        state.summary.seconds = self.began.map_or(0.0, |began| began.elapsed().as_secs_f64());
+        if let Some(links) = &self.links {
+            let traffic = links.totals().traffic;
+            state.traffic = traffic;
+            state.summary.bytes = traffic.bytes_in + traffic.bytes_out;
+        }
+        drop(state);
+        if let (Some(links), Some(metrics)) = (&self.links, &self.metrics) {
+            metrics.turned(Instant::now(), links.all_totals());
+        }
+        self.shared.changed.notify_all();
+    }
+
+    fn finish(self, totals: Option<NetTotals>) {
+        // Whoever hears of the end may start another server here.
+        let Self { directory, folder_lock, server, shared, connections, record, .. } = self;
+        drop(directory);
+        drop(folder_lock);
+        let mut server = server.lock().unwrap_or_else(PoisonError::into_inner);
+        let recorded = server.finish();
+        let mut hasher = StateHasher::default();
+        for body in movable(&server) {
+            hasher.add(body.id, &body.state.pose, &body.state.velocity);
+        }
+        let mut state = shared.lock();
+        state.summary.bodies = movable(&server).count();
+        state.summary.state_hash = Some(hasher.finish());
+        if let Some(totals) = totals {
+            state.summary.bytes = totals.traffic.bytes_in + totals.traffic.bytes_out;
+        }
+        if let (Err(cause), Some(path)) = (recorded, record) {
+            state.failure.get_or_insert(ProcessError::Record { path, cause });
+        }
+        state.over = true;
+        let reason = match state.suspended {
+            true => Reason::new(Cause::Left, SUSPENDED),
+            false => Reason::new(Cause::WorldEnded, WORLD_ENDED),
+        };
+        drop(state);
+        shared.changed.notify_all();
+        connections.end(reason);
+    }
+}
+
+fn keep_newest<T>(kept: &mut Vec<T>, new: Vec<T>) {
+    kept.extend(new);
+    kept.drain(..kept.len().saturating_sub(MAX_EVENTS));
+}
+
+fn movable(server: &Server) -> impl Iterator<Item = &BodyRecord> {
+    server.record().present().filter(|body| body.traits.kind != BodyKind::Fixed)
+}

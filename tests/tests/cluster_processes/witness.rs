@@ -10,6 +10,13 @@ use rapier3d::prelude::*;
 
 use crate::process::LIMIT;
 
+/// What joins the server at one of these addresses, which are separated by commas.
+pub(crate) fn joining(servers: &str, token: String) -> JoinConfig {
+    let mut addresses = servers.split(',').map(|address| address.parse().unwrap());
+    let first = JoinConfig::new(addresses.next().unwrap(), token);
+    JoinConfig { standbys: addresses.collect(), timeout: LIMIT, ..first }
+}
+
 /// Its avatar is in the first region, is told of after every third tick, and goes sideways.
 pub(crate) struct Witness {
     pub(crate) world: ClientWorld,
@@ -17,9 +24,8 @@ pub(crate) struct Witness {
 }
 
 impl Witness {
-    pub(crate) fn join(server: &str, token: String) -> Self {
-        let config = JoinConfig { timeout: LIMIT, ..JoinConfig::new(server.parse().unwrap(), token) };
-        let mut world = ClientWorld::connect(&config).unwrap();
+    pub(crate) fn join(servers: &str, token: String) -> Self {
+        let mut world = ClientWorld::connect(&joining(servers, token)).unwrap();
         let body = RigidBodyBuilder::kinematic_velocity_based();
         let avatar = world
             .spawn(WorldPose::at([-4.0, 20.0, 0.0]), &body.build(), &[ColliderBuilder::ball(0.5)])
@@ -68,6 +74,11 @@ impl Witness {
     /// Watches for so long, and says how long the world stood still at most.
     pub(crate) fn watch_for(&self, time: Duration) -> Duration {
         self.see_for(time).stood
+    }
+
+    /// Watches until something is done, and says how long the world stood still at most.
+    pub(crate) fn watch_until(&self, is_done: impl Fn() -> bool) -> Duration {
+        self.watch(|_, _| is_done()).stood
     }
 
     /// Watches for so long.

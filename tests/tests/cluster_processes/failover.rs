@@ -1,0 +1,223 @@
+//! Tests servers that stand by for one another, with their world in a real etcd: kill -9 and stops of the active one, and of members of etcd.
+
+use std::net::UdpSocket;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use dcd::runtime::ClientWorld;
+use dcd_tests::etcd::EtcdCluster;
+
+use crate::process::{Process, alone, dcd, playground, token};
+use crate::witness::{Witness, joining};
+
+/// A world whose nodes are well stands no longer, on a busy machine.
+const PAUSE: Duration = Duration::from_secs(1);
+/// Until joins work again.
+const TAKEOVER: Duration = Duration::from_secs(3);
+
+/// Two servers of one world, of which one serves it, two nodes, a client that watches and one that plays.
+struct Pair {
+    etcd: EtcdCluster,
+    folder: tempfile::TempDir,
+    addresses: [String; 2],
+    /// By their number.
+    servers: [Option<Process>; 2],
+    active: usize,
+    nodes: Vec<Process>,
+    player: Process,
+    witness: Witness,
+}
+
+impl Pair {
+    /// `None` where there is no etcd.
+    fn start(members: usize) -> Option<Self> {
+        let etcd = EtcdCluster::start(members)?;
+        let folder = tempfile::tempdir().unwrap();
+        // Who stands by has no port yet, and others need to know it.
+        let free = [(); 2].map(|()| UdpSocket::bind("127.0.0.1:0").unwrap());
+        let addresses = free.map(|port| port.local_addr().unwrap().to_string());
+        let data = folder.path().join("0");
+        let mut active = serve(&etcd, &addresses[0], &data);
+        active.line("listening ");
+        let mut standby = serve(&etcd, &addresses[1], &folder.path().join("1"));
+        let holder = standby.line("standing by for ");
+        assert!(holder.starts_with(&addresses[0]), "{holder}");
+        let both = addresses.join(",");
+        let join = |role: &str, args: &[&str]| {
+            let mut process =
+                Process::start(dcd(args).args(["--server", &both, "--token", &token(&data, role)]));
+            process.line("joined as ");
+            process
+        };
+        let node = ["node", "--json", "--threads", "1"];
+        let nodes = vec![join("node", &node), join("node", &node)];
+        assert!(active.line("view ").contains("n1 r1, n2 r2"));
+        let player = join("client", &["client", "--json", "--avatars", "10"]);
+        let witness = Witness::join(&both, token(&data, "client"));
+        let servers = [Some(active), Some(standby)];
+        Some(Self { etcd, folder, addresses, servers, active: 0, nodes, player, witness })
+    }
+
+    fn data(&self, server: usize) -> PathBuf {
+        self.folder.path().join(server.to_string())
+    }
+
+    fn both(&self) -> String {
+        self.addresses.join(",")
+    }
+
+    fn active(&mut self) -> &mut Process {
+        self.servers[self.active].as_mut().expect("it runs")
+    }
+
+    /// Watches until a new client is let in by the server that stood by, and both nodes are members there. Says how long the first took,
+    /// and how long the world stood still at most.
+    fn take_over(&mut self) -> Takeover {
+        let start = Instant::now();
+        self.active = 1 - self.active;
+        let (both, data) = (self.both(), self.data(self.active));
+        // Its folder got the authority from etcd, so that it makes tokens.
+        let join = move || drop(ClientWorld::connect(&joining(&both, token(&data, "client"))).unwrap());
+        let joining = std::thread::spawn(move || {
+            join();
+            start.elapsed()
+        });
+        let without = self.witness.watch_until(|| joining.is_finished());
+        let joined = joining.join().unwrap();
+        self.active().line("going on with the world at tick ");
+        while !{
+            let view = self.active().line("view ");
+            view.contains("n1 r") && view.contains("n2 r")
+        } {}
+        let stood = without.max(self.witness.watch_for(Duration::from_secs(1)));
+        Takeover { joined, stood }
+    }
+
+    /// Starts the server again that was killed or replaced: it stands by.
+    fn stand_by(&mut self) {
+        let other = 1 - self.active;
+        let mut standby = serve(&self.etcd, &self.addresses[other], &self.data(other));
+        standby.line("standing by for ");
+        self.servers[other] = Some(standby);
+    }
+
+    /// Ends the world: nothing is lost or doubled, and who stands by does not begin it again.
+    fn end(mut self) {
+        self.witness.leave();
+        let ended =
+            Process::start(dcd(&["end", "--data"]).arg(self.folder.path().join(self.active.to_string())))
+                .end();
+        assert_eq!(ended.code(), Some(0), "{ended:?}");
+        let served = self.servers[self.active].take().unwrap().end();
+        let summary = served.json();
+        assert_eq!((&summary["lost"], &summary["doubled"]), (&0.into(), &0.into()), "{served:?}");
+        assert_eq!(summary["bodies"], 165, "155 and the player's: {served:?}");
+        for node in self.nodes {
+            assert_eq!(node.end().code(), Some(0));
+        }
+        let ended = self.player.end();
+        assert!(ended.errors.contains("the world has ended"), "{ended:?}");
+        if let Some(standby) = self.servers[1 - self.active].take() {
+            let ended = standby.end();
+            assert!(ended.errors.contains("the world has ended while this server stood by"), "{ended:?}");
+        }
+    }
+}
+
+/// What it is like when another server takes over.
+#[derive(Debug)]
+struct Takeover {
+    /// After this time a new client was let in.
+    joined: Duration,
+    /// The longest time for which the world stood still.
+    stood: Duration,
+}
+
+impl Takeover {
+    fn check(&self, what: &str) {
+        println!(
+            "{what}: joins work again after {:.2?}; the world stood still for {:.2?}",
+            self.joined, self.stood
+        );
+        assert!(self.joined < TAKEOVER && self.stood < PAUSE, "{what}: {self:?}");
+    }
+}
+
+fn serve(etcd: &EtcdCluster, listen: &str, data: &Path) -> Process {
+    let place = etcd.place("play");
+    let mut command =
+        dcd(&["serve", "--json", "--nodes", "2", "--listen", listen, "--directory", &place, "--data"]);
+    Process::start(command.arg(data).arg(playground()))
+}
+
+#[test]
+fn a_server_that_is_killed_under_load_is_taken_over_by_the_one_that_stands_by() {
+    let _alone = alone();
+    let Some(mut pair) = Pair::start(1) else { return };
+    let used = token(&pair.data(0), "client");
+    drop(ClientWorld::connect(&joining(&pair.both(), used.clone())).unwrap());
+    for _ in 0..3 {
+        pair.active().kill();
+        pair.take_over().check("killed");
+        pair.stand_by();
+    }
+    let refused = ClientWorld::connect(&joining(&pair.both(), used)).map(drop).unwrap_err().to_string();
+    assert!(refused.contains("used"), "a token is used for all servers: {refused}");
+    pair.end();
+}
+
+#[test]
+fn a_server_is_taken_over_while_a_member_of_etcd_is_down() {
+    let _alone = alone();
+    let Some(mut pair) = Pair::start(3) else { return };
+    // Whoever leads: a server that loses its etcd for an election goes on.
+    pair.etcd.kill(0);
+    let stood = pair.witness.watch_for(Duration::from_secs(4));
+    println!("a member of etcd is killed: the world stood still for {stood:.2?}");
+    assert!(stood < PAUSE, "{stood:?}");
+    pair.active().kill();
+    pair.take_over().check("killed with one member of three down");
+    pair.stand_by();
+    pair.end();
+}
+
+/// A server stops, is taken over, and finds that out when it goes on.
+fn stop_and_resume_the_active_server(stop: Duration) {
+    let _alone = alone();
+    let Some(mut pair) = Pair::start(1) else { return };
+    let former = pair.active;
+    pair.active().signal("-STOP");
+    let stopped = Instant::now();
+    pair.take_over().check("stopped");
+    pair.witness.watch_for(stop.saturating_sub(stopped.elapsed()));
+    let former = pair.servers[former].take().unwrap();
+    former.signal("-CONT");
+    let ended = former.end();
+    assert_eq!(ended.code(), Some(1), "{ended:?}");
+    assert!(ended.errors.contains("another server has taken over the world in etcd://"), "{ended:?}");
+    let stood = pair.witness.watch_for(Duration::from_secs(2));
+    assert!(stood < PAUSE, "{stood:?}");
+    pair.end();
+}
+
+#[test]
+fn a_server_that_was_stopped_for_five_seconds_is_fenced_out() {
+    stop_and_resume_the_active_server(Duration::from_secs(5));
+}
+
+#[test]
+#[ignore = "takes half a minute"]
+fn a_server_that_was_stopped_for_thirty_seconds_is_fenced_out() {
+    stop_and_resume_the_active_server(Duration::from_secs(30));
+}
+
+#[test]
+fn a_server_that_is_told_to_stop_hands_over_to_the_one_that_stands_by() {
+    let _alone = alone();
+    let Some(mut pair) = Pair::start(1) else { return };
+    pair.active().interrupt();
+    pair.take_over().check("told to stop");
+    let kept = pair.servers[1 - pair.active].take().unwrap().end();
+    assert_eq!((kept.code(), &kept.json()["kept"]), (Some(0), &true.into()), "{kept:?}");
+    pair.end();
+}

@@ -444,7 +444,8 @@ typedef struct DcdClientDef {
     uint32_t struct_size;
     // Milliseconds to wait for the server and the world; 0 is 10,000.
     uint32_t timeout_ms;
-    // Where the server is: "host:port", "192.0.2.1:port" or "[2001:db8::1]:port".
+    // Where the server is: "host:port", "192.0.2.1:port" or "[2001:db8::1]:port". Where servers stand by for one another
+    // (`dcd serve --directory`) those of all, separated by commas without spaces: the one that answers is the server, now and later on.
     const char *server;
     // What `dcd token --role client` or dcd_token_create gave; joining uses it up.
     const char *token;

@@ -26,12 +26,15 @@ use crate::cluster::{Client, ClientEvent, Node, NodeConfig, Peer, TickStats};
 use crate::metrics::Endpoint;
 use crate::net::{Identity, Limits, Net, NetConfig, NetEvent, NetEvents, PeerStats};
 use crate::physics::RegionHost;
-use crate::protocol::{Area, Refusal, link};
+use crate::protocol::{Area, Refusal};
 use crate::recording::{Background, Recorder};
 use crate::space::{BodyId, NodeId, Tick};
 
 /// Events that may wait for the loop; beyond that the network holds its peers back.
 const QUEUE: usize = 4_096;
+
+/// A client whose server may be taken over misses it after this long: about when another one is there.
+const MISSED: Duration = Duration::from_secs(2);
 
 /// The settings of a node, client or participant.
 pub struct MemberConfig {
@@ -334,11 +337,7 @@ impl Drop for Member {
 fn limits(servers: usize) -> Limits {
     match servers {
         1 => Limits::default(),
-        _ => Limits {
-            client_idle_timeout: link::IDLE_TIMEOUT,
-            client_keep_alive: link::KEEP_ALIVE,
-            ..Limits::default()
-        },
+        _ => Limits { client_idle_timeout: MISSED, client_keep_alive: MISSED / 4, ..Limits::default() },
     }
 }
 

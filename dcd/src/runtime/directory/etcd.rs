@@ -56,6 +56,8 @@ pub(super) struct EtcdDirectory {
     hold: Hold,
     lease: Lease,
     head: Head,
+    /// The head as it is stored.
+    stored: Option<Vec<u8>>,
     /// All entries, with what is not saved yet.
     entries: BTreeMap<Key, (Revision, Vec<u8>)>,
     /// What is not saved yet; without a value it is removed.
@@ -64,7 +66,7 @@ pub(super) struct EtcdDirectory {
     revision: Revision,
     log_bytes: usize,
     saved_at: Instant,
-    /// It is not known any more what is stored.
+    /// It is not known what is stored: not yet, or not any more.
     is_lost: bool,
     /// Another server has removed all entries while this one stood by.
     is_cleared: bool,
@@ -106,34 +108,36 @@ impl EtcdWorld {
         let mut keys = self.keys;
         let before = keys.read("head")?;
         let Some(hold) = lease::hold(keys, holder, goes_on)? else { return Ok(None) };
-        let mut directory = EtcdDirectory::begin(hold, fresh)?;
-        directory.is_cleared = directory.entries.is_empty() && directory.hold.keys().read("head")? != before;
-        Ok(Some(directory))
-    }
-}
-
-impl EtcdDirectory {
-    fn begin(hold: Hold, fresh: bool) -> Result<Self, DirectoryError> {
-        let lease = Lease::begin(hold.clone())?;
-        let mut directory = Self {
-            hold: hold.for_bulk(),
-            lease,
-            head: Head::default(),
-            entries: BTreeMap::new(),
-            unsaved: BTreeMap::new(),
-            revision: Revision(0),
-            log_bytes: 0,
-            saved_at: Instant::now(),
-            is_lost: false,
-            is_cleared: false,
-        };
-        match directory.read() {
+        let mut directory = EtcdDirectory::new(hold)?;
+        let read = directory.read();
+        directory.is_cleared = read.is_ok() && directory.entries.is_empty() && directory.stored != before;
+        match read {
             Err(DirectoryError::Damaged { .. } | DirectoryError::Format { .. }) if fresh => {
                 directory.clear()?
             }
             read => read?,
         }
-        Ok(directory)
+        directory.is_lost = false;
+        Ok(Some(directory))
+    }
+}
+
+impl EtcdDirectory {
+    fn new(hold: Hold) -> Result<Self, DirectoryError> {
+        let lease = Lease::begin(hold.clone())?;
+        Ok(Self {
+            hold: hold.for_bulk(),
+            lease,
+            head: Head::default(),
+            stored: None,
+            entries: BTreeMap::new(),
+            unsaved: BTreeMap::new(),
+            revision: Revision(0),
+            log_bytes: 0,
+            saved_at: Instant::now(),
+            is_lost: true,
+            is_cleared: false,
+        })
     }
 
     /// Returns whether another server has ended the world while this one stood by.
@@ -150,8 +154,9 @@ impl EtcdDirectory {
     fn read(&mut self) -> Result<(), DirectoryError> {
         let place = self.hold.keys().place();
         let damaged = |what: &str| DirectoryError::Damaged { place: place.clone(), what: what.to_owned() };
-        if let Some(head) = self.hold.keys().read("head")? {
-            self.head = Head::decode(&head, &place)?;
+        self.stored = self.hold.keys().read("head")?;
+        if let Some(head) = &self.stored {
+            self.head = Head::decode(head, &place)?;
         }
         self.revision = self.head.revision;
         let Head { first, next, .. } = self.head;
@@ -172,23 +177,26 @@ impl EtcdDirectory {
             }
             self.log_bytes += segment.len();
         }
-        self.remove_segments(0, first)?;
-        self.remove_segments(next, u64::MAX)
+        self.remove_others()
     }
 
-    /// Removes all that is stored.
+    /// Removes all that is stored. Numbers go on, so that no head is ever there twice.
     fn clear(&mut self) -> Result<(), DirectoryError> {
-        (self.head, self.revision, self.log_bytes) = (Head::default(), Revision(0), 0);
         self.entries.clear();
-        let head = Op::delete(&self.hold.keys().key("head"));
-        self.hold.write(&[head])?;
-        self.remove_segments(0, u64::MAX)
+        let Head { revision, next, .. } = self.head;
+        (self.revision, self.log_bytes) = (revision, 0);
+        self.write_head(Head { revision, first: next, next }, Vec::new())?;
+        self.remove_others()
     }
 
-    fn remove_segments(&mut self, from: u64, to: u64) -> Result<(), DirectoryError> {
+    /// Removes all segments that do not count. Done late, once there are newer ones, it would remove those: then the head is another.
+    fn remove_others(&mut self) -> Result<(), DirectoryError> {
+        let Head { first, next, .. } = self.head;
+        let ranges = [(0, first), (next, u64::MAX)].into_iter().filter(|(from, to)| from < to);
         let keys = self.hold.keys();
-        let removal = Op::Delete(keys.key(&segment_name(from)), keys.key(&segment_name(to)));
-        if from < to { self.hold.write(&[removal]) } else { Ok(()) }
+        let removal = |(from, to)| Op::Delete(keys.key(&segment_name(from)), keys.key(&segment_name(to)));
+        let removals: Vec<_> = ranges.map(removal).collect();
+        self.hold.write_if("head", self.stored.as_deref(), &removals).map(drop)
     }
 
     /// Saves all that is not saved yet.
@@ -225,7 +233,7 @@ impl EtcdDirectory {
         let first = self.head.next;
         self.append(&segment, Head { revision: self.revision, first, next: first + 1 })?;
         self.log_bytes = segment.len();
-        self.remove_segments(0, first)
+        self.remove_others()
     }
 
     /// Writes the next segment, and a head that counts it.
@@ -237,13 +245,24 @@ impl EtcdDirectory {
                 Op::Put(keys.key(&format!("{}/{i:08x}", segment_name(head.next - 1))), part.to_vec())
             })
             .collect();
-        let counted = Op::Put(keys.key("head"), head.encode());
         let last = parts.pop().expect("a segment is not empty: it begins with its length");
         for part in parts {
             self.hold.write(&[part])?;
         }
-        self.hold.write(&[last, counted])?;
-        self.head = head;
+        self.write_head(head, vec![last])
+    }
+
+    /// Writes another head, with what belongs to it. Each is there once only: what etcd does late finds a newer one, and is not done.
+    fn write_head(&mut self, head: Head, mut ops: Vec<Op>) -> Result<(), DirectoryError> {
+        let value = head.encode();
+        ops.push(Op::Put(self.hold.keys().key("head"), value.clone()));
+        let is_written = self.hold.write_if("head", self.stored.as_deref(), &ops)?;
+        // It may have been done when etcd was asked before, and did not answer in time.
+        if !is_written && self.hold.keys().read("head")?.as_ref() != Some(&value) {
+            let (place, what) = (self.hold.place(), "others than servers of dcd write there".to_owned());
+            return Err(DirectoryError::Damaged { place, what });
+        }
+        (self.head, self.stored) = (head, Some(value));
         Ok(())
     }
 }

@@ -55,6 +55,8 @@ pub(super) enum Compare {
     Created(Vec<u8>, i64),
     /// It was last written at this one.
     Written(Vec<u8>, i64),
+    /// It has this value; `None`: there is no such key.
+    Is(Vec<u8>, Option<Vec<u8>>),
 }
 
 /// Some of the keys of a range.
@@ -92,12 +94,14 @@ impl Gateway {
         self
     }
 
-    /// Does all of it if the condition holds; returns whether it does.
+    /// Does all of it if all conditions hold; returns whether they do.
     ///
-    /// After an error it is unknown whether it was done.
-    pub(super) fn transact(&mut self, condition: &Compare, ops: &[Op]) -> Result<bool, GatewayError> {
+    /// After an error it is unknown whether it was done, or will be: a member that has not answered in time may do it later, after what
+    /// is asked then. So what is not to be done late needs a condition that does not hold any more.
+    pub(super) fn transact(&mut self, conditions: &[Compare], ops: &[Op]) -> Result<bool, GatewayError> {
+        let compare: Vec<_> = conditions.iter().map(Compare::json).collect();
         let success: Vec<_> = ops.iter().map(Op::json).collect();
-        let answer = self.ask("txn", &json!({ "compare": [condition.json()], "success": success }))?;
+        let answer = self.ask("txn", &json!({ "compare": compare, "success": success }))?;
         Ok(answer["succeeded"].as_bool().unwrap_or(false))
     }
 
@@ -178,6 +182,10 @@ impl Compare {
         match self {
             Self::Created(key, at) => {
                 json!({ "key": BASE64.encode(key), "target": "CREATE", "create_revision": at.to_string() })
+            }
+            Self::Is(key, None) => Self::Created(key.clone(), 0).json(),
+            Self::Is(key, Some(value)) => {
+                json!({ "key": BASE64.encode(key), "target": "VALUE", "value": BASE64.encode(value) })
             }
             Self::Written(key, at) => {
                 json!({ "key": BASE64.encode(key), "target": "MOD", "mod_revision": at.to_string() })

@@ -74,7 +74,7 @@ impl Keys {
     pub(super) fn read_or_create(&mut self, name: &str, value: &[u8]) -> Result<Vec<u8>, DirectoryError> {
         let key = self.key(name);
         let create = Op::Put(key.clone(), value.to_vec());
-        let created = self.gateway.transact(&Compare::Created(key.clone(), 0), &[create]);
+        let created = self.gateway.transact(&[Compare::Created(key.clone(), 0)], &[create]);
         let found = created.and_then(|_| self.gateway.read(&key)).map_err(|error| self.unreadable(&error))?;
         Ok(found.map(|found| found.value).unwrap_or_default())
     }
@@ -105,16 +105,36 @@ impl Hold {
         &mut self.keys
     }
 
-    /// Writes all at once, unless the world is another's meanwhile. Needs to fit into one transaction of etcd.
+    /// Writes all at once, unless the world is another's meanwhile. Needs to fit into one transaction of etcd, and to be right when it
+    /// is done late, or twice.
     pub(super) fn write(&mut self, ops: &[Op]) -> Result<(), DirectoryError> {
-        let fence = Compare::Created(self.keys.holder(), self.created);
-        match patiently(|| self.keys.gateway.transact(&fence, ops)) {
-            Ok(true) => Ok(()),
-            Ok(false) => Err(DirectoryError::Deposed { place: self.keys.place() }),
-            Err(error) => {
-                Err(DirectoryError::Unwritable { place: self.keys.place(), cause: error.to_string() })
-            }
+        match self.transact(None, ops)? {
+            true => Ok(()),
+            false => Err(DirectoryError::Deposed { place: self.keys.place() }),
         }
+    }
+
+    /// Does the same only if a key has this value; returns whether it had. It has not either when etcd did it, and did not answer in time.
+    pub(super) fn write_if(
+        &mut self,
+        name: &str,
+        value: Option<&[u8]>,
+        ops: &[Op],
+    ) -> Result<bool, DirectoryError> {
+        let is = Compare::Is(self.keys.key(name), value.map(<[u8]>::to_vec));
+        if self.transact(Some(is), ops)? {
+            return Ok(true);
+        }
+        self.renew()?;
+        Ok(false)
+    }
+
+    fn transact(&mut self, condition: Option<Compare>, ops: &[Op]) -> Result<bool, DirectoryError> {
+        let fence = Compare::Created(self.keys.holder(), self.created);
+        let conditions: Vec<_> = std::iter::once(fence).chain(condition).collect();
+        patiently(|| self.keys.gateway.transact(&conditions, ops)).map_err(|error| {
+            DirectoryError::Unwritable { place: self.keys.place(), cause: error.to_string() }
+        })
     }
 
     /// Gives a sign that the holder lives.
@@ -127,7 +147,7 @@ impl Hold {
     pub(super) fn release(&mut self) {
         let key = self.keys.holder();
         let fence = Compare::Created(key.clone(), self.created);
-        let _ = self.keys.gateway.transact(&fence, &[Op::delete(&key)]);
+        let _ = self.keys.gateway.transact(&[fence], &[Op::delete(&key)]);
     }
 }
 

@@ -43,14 +43,14 @@ pub(super) fn hold(
             Ok(None) => {
                 let create = Op::Put(key.clone(), holder.as_bytes().to_vec());
                 // Whose it is then is seen by reading it.
-                let _ = keys.gateway.transact(&Compare::Created(key.clone(), 0), &[create]);
+                let _ = keys.gateway.transact(&[Compare::Created(key.clone(), 0)], &[create]);
             }
             Ok(Some(found)) if found.value == holder.as_bytes() => {
                 return Ok(Some(Hold::new(keys, holder.to_owned(), found.created)));
             }
             Ok(Some(found)) if vigil.is_over(Instant::now(), found.written) => {
                 let unchanged = Compare::Written(key.clone(), found.written);
-                let _ = keys.gateway.transact(&unchanged, &[Op::delete(&key)]);
+                let _ = keys.gateway.transact(&[unchanged], &[Op::delete(&key)]);
             }
             Ok(Some(found)) => {
                 if !goes_on(&String::from_utf8_lossy(&found.value)) {

@@ -33,6 +33,31 @@ fn crash(mut directory: EtcdDirectory) {
 }
 
 #[test]
+fn what_etcd_does_late_changes_nothing() {
+    let Some(etcd) = EtcdCluster::start(1) else { return };
+    let place = etcd.place("late");
+    let mut directory = open(&place, "one");
+    let mut heads = vec![directory.stored.clone()];
+    for value in 1..4 {
+        directory.commit(&body(1, value, true), &[]).unwrap();
+        heads.push(directory.stored.clone());
+    }
+    let keys = directory.hold.keys();
+    let all = Op::Delete(keys.key(&segment_name(0)), keys.key(&segment_name(u64::MAX)));
+    // What was asked when each of these was the head, and is done now.
+    for (then, next) in heads.iter().zip(&heads[1..]) {
+        let head = Op::Put(directory.hold.keys().key("head"), next.clone().unwrap());
+        assert!(!directory.hold.write_if("head", then.as_deref(), &[all.clone(), head]).unwrap());
+    }
+    // Etcd did it, and its answer was lost.
+    directory.stored = heads[2].clone();
+    directory.write_head(directory.head, Vec::new()).unwrap();
+    assert_eq!(directory.stored, heads[3]);
+    drop(directory);
+    assert_eq!(values(&mut open(&place, "two")), [(1, 3)]);
+}
+
+#[test]
 fn it_does_what_a_directory_does() {
     let Some(etcd) = EtcdCluster::start(1) else { return };
     let count = AtomicUsize::new(0);
@@ -148,7 +173,7 @@ fn who_was_deposed_is_told_so_when_it_makes_sure_of_its_hold() {
     let mut written = found.written;
     while !keys
         .gateway
-        .transact(&gateway::Compare::Written(holder.clone(), written), &[Op::delete(&holder)])
+        .transact(&[gateway::Compare::Written(holder.clone(), written)], &[Op::delete(&holder)])
         .unwrap()
     {
         written = keys.gateway.read(&holder).unwrap().unwrap().written;

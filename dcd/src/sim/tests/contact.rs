@@ -32,7 +32,8 @@ fn what_touches_holds_when_nodes_are_killed_or_stopped() {
 
 #[test]
 fn what_touches_holds_when_regions_move() {
-    hold(&[FaultProfile::Rebalance, FaultProfile::Shrink], 0..2);
+    hold(&[FaultProfile::Rebalance], 0..2);
+    hold(&[FaultProfile::Shrink], 0..3);
 }
 
 /// Runs a seed in which nothing goes wrong but what is planted.

@@ -1,5 +1,8 @@
-//! Fills the fault table: every row of faults, many seeds each, whole clusters in virtual time. What it says is the same on every
-//! machine; how long it takes is not.
+//! Fills the fault tables: every row of faults, many seeds each, whole clusters in virtual time, first with bodies that fly straight
+//! on, then over Rapier with scenes whose bodies touch across borders. What they say is the same on every machine; how long it takes
+//! is not.
+
+mod contact;
 
 use std::error::Error;
 use std::ops::Range;
@@ -8,7 +11,7 @@ use std::process::ExitCode;
 use std::thread::available_parallelism;
 
 use clap::Args;
-use dcd::sim::{self, FaultProfile, TrialConfig, simulate};
+use dcd::sim::{self, ContactScene, FaultProfile, TrialConfig, simulate};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::{Deserialize, Serialize};
 
@@ -21,12 +24,15 @@ const FILE: &str = "faults.csv";
 /// How many seeds are run.
 #[derive(Args)]
 pub(crate) struct Faults {
-    /// Two seeds a row.
+    /// Two seeds a row, and five of each scene whose bodies touch.
     #[arg(long)]
     quick: bool,
     /// Seeds a row.
     #[arg(long, default_value_t = 1_000, conflicts_with = "quick")]
     seeds: u64,
+    /// Seeds a row of each scene whose bodies touch.
+    #[arg(long, default_value_t = 200, conflicts_with = "quick")]
+    contact_seeds: u64,
     /// Where the results go [default: benches/results; with `--quick` a temporary folder].
     #[arg(long, value_name = "FOLDER")]
     out: Option<PathBuf>,
@@ -62,42 +68,48 @@ impl Faults {
         let table = table(&rows);
         println!("{table}");
         page::put(&folder, "faults", &table)?;
-        let holds = rows.iter().all(|row| row.row.violations == 0);
+        let (contact, holds_in_contact) = contact::table(&folder)?;
+        println!("{contact}");
+        page::put(&folder, "faults-contact", &contact)?;
+        let holds = holds_in_contact && rows.iter().all(|row| row.row.violations == 0);
         Ok(if holds { ExitCode::SUCCESS } else { ExitCode::FAILURE })
     }
 
     fn measure(&self, folder: &Path) -> Result<(), Box<dyn Error>> {
         let machine = Machine::here();
-        let seeds = 0..if self.quick { 2 } else { self.seeds };
-        let bar = ProgressBar::new(seeds.end * FaultProfile::TABLE.len() as u64)
+        let (seeds, contact_seeds) = if self.quick { (2, 5) } else { (self.seeds, self.contact_seeds) };
+        let (seeds, rows) = (0..seeds, FaultProfile::TABLE.len() as u64);
+        let runs = rows * (seeds.end + ContactScene::ALL.len() as u64 * contact_seeds);
+        let bar = ProgressBar::new(runs)
             .with_style(ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len} runs, {eta}")?);
         // A machine that panics is a violation, which is reported with its seed.
         std::panic::set_hook(Box::new(|_| {}));
         let mut rows = Vec::new();
         for profile in FaultProfile::TABLE {
             bar.set_message(profile.name());
-            let row = measure(profile, seeds.clone(), &bar);
+            let row = Row::of(&measure(&TrialConfig::default(), profile, seeds.clone(), &bar));
             rows.push(Measured { row, machine: machine.clone() });
             // Whoever stops it keeps the rows that are done.
             results::write_csv(&folder.join(FILE), &rows)?;
         }
+        contact::measure(folder, 0..contact_seeds, &machine, &bar)?;
         drop(std::panic::take_hook());
         bar.finish_and_clear();
         Ok(())
     }
 }
 
-fn measure(profile: FaultProfile, seeds: Range<u64>, bar: &ProgressBar) -> Row {
+fn measure(config: &TrialConfig, profile: FaultProfile, seeds: Range<u64>, bar: &ProgressBar) -> sim::Row {
     let threads = available_parallelism().map_or(1, usize::from);
     let goes_on = || {
         bar.inc(1);
         true
     };
-    let row = simulate(&TrialConfig::default(), profile, seeds, threads, &goes_on);
+    let row = simulate(config, profile, seeds, threads, &goes_on);
     for failure in &row.failures {
         bar.suspend(|| eprintln!("{} fails, {failure}", profile.name()));
     }
-    Row::of(&row)
+    row
 }
 
 impl Row {

@@ -1,7 +1,6 @@
 //! Measures what the thesis of 2006 could not: how far groups are from one another over time, how far ghosts are from their
 //! owners inside a group, and what keeping groups together costs on the wire. Whole clusters in virtual time, with real physics.
 
-mod device;
 mod picture;
 mod scene;
 mod spread;

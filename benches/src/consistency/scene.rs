@@ -11,10 +11,8 @@ use dcd::protocol::{
 };
 use dcd::rapier3d::prelude::*;
 use dcd::scene::{Params, Scene};
-use dcd::sim::{NetworkConditions, Path, Random, Sim, SimConfig, sim_world};
+use dcd::sim::{NetworkConditions, Path, Random, RapierEngine, Sim, SimConfig, sim_world};
 use dcd::space::{BodyId, Bounds, ClientId, DistributionTree, NodeId};
-
-use super::device::Device;
 
 pub(super) const GROUPS: u32 = 3;
 pub(super) const MEMBERS: u32 = 4;
@@ -106,7 +104,7 @@ impl Running {
             protocol: setting.protocol,
             ..SimConfig::default()
         };
-        let mut sim = Sim::with_world(config, world, record, Device::boxed);
+        let mut sim = Sim::with_world(config, world, record, RapierEngine::boxed);
         let clients: Vec<_> = (0..GROUPS).map(|_| sim.start_participant(None).1).collect();
         let is_formed = |sim: &Sim| {
             sim.server().views().filter(|(_, view)| view.members.len() == MEMBERS as usize).count()

@@ -13,9 +13,9 @@ use super::common::{Common, print};
 use super::failure::Failure;
 use super::interrupt::Interrupt;
 use super::replay::RECORDING;
-use crate::sim::{FaultProfile, Row, Tape, TrialConfig, run_trial, simulate};
+use crate::sim::{ContactScene, FaultProfile, Quantity, Row, Tape, TrialConfig, run_trial, simulate};
 
-/// Runs whole clusters in virtual time, under faults, and checks that nothing is lost or doubled
+/// Runs whole clusters in virtual time, under faults, and checks that nothing is lost, doubled or thrown about
 ///
 /// The same machines that run over the network, with simulated processes, clocks, disks and links. One seed, one run: a
 /// seed that fails prints what happened, and fails again.
@@ -25,6 +25,7 @@ use crate::sim::{FaultProfile, Row, Tape, TrialConfig, run_trial, simulate};
 ///   dcd simulate --faults kill-leader --seeds 0..1000
 ///   dcd simulate --faults table --seeds 0..1000        (an hour: the fault table)
 ///   dcd simulate --faults all --seeds 17..18 --timeline
+///   dcd simulate --faults kill-node --scene contact    (Rapier: bodies that touch across borders)
 #[derive(clap::Args)]
 #[command(verbatim_doc_comment, after_long_help = profiles())]
 pub(super) struct Simulate {
@@ -40,6 +41,9 @@ pub(super) struct Simulate {
     /// Which faults; several are one row each: see below
     #[arg(long, value_name = "NAME", default_value = "all", value_delimiter = ',', value_parser = named)]
     faults: Vec<Profiles>,
+    /// What is computed; several are one row each: see below
+    #[arg(long, value_name = "NAME", default_value = FLYING, value_delimiter = ',', value_parser = scenes)]
+    scene: Vec<Scenes>,
     /// Print what happened even when nothing failed; of one seed
     #[arg(long, conflicts_with = "json")]
     timeline: bool,
@@ -55,25 +59,36 @@ pub(super) struct Simulate {
 #[derive(Clone)]
 struct Profiles(Vec<FaultProfile>);
 
+/// The name of the world without contacts.
+const FLYING: &str = "flying";
+
+/// A scene, or several by one name; `None`: bodies that fly straight on.
+#[derive(Clone)]
+struct Scenes(Vec<Option<ContactScene>>);
+
 impl Simulate {
     pub(super) fn execute(self, common: &Common) -> Result<ExitCode, Failure> {
         let interrupt = Interrupt::listen()?;
         let config = TrialConfig { nodes: self.nodes, clients: self.clients, ..TrialConfig::default() };
         let threads = std::thread::available_parallelism().map_or(1, usize::from);
         let profiles: Vec<_> = self.faults.iter().flat_map(|profiles| profiles.0.iter().copied()).collect();
+        let scenes: Vec<_> = self.scene.iter().flat_map(|scenes| scenes.0.iter().copied()).collect();
+        let rows: Vec<_> =
+            profiles.iter().flat_map(|&profile| scenes.iter().map(move |&scene| (profile, scene))).collect();
         let count = self.seeds.end - self.seeds.start;
         if self.timeline && count > 1 {
             let range = format!("{0}..{1}", self.seeds.start, self.seeds.start + 1);
             return Err(Failure::usage(format!("--timeline is of one seed; write --seeds {range}")));
         }
-        let bar = common.progress(count * profiles.len() as u64, "runs", self.json);
+        let bar = common.progress(count * rows.len() as u64, "runs", self.json);
         // A machine that panics is a violation, which is reported with its seed.
         std::panic::set_hook(Box::new(|_| {}));
         if !self.json {
             print(&heading())?;
         }
         let mut holds = true;
-        for profile in profiles {
+        for (profile, scene) in rows {
+            let config = TrialConfig { begin: scene.map_or(config.begin, ContactScene::begin), ..config };
             let began = Instant::now();
             let goes_on = || {
                 bar.inc(1);
@@ -81,7 +96,7 @@ impl Simulate {
             };
             let row = simulate(&config, profile, self.seeds.clone(), threads, &goes_on);
             holds &= row.holds();
-            bar.suspend(|| self.show(&row, began.elapsed()))?;
+            bar.suspend(|| self.show(&Told::new(&row, scene, began.elapsed()), &row))?;
             if self.timeline && row.failures.is_empty() {
                 let seed = self.seeds.start;
                 print(&run_trial(&config, profile, seed, &profile.schedule(seed)).timeline.to_string())?;
@@ -92,7 +107,8 @@ impl Simulate {
                 for (seed, schedule) in failed.collect::<Vec<_>>().into_iter().chain(single()) {
                     let config = TrialConfig { record: true, ..config };
                     let tapes = run_trial(&config, profile, seed, &schedule).tapes;
-                    let folder = folder.join(format!("{profile}-{seed}"));
+                    let scene = scene.map(|scene| format!("-{scene}")).unwrap_or_default();
+                    let folder = folder.join(format!("{profile}{scene}-{seed}"));
                     keep(&folder, &tapes)?;
                     common.say(&format!("recorded: dcd replay {} --check", folder.display()));
                 }
@@ -106,13 +122,13 @@ impl Simulate {
         Ok(if holds { interrupt.exit_code() } else { ExitCode::FAILURE })
     }
 
-    fn show(&self, row: &Row, wall: Duration) -> Result<(), Failure> {
+    fn show(&self, told: &Told, row: &Row) -> Result<(), Failure> {
         if self.json {
-            let text = serde_json::to_string(&Told::new(row, wall))
+            let text = serde_json::to_string(told)
                 .map_err(|error| Failure::run(format!("cannot write JSON: {error}; leave --json out")))?;
             return print(&text);
         }
-        print(&line(&Told::new(row, wall)))?;
+        print(&line(told))?;
         for failure in &row.failures {
             print(&format!("\n{} fails, {failure}", row.profile))?;
         }
@@ -140,6 +156,7 @@ fn keep(folder: &Path, tapes: &BTreeMap<String, Tape>) -> Result<(), Failure> {
 #[derive(Serialize)]
 struct Told {
     faults: &'static str,
+    scene: &'static str,
     seeds: u64,
     violations: u64,
     worst_recovery_ms: u64,
@@ -151,6 +168,8 @@ struct Told {
     elections: u64,
     messages: u64,
     bytes: u64,
+    /// The worst of each quantity of bodies that touch, as a share of its gate.
+    of_gate: BTreeMap<&'static str, f64>,
     simulated_s: f64,
     wall_s: f64,
     holds: bool,
@@ -167,7 +186,7 @@ struct ToldFailure {
 }
 
 impl Told {
-    fn new(row: &Row, wall: Duration) -> Self {
+    fn new(row: &Row, scene: Option<ContactScene>, wall: Duration) -> Self {
         let failures = row.failures.iter().map(|failure| ToldFailure {
             seed: failure.seed,
             violation: failure.violation.to_string(),
@@ -180,6 +199,7 @@ impl Told {
         });
         Self {
             faults: row.profile.name(),
+            scene: scene.map_or(FLYING, ContactScene::name),
             seeds: row.seeds,
             violations: row.violations,
             worst_recovery_ms: row.worst_recovery.as_millis() as u64,
@@ -191,6 +211,11 @@ impl Told {
             elections: row.tally.elections,
             messages: row.traffic.messages,
             bytes: row.traffic.bytes,
+            of_gate: Quantity::ALL
+                .into_iter()
+                .filter(|_| scene.is_some())
+                .map(|quantity| (quantity.name(), row.strain.of(quantity)))
+                .collect(),
             simulated_s: row.simulated.as_secs_f64(),
             wall_s: wall.as_secs_f64(),
             holds: row.holds(),
@@ -201,8 +226,9 @@ impl Told {
 
 fn heading() -> String {
     format!(
-        "{:<13}{:>6}{:>11}{:>13}{:>10}{:>11}{:>11}{:>10}{:>10}{:>10}{:>11}{:>8}{:>8}",
+        "{:<13}{:>7}{:>6}{:>11}{:>13}{:>10}{:>11}{:>11}{:>10}{:>10}{:>10}{:>11}{:>8}{:>9}{:>8}",
         "faults",
+        "scene",
         "seeds",
         "violations",
         "recovery ms",
@@ -214,14 +240,17 @@ fn heading() -> String {
         "elections",
         "messages",
         "MB",
+        "of gate",
         "wall s"
     )
 }
 
 fn line(row: &Told) -> String {
+    let of_gate = row.of_gate.values().copied().reduce(f64::max);
     format!(
-        "{:<13}{:>6}{:>11}{:>13}{:>10}{:>11}{:>11}{:>10}{:>10}{:>10}{:>11}{:>8}{:>8.1}",
+        "{:<13}{:>7}{:>6}{:>11}{:>13}{:>10}{:>11}{:>11}{:>10}{:>10}{:>10}{:>11}{:>8}{:>9}{:>8.1}",
         row.faults,
+        row.scene,
         row.seeds,
         row.violations,
         row.worst_recovery_ms,
@@ -233,6 +262,7 @@ fn line(row: &Told) -> String {
         row.elections,
         row.messages,
         row.bytes / 1_000_000,
+        of_gate.map_or("-".to_owned(), |share| format!("{:.0} %", 100.0 * share)),
         row.wall_s
     )
 }
@@ -257,16 +287,31 @@ fn named(name: &str) -> Result<Profiles, String> {
     }))
 }
 
+fn scenes(name: &str) -> Result<Scenes, String> {
+    Ok(Scenes(match name {
+        FLYING => vec![None],
+        "contact" => ContactScene::ALL.map(Some).to_vec(),
+        name => vec![Some(name.parse().map_err(|error| format!("{error}; or {FLYING}, contact"))?)],
+    }))
+}
+
 fn profiles() -> String {
     let rows: Vec<_> = FaultProfile::TABLE
         .iter()
         .map(|profile| format!("  {:<13} {}", profile.name(), profile.summary()))
         .collect();
+    let scenes: Vec<_> =
+        ContactScene::ALL.iter().map(|scene| format!("  {:<13} {}", scene.name(), scene.summary())).collect();
     format!(
         "Faults:\n{}\n  loss, partition, crash: those rows; table: every row\n\n\
          recovery ms: the longest time from a fault, or its end, until the group computed on; pause ms: the longest without a \
-         tick;\nrewind ms: the most that a group went back, as none was left who had computed it; stale ms: 99 % of what clients saw of their avatars was younger. Exit code 1 if anything was violated.",
-        rows.join("\n")
+         tick;\nrewind ms: the most that a group went back, as none was left who had computed it; stale ms: 99 % of what clients saw of their avatars was younger. Exit code 1 if anything was violated.\n\n\
+         Scenes:\n  {FLYING:<13} bodies that fly straight on, without any physics\n{}\n  contact: the last three\n\n\
+         Those are computed by Rapier. What stands has to stand once all is well, joints to hold, bodies to overlap no more; and \
+         nothing gets energy or momentum\nfrom nowhere, at any time. Gates are twice what one undisturbed world of the same bodies \
+         shows in 20 s, and what borders may add; of gate: how near the worst came.",
+        rows.join("\n"),
+        scenes.join("\n")
     )
 }
 
@@ -280,6 +325,14 @@ mod tests {
         for wrong in ["", "5", "5..5", "6..5", "a..b", "-1..3"] {
             assert!(seeds(wrong).unwrap_err().contains("0..1000"), "{wrong}");
         }
+    }
+
+    #[test]
+    fn scenes_go_by_name_or_all_together() {
+        assert_eq!(scenes("stack").map(|found| found.0), Ok(vec![Some(ContactScene::Stack)]));
+        assert_eq!(scenes("flying").map(|found| found.0), Ok(vec![None]));
+        assert_eq!(scenes("contact").map(|found| found.0.len()), Ok(ContactScene::ALL.len()));
+        assert!(scenes("heap").err().unwrap().contains("stack, chain, crowd; or flying, contact"));
     }
 
     #[test]

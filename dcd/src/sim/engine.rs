@@ -19,6 +19,32 @@ pub trait Engine: Physics + fmt::Debug {
     fn rounds(&self) -> u32;
     /// Returns the rounds that the regions here want for the next tick.
     fn rounds_wanted(&self) -> u32;
+
+    /// Measures the owned bodies after a tick; the stand-in has no forces, so nothing.
+    fn mechanics(&self) -> Mechanics {
+        Mechanics::default()
+    }
+
+    /// Returns whether it is the stand-in: a replay computes with the same.
+    fn is_stand_in(&self) -> bool {
+        true
+    }
+}
+
+/// The energy and the contacts of the bodies that a node owns, after a tick.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Mechanics {
+    /// Kinetic and potential energy, joules.
+    pub energy_j: f64,
+    /// The deepest overlap of two bodies, metres.
+    pub deepest_m: f64,
+}
+
+impl Mechanics {
+    /// Adds those of another node of the same group.
+    pub(super) fn and(self, other: Self) -> Self {
+        Self { energy_j: self.energy_j + other.energy_j, deepest_m: self.deepest_m.max(other.deepest_m) }
+    }
 }
 
 /// The bodies that a node held when it had completed a tick.
@@ -40,6 +66,8 @@ pub struct Sample {
     pub owned: Vec<(BodyId, BodyState)>,
     /// Poses of replicas whose owners are other members.
     pub replicas: Vec<(BodyId, WorldPose)>,
+    /// Energy and contacts of those that it owned.
+    pub mechanics: Mechanics,
 }
 
 impl Sample {
@@ -48,6 +76,7 @@ impl Sample {
         let owned = claims.filter_map(|claim| Some((claim.id, physics.state(claim.id)?))).collect();
         let replicas = physics.replicas().into_iter().map(|(id, _, pose)| (id, pose)).collect();
         let (group, members, view) = (view.group, view.members.len(), view.number);
-        Self { time, group, view, members, node, tick, owned, replicas }
+        let mechanics = physics.mechanics();
+        Self { time, group, view, members, node, tick, owned, replicas, mechanics }
     }
 }

@@ -1,9 +1,11 @@
 //! Simulates whole clusters in one thread: the state machines of [`cluster`](crate::cluster) with virtual clocks, a seeded network
-//! that loses, delays and cuts, processes that are killed, stopped and slow at any event, and a stand-in for the physics. Every
-//! message passes the codec. Same seed, same run.
+//! that loses, delays and cuts, processes that are killed, stopped and slow at any event, and a stand-in for the physics, or Rapier
+//! itself. Every message passes the codec. Same seed, same run.
 
 mod check;
 mod clock;
+#[cfg(feature = "physics")]
+mod contact;
 mod deviation;
 mod engine;
 mod faults;
@@ -12,18 +14,25 @@ mod host;
 mod network;
 mod physics;
 mod random;
+#[cfg(feature = "physics")]
+mod rapier;
 mod records;
 mod run;
 mod sent;
 mod simulate;
+mod spoilt;
+mod tally;
 mod timeline;
 mod trial;
+mod watch;
 mod world;
 
 pub use check::{Checker, Violation};
 pub use clock::Clock;
+#[cfg(feature = "physics")]
+pub use contact::ContactScene;
 pub use deviation::{Apart, Comparer, Deviating};
-pub use engine::{Engine, Sample};
+pub use engine::{Engine, Mechanics, Sample};
 pub use faults::{
     Fault, FaultProfile, Island, Moment, Planned, ProcessKind, Promise, Schedule, Victim, Ways,
 };
@@ -32,12 +41,17 @@ pub use host::Skew;
 pub use network::{Bounds, Cut, NetworkConditions, Path, Traffic, Who};
 pub use physics::StandIn;
 pub use random::Random;
+#[cfg(feature = "physics")]
+pub use rapier::RapierEngine;
 pub use records::{Flipped, Tape};
 pub use sent::{Scope, Sent};
 pub use simulate::{Failure, Row, simulate};
+pub use spoilt::Spoilt;
+pub use tally::Tally;
 pub use timeline::Timeline;
 pub use trial::{Outcome, Staleness, TrialConfig, run_trial};
-pub use world::{Sim, SimConfig, Tally};
+pub use watch::{Course, Look, Quantity, Ruler, Strain, Watch};
+pub use world::{Sim, SimConfig};
 
 use fixtures::drifting;
 

@@ -19,8 +19,8 @@ impl Tape {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    pub(super) fn recorder(&self, config: &NodeConfig) -> Recorder {
-        Recorder::of_node(self.clone(), config, true).expect("memory can be written")
+    pub(super) fn recorder(&self, config: &NodeConfig, stand_in: bool) -> Recorder {
+        Recorder::of_node(self.clone(), config, stand_in).expect("memory can be written")
     }
 }
 

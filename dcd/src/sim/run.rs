@@ -240,6 +240,12 @@ impl Sim {
                         self.drop_transfers -= 1;
                     }
                     self.tally.transfers += transfers.len() as u64;
+                    if let Some(spoilt) = self.spoilt {
+                        let dt_s = self.config.dt_s;
+                        transfers
+                            .iter_mut()
+                            .for_each(|transfer| spoilt.spoil(&mut transfer.body.state, dt_s));
+                    }
                 }
                 if let (Peer::Node(from), Peer::Node(to)) = (from, to) {
                     self.checker.sends(from, to, border);
@@ -384,6 +390,10 @@ impl Sim {
                     let view = process.machine.view().expect("only members complete ticks");
                     if self.sample_every.is_some_and(|every| tick.0.is_multiple_of(every)) {
                         self.samples.push(Sample::of(self.now, id, view, tick, &*process.physics));
+                    }
+                    if let Some(watch) = &mut self.watch {
+                        let sample = Sample::of(self.now, id, view, tick, &*process.physics);
+                        self.violation = self.violation.take().or(watch.settled(sample).err());
                     }
                     let before = self.checker.checked();
                     let checked = self.checker.settled(id, view, tick, &*process.physics);

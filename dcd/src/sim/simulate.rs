@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use super::faults::{FaultProfile, Schedule};
 use super::trial::{Outcome, Staleness, TrialConfig, run_trial};
-use super::{Tally, Timeline, Traffic, Violation};
+use super::{Strain, Tally, Timeline, Traffic, Violation};
 
 /// The most failures of a row that are kept with their timelines.
 const KEPT_FAILURES: usize = 3;
@@ -43,6 +43,8 @@ pub struct Row {
     pub traffic: Traffic,
     /// Simulated time of all seeds.
     pub simulated: Duration,
+    /// The worst that bodies which touch did, as shares of their gates.
+    pub strain: Strain,
     /// The first failures by seed, with the smallest schedules that still fail.
     pub failures: Vec<Failure>,
 }
@@ -100,6 +102,7 @@ pub fn simulate(
         tally: Tally::default(),
         traffic: Traffic::default(),
         simulated: Duration::ZERO,
+        strain: Strain::default(),
         failures: Vec::new(),
     });
     let staleness = Mutex::new(Staleness::default());
@@ -138,6 +141,7 @@ impl Row {
         self.tally += outcome.tally;
         self.traffic += outcome.traffic;
         self.simulated += outcome.time;
+        self.strain = self.strain.or_worse(outcome.strain);
         if let Some(violation) = outcome.violation {
             self.violations += 1;
             let at = self.failures.partition_point(|failure| failure.seed < seed);

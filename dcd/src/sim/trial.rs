@@ -11,8 +11,8 @@ use self::groups::Lately;
 pub use self::looks::Staleness;
 use super::faults::{FaultProfile, Moment, Planned, Promise, Schedule};
 use super::{
-    Comparer, Flipped, NetworkConditions, Path, Random, Sim, SimConfig, Tally, Tape, Timeline, Traffic,
-    Violation,
+    Comparer, Flipped, NetworkConditions, Path, Random, Sim, SimConfig, Spoilt, Strain, Tally, Tape,
+    Timeline, Traffic, Violation, Watch,
 };
 use crate::cluster::Peer;
 use crate::protocol::{DelayThresholds, MAX_STATE_TICKS, SyncProtocol, Thresholds, Velocity};
@@ -42,7 +42,7 @@ const SAMPLES: u64 = 3;
 const LOOK: Duration = Duration::from_millis(47);
 
 /// The cluster of a trial.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug)]
 pub struct TrialConfig {
     /// Nodes at each site.
     pub nodes: u32,
@@ -50,7 +50,9 @@ pub struct TrialConfig {
     pub clients: u32,
     /// Regions of the world.
     pub regions: usize,
-    /// Persistent bodies.
+    /// Begins the cluster with its world: bodies that fly straight on, or a scene.
+    pub begin: fn(SimConfig) -> Sim,
+    /// Persistent bodies, where they fly straight on.
     pub bodies: u32,
     /// Ticks per second.
     pub rate: u32,
@@ -58,6 +60,8 @@ pub struct TrialConfig {
     pub lag_ticks: u32,
     /// A bug to plant: so many transfers are lost after the third second.
     pub lost_transfers: u32,
+    /// A bug to plant: every transfer is spoilt after the third second.
+    pub spoilt: Option<Spoilt>,
     /// A bug to plant: a bit of a body is flipped after this tick, on one of the first nodes.
     pub flip: Option<Tick>,
     /// Whether nodes are recorded.
@@ -70,10 +74,12 @@ impl Default for TrialConfig {
             nodes: 4,
             clients: 2,
             regions: 8,
+            begin: Sim::new,
             bodies: 30,
             rate: 30,
             lag_ticks: 0,
             lost_transfers: 0,
+            spoilt: None,
             flip: None,
             record: false,
         }
@@ -97,6 +103,8 @@ pub struct Outcome {
     pub traffic: Traffic,
     /// Simulated time.
     pub time: Duration,
+    /// The worst that bodies which touch did, as shares of their gates.
+    pub strain: Strain,
     /// Ages of what clients saw of their avatars, milliseconds.
     pub staleness: Staleness,
     /// The timeline, for people.
@@ -118,6 +126,7 @@ impl Outcome {
             tally: Tally::default(),
             traffic: Traffic::default(),
             time: Duration::ZERO,
+            strain: Strain::default(),
             staleness: Staleness::default(),
             timeline: Timeline::default(),
             flipped: None,
@@ -220,7 +229,7 @@ impl<'a> Trial<'a> {
         let sites = schedule.sites;
         let delay = (sites > 1).then_some(DELAYS);
         let participants = if sites > 1 { config.clients } else { 0 };
-        let sim = Sim::new(SimConfig {
+        let sim = (config.begin)(SimConfig {
             seed,
             nodes: match schedule.nodes.first() {
                 Some(&(_, count)) => count,
@@ -310,7 +319,7 @@ impl<'a> Trial<'a> {
         }
         trial.plan(LOOK, Action::Look);
         trial.plan(schedule.calm_at, Action::Calm);
-        if config.lost_transfers > 0 {
+        if config.lost_transfers > 0 || config.spoilt.is_some() {
             trial.plan(Duration::from_secs(3), Action::Plant);
         }
         trial
@@ -327,6 +336,7 @@ impl<'a> Trial<'a> {
             tally: self.sim.tally(),
             traffic: self.sim.traffic(),
             time: self.sim.now(),
+            strain: self.sim.watch.as_ref().map(Watch::worst).unwrap_or_default(),
             staleness: self.staleness,
             timeline: self.sim.timeline().clone(),
         }

@@ -8,8 +8,8 @@ use super::clock::Clock;
 use super::host::{Host, Skew};
 use super::network::{Bounds, Cut, LinkId, Network, NetworkConditions, Path, Traffic};
 use super::{
-    Checker, Engine, Flipped, Random, Sample, Scope, Sent, StandIn, Tape, Timeline, Violation, drifting,
-    sim_world,
+    Checker, Engine, Flipped, Random, Sample, Scope, Sent, Spoilt, StandIn, Tally, Tape, Timeline, Violation,
+    Watch, drifting, sim_world,
 };
 use crate::cluster::directory::{Directory, MemoryDirectory};
 use crate::cluster::{
@@ -95,31 +95,6 @@ pub(super) struct NodeProcess {
     pub(super) client: Option<ClientId>,
 }
 
-/// Counts of events in a run.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Tally {
-    /// Bodies that changed owner between regions.
-    pub transfers: u64,
-    /// Nodes that were told to go without having asked.
-    pub evictions: u64,
-    /// Views with another leader than the view before.
-    pub elections: u64,
-    /// Views that began.
-    pub views: u64,
-    /// Ticks that all members of a group have completed.
-    pub ticks: u64,
-}
-
-impl std::ops::AddAssign for Tally {
-    fn add_assign(&mut self, other: Self) {
-        self.transfers += other.transfers;
-        self.evictions += other.evictions;
-        self.elections += other.elections;
-        self.views += other.views;
-        self.ticks += other.ticks;
-    }
-}
-
 /// A running cluster.
 #[derive(Debug)]
 pub struct Sim {
@@ -157,8 +132,11 @@ pub struct Sim {
     pub(super) saved: Option<Box<SavedWorld>>,
     /// A node that takes so many times as long as the others.
     pub(super) slow_node: Option<(NodeId, f64)>,
-    /// Bugs to plant: transfers still to be dropped.
+    /// Bugs to plant: transfers still to be dropped, and how all others are spoilt.
     pub(super) drop_transfers: u32,
+    pub(super) spoilt: Option<Spoilt>,
+    /// Who watches what bodies do, where they touch.
+    pub(super) watch: Option<Watch>,
     /// Outputs to clients, for tests.
     pub(super) told: Vec<(ClientId, ClientOutput)>,
     /// Messages sent, by purpose.
@@ -252,6 +230,8 @@ impl Sim {
             saved: None,
             slow_node: None,
             drop_transfers: 0,
+            spoilt: None,
+            watch: None,
             told: Vec::new(),
             sent: BTreeMap::new(),
             tapes,
@@ -299,9 +279,10 @@ impl Sim {
             checkpoint_every: self.config.checkpoint_every,
             patience: Duration::from_millis(100),
         };
-        let recorder =
-            self.config.record.then(|| self.tapes.entry(id.to_string()).or_default().recorder(&config));
-        let (machine, physics) = (Node::new(config), (self.engine)());
+        let physics = (self.engine)();
+        let tape = self.config.record.then(|| self.tapes.entry(id.to_string()).or_default());
+        let recorder = tape.map(|tape| tape.recorder(&config, physics.is_stand_in()));
+        let machine = Node::new(config);
         let process = NodeProcess { machine, physics, recorder, physics_until: Duration::ZERO, client };
         self.nodes.insert(id, process);
         self.host(Peer::Node(id), self.now.is_zero());
@@ -528,6 +509,16 @@ impl Sim {
     /// Plants a bug: the next transfers between nodes are lost.
     pub fn drop_transfers(&mut self, count: u32) {
         self.drop_transfers = count;
+    }
+
+    /// Plants a bug: from now on every transfer between nodes is spoilt.
+    pub fn spoil_transfers(&mut self, how: Spoilt) {
+        self.spoilt = Some(how);
+    }
+
+    /// Lets somebody watch what bodies do from now on.
+    pub fn watch(&mut self, watch: Watch) {
+        self.watch = Some(watch);
     }
 
     /// Runs events until the condition holds; `Err` on a violation of the invariant.

@@ -173,7 +173,9 @@ pub(super) fn commit<'a>(
     }
 }
 
-/// Sends the bodies inserted here to all regions that they come near, since they may touch anything at once. Returns them.
+/// Sends the bodies inserted here to all regions that they come near, since they may touch anything at once. Those of islands that are
+/// computed whole go to nobody new: after membership has changed, to the regions that held copies of them, which follow as before.
+/// Returns all of them.
 fn share_fresh(side: &mut Side, moment: Moment<'_>) -> Vec<RigidBodyHandle> {
     let Side { region, border, outbox, .. } = side;
     let own = RegionSet::only(region.rank());
@@ -182,28 +184,28 @@ fn share_fresh(side: &mut Side, moment: Moment<'_>) -> Vec<RigidBodyHandle> {
         let here = region.handle_of(id) == Some(handle);
         if !here
             || region.slot(handle).role != Ownership::Owner
-            || region.slot(handle).whole
             || region.is_articulated(handle)
         {
             continue;
         }
+        let whole = region.slot(handle).whole;
         let bounds = if region.slot(handle).reach_m.is_finite() {
             region.world_bounds(handle)
         } else {
             Bounds::around([0.0; 3], [f64::INFINITY; 3])
         };
         let travel_m = f64::from(region.physics().bodies[handle].linvel().length() * moment.settings.dt_s);
-        let near = moment.partition.touching(&bounds.grown(moment.partition.halo_m() + travel_m));
+        let near = match whole {
+            true => RegionSet::EMPTY,
+            false => moment.partition.touching(&bounds.grown(moment.partition.halo_m() + travel_m)),
+        };
         let near = border.neighbours.reached(region.rank(), near);
         let holders = near.union(region.slot(handle).holders).without(own);
         if !holders.is_empty() {
             let members = holders.union(own);
-            tell(region, outbox, handle, holders, holders, members, RegionSet::EMPTY, region.rank());
-            border.decisions.push(Decision {
-                link: BodyRef { id, handle },
-                members,
-                warming: RegionSet::EMPTY,
-            });
+            let warming = if whole { holders } else { RegionSet::EMPTY };
+            tell(region, outbox, handle, holders, holders, members, warming, region.rank());
+            border.decisions.push(Decision { link: BodyRef { id, handle }, members, warming });
         }
     }
     fresh.into_iter().map(|link| link.handle).collect()

@@ -138,6 +138,14 @@ pub enum Violation {
         /// What it may hold.
         bound: usize,
     },
+    /// Bodies did what bodies do not do.
+    #[error("{what}, after {tick}")]
+    Strained {
+        /// After which tick.
+        tick: Tick,
+        /// What they did, how much of it, and how much was the most.
+        what: String,
+    },
     /// Recovery took too long.
     #[error("the group had not recovered {} ms after the last fault: {lack}", after.as_millis())]
     Slow {

@@ -70,7 +70,10 @@ impl Trial<'_> {
             Action::Save | Action::Restore => {}
             Action::Use(client) => self.use_client(client),
             Action::Look => self.look()?,
-            Action::Plant => self.sim.drop_transfers(self.config.lost_transfers),
+            Action::Plant => {
+                self.sim.drop_transfers(self.config.lost_transfers);
+                self.config.spoilt.into_iter().for_each(|how| self.sim.spoil_transfers(how));
+            }
             Action::Calm if self.hindered > 0 || !self.armed.is_empty() => {
                 self.plan_in(Duration::from_millis(100), Action::Calm);
             }

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use super::{Action, CALM, CALM_APART, LOOK, Trial};
 use crate::cluster::{Peer, Server};
-use crate::protocol::View;
+use crate::protocol::{BodyKind, BodyRecord, View};
 use crate::sim::Violation;
 use crate::sim::fixtures::as_fast;
 use crate::space::{BodyId, ClientId, GroupId};
@@ -87,6 +87,8 @@ impl Trial<'_> {
                 Some(_) => self.healed_at = None,
             }
         }
+        let is_calm = self.healed_at.is_some();
+        self.sim.watch.iter_mut().for_each(|watch| watch.set_calm(is_calm));
         Ok(())
     }
 
@@ -140,7 +142,8 @@ impl Trial<'_> {
         if let Some(lack) = lack.or_else(|| self.lacks_agreement(server)) {
             return Some(lack);
         }
-        let recorded = server.record().present().map(|body| body.id);
+        let movable = |body: &&BodyRecord| body.traits.kind != BodyKind::Fixed;
+        let recorded = server.record().present().filter(movable).map(|body| body.id);
         if recorded.ne(self.sim.checker.bodies(server.main_group())) {
             return Some("the record lists other bodies than the world has".into());
         }

@@ -1,0 +1,110 @@
+//! Fills the fault table over Rapier: every row of faults for each scene whose bodies touch across borders.
+
+use std::error::Error;
+use std::ops::Range;
+use std::path::Path;
+
+use dcd::sim::{self, ContactScene, FaultProfile, Quantity, TrialConfig};
+use indicatif::ProgressBar;
+use serde::{Deserialize, Serialize};
+
+use crate::machine::Machine;
+use crate::page;
+use crate::results::{self, Measured};
+
+const FILE: &str = "faults-contact.csv";
+
+/// All seeds of one scene under one kind of faults; the quantities are shares of their gates.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Row {
+    faults: String,
+    scene: String,
+    seeds: u64,
+    violations: u64,
+    worst_recovery_ms: u64,
+    transfers: u64,
+    evictions: u64,
+    elections: u64,
+    overlap: f64,
+    stray: f64,
+    gap: f64,
+    gain: f64,
+    push: f64,
+    leap: f64,
+}
+
+impl Row {
+    fn of(scene: ContactScene, row: &sim::Row) -> Self {
+        let share = |quantity| row.strain.of(quantity);
+        Self {
+            faults: row.profile.name().to_owned(),
+            scene: scene.name().to_owned(),
+            seeds: row.seeds,
+            violations: row.violations,
+            worst_recovery_ms: row.worst_recovery.as_millis() as u64,
+            transfers: row.tally.transfers,
+            evictions: row.tally.evictions,
+            elections: row.tally.elections,
+            overlap: share(Quantity::Overlap),
+            stray: share(Quantity::Stray),
+            gap: share(Quantity::Gap),
+            gain: share(Quantity::Gain),
+            push: share(Quantity::Push),
+            leap: share(Quantity::Leap),
+        }
+    }
+
+    /// Returns the quantity that came nearest to its gate, or beyond it.
+    fn worst(&self) -> String {
+        let Self { overlap, stray, gap, gain, push, leap, .. } = *self;
+        let shares = [
+            (overlap, "overlap"),
+            (stray, "stray"),
+            (gap, "gap"),
+            (gain, "gain"),
+            (push, "push"),
+            (leap, "leap"),
+        ];
+        let (share, name) = shares.into_iter().max_by(|(a, _), (b, _)| a.total_cmp(b)).unwrap_or_default();
+        format!("{:.0} % ({name})", 100.0 * share)
+    }
+}
+
+/// Runs the scenes, and writes each row when it is done.
+pub(super) fn measure(
+    folder: &Path,
+    seeds: Range<u64>,
+    machine: &Machine,
+    bar: &ProgressBar,
+) -> Result<(), Box<dyn Error>> {
+    let mut rows = Vec::new();
+    for profile in FaultProfile::TABLE {
+        for scene in ContactScene::ALL {
+            bar.set_message(format!("{} of a {scene}", profile.name()));
+            let config = TrialConfig { begin: scene.begin(), ..TrialConfig::default() };
+            let row = Row::of(scene, &super::measure(&config, profile, seeds.clone(), bar));
+            rows.push(Measured { row, machine: machine.clone() });
+            results::write_csv(&folder.join(FILE), &rows)?;
+        }
+    }
+    Ok(())
+}
+
+/// Draws the table from the file, a line per kind of faults; returns also whether nothing was violated.
+pub(super) fn table(folder: &Path) -> Result<(String, bool), Box<dyn Error>> {
+    let rows: Vec<Measured<Row>> = results::read_csv(&folder.join(FILE))?;
+    let scenes = ContactScene::ALL.map(|scene| format!("{scene}: worst of gate"));
+    let head: Vec<_> =
+        ["faults", "seeds", "violations"].into_iter().chain(scenes.iter().map(String::as_str)).collect();
+    let lines = rows.chunk_by(|a, b| a.row.faults == b.row.faults).map(|of| {
+        let sum = |count: fn(&Row) -> u64| of.iter().map(|row| count(&row.row)).sum::<u64>().to_string();
+        let worst = |scene: ContactScene| {
+            let row = of.iter().find(|row| row.row.scene == scene.name());
+            row.map_or("–".to_owned(), |row| row.row.worst())
+        };
+        let mut cells = vec![of[0].row.faults.clone(), sum(|row| row.seeds), sum(|row| row.violations)];
+        cells.extend(ContactScene::ALL.map(worst));
+        cells
+    });
+    Ok((page::table(&head, lines), rows.iter().all(|row| row.row.violations == 0)))
+}

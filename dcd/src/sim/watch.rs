@@ -1,0 +1,107 @@
+//! Watches what the bodies of a trial do: that they stand, hold together, overlap no more, and get no energy or momentum from
+//! nowhere, measured by gates that come of one undisturbed world.
+
+mod course;
+mod ruler;
+
+use std::collections::BTreeMap;
+
+use super::{Mechanics, Sample, Violation};
+use crate::protocol::{BodyState, ViewNumber};
+use crate::space::{BodyId, GroupId, Tick};
+
+pub use course::Course;
+pub use ruler::{Quantity, Ruler, Strain};
+
+/// The bodies of a world after a tick.
+#[derive(Clone, Debug, Default)]
+pub struct Look {
+    /// Where each is and how it moves.
+    pub bodies: BTreeMap<BodyId, BodyState>,
+    /// Energy and contacts of all together.
+    pub mechanics: Mechanics,
+}
+
+/// Combines the samples of a group's members into looks, and holds these against the gates.
+#[derive(Clone, Debug)]
+pub struct Watch {
+    ruler: Ruler,
+    gates: Strain,
+    groups: BTreeMap<GroupId, Watched>,
+    is_calm: bool,
+    /// The worst of each quantity so far, as a share of its gate.
+    worst: Strain,
+}
+
+/// What is known of a group: its newest view, and the way of its bodies through all.
+#[derive(Clone, Debug, Default)]
+struct Watched {
+    view: ViewNumber,
+    /// Ticks that some members have not completed yet, and how many have.
+    open: BTreeMap<Tick, (usize, Look)>,
+    course: Course,
+}
+
+impl Watch {
+    /// Creates a watch with a ruler, and the most that each quantity may be.
+    pub fn new(ruler: Ruler, gates: Strain) -> Self {
+        Self { ruler, gates, groups: BTreeMap::new(), is_calm: false, worst: Strain::default() }
+    }
+
+    /// Says whether all is well: only then bodies have to be where they belong. What moves them is checked at all times.
+    pub(super) fn set_calm(&mut self, is_calm: bool) {
+        self.is_calm = is_calm;
+    }
+
+    /// Returns the worst of each quantity, as a share of its gate.
+    pub(super) fn worst(&self) -> Strain {
+        self.worst
+    }
+
+    /// Takes what a node holds after a tick; checks the world when it is the last of its group to have completed that.
+    pub(super) fn settled(&mut self, sample: Sample) -> Result<(), Violation> {
+        let (view, tick, members) = (sample.view, sample.tick, sample.members);
+        let watched = self.groups.entry(sample.group).or_default();
+        if view < watched.view {
+            return Ok(());
+        }
+        if view > watched.view {
+            // What was recovered may be older than what was not.
+            watched.course.interrupt();
+            watched.open.clear();
+            watched.view = view;
+        }
+        let (settled, look) = watched.open.entry(tick).or_default();
+        *settled += 1;
+        look.bodies.extend(sample.owned.into_iter().filter(|(id, _)| id.client().is_none()));
+        look.mechanics = look.mechanics.and(sample.mechanics);
+        if *settled < members {
+            return Ok(());
+        }
+        let (_, look) = watched.open.remove(&tick).unwrap_or_default();
+        watched.open.retain(|&other, _| other > tick);
+        // Where members are out of step, some bodies are on their way from one to another.
+        if !self.ruler.is_whole(&look) {
+            watched.course.interrupt();
+            return Ok(());
+        }
+        let place = if self.is_calm { self.ruler.of_place(&look) } else { Strain::default() };
+        let motion = watched.course.follow(&self.ruler, tick, look);
+        self.check(tick, place.or_worse(motion))
+    }
+
+    fn check(&mut self, tick: Tick, found: Strain) -> Result<(), Violation> {
+        let shares = found.shares_of(&self.gates);
+        self.worst = self.worst.or_worse(shares);
+        // What is no number is not within its gate.
+        let is_beyond = |quantity: &Quantity| shares.of(*quantity).is_nan() || shares.of(*quantity) > 1.0;
+        match Quantity::ALL.into_iter().find(is_beyond) {
+            Some(quantity) => {
+                let (found, gate) = (quantity.told(&found), quantity.told(&self.gates));
+                let what = quantity.summary();
+                Err(Violation::Strained { tick, what: format!("{what}: {found}, where {gate} is the most") })
+            }
+            None => Ok(()),
+        }
+    }
+}

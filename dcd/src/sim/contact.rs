@@ -184,7 +184,8 @@ fn allowance(quantity: Quantity, config: &SimConfig, tolerance_m_s: f64) -> f64 
         Quantity::Gain => 0.05,
         Quantity::Push => tolerance_m_s,
         Quantity::Leap => tolerance_m_s * dt_s,
-        Quantity::Drift => tolerance_m_s,
+        // Few collisions at borders are one-sided, with and without faults, and by some metres per second: not the same ones in each run.
+        Quantity::Drift => 4.0 * tolerance_m_s,
     }
 }
 

@@ -5,6 +5,7 @@ mod course;
 mod ruler;
 
 use std::collections::BTreeMap;
+use std::time::Duration;
 
 use super::{Mechanics, Sample, Violation};
 use crate::protocol::{BodyState, ViewNumber};
@@ -33,10 +34,14 @@ pub struct Watch {
     worst: Strain,
 }
 
-/// What is known of a group: its newest view, and the way of its bodies through all.
+/// A group that has completed no tick for so long is no more.
+const GONE: Duration = Duration::from_secs(2);
+
+/// What is known of a group: its newest view, when it last completed a tick, and the way of its bodies through all.
 #[derive(Clone, Debug, Default)]
 struct Watched {
     view: ViewNumber,
+    heard: Duration,
     /// Ticks that some members have not completed yet, and how many have.
     open: BTreeMap<Tick, (usize, Look)>,
     course: Course,
@@ -60,7 +65,12 @@ impl Watch {
 
     /// Takes what a node holds after a tick; checks the world when it is the last of its group to have completed that.
     pub(super) fn settled(&mut self, sample: Sample) -> Result<(), Violation> {
-        let (view, tick, members) = (sample.view, sample.tick, sample.members);
+        let (view, tick, members, group) = (sample.view, sample.tick, sample.members, sample.group);
+        // Each of several groups computes the world by itself and corrects its bodies by what it hears of the others'.
+        let is_one = self
+            .groups
+            .iter()
+            .all(|(&other, watched)| other == group || watched.heard + GONE < sample.time);
         let watched = self.groups.entry(sample.group).or_default();
         if view < watched.view {
             return Ok(());
@@ -71,6 +81,7 @@ impl Watch {
             watched.open.clear();
             watched.view = view;
         }
+        watched.heard = sample.time;
         let (settled, look) = watched.open.entry(tick).or_default();
         *settled += 1;
         look.bodies.extend(sample.owned.into_iter().filter(|(id, _)| id.client().is_none()));
@@ -86,6 +97,9 @@ impl Watch {
             return Ok(());
         }
         let place = if self.is_calm { self.ruler.of_place(&look) } else { Strain::default() };
+        if !is_one {
+            watched.course.interrupt();
+        }
         let motion = watched.course.follow(&self.ruler, tick, look);
         self.check(tick, place.or_worse(motion))
     }

@@ -67,10 +67,8 @@ impl Watch {
     pub(super) fn settled(&mut self, sample: Sample) -> Result<(), Violation> {
         let (view, tick, members, group) = (sample.view, sample.tick, sample.members, sample.group);
         // Each of several groups computes the world by itself and corrects its bodies by what it hears of the others'.
-        let is_one = self
-            .groups
-            .iter()
-            .all(|(&other, watched)| other == group || watched.heard + GONE < sample.time);
+        let is_one =
+            self.groups.iter().all(|(&other, watched)| other == group || watched.heard + GONE < sample.time);
         let watched = self.groups.entry(sample.group).or_default();
         if view < watched.view {
             return Ok(());

@@ -182,10 +182,7 @@ fn share_fresh(side: &mut Side, moment: Moment<'_>) -> Vec<RigidBodyHandle> {
     let fresh = region.take_fresh();
     for &BodyRef { id, handle } in &fresh {
         let here = region.handle_of(id) == Some(handle);
-        if !here
-            || region.slot(handle).role != Ownership::Owner
-            || region.is_articulated(handle)
-        {
+        if !here || region.slot(handle).role != Ownership::Owner || region.is_articulated(handle) {
             continue;
         }
         let whole = region.slot(handle).whole;

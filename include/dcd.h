@@ -2442,6 +2442,7 @@ DCD_API DcdStatus dcd_world_info(DcdWorld world, DcdWorldInfo *out);
 //   reach is dialled again for half a minute: meanwhile the world goes on as long as nodes compute it, avatars can be
 //   moved, and those that are created or destroyed are so once the server is back. After that, or when the world has ended,
 //   it returns DCD_ERR_NETWORK, each time; the world can be read still, and must be destroyed.
+// - The bodies that are there on joining are not told of: list them once by dcd_bodies, and follow dcd_events from then on.
 // - Bodies are where they were when last heard of, some ticks ago; bodies of others can only be read. Contacts are told of
 //   your own avatars, if they ask for them.
 // - What a client cannot do returns DCD_ERR_UNSUPPORTED: joints, forces and impulses, sleep, dcd_borders, dcd_state_hash, and

@@ -9,10 +9,10 @@ mod redb;
 use std::path::Path;
 use std::sync::Arc;
 
-use tracing::info;
-
 use super::{ProcessError, ServeConfig, WorldError};
-use crate::cluster::directory::{Directory, DirectoryError};
+use crate::cluster::directory::Directory;
+#[cfg(feature = "etcd")]
+use crate::cluster::directory::DirectoryError;
 use crate::net::Authority;
 
 pub(super) use self::lock::FolderLock;
@@ -63,7 +63,7 @@ fn in_etcd(address: &str, config: &ServeConfig, goes_on: GoesOn<'_>) -> Result<O
             return false;
         }
         if !std::mem::replace(&mut stood_by, true) {
-            info!(place = address, holder = other, "standing by: another server holds the world");
+            tracing::info!(place = address, holder = other, "standing by: another server holds the world");
         }
         goes_on(other)
     };
@@ -77,7 +77,7 @@ fn in_etcd(address: &str, config: &ServeConfig, goes_on: GoesOn<'_>) -> Result<O
         return Err(ProcessError::Ended("the world has ended while this server stood by".to_owned()));
     }
     if stood_by {
-        info!(place = address, "taking over");
+        tracing::info!(place = address, "taking over");
     }
     let folder_lock = FolderLock::take(&config.data, &config.data)?;
     authority.record_in(Box::new(directory.journal()));

@@ -228,6 +228,27 @@ impl Entry {
         Ok(Self { interest: (radius_m > 0.0).then_some(area), ..self })
     }
 
+    /// Looks up the servers' names. Of several some may not be found now, as the machine may be gone.
+    fn servers(&self) -> Result<Vec<Vec<SocketAddr>>, Failure> {
+        let (mut servers, mut unfound) = (Vec::new(), None);
+        for name in self.server.split(',') {
+            match resolve(name) {
+                Ok(found) => servers.push(found),
+                Err(failure) if failure.status == DCD_ERR_NETWORK => unfound = Some(failure),
+                Err(failure) => return Err(failure),
+            }
+        }
+        match unfound {
+            Some(failure) if servers.is_empty() => return Err(failure),
+            _ => {}
+        }
+        if servers.len() > 1 {
+            // One socket dials addresses of one family.
+            servers.iter_mut().for_each(|found| found.sort_by_key(SocketAddr::is_ipv6));
+        }
+        Ok(servers)
+    }
+
     /// Tries each address that the servers' names stand for until one answers.
     pub(crate) fn enter(
         self,
@@ -236,7 +257,7 @@ impl Entry {
         join: impl Fn(&JoinConfig) -> Result<Dcd, dcd::Error>,
     ) -> Result<(), Failure> {
         let deadline = Instant::now() + self.timeout;
-        let servers = self.server.split(',').map(resolve).collect::<Result<Vec<_>, _>>()?;
+        let servers = self.servers()?;
         let count = servers.iter().map(Vec::len).max().unwrap_or(0);
         for i in 0..count {
             let left = (count - i) as u32;

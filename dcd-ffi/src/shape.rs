@@ -279,7 +279,7 @@ pub unsafe extern "C" fn dcd_shape_compound(
 
 /// Makes a shape that is another one stretched along its own axes by `scale` (three factors above 0): one mesh or hull in many sizes. What is
 /// round stays so where the factors let it, else it becomes a hull (of a sphere some hundred points). Parts of a compound that are turned
-/// can only be stretched alike along all axes.
+/// can only be stretched alike along all axes. A border (DcdShapeInfo.border) keeps its thickness.
 ///
 /// `scale` is read during the call. The other shape may be destroyed afterwards.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_ARGUMENT for a factor that is not above 0 or makes the shape too small or

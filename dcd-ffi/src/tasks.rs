@@ -52,8 +52,9 @@ unsafe impl Sized32 for DcdTasks {
 /// elsewhere. The calling thread waits meanwhile: it is best none of the job system's own. Every task is finished before dcd_step returns, those
 /// that came too late too. The same holds for a call with many queries. The result does not depend on any of it.
 ///
-/// Both functions are called by the thread that calls dcd_step, must return normally (no longjmp, no C++ exception), and calls on worlds
-/// from within them give DCD_ERR_BUSY: so a thread that helps others while it waits must not take on a job that calls the library.
+/// Both functions are called by the thread that calls dcd_step, by one of the library's after dcd_step_begin, and by each thread that asks
+/// many queries, by several at a time where several ask. They must return normally (no longjmp, no C++ exception), and calls on worlds from
+/// within them give DCD_ERR_BUSY: so a thread that helps others while it waits must not take on a job that calls the library.
 /// They are not saved with the world.
 /// Errors: DCD_ERR_NULL (world, a function), DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT, DCD_ERR_LIMIT when the system gives no
 /// threads to go back to, DCD_ERR_UNSUPPORTED in a served world.

@@ -138,7 +138,10 @@ static void hear(Game *game)
     for (size_t i = 0; i < events.change_count; i++) {
         const DcdBodyChange *change = &events.changes[i];
         if (change->kind == DCD_BODY_APPEARED) {
-            bodies_add(&game->bodies, change->body);
+            /* One that has gone again since is told of too. */
+            if (dcd_body_is_valid(game->world, change->body)) {
+                bodies_add(&game->bodies, change->body);
+            }
         } else if (change->kind == DCD_BODY_REMOVED) {
             bodies_remove(&game->bodies, change->body);
         } else if (change->body.v == game->avatar.v && !dcd_body_is_valid(game->world, game->avatar)) {

@@ -202,12 +202,14 @@ impl Serve {
             }
             let summary = server.summary();
             let (tick, data) = (summary.tick.0, self.data.display());
-            common.say(&if summary.kept {
-                format!(
+            common.say(&match (&self.directory, summary.kept) {
+                (Some(place), _) => format!(
+                    "the world is kept in {place} at tick {tick}: a server that stands by goes on with it, or the same command"
+                ),
+                (None, true) => format!(
                     "the world is kept at tick {tick}: the same command goes on with it, `dcd end --data {data}` ends it"
-                )
-            } else {
-                "the world had not begun, and nothing of it is kept".to_owned()
+                ),
+                (None, false) => "the world had not begun, and nothing of it is kept".to_owned(),
             });
             // A terminal that is gone does not read it.
             let _ = Served::new(&summary, last_tick).show(self.json);

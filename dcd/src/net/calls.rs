@@ -151,9 +151,18 @@ pub(super) async fn dial(shared: Arc<Shared>, key: PeerKey, addrs: Vec<SocketAdd
     let timeout = shared.limits.handshake_timeout;
     let trial = |addr| {
         let shared = shared.clone();
-        async move { call(&shared, addr, expected).await }
+        async move { reach(&shared, addr, expected).await }
     };
-    match first_of(&addrs, timeout, trial).await {
+    let answered = match first_of(&addrs, timeout, trial).await {
+        // Only one is greeted: a peer that is greeted twice takes the newer connection for the only one, and ends the other.
+        Ok((addr, who, connection)) => {
+            let greeted = tokio::time::timeout(timeout, greet_at(&shared, addr, expected, &connection));
+            let late = || Err(NetError::Unreachable { addr, waited: timeout });
+            greeted.await.unwrap_or_else(|_| late()).map(|lanes| (who, connection, lanes))
+        }
+        Err(error) => Err(error),
+    };
+    match answered {
         Ok((who, connection, lanes)) => carry(&shared, key, who, connection, lanes, None).await,
         Err(error) => {
             if let Some(events) = shared.events() {
@@ -164,11 +173,12 @@ pub(super) async fn dial(shared: Arc<Shared>, key: PeerKey, addrs: Vec<SocketAdd
     }
 }
 
-async fn call(
+/// Connects to the peer that is at an address.
+async fn reach(
     shared: &Shared,
     addr: SocketAddr,
     expected: PeerName,
-) -> Result<(PeerName, Connection, Lanes), NetError> {
+) -> Result<(SocketAddr, PeerName, Connection), NetError> {
     let failed = |error| explain(addr, expected, shared.limits.idle_timeout_of(shared.who), error);
     let name = &expected.dns_names()[0];
     let config = shared.dial.read().unwrap_or_else(PoisonError::into_inner).clone();
@@ -183,9 +193,21 @@ async fn call(
         connection.close(CloseCode::REFUSED.into(), b"your certificate has another name");
         return Err(NetError::WrongPeer { addr, expected, detail: "its names are others".to_owned() });
     };
-    match greet(&connection).await {
-        Ok(lanes) => Ok((who, connection, lanes)),
-        Err(GreetError::Lost(error)) => Err(failed(error)),
+    Ok((addr, who, connection))
+}
+
+/// Opens the lanes of a connection to the peer at an address: from then on it counts.
+async fn greet_at(
+    shared: &Shared,
+    addr: SocketAddr,
+    expected: PeerName,
+    connection: &Connection,
+) -> Result<Lanes, NetError> {
+    match greet(connection).await {
+        Ok(lanes) => Ok(lanes),
+        Err(GreetError::Lost(error)) => {
+            Err(explain(addr, expected, shared.limits.idle_timeout_of(shared.who), error))
+        }
         Err(GreetError::Refused(reason)) => Err(NetError::Refused { addr, code: CloseCode::REFUSED, reason }),
     }
 }

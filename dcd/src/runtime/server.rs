@@ -38,7 +38,7 @@ const QUEUE: usize = 4_096;
 const SAVING: Duration = Duration::from_secs(30);
 
 /// What a server that keeps its world says at its end.
-pub(crate) const SUSPENDED: &str = "the server has stopped, and its data folder keeps the world";
+pub(crate) const SUSPENDED: &str = "the server has stopped, and the world is kept";
 
 /// A summary of the world, from the server's record.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -84,7 +84,7 @@ impl World {
     /// thread does it alone, so that no step waits for a thread that is busy. The calling thread waits meanwhile. Results do not
     /// depend on it.
     ///
-    /// A thread of one of rayon's pools cannot take part.
+    /// A call with many queries does the same, on each thread that asks. A thread of one of rayon's pools cannot take part.
     pub fn set_tasks(&mut self, tasks: Option<Arc<dyn Tasks>>) -> Result<(), Error> {
         Ok(self.local_mut("compute on the program's threads", Instead::ComputeAlone)?.set_tasks(tasks)?)
     }

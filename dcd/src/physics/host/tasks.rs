@@ -134,7 +134,7 @@ impl Door {
 mod tests {
     use super::*;
 
-    /// Starts tasks on threads that are named so, the rest where the third one is started on the calling thread.
+    /// Starts tasks on threads that are named so, and one on the calling thread.
     struct Named;
 
     impl Tasks for Named {
@@ -161,6 +161,7 @@ mod tests {
 
     #[test]
     fn pools_are_of_the_programs_threads_alone_and_end_with_the_work() {
+        let mut total = 0;
         for round in 0..20 {
             let came = gather(
                 &Named,
@@ -175,7 +176,9 @@ mod tests {
                 },
             );
             assert!(came <= 3, "{came} in round {round}");
+            total += came;
         }
+        assert!(total > 0, "somebody came in time in one of the rounds");
     }
 
     #[test]

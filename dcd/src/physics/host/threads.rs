@@ -55,7 +55,10 @@ impl Threads {
     /// Does the work on what threads there are for so many regions: where the program has its own, on those that come. One region with
     /// more to do than all others has all of them.
     pub(super) fn gathered<R>(&self, regions: usize, work: impl FnOnce(Self) -> R) -> R {
-        let Some(tasks) = self.tasks.as_deref() else { return work(self.clone()) };
+        let Some(tasks) = self.tasks.as_deref().filter(|_| !team_sizes(self.count, regions).is_empty())
+        else {
+            return work(self.clone());
+        };
         let sizes = |came: NonZero<usize>| match came.get() {
             1 => vec![1],
             came => team_sizes(came, regions),

@@ -237,7 +237,8 @@ impl Loop {
                     self.over = true;
                 }
                 ServerOutput::Suspended => {
-                    let kept = self.server().has_begun();
+                    // In etcd also a world that has not begun is that of those who stand by; only there a folder is held apart.
+                    let kept = self.folder_lock.is_some() || self.server().has_begun();
                     if !kept {
                         self.forget();
                     }
@@ -320,9 +321,10 @@ impl Loop {
             state.failure.get_or_insert(ProcessError::Record { path, cause });
         }
         state.over = true;
-        let reason = match state.suspended {
-            true => Reason::new(Cause::Left, SUSPENDED),
-            false => Reason::new(Cause::WorldEnded, WORLD_ENDED),
+        let reason = match (&state.failure, state.suspended) {
+            (Some(failure), _) => Reason::new(Cause::Failed, failure.to_string()),
+            (None, true) => Reason::new(Cause::Left, SUSPENDED),
+            (None, false) => Reason::new(Cause::WorldEnded, WORLD_ENDED),
         };
         drop(state);
         shared.changed.notify_all();

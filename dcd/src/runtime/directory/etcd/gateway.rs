@@ -151,8 +151,8 @@ impl Gateway {
             (status, parsed) => {
                 let text = parsed.ok().and_then(|answer| answer["error"].as_str().map(str::to_owned));
                 let text = text.unwrap_or_else(|| format!("HTTP status {status}"));
-                // No leader, a leader that changes, a time-out within the cluster.
-                let passes = matches!(status, 500 | 502..=504) || status == 408;
+                // No leader, a leader that changes, a time-out within the cluster, too much to do.
+                let passes = matches!(status, 408 | 429 | 500 | 502..=504);
                 Err(if passes { GatewayError::Away(text) } else { GatewayError::Refused(text) })
             }
         }

@@ -29,9 +29,9 @@ impl EtcdJournal {
 
     fn put(&mut self, text: &str) -> Result<(), NetError> {
         let key = self.hold.keys().key(&Self::name(self.next));
-        self.hold.write(&[Op::Put(key, text.as_bytes().to_vec())]).map_err(of_joins)?;
+        // Never this number again: what has failed may be done late.
         self.next += 1;
-        Ok(())
+        self.hold.write(&[Op::Put(key, text.as_bytes().to_vec())]).map_err(of_joins)
     }
 }
 

@@ -95,8 +95,13 @@ impl Vigil {
     }
 }
 
+/// How long the holder says nothing after its hold has run out, before it gives up: an election of etcd takes less. Its nodes and clients
+/// hold on to it for as long as it lives, whoever has taken over.
+const RUN_OUT: Duration = Duration::from_millis(2_500);
+
 /// A hold that is renewed until this is dropped.
 pub(super) struct Lease {
+    place: String,
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
 }
@@ -129,17 +134,23 @@ impl Lease {
         let place = hold.keys().place();
         let renewed = shared.clone();
         let thread = std::thread::Builder::new().name("dcd-lease".into()).spawn(move || renewed.renew(hold));
-        let thread =
-            thread.map_err(|error| DirectoryError::Unreadable { place, cause: error.to_string() })?;
-        Ok(Self { shared, thread: Some(thread) })
+        let thread = thread
+            .map_err(|error| DirectoryError::Unreadable { place: place.clone(), cause: error.to_string() })?;
+        Ok(Self { place, shared, thread: Some(thread) })
     }
 
     /// Returns how long the hold lasts, at least. Waits while it has run out and is not yet known to be lost, as after a stop of
-    /// the process or within an election of etcd.
+    /// the process or within an election of etcd, but not for long.
     pub(super) fn left(&self) -> Result<Duration, DirectoryError> {
         let state = self.shared.lock();
         let waits = |state: &mut State| state.lost.is_none() && state.until <= Instant::now();
-        let state = self.shared.changed.wait_while(state, waits).unwrap_or_else(PoisonError::into_inner);
+        let waited = self.shared.changed.wait_timeout_while(state, RUN_OUT, waits);
+        let (state, waited) = waited.unwrap_or_else(PoisonError::into_inner);
+        if waited.timed_out() {
+            let cause =
+                "etcd has not answered for seconds, and another server may have taken over".to_owned();
+            return Err(DirectoryError::Unwritable { place: self.place.clone(), cause });
+        }
         match &state.lost {
             Some(error) => Err(error.clone()),
             None => Ok(state.until.saturating_duration_since(Instant::now())),

@@ -19,7 +19,7 @@
  * dcd_bug_set, dcd_hooks_set and dcd_tasks_set). They must be aligned for their type. What it lends says how long it lives. Texts are UTF-8 that ends with NUL.
  *
  * Threads. Any thread may call any function at any time. Calls on one world run one after the other; a call waits for its
- * turn, but dcd_cast_... and dcd_overlap_... run beside each other. Calls on different worlds run side by side. From within a function
+ * turn, but dcd_cast_..., dcd_overlap_... and dcd_project_points run beside each other. Calls on different worlds run side by side. From within a function
  * that the library calls (those of dcd_log_set, dcd_bug_set, dcd_debug_draw, dcd_hooks_set, dcd_tasks_set, queries) every call on a world is DCD_ERR_BUSY.
  *
  * Bugs of ours. A panic inside the library becomes DCD_ERR_PANIC, and dcd_bug_set tells where. The world it happened in answers every later call so, and
@@ -2602,7 +2602,7 @@ DcdStatus dcd_shape_compound(DcdWorld world,
 
 // Makes a shape that is another one stretched along its own axes by `scale` (three factors above 0): one mesh or hull in many sizes. What is
 // round stays so where the factors let it, else it becomes a hull (of a sphere some hundred points). Parts of a compound that are turned
-// can only be stretched alike along all axes.
+// can only be stretched alike along all axes. A border (DcdShapeInfo.border) keeps its thickness.
 //
 // `scale` is read during the call. The other shape may be destroyed afterwards.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_ARGUMENT for a factor that is not above 0 or makes the shape too small or
@@ -3155,8 +3155,9 @@ DCD_API DcdStatus dcd_step_wait(DcdWorld world, uint64_t timeout_ns);
 // elsewhere. The calling thread waits meanwhile: it is best none of the job system's own. Every task is finished before dcd_step returns, those
 // that came too late too. The same holds for a call with many queries. The result does not depend on any of it.
 //
-// Both functions are called by the thread that calls dcd_step, must return normally (no longjmp, no C++ exception), and calls on worlds
-// from within them give DCD_ERR_BUSY: so a thread that helps others while it waits must not take on a job that calls the library.
+// Both functions are called by the thread that calls dcd_step, by one of the library's after dcd_step_begin, and by each thread that asks
+// many queries, by several at a time where several ask. They must return normally (no longjmp, no C++ exception), and calls on worlds from
+// within them give DCD_ERR_BUSY: so a thread that helps others while it waits must not take on a job that calls the library.
 // They are not saved with the world.
 // Errors: DCD_ERR_NULL (world, a function), DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT, DCD_ERR_LIMIT when the system gives no
 // threads to go back to, DCD_ERR_UNSUPPORTED in a served world.

@@ -221,3 +221,19 @@ fn a_server_that_is_told_to_stop_hands_over_to_the_one_that_stands_by() {
     assert_eq!((kept.code(), &kept.json()["kept"]), (Some(0), &true.into()), "{kept:?}");
     pair.end();
 }
+
+#[test]
+fn a_world_that_has_not_begun_is_handed_over_too() {
+    let Some(etcd) = EtcdCluster::start(1) else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let mut first = serve(&etcd, "127.0.0.1:0", &folder.path().join("0"));
+    first.line("listening ");
+    let mut second = serve(&etcd, "127.0.0.1:0", &folder.path().join("1"));
+    second.line("standing by for ");
+    first.interrupt();
+    assert_eq!(first.end().code(), Some(0));
+    second.line("listening ");
+    second.interrupt();
+    let ended = second.end();
+    assert_eq!(ended.code(), Some(0), "{ended:?}");
+}

@@ -87,6 +87,33 @@ fn mass_times_speed(world: &LocalWorld, body: BodyId) -> f64 {
     f64::from(rigid_body.mass() * rigid_body.linvel().length())
 }
 
+/// One ball goes into another region and is hit by a ball of a third one, in whichever tick before or after it is handed over.
+#[test]
+fn a_ball_that_changes_regions_just_before_it_is_hit_keeps_the_momentum_of_both() {
+    for phase in 0..60 {
+        // Where the first one is when they touch; it is handed over from x = 0.05 on.
+        let at_x = -0.05 + 0.006 * phase as f32;
+        let partitioning = Partitioning::Cuts(vec![(Axis::X, 0.0), (Axis::Y, 0.0)]);
+        let mut world = LocalWorld::new(WorldConfig { partitioning, ..weightless(4, 20.0) }).unwrap();
+        let mut ball = |at: [f32; 2], velocity: [f32; 2]| {
+            let body = RigidBodyBuilder::dynamic()
+                .translation(Vector::new(at[0], at[1], 0.0))
+                .linvel(Vector::new(velocity[0], velocity[1], 0.0))
+                .can_sleep(false);
+            world.insert(body, ColliderBuilder::ball(0.25).restitution(1.0).friction(0.0)).unwrap()
+        };
+        let first = ball([-0.8, 0.3], [2.0, 0.0]);
+        ball([-1.0, -0.158 - 1.5 * (at_x + 0.8)], [2.0, 3.0]);
+        let before = world.host().momentum_kgms();
+        steps(&mut world, 60);
+        let after = world.host().momentum_kgms();
+        let lost = (0..3).map(|i| (after[i] - before[i]).powi(2)).sum::<f64>().sqrt();
+        let (region, handle) = world.host().owned(first).unwrap();
+        assert!(region.physics().bodies[handle].linvel().y > 1.0, "they have met, phase {phase}");
+        assert!(lost < 1e-4, "{lost:.2e} kg m/s, phase {phase}");
+    }
+}
+
 #[test]
 fn no_bullet_passes_a_loose_plate_beyond_a_border() {
     for (regions, can_sleep) in [(2, true), (2, false), (3, true), (8, false), (16, true)] {

@@ -23,6 +23,10 @@ use crate::space::{BodyId, Bounds, RegionSet};
 
 /// Ticks for which a region keeps a body that it has no reason to hold any more.
 const KEEP_TICKS: u32 = 10;
+/// Ticks for which nobody drops a body after its owner or its holders have changed: only by then has a new owner shown it to all who may have
+/// something near it, and heard of that. Dropped at once, it could hit, in the new owner's region alone, what has just been sent there,
+/// and whose owner feels nothing.
+const NOTICE_TICKS: u32 = 2;
 /// Ticks for which a body that touches something is held by the region to which it moves, before it is owned there.
 const SETTLE_TICKS: u32 = 8;
 /// A body waits until its warm-up ghost strays from it no further than this, in m/s: then its load has found its way through the
@@ -271,7 +275,8 @@ fn decide_on(side: &mut Side, moment: Moment<'_>, link: BodyRef) -> Option<(Body
     if let Some(shared) = shared {
         (before, warming_before) = (shared.members, shared.warming);
         // Memberships and masses stay as they are while a body sleeps: to change them would wake it.
-        let needless = !held.without(desired.holders).is_empty() && !asleep;
+        let noticed = shared.settled > NOTICE_TICKS;
+        let needless = noticed && !held.without(desired.holders).is_empty() && !asleep;
         shared.idle = if needless { shared.idle + 1 } else { 0 };
         // A kinematic body may carry bodies of others which its new owner has not received yet.
         if shared.idle > if desired.pressed || carries { KEEP_TICKS } else { 0 } {

@@ -1131,6 +1131,10 @@ inline Status version_check()
 {
     return Status(dcd_version_check());
 }
+inline const char *refused_string(std::uint32_t reason) noexcept
+{
+    return dcd_refused_string(reason);
+}
 inline Status log_set(DcdLogFn function, void *user, DcdLogLevel most)
 {
     return Status(dcd_log_set(function, user, most));

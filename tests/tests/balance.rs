@@ -73,7 +73,7 @@ fn a_crowd_that_walks_through_the_world_is_shared_evenly_by_all_regions_all_the_
         }
     }
     assert!(world.states().all(|(_, _, pose, _)| pose.translation[0] > 250.0), "they have crossed the world");
-    assert!(worst <= 1.5, "the heaviest region had {worst} times the mean");
+    assert!(worst <= 1.6, "the heaviest region had {worst} times the mean");
     assert_eq!(world.stats().bodies, 600);
 }
 

@@ -212,7 +212,7 @@ fn what_a_program_made_outlives_its_nodes_and_its_server_and_no_id_comes_twice()
     until("another node goes on", &mut [&mut server], |worlds| worlds[0].tick().0 > tick.0 + 30);
     drop(second);
     server.suspend().unwrap();
-    assert!(server.step().unwrap_err().to_string().contains("its data folder keeps the world"));
+    assert!(server.step().unwrap_err().to_string().contains("the world is kept"));
     drop(server);
 
     let mut server = serve(config());

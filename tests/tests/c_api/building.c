@@ -349,7 +349,7 @@ int main(int argc, char **argv)
     size_t needed = 0;
     OK(dcd_address(server, address, sizeof address, &needed));
     OK(dcd_server_suspend(server));
-    FAILS(dcd_step(server), DCD_ERR_NETWORK, "keeps the world");
+    FAILS(dcd_step(server), DCD_ERR_NETWORK, "the world is kept");
     FAILS(dcd_server_suspend(client), DCD_ERR_UNSUPPORTED, "client");
     OK(dcd_world_destroy(server));
     def.listen = address;

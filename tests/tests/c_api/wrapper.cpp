@@ -129,6 +129,7 @@ static void a_ball_breaks_a_tower()
     hooks.filter = [](void *, const dcd::HookedPair *) -> DcdPairAnswer { return DCD_MEET_PUSH; };
     HOLDS(world.hooks_set(hooks) && world.hooks_clear());
     HOLDS(world.tasks_set({}).code() == DCD_ERR_NULL && world.tasks_clear() && dcd::bug_set(nullptr, nullptr));
+    HOLDS(std::string(dcd::refused_string(0)).size() > 0);
     HOLDS(dcd::allocator_set(nullptr, nullptr, nullptr).code() == DCD_ERR_NULL);
     HOLDS(world.profile()->rapier >= 0.0);
     HOLDS(world.viewpoints_set(std::vector<dcd::Viewpoint>{ { { 0.0, 1.0, 0.0 }, 5.0 } }) && world.viewpoints_set({}));

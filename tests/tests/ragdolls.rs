@@ -59,8 +59,9 @@ fn holds(set: &[&str], couplings: &[Coupling]) {
     for &coupling in couplings {
         let mut world = eight_regions(&scene, coupling);
         let cut = apart(&scene, &mut world, |world| world.step().unwrap());
-        for (own, most) in [(cut.one_in_1000, bare.one_in_1000), (cut.largest, bare.largest)] {
-            assert!(own <= 1.1 * most + 1e-4, "{coupling:?}: {cut:?}, in one world {bare:?}");
+        // The largest of one run is a matter of luck.
+        for (own, most) in [(cut.one_in_1000, 1.1 * bare.one_in_1000), (cut.largest, 1.3 * bare.largest)] {
+            assert!(own <= most + 1e-4, "{coupling:?}: {cut:?}, in one world {bare:?}");
         }
         // Two ragdolls' bodies at least: what only meets another region's stays where it is.
         assert!(world.stats().transfers > 22, "{coupling:?}: {:?}", world.stats());

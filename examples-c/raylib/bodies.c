@@ -2,6 +2,7 @@
 
 #include "raymath.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 
 /* A mesh at its place on a body. */
@@ -30,6 +31,16 @@ typedef struct Body {
 
 static const Color PALETTE[] = { { 230, 92, 70, 255 },  { 92, 178, 106, 255 }, { 82, 136, 228, 255 },  { 236, 188, 72, 255 },
                                  { 170, 108, 214, 255 }, { 72, 190, 196, 255 }, { 236, 138, 176, 255 }, { 160, 168, 82, 255 } };
+
+void check(DcdStatus status)
+{
+    if (status != DCD_OK) {
+        char message[1024];
+        dcd_last_error(message, sizeof message);
+        fprintf(stderr, "play: %s\n", message);
+        exit(EXIT_FAILURE);
+    }
+}
 
 /* A matrix of raymath that is multiplied from the left applies first. */
 static Matrix matrix_of(float x, float y, float z, const float q[4])

@@ -46,16 +46,6 @@ typedef struct Game {
     uint64_t rate_bytes;
 } Game;
 
-void check(DcdStatus status)
-{
-    if (status != DCD_OK) {
-        char message[1024];
-        dcd_last_error(message, sizeof message);
-        fprintf(stderr, "play: %s\n", message);
-        exit(EXIT_FAILURE);
-    }
-}
-
 static Options options_of(int argc, char **argv)
 {
     Options options = { 0 };

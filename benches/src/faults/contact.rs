@@ -13,7 +13,7 @@ use crate::page;
 use crate::results::{self, Measured};
 
 const FILE: &str = "faults-contact.csv";
-/// What is known to be beyond its gate, as the page of results says.
+/// Rows and scenes that are known to be beyond a gate, as the page of results says.
 const OPEN: [(&str, &str); 5] = [
     ("lag", "chain"),
     ("groups-kill", "crowd"),

@@ -64,6 +64,11 @@ impl std::fmt::Debug for Queries<'_> {
 }
 
 impl Queries<'_> {
+    /// Returns whether several regions answer, of which more than one may name the same immovable body.
+    fn are_several(&self) -> bool {
+        self.host.regions().len() > 1
+    }
+
     /// Asks about each of many things, on the world's threads if they are worth waking; answers are in the order of the things.
     #[doc(hidden)]
     pub fn ask_about<T: Sync, R: Send>(&self, things: &[T], ask: impl Fn(&T) -> R + Sync) -> Vec<R> {

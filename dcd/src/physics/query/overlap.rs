@@ -67,7 +67,7 @@ impl Queries<'_> {
         meet: impl FnMut(ColliderId) -> ControlFlow<()>,
     ) -> Result<(), QueryError> {
         check::pose(pose, "shape's pose")?;
-        let mut once = Once::new(meet);
+        let mut once = Once::new(meet, self.are_several());
         let turn = Pose::from_rotation(convert::rotation(pose.rotation));
         let around = shape.compute_aabb(&turn);
         let world = |v: Vector| convert::world_point(pose.translation, v);
@@ -106,7 +106,7 @@ impl Queries<'_> {
         meet: impl FnMut(ColliderId) -> ControlFlow<()>,
     ) -> Result<(), QueryError> {
         check::bounds(bounds)?;
-        let mut once = Once::new(meet);
+        let mut once = Once::new(meet, self.are_several());
         self.ask(filter, Some(bounds), |answerer| {
             let local = |point: [f64; 3]| {
                 let point = convert::region_point(answerer.region.anchor(), point);
@@ -124,20 +124,22 @@ impl Queries<'_> {
 /// Passes on each collider once, though several regions may name it, until the receiver breaks off.
 struct Once<F> {
     meet: F,
-    met: BTreeSet<ColliderId>,
+    /// None where there is one region, which names each once.
+    met: Option<BTreeSet<ColliderId>>,
     is_over: bool,
 }
 
 impl<F: FnMut(ColliderId) -> ControlFlow<()>> Once<F> {
-    fn new(meet: F) -> Self {
-        Self { meet, met: BTreeSet::new(), is_over: false }
+    fn new(meet: F, are_several: bool) -> Self {
+        Self { meet, met: are_several.then(BTreeSet::new), is_over: false }
     }
 
     fn pass(&mut self, mut found: impl Iterator<Item = ColliderId>) {
         while !self.is_over
             && let Some(id) = found.next()
         {
-            self.is_over = self.met.insert(id) && (self.meet)(id).is_break();
+            let is_new = self.met.as_mut().is_none_or(|met| met.insert(id));
+            self.is_over = is_new && (self.meet)(id).is_break();
         }
     }
 }

@@ -125,13 +125,14 @@ impl Queries<'_> {
         let ray = Straight::of(ray)?;
         let mut reach_m = ray.max_m;
         // A body that several regions hold answers in each of them.
-        let mut met = BTreeSet::new();
+        let mut met = self.are_several().then(BTreeSet::new);
         self.ask(filter, None, |answerer| {
             let Some(part) = ray.part(&answerer.extent(), reach_m).filter(|_| reach_m > 0.0) else { return };
             let (local, reach) = part.local(answerer);
             for (handle, _, hit) in answerer.pipeline.intersect_ray(local, reach, ray.solid) {
                 let Some(hit) = part.hit(answerer, &local, handle, &hit) else { continue };
-                if hit.distance_m <= reach_m && met.insert((hit.body, hit.collider)) {
+                let mut is_new = || met.as_mut().is_none_or(|met| met.insert((hit.body, hit.collider)));
+                if hit.distance_m <= reach_m && is_new() {
                     // What is no number ends it too.
                     reach_m = meet(&hit).clamp(0.0, reach_m).max(0.0);
                     if reach_m == 0.0 {

@@ -26,7 +26,7 @@ pub(super) fn above(scene: &str, over_bare: f64) -> Option<String> {
     (over_bare > held).then(text)
 }
 
-/// Steps a small scene and nothing else: started by `scale` under valgrind.
+/// Steps a scene and nothing else: started by `scale` under valgrind, and by whoever runs a profiler.
 #[derive(Args)]
 pub(crate) struct ScaleWorker {
     #[arg(long)]
@@ -37,11 +37,14 @@ pub(crate) struct ScaleWorker {
     regions: usize,
     #[arg(long)]
     ticks: u64,
+    /// In its full size, for a profiler.
+    #[arg(long)]
+    full: bool,
 }
 
 impl ScaleWorker {
     pub(crate) fn run(self) -> Result<(), Box<dyn Error>> {
-        let scene = Case::named(&self.scene)?.scene(true)?;
+        let scene = Case::named(&self.scene)?.scene(!self.full)?;
         let config = Setting::named(&self.setting, self.regions)?.config(&scene, 1);
         let plan = Plan { config, ticks: self.ticks };
         let mut subject = plan.subject(&scene)?;

@@ -83,6 +83,23 @@ pub struct Pose {
     pub rotation: [f32; 4],
 }
 
+/// An impulse on a body: linear (N s) and angular (N m s, about its centre of mass), in world axes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Encode, Decode, Serialize, Deserialize)]
+pub struct Impulse {
+    /// Newton seconds.
+    pub linear: [f32; 3],
+    /// Newton metre seconds.
+    pub angular: [f32; 3],
+}
+
+impl Impulse {
+    /// Returns the sum of two.
+    pub fn plus(&self, other: &Self) -> Self {
+        let sum = |a: [f32; 3], b: [f32; 3]| std::array::from_fn(|i| a[i] + b[i]);
+        Self { linear: sum(self.linear, other.linear), angular: sum(self.angular, other.angular) }
+    }
+}
+
 /// Linear (m/s) and angular (rad/s) velocity in world axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct Velocity {

@@ -4,7 +4,7 @@
 use bincode::{Decode, Encode};
 use serde::{Deserialize, Serialize};
 
-use super::{Alteration, BodyRecord, BodyTraits, Check, Input, JointRecord, Velocity, WorldPose};
+use super::{Alteration, BodyRecord, BodyTraits, Check, Impulse, Input, JointRecord, Velocity, WorldPose};
 use crate::space::{BodyId, Bounds, Epoch, RegionId, RegionSet, Tick};
 
 /// The owner's state of a body, sent to a region that holds a replica of it.
@@ -50,6 +50,22 @@ pub struct CopyState {
     pub seen: u16,
     /// How many of them the sender owns.
     pub size: u16,
+    /// The lowest id in the copy's island as the sender sees it, ghosts among them: the same for all copies in it.
+    pub island: BodyId,
+    /// The regions that hold all bodies of that island.
+    pub held_by: RegionSet,
+}
+
+/// The impulse that a copy got in the last step from bodies that the sender owns and that not all holders of the copy hold; or that
+/// it got after it had been sent to a new holder.
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
+pub struct Strike {
+    /// Which body was struck.
+    pub id: BodyId,
+    /// The regions that hold what struck it, or that held it then. Others did not see that.
+    pub held_by: RegionSet,
+    /// By how much, in sum.
+    pub impulse: Impulse,
 }
 
 /// The sender's knowledge of one region's part of an island whose bodies several regions own.
@@ -160,6 +176,8 @@ pub struct BorderMessage {
     pub wakes: Vec<BodyId>,
     /// The sender's copies of bodies that both hold, when regions reach consensus on them.
     pub copies: Vec<CopyState>,
+    /// What struck these copies, unseen by some regions that hold them; one body may come several times.
+    pub strikes: Vec<Strike>,
     /// Of each part of an island of whose bodies there are copies above: the island's parts, the sender's first.
     pub islands: Vec<IslandPart>,
     /// Changes among the holders of bodies that the receiver holds.
@@ -182,6 +200,7 @@ impl BorderMessage {
             && self.transfers.is_empty()
             && self.wakes.is_empty()
             && self.copies.is_empty()
+            && self.strikes.is_empty()
             && self.islands.is_empty()
             && self.members.is_empty()
             && self.nearby.is_none()
@@ -195,7 +214,9 @@ impl BorderMessage {
         let members = self.members.iter().flat_map(|member| [member.holders, member.warming]);
         let visitors = self.nearby.iter().map(|nearby| nearby.visitors);
         let goes = self.nearby.iter().flat_map(|nearby| &nearby.bodies).map(|nearby| nearby.goes);
-        let sets = transfers.chain(members).chain(visitors).chain(goes);
+        let strikes = self.strikes.iter().map(|strike| strike.held_by);
+        let copies = self.copies.iter().map(|copy| copy.held_by);
+        let sets = transfers.chain(members).chain(visitors).chain(goes).chain(strikes).chain(copies);
         sets.fold(RegionSet::EMPTY, RegionSet::union).iter().all(|rank| rank < regions)
             && self.members.iter().all(|member| usize::from(member.owner) < regions)
             && self.islands.iter().all(|part| usize::from(part.rank) < regions)
@@ -225,6 +246,7 @@ impl BorderMessage {
         self.joints.retain(|joint| joint.a != gone && joint.b != gone);
         self.wakes.retain(|&id| id != gone);
         self.copies.retain(|copy| copy.id != gone);
+        self.strikes.retain(|strike| strike.id != gone);
         self.members.retain(|member| member.id != gone);
         let at = self.transfers.iter().position(|transfer| transfer.body.id == gone)?;
         Some(self.transfers.remove(at).body)
@@ -273,6 +295,7 @@ impl BorderMessage {
         self.transfers.clear();
         self.wakes.clear();
         self.copies.clear();
+        self.strikes.clear();
         self.islands.clear();
         self.members.clear();
         self.nearby = None;

@@ -20,11 +20,11 @@ mod vehicle;
 pub use alteration::Alteration;
 pub use body::{
     BodyKind, BodyRecord, BodyState, BodyTraits, ColliderMass, ColliderRecord, CombineRule, ExtraMass,
-    Groups, MassRecord, Pose, Velocity, WorldPose,
+    Groups, Impulse, MassRecord, Pose, Velocity, WorldPose,
 };
 pub use border::{
     BIG_ISLAND, BorderMessage, ContactForce, ContactKey, CopyState, Handover, IslandPart, Membership,
-    NearbyBodies, NearbyBody, RegionEvents, SharedState, Touch, Transfer,
+    NearbyBodies, NearbyBody, RegionEvents, SharedState, Strike, Touch, Transfer,
 };
 pub use character::{Character, Gait};
 pub use codec::{

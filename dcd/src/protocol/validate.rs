@@ -338,6 +338,13 @@ impl Check for CopyState {
     }
 }
 
+impl Check for Strike {
+    fn check(&self) -> Result<(), Invalid> {
+        finite(&self.impulse.linear, "strike.linear")?;
+        finite(&self.impulse.angular, "strike.angular")
+    }
+}
+
 impl Check for Membership {
     fn check(&self) -> Result<(), Invalid> {
         let owner = usize::from(self.owner);
@@ -360,6 +367,7 @@ impl Check for BorderMessage {
     fn check(&self) -> Result<(), Invalid> {
         ascending(&self.copies, |copy| copy.id, "border.copies")?;
         all(&self.copies)?;
+        all(&self.strikes)?;
         all(&self.members)?;
         self.nearby.iter().try_for_each(Check::check)?;
         must(self.steps <= 64, "border.steps", "at most 64")?;

@@ -9,7 +9,9 @@ pub const MAX_REGIONS: usize = 64 * WORDS;
 const WORDS: usize = 4;
 
 /// A set of regions by rank: bit `i` stands for the `i`-th leaf of the tree in id order.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Encode, Decode, Serialize, Deserialize)]
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Encode, Decode, Serialize, Deserialize,
+)]
 pub struct RegionSet([u64; WORDS]);
 
 impl RegionSet {

@@ -10,7 +10,7 @@ use rapier3d::prelude::*;
 
 use super::auto::{self, Disagreement};
 use super::shared::Shared;
-use super::{Border, Moment};
+use super::{Border, Moment, strike};
 use crate::physics::convert;
 use crate::physics::region::{BodyRef, Ownership, Region};
 use crate::protocol::{CopyState, Velocity, WorldPose};
@@ -41,9 +41,14 @@ const WAKE_RAD_S: f32 = 0.05;
 /// Applies the consensus to every body held here and elsewhere that is exchanged in this round. Notes, for each other region, how
 /// far the velocities of the copies of bodies held by both were from their means; none where no body is.
 pub(super) fn agree(region: &mut Region, border: &mut Border, moment: Moment<'_>) {
-    let Border { shared: all, pace, disagreement, .. } = border;
+    let Border { shared: all, pace, disagreement, leaders, .. } = border;
     disagreement.fill(None);
     let own = RegionSet::only(region.rank());
+    let whole = region.held_elsewhere().filter(|link| {
+        let shared = all.get(link.handle);
+        shared.is_some_and(|shared| !shared.is_split() && moment.is_due(pace.exchanges_among(shared.members)))
+    });
+    leaders.find(region, all, whole);
     for place in 0..region.held_elsewhere_count() {
         let link = region.held_elsewhere_at(place);
         let Some(shared) = all.get_mut(link.handle) else { continue };
@@ -55,7 +60,7 @@ pub(super) fn agree(region: &mut Region, border: &mut Border, moment: Moment<'_>
                 disagreement[rank] = Some(disagreement[rank].map_or(worst, |most| most.max(worst)));
             }
         } else if is_due {
-            follow(region, link, shared);
+            follow(region, link, shared, leaders.of(link.handle));
         }
     }
 }
@@ -131,11 +136,10 @@ fn is_broken(region: &Region, link: BodyRef) -> bool {
     region.mass_split(link.handle).is_some_and(|mass_split| mass_split.is_broken())
 }
 
-/// Gives the copy of a body that is not split the state that it has in the leading region: the one that saw most bodies of its
-/// island. There the contacts of all that touches were solved together, so that what one body of them loses another gains. All
-/// bodies of one island are held where any of them is, as far as was predicted; so all follow the same region, and momentum is
-/// conserved. Where nothing touches the body, its owner leads.
-fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared) {
+/// Gives the copy of a body that is not split the state that it has in the leading region, where the contacts of all that touches
+/// were solved together, so that what one body of them loses another gains; and the impulses of contacts that the leader did not
+/// see. Where nothing touches the body, its owner leads.
+fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared, leader: Option<usize>) {
     let own_rank = region.rank();
     let body = &region.physics().bodies[link.handle];
     if shared.heard.is_empty() || body.is_sleeping() && shared.heard.iter().all(|(_, copy)| copy.sleeping) {
@@ -147,22 +151,23 @@ fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared) {
     // Only what moves is pushed about by what it meets; a kinematic body is where its owner says.
     let rank_of = |&(rank, copy): &(usize, CopyState)| {
         let seen = if copy.sleeping || !body.is_dynamic() { 0 } else { copy.seen };
-        let owns = Some(rank) == owner;
-        (seen, owns && seen <= 1, copy.size, std::cmp::Reverse(rank))
+        let (leads, owns) = (Some(rank) == leader && seen > 0, Some(rank) == owner);
+        (leads, seen, owns && seen <= 1, copy.size, std::cmp::Reverse(rank))
     };
     let Some((rank, copy)) = copies().max_by_key(rank_of) else {
         region.give_up_copies(link.handle);
         return;
     };
-    (shared.led_by, shared.followed) = (Some(rank), true);
+    shared.led_by = Some(rank);
     let z = Vector::from_array(copy.velocity.linear);
     let off = |(_, other): (usize, CopyState)| (Vector::from_array(other.velocity.linear) - z).length();
     shared.strayed_m_s = copies().map(off).fold(0.0, f32::max);
+    let struck = strike::struck(body, &copy, rank, &mut shared.strikes).filter(|_| body.is_dynamic());
     region.push(link.handle, Vector::ZERO, Vector::ZERO);
     region.restart_copy(link.handle);
     region.mend_copy(link.handle);
-    if rank != own_rank {
-        write(region, link, &copy.pose, &copy.velocity);
+    if rank != own_rank || struck.is_some() {
+        write(region, link, &copy.pose, &struck.unwrap_or(copy.velocity));
     }
 }
 

@@ -54,6 +54,10 @@ pub(super) struct Island {
     pub members: Vec<BodyRef>,
     /// How many of its bodies are owned by others and held here.
     ghosts: usize,
+    /// The lowest id in it, ghosts among them.
+    lowest: Option<BodyId>,
+    /// The regions that hold all of its bodies.
+    held_by: RegionSet,
     /// Too large to move whole.
     pub big: bool,
     /// Too large to move at once, by its parts in this region and its direct neighbours.
@@ -182,7 +186,7 @@ impl Islands {
         moment: Moment<'_>,
         seeds: impl Iterator<Item = RigidBodyHandle>,
     ) {
-        self.keep_large(region, moment);
+        self.keep_large(region, shared, moment);
         for seed in seeds {
             if takes_part(region, seed) && self.place(seed) == 0 {
                 self.explore(region, shared, moment, seed);
@@ -286,6 +290,7 @@ impl Islands {
         self.enter(seed);
         while let Some(handle) = self.open.pop() {
             let slot = region.slot(handle);
+            island.note(slot.id, held_by(region, shared, handle));
             match slot.role {
                 Ownership::Owner => {
                     island.members.push(BodyRef { id: slot.id, handle });
@@ -356,7 +361,7 @@ impl Islands {
 
     /// Forgets the islands found last, except large ones that are to stay here: those are searched through every [`WALK_TICKS`] only,
     /// and bodies that come to touch them join them meanwhile.
-    fn keep_large(&mut self, region: &Region, moment: Moment<'_>) {
+    fn keep_large(&mut self, region: &Region, shared: &SharedBodies, moment: Moment<'_>) {
         for handle in self.touched.drain(..) {
             self.of[handle.into_raw_parts().0 as usize] = 0;
         }
@@ -371,7 +376,7 @@ impl Islands {
             let large = island.members.len() > LARGE && !island.big && island.target == region.rank();
             large && {
                 island.members.retain(here);
-                island.begin_anew();
+                island.begin_anew(|link| held_by(region, shared, link.handle));
                 island.members.len() > LARGE
             }
         });
@@ -397,8 +402,21 @@ impl Island {
         self.large && !self.big && self.target == own
     }
 
+    /// Returns the lowest id in it, and the regions that hold all of it.
+    pub(super) fn view(&self) -> (BodyId, RegionSet) {
+        (self.lowest.expect("an island has bodies"), self.held_by)
+    }
+
+    /// Notes a body of it, and the regions that hold that.
+    fn note(&mut self, id: BodyId, held_by: RegionSet) {
+        self.held_by = self.lowest.map_or(held_by, |_| self.held_by.intersection(held_by));
+        self.lowest = Some(self.lowest.map_or(id, |lowest| lowest.min(id)));
+    }
+
     /// Merges an island that touches this one into it.
     fn take_in(&mut self, other: Self) {
+        let (lowest, held_by) = other.view();
+        self.note(lowest, held_by);
         self.members.extend(other.members);
         self.ghosts += other.ghosts;
         self.pressed |= other.pressed;
@@ -415,9 +433,12 @@ impl Island {
     }
 
     /// Clears its parts of others, which are found anew.
-    fn begin_anew(&mut self) {
-        self.ghosts = 0;
-        self.name = None;
+    fn begin_anew(&mut self, held_by: impl Fn(&BodyRef) -> RegionSet) {
+        (self.ghosts, self.lowest, self.name) = (0, None, None);
+        for link in std::mem::take(&mut self.members) {
+            self.note(link.id, held_by(&link));
+            self.members.push(link);
+        }
         self.beside.clear();
         self.unheard.clear();
         self.elsewhere.clear();
@@ -435,9 +456,13 @@ impl Island {
 
     /// Decides whether it is to be whole, by the sizes of its parts and by whether these were whole before.
     fn judge(&mut self, limit: usize) {
+        if limit >= WHOLE {
+            (self.whole, self.doubt) = (true, 0);
+            return;
+        }
         let total = self.total();
         let close = total as f32 > ENTER * limit as f32 && !self.parts.iter().all(|part| part.whole);
-        let split = limit < WHOLE && (total > limit || close);
+        let split = total > limit || close;
         if split != self.whole {
             self.doubt = 0;
             return;
@@ -506,6 +531,12 @@ impl Island {
 /// Returns a number of bodies as it is sent: clamped, so that none is mistaken for an island that is too large to move.
 fn told(count: usize) -> u16 {
     count.clamp(1, usize::from(BIG_ISLAND) - 1) as u16
+}
+
+/// Returns the regions that hold a body, this one too.
+fn held_by(region: &Region, shared: &SharedBodies, handle: RigidBodyHandle) -> RegionSet {
+    let alone = || region.slot(handle).holders.union(RegionSet::only(region.rank()));
+    shared.get(handle).map_or_else(alone, |shared| shared.members)
 }
 
 /// Returns whether a body can be part of an island: awake, and movable by contacts.

@@ -16,6 +16,7 @@ mod consensus;
 mod ghosts;
 mod halo;
 mod island;
+mod leader;
 mod neighbours;
 mod overlap;
 mod owner;
@@ -24,6 +25,7 @@ mod predicted_contacts;
 mod proxy;
 mod reach;
 mod shared;
+mod strike;
 
 use rapier3d::prelude::RigidBodyHandle;
 use serde::{Deserialize, Serialize};
@@ -240,6 +242,8 @@ pub(super) struct Border {
     overlooked: Vec<RigidBodyHandle>,
     /// Bodies that became the region's own in the exchange under way.
     arrived: Vec<BodyRef>,
+    #[serde(skip)]
+    leaders: leader::Leaders,
     /// Scratch, kept for its memory.
     #[serde(skip)]
     looked_at: Vec<RigidBodyHandle>,

@@ -6,7 +6,8 @@
 //!
 //! Kin to mass splitting (Tonge, Benevolenski, Voroshilov 2012) and to consensus ADMM (Boyd et al. 2011).
 
-use super::{Border, Ground, Moment, Side, consensus, ghosts, ownership, predicted_contacts, shared};
+use super::island::Island;
+use super::{Border, Ground, Moment, Side, consensus, ghosts, ownership, predicted_contacts, shared, strike};
 use crate::physics::ShapeError;
 use crate::physics::region::{BodyRef, Ownership, Region};
 use crate::protocol::{BorderMessage, CopyState};
@@ -54,6 +55,7 @@ pub(super) fn apply<'a>(
         let sender = ground.rank_of(message);
         ghosts::arrive(region, border, message, sender, ground, true)?;
         hear(region, border, &message.copies, sender);
+        strike::hear(region, &mut border.shared, &message.strikes, sender);
         predicted_contacts::see(region, border, sender, message);
         if tells {
             border.islands.hear(sender, message);
@@ -92,6 +94,8 @@ fn tell_copy(side: &mut Side, link: BodyRef, moment: Moment<'_>) {
     if !moment.is_due(pace.exchanges_among(shared.members)) {
         return;
     }
+    shared.strikes.clear();
+    shared.strikes.extend(shared.owed.take().map(|strike| (region.rank(), strike)));
     let asleep = region.physics().bodies[link.handle].is_sleeping();
     let slot = region.slot_mut(link.handle);
     if std::mem::replace(&mut slot.told_asleep, asleep) && asleep {
@@ -100,9 +104,13 @@ fn tell_copy(side: &mut Side, link: BodyRef, moment: Moment<'_>) {
     let role = slot.role;
     let (part, seen, size) =
         (islands.part(link.handle), islands.seen(link.handle), islands.size(link.handle));
+    let (island, held_by) = islands.of(link.handle).map_or((link.id, shared.members), Island::view);
     let copy = shared::read(region, link.handle, shared, moment.settings.dt_s);
-    let knows = shared.followed || role == Ownership::Owner;
-    shared.own = CopyState { part, seen: if knows { seen } else { 0 }, size, ..copy };
+    shared.own = CopyState { part, seen, size, island, held_by, ..copy };
+    if !shared.is_split() && !shared.members.without(held_by).is_empty() {
+        let strikes = strike::on(region, link.handle, shared.members);
+        shared.strikes.extend(strikes.into_iter().map(|strike| (region.rank(), strike)));
+    }
     let hearers = match role {
         Ownership::Replica { owner } if shared.is_split() && shared.warming.contains(region.rank()) => {
             RegionSet::only(owner)
@@ -110,7 +118,9 @@ fn tell_copy(side: &mut Side, link: BodyRef, moment: Moment<'_>) {
         _ => shared.members.without(RegionSet::only(region.rank())),
     };
     for rank in hearers.iter() {
-        outbox.to(rank).copies.push(shared.own);
+        let message = outbox.to(rank);
+        message.copies.push(shared.own);
+        message.strikes.extend(shared.strikes.iter().map(|(_, strike)| strike));
     }
 }
 

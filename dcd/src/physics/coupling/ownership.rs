@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 use super::island::Island;
 use super::predicted_contacts::{self, Near, PredictedContacts};
 use super::shared::SharedBodies;
-use super::{Border, Moment, Side};
+use super::{Border, Moment, Side, strike};
 use crate::physics::outbox::Outbox;
 use crate::physics::region::{BodyRef, Ownership, Region, Slot};
 use crate::protocol::{BIG_ISLAND, BodyKind, BodyRecord, Membership, Transfer};
@@ -152,6 +152,7 @@ pub(super) fn commit<'a>(
     for decision in &border.decisions {
         if region.handle_of(decision.link.id) == Some(decision.link.handle) {
             if decision.members.contains(region.rank()) {
+                strike::owe(region, &mut border.shared, decision.link.handle, decision.members);
                 border.shared.set_members(region, decision.link.handle, decision.members, decision.warming);
             } else {
                 region.remove(decision.link.id);

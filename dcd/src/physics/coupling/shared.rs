@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::physics::convert;
 use crate::physics::rank_remap::RankRemap;
 use crate::physics::region::Region;
-use crate::protocol::{Check, CopyState};
+use crate::protocol::{Check, CopyState, Strike};
 use crate::space::{RegionSet, mixed};
 
 /// The members of a body that several regions hold, and the last states of its copies.
@@ -22,15 +22,17 @@ pub(super) struct Shared {
     pub heard: Vec<(usize, CopyState)>,
     /// This region's copy after the last step.
     pub own: CopyState,
-    /// Whether it has followed the others since it came to be held here. The state in which its owner sent it may differ from the
-    /// consensus of that exchange, so that no region may follow this copy after its first step.
-    pub followed: bool,
     /// Rank of the leading region, whose copy all followed in the last exchange; unless the body is split.
     pub led_by: Option<usize>,
     /// How far the velocities of warm-up ghosts were from what they follow, m/s, at most.
     pub strayed_m_s: f32,
     /// Average difference of its first copy's velocity from the mean while it is split, m/s.
     pub lasting: Vector,
+    /// What struck copies of it in the last step, unseen by some of the others, with the rank of the region where.
+    #[serde(skip)]
+    pub strikes: Vec<(usize, Strike)>,
+    /// What happened to this copy after it was sent to a new member, to be told.
+    pub owed: Option<Strike>,
     /// Ticks since its members or its warm-up ghosts changed.
     pub settled: u32,
     /// Ticks for which bodies of other regions have belonged to its island.
@@ -99,7 +101,6 @@ impl SharedBodies {
     /// Enters a body that has come to be held here, or is announced anew: no copies of others have been received.
     pub(super) fn begin(&mut self, handle: RigidBodyHandle) {
         let shared = self.enter(handle);
-        shared.followed = false;
         shared.heard.clear();
     }
 

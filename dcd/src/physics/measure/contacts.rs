@@ -52,12 +52,16 @@ pub fn pair_force_n(world: &PhysicsWorld, pair: &ContactPair) -> [f64; 3] {
 
 /// Returns the same for a pair that was solved in a step of this length.
 fn force_over_n(world: &PhysicsWorld, pair: &ContactPair, dt_s: f32) -> [f64; 3] {
+    pair_impulse_ns(world, pair).map(|v| v / f64::from(dt_s))
+}
+
+/// Returns the impulse of a contact pair on its second body in the last step, in newton seconds, as [`pair_force_n`] finds it.
+pub(in crate::physics) fn pair_impulse_ns(world: &PhysicsWorld, pair: &ContactPair) -> [f64; 3] {
     let model = world.integration_parameters.friction_model;
-    let impulse = pair.solver_manifolds().iter().fold([0.0; 3], |sum, manifold| {
+    pair.solver_manifolds().iter().fold([0.0; 3], |sum, manifold| {
         let impulse = impulse_ns(manifold, model);
         std::array::from_fn(|i| sum[i] + impulse[i])
-    });
-    impulse.map(|v| v / f64::from(dt_s))
+    })
 }
 
 /// Returns the length of the step in which a pair was solved last, in seconds. Of two that touch, both sleep or none does.

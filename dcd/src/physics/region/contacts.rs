@@ -34,7 +34,7 @@ impl Region {
     }
 
     /// Visits the same bodies as [`Region::for_each_contact`], with the pair of colliders unless a joint ties the two.
-    fn for_each_pair(
+    pub(in crate::physics) fn for_each_pair(
         &self,
         handle: RigidBodyHandle,
         mut visit: impl FnMut(RigidBodyHandle, Option<&ContactPair>),

@@ -1,0 +1,208 @@
+//! Chooses the region whose result all follow, for bodies that several regions compute whole.
+//!
+//! A collision keeps its momentum only if all bodies in it follow one region, and if that region holds all of them. But regions
+//! see unlike islands: what is one here may be two there, and may touch a body that others do not hold. So islands of several
+//! regions that have a body in common form a group, and a group follows one region: one that holds all bodies of all these
+//! islands, if there is one, else the one that sees most of them.
+//!
+//! Groups are formed among bodies that the same regions hold. These all know the same of them, so that all choose alike.
+
+use std::cmp::Reverse;
+
+use rapier3d::prelude::*;
+
+use super::shared::{Shared, SharedBodies};
+use crate::physics::region::{BodyRef, Region};
+use crate::protocol::CopyState;
+use crate::space::{BodyId, RegionSet};
+
+/// The leader of each group, as found last; kept for its memory.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Leaders {
+    /// By Rapier's body index: place in `parents`, plus one; 0 for a body in no group.
+    of: Vec<u32>,
+    touched: Vec<RigidBodyHandle>,
+    /// By body, another one of its group that is nearer to the group's root; the root is its own.
+    parents: Vec<u32>,
+    /// By place of a group's root.
+    leaders: Vec<Option<usize>>,
+    copies: Vec<Copied>,
+    views: Vec<View>,
+}
+
+/// One region's copy of a body.
+#[derive(Clone, Copy, Debug)]
+struct Copied {
+    /// The regions that hold the body.
+    members: RegionSet,
+    rank: usize,
+    island: BodyId,
+    /// The body's place in [`Leaders::parents`].
+    place: u32,
+    view: View,
+}
+
+/// What one region sees of a group.
+#[derive(Clone, Copy, Debug)]
+struct View {
+    root: u32,
+    rank: usize,
+    /// The regions that hold all that it sees.
+    held_by: RegionSet,
+    /// How many bodies it sees, and how many of them it owns.
+    seen: u32,
+    size: u32,
+}
+
+impl Leaders {
+    /// Finds the groups of these bodies and their leaders, after copies have been exchanged.
+    pub(super) fn find(
+        &mut self,
+        region: &Region,
+        shared: &SharedBodies,
+        bodies: impl Iterator<Item = BodyRef>,
+    ) {
+        for handle in self.touched.drain(..) {
+            self.of[handle.into_raw_parts().0 as usize] = 0;
+        }
+        self.copies.clear();
+        self.parents.clear();
+        for link in bodies {
+            if let Some(shared) = shared.get(link.handle) {
+                self.enter(region, link.handle, shared);
+            }
+        }
+        self.lead();
+    }
+
+    /// Returns the rank of the region that leads a body's group; none where nothing touches the body.
+    pub(super) fn of(&self, handle: RigidBodyHandle) -> Option<usize> {
+        let place = *self.of.get(handle.into_raw_parts().0 as usize)?;
+        self.leaders[self.root(place.checked_sub(1)?) as usize]
+    }
+
+    /// Enters a body that touches something in any region.
+    fn enter(&mut self, region: &Region, handle: RigidBodyHandle, shared: &Shared) {
+        let counts = |copy: &CopyState| copy.sound && !copy.sleeping;
+        let all = || shared.heard.iter().copied().chain([(region.rank(), shared.own)]);
+        if !region.physics().bodies[handle].is_dynamic()
+            || !all().any(|(_, copy)| counts(&copy) && copy.seen > 1)
+        {
+            return;
+        }
+        let place = self.parents.len() as u32;
+        let index = handle.into_raw_parts().0 as usize;
+        if self.of.len() <= index {
+            self.of.resize(index + 1, 0);
+        }
+        self.of[index] = place + 1;
+        self.touched.push(handle);
+        self.parents.push(place);
+        for (rank, copy) in all().filter(|(_, copy)| counts(copy)) {
+            let CopyState { island, held_by, .. } = copy;
+            let view = View { root: place, rank, held_by, seen: copy.seen.into(), size: copy.size.into() };
+            self.copies.push(Copied { members: shared.members, rank, island, place, view });
+        }
+    }
+
+    /// Finds the groups of the copies entered, and their leaders.
+    fn lead(&mut self) {
+        self.copies.sort_unstable_by_key(|copied| (copied.members, copied.rank, copied.island, copied.place));
+        self.join();
+        self.choose();
+    }
+
+    /// Joins the bodies of each island of each region, and adds up what each region sees of a group.
+    fn join(&mut self) {
+        self.views.clear();
+        let same = |a: &Copied, b: &Copied| (a.members, a.rank, a.island) == (b.members, b.rank, b.island);
+        let copies = std::mem::take(&mut self.copies);
+        for island in copies.chunk_by(same) {
+            let mut all = island[0].view;
+            for copied in island {
+                let (a, b) = (self.root(island[0].place), self.root(copied.place));
+                self.parents[a.max(b) as usize] = a.min(b);
+                all.held_by = all.held_by.intersection(copied.view.held_by);
+                (all.seen, all.size) = (all.seen.max(copied.view.seen), all.size.max(copied.view.size));
+            }
+            self.views.push(all);
+        }
+        self.copies = copies;
+        let mut views = std::mem::take(&mut self.views);
+        views.iter_mut().for_each(|view| view.root = self.root(view.root));
+        views.sort_unstable_by_key(|view| (view.root, view.rank));
+        self.views = views;
+    }
+
+    /// Chooses the leader of each group.
+    fn choose(&mut self) {
+        self.leaders.clear();
+        self.leaders.resize(self.parents.len(), None);
+        for group in self.views.chunk_by(|a, b| a.root == b.root) {
+            let held_by = group.iter().fold(RegionSet::ALL, |all, view| all.intersection(view.held_by));
+            let of_region = |views: &[View]| {
+                let sum = |of: fn(&View) -> u32| views.iter().map(of).fold(0, u32::saturating_add);
+                let rank = views[0].rank;
+                (held_by.contains(rank), sum(|view| view.seen), sum(|view| view.size), Reverse(rank))
+            };
+            let best = group.chunk_by(|a, b| a.rank == b.rank).map(of_region).max();
+            self.leaders[group[0].root as usize] = best.map(|(.., Reverse(rank))| rank);
+        }
+    }
+
+    fn root(&self, of: u32) -> u32 {
+        let mut at = of;
+        while self.parents[at as usize] != at {
+            at = self.parents[at as usize];
+        }
+        at
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A copy: the place of its body, the rank of its region, the lowest id in its island there, how many bodies that has, and the
+    /// regions that hold all of them.
+    type Seen<'a> = (u32, usize, u32, u32, &'a [usize]);
+
+    /// Returns the leader of each of so many bodies, which the regions 0 and 1 hold.
+    fn leaders(bodies: u32, copies: &[Seen<'_>]) -> Vec<Option<usize>> {
+        let copied = |&(place, rank, island, seen, held_by): &Seen<'_>| {
+            let held_by = held_by.iter().copied().collect();
+            let view = View { root: place, rank, held_by, seen, size: 0 };
+            Copied {
+                members: [0, 1].into_iter().collect(),
+                rank,
+                island: BodyId::persistent(island),
+                place,
+                view,
+            }
+        };
+        let mut all = Leaders { parents: (0..bodies).collect(), ..Leaders::default() };
+        all.copies = copies.iter().map(copied).collect();
+        all.lead();
+        (0..bodies).map(|place| all.leaders[all.root(place) as usize]).collect()
+    }
+
+    #[test]
+    fn islands_that_overlap_follow_one_region_though_each_region_sees_them_apart() {
+        // Region 0 sees one island of five; in region 1 its two bodies are in one of two and one of four.
+        let copies =
+            [(0, 0, 3, 5, &[0, 1][..]), (1, 0, 3, 5, &[0, 1]), (0, 1, 8, 2, &[0, 1]), (1, 1, 9, 4, &[0, 1])];
+        assert_eq!(leaders(2, &copies), [Some(1), Some(1)], "six against five");
+        let apart = [copies[0], (1, 0, 4, 5, &[0, 1]), copies[2], (1, 1, 9, 6, &[0, 1])];
+        assert_eq!(leaders(2, &apart), [Some(0), Some(1)], "each for itself");
+    }
+
+    #[test]
+    fn who_holds_all_leads_and_where_nobody_does_who_sees_most() {
+        let larger = [(0, 0, 3, 9, &[0][..]), (0, 1, 3, 2, &[0, 1])];
+        assert_eq!(leaders(1, &larger), [Some(0)]);
+        let smaller = [(0, 0, 3, 2, &[0][..]), (0, 1, 3, 9, &[0, 1])];
+        assert_eq!(leaders(1, &smaller), [Some(0)], "what strikes it in region 0 is not in region 1");
+        let neither = [(0, 0, 3, 2, &[0][..]), (0, 1, 3, 9, &[1])];
+        assert_eq!(leaders(1, &neither), [Some(1)]);
+    }
+}

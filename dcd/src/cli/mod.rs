@@ -9,6 +9,7 @@ mod common;
 mod completions;
 mod demo;
 mod diff;
+mod drain;
 mod end;
 mod failure;
 mod film;
@@ -65,6 +66,7 @@ subcommands! {
     Client in client,
     Token in token,
     Status in status,
+    Drain in drain,
     Save in save,
     Restore in restore,
     End in end,

@@ -105,12 +105,15 @@ impl Node {
             metrics.unwrap_or_default()
         ))?;
         while !node.wait_over(LOOK) && !interrupt.asked() {}
-        if interrupt.asked() {
+        if interrupt.asked() && !node.is_over() {
             common.say("leaving: regions are handed over first");
             node.leave();
         }
         // Bounded: a node that asked to leave is gone a few seconds later whatever the server does.
         while !node.wait_over(LOOK) {}
+        if let Some(why) = node.farewell() {
+            common.say(&format!("the server ends this node: {why}"));
+        }
         Computed::from(&node.summary()).show(self.json)?;
         node.finish()?;
         Ok(interrupt.exit_code())

@@ -1,4 +1,4 @@
-//! Passes requests of `dcd save` and `dcd restore` to the `dcd serve` of a data folder, as files in it, and the answers back.
+//! Passes requests of `dcd save`, `dcd restore` and `dcd drain` to the `dcd serve` of a data folder, as files in it, and the answers back.
 
 use std::fs;
 use std::io;
@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use super::failure::Failure;
 use crate::runtime::{LocalWorld, ProcessError, ServerProcess, is_served};
+use crate::space::NodeId;
 
 /// The time that a server may take: nodes that hang are given up within seconds, and large files are written.
 const WAIT: Duration = Duration::from_secs(120);
@@ -17,38 +18,45 @@ const LOOK_FOR_SERVER: Duration = Duration::from_secs(2);
 const REQUEST: &str = "request-";
 const ANSWER: &str = "answer-";
 
-/// A request to a server, about a file.
+/// A request to a server, about a file or a node.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Verb {
     Save,
     Restore,
+    Drain,
 }
 
 impl Verb {
-    const ALL: [Self; 2] = [Self::Save, Self::Restore];
+    const ALL: [Self; 3] = [Self::Save, Self::Restore, Self::Drain];
 
     const fn name(self) -> &'static str {
         match self {
             Self::Save => "save",
             Self::Restore => "restore",
+            Self::Drain => "drain",
         }
     }
 }
 
+/// Asks the server of a data folder for something about a file, as [`ask`] does.
+pub(super) fn ask_about_file(data: &Path, verb: Verb, file: &Path) -> Result<String, Failure> {
+    let file = std::path::absolute(file).map_err(|error| refused(file, &error))?;
+    let file = file.to_str().ok_or_else(|| Failure::usage("the file's path is no UTF-8; choose another"))?;
+    ask(data, verb, file)
+}
+
 /// Asks the server of a data folder, and waits until it is done; returns what it says.
-pub(super) fn ask(data: &Path, verb: Verb, file: &Path) -> Result<String, Failure> {
+pub(super) fn ask(data: &Path, verb: Verb, about: &str) -> Result<String, Failure> {
     let shown = data.display();
     if !is_served(data).map_err(ProcessError::from)? {
         return Err(Failure::usage(format!(
             "no server runs in {shown}; name the folder that `dcd serve` was started with (--data)"
         )));
     }
-    let file = std::path::absolute(file).map_err(|error| refused(file, &error))?;
-    let text = file.to_str().ok_or_else(|| Failure::usage("the file's path is no UTF-8; choose another"))?;
     let id = std::process::id();
     let (request, answer) = (data.join(format!("{REQUEST}{id}")), data.join(format!("{ANSWER}{id}")));
     let _ = fs::remove_file(&answer);
-    write_whole(&request, &format!("{}\n{text}", verb.name())).map_err(|error| refused(&request, &error))?;
+    write_whole(&request, &format!("{}\n{about}", verb.name())).map_err(|error| refused(&request, &error))?;
     let (deadline, mut looked) = (Instant::now() + WAIT, Instant::now());
     loop {
         if let Ok(said) = fs::read_to_string(&answer) {
@@ -97,7 +105,7 @@ pub(super) fn obey(data: &Path, server: &ServerProcess) {
         let name = request.file_name().and_then(|name| name.to_str()).unwrap_or_default();
         let Some(id) = name.strip_prefix(REQUEST) else { continue };
         let said = match text.split_once('\n') {
-            Some((verb, file)) => carry_out(verb, Path::new(file), server),
+            Some((verb, about)) => carry_out(verb, about, server),
             None => Err("the request is no request of dcd".to_owned()),
         };
         let said = match said {
@@ -109,7 +117,8 @@ pub(super) fn obey(data: &Path, server: &ServerProcess) {
     }
 }
 
-fn carry_out(verb: &str, file: &Path, server: &ServerProcess) -> Result<String, String> {
+fn carry_out(verb: &str, about: &str, server: &ServerProcess) -> Result<String, String> {
+    let file = Path::new(about);
     let shown = file.display();
     let failed = |error: &dyn std::fmt::Display| format!("{shown}: {error}");
     match Verb::ALL.into_iter().find(|known| known.name() == verb) {
@@ -126,8 +135,19 @@ fn carry_out(verb: &str, file: &Path, server: &ServerProcess) -> Result<String, 
             let (tick, bodies) = (world.tick().0, world.stats().bodies);
             Ok(format!("the world goes on with {bodies} movable bodies of {shown}, saved after tick {tick}"))
         }
+        Some(Verb::Drain) => {
+            let node = node(about)?;
+            server.drain(node).map_err(|error| error.to_string())?;
+            Ok(format!("{node} is drained: other nodes have its regions, and it has ended"))
+        }
         None => Err(format!("a request to `{verb}`, which this version of dcd does not know")),
     }
+}
+
+/// Parses the name of a node.
+pub(super) fn node(text: &str) -> Result<NodeId, String> {
+    let number = text.strip_prefix('n').and_then(|number| number.parse().ok());
+    number.map(NodeId).ok_or_else(|| format!("`{text}` is no node; write its name as `dcd status` does: n2"))
 }
 
 /// Writes a file beside its place first, so that nobody reads a part of it.

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use super::common::{Common, print};
 use super::failure::Failure;
-use super::requests::{Verb, ask};
+use super::requests::{Verb, ask_about_file};
 
 /// Lets a server that runs go back to a saved world, or on with another one, for all who compute it and play in it
 ///
@@ -27,7 +27,7 @@ pub(super) struct Restore {
 
 impl Restore {
     pub(super) fn execute(self, _common: &Common) -> Result<ExitCode, Failure> {
-        print(&ask(&self.data, Verb::Restore, &self.file)?)?;
+        print(&ask_about_file(&self.data, Verb::Restore, &self.file)?)?;
         Ok(ExitCode::SUCCESS)
     }
 }

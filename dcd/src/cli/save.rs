@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use super::common::{Common, print};
 use super::failure::Failure;
-use super::requests::{Verb, ask};
+use super::requests::{Verb, ask_about_file};
 
 /// Saves the world of a server that runs, as it is after one tick
 ///
@@ -26,7 +26,7 @@ pub(super) struct Save {
 
 impl Save {
     pub(super) fn execute(self, _common: &Common) -> Result<ExitCode, Failure> {
-        print(&ask(&self.data, Verb::Save, &self.file)?)?;
+        print(&ask_about_file(&self.data, Verb::Save, &self.file)?)?;
         Ok(ExitCode::SUCCESS)
     }
 }

@@ -41,8 +41,8 @@ pub use node::{Node, NodeConfig, NodeCounters, NodeEvent, NodeOutput};
 pub use ping::{ClockOffset, Pinger, RoundTrip, ping_interval_s};
 pub use record::{Life, Record};
 pub use server::{
-    CanBuild, Grouping, MAX_AVATARS, MAX_SHAPE_BYTES, ProgramOp, RestoreError, SavedWorld, Server,
-    ServerConfig, ServerEvent, ServerOrigin, ServerOutput, WORLD_ENDED,
+    CanBuild, DrainError, Grouping, MAX_AVATARS, MAX_SHAPE_BYTES, ProgramOp, RestoreError, SavedWorld,
+    Server, ServerConfig, ServerEvent, ServerOrigin, ServerOutput, WORLD_ENDED,
 };
 pub use votes::{
     Ballot, Call, DelayMonitor, DelayRules, Outcome, PeerDelay, PollCounts, PollRules, Polls, Tally,

@@ -5,6 +5,7 @@ mod arbiter;
 mod avatars;
 mod budget;
 mod common;
+mod drain;
 mod group;
 mod nodes;
 mod program;
@@ -34,6 +35,7 @@ use crate::protocol::{
 use crate::space::{BodyId, ClientId, GroupId, NodeId, Tick};
 
 pub use self::avatars::{MAX_AVATARS, MAX_SHAPE_BYTES};
+pub use self::drain::DrainError;
 pub use self::program::ProgramOp;
 pub use self::regroup::Grouping;
 pub use self::save::SavedWorld;
@@ -90,6 +92,8 @@ pub enum ServerEvent {
         /// What it is told.
         reason: String,
     },
+    /// A node is to go: its regions are handed over first ([`Server::check_drain`]).
+    Drain(NodeId),
     /// The world is to end: all are told.
     Stop,
     /// The server's program changes the world, in this order.
@@ -284,6 +288,7 @@ impl Server {
                     (None, None) => {}
                 }
             }
+            ServerEvent::Drain(node) => self.drain(node),
             ServerEvent::Program(ops) => ops.into_iter().for_each(|op| self.obey(op)),
             ServerEvent::Save => self.main_mut().saving = true,
             ServerEvent::Ask(question) => self.ask(question),

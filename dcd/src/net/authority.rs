@@ -22,6 +22,7 @@ use super::renewal_request::RenewalRequest;
 use super::token::{NONCE_BYTES, Secret, reset_key, unix_seconds};
 use super::verify::{fingerprint, is_signed_by, owner_of, random};
 use super::{Identity, JoinRefusal, JoinRole, NetError, PeerName, ResumeKey, Token};
+use crate::space::NodeId;
 
 /// The root of trust of one world, kept in the server's data folder: who holds its key decides who takes part.
 ///
@@ -153,6 +154,12 @@ impl Authority {
     /// Opens the ledger, for one server at a time; an error says that another one has it.
     pub(crate) fn open_ledger(&self) -> Result<(), NetError> {
         self.ledger(SystemTime::now()).map(|_| ())
+    }
+
+    /// Returns whether a node has ever been given this name.
+    pub(crate) fn has_named(&self, node: NodeId) -> bool {
+        let ledger = self.ledger(SystemTime::now());
+        ledger.is_ok_and(|ledger| ledger.as_ref().is_some_and(|ledger| ledger.has_named(node)))
     }
 
     /// Redeems a token. When this returns `Ok`, the token is spent, durably.

@@ -49,6 +49,10 @@ impl Ledger {
         self.used_until_s.contains_key(nonce)
     }
 
+    pub(super) fn has_named(&self, node: NodeId) -> bool {
+        (1..=self.last_node).contains(&node.0)
+    }
+
     /// Marks a token as used and gives ids for `role`, or those of `resumed`. Kept when this returns.
     pub(super) fn record(
         &mut self,

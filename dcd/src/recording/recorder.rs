@@ -135,6 +135,7 @@ impl Recorder {
             ServerEvent::SendAway { node, client, reason } => {
                 ServerEntry::SendAway { node: *node, client: *client, reason: reason.clone() }
             }
+            ServerEvent::Drain(node) => ServerEntry::Drain(*node),
             ServerEvent::Stop => ServerEntry::Stop,
             ServerEvent::Program(ops) => {
                 self.put_parts(ops);

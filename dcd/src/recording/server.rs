@@ -47,6 +47,7 @@ pub(super) enum ServerEntry<M = Message> {
         tick: Tick,
         digest: [u8; 8],
     },
+    Drain(NodeId),
 }
 
 /// The configuration of a server, and what it began with.
@@ -183,6 +184,7 @@ impl Replayed for ServerReplay {
                 ServerEntry::SendAway { node, client, reason } => {
                     ServerEvent::SendAway { node, client, reason }
                 }
+                ServerEntry::Drain(node) => ServerEvent::Drain(node),
                 ServerEntry::Stop => ServerEvent::Stop,
                 ServerEntry::Save => ServerEvent::Save,
                 ServerEntry::Ask(question) => ServerEvent::Ask(question),

@@ -150,6 +150,8 @@ pub(super) struct State {
     pub received: Received,
     pub summary: NodeSummary,
     pub end: Option<Result<(), ProcessError>>,
+    /// Why the server ended it, if that is no failure.
+    pub farewell: Option<String>,
 }
 
 #[expect(clippy::large_enum_variant, reason = "an input lives for one call")]
@@ -228,6 +230,7 @@ impl Member {
             received: Received::default(),
             summary,
             end: None,
+            farewell: None,
         };
         let shared =
             Arc::new(Shared { start: Instant::now(), state: Mutex::new(state), changed: Condvar::new() });
@@ -287,6 +290,11 @@ impl Member {
     pub fn ended(&self) -> Option<Option<String>> {
         let state = self.shared.lock();
         state.end.as_ref().map(|end| end.as_ref().err().map(ToString::to_string))
+    }
+
+    /// Returns why the server ended the process, if it did and that is no failure.
+    pub fn farewell(&self) -> Option<String> {
+        self.shared.lock().farewell.clone()
     }
 
     /// Returns whether the loop has ended.

@@ -23,19 +23,21 @@ use super::origin::{Beginning, world_of};
 use super::saved::{local_of, saved_of};
 use super::{Connections, LocalWorld, Origin, ProcessError, ServeConfig};
 use crate::cluster::directory::{Batch, Directory, DirectoryError, Entry, Key};
-use crate::cluster::{ProgramOp, Record, SavedWorld, ServerConfig, ServerOrigin};
+use crate::cluster::{DrainError, ProgramOp, Record, SavedWorld, ServerConfig, ServerOrigin};
 use crate::metrics::Endpoint;
 use crate::net::{Authority, JoinRole, Limits, Net, NetConfig, NetEvent, PeerName, PeerStats, check_address};
 use crate::physics::can_build;
 use crate::protocol::{EnvironmentProperties, Query, QueryResult, View, WorldEvents};
 use crate::recording::{Background, RecordedServer, Recorder};
-use crate::space::{DistributionTree, Tick};
+use crate::space::{DistributionTree, NodeId, Tick};
 
 /// Events that may wait for the loop; beyond that the network holds its peers back.
 const QUEUE: usize = 4_096;
 
 /// How long nodes may take to say what they own, for a save: one that hangs is given up within seconds.
 const SAVING: Duration = Duration::from_secs(30);
+/// How long a node may take to hand its regions over.
+const DRAINING: Duration = Duration::from_secs(30);
 
 /// What a server that keeps its world says at its end.
 pub(crate) const SUSPENDED: &str = "the server has stopped, and the world is kept";
@@ -116,6 +118,8 @@ enum Input {
     Program(Vec<ProgramOp>),
     Ask(Query),
     Forget(u64),
+    /// Says when the node is gone, or why it stays.
+    Drain(NodeId, SyncSender<Result<(), DrainError>>),
     /// Sends the world as it is after one tick.
     Save(SyncSender<SavedWorld>),
     /// Says when the world is another.
@@ -219,6 +223,7 @@ impl ServerProcess {
             metrics: metrics.clone(),
             began: None,
             savers: Vec::new(),
+            drains: Vec::new(),
             end_by: None,
             audited: false,
             over: false,
@@ -361,6 +366,20 @@ impl ServerProcess {
             RecvTimeoutError::Disconnected => ProcessError::Ended("the world has ended".to_owned()),
         })?;
         Ok(local_of(saved, &self.properties)?)
+    }
+
+    /// Takes a node out of the world: others take its regions over, and it ends in order. Returns when it is gone.
+    pub fn drain(&self, node: NodeId) -> Result<(), DrainError> {
+        let (sender, drained) = mpsc::sync_channel(1);
+        let _ = self.inbox.send(Input::Drain(node, sender));
+        let drained = drained.recv_timeout(DRAINING).map_err(|error| match error {
+            RecvTimeoutError::Timeout => DrainError::Slow(node),
+            RecvTimeoutError::Disconnected => DrainError::Over(node),
+        });
+        match drained.flatten() {
+            Err(DrainError::Gone(_)) if !self.authority.has_named(node) => Err(DrainError::Unknown(node)),
+            drained => drained,
+        }
     }
 
     /// Replaces the world by a copy of a local one, which may be one that was saved: from then on the record is that, and nodes

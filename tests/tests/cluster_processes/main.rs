@@ -2,6 +2,7 @@
 #![cfg(unix)]
 
 mod demo;
+mod drained;
 mod failover;
 mod faults;
 mod logs;

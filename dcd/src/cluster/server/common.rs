@@ -25,8 +25,8 @@ pub(super) struct NodeEntry {
     /// It has the world, and may be given regions.
     pub loaded: bool,
     pub leaving: bool,
-    /// Why it has to go, if it did not ask to leave itself.
-    pub unwanted: Option<String>,
+    /// What it is told when it goes, if it did not ask to leave itself.
+    pub unwanted: Option<(Farewell, String)>,
     /// The group that it is, or is to be, a member of.
     pub group: Option<GroupId>,
     pub in_group_since: Duration,

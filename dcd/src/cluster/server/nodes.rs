@@ -248,17 +248,17 @@ impl Server {
     }
 
     /// Makes a member begin anew that does not do its part: whatever it computes counts for nothing, and it is sent the world
-    /// anew.
+    /// anew. One that is to go has nothing to hand over then, and goes.
     pub(super) fn begin_anew(&mut self, node: NodeId) {
         let Some(entry) = self.common.nodes.get(&node) else { return };
-        let member = entry.member.clone();
-        let linked = entry.linked;
+        let (member, linked, unwanted) = (entry.member.clone(), entry.linked, entry.unwanted.clone());
         self.lose(node);
-        if linked {
-            self.welcome_node(member);
-        } else {
-            self.common.tell_roster();
+        match unwanted {
+            None if linked => return self.welcome_node(member),
+            Some((farewell, reason)) if linked => self.common.dismiss(node, farewell, reason),
+            _ => {}
         }
+        self.common.tell_roster();
     }
 
     /// Sets apart a member that others cannot reach: it goes on in a group of its own, or is removed if it is not linked.
@@ -268,11 +268,11 @@ impl Server {
             self.lose(node);
             return self.common.tell_roster();
         }
-        let member = entry.member.clone();
-        self.lose(node);
-        self.welcome_node(member);
-        let group = self.new_group();
-        self.put(node, group);
+        self.begin_anew(node);
+        if self.common.nodes.contains_key(&node) {
+            let group = self.new_group();
+            self.put(node, group);
+        }
     }
 
     /// Returns when others may take over from groups that are out of reach.
@@ -315,7 +315,7 @@ impl Server {
     /// Sends a node away, as if it had asked to leave.
     pub(super) fn send_away(&mut self, node: NodeId, reason: String) {
         match self.common.nodes.get_mut(&node) {
-            Some(entry) => (entry.leaving, entry.unwanted) = (true, Some(reason)),
+            Some(entry) => (entry.leaving, entry.unwanted) = (true, Some((Farewell::SentAway, reason))),
             None => self.common.close(Peer::Node(node), Farewell::SentAway, reason),
         }
     }
@@ -332,10 +332,8 @@ impl Server {
         if !free.is_empty() {
             for node in free {
                 let unwanted = self.common.nodes.get_mut(&node).and_then(|entry| entry.unwanted.take());
-                match unwanted {
-                    Some(reason) => self.common.dismiss(node, Farewell::SentAway, reason),
-                    None => self.common.dismiss(node, Farewell::Left, "it has left".into()),
-                }
+                let (farewell, reason) = unwanted.unwrap_or((Farewell::Left, "it has left".into()));
+                self.common.dismiss(node, farewell, reason);
             }
             self.common.tell_roster();
         }

@@ -535,6 +535,30 @@ fn who_is_sent_away_goes_in_order_and_is_told_why() {
     assert_eq!(farewell.map(String::as_str), Some("cheating"), "{wanted:?}");
 }
 
+#[test]
+fn a_node_is_drained_where_another_can_take_over_and_goes_at_once_if_it_fails_to_hand_over() {
+    let mut server = server();
+    let outputs = hello(&mut server, 1, VERSION);
+    obey(&mut server, 1, outputs);
+    assert_eq!(server.check_drain(NodeId(1)), Err(DrainError::Last(NodeId(1))));
+    assert_eq!(server.check_drain(NodeId(2)), Err(DrainError::Gone(NodeId(2))));
+    let mut server = server_of_two();
+    assert_eq!(server.check_drain(NodeId(1)), Ok(()));
+    server.handle(NOW, ServerEvent::Drain(NodeId(1)));
+    assert_eq!(server.is_draining(NodeId(1)), Ok(true), "it has regions to hand over");
+    assert_eq!(server.check_drain(NodeId(2)), Err(DrainError::Last(NodeId(2))), "nobody else stays");
+    // It does not do its part.
+    server.begin_anew(NodeId(1));
+    assert_eq!(server.is_draining(NodeId(1)), Ok(false));
+    let is_told = |output: ServerOutput| match output {
+        ServerOutput::Close { peer, farewell, .. } => {
+            (peer, farewell) == (Peer::Node(NodeId(1)), Farewell::Left)
+        }
+        _ => false,
+    };
+    assert!(std::iter::from_fn(|| server.poll_output()).any(is_told));
+}
+
 fn collider(shape: &ShapeRecord) -> ColliderRecord {
     let all = Groups { memberships: u32::MAX, filter: u32::MAX, any: false };
     ColliderRecord {

@@ -111,7 +111,7 @@ pub enum ToNode {
 /// The reason why the server removes a process from its world.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
 pub enum Farewell {
-    /// A node leaves at its own request, and has handed its share over.
+    /// A node has handed its share over, and leaves: it asked to, or an operator drained it.
     Left,
     /// The server's user does not want it any longer.
     SentAway,

@@ -159,10 +159,11 @@ impl Loop {
         }
         let recorded = self.node.as_mut().map_or(Ok(()), RecordedNode::finish);
         let end = self.end.take().unwrap_or(Ok(())).and(recorded);
+        let farewell = self.reason.as_ref().map(|reason| reason.text.clone());
         let reason = self.reason.take().unwrap_or_else(|| Reason::of_end(&end));
         let mut state = self.shared.lock();
         state.summary.seconds = self.start.elapsed().as_secs_f64();
-        state.end = Some(end);
+        (state.end, state.farewell) = (Some(end), farewell);
         drop(state);
         self.shared.changed.notify_all();
         self.connections.end(reason);
@@ -250,6 +251,7 @@ impl Loop {
                             Some(ProcessError::SentAway { server, reason: reason.clone() })
                         }
                         Some(Ending::WorldEnded) => return self.world_ended(),
+                        Some(Ending::Left) => return self.released(reason),
                         Some(Ending::Refused) => {
                             Some(ProcessError::ServerGone { server, reason: reason.clone() })
                         }
@@ -360,7 +362,7 @@ impl Loop {
                         self.end = Some(Err(ProcessError::Evicted { server, reason }));
                     }
                     Farewell::Ended => self.world_ended(),
-                    Farewell::Left => self.end = Some(Ok(())),
+                    Farewell::Left => self.released(reason),
                 }
             }
         }
@@ -383,6 +385,14 @@ impl Loop {
         let plays = self.shared.lock().client.is_some();
         self.end = Some(if plays { Err(ProcessError::ServerGone { server, reason }) } else { Ok(()) });
         self.reason = Some(Reason::new(Cause::WorldEnded, WORLD_ENDED));
+    }
+
+    /// Ends in order: others have the node's share. Who has not asked to leave is told why it has to.
+    fn released(&mut self, reason: String) {
+        self.end = Some(Ok(()));
+        if self.release_by.is_none() {
+            self.reason = Some(Reason::new(Cause::SentAway, reason));
+        }
     }
 
     fn redial(&mut self) {

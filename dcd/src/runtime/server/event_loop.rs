@@ -9,7 +9,7 @@ use tracing::{debug, error, info, warn};
 
 use super::{Input, SUSPENDED, Shared};
 use crate::cluster::directory::{Batch, Condition, Directory, DirectoryError, Key, Revision};
-use crate::cluster::{ProgramOp, SavedWorld, Server, ServerEvent, ServerOutput, WORLD_ENDED};
+use crate::cluster::{DrainError, ProgramOp, SavedWorld, Server, ServerEvent, ServerOutput, WORLD_ENDED};
 use crate::net::NetTotals;
 use crate::protocol::{BodyKind, BodyRecord, StateHasher};
 use crate::recording::RecordedServer;
@@ -19,6 +19,7 @@ use crate::runtime::ending::{Cause, Reason};
 use crate::runtime::links::{LinkEvent, Links};
 use crate::runtime::metrics::ServerMetrics;
 use crate::runtime::{Connections, ProcessError};
+use crate::space::NodeId;
 
 /// How often sending is tried again where a link had no room.
 const RETRY: Duration = Duration::from_millis(2);
@@ -49,6 +50,8 @@ pub(super) struct Loop {
     pub(super) began: Option<Instant>,
     /// Who waits for the world to be saved.
     pub(super) savers: Vec<SyncSender<SavedWorld>>,
+    /// Who waits for nodes to be drained.
+    pub(super) drains: Vec<(NodeId, SyncSender<Result<(), DrainError>>)>,
     /// When the world ends even without an audit.
     pub(super) end_by: Option<Instant>,
     pub(super) audited: bool,
@@ -82,6 +85,7 @@ impl Loop {
                     self.server().handle(now, ServerEvent::Forget(number));
                     self.shared.lock().answers.remove(&number);
                 }
+                Ok(Input::Drain(node, asker)) => self.drain(now, node, asker),
                 Ok(Input::Save(saver)) => {
                     self.savers.push(saver);
                     self.server().handle(now, ServerEvent::Save);
@@ -122,6 +126,7 @@ impl Loop {
                 given_up.into_iter().for_each(|event| self.hear(now, event));
                 self.pump();
             }
+            self.tell_of_drains();
             self.publish();
             if !self.over && self.end_by.is_some_and(|by| by <= Instant::now()) {
                 warn!("the last audit is given up: members do not answer");
@@ -162,6 +167,31 @@ impl Loop {
             let (node, client) = (who.node(), who.client());
             self.server().handle(now, ServerEvent::SendAway { node, client, reason });
         }
+    }
+
+    fn drain(&mut self, now: Duration, node: NodeId, asker: SyncSender<Result<(), DrainError>>) {
+        if let Err(error) = self.server().check_drain(node) {
+            let _ = asker.try_send(Err(error));
+            return;
+        }
+        info!(%node, "drained: its regions are handed over");
+        self.server().handle(now, ServerEvent::Drain(node));
+        self.drains.push((node, asker));
+    }
+
+    /// Tells those who wait for it that a node is gone.
+    fn tell_of_drains(&mut self) {
+        let server = self.server.lock().unwrap_or_else(PoisonError::into_inner);
+        self.drains.retain(|(node, asker)| {
+            let drained = match server.is_draining(*node) {
+                Ok(true) => return true,
+                Ok(false) => Ok(()),
+                Err(error) => Err(error),
+            };
+            // Who has waited for too long is gone.
+            let _ = asker.try_send(drained);
+            false
+        });
     }
 
     fn pump(&mut self) {

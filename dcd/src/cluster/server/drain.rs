@@ -1,0 +1,74 @@
+//! Drains nodes: an operator takes one out while the world runs, and the others take its regions over.
+
+use super::Server;
+use crate::protocol::Farewell;
+use crate::space::{ClientId, NodeId};
+
+/// What a drained node is told.
+const DRAINED: &str = "it was drained: other nodes have its regions";
+
+/// The reason why a node is not drained. Each message names the remedy.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum DrainError {
+    /// There is no such node.
+    #[error("{0} is no node of this world and never was; `dcd status` lists those that are")]
+    Unknown(NodeId),
+    /// It was one.
+    #[error("{0} has left the world already; `dcd status` lists the nodes that are there")]
+    Gone(NodeId),
+    /// Nobody could take its regions over.
+    #[error(
+        "{0} is the last node: start another one, which takes its regions over, and drain it then; or stop it (Ctrl-C, SIGTERM), \
+         and the world stands still until a node comes"
+    )]
+    Last(NodeId),
+    /// It ends with its client.
+    #[error(
+        "{0} is the participant of {1}, and leaves when its player does; to send it away is for the server's program"
+    )]
+    Plays(NodeId, ClientId),
+    /// It was started again before it was out.
+    #[error("{0} was started again while it was drained, and has joined anew; drain it once more")]
+    Back(NodeId),
+    /// It hangs, or others do.
+    #[error(
+        "{0} has not handed its regions over yet; see the server's log for who hangs. It leaves as soon as it has"
+    )]
+    Slow(NodeId),
+    /// Nobody is left who could say.
+    #[error("the world has ended, or its server has stopped, while {0} was drained")]
+    Over(NodeId),
+}
+
+impl Server {
+    /// Returns whether a node can be drained now; [`DrainError::Gone`] also if it never was there.
+    pub fn check_drain(&self, node: NodeId) -> Result<(), DrainError> {
+        let Some(entry) = self.common.nodes.get(&node) else { return Err(DrainError::Gone(node)) };
+        if let Some(client) = entry.member.client {
+            return Err(DrainError::Plays(node, client));
+        }
+        let mut others = self.common.nodes.iter().filter(|&(&other, _)| other != node);
+        let has_heir = others.any(|(_, other)| other.linked && other.is_ready());
+        if self.group_of(node).is_some() && !entry.leaving && !has_heir {
+            return Err(DrainError::Last(node));
+        }
+        Ok(())
+    }
+
+    /// Returns whether a node is still there that is to go; an error if it has joined anew.
+    pub fn is_draining(&self, node: NodeId) -> Result<bool, DrainError> {
+        match self.common.nodes.get(&node) {
+            Some(entry) if entry.leaving => Ok(true),
+            Some(_) => Err(DrainError::Back(node)),
+            None => Ok(false),
+        }
+    }
+
+    /// Makes a node go as if it had asked to leave.
+    pub(super) fn drain(&mut self, node: NodeId) {
+        if let Some(entry) = self.common.nodes.get_mut(&node) {
+            entry.leaving = true;
+            entry.unwanted.get_or_insert((Farewell::Left, DRAINED.to_owned()));
+        }
+    }
+}

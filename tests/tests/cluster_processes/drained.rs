@@ -1,0 +1,74 @@
+//! Tests `dcd drain`: an operator takes nodes out of a world that goes on.
+
+use std::path::Path;
+use std::time::Duration;
+
+use crate::process::{Ended, Process, Server, alone, dcd, playground};
+
+/// How long the world may stand still while regions are handed over: twelve ticks, on a machine that is busy with other tests. Alone
+/// it is three or four.
+const STANDS: Duration = Duration::from_millis(200);
+
+fn drain(data: &Path, node: &str) -> Ended {
+    Process::start(dcd(&["drain", node, "--data"]).arg(data)).end()
+}
+
+#[test]
+fn a_drained_node_hands_its_regions_over_while_the_world_runs_and_comes_back_under_its_name() {
+    let _by_itself = alone();
+    let mut server = Server::start(&[playground().to_str().unwrap(), "--nodes", "3", "--regions", "3"]);
+    let data = server.data();
+    let identity = server.folder.path().join("identity");
+    let kept = ["--identity", identity.to_str().unwrap()];
+    let (name, goes) = server.node_with(&kept);
+    let stay = [server.node(), server.node()];
+    assert!(server.view().contains("n3 r"), "all compute");
+    let witness = server.witness();
+    witness.advance(30);
+
+    let stood = std::thread::scope(|scope| {
+        let drained = scope.spawn(|| drain(&data, &name));
+        let stood = witness.watch_until(|| drained.is_finished());
+        let drained = drained.join().unwrap();
+        assert_eq!(drained.code(), Some(0), "{drained:?}");
+        assert_eq!(
+            drained.lines,
+            [format!("{name} is drained: other nodes have its regions, and it has ended")]
+        );
+        stood
+    });
+    println!("the world stood still for {stood:?} at most");
+    assert!(stood < STANDS, "{stood:?}");
+    let ended = goes.end();
+    assert_eq!(ended.code(), Some(0), "{ended:?}");
+    assert!(ended.errors.contains("it was drained: other nodes have its regions"), "{ended:?}");
+    let view = server.view();
+    assert!(!view.contains(&format!("{name} r")) && view.contains("n2 r") && view.contains("n3 r"), "{view}");
+    witness.advance(30);
+
+    let gone = drain(&data, &name);
+    assert!(gone.code() == Some(1) && gone.errors.contains("has left the world already"), "{gone:?}");
+    let stranger = drain(&data, "n9");
+    assert!(stranger.code() == Some(1) && stranger.errors.contains("never was"), "{stranger:?}");
+    let nothing = drain(&data, "rock");
+    assert!(nothing.code() == Some(2) && nothing.errors.contains("write its name"), "{nothing:?}");
+
+    let (again, back) = server.node_with(&kept);
+    assert_eq!(again, name, "it is let in again");
+    assert!(server.view().contains(&format!("{name} r")));
+    for (name, node) in stay {
+        assert_eq!(drain(&data, &name).code(), Some(0));
+        assert_eq!(node.end().code(), Some(0));
+    }
+    let last = drain(&data, &name);
+    assert!(
+        last.code() == Some(1) && last.errors.contains("is the last node: start another one"),
+        "{last:?}"
+    );
+    witness.advance(30);
+    witness.leave();
+    server.end_world();
+    assert_eq!(back.end().code(), Some(0));
+    let dead = drain(&data, &name);
+    assert!(dead.code() == Some(2) && dead.errors.contains("no server runs"), "{dead:?}");
+}

@@ -3,6 +3,7 @@
 //! To add one: a file with a struct that derives [`clap::Args`] (its doc comment is the help text) and has
 //! `fn execute(self, common: &Common) -> Result<ExitCode, Failure>`, its `mod` line, and a line in `subcommands!`.
 
+mod backup;
 mod bandwidth;
 mod client;
 mod common;
@@ -68,6 +69,7 @@ subcommands! {
     Status in status,
     Drain in drain,
     Save in save,
+    Backup in backup,
     Restore in restore,
     End in end,
     Replay in replay,

@@ -1,4 +1,4 @@
-//! Passes requests of `dcd save`, `dcd restore` and `dcd drain` to the `dcd serve` of a data folder, as files in it, and the answers back.
+//! Passes requests of `dcd save`, `dcd restore`, `dcd backup` and `dcd drain` to the `dcd serve` of a data folder, as files in it, and the answers back.
 
 use std::fs;
 use std::io;
@@ -23,16 +23,18 @@ const ANSWER: &str = "answer-";
 pub(super) enum Verb {
     Save,
     Restore,
+    Backup,
     Drain,
 }
 
 impl Verb {
-    const ALL: [Self; 3] = [Self::Save, Self::Restore, Self::Drain];
+    const ALL: [Self; 4] = [Self::Save, Self::Restore, Self::Backup, Self::Drain];
 
     const fn name(self) -> &'static str {
         match self {
             Self::Save => "save",
             Self::Restore => "restore",
+            Self::Backup => "backup",
             Self::Drain => "drain",
         }
     }
@@ -134,6 +136,12 @@ fn carry_out(verb: &str, about: &str, server: &ServerProcess) -> Result<String, 
             server.replace(&world).map_err(|error| failed(&error))?;
             let (tick, bodies) = (world.tick().0, world.stats().bodies);
             Ok(format!("the world goes on with {bodies} movable bodies of {shown}, saved after tick {tick}"))
+        }
+        Some(Verb::Backup) => {
+            let bodies = server.back_up(file).map_err(|error| error.to_string())?;
+            Ok(format!(
+                "backed up to {shown}, with {bodies} bodies: `dcd serve --data {shown}` goes on with the world"
+            ))
         }
         Some(Verb::Drain) => {
             let node = node(about)?;

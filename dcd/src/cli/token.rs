@@ -9,9 +9,9 @@ use super::failure::Failure;
 use super::values::duration;
 use crate::net::{Authority, JoinRole};
 
-/// Prints tokens, one a line, each of which lets one process join the server of a data folder
+/// Prints tokens, one a line, each of which lets one process join the server of a data folder, or as many as --uses says
 ///
-/// Works while the server runs, and while it does not. Whoever may read the folder may mint tokens.
+/// The server counts joins durably. Works while the server runs, and while it does not. Whoever may read the folder may mint tokens.
 ///
 /// Example:
 ///   dcd node --server 192.0.2.7:7420 --token $(dcd token --role node)
@@ -30,6 +30,9 @@ pub(super) struct Token {
     /// How many
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u16).range(1..=10_000))]
     count: u16,
+    /// How many processes each lets join: nodes that are made from one image, or by one unit file
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    uses: u32,
     /// Makes the folder, for a server that is still to be started
     #[arg(long)]
     new: bool,
@@ -37,7 +40,7 @@ pub(super) struct Token {
 
 impl Token {
     pub(super) fn execute(self, _common: &Common) -> Result<ExitCode, Failure> {
-        let Self { data, role, valid, count, new } = self;
+        let Self { data, role, valid, count, uses, new } = self;
         if !new && !data.join("authority.pem").exists() {
             return Err(Failure::usage(format!(
                 "no server has used {}; name the folder that its server was started with (--data), or give --new to make \
@@ -47,7 +50,7 @@ impl Token {
         }
         let authority = Authority::load_or_create(&data)?;
         for _ in 0..count {
-            print(&authority.issue_token(role, valid, SystemTime::now())?.to_string())?;
+            print(&authority.issue_token_for(uses, role, valid, SystemTime::now())?.to_string())?;
         }
         Ok(ExitCode::SUCCESS)
     }

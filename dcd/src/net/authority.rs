@@ -112,6 +112,17 @@ impl Authority {
         valid_for: Duration,
         now: SystemTime,
     ) -> Result<Token, NetError> {
+        self.issue_token_for(1, role, valid_for, now)
+    }
+
+    /// Mints a token that lets so many processes join.
+    pub fn issue_token_for(
+        &self,
+        uses: u32,
+        role: JoinRole,
+        valid_for: Duration,
+        now: SystemTime,
+    ) -> Result<Token, NetError> {
         if role == JoinRole::Server {
             return Err(NetError::ServerToken);
         }
@@ -121,6 +132,7 @@ impl Authority {
             role,
             nonce,
             unix_seconds(now).saturating_add(valid_for.as_secs()),
+            uses,
             self.fingerprint,
         ))
     }
@@ -162,7 +174,17 @@ impl Authority {
         ledger.is_ok_and(|ledger| ledger.as_ref().is_some_and(|ledger| ledger.has_named(node)))
     }
 
-    /// Redeems a token. When this returns `Ok`, the token is spent, durably.
+    /// Writes the authority and its record of joins to another folder, for a server that goes on with a copy of the world.
+    pub(crate) fn copy_to(&self, folder: &Path) -> Result<(), NetError> {
+        let own = self.folder.join("authority.pem");
+        let pem = std::fs::read(&own).map_err(at(&own))?;
+        replace_private(&folder.join("authority.pem"), &pem)?;
+        let ledger = self.ledger(SystemTime::now())?;
+        let joins = ledger.as_ref().expect("ledger() opens it").copy();
+        replace_private(&folder.join("joins.log"), joins.as_bytes())
+    }
+
+    /// Redeems a token. When this returns `Ok`, one use of it is spent, durably.
     pub(super) fn admit(&self, request: &JoinRequest, now: SystemTime) -> Result<Admission, JoinRefusal> {
         let token: Token = request.token.parse().map_err(JoinRefusal::BadToken)?;
         if !token.is_sealed_by(&self.secret) {
@@ -181,7 +203,7 @@ impl Authority {
 
         let mut ledger = self.ledger(now).map_err(|error| failed(&error))?;
         let ledger = ledger.as_mut().expect("ledger() opens it");
-        if ledger.is_used(&token.nonce) {
+        if ledger.uses(&token.nonce) >= token.uses {
             return Err(JoinRefusal::Used);
         }
         let who = ledger

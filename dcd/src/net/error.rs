@@ -211,7 +211,7 @@ pub enum JoinRefusal {
     Expired,
     /// The token was used before.
     #[error(
-        "the token has been used already, and each lets one process in once; mint a new one with `dcd token`, or \
+        "the token has been used already, by as many processes as it lets in: one, unless `--uses` says more; mint a new one with `dcd token`, or \
          `World::token` (dcd_token_create) at the server"
     )]
     Used,

@@ -1,6 +1,7 @@
-//! Records an authority's joins durably: which tokens were used, and which ids were given.
+//! Records an authority's joins durably: how often tokens were used, and which ids were given.
 
 use std::collections::BTreeMap;
+use std::fmt;
 
 use super::journal::Journal;
 use super::token::NONCE_BYTES;
@@ -12,48 +13,81 @@ type Nonce = [u8; NONCE_BYTES];
 /// The record of joins: one line of the journal each, kept before the joiner gets its answer. Minting tokens needs no ledger.
 pub(super) struct Ledger {
     journal: Box<dyn Journal>,
-    /// Nonces of used tokens, each until its token would have expired anyway.
-    used_until_s: BTreeMap<Nonce, u64>,
+    /// Used tokens by their nonces, each until it would have expired anyway.
+    used: BTreeMap<Nonce, Used>,
     last_node: u32,
     last_client: u32,
 }
 
+/// A token that was used.
+#[derive(Clone, Copy)]
+struct Used {
+    until_s: u64,
+    times: u32,
+}
+
+/// A line of the record: a token was used so many times, and these ids were given for it last; 0 is none.
+struct Line {
+    nonce: Nonce,
+    until_s: u64,
+    node: u32,
+    client: u32,
+    times: u32,
+}
+
 impl Ledger {
+    /// By how much the ids of a copy are ahead: those that are given after it was made are not given again by who goes on with it.
+    const AHEAD: u32 = 1_000;
+
     /// Reads the record back, and forgets tokens that have expired.
     pub(super) fn open(mut journal: Box<dyn Journal>, now_s: u64) -> Result<Self, NetError> {
         let content = journal.read()?;
-        let mut used_until_s = BTreeMap::new();
+        let mut used: BTreeMap<Nonce, Used> = BTreeMap::new();
         let (mut last_node, mut last_client) = (0, 0);
         // A last line without its end was cut by a crash; its joiner never got an answer.
         let whole = &content[..content.rfind('\n').map_or(0, |end| end + 1)];
         for line in whole.lines() {
-            let (nonce, until_s, node, client) = parse_line(line).ok_or_else(|| NetError::Damaged {
-                path: journal.place(),
-                what: format!("the line `{line}`"),
+            let Line { nonce, until_s, node, client, times } = Line::parse(line).ok_or_else(|| {
+                NetError::Damaged { path: journal.place(), what: format!("the line `{line}`") }
             })?;
             last_node = last_node.max(node);
             last_client = last_client.max(client);
             if until_s >= now_s {
-                used_until_s.insert(nonce, until_s);
+                used.entry(nonce).or_insert(Used { until_s, times: 0 }).times += times;
             }
         }
-        let mut compact = format_line(&[0; NONCE_BYTES], 0, last_node, last_client);
-        for (nonce, until_s) in &used_until_s {
-            compact.push_str(&format_line(nonce, *until_s, 0, 0));
+        let mut ledger = Self { journal, used, last_node, last_client };
+        let compact = ledger.compact(0);
+        ledger.journal.replace(&compact)?;
+        Ok(ledger)
+    }
+
+    /// Returns the record for a copy of the world, with ids that are ahead.
+    pub(super) fn copy(&self) -> String {
+        self.compact(Self::AHEAD)
+    }
+
+    /// Returns all that is known in as few lines as it takes.
+    fn compact(&self, ahead: u32) -> String {
+        let (node, client) = (self.last_node.saturating_add(ahead), self.last_client.saturating_add(ahead));
+        let mut text = Line { nonce: [0; NONCE_BYTES], until_s: 0, node, client, times: 1 }.to_string();
+        for (&nonce, &Used { until_s, times }) in &self.used {
+            text.push_str(&Line { nonce, until_s, node: 0, client: 0, times }.to_string());
         }
-        journal.replace(&compact)?;
-        Ok(Self { journal, used_until_s, last_node, last_client })
+        text
     }
 
-    pub(super) fn is_used(&self, nonce: &Nonce) -> bool {
-        self.used_until_s.contains_key(nonce)
+    /// Returns how often a token was used.
+    pub(super) fn uses(&self, nonce: &Nonce) -> u32 {
+        self.used.get(nonce).map_or(0, |used| used.times)
     }
 
+    /// Returns whether a node has ever been given this name.
     pub(super) fn has_named(&self, node: NodeId) -> bool {
         (1..=self.last_node).contains(&node.0)
     }
 
-    /// Marks a token as used and gives ids for `role`, or those of `resumed`. Kept when this returns.
+    /// Counts the use of a token and gives ids for `role`, or those of `resumed`. Kept when this returns.
     pub(super) fn record(
         &mut self,
         nonce: Nonce,
@@ -72,25 +106,35 @@ impl Ledger {
             }
         });
         let (node, client) = (who.node().unwrap_or_default().0, who.client().unwrap_or_default().0);
-        self.journal.append(&format_line(&nonce, until_s, node, client))?;
-        self.used_until_s.retain(|_, until_s| *until_s >= now_s);
-        self.used_until_s.insert(nonce, until_s);
+        self.journal.append(&Line { nonce, until_s, node, client, times: 1 }.to_string())?;
+        self.used.retain(|_, used| used.until_s >= now_s);
+        self.used.entry(nonce).or_insert(Used { until_s, times: 0 }).times += 1;
         self.last_node = self.last_node.max(node);
         self.last_client = self.last_client.max(client);
         Ok(who)
     }
 }
 
-fn format_line(nonce: &Nonce, until_s: u64, node: u32, client: u32) -> String {
-    format!("{:032x} {until_s} {node} {client}\n", u128::from_be_bytes(*nonce))
+impl fmt::Display for Line {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { nonce, until_s, node, client, times } = self;
+        write!(f, "{:032x} {until_s} {node} {client}", u128::from_be_bytes(*nonce))?;
+        match times {
+            1 => writeln!(f),
+            times => writeln!(f, " {times}"),
+        }
+    }
 }
 
-fn parse_line(line: &str) -> Option<(Nonce, u64, u32, u32)> {
-    let mut words = line.split(' ');
-    let nonce = u128::from_str_radix(words.next()?, 16).ok()?.to_be_bytes();
-    let (until_s, node) = (words.next()?.parse().ok()?, words.next()?.parse().ok()?);
-    let client = words.next()?.parse().ok()?;
-    words.next().is_none().then_some((nonce, until_s, node, client))
+impl Line {
+    fn parse(line: &str) -> Option<Self> {
+        let mut words = line.split(' ');
+        let nonce = u128::from_str_radix(words.next()?, 16).ok()?.to_be_bytes();
+        let (until_s, node) = (words.next()?.parse().ok()?, words.next()?.parse().ok()?);
+        let client = words.next()?.parse().ok()?;
+        let times = words.next().map_or(Some(1), |times| times.parse().ok())?;
+        words.next().is_none().then_some(Self { nonce, until_s, node, client, times })
+    }
 }
 
 #[cfg(test)]
@@ -116,20 +160,47 @@ mod tests {
         drop(ledger);
 
         let mut ledger = open(folder.path(), 150).unwrap();
-        assert!(!ledger.is_used(&[1; 16]), "its token has expired, which is reason enough to refuse it");
-        assert!(ledger.is_used(&[2; 16]));
+        assert_eq!(ledger.uses(&[1; 16]), 0, "its token has expired, which is reason enough to refuse it");
+        assert_eq!(ledger.uses(&[2; 16]), 1);
         let third = ledger.record([3; 16], 300, JoinRole::Node, None, 150).unwrap();
         assert_eq!(third, PeerName::Node(NodeId(3)));
+    }
+
+    #[test]
+    fn uses_of_a_token_are_counted_over_restarts() {
+        let folder = tempfile::tempdir().unwrap();
+        for restart in 0..4 {
+            let mut ledger = open(folder.path(), 0).unwrap();
+            assert_eq!(ledger.uses(&[1; 16]), 2 * restart);
+            for _ in 0..2 {
+                ledger.record([1; 16], 100, JoinRole::Node, None, 0).unwrap();
+            }
+        }
+        assert_eq!(open(folder.path(), 0).unwrap().last_node, 8);
+    }
+
+    #[test]
+    fn who_goes_on_with_a_copy_gives_no_id_again_that_was_given_since() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut ledger = open(folder.path(), 0).unwrap();
+        ledger.record([1; 16], 100, JoinRole::Participant, None, 0).unwrap();
+        let copy = tempfile::tempdir().unwrap();
+        fs::write(copy.path().join("joins.log"), ledger.copy()).unwrap();
+        let since = ledger.record([2; 16], 100, JoinRole::Participant, None, 0).unwrap();
+        let mut copied = open(copy.path(), 0).unwrap();
+        assert_eq!(copied.uses(&[1; 16]), 1);
+        let next = copied.record([3; 16], 100, JoinRole::Participant, None, 0).unwrap();
+        assert!(next.node() > since.node() && next.client() > since.client(), "{next} {since}");
     }
 
     #[test]
     fn a_line_cut_by_a_crash_is_forgotten_and_a_damaged_one_is_an_error() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("joins.log");
-        fs::write(&path, format!("{}{}", format_line(&[1; 16], 100, 1, 0), "0202")).unwrap();
+        fs::write(&path, format!("{:032x} 100 1 0\n0202", u128::from_be_bytes([1; 16]))).unwrap();
         let ledger = open(folder.path(), 0).unwrap();
-        assert!(ledger.is_used(&[1; 16]));
-        assert_eq!(ledger.used_until_s.len(), 1);
+        assert_eq!(ledger.uses(&[1; 16]), 1);
+        assert_eq!(ledger.used.len(), 1);
         drop(ledger);
         fs::write(&path, "what is this\n").unwrap();
         assert!(matches!(open(folder.path(), 0), Err(NetError::Damaged { .. })));

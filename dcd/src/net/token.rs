@@ -1,4 +1,4 @@
-//! Encodes and checks the texts that admit a process: a join token (once), and a resume key (the same ids again).
+//! Encodes and checks the texts that admit a process: a join token (once, or so many times), and a resume key (the same ids again).
 
 use std::fmt;
 use std::str::FromStr;
@@ -9,7 +9,7 @@ use super::fields::Fields;
 use super::{JoinRole, PeerName, TokenError};
 use crate::space::{ClientId, NodeId};
 
-/// A join token: lets one process join, once, in one role, until it expires. One line of text.
+/// A join token: lets one process join, or so many, in one role, until it expires. One line of text.
 ///
 /// The joiner reads two things in it: the role, and the fingerprint by which it knows the server's authority. That the
 /// authority minted it is for the server alone to check.
@@ -18,6 +18,8 @@ pub struct Token {
     pub(super) role: JoinRole,
     pub(super) nonce: [u8; NONCE_BYTES],
     pub(super) expires_unix_s: u64,
+    /// How many joins it is good for.
+    pub(super) uses: u32,
     /// SHA-256 of the authority's certificate.
     pub(super) fingerprint: [u8; 32],
     pub(super) seal: [u8; SEAL_BYTES],
@@ -55,9 +57,10 @@ impl Token {
         role: JoinRole,
         nonce: [u8; NONCE_BYTES],
         expires_unix_s: u64,
+        uses: u32,
         fingerprint: [u8; 32],
     ) -> Self {
-        let mut token = Self { role, nonce, expires_unix_s, fingerprint, seal: [0; SEAL_BYTES] };
+        let mut token = Self { role, nonce, expires_unix_s, uses, fingerprint, seal: [0; SEAL_BYTES] };
         token.seal = secret.seal(b"token", &token.content());
         token
     }
@@ -71,6 +74,10 @@ impl Token {
         bytes.extend(self.nonce);
         bytes.extend(self.expires_unix_s.to_be_bytes());
         bytes.extend(self.fingerprint);
+        // Those for one join are as they were before there were others.
+        if self.uses != 1 {
+            bytes.extend(self.uses.to_be_bytes());
+        }
         bytes
     }
 }
@@ -92,13 +99,15 @@ impl FromStr for Token {
         let mut read = || {
             let role = fields.take::<1>()?[0];
             let (nonce, expires) = (fields.take()?, fields.take()?);
-            let (fingerprint, seal) = (fields.take()?, fields.take()?);
+            let fingerprint = fields.take()?;
+            let uses = if fields.0.len() > SEAL_BYTES { u32::from_be_bytes(fields.take()?) } else { 1 };
+            let seal = fields.take()?;
             fields.end()?;
-            Some((role, nonce, u64::from_be_bytes(expires), fingerprint, seal))
+            Some((role, nonce, u64::from_be_bytes(expires), uses, fingerprint, seal))
         };
-        let (role, nonce, expires_unix_s, fingerprint, seal) = read().ok_or(OTHER_LENGTH)?;
+        let (role, nonce, expires_unix_s, uses, fingerprint, seal) = read().ok_or(OTHER_LENGTH)?;
         let role = JoinRole::from_code(role).ok_or(TokenError::Malformed("it names no known role"))?;
-        Ok(Self { role, nonce, expires_unix_s, fingerprint, seal })
+        Ok(Self { role, nonce, expires_unix_s, uses, fingerprint, seal })
     }
 }
 
@@ -195,7 +204,18 @@ mod tests {
     const SECRET: Secret = Secret([7; 32]);
 
     fn token() -> Token {
-        Token::mint(&SECRET, JoinRole::Node, [5; NONCE_BYTES], 1_800_000_000, [9; 32])
+        Token::mint(&SECRET, JoinRole::Node, [5; NONCE_BYTES], 1_800_000_000, 1, [9; 32])
+    }
+
+    #[test]
+    fn a_token_for_several_joins_comes_back_whole_and_its_count_is_sealed() {
+        let several = Token::mint(&SECRET, JoinRole::Node, [5; NONCE_BYTES], 1_800_000_000, 40, [9; 32]);
+        let text = several.to_string();
+        assert!(text.len() < 140, "{text}");
+        assert_eq!(text.parse(), Ok(several.clone()));
+        assert!(several.is_sealed_by(&SECRET));
+        let more = Token { uses: 41, ..several };
+        assert!(!more.is_sealed_by(&SECRET));
     }
 
     #[test]

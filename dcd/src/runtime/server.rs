@@ -1,10 +1,12 @@
 //! Starts and ends a server as a process: its loop has a thread of its own, and shares with the user what the user reads.
 
+mod backup;
 mod event_loop;
 
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
 use std::sync::mpsc::{self, RecvTimeoutError, SyncSender};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
@@ -120,6 +122,8 @@ enum Input {
     Forget(u64),
     /// Says when the node is gone, or why it stays.
     Drain(NodeId, SyncSender<Result<(), DrainError>>),
+    /// Sends what is stored.
+    Copy(SyncSender<Result<Vec<Entry>, DirectoryError>>),
     /// Sends the world as it is after one tick.
     Save(SyncSender<SavedWorld>),
     /// Says when the world is another.
@@ -380,6 +384,18 @@ impl ServerProcess {
             Err(DrainError::Gone(_)) if !self.authority.has_named(node) => Err(DrainError::Unknown(node)),
             drained => drained,
         }
+    }
+
+    /// Writes a data folder from which another server goes on with the world, as this one's would if it died now: the authority, the
+    /// record of joins, and the world as it is stored, at most some seconds old. The folder must not be there yet.
+    pub fn back_up(&self, folder: &Path) -> Result<usize, ProcessError> {
+        let (sender, copied) = mpsc::sync_channel(1);
+        let _ = self.inbox.send(Input::Copy(sender));
+        let copied = copied.recv().map_err(|_| ProcessError::Ended("the world has ended".to_owned()))?;
+        let entries = copied?;
+        let bodies = entries.iter().filter(|entry| matches!(entry.key, Key::Body(_))).count();
+        backup::write(folder, entries, &self.authority)?;
+        Ok(bodies)
     }
 
     /// Replaces the world by a copy of a local one, which may be one that was saved: from then on the record is that, and nodes

@@ -1,6 +1,7 @@
 //! Tests server, nodes and clients as real processes: what they compute, how they end, how they die.
 #![cfg(unix)]
 
+mod backed_up;
 mod demo;
 mod drained;
 mod failover;

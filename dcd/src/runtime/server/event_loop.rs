@@ -86,6 +86,7 @@ impl Loop {
                     self.shared.lock().answers.remove(&number);
                 }
                 Ok(Input::Drain(node, asker)) => self.drain(now, node, asker),
+                Ok(Input::Copy(asker)) => drop(asker.try_send(self.directory.load())),
                 Ok(Input::Save(saver)) => {
                     self.savers.push(saver);
                     self.server().handle(now, ServerEvent::Save);

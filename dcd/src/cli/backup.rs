@@ -1,0 +1,42 @@
+//! Implements `dcd backup`: copies the data folder of a server that runs.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use super::common::{Common, print};
+use super::failure::Failure;
+use super::requests::{Verb, ask_about_file};
+use crate::runtime::{ProcessError, is_served};
+
+/// Copies the data folder of a server that runs: world, keys and joins
+///
+/// With the copy in place of its --data a server goes on as this one would if it died now: nodes and clients are who they were, and used
+/// tokens stay used. The world runs on meanwhile. The server writes the copy, so it must be able to. Where no server runs, copy the folder.
+///
+/// `dcd save` writes the bodies of the world alone, as they are after one tick.
+///
+/// Example:
+///   dcd backup --data /var/lib/dcd /backup/monday
+#[derive(clap::Args)]
+#[command(verbatim_doc_comment)]
+pub(super) struct Backup {
+    /// The server's data folder
+    #[arg(long, value_name = "DIR", default_value = "dcd-data")]
+    data: PathBuf,
+    /// The folder to make; it must not be there yet. Who can read it can let processes in
+    #[arg(value_name = "FOLDER")]
+    folder: PathBuf,
+}
+
+impl Backup {
+    pub(super) fn execute(self, _common: &Common) -> Result<ExitCode, Failure> {
+        if self.data.join("authority.pem").exists() && !is_served(&self.data).map_err(ProcessError::from)? {
+            return Err(Failure::usage(format!(
+                "no server runs in {}: copy the folder as it is (cp -a)",
+                self.data.display()
+            )));
+        }
+        print(&ask_about_file(&self.data, Verb::Backup, &self.folder)?)?;
+        Ok(ExitCode::SUCCESS)
+    }
+}

@@ -8,6 +8,7 @@ mod bandwidth;
 mod client;
 mod common;
 mod completions;
+mod config_file;
 mod demo;
 mod diff;
 mod drain;
@@ -18,6 +19,7 @@ mod interrupt;
 mod join_token;
 mod man;
 mod node;
+mod notify;
 mod replay;
 mod requests;
 mod restore;
@@ -35,8 +37,9 @@ mod view;
 mod world;
 
 use std::process::ExitCode;
+use std::sync::LazyLock;
 
-use clap::Parser;
+use clap::{CommandFactory, Parser};
 
 use common::Common;
 use failure::Failure;
@@ -82,12 +85,19 @@ subcommands! {
 
 /// One rigid-body world computed by many Rapier worlds, on the cores of one machine or on many machines.
 #[derive(Parser)]
-#[command(name = "dcd", version, after_help = EXIT_CODES, propagate_version = true, max_term_width = 110)]
+#[command(name = "dcd", version = version(), after_help = EXIT_CODES, propagate_version = true, max_term_width = 110)]
 struct Cli {
     #[command(flatten)]
     common: Common,
     #[command(subcommand)]
     command: Command,
+}
+
+/// Returns the version of the program, with that of the protocol: processes of unlike protocols refuse each other.
+fn version() -> &'static str {
+    static TEXT: LazyLock<String> =
+        LazyLock::new(|| format!("{} (protocol {})", env!("CARGO_PKG_VERSION"), crate::protocol::VERSION));
+    &TEXT
 }
 
 const EXIT_CODES: &str = "\
@@ -96,7 +106,11 @@ ended by Ctrl-C, with what there was to report (a server keeps its world: 0). A 
 
 /// Runs the command line with the process's arguments.
 pub fn main() -> ExitCode {
-    let cli = match Cli::try_parse() {
+    let args = match config_file::expand(Cli::command(), std::env::args_os().collect()) {
+        Ok(args) => args,
+        Err(failure) => return failure.report(),
+    };
+    let cli = match Cli::try_parse_from(args) {
         Ok(cli) => cli,
         Err(error) => {
             // Help and version come this way too. A closed pipe is the reader's choice.
@@ -110,8 +124,6 @@ pub fn main() -> ExitCode {
 
 #[cfg(test)]
 mod tests {
-    use clap::CommandFactory;
-
     use super::*;
 
     #[test]

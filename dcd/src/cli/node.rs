@@ -6,9 +6,11 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use super::common::{Common, print};
+use super::config_file::ConfigArgs;
 use super::failure::Failure;
 use super::interrupt::Interrupt;
 use super::join_token::TokenArgs;
+use super::notify::Notifier;
 use super::summary::{Computed, Summary};
 use super::values::{GIVE_UP, SERVER, address, joining, unused, wall_seconds};
 use super::view::{self, ANY_PORT};
@@ -64,6 +66,8 @@ pub(super) struct Node {
     /// standard error: any free port of this machine if none is given
     #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = ANY_PORT, value_parser = address)]
     view: Option<SocketAddr>,
+    #[command(flatten)]
+    _config: ConfigArgs,
     /// Print the summary as one JSON object
     #[arg(long)]
     json: bool,
@@ -96,7 +100,9 @@ impl Node {
         config.onlooker = viewer.map(|mut viewer| -> Onlooker {
             Box::new(move |regions, stats| viewer.show_node(regions, stats))
         });
+        let notifier = Notifier::from_environment();
         let node = Member::start(config)?;
+        let _watch = notifier.watch(node.pulse());
         let metrics = node.metrics_address().map(|address| format!("\nmetrics http://{address}/metrics"));
         print(&format!(
             "joined as {}\nlistening {}{}",
@@ -105,6 +111,7 @@ impl Node {
             metrics.unwrap_or_default()
         ))?;
         while !node.wait_over(LOOK) && !interrupt.asked() {}
+        notifier.stopping();
         if interrupt.asked() && !node.is_over() {
             common.say("leaving: regions are handed over first");
             node.leave();

@@ -7,8 +7,10 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use super::common::{Common, print};
+use super::config_file::ConfigArgs;
 use super::failure::Failure;
 use super::interrupt::Interrupt;
+use super::notify::Notifier;
 use super::requests;
 use super::run::snapshot;
 use super::scenes;
@@ -112,6 +114,8 @@ pub(super) struct Serve {
     /// port of this machine if none is given
     #[arg(long, value_name = "ADDR", num_args = 0..=1, default_missing_value = ANY_PORT, value_parser = address)]
     view: Option<SocketAddr>,
+    #[command(flatten)]
+    _config: ConfigArgs,
     /// Print the summary as one JSON object
     #[arg(long)]
     json: bool,
@@ -147,9 +151,12 @@ impl Serve {
             groups: self.groups()?,
         };
         requests::forget(&self.data);
+        let notifier = Notifier::from_environment();
         let mut told = false;
         let mut stand_by = |holder: &str| {
+            notifier.alive();
             if !std::mem::replace(&mut told, true) {
+                notifier.ready(&format!("standing by for {holder}"));
                 // What cannot be printed keeps nobody from standing by.
                 let _ = print(&format!("standing by for {holder}"));
             }
@@ -163,6 +170,7 @@ impl Serve {
             return Ok(interrupt.exit_code());
         };
         drop(origin);
+        let _watch = notifier.watch(server.pulse());
         let mut first = format!("listening {}", server.address);
         if let Some(address) = server.metrics_address() {
             first += &format!("\nmetrics http://{address}/metrics");
@@ -192,6 +200,7 @@ impl Serve {
         let watched = printed
             .and_then(|()| self.onlooker(&server))
             .and_then(|onlooker| self.watch(&server, onlooker, interrupt, common));
+        notifier.stopping();
         if watched.is_err() || interrupt.asked() && !self.ends(interrupt, common) {
             server.suspend();
             watched?;

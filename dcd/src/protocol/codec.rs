@@ -45,6 +45,14 @@ pub enum CodecError {
         "not a dcd message ({0}): the peer is broken or of another version; install the same dcd on both"
     )]
     Malformed(#[from] DecodeError),
+    /// The first message of a peer of another version, in that one's format.
+    #[error("it speaks protocol version {theirs}, and this side {ours}: install the same dcd on both")]
+    Version {
+        /// The peer's.
+        theirs: u32,
+        /// Ours.
+        ours: u32,
+    },
     /// More bytes than the message has.
     #[error(
         "{0} bytes follow the message: the peer is broken or of another version; install the same dcd on both"
@@ -75,12 +83,18 @@ pub fn decode(bytes: &[u8]) -> Result<Message, CodecError> {
     if bytes.len() > MAX_MESSAGE_BYTES {
         return Err(CodecError::TooLong(bytes.len()));
     }
-    let (message, read): (Message, usize) = bincode::decode_from_slice(bytes, CONFIG)?;
-    if read != bytes.len() {
-        return Err(CodecError::Trailing(bytes.len() - read));
+    let message = decode_value::<Message>(bytes);
+    match (message, foreign_version(bytes)) {
+        (Err(_), Some(theirs)) => Err(CodecError::Version { theirs, ours: VERSION }),
+        (message, _) => message,
     }
-    message.check()?;
-    Ok(message)
+}
+
+/// Returns the version of a greeting's sender, if it is another one: greetings of all versions begin alike.
+fn foreign_version(bytes: &[u8]) -> Option<u32> {
+    const HELLO: u32 = 0;
+    let ((kind, version), _): ((u32, u32), _) = bincode::decode_from_slice(bytes, CONFIG).ok()?;
+    (kind == HELLO && version != VERSION).then_some(version)
 }
 
 /// Encodes any value of the protocol, for files and tests of our own; [`encode`] is for the wire.

@@ -21,7 +21,7 @@ use super::ending::{Cause, Ending, Reason};
 use super::repeats::Repeats;
 use crate::cluster::Peer;
 use crate::net::{CloseCause, CloseCode, Net, NetError, NetEvent, NetTotals, PeerKey, PeerName, SendError};
-use crate::protocol::{self, JoinAs, Lane, Message, ToClient};
+use crate::protocol::{self, CodecError, JoinAs, Lane, Message, ToClient};
 use crate::space::{ClientId, NodeId};
 
 /// The most bytes that may wait for a peer: a world, and what happens in it meanwhile.
@@ -375,21 +375,22 @@ impl Links {
                 let heard = match message {
                     Ok(Message::Program(program)) => match self.connections.heard(key, program) {
                         Ok(()) => return Vec::new(),
-                        Err(rule) => Err(rule.to_owned()),
+                        Err(rule) => Err((Ending::BrokeRule, rule.to_owned())),
                     },
                     Ok(message) => Ok(message),
-                    Err(error) => Err(error.to_string()),
+                    Err(error @ CodecError::Version { .. }) => Err((Ending::Refused, error.to_string())),
+                    Err(error) => Err((Ending::BrokeRule, error.to_string())),
                 };
                 match heard {
                     Ok(message) => vec![LinkEvent::Message { from: self.sender(who, &message), message }],
-                    Err(error) => {
+                    Err((ending, error)) => {
                         self.malformed += 1;
                         warn!(?who, error, "a peer sent what it may not and is disconnected");
                         let peers = self.peers_of(who);
                         for &peer in &peers {
-                            self.close(peer, Ending::BrokeRule, &error);
+                            self.close(peer, ending, &error);
                         }
-                        gone(peers, Some(Ending::BrokeRule), &error)
+                        gone(peers, Some(ending), &error)
                     }
                 }
             }

@@ -21,7 +21,7 @@ use super::bandwidth::Received;
 use super::ending::{GIVE_UP, Reason};
 use super::links::Links;
 use super::metrics::{NodeGauge, NodeMetrics};
-use super::{Connections, PhysicsDevice, ProcessError};
+use super::{Connections, PhysicsDevice, ProcessError, Pulse};
 use crate::cluster::{Client, ClientEvent, Node, NodeConfig, Peer, TickStats};
 use crate::metrics::Endpoint;
 use crate::net::{Identity, Limits, Net, NetConfig, NetEvent, NetEvents, PeerStats};
@@ -149,6 +149,8 @@ pub(super) struct State {
     pub traffic: PeerStats,
     pub received: Received,
     pub summary: NodeSummary,
+    /// When the loop last turned.
+    pub turned: Instant,
     pub end: Option<Result<(), ProcessError>>,
     /// Why the server ended it, if that is no failure.
     pub farewell: Option<String>,
@@ -229,6 +231,7 @@ impl Member {
             traffic: PeerStats::default(),
             received: Received::default(),
             summary,
+            turned: Instant::now(),
             end: None,
             farewell: None,
         };
@@ -269,6 +272,21 @@ impl Member {
     /// Returns where the node answers with its metrics, if it does.
     pub fn metrics_address(&self) -> Option<SocketAddr> {
         self.metrics.as_ref().map(Endpoint::address)
+    }
+
+    /// Returns what tells whether the process's loop turns, and how its node is.
+    pub fn pulse(&self) -> impl Fn() -> Pulse + Send + 'static {
+        let shared = self.shared.clone();
+        move || {
+            let state = shared.lock();
+            let NodeSummary { node, tick, bodies, regions, .. } = &state.summary;
+            let is_ready = tick.0 > 0;
+            let words = match is_ready {
+                true => format!("{node} at tick {}, {bodies} bodies, {regions} regions", tick.0),
+                false => format!("{node} waits for its group"),
+            };
+            Pulse { turned: state.turned, is_ready, words }
+        }
     }
 
     /// Returns a summary of what the node did so far.

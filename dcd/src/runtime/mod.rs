@@ -32,6 +32,8 @@ mod member;
 mod metrics;
 #[cfg(feature = "net")]
 mod origin;
+#[cfg(feature = "net")]
+mod pulse;
 mod recorded;
 mod recording;
 #[cfg(feature = "net")]
@@ -78,6 +80,8 @@ pub use local::{LocalWorld, Stats};
 pub use member::{Member, MemberConfig, NodeSummary, Onlooker};
 #[cfg(feature = "net")]
 pub use origin::Origin;
+#[cfg(feature = "net")]
+pub use pulse::Pulse;
 pub use replays::{last_recorded_tick, open_recording, replayed_regions};
 #[cfg(feature = "net")]
 pub use serve_config::{GroupConfig, ServeConfig};

@@ -23,7 +23,7 @@ use super::member::forward;
 use super::metrics::ServerMetrics;
 use super::origin::{Beginning, world_of};
 use super::saved::{local_of, saved_of};
-use super::{Connections, LocalWorld, Origin, ProcessError, ServeConfig};
+use super::{Connections, LocalWorld, Origin, ProcessError, Pulse, ServeConfig};
 use crate::cluster::directory::{Batch, Directory, DirectoryError, Entry, Key};
 use crate::cluster::{DrainError, ProgramOp, Record, SavedWorld, ServerConfig, ServerOrigin};
 use crate::metrics::Endpoint;
@@ -108,6 +108,8 @@ struct State {
     answers: BTreeMap<u64, QueryResult>,
     events: WorldEvents,
     traffic: PeerStats,
+    /// When the loop last turned.
+    turned: Option<Instant>,
     over: bool,
     suspended: bool,
     failure: Option<ProcessError>,
@@ -281,6 +283,17 @@ impl ServerProcess {
     /// Returns a summary of the world so far.
     pub fn summary(&self) -> ServerSummary {
         self.shared.lock().summary.clone()
+    }
+
+    /// Returns what tells whether the server's loop turns, and how it is.
+    pub fn pulse(&self) -> impl Fn() -> Pulse + Send + 'static {
+        let (shared, begun) = (self.shared.clone(), Instant::now());
+        move || {
+            let state = shared.lock();
+            let ServerSummary { tick, bodies, nodes, .. } = &state.summary;
+            let words = format!("tick {}, {bodies} bodies, {nodes} nodes", tick.0);
+            Pulse { turned: state.turned.unwrap_or(begun), is_ready: true, words }
+        }
     }
 
     /// Returns where the server answers with its metrics, if it does.

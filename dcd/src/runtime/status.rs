@@ -45,11 +45,13 @@ impl StatusLink {
         self.net.send(self.link, Lane::Admin, &question).map_err(|error| gone(error.to_string()))?;
         self.wait(until, timeout, |event| match event {
             NetEvent::Frame { bytes, .. } => match protocol::decode(&bytes) {
-                Ok(Message::Status(status)) => Some(status),
-                _ => None,
+                Ok(Message::Status(status)) => Some(Ok(status)),
+                Ok(_) => None,
+                // As an answer of another version is.
+                Err(error) => Some(Err(gone(error.to_string()))),
             },
             _ => None,
-        })
+        })?
     }
 
     fn wait<T>(

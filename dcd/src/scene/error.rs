@@ -81,7 +81,7 @@ fn at(line: &Option<usize>) -> String {
 }
 
 /// Returns the name most like the given one, unless none is like it.
-pub(crate) fn nearest(name: &str, known: impl Iterator<Item = &'static str>) -> Option<&'static str> {
+pub(crate) fn nearest<'a>(name: &str, known: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     let (distance, best) = known.map(|other| (edit_distance(name, other), other)).min()?;
     (distance <= best.len().max(name.len()) / 2).then_some(best)
 }

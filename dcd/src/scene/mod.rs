@@ -19,6 +19,8 @@ mod records;
 #[cfg(feature = "cli")]
 pub(crate) use dice::Dice;
 pub use error::SceneError;
+#[cfg(feature = "cli")]
+pub(crate) use error::nearest;
 pub use library::{SceneInfo, library};
 pub use model::{AvatarHint, Scene, SceneBody, SceneJoint};
 #[cfg(feature = "models")]

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::time::Duration;
 
-use crate::process::{Ended, Process, Server, alone, dcd, playground};
+use crate::process::{Ended, LIMIT, Process, Server, alone, dcd, playground};
 
 /// How long the world may stand still while regions are handed over: twelve ticks, on a machine that is busy with other tests. Alone
 /// it is three or four.
@@ -11,6 +11,40 @@ const STANDS: Duration = Duration::from_millis(200);
 
 fn drain(data: &Path, node: &str) -> Ended {
     Process::start(dcd(&["drain", node, "--data"]).arg(data)).end()
+}
+
+#[test]
+fn all_processes_are_replaced_one_after_the_other_while_the_world_runs() {
+    let mut server = Server::start(&[playground().to_str().unwrap(), "--nodes", "3", "--regions", "3"]);
+    let data = server.data();
+    let folder = server.folder.path().to_owned();
+    let kept = |number: usize| {
+        let path = folder.join(format!("identity-{number}"));
+        ["--identity".to_owned(), path.to_str().unwrap().to_owned()]
+    };
+    let start =
+        |server: &Server, number: usize| server.node_with(&kept(number).each_ref().map(String::as_str));
+    let mut nodes = [1, 2, 3].map(|number| start(&server, number));
+    server.view();
+    let witness = server.witness();
+    witness.advance(30);
+    for (number, (name, node)) in nodes.iter_mut().enumerate() {
+        assert_eq!(drain(&data, name).code(), Some(0));
+        assert_eq!(node.end_within(LIMIT).code(), Some(0));
+        let again = start(&server, number + 1);
+        assert_eq!(&again.0, name);
+        *node = again.1;
+        while !server.view().contains(&format!("{name} r")) {}
+        witness.advance(10);
+    }
+    // The nodes compute on meanwhile.
+    server.process.interrupt();
+    assert_eq!(server.process.end_within(LIMIT).code(), Some(0));
+    server.restart();
+    witness.advance(60);
+    witness.leave();
+    let summary = server.end_world();
+    assert_eq!(summary["nodes"], 3, "{summary}");
 }
 
 #[test]

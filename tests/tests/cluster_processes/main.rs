@@ -2,12 +2,15 @@
 #![cfg(unix)]
 
 mod backed_up;
+mod configured;
 mod demo;
 mod drained;
 mod failover;
 mod faults;
 mod logs;
 mod metrics;
+mod notified;
+mod packaged;
 mod process;
 mod recorded;
 mod restarted;
@@ -16,6 +19,7 @@ mod saved;
 mod status;
 mod stored;
 mod takeover;
+mod versions;
 mod weather;
 mod witness;
 mod wrong;

@@ -125,11 +125,14 @@ impl Loop {
             if let Some(node) = &mut self.node {
                 node.handle_timeout(now);
             }
-            if let Some(client) = &mut self.shared.lock().client
+            let mut state = self.shared.lock();
+            state.turned = Instant::now();
+            if let Some(client) = &mut state.client
                 && client.poll_timeout().is_some_and(|due| due <= now)
             {
                 client.handle_timeout(now);
             }
+            drop(state);
             self.pump();
             for event in self.links.take_given_up() {
                 self.link_event(event);

@@ -11,7 +11,7 @@ use super::{Input, SUSPENDED, Shared};
 use crate::cluster::directory::{Batch, Condition, Directory, DirectoryError, Key, Revision};
 use crate::cluster::{DrainError, ProgramOp, SavedWorld, Server, ServerEvent, ServerOutput, WORLD_ENDED};
 use crate::net::NetTotals;
-use crate::protocol::{BodyKind, BodyRecord, StateHasher};
+use crate::protocol::{BodyKind, BodyRecord, Farewell, StateHasher};
 use crate::recording::RecordedServer;
 use crate::runtime::directory::FolderLock;
 use crate::runtime::end_request::EndRequests;
@@ -203,7 +203,12 @@ impl Loop {
             self.metrics.iter().for_each(|metrics| metrics.put_out(&output));
             match output {
                 ServerOutput::Send { to, message } => links.send(to, &message),
-                ServerOutput::Close { peer, farewell, reason } => links.close(peer, farewell.into(), &reason),
+                ServerOutput::Close { peer, farewell, reason } => {
+                    if farewell == Farewell::Refused {
+                        warn!(?peer, reason, "a peer is refused");
+                    }
+                    links.close(peer, farewell.into(), &reason);
+                }
                 ServerOutput::Store(batch) => {
                     if let Err(error) = self.store(&batch) {
                         return self.fail(error);
@@ -317,6 +322,7 @@ impl Loop {
 
     fn publish(&mut self) {
         let mut state = self.shared.lock();
+        state.turned = Some(Instant::now());
         state.summary.tick = self.server().tick();
         state.summary.seconds = self.began.map_or(0.0, |began| began.elapsed().as_secs_f64());
         if let Some(links) = &self.links {

@@ -1,0 +1,13 @@
+//! Tells whoever watches over a process whether its loop turns, and how it is.
+
+use std::time::Instant;
+
+/// The state of a process in few words.
+pub struct Pulse {
+    /// When its loop last turned: at least twice per second, but while it builds a large world.
+    pub turned: Instant,
+    /// A server lets others in; a node is in a group, and has completed a tick.
+    pub is_ready: bool,
+    /// For people.
+    pub words: String,
+}

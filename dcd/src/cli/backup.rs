@@ -32,7 +32,7 @@ impl Backup {
     pub(super) fn execute(self, _common: &Common) -> Result<ExitCode, Failure> {
         if self.data.join("authority.pem").exists() && !is_served(&self.data).map_err(ProcessError::from)? {
             return Err(Failure::usage(format!(
-                "no server runs in {}: copy the folder as it is (cp -a)",
+                "no server serves the world of {}: copy the folder as it is (cp -a), or ask beside the server that has the world in etcd",
                 self.data.display()
             )));
         }

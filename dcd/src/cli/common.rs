@@ -59,10 +59,13 @@ impl Common {
         self.verbose > 0
     }
 
-    /// Prints a message for people on standard error, unless they want none. A terminal that is gone stops nobody.
+    /// Prints a message for people on standard error, unless they want none. A terminal that is gone stops nobody. A log of objects has it as
+    /// one.
     pub(super) fn say(&self, text: &str) {
-        if !self.quiet {
-            let _ = writeln!(std::io::stderr(), "{text}");
+        match self.log_format {
+            _ if self.quiet => {}
+            LogFormat::Text => drop(writeln!(std::io::stderr(), "{text}")),
+            LogFormat::Json => tracing::info!("{text}"),
         }
     }
 

@@ -93,6 +93,11 @@ pub struct Impulse {
 }
 
 impl Impulse {
+    /// Returns whether all of it is a number.
+    pub fn is_finite(&self) -> bool {
+        self.linear.iter().chain(&self.angular).all(|v| v.is_finite())
+    }
+
     /// Returns the sum of two.
     pub fn plus(&self, other: &Self) -> Self {
         let sum = |a: [f32; 3], b: [f32; 3]| std::array::from_fn(|i| a[i] + b[i]);

@@ -55,6 +55,7 @@ pub(super) fn agree(region: &mut Region, border: &mut Border, moment: Moment<'_>
         let exchanges = pace.exchanges_among(shared.members);
         let is_due = moment.is_due(exchanges);
         if is_due && shared.is_split() {
+            shared.strikes.clear();
             let worst = agree_on(region, link, shared, exchanges, moment);
             for rank in shared.members.without(own).iter() {
                 disagreement[rank] = Some(disagreement[rank].map_or(worst, |most| most.max(worst)));
@@ -140,6 +141,7 @@ fn is_broken(region: &Region, link: BodyRef) -> bool {
 /// were solved together, so that what one body of them loses another gains; and the impulses of contacts that the leader did not
 /// see. Where nothing touches the body, its owner leads.
 fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared, leader: Option<usize>) {
+    let mut strikes = std::mem::take(&mut shared.strikes);
     let own_rank = region.rank();
     let body = &region.physics().bodies[link.handle];
     if shared.heard.is_empty() || body.is_sleeping() && shared.heard.iter().all(|(_, copy)| copy.sleeping) {
@@ -162,7 +164,7 @@ fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared, leader: Optio
     let z = Vector::from_array(copy.velocity.linear);
     let off = |(_, other): (usize, CopyState)| (Vector::from_array(other.velocity.linear) - z).length();
     shared.strayed_m_s = copies().map(off).fold(0.0, f32::max);
-    let struck = strike::struck(body, &copy, rank, &mut shared.strikes).filter(|_| body.is_dynamic());
+    let struck = strike::struck(body, &copy, rank, &mut strikes).filter(|_| body.is_dynamic());
     region.push(link.handle, Vector::ZERO, Vector::ZERO);
     region.restart_copy(link.handle);
     region.mend_copy(link.handle);

@@ -171,6 +171,7 @@ impl Islands {
         }
         self.told.sort_by_key(|(rank, part)| (*rank, part.of));
         for island in &mut self.found {
+            island.held_by = ranks.set(island.held_by);
             island.parts.retain(|part| ranks.to[usize::from(part.rank)].is_some());
             for part in &mut island.parts {
                 part.rank = ranks.rank(part.rank.into()) as u8;
@@ -435,9 +436,9 @@ impl Island {
     /// Clears its parts of others, which are found anew.
     fn begin_anew(&mut self, held_by: impl Fn(&BodyRef) -> RegionSet) {
         (self.ghosts, self.lowest, self.name) = (0, None, None);
-        for link in std::mem::take(&mut self.members) {
+        for place in 0..self.members.len() {
+            let link = self.members[place];
             self.note(link.id, held_by(&link));
-            self.members.push(link);
         }
         self.beside.clear();
         self.unheard.clear();

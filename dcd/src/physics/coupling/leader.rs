@@ -128,6 +128,7 @@ impl Leaders {
             self.views.push(all);
         }
         self.copies = copies;
+        self.flatten();
         let mut views = std::mem::take(&mut self.views);
         views.iter_mut().for_each(|view| view.root = self.root(view.root));
         views.sort_unstable_by_key(|view| (view.root, view.rank));
@@ -156,6 +157,13 @@ impl Leaders {
             at = self.parents[at as usize];
         }
         at
+    }
+
+    /// Points all bodies at the roots of their groups, each of which comes before the others.
+    fn flatten(&mut self) {
+        for place in 0..self.parents.len() {
+            self.parents[place] = self.parents[self.parents[place] as usize];
+        }
     }
 }
 

@@ -6,9 +6,9 @@
 //! (memory, a simulator, QUIC) is not known here.
 //!
 //! Two families: `owner` and `proxy` hold copies of all that comes near a border (`halo`), and the owner's state is
-//! authoritative. `overlap`, `island` and `auto` hold copies of what touches (`predicted_contacts`, `reach`, `membership`). The
-//! bodies of islands that may be in one region (`island`) have whole copies, which follow the one in the region that sees most of
-//! the island; the mass of all others is split among their copies (`region::mass_splitting`), which follow their mean
+//! authoritative. `overlap`, `island` and `auto` hold copies of what touches (`predicted_contacts`, `reach`, `ownership`). The
+//! bodies of islands that may be in one region (`island`) have whole copies, which follow one region (`leader`), and are told of what
+//! that does not see (`strike`); the mass of all others is split among their copies (`region::mass_splitting`), which follow their mean
 //! (`consensus`).
 
 mod auto;

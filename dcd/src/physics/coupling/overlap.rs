@@ -91,12 +91,15 @@ fn tell_copy(side: &mut Side, link: BodyRef, moment: Moment<'_>) {
     let Side { region, border, outbox, .. } = side;
     let Border { shared, pace, islands, .. } = border;
     let Some(shared) = shared.get_mut(link.handle) else { return };
+    let asleep = region.physics().bodies[link.handle].is_sleeping();
+    if asleep || shared.is_split() {
+        shared.owed = None;
+    } else {
+        strike::note(region, link.handle, shared);
+    }
     if !moment.is_due(pace.exchanges_among(shared.members)) {
         return;
     }
-    shared.strikes.clear();
-    shared.strikes.extend(shared.owed.take().map(|strike| (region.rank(), strike)));
-    let asleep = region.physics().bodies[link.handle].is_sleeping();
     let slot = region.slot_mut(link.handle);
     if std::mem::replace(&mut slot.told_asleep, asleep) && asleep {
         return;
@@ -107,10 +110,6 @@ fn tell_copy(side: &mut Side, link: BodyRef, moment: Moment<'_>) {
     let (island, held_by) = islands.of(link.handle).map_or((link.id, shared.members), Island::view);
     let copy = shared::read(region, link.handle, shared, moment.settings.dt_s);
     shared.own = CopyState { part, seen, size, island, held_by, ..copy };
-    if !shared.is_split() && !shared.members.without(held_by).is_empty() {
-        let strikes = strike::on(region, link.handle, shared.members);
-        shared.strikes.extend(strikes.into_iter().map(|strike| (region.rank(), strike)));
-    }
     let hearers = match role {
         Ownership::Replica { owner } if shared.is_split() && shared.warming.contains(region.rank()) => {
             RegionSet::only(owner)

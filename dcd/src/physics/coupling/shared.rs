@@ -50,8 +50,12 @@ impl Shared {
     /// Translates all ranks.
     fn remap_ranks(&mut self, ranks: &RankRemap) {
         (self.members, self.warming) = (ranks.set(self.members), ranks.set(self.warming));
-        for (rank, _) in &mut self.heard {
-            *rank = ranks.rank(*rank);
+        self.own.held_by = ranks.set(self.own.held_by);
+        for (rank, copy) in &mut self.heard {
+            (*rank, copy.held_by) = (ranks.rank(*rank), ranks.set(copy.held_by));
+        }
+        if let Some(strike) = &mut self.owed {
+            strike.held_by = ranks.set(strike.held_by);
         }
         self.heard.sort_by_key(|(rank, _)| *rank);
         self.led_by = self.led_by.and_then(|rank| ranks.to[rank]);

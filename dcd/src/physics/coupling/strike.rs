@@ -3,41 +3,76 @@
 //! may know nothing of what has struck it elsewhere. So the impulse is sent along, and added: what one body loses the other gains.
 //! The copy of a new holder is told in the same way what happened in the exchange in which it was sent.
 //!
-//! Of a normal impulse Rapier tells exactly, of friction in an impact about (`measure`).
+//! Of a normal impulse Rapier tells exactly, of friction in an impact and of where it acts about (`measure`); joints are not told.
 
 use rapier3d::prelude::*;
 
-use super::shared::SharedBodies;
+use super::shared::{Shared, SharedBodies};
 use crate::physics::convert;
 use crate::physics::measure::pair_impulse_ns;
-use crate::physics::region::{Ownership, Region};
+use crate::physics::region::Region;
 use crate::protocol::{CopyState, Impulse, Strike, Velocity};
 use crate::space::RegionSet;
 
-/// Returns what struck a copy here in the last step of bodies that are owned here and that not all of these regions hold.
-pub(super) fn on(region: &Region, handle: RigidBodyHandle, members: RegionSet) -> Vec<Strike> {
-    let (world, id) = (region.physics(), region.slot(handle).id);
-    let centre = world.bodies[handle].center_of_mass();
-    let mut strikes: Vec<Strike> = Vec::new();
-    region.for_each_pair(handle, |other, pair| {
-        let Some(pair) = pair.filter(|pair| pair.has_any_active_contact()) else { return };
-        let slot = region.slot(other);
-        let held_by = slot.holders.union(RegionSet::only(region.rank()));
-        if slot.role != Ownership::Owner || members.without(held_by).is_empty() {
-            return;
+/// The most strikes of one body that are believed in one exchange.
+const MOST: usize = 256;
+
+/// Notes what struck a copy here in the last step and is not held by all regions that hold the copy; and what is owed. Of two bodies that
+/// touch, the same region tells both sides.
+pub(super) fn note(region: &Region, handle: RigidBodyHandle, shared: &mut Shared) {
+    let (own, members) = (region.rank(), shared.members);
+    let mut tell = |held_by: RegionSet, impulse: Impulse| {
+        let same = |(rank, strike): &&mut (usize, Strike)| *rank == own && strike.held_by == held_by;
+        match shared.strikes.iter_mut().find(same) {
+            _ if impulse == Impulse::default() || !impulse.is_finite() => {}
+            Some((_, strike)) => strike.impulse = strike.impulse.plus(&impulse),
+            None => shared.strikes.push((own, Strike { id: region.slot(handle).id, held_by, impulse })),
         }
-        let impulse = Vector::from_array(pair_impulse_ns(world, pair).map(|v| v as f32));
-        let is_second = world.colliders[pair.collider2].parent() == Some(handle);
-        let impulse = if is_second { impulse } else { -impulse };
-        let arm = contact_point(world, pair).map_or(Vector::ZERO, |at| at - centre);
-        let impulse = Impulse { linear: impulse.to_array(), angular: arm.cross(impulse).to_array() };
-        match strikes.iter_mut().find(|strike| strike.held_by == held_by) {
-            _ if impulse == Impulse::default() => {}
-            Some(strike) => strike.impulse = strike.impulse.plus(&impulse),
-            None => strikes.push(Strike { id, held_by, impulse }),
+    };
+    if let Some(Strike { held_by, impulse, .. }) = shared.owed.take() {
+        tell(held_by, impulse);
+    }
+    if region.mass_split(handle).is_some_and(|split| split.is_broken()) {
+        return;
+    }
+    region.for_each_pair(handle, |other, pair| {
+        let held_by = region.slot(other).holders.union(RegionSet::only(own));
+        let tells = held_by.intersection(members).iter().next() == Some(own);
+        if let Some(pair) = pair.filter(|_| tells && !members.without(held_by).is_empty()) {
+            tell(held_by, impulse_on(region.physics(), handle, pair));
         }
     });
-    strikes
+}
+
+/// Returns the impulse of a pair on one of its bodies in the last step; none on one that dominates the other.
+fn impulse_on(world: &PhysicsWorld, handle: RigidBodyHandle, pair: &ContactPair) -> Impulse {
+    let is_second = world.colliders[pair.collider2].parent() == Some(handle);
+    let dominates = |manifold: &ContactManifold| {
+        let over = manifold.data.relative_dominance;
+        if is_second { over < 0 } else { over > 0 }
+    };
+    if !pair.has_any_active_contact() || pair.solver_manifolds().iter().any(dominates) {
+        return Impulse::default();
+    }
+    let impulse = Vector::from_array(pair_impulse_ns(world, pair).map(|v| v as f32));
+    let impulse = if is_second { impulse } else { -impulse };
+    Impulse { linear: impulse.to_array(), angular: arm(pair, is_second).cross(impulse).to_array() }
+}
+
+/// Returns from where to where an impulse acts on a body: from its centre of mass to the mean of the points that touch, weighed by their
+/// impulses.
+fn arm(pair: &ContactPair, is_second: bool) -> Vector {
+    let solved = |manifold: &ContactManifold| {
+        let ids = manifold.data.solver_contacts.iter().map(|contact| contact.contact_indices()[0] as usize);
+        let points: Vec<_> = ids.filter_map(|id| manifold.points.get(id)).map(|point| point.data).collect();
+        points
+    };
+    let points = pair.solver_manifolds().iter().flat_map(solved);
+    let (sum, weight) = points.fold((Vector::ZERO, 0.0), |(sum, weight), data| {
+        let arm = if is_second { data.solver_dp2 } else { data.solver_dp1 };
+        (sum + arm * data.impulse, weight + data.impulse)
+    });
+    if weight > 0.0 { sum / weight } else { Vector::ZERO }
 }
 
 /// Notes what others made of a copy in this exchange, where it has been sent to new members as it was before: these are to be told.
@@ -57,15 +92,16 @@ pub(super) fn owe(region: &Region, all: &mut SharedBodies, handle: RigidBodyHand
     let rotation = *body.rotation() * local.principal_inertia_local_frame;
     let angular = rotation * (local.principal_inertia() * (rotation.inverse() * angular));
     let impulse = Impulse { linear: (linear / local.inv_mass).to_array(), angular: angular.to_array() };
-    let is_finite = impulse.linear.iter().chain(&impulse.angular).all(|v| v.is_finite());
-    shared.owed = is_finite.then_some(Strike { id: shared.own.id, held_by, impulse });
+    shared.owed = impulse.is_finite().then_some(Strike { id: shared.own.id, held_by, impulse });
 }
 
 /// Stores what struck copies in another region.
 pub(super) fn hear(region: &Region, shared: &mut SharedBodies, strikes: &[Strike], sender: usize) {
     for strike in strikes {
         let shared = region.handle_of(strike.id).and_then(|handle| shared.get_mut(handle));
-        if let Some(shared) = shared {
+        if let Some(shared) =
+            shared.filter(|shared| shared.members.contains(sender) && shared.strikes.len() < MOST)
+        {
             shared.strikes.push((sender, *strike));
         }
     }
@@ -82,22 +118,67 @@ pub(super) fn struck(
     strikes.sort_by_key(|(rank, strike)| (*rank, strike.held_by));
     let unseen = strikes.iter().filter(|(_, strike)| !strike.held_by.contains(leader));
     let sum = unseen.map(|(_, strike)| strike.impulse).reduce(|sum, impulse| sum.plus(&impulse))?;
-    let local = &body.mass_properties().local_mprops;
-    let rotation = Rotation::from_array(copy.pose.rotation) * local.principal_inertia_local_frame;
-    let turned = rotation.inverse() * convert::vector(sum.angular);
-    let linear = convert::vector(copy.velocity.linear) + convert::vector(sum.linear) * local.inv_mass;
-    let angular = convert::vector(copy.velocity.angular) + rotation * (local.inv_principal_inertia * turned);
-    Some(Velocity { linear: linear.to_array(), angular: angular.to_array() })
+    // Locked axes are in these alone.
+    let mut mass = body.mass_properties().clone();
+    mass.update_world_mass_properties(
+        body.body_type(),
+        &Pose::from_parts(Vector::ZERO, Rotation::from_array(copy.pose.rotation)),
+    );
+    let linear =
+        convert::vector(copy.velocity.linear) + convert::vector(sum.linear) * mass.effective_inv_mass;
+    let angular = convert::vector(copy.velocity.angular)
+        + mass.effective_world_inv_inertia * convert::vector(sum.angular);
+    let is_finite = linear.is_finite() && angular.is_finite();
+    is_finite.then(|| Velocity { linear: linear.to_array(), angular: angular.to_array() })
 }
 
-/// Returns where a pair touches: the mean of its contact points, weighed by their impulses.
-fn contact_point(world: &PhysicsWorld, pair: &ContactPair) -> Option<Vector> {
-    let place = world.colliders[pair.collider1].position();
-    let points = pair.manifolds().iter().flat_map(|manifold| {
-        let from = manifold.subshape_pos1().map_or(*place, |sub| *place * *sub);
-        manifold.points.iter().map(move |point| (from * point.local_p1, point.data.impulse))
-    });
-    let (sum, weight) =
-        points.fold((Vector::ZERO, 0.0), |(sum, weight), (at, by)| (sum + at * by, weight + by));
-    (weight > 0.0).then(|| sum / weight)
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::space::BodyId;
+
+    fn strike(held_by: &[usize], linear: [f32; 3]) -> Strike {
+        let impulse = Impulse { linear, angular: [0.0, 0.0, 1.0] };
+        Strike { id: BodyId::persistent(1), held_by: held_by.iter().copied().collect(), impulse }
+    }
+
+    fn body(builder: RigidBodyBuilder) -> RigidBody {
+        let mut world = PhysicsWorld::new();
+        let handle = world.insert_body(builder);
+        world.insert_collider(ColliderBuilder::cuboid(0.5, 0.5, 0.5).mass(2.0), Some(handle));
+        world.step();
+        world.bodies[handle].clone()
+    }
+
+    #[test]
+    fn a_body_gets_what_its_leader_did_not_see_to_the_same_bits_in_whatever_order_it_was_told() {
+        let body = body(RigidBodyBuilder::dynamic());
+        let copy = CopyState::default();
+        let all = [
+            (2, strike(&[2], [1e-3, 0.0, 0.0])),
+            (0, strike(&[0, 1], [8.0, 0.0, 0.0])),
+            (3, strike(&[3], [1.0, 0.0, 0.0])),
+        ];
+        let after = |order: [usize; 3], leader| {
+            struck(&body, &copy, leader, &mut order.map(|place| all[place]).to_vec())
+                .map(|velocity| velocity.linear[0])
+        };
+        let expected = after([0, 1, 2], 2).unwrap();
+        assert!((expected - 4.5).abs() < 1e-6, "{expected}: of 2 kg, without what region 2 saw");
+        for order in [[2, 1, 0], [1, 2, 0], [0, 2, 1]] {
+            assert_eq!(after(order, 2), Some(expected));
+        }
+        assert!(struck(&body, &copy, 0, &mut [(0, strike(&[0, 1], [1.0; 3]))]).is_none(), "seen");
+    }
+
+    #[test]
+    fn what_strikes_does_not_move_a_body_along_locked_axes_nor_beyond_all_numbers() {
+        let body = body(RigidBodyBuilder::dynamic().lock_rotations().enabled_translations(true, false, true));
+        let velocity =
+            struck(&body, &CopyState::default(), 0, &mut [(1, strike(&[1], [2.0, 2.0, 0.0]))]).unwrap();
+        assert_eq!((velocity.linear, velocity.angular), ([1.0, 0.0, 0.0], [0.0; 3]));
+        let most = [f32::MAX, 0.0, 0.0];
+        let mut endless = [(1, strike(&[1], most)), (2, strike(&[2], most))];
+        assert!(struck(&body, &CopyState::default(), 0, &mut endless).is_none());
+    }
 }

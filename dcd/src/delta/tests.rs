@@ -342,7 +342,7 @@ fn the_strangest_states_fit() {
     let far = |sign: f64| SharedState {
         id: BodyId::avatar(ClientId(u32::MAX), u32::MAX),
         owner: RegionId(u32::MAX),
-        epoch: Epoch(u64::MAX),
+        epoch: Epoch(1 << 63),
         pose: WorldPose { translation: [1e9 * sign; 3], rotation: [0.5, -0.5, 0.5, -0.5] },
         velocity: Velocity { linear: [f32::MAX * sign as f32; 3], angular: [f32::MIN_POSITIVE; 3] },
         sleeping: false,

@@ -187,7 +187,7 @@ mod tests {
         SharedState {
             id: BodyId::avatar(ClientId(7), index),
             owner: RegionId(u32::MAX),
-            epoch: Epoch(u64::MAX),
+            epoch: Epoch(1 << 63),
             pose: WorldPose::at([1e6, -2.0, 0.125]),
             velocity: Velocity { linear: [1.0, f32::MIN_POSITIVE, -0.0], angular: [0.0; 3] },
             sleeping: false,
@@ -316,6 +316,22 @@ mod tests {
         assert!(with(|s| s.velocity.angular[2] = f32::INFINITY).contains("velocity"));
         let nobody = Message::FromClient(ClientId(0), FromClient::Leave);
         assert!(decode(&encode(&nobody)).unwrap_err().to_string().contains("client"));
+    }
+
+    #[test]
+    fn ticks_views_and_epochs_from_which_nobody_could_count_on_are_refused() {
+        let refusal = |message: Message| decode(&encode(&message)).unwrap_err().to_string();
+        let (view, ops) = (ViewNumber(1), Vec::new());
+        let dispatch = Dispatch { view, tick: Tick(u64::MAX), rounds: 1, ops };
+        assert!(refusal(Message::Dispatch(dispatch)).contains("tick"));
+        let (stamp, states) = (stamp(u64::MAX), Vec::new());
+        let told = ToClient::States { stamp, states };
+        assert!(refusal(Message::ToClient(ClientId(1), told)).contains("tick"));
+        let settle = crate::protocol::ToNode::Settle { view: ViewNumber(1 << 40) };
+        assert!(refusal(Message::ToNode(settle)).contains("view"));
+        let last = SharedState { epoch: Epoch(u64::MAX), ..state(0) };
+        let report = crate::protocol::Report { view, tick: Tick(1), states: vec![last] };
+        assert!(refusal(Message::Report(report)).contains("epoch"));
     }
 
     #[test]

@@ -5,6 +5,7 @@
 mod messages;
 
 use super::*;
+use crate::space::{Epoch, Tick};
 
 /// The farthest distance from the origin at which anything of a world can be, in metres.
 pub const WORLD_REACH_M: f64 = 1e9;
@@ -36,6 +37,12 @@ pub const PROGRAM_MESSAGE_BYTES: usize = 32 << 10;
 
 /// The most bytes of a program's datagram: with its envelope it fits one of the transport's.
 pub const PROGRAM_DATAGRAM_BYTES: usize = 1_024;
+
+/// The newest tick: four million years at 60 ticks per second. Whoever counts on from it does not overflow.
+const MAX_TICK: u64 = 1 << 53;
+
+/// The newest view, for the same reason: the epochs of bodies that are placed in it must have room for their transfers.
+const MAX_VIEW: u64 = 1 << 38;
 
 /// A broken rule of the protocol: the field, and the rule.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -91,6 +98,24 @@ fn ascending<T, K: Ord>(values: &[T], key: impl Fn(&T) -> K, field: &'static str
     must(values.windows(2).all(|pair| key(&pair[0]) < key(&pair[1])), field, "in ascending order, each once")
 }
 
+impl Check for Tick {
+    fn check(&self) -> Result<(), Invalid> {
+        must(self.0 <= MAX_TICK, "tick", "at most 2^53")
+    }
+}
+
+impl Check for ViewNumber {
+    fn check(&self) -> Result<(), Invalid> {
+        must(self.0 <= MAX_VIEW, "view", "at most 2^38")
+    }
+}
+
+impl Check for Epoch {
+    fn check(&self) -> Result<(), Invalid> {
+        must(*self <= Epoch::placed_in(2 * MAX_VIEW), "epoch", "at most that of view 2^39")
+    }
+}
+
 impl Check for WorldPose {
     fn check(&self) -> Result<(), Invalid> {
         must(
@@ -142,6 +167,7 @@ impl Check for Gait {
 
 impl Check for SharedState {
     fn check(&self) -> Result<(), Invalid> {
+        self.epoch.check()?;
         self.pose.check()?;
         self.velocity.check()
     }
@@ -203,6 +229,7 @@ impl Check for BodyTraits {
 
 impl Check for BodyRecord {
     fn check(&self) -> Result<(), Invalid> {
+        self.epoch.check()?;
         self.state.check()?;
         let walks = self.traits.character.is_some();
         must(self.state.gait.is_some() == walks, "gait", "that of a character, and no other body's")?;
@@ -220,6 +247,7 @@ impl Check for Placed {
 
 impl Check for BodyCheckpoint {
     fn check(&self) -> Result<(), Invalid> {
+        self.epoch.check()?;
         self.state.check()
     }
 }
@@ -347,6 +375,7 @@ impl Check for Strike {
 
 impl Check for Membership {
     fn check(&self) -> Result<(), Invalid> {
+        self.epoch.check()?;
         let owner = usize::from(self.owner);
         must(self.holders.contains(owner), "member.holders", "a set with the owner in it")?;
         must(!self.warming.contains(owner), "member.warming", "a set without the owner in it")
@@ -365,6 +394,7 @@ impl Check for NearbyBodies {
 
 impl Check for BorderMessage {
     fn check(&self) -> Result<(), Invalid> {
+        self.tick.check()?;
         ascending(&self.copies, |copy| copy.id, "border.copies")?;
         all(&self.copies)?;
         all(&self.strikes)?;

@@ -19,6 +19,10 @@ use crate::space::{BodyId, NodeId, RegionId, Tick};
 impl Node {
     pub(super) fn hear_server(&mut self, now: Duration, message: ToNode) {
         let present = self.number();
+        if self.world.is_none() && needs_world(&message) {
+            self.counters.refused += 1;
+            return;
+        }
         match message {
             ToNode::Welcome { world, .. } => {
                 self.begin_anew();
@@ -131,7 +135,9 @@ impl Node {
     pub(super) fn dispatched(&mut self, from: NodeId, dispatch: Dispatch) {
         let leads =
             self.view.as_ref().is_some_and(|view| view.leader == from && view.number == dispatch.view);
-        if !leads || dispatch.tick <= self.dispatched {
+        // No tick is opened before all have completed those that it may be ahead of.
+        let newest = self.tick.0 + self.lag() + 1;
+        if !leads || dispatch.tick <= self.dispatched || dispatch.tick.0 > newest {
             self.counters.stale += 1;
         } else if self.change.is_some() {
             // Once it has answered `Settle`, a node starts only what `Finish` tells it to.
@@ -629,6 +635,12 @@ impl Node {
         self.busy = true;
         self.order(command);
     }
+}
+
+/// Returns whether the server says this of a world that it has named before.
+fn needs_world(message: &ToNode) -> bool {
+    use ToNode::{Adopt, Chunk, Fetch, Finish, Settle, WorldEnd};
+    matches!(message, Chunk(_) | WorldEnd | Settle { .. } | Finish { .. } | Fetch { .. } | Adopt { .. })
 }
 
 /// Returns the ticks from one report of the load to the next, if the world is balanced: what a plan was made from, and what came of it,

@@ -199,7 +199,7 @@ fn only_the_leader_dispatches_and_nothing_starts_while_the_view_changes() {
     drain(&mut node);
     node.handle(NOW, dispatch(1, 1));
     node.handle(NOW, dispatch(1, 3));
-    assert_eq!((drain(&mut node), node.counters().stale), (vec![], 2));
+    assert_eq!((drain(&mut node), node.counters().stale), (vec![], 3));
     // Nothing comes of the change: what the leader said meanwhile counts.
     node.handle(NOW, NodeEvent::Disconnected(Peer::Server));
     let outputs = drain(&mut node);
@@ -441,4 +441,41 @@ fn the_interest_of_a_participant_that_begins_the_view_before_its_leader_is_not_l
     assert_eq!(node.counters().refused, 1);
     let handed_on = node.leader.clone().unwrap().into_inputs();
     assert_eq!(handed_on, [(client, FromClient::Interest(Some(area)))]);
+}
+
+#[test]
+fn before_the_server_has_named_a_world_nothing_of_one_counts() {
+    let address = ([127, 0, 0, 1], 1).into();
+    let patience = Duration::from_millis(100);
+    let config =
+        NodeConfig { id: NodeId(1), address, client: None, interest: None, checkpoint_every: 1, patience };
+    let mut node = Node::new(config);
+    node.handle(NOW, NodeEvent::Connected(Peer::Server));
+    let world = sim_world(2);
+    let view = View {
+        events: false,
+        group: crate::space::GroupId(1),
+        number: ViewNumber(1),
+        tick: Tick(0),
+        leader: NodeId(1),
+        members: vec![Member { node: NodeId(1), address, client: None }],
+        allocation: world.tree.leaves().map(|region| (region, NodeId(1))).collect(),
+        tree: world.tree,
+    };
+    drain(&mut node);
+    server(&mut node, ToNode::Chunk(Chunk::Bodies(vec![sim_body(OTHER, [1.0; 3])])));
+    server(&mut node, ToNode::Adopt { view, drop: vec![] });
+    assert_eq!((drain(&mut node), node.counters().refused), (vec![], 2));
+}
+
+#[test]
+fn a_leader_that_opens_ticks_which_cannot_be_is_not_followed_there() {
+    let mut node = member();
+    border(&mut node, 1, 0, vec![]);
+    settle(&mut node);
+    let from = Peer::Node(NodeId(1));
+    for tick in 1..100 {
+        node.handle(NOW, NodeEvent::Message { from, message: Message::Dispatch(dispatch(tick, vec![])) });
+    }
+    assert_eq!((node.dispatches.len(), node.counters().stale), (1, 98), "nobody has completed the first");
 }

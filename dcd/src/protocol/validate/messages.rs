@@ -38,6 +38,8 @@ impl Check for Thresholds {
 
 impl Check for View {
     fn check(&self) -> Result<(), Invalid> {
+        self.number.check()?;
+        self.tick.check()?;
         ascending(&self.members, |member| member.node, "view.members")?;
         let is_member = |node| self.members.iter().any(|member| member.node == node);
         must(is_member(self.leader), "view.leader", "a member")?;
@@ -80,6 +82,7 @@ impl Check for Chunk {
 
 impl Check for Input {
     fn check(&self) -> Result<(), Invalid> {
+        self.tick.check()?;
         self.velocity.check()?;
         self.drive.as_ref().map_or(Ok(()), Check::check)?;
         self.pose.map_or(Ok(()), |pose| pose.check())
@@ -99,7 +102,10 @@ impl Check for WorldOp {
             Self::Input(input) => input.check(),
             Self::Push(push) => push.check(),
             Self::Alter(alteration) => alteration.check(),
-            Self::Correct { states, .. } => all(states),
+            Self::Correct { tick, states } => {
+                tick.check()?;
+                all(states)
+            }
             Self::Ask { question, .. } => question.check(),
         }
     }
@@ -214,13 +220,29 @@ impl Check for QueryResult {
 
 impl Check for Dispatch {
     fn check(&self) -> Result<(), Invalid> {
+        self.tick.check()?;
         must((1..=MAX_ROUNDS).contains(&self.rounds), "dispatch.rounds", "1 to 64")?;
         all(&self.ops)
     }
 }
 
+impl Check for Report {
+    fn check(&self) -> Result<(), Invalid> {
+        self.tick.check()?;
+        all(&self.states)
+    }
+}
+
+impl Check for Border {
+    fn check(&self) -> Result<(), Invalid> {
+        self.tick.check()?;
+        all(&self.messages)
+    }
+}
+
 impl Check for Done {
     fn check(&self) -> Result<(), Invalid> {
+        self.tick.check()?;
         must((1..=MAX_ROUNDS).contains(&self.rounds_wanted), "done.rounds_wanted", "1 to 64")?;
         self.answers.iter().try_for_each(|answer| answer.found.check())?;
         self.load.as_ref().map_or(Ok(()), Check::check)?;
@@ -238,15 +260,13 @@ impl Check for ToNode {
             Self::Apply { ops, .. } => all(ops),
             Self::Ask { question, .. } => question.check(),
             Self::Roster(members) => ascending(members, |member| member.node, "roster"),
-            Self::InterGroup { states, .. } => {
+            Self::InterGroup { tick, states, .. } => {
+                tick.check()?;
                 must(states.len() <= STATES_BYTES, "states", "no more than a datagram holds")
             }
             Self::Authority { stances, .. } => ascending(stances, |stance| stance.body, "stances"),
-            Self::WorldEnd
-            | Self::Settle { .. }
-            | Self::Fetch { .. }
-            | Self::Poll { .. }
-            | Self::Shutdown { .. } => Ok(()),
+            Self::Settle { view } => view.check(),
+            Self::WorldEnd | Self::Fetch { .. } | Self::Poll { .. } | Self::Shutdown { .. } => Ok(()),
         }
     }
 }
@@ -255,13 +275,22 @@ impl Check for ToServer {
     fn check(&self) -> Result<(), Invalid> {
         match self {
             Self::Settling { dispatches, .. } => all(dispatches),
-            Self::Survey { claims, division, .. } => {
+            Self::Survey { tick, claims, division, .. } => {
+                tick.check()?;
+                claims.iter().try_for_each(|claim| claim.epoch.check())?;
                 ascending(claims, |claim| claim.id, "survey.claims")?;
                 division.iter().try_for_each(|(tree, allocation)| suits(allocation, tree))
             }
             Self::Repartitioned { tree, allocation, .. } => suits(allocation, tree),
-            Self::Found { bodies, .. } | Self::Removed { bodies, .. } => all(bodies),
-            Self::Checkpoint { bodies, .. } => all(bodies),
+            Self::Found { bodies, .. } => all(bodies),
+            Self::Removed { tick, bodies, .. } => {
+                tick.check()?;
+                all(bodies)
+            }
+            Self::Checkpoint { tick, bodies, .. } => {
+                tick.check()?;
+                all(bodies)
+            }
             Self::Answer { found, .. } => found.check(),
             Self::Contacts { events, .. } => {
                 all(&events.touches)?;
@@ -272,7 +301,8 @@ impl Check for ToServer {
                 delays.iter().try_for_each(|delay| not_negative(delay.delay_ms.as_slice(), "delay_ms"))
             }
             Self::Ballot { delay_ms, .. } => not_negative(delay_ms.as_slice(), "ballot.delay_ms"),
-            Self::InterGroup { states, .. } => {
+            Self::InterGroup { tick, states, .. } => {
+                tick.check()?;
                 must(states.len() <= STATES_BYTES, "states", "no more than a datagram holds")
             }
             Self::Touched { bodies, .. } => ascending(bodies, |&(body, _)| body, "touched"),
@@ -322,11 +352,15 @@ impl Check for ToClient {
                 all(joints)
             }
             Self::Altered(alteration) => alteration.check(),
-            Self::States { states, .. } => all(states),
+            Self::States { stamp, states } => {
+                stamp.tick.check()?;
+                all(states)
+            }
             // Unpacked, and checked, by who takes them in.
-            Self::CompactStates { .. } => Ok(()),
+            Self::CompactStates { stamp, .. } => stamp.tick.check(),
             Self::Answer { found, .. } => found.check(),
-            Self::Contacts { touches, forces, .. } => {
+            Self::Contacts { tick, touches, forces } => {
+                tick.check()?;
                 all(touches)?;
                 all(forces)
             }
@@ -374,8 +408,8 @@ impl Check for Message {
             Self::ToServer(message) => message.check(),
             Self::Dispatch(dispatch) => dispatch.check(),
             Self::Done(done) => done.check(),
-            Self::Report(report) => all(&report.states),
-            Self::Border(border) => all(&border.messages),
+            Self::Report(report) => report.check(),
+            Self::Border(border) => border.check(),
             Self::FromClient(client, message) => {
                 must(client.0 != 0, "client", "a client's id, from 1")?;
                 message.check()

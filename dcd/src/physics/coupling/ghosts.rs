@@ -24,9 +24,8 @@ pub(super) fn arrive(
         take_over(region, border, transfer, sender, ground, shares_mass)?;
     }
     for body in &message.replicas {
-        hold(region, body, sender, ground)?;
-        let handle = region.handle_of(body.id).expect("held from now on");
-        if shares_mass && region.slot(handle).role != Ownership::Owner {
+        let Some(handle) = hold(region, body, sender, ground)? else { continue };
+        if shares_mass {
             region.begin_mass_split(handle);
             border.shared.begin(handle);
         }
@@ -78,17 +77,15 @@ fn take_over(
     let body = &transfer.body;
     let holders = transfer.holders.without(RegionSet::only(region.rank()));
     let handle = match region.handle_of(body.id) {
-        None => {
-            hold(region, body, sender, ground)?;
-            region.handle_of(body.id).expect("just inserted")
-        }
-        Some(handle) => handle,
+        None => hold(region, body, sender, ground)?,
+        held => held,
     };
-    // The sender is mistaken or malicious: the owner at the highest epoch stays.
+    let Some(handle) = handle else { return Ok(()) };
+    // The sender is mistaken or malicious: the owner at the highest epoch stays, and what does not move is nobody's.
     let slot = region.slot(handle);
-    if slot.role == Ownership::Owner || body.epoch < slot.epoch {
-        let (owned, epoch) = (slot.role == Ownership::Owner, slot.epoch);
-        tracing::warn!(body = %body.id, sender, owned, %epoch, told = %body.epoch, "a transfer is refused");
+    if !matches!(slot.role, Ownership::Replica { .. }) || body.epoch < slot.epoch {
+        let (role, epoch) = (slot.role, slot.epoch);
+        tracing::warn!(body = %body.id, sender, ?role, %epoch, told = %body.epoch, "a transfer is refused");
         return Ok(());
     }
     region.set_role(handle, Ownership::Owner, holders, body.epoch);
@@ -104,24 +101,38 @@ fn take_over(
     Ok(())
 }
 
-/// Inserts a replica, or renews one that is here already.
-fn hold(region: &mut Region, body: &BodyRecord, sender: usize, ground: Ground<'_>) -> Result<(), ShapeError> {
+/// Inserts a replica, or renews one that is here already. Returns it, unless what is here is no replica, or the body cannot be: a member
+/// that invents shapes must not end this process.
+fn hold(
+    region: &mut Region,
+    body: &BodyRecord,
+    sender: usize,
+    ground: Ground<'_>,
+) -> Result<Option<RigidBodyHandle>, ShapeError> {
     let role = Ownership::Replica { owner: sender };
     if let Some(handle) = region.handle_of(body.id) {
         let slot = region.slot(handle);
-        if slot.role == Ownership::Owner {
-            return Ok(());
+        if !matches!(slot.role, Ownership::Replica { .. }) {
+            return Ok(None);
         }
         if slot.traits == body.traits && slot.epoch <= body.epoch {
             region.set_role(handle, role, RegionSet::EMPTY, body.epoch);
             region.slot_mut(handle).confirmed = true;
             write_whole(region, handle, body);
-            return Ok(());
+            return Ok(Some(handle));
         }
         region.remove(body.id);
     }
-    let handle = region.insert(body, role, RegionSet::EMPTY, ground.shapes)?;
-    ground.statics.cover(region, handle, ground.shapes)
+    match region.insert(body, role, RegionSet::EMPTY, ground.shapes) {
+        Ok(handle) => {
+            ground.statics.cover(region, handle, ground.shapes)?;
+            Ok(Some(handle))
+        }
+        Err(error) => {
+            tracing::warn!(body = %body.id, sender, %error, "a body is refused");
+            Ok(None)
+        }
+    }
 }
 
 /// Makes a copy that is here already equal to the record.
@@ -146,5 +157,65 @@ fn write_whole(region: &mut Region, handle: RigidBodyHandle, body: &BodyRecord) 
     region.set_drive(body.id, state.drive);
     if wakes {
         region.world_mut().wake_up(handle, true);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use rapier3d::prelude::*;
+
+    use crate::physics::{Coupling, Partition, RegionHost, StepSettings};
+    use crate::protocol::{BodyKind, BodyRecord, BorderMessage, ShapeHash, Transfer, WorldPose};
+    use crate::space::{BodyId, Bounds, DistributionTree, Epoch, RegionSet};
+
+    /// A region with a slab that does not move, and the record of the slab.
+    fn host(coupling: Coupling) -> (RegionHost, BodyRecord) {
+        let tree = DistributionTree::halved(Bounds::around([0.0; 3], [8.0; 3]), 2).unwrap();
+        let partition = Partition::new(tree, None);
+        let right = partition.leaves()[1];
+        let step = StepSettings { coupling, ..StepSettings::default() };
+        let mut host = RegionHost::new(partition, step, 1, &[right]).unwrap();
+        let slab = ColliderBuilder::cuboid(1.0, 1.0, 1.0);
+        let (id, at) = (BodyId::persistent(0), WorldPose::at([5.0, 0.0, 0.0]));
+        let record = host.shapes_mut().describe(id, at, &RigidBodyBuilder::fixed().build(), &[slab]).unwrap();
+        host.insert(vec![record.clone()], &[]).unwrap();
+        (host, record)
+    }
+
+    #[test]
+    fn bodies_of_unknown_shapes_and_what_does_not_move_are_not_taken_from_another_process() {
+        for coupling in [Coupling::Owner, Coupling::Proxy, Coupling::Auto] {
+            let (mut host, slab) = host(coupling);
+            let stolen = BodyRecord { epoch: Epoch(9), ..slab.clone() };
+            let mut invented = BodyRecord { id: BodyId::persistent(1), ..slab.clone() };
+            let traits = Arc::make_mut(&mut invented.traits);
+            traits.kind = BodyKind::Dynamic;
+            traits.colliders[0].shape = ShapeHash([7; 16]);
+            let transfer = |body: &BodyRecord| {
+                let (body, holders) = (body.clone(), RegionSet::EMPTY);
+                Transfer { body, holders, whole: false }
+            };
+            let transfers = vec![transfer(&stolen), transfer(&invented)];
+            let replicas = vec![stolen, invented.clone()];
+            let [left, right] = [0, 1].map(|rank| host.partition().leaves()[rank]);
+            let tick = host.tick().next();
+            host.compute();
+            host.accept(BorderMessage {
+                from: left,
+                to: right,
+                tick,
+                transfers,
+                replicas,
+                ..Default::default()
+            });
+            host.exchange().unwrap();
+            host.end_tick();
+            assert!(host.owned(slab.id).is_none() && host.owned(invented.id).is_none(), "{coupling:?}");
+            let region = host.regions().next().unwrap();
+            assert!(region.handle_of(slab.id).is_some(), "{coupling:?}: it is still there");
+            assert!(region.handle_of(invented.id).is_none(), "{coupling:?}");
+        }
     }
 }

@@ -4,6 +4,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::space::{BodyId, NodeId};
 
+/// The most pairs of an avatar and a member that are kept to be sent its input once more: a member may name what it likes.
+const MOST_FORMER: usize = 1 << 14;
+
 /// The avatars that each member said it holds. An avatar that none has named yet concerns all.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Holders {
@@ -15,7 +18,7 @@ pub(super) struct Holders {
 
 impl Holders {
     pub(super) fn now_holds(&mut self, node: NodeId, bodies: Vec<BodyId>) {
-        let now: BTreeSet<_> = bodies.into_iter().collect();
+        let now: BTreeSet<_> = bodies.into_iter().filter(|id| id.client().is_some()).collect();
         for &id in &now {
             *self.known.entry(id).or_default() += 1;
             self.former.remove(&(id, node));
@@ -26,6 +29,9 @@ impl Holders {
             if !self.by_node[&node].contains(&id) {
                 self.former.insert((id, node));
             }
+        }
+        while self.former.len() > MOST_FORMER {
+            self.former.pop_first();
         }
         self.known.retain(|_, holders| *holders > 0);
     }
@@ -65,5 +71,16 @@ mod tests {
         assert_eq!([a, b, c].map(|node| holders.concerns(node, AVATAR)), [false, true, false]);
         holders.now_holds(b, vec![]);
         assert!(holders.concerns(c, AVATAR), "whoever may hold it, it is not known");
+    }
+
+    #[test]
+    fn a_member_that_names_ever_others_does_not_fill_the_leader() {
+        let mut holders = Holders::default();
+        for round in 0..20 {
+            let named = (0..5_000).map(|index| BodyId::avatar(ClientId(1 + round), index));
+            holders.now_holds(NodeId(1), named.chain([BodyId::persistent(round)]).collect());
+        }
+        assert_eq!(holders.former.len(), MOST_FORMER);
+        assert_eq!(holders.by_node[&NodeId(1)].len(), 5_000, "avatars alone");
     }
 }

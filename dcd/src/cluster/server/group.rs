@@ -1,6 +1,7 @@
 //! Keeps one consistency group on the server: its view (membership), its record of the world, and its members' complaints about
 //! lost links.
 
+mod agreement;
 mod change;
 mod divisions;
 
@@ -12,7 +13,7 @@ use self::divisions::Divisions;
 use super::ServerOutput;
 use super::common::{Common, NodeEntry};
 use crate::cluster::{Life, Record};
-use crate::protocol::{ToClient, ToNode, ToServer, View, WorldOp};
+use crate::protocol::{BodyRecord, ToClient, ToNode, ToServer, View, WorldOp};
 use crate::space::{Allocation, BodyId, DistributionTree, GroupId, JointId, NodeId, RegionId, Tick};
 
 /// How long complaints about lost links are collected before one of those concerned has to go.
@@ -260,14 +261,18 @@ impl Group {
                 if self.owners.len() > 2 * self.record.len() + 64 {
                     self.owners.retain(|&id, _| self.record.life(id).is_some());
                 }
-                self.tick = self.tick.max(tick);
+                // The tick of the world is its leader's to say, which says so even when nothing moves.
+                if self.leads(node) {
+                    self.tick = self.tick.max(tick);
+                }
                 if common.config.world.last_tick == Some(tick) {
                     self.at_last_tick.insert(node);
                 }
             }
             ToServer::Removed { tick, bodies, .. } => {
                 for body in bodies {
-                    if body.epoch.is_possible(common.number.0, tick) {
+                    let is_own = !self.is_anothers(node, &body);
+                    if is_own && body.epoch.is_possible(common.number.0, tick) {
                         self.removed(common, tick, body);
                     } else {
                         common.stale += 1;
@@ -276,6 +281,15 @@ impl Group {
             }
             _ => {}
         }
+    }
+
+    /// Returns whether another member owns a body, as far as known: the sender's word is of an epoch at which that one said so.
+    fn is_anothers(&self, node: NodeId, body: &BodyRecord) -> bool {
+        let known = self.record.body(body.id).is_some_and(|known| known.epoch >= body.epoch);
+        let region = self.owners.get(&body.id).filter(|_| known);
+        let allocation = self.view.as_ref().map(|view| &view.allocation);
+        let owner = region.and_then(|region| allocation?.get(region));
+        owner.is_some_and(|owner| *owner != node)
     }
 
     /// Decides which members have to go, as members that cannot reach one another cannot share a tree. Those that most others

@@ -7,7 +7,7 @@ use super::common::{ABSENCE, NodeEntry, RETURN};
 use super::group::Group;
 use super::{Server, ServerOutput};
 use crate::cluster::Peer;
-use crate::protocol::{Farewell, Member, ToNode, ToServer, ViewNumber};
+use crate::protocol::{Delay, Farewell, Member, ToNode, ToServer, ViewNumber};
 use crate::space::{GroupId, NodeId};
 
 /// How long a group whose members are all out of reach is left alone before others take over.
@@ -176,7 +176,7 @@ impl Server {
                 self.is_anew(node);
             }
             ToServer::Leave => entry.leaving = true,
-            ToServer::Delays(delays) => entry.learn(delays),
+            ToServer::Delays(delays) => self.learn_delays(node, delays),
             ToServer::Call(motion) => self.call(node, motion),
             ToServer::Ballot { poll, delay_ms } => self.cast(node, poll, delay_ms),
             ToServer::InterGroup { view, tick, states } => self.inter_group(node, view, tick, states),
@@ -192,6 +192,16 @@ impl Server {
                     self.common.stale += 1;
                 }
             }
+        }
+    }
+
+    /// Takes in changed delays from a node to others that are here: it may name any.
+    fn learn_delays(&mut self, node: NodeId, mut delays: Vec<Delay>) {
+        let before = delays.len();
+        delays.retain(|delay| self.common.nodes.contains_key(&delay.node));
+        self.common.stale += (before - delays.len()) as u64;
+        if let Some(entry) = self.common.nodes.get_mut(&node) {
+            entry.learn(delays);
         }
     }
 

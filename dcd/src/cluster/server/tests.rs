@@ -2,6 +2,7 @@
 
 mod asked;
 mod hostile;
+mod lying;
 mod status;
 mod vicinity;
 

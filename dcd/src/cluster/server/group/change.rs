@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use super::Group;
+use super::agreement::{self, Division};
 use super::divisions::Divisions;
 use crate::cluster::Life;
 use crate::cluster::server::ServerOutput;
@@ -26,9 +27,11 @@ pub(in crate::cluster::server) struct ViewChange {
     /// Members of the last view that live, those who are leaving included.
     survivors: BTreeSet<NodeId>,
     settled: BTreeMap<NodeId, Vec<Dispatch>>,
+    /// The last tick that the survivors complete.
+    last: Tick,
     surveys: BTreeMap<NodeId, Vec<Claim>>,
-    /// How the survivors have the world cut after their last tick, and who of them computes what: all alike.
-    division: Option<(DistributionTree, Allocation)>,
+    /// How each survivor has the world cut after that tick, and who of them computes what.
+    divisions: BTreeMap<NodeId, Option<Division>>,
     /// Made when all surveys are in.
     plan: Option<Plan>,
 }
@@ -69,8 +72,9 @@ impl Group {
             at: common.now,
             survivors,
             settled,
+            last: Tick(0),
             surveys,
-            division: None,
+            divisions: BTreeMap::new(),
             plan: None,
         });
         self.finish(common);
@@ -115,18 +119,17 @@ impl Group {
 
     /// Makes everybody complete the newest dispatch, once all have stopped.
     fn finish(&mut self, common: &mut Common) {
-        let Some(change) = &self.change else { return };
+        let Some(change) = &mut self.change else { return };
         if change.settled.len() < change.survivors.len() {
             return;
         }
-        let mut dispatches: BTreeMap<Tick, Dispatch> = BTreeMap::new();
-        for dispatch in change.settled.values().flatten() {
-            let known = dispatches.entry(dispatch.tick).or_insert_with(|| dispatch.clone());
-            // Members are sent what concerns them; all of it concerns somebody.
-            let more = dispatch.ops.iter().filter(|op| !known.ops.contains(op)).cloned().collect::<Vec<_>>();
-            known.ops.extend(more);
+        let mut dispatches = Vec::new();
+        if let Some(view) = &self.view {
+            let (counted, refused) = agreement::dispatches(view, &change.settled);
+            change.last = counted.last().map_or(view.tick, |last| last.tick);
+            common.stale += refused;
+            dispatches = counted;
         }
-        let dispatches: Vec<_> = dispatches.into_values().collect();
         let survivors: Vec<_> = change.survivors.iter().copied().collect();
         for &node in &survivors {
             let (view, dispatches, survivors) = (change.number, dispatches.clone(), survivors.clone());
@@ -140,18 +143,21 @@ impl Group {
         common: &mut Common,
         node: NodeId,
         tick: Tick,
-        division: Option<(DistributionTree, Allocation)>,
+        division: Option<Division>,
         claims: Vec<Claim>,
     ) -> bool {
         match &mut self.change {
             Some(change) if change.survivors.contains(&node) && !change.surveys.contains_key(&node) => {
                 change.at = common.now;
+                // The tick of the world is not one member's to say.
+                common.stale += u64::from(tick > change.last);
+                let tick = tick.min(change.last);
                 let newest = common.number.0;
                 let is_possible = |claim: &Claim| claim.epoch.is_possible(newest, tick);
                 let (claims, forged): (Vec<_>, Vec<_>) = claims.into_iter().partition(is_possible);
                 common.stale += forged.len() as u64;
                 change.surveys.insert(node, claims);
-                change.division = change.division.take().or(division);
+                change.divisions.insert(node, division);
                 self.tick = self.tick.max(tick);
                 self.plan(common);
                 true
@@ -162,10 +168,19 @@ impl Group {
 
     /// Plans the view once all owned bodies are known: who computes which region, and which bodies must be fetched for that.
     fn plan(&mut self, common: &mut Common) {
-        let Some(change) = &self.change else { return };
+        let Some(change) = &mut self.change else { return };
         if change.surveys.len() < change.survivors.len() {
             return;
         }
+        let division = self.view.as_ref().and_then(|view| agreement::division(view, &change.divisions));
+        if let Some((_, allocation)) = &division {
+            for (node, claims) in &mut change.surveys {
+                let before = claims.len();
+                claims.retain(|claim| allocation.get(&claim.region) == Some(node));
+                common.stale += (before - claims.len()) as u64;
+            }
+        }
+        let Some(change) = &self.change else { return };
         let is_whole =
             self.view.iter().flat_map(|view| &view.members).all(|m| change.survivors.contains(&m.node));
         if common.stopping && is_whole {
@@ -173,7 +188,7 @@ impl Group {
         }
         let members: Vec<_> = self.wanted(common).map(|(_, entry)| entry.member.clone()).collect();
         let ids: Vec<_> = members.iter().map(|member| member.node).collect();
-        let (tree, allocation) = self.divide(common, &ids, change.division.clone());
+        let (tree, allocation) = self.divide(common, &ids, division);
         let mut owners: BTreeMap<BodyId, Owner> = BTreeMap::new();
         for (&node, claims) in &change.surveys {
             for claim in claims {
@@ -211,12 +226,7 @@ impl Group {
 
     /// Returns how the next view has the world cut, and who of its members computes what. Where the regions follow the load, members
     /// keep what they have: the leader gives those their part that have none. A world that nobody computes is cut by where bodies lie.
-    fn divide(
-        &self,
-        common: &Common,
-        members: &[NodeId],
-        present: Option<(DistributionTree, Allocation)>,
-    ) -> (DistributionTree, Allocation) {
+    fn divide(&self, common: &Common, members: &[NodeId], present: Option<Division>) -> Division {
         let world = &common.config.world;
         let known = self.view.as_ref().map_or(&world.tree, |view| &view.tree);
         if members.is_empty() {

@@ -10,6 +10,8 @@ use crate::space::{Allocation, NodeId, RegionId};
 const KEPT: usize = 16;
 /// The most checkpoints of divisions that the leader has not told yet: its word is on its way over another link.
 const WAITING: usize = 256;
+/// The most bodies in them: a member may say as much as a message holds.
+const WAITING_BODIES: usize = 1 << 17;
 
 /// The divisions of a view: numbered, from 0 on, by how often the tree has changed in it.
 #[derive(Clone, Debug, Default)]
@@ -48,11 +50,25 @@ impl Divisions {
     /// Keeps a checkpoint until the leader has told of its division. Returns how many are dropped for it.
     pub(super) fn wait(&mut self, node: NodeId, message: ToServer) -> u64 {
         self.waiting.push_back((node, message));
-        u64::from(self.waiting.len() > WAITING && self.waiting.pop_front().is_some())
+        let mut dropped = 0;
+        while self.waiting.len() > WAITING
+            || self.waiting.iter().map(bodies_in).sum::<usize>() > WAITING_BODIES
+        {
+            self.waiting.pop_front();
+            dropped += 1;
+        }
+        dropped
     }
 
     /// Returns whether a member computes a region in a division.
     pub(super) fn computes(&self, node: NodeId, region: RegionId, division: u32) -> bool {
         self.known.get(&division).is_some_and(|allocation| allocation.get(&region) == Some(&node))
+    }
+}
+
+fn bodies_in((_, message): &(NodeId, ToServer)) -> usize {
+    match message {
+        ToServer::Checkpoint { bodies, .. } => bodies.len(),
+        _ => 0,
     }
 }

@@ -215,7 +215,7 @@ fn only_the_leader_that_a_client_plays_with_speaks_for_it() {
 }
 
 /// Returns a server with two members that compute a region each, and the number of their view.
-fn server_of_two() -> (Server, ViewNumber) {
+pub(super) fn server_of_two() -> (Server, ViewNumber) {
     let bodies = (0..3).map(|i| sim_body(BodyId::persistent(i), [f64::from(i), 1.0, 1.0])).collect();
     let mut server = Server::new(config(2), Record::new(bodies, Vec::new(), Vec::new()));
     for node in [1, 2] {

@@ -14,6 +14,7 @@ use super::first::first_of;
 use super::join::{answer, explain};
 use super::peer::{GreetError, Lanes, Peer, greet};
 use super::seldom::Seldom;
+use super::unasked::Unasked;
 use super::verify::names_of_peer;
 use super::{
     Authority, CloseCause, CloseCode, Limits, NetError, NetEvent, NetTotals, PeerKey, PeerName, PeerStats,
@@ -36,6 +37,8 @@ pub(super) struct Shared {
     pub(super) connection_slots: Arc<Semaphore>,
     /// Taken by each handshake or join under way.
     pub(super) handshake_slots: Arc<Semaphore>,
+    /// Those of them that have a connection, no name, and have not asked for anything.
+    pub(super) unasked: Unasked,
     pub(super) peers: RwLock<BTreeMap<PeerKey, Arc<Peer>>>,
     /// Peers that we have closed, until their connections are over: what they carry still counts. Locked after `peers`, before `totals`.
     pub(super) leaving: Mutex<BTreeMap<PeerKey, Arc<Peer>>>,
@@ -92,11 +95,21 @@ pub(super) async fn accept(shared: Arc<Shared>) {
             Ok(slot) => {
                 tokio::spawn(receive(shared.clone(), incoming, slot));
             }
+            Err(_) if shared.unasked.give_way() => {
+                tokio::spawn(receive_when_free(shared.clone(), incoming));
+            }
             Err(_) => {
                 shared.totals().handshakes_refused += 1;
                 incoming.ignore();
             }
         }
+    }
+}
+
+/// Serves one incoming connection in the place of another that gives way.
+async fn receive_when_free(shared: Arc<Shared>, incoming: Incoming) {
+    if let Ok(slot) = shared.handshake_slots.clone().acquire_owned().await {
+        receive(shared, incoming, slot).await;
     }
 }
 
@@ -123,7 +136,10 @@ async fn receive(shared: Arc<Shared>, incoming: Incoming, handshake: OwnedSemaph
             if let_in { totals.joins_granted += 1 } else { totals.joins_refused += 1 }
         };
         match shared.authority.clone() {
-            Some(authority) => answer(&connection, authority, &shared.limits, &shared.refusals, count).await,
+            Some(authority) => {
+                let Shared { limits, refusals, unasked, .. } = &*shared;
+                answer(&connection, authority, limits, refusals, unasked, count).await;
+            }
             None => count(false),
         }
         return;

@@ -15,6 +15,7 @@ use super::calls::{Shared, accept, dial};
 use super::quic_config::{client_config, endpoint_config, server_config};
 use super::renewal::renew_in_time;
 use super::seldom::Seldom;
+use super::unasked::Unasked;
 use super::{
     Authority, CloseCode, Identity, Lane, Limits, NetError, NetEvents, NetTotals, PeerKey, PeerName,
     PeerStats, SendError,
@@ -80,6 +81,7 @@ impl Net {
             authority,
             connection_slots: Arc::new(Semaphore::new(limits.connections)),
             handshake_slots: Arc::new(Semaphore::new(limits.handshakes)),
+            unasked: Unasked::default(),
             limits,
             refusals: Seldom::default(),
             peers: RwLock::default(),

@@ -33,6 +33,7 @@ mod stats;
 #[cfg(test)]
 mod tests;
 mod token;
+mod unasked;
 mod verify;
 
 pub use authority::Authority;
@@ -45,6 +46,8 @@ pub use events::{CloseCause, CloseCode, NetEvent, NetEvents, PeerKey};
 pub(crate) use files::open_private;
 pub use identity::Identity;
 pub use join::join;
+#[doc(hidden)]
+pub use join::read_joining;
 #[cfg(feature = "etcd")]
 pub(crate) use journal::Journal;
 pub use lanes::Lane;

@@ -165,11 +165,16 @@ fn under_load_callers_prove_their_address_first_and_get_in_all_the_same() {
 #[test]
 fn handshakes_beyond_the_limit_are_not_answered() {
     let server = Server::with_limits(Limits { handshakes: 1, ..Limits::default() });
-    let token = server.token(JoinRole::Node);
+    let (token, identity) = (server.token(JoinRole::Node), server.join(JoinRole::Node));
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+    // It has a name, and may greet yet.
     let idle = runtime.block_on(async {
-        let (endpoint, connecting) = anonymous(server.addr(), token.fingerprint, PATIENCE).unwrap();
-        (endpoint, connecting.await.unwrap())
+        let endpoint = quinn::Endpoint::client(anywhere()).unwrap();
+        let crypto = crate::net::verify::dialling(&identity).unwrap();
+        let crypto = quinn::crypto::rustls::QuicClientConfig::try_from(crypto).unwrap();
+        let config = quinn::ClientConfig::new(Arc::new(crypto));
+        let connecting = endpoint.connect_with(config, server.addr(), "server.dcd").unwrap();
+        (connecting.await.unwrap(), endpoint)
     });
     let error = join(&[server.addr()], &token, None, Duration::from_millis(300)).unwrap_err();
     assert!(matches!(error, NetError::Unreachable { .. }), "{error}");
@@ -179,6 +184,25 @@ fn handshakes_beyond_the_limit_are_not_answered() {
     let (one, two) = (server.process(JoinRole::Node), server.process(JoinRole::Node));
     one.connect_to(&server.process);
     two.connect_to(&server.process);
+}
+
+#[test]
+fn who_has_no_name_and_asks_nothing_keeps_nobody_from_joining() {
+    let (handshakes, handshake_timeout) = (8, HOUR);
+    let server = Server::with_limits(Limits { handshakes, handshake_timeout, ..Limits::default() });
+    let token = server.token(JoinRole::Node);
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+    let idle = || async {
+        let (endpoint, connecting) = anonymous(server.addr(), token.fingerprint, HOUR).unwrap();
+        (connecting.await.unwrap(), endpoint)
+    };
+    let idle: Vec<_> = (0..handshakes).map(|_| runtime.block_on(idle())).collect();
+    join(&[server.addr()], &token, None, PATIENCE).unwrap();
+    server.join(JoinRole::Client);
+    let closed =
+        runtime.block_on(async { tokio::time::timeout(PATIENCE, idle[0].0.closed()).await }).unwrap();
+    assert!(closed.to_string().contains("nothing was asked"), "{closed}");
+    assert!(idle[handshakes - 1].0.close_reason().is_none(), "the newest may ask yet");
 }
 
 #[test]

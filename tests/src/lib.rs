@@ -3,6 +3,7 @@
 pub mod browser;
 pub mod course;
 pub mod etcd;
+pub mod fuzz;
 pub mod proxy;
 pub mod served;
 pub mod socket;

@@ -187,7 +187,7 @@ fn rust_files(folder: &Path, found: &mut Vec<PathBuf>) {
 fn every_file_says_first_what_it_does() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let mut files = Vec::new();
-    for crate_folder in ["dcd", "dcd-ffi", "benches", "tests"] {
+    for crate_folder in ["dcd", "dcd-ffi", "benches", "tests", "fuzz"] {
         rust_files(&root.join(crate_folder), &mut files);
     }
     assert!(files.len() > 500, "{} files were found", files.len());

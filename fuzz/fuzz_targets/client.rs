@@ -1,0 +1,4 @@
+//! Runs the target `client`.
+#![no_main]
+
+dcd_fuzz::fuzz_by!("client");

@@ -1,0 +1,4 @@
+//! Runs the target `device`.
+#![no_main]
+
+dcd_fuzz::fuzz_by!("device");

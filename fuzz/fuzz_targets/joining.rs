@@ -1,0 +1,4 @@
+//! Runs the target `joining`.
+#![no_main]
+
+dcd_fuzz::fuzz_by!("joining");

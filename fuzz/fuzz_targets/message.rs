@@ -1,0 +1,4 @@
+//! Runs the target `message`.
+#![no_main]
+
+dcd_fuzz::fuzz_by!("message");

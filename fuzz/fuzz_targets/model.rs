@@ -1,0 +1,4 @@
+//! Runs the target `model`.
+#![no_main]
+
+dcd_fuzz::fuzz_by!("model");

@@ -1,0 +1,4 @@
+//! Runs the target `snapshot`.
+#![no_main]
+
+dcd_fuzz::fuzz_by!("snapshot");

@@ -1,0 +1,4 @@
+//! Runs the target `states`.
+#![no_main]
+
+dcd_fuzz::fuzz_by!("states");

@@ -198,6 +198,7 @@ impl From<ProcessError> for Failure {
             | ProcessError::SentAway { .. }
             | ProcessError::Refused(_)
             | ProcessError::Ended(_)
+            | ProcessError::WorldEnded
             | ProcessError::Stopped => DCD_ERR_NETWORK,
         };
         Self::new(status, error.to_string())

@@ -26,6 +26,11 @@ impl Failure {
         Self { message: message.into(), code: 1 }
     }
 
+    /// Creates a failure after which there is nothing to go on with: the world has ended, and who starts its server again begins it anew.
+    pub(super) fn world_ended(message: impl Into<String>) -> Self {
+        Self { message: message.into(), code: 3 }
+    }
+
     /// Creates the failure of Ctrl-C, where there is nothing to report.
     pub(super) fn interrupted() -> Self {
         Self { message: "ended by Ctrl-C".to_owned(), code: 130 }
@@ -59,6 +64,7 @@ impl From<ProcessError> for Failure {
         let message = error.to_string();
         match error {
             ProcessError::World(error) => error.into(),
+            ProcessError::WorldEnded => Self::world_ended(message),
             // What the user gave cannot be used, and nothing was said to a server yet.
             ProcessError::Restore(_)
             | ProcessError::Directory(

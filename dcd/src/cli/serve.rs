@@ -167,7 +167,8 @@ impl Serve {
             Beginning::Snapshot(world) => Origin::World(world),
         };
         let Some(server) = ServerProcess::start_or_stand_by(origin_of_world, config, &mut stand_by)? else {
-            return Ok(interrupt.exit_code());
+            // As a server that keeps its world.
+            return Ok(ExitCode::SUCCESS);
         };
         drop(origin);
         let _watch = notifier.watch(server.pulse());
@@ -230,12 +231,12 @@ impl Serve {
         let summary = server.stop();
         Served::new(&summary, last_tick).show(self.json)?;
         if summary.unaudited {
-            return Err(Failure::run(
+            return Err(Failure::world_ended(
                 "the nodes did not say at the end what they own, so nobody knows whether bodies are lost; see their logs",
             ));
         }
         if summary.lost + summary.doubled > 0 {
-            return Err(Failure::run(format!(
+            return Err(Failure::world_ended(format!(
                 "{} bodies are lost and {} doubled: this is a fault of dcd; please report it with the logs (-vv)",
                 summary.lost, summary.doubled
             )));
@@ -364,8 +365,9 @@ fn after_help() -> String {
         "Prints `listening ADDR` first, with --metrics `metrics URL`, then `going on with the world at tick N` if --data holds one that has not ended, a line\n\
          `view NUMBER at tick T: n1 r1, n2 r2; n1 leads` whenever the nodes or their shares change, and the summary last; with\n\
          --json as an object with the keys tick bodies regions nodes views repartitions lost doubled state_hash bytes seconds kept (state_hash\n\
-         with --ticks only; views, repartitions and seconds since this start; kept: whether the world goes on). Exits with 1 when the last look at the world finds bodies\n\
-         lost or doubled.\n\n\
+         with --ticks only; views, repartitions and seconds since this start; kept: whether the world goes on). Exits with 3, and is not to be\n\
+         started again by itself, when the world has ended and the last look at it finds bodies lost or doubled or finds nodes that do not\n\
+         say what they own, and when it has ended while this server stood by.\n\n\
          A server that dies is to be started again with the same options: nodes compute on meanwhile, and they and clients dial\n\
          it again. Nodes may be some seconds ahead of tick N. SIGTERM, SIGHUP and Ctrl-C stop the server in the same way, with exit\n\
          code 0: the world goes on. `dcd end --data DIR` ends it for all, and so does a second signal within two seconds\n\

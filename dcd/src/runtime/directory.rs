@@ -74,7 +74,7 @@ fn in_etcd(address: &str, config: &ServeConfig, goes_on: GoesOn<'_>) -> Result<O
         };
     };
     if directory.is_cleared() {
-        return Err(ProcessError::Ended("the world has ended while this server stood by".to_owned()));
+        return Err(ProcessError::WorldEnded);
     }
     if stood_by {
         tracing::info!(place = address, "taking over");

@@ -167,6 +167,9 @@ pub enum ProcessError {
     /// The process has ended; the cause was reported before.
     #[error("{0}")]
     Ended(String),
+    /// The world was ended for all its servers; this one stood by.
+    #[error("the world has ended while this server stood by; started again it would begin the world anew")]
+    WorldEnded,
     /// A stored world cannot be resumed.
     #[error(transparent)]
     Restore(#[from] crate::cluster::RestoreError),

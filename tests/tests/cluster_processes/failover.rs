@@ -121,6 +121,7 @@ impl Pair {
         if let Some(standby) = self.servers[1 - self.active].take() {
             let ended = standby.end();
             assert!(ended.errors.contains("the world has ended while this server stood by"), "{ended:?}");
+            assert_eq!(ended.code(), Some(3), "RestartPreventExitStatus");
         }
     }
 }
@@ -238,7 +239,11 @@ fn a_world_that_has_not_begun_is_handed_over_too() {
     first.interrupt();
     assert_eq!(first.end().code(), Some(0));
     second.line("listening ");
-    second.interrupt();
-    let ended = second.end();
-    assert_eq!(ended.code(), Some(0), "{ended:?}");
+    let mut third = serve(&etcd, "127.0.0.1:0", &folder.path().join("2"));
+    third.line("standing by for ");
+    for stops in [third, second] {
+        stops.interrupt();
+        let ended = stops.end();
+        assert_eq!(ended.code(), Some(0), "{ended:?}");
+    }
 }

@@ -43,7 +43,11 @@ fn the_units_start_a_server_and_nodes_with_the_options_in_their_files() {
         fs::write(root.join("etc/dcd").join(file), text).unwrap();
     };
     options("server.toml", "");
-    let args = started(&installed("systemd/dcd-server.service", root));
+    let unit = installed("systemd/dcd-server.service", root);
+    for line in ["RestartPreventExitStatus=3", "PrivateTmp=no"] {
+        assert!(unit.lines().any(|known| known == line), "{line}");
+    }
+    let args = started(&unit);
     let mut server = Process::start(&mut dcd(&args.iter().map(String::as_str).collect::<Vec<_>>()));
     let address = server.line("listening ");
     server.line("metrics http://127.0.0.1:");

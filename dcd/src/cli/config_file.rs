@@ -14,13 +14,15 @@ use crate::scene::nearest;
 /// The option that names the file, for subcommands that have it.
 #[derive(clap::Args)]
 pub(super) struct ConfigArgs {
-    /// Take options from a TOML file: `listen = "0.0.0.0:7420"`, `fresh = true`, `set = ["n=3", "mass=2"]`; what is on the command line counts instead
+    /// Take options from a TOML file: `listen = "0.0.0.0:7420"`, `unpaced = true`, `set = ["n=3", "mass=2"]`; what is on the command line counts instead
     #[arg(id = "config", long = "config", value_name = "FILE")]
     _file: Option<PathBuf>,
 }
 
 /// The id of that option.
 const CONFIG: &str = "config";
+/// The option that forgets a world, which a file would do at each start.
+const FRESH: &str = "fresh";
 
 /// Returns the arguments with those of the file that they name.
 pub(super) fn expand(mut command: Command, args: Vec<OsString>) -> Result<Vec<OsString>, Failure> {
@@ -64,9 +66,7 @@ struct File<'a> {
 impl File<'_> {
     fn arguments(&self) -> Result<Added, Failure> {
         let text = std::fs::read_to_string(self.path).map_err(|error| self.wrong(&error.to_string()))?;
-        let table: toml::Table = text.parse().map_err(|error: toml::de::Error| {
-            self.wrong(&format!("{}; write `option = value`, as TOML has it", error.to_string().trim_end()))
-        })?;
+        let table: toml::Table = text.parse().map_err(|error| self.unreadable(&text, &error))?;
         let mut added = Added::default();
         for (key, value) in &table {
             let arg = self.named(key)?;
@@ -92,13 +92,19 @@ impl File<'_> {
 
     /// Returns the argument of this name.
     fn named(&self, key: &str) -> Result<&Arg, Failure> {
+        if key == FRESH && self.subcommand.get_arguments().any(|arg| arg.get_id() == FRESH) {
+            return Err(self.wrong(
+                "`fresh` would begin the world anew each time that its server is started, after a crash too; take it out, and write \
+                 --fresh on the command line once",
+            ));
+        }
         let name = |arg: &Arg| match arg.is_positional() {
             true => Some(arg.get_id().to_string()),
             false => arg.get_long().map(str::to_owned),
         };
         let can_be = |arg: &&Arg| {
             let acts = matches!(arg.get_action(), ArgAction::Help | ArgAction::HelpLong | ArgAction::Version);
-            !acts && arg.get_id() != CONFIG
+            !acts && arg.get_id() != CONFIG && arg.get_id() != FRESH
         };
         let arguments = || self.subcommand.get_arguments().filter(can_be);
         if let Some(arg) = arguments().find(|arg| name(arg).as_deref() == Some(key)) {
@@ -124,7 +130,9 @@ impl File<'_> {
 
     /// Returns the values to write behind the option, each time that it is to be written.
     fn texts(&self, key: &str, arg: &Arg, value: &toml::Value) -> Result<Vec<Option<String>>, Failure> {
-        let unfit = |wanted: &str| Err(self.wrong(&format!("`{key}` wants {wanted}, and is {value}")));
+        // Not the value itself, which may be a token.
+        let is = value.type_str();
+        let unfit = |wanted: &str| Err(self.wrong(&format!("`{key}` wants {wanted}, and has a value of the type {is}")));
         let may_be_alone = arg.get_num_args().is_some_and(|counts| counts.min_values() == 0);
         match (arg.get_action(), value) {
             (ArgAction::SetTrue, toml::Value::Boolean(on)) => Ok(vec![None; usize::from(*on)]),
@@ -165,6 +173,14 @@ impl File<'_> {
             }
             _ => Ok(()),
         }
+    }
+
+    /// Says where the file is no TOML, but not what is there, which may be a token.
+    fn unreadable(&self, text: &str, error: &toml::de::Error) -> Failure {
+        let before = error.span().and_then(|span| text.get(..span.start)).unwrap_or_default();
+        let line = before.matches('\n').count() + 1;
+        let cause = error.message();
+        self.wrong(&format!("line {line}: {cause}; write `option = value`, as TOML has it"))
     }
 
     fn wrong(&self, what: &str) -> Failure {

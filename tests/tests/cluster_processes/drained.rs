@@ -96,6 +96,12 @@ fn a_drained_node_hands_its_regions_over_while_the_world_runs_and_comes_back_und
     }
     let last = drain(&data, &name);
     assert!(
+    let (hangs, hanging) = server.node();
+    while !server.view().contains(&format!("{hangs} r")) {}
+    hanging.signal("-STOP");
+    let lost = drain(&data, &hangs);
+    assert!(lost.code() == Some(1) && lost.errors.contains("was lost before it had handed"), "{lost:?}");
+    drop(hanging);
         last.code() == Some(1) && last.errors.contains("is the last node: start another one"),
         "{last:?}"
     );

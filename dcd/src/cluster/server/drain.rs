@@ -22,6 +22,18 @@ pub enum DrainError {
          and the world stands still until a node comes"
     )]
     Last(NodeId),
+    /// It cannot be told.
+    #[error(
+        "the server has no link with {0}, which could hand nothing over: look at its machine and the network, and kill it if it hangs; it \
+         leaves by itself when it is not back within seconds"
+    )]
+    Unlinked(NodeId),
+    /// It did not hand over.
+    #[error(
+        "{0} was lost before it had handed its regions over: other nodes have them as of the last checkpoint. It may still run; see to it \
+         that it is stopped"
+    )]
+    Lost(NodeId),
     /// It ends with its client.
     #[error(
         "{0} is the participant of {1}, and leaves when its player does; to send it away is for the server's program"
@@ -46,6 +58,9 @@ impl Server {
         let Some(entry) = self.common.nodes.get(&node) else { return Err(DrainError::Gone(node)) };
         if let Some(client) = entry.member.client {
             return Err(DrainError::Plays(node, client));
+        }
+        if !entry.linked {
+            return Err(DrainError::Unlinked(node));
         }
         let mut others = self.common.nodes.iter().filter(|&(&other, _)| other != node);
         let has_heir = others.any(|(_, other)| other.linked && other.is_ready());

@@ -551,13 +551,18 @@ fn a_node_is_drained_where_another_can_take_over_and_goes_at_once_if_it_fails_to
     // It does not do its part.
     server.begin_anew(NodeId(1));
     assert_eq!(server.is_draining(NodeId(1)), Ok(false));
-    let is_told = |output: ServerOutput| match output {
+    let is_told = |output: &ServerOutput| match output {
         ServerOutput::Close { peer, farewell, .. } => {
-            (peer, farewell) == (Peer::Node(NodeId(1)), Farewell::Left)
+            (*peer, *farewell) == (Peer::Node(NodeId(1)), Farewell::Left)
         }
         _ => false,
     };
-    assert!(std::iter::from_fn(|| server.poll_output()).any(is_told));
+    let outputs: Vec<_> = std::iter::from_fn(|| server.poll_output()).collect();
+    assert!(outputs.iter().any(is_told));
+    assert!(outputs.contains(&ServerOutput::Expelled(NodeId(1))), "what it had is as of the last checkpoint");
+    let mut server = server_of_two();
+    server.handle(NOW, ServerEvent::Disconnected(Peer::Node(NodeId(1))));
+    assert_eq!(server.check_drain(NodeId(1)), Err(DrainError::Unlinked(NodeId(1))));
 }
 
 fn collider(shape: &ShapeRecord) -> ColliderRecord {

@@ -51,11 +51,31 @@ pub(super) struct Loop {
     /// Who waits for the world to be saved.
     pub(super) savers: Vec<SyncSender<SavedWorld>>,
     /// Who waits for nodes to be drained.
-    pub(super) drains: Vec<(NodeId, SyncSender<Result<(), DrainError>>)>,
+    pub(super) drains: Vec<Drain>,
     /// When the world ends even without an audit.
     pub(super) end_by: Option<Instant>,
     pub(super) audited: bool,
     pub(super) over: bool,
+}
+
+/// A node that is being drained, and who waits for that.
+pub(super) struct Drain {
+    node: NodeId,
+    asker: SyncSender<Result<(), DrainError>>,
+    /// The world went on without it before it had handed over.
+    is_lost: bool,
+}
+
+impl Drain {
+    /// Says how it came out.
+    fn end(&self, drained: Result<(), DrainError>) {
+        match &drained {
+            Ok(()) => info!(node = %self.node, "drained: other nodes have its regions"),
+            Err(error) => warn!(%error, "a node is not drained"),
+        }
+        // Who has waited for too long is gone.
+        let _ = self.asker.try_send(drained);
+    }
 }
 
 impl Loop {
@@ -175,22 +195,21 @@ impl Loop {
             let _ = asker.try_send(Err(error));
             return;
         }
-        info!(%node, "drained: its regions are handed over");
+        info!(%node, "is to be drained: it hands its regions over");
         self.server().handle(now, ServerEvent::Drain(node));
-        self.drains.push((node, asker));
+        self.drains.push(Drain { node, asker, is_lost: false });
     }
 
     /// Tells those who wait for it that a node is gone.
     fn tell_of_drains(&mut self) {
         let server = self.server.lock().unwrap_or_else(PoisonError::into_inner);
-        self.drains.retain(|(node, asker)| {
-            let drained = match server.is_draining(*node) {
+        self.drains.retain(|drain| {
+            match server.is_draining(drain.node) {
                 Ok(true) => return true,
-                Ok(false) => Ok(()),
-                Err(error) => Err(error),
-            };
-            // Who has waited for too long is gone.
-            let _ = asker.try_send(drained);
+                Ok(false) if drain.is_lost => drain.end(Err(DrainError::Lost(drain.node))),
+                Ok(false) => drain.end(Ok(())),
+                Err(error) => drain.end(Err(error)),
+            }
             false
         });
     }
@@ -215,7 +234,11 @@ impl Loop {
                     }
                 }
                 ServerOutput::Dissolved(group) => info!(%group, "a group is no more"),
-                ServerOutput::Expelled(node) => warn!(%node, "the world goes on without a node"),
+                ServerOutput::Expelled(node) => {
+                    warn!(%node, "the world goes on without a node");
+                    let drained = self.drains.iter_mut().filter(|drain| drain.node == node);
+                    drained.for_each(|drain| drain.is_lost = true);
+                }
                 ServerOutput::Unreached(node) => warn!(
                     %node,
                     "other nodes do not reach a new one at the address that it gave: it computes the world by itself until they do; \

@@ -7,8 +7,6 @@ use std::time::Duration;
 use self::socket::Socket;
 use crate::runtime::Pulse;
 
-/// How often a process that is not ready yet is looked at.
-const LOOK: Duration = Duration::from_millis(100);
 /// How often it says what it does.
 const STATUS: Duration = Duration::from_secs(5);
 /// The least time after which a loop counts as hung: one that is idle turns twice per second.
@@ -49,18 +47,16 @@ impl Notifier {
         self.say("STOPPING=1\nSTATUS=stopping");
     }
 
-    /// Tells by a thread of its own how a process is, for as long as its loop turns.
+    /// Says that the process is ready, and by a thread of its own how it is, for as long as its loop turns.
     pub(super) fn watch(&self, pulse: impl Fn() -> Pulse + Send + 'static) -> Watch {
         let (until, over) = mpsc::channel::<()>();
         if let Some(socket) = self.socket.clone() {
             let teller = Self { socket: Some(socket), watchdog: self.watchdog };
             std::thread::spawn(move || {
-                let mut was_ready = false;
+                teller.say("READY=1");
                 loop {
-                    let now = pulse();
-                    teller.say(&teller.news(&now, was_ready));
-                    was_ready |= now.is_ready;
-                    match over.recv_timeout(teller.period(was_ready)) {
+                    teller.say(&teller.news(&pulse()));
+                    match over.recv_timeout(teller.period()) {
                         Err(RecvTimeoutError::Timeout) => {}
                         _ => return,
                     }
@@ -71,11 +67,8 @@ impl Notifier {
     }
 
     /// Returns what there is to tell.
-    fn news(&self, pulse: &Pulse, was_ready: bool) -> String {
+    fn news(&self, pulse: &Pulse) -> String {
         let mut news = format!("STATUS={}", pulse.words);
-        if pulse.is_ready && !was_ready {
-            news.push_str("\nREADY=1");
-        }
         let turns = |watchdog: Duration| pulse.turned.elapsed() < (watchdog / 2).max(TURNS);
         if self.watchdog.is_some_and(turns) {
             news.push_str("\nWATCHDOG=1");
@@ -83,9 +76,8 @@ impl Notifier {
         news
     }
 
-    fn period(&self, is_ready: bool) -> Duration {
-        let usual = if is_ready { STATUS } else { LOOK };
-        self.watchdog.map_or(usual, |watchdog| usual.min(watchdog / 2))
+    fn period(&self) -> Duration {
+        self.watchdog.map_or(STATUS, |watchdog| STATUS.min(watchdog / 2))
     }
 
     fn say(&self, news: &str) {
@@ -167,11 +159,10 @@ mod tests {
         let notifier = Notifier { socket: None, watchdog: Some(Duration::from_secs(10)) };
         let turned = |ago_s| Instant::now().checked_sub(Duration::from_secs(ago_s)).unwrap();
         let told = |ago_s| {
-            let pulse = Pulse { turned: turned(ago_s), is_ready: true, words: "tick 5".to_owned() };
-            notifier.news(&pulse, false)
+            notifier.news(&Pulse { turned: turned(ago_s), words: "tick 5".to_owned() })
         };
-        assert_eq!(told(0), "STATUS=tick 5\nREADY=1\nWATCHDOG=1");
-        assert_eq!(told(6), "STATUS=tick 5\nREADY=1");
+        assert_eq!(told(0), "STATUS=tick 5\nWATCHDOG=1");
+        assert_eq!(told(6), "STATUS=tick 5");
     }
 
     #[test]

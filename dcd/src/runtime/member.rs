@@ -280,12 +280,11 @@ impl Member {
         move || {
             let state = shared.lock();
             let NodeSummary { node, tick, bodies, regions, .. } = &state.summary;
-            let is_ready = tick.0 > 0;
-            let words = match is_ready {
-                true => format!("{node} at tick {}, {bodies} bodies, {regions} regions", tick.0),
-                false => format!("{node} waits for its group"),
+            let words = match tick.0 {
+                0 => format!("{node} waits for its group"),
+                tick => format!("{node} at tick {tick}, {bodies} bodies, {regions} regions"),
             };
-            Pulse { turned: state.turned, is_ready, words }
+            Pulse { turned: state.turned, words }
         }
     }
 

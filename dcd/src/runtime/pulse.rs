@@ -6,8 +6,6 @@ use std::time::Instant;
 pub struct Pulse {
     /// When its loop last turned: at least twice per second, but while it builds a large world.
     pub turned: Instant,
-    /// A server lets others in; a node is in a group, and has completed a tick.
-    pub is_ready: bool,
     /// For people.
     pub words: String,
 }

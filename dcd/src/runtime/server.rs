@@ -292,7 +292,7 @@ impl ServerProcess {
             let state = shared.lock();
             let ServerSummary { tick, bodies, nodes, .. } = &state.summary;
             let words = format!("tick {}, {bodies} bodies, {nodes} nodes", tick.0);
-            Pulse { turned: state.turned.unwrap_or(begun), is_ready: true, words }
+            Pulse { turned: state.turned.unwrap_or(begun), words }
         }
     }
 

@@ -57,7 +57,6 @@ fn the_units_start_a_server_and_nodes_with_the_options_in_their_files() {
     let args = started(&installed("systemd/dcd-node.service", root));
     let mut node = Process::start(&mut dcd(&args.iter().map(String::as_str).collect::<Vec<_>>()));
     assert_eq!(node.line("joined as "), "n1");
-    let _other = Process::start(&mut dcd(&["node", "--server", &address, "--token", &token(&data, "node")]));
     assert!(server.line("view ").contains("n1 leads"));
     assert!(root.join("var/lib/dcd-node/identity").exists());
     node.interrupt();

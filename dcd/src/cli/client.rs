@@ -255,7 +255,7 @@ impl Client {
             interest: self.interest.map(|radius| Area { centre: [0.0; 3], radius_m: radius.into() }),
             listen: self.listen,
             advertise: self.advertise,
-            ..joining(&self.server, self.token.read()?)
+            ..joining(&self.server, self.token.read(true)?)
         };
         let truth =
             self.truth.map(|token| JoinConfig { give_up: self.give_up, ..joining(&self.server, token) });

@@ -1,7 +1,7 @@
 //! Takes the token with which a process joins: as an option, or from a file, which lists of processes do not show.
 
 use std::fs::File;
-use std::io::Read;
+use std::io::{ErrorKind, Read};
 use std::path::PathBuf;
 
 use super::failure::Failure;
@@ -14,20 +14,24 @@ pub(super) struct TokenArgs {
     /// From `dcd token --role ROLE`: node, client, or participant with --compute. Who may list processes sees it; not so with --token-file
     #[arg(long, required_unless_present_any = ["token_file", "identity"])]
     token: Option<String>,
-    /// A file with the token. A node whose --identity has its file already needs neither, nor is a token used up then
+    /// A file with the token. A node whose --identity has its file already needs neither, nor is a token used up then: this file may be gone
     #[arg(long, value_name = "FILE", conflicts_with = "token")]
     token_file: Option<PathBuf>,
 }
 
 impl TokenArgs {
-    /// Returns the token.
-    pub(super) fn read(self) -> Result<String, Failure> {
+    /// Returns the token; none, if its file is gone and not needed.
+    pub(super) fn read(self, is_needed: bool) -> Result<String, Failure> {
         let Some(path) = &self.token_file else { return Ok(self.token.unwrap_or_default()) };
         let mut text = String::new();
-        let read = File::open(path).and_then(|file| file.take(MOST_BYTES).read_to_string(&mut text));
-        read.map_err(|error| {
-            Failure::usage(format!("{}: {error}; write a token of `dcd token` to it", path.display()))
-        })?;
+        match File::open(path).and_then(|file| file.take(MOST_BYTES).read_to_string(&mut text)) {
+            Err(error) if error.kind() == ErrorKind::NotFound && !is_needed => return Ok(String::new()),
+            Err(error) => {
+                let path = path.display();
+                return Err(Failure::usage(format!("{path}: {error}; write a token of `dcd token` to it")));
+            }
+            Ok(_) => {}
+        }
         let mut words = text.split_whitespace();
         match (words.next(), words.next()) {
             (Some(token), None) => Ok(token.to_owned()),

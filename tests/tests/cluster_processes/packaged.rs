@@ -61,6 +61,9 @@ fn the_units_start_a_server_and_nodes_with_the_options_in_their_files() {
     assert!(root.join("var/lib/dcd-node/identity").exists());
     node.interrupt();
     assert_eq!(node.end().code(), Some(130), "SuccessExitStatus");
+    fs::remove_file(root.join("etc/dcd/node-token")).unwrap();
+    let mut again = Process::start(&mut dcd(&args.iter().map(String::as_str).collect::<Vec<_>>()));
+    assert_eq!(again.line("joined as "), "n1", "by its identity");
     server.interrupt();
     let ended = server.end();
     assert_eq!(ended.code(), Some(0), "{ended:?}");

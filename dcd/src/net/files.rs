@@ -21,6 +21,17 @@ pub(crate) fn open_private(path: &Path, options: &mut OpenOptions) -> Result<Fil
     options.open(path).map_err(at(path))
 }
 
+/// Checks that [`replace_private`] can write there, as far as that can be known before.
+#[cfg(feature = "physics")]
+pub(super) fn check_replaceable(path: &Path) -> Result<(), NetError> {
+    if path.is_dir() {
+        return Err(at(path)(io::ErrorKind::IsADirectory.into()));
+    }
+    let draft = path.with_extension("draft");
+    open_private(&draft, OpenOptions::new().write(true).create(true).truncate(true))?;
+    fs::remove_file(&draft).map_err(at(&draft))
+}
+
 /// Writes a private file so that after a crash it holds the old or the new content, never a part.
 pub(super) fn replace_private(path: &Path, content: &[u8]) -> Result<(), NetError> {
     let draft = path.with_extension("draft");

@@ -9,6 +9,8 @@ use rustls::pki_types::{CertificateDer, PrivateKeyDer, PrivatePkcs8KeyDer};
 
 #[cfg(feature = "physics")]
 use super::Token;
+#[cfg(feature = "physics")]
+use super::files::check_replaceable;
 use super::files::{at, replace_private};
 #[cfg(feature = "physics")]
 use super::verify::fingerprint;
@@ -74,6 +76,12 @@ impl Identity {
         text.push_str(&pem_section("CERTIFICATE", &self.certificate));
         text.push_str(&pem_section("CERTIFICATE", &self.authority));
         replace_private(path, text.as_bytes())
+    }
+
+    /// Checks that an identity can be saved there.
+    #[cfg(feature = "physics")]
+    pub(crate) fn check_place(path: &Path) -> Result<(), NetError> {
+        check_replaceable(path)
     }
 
     /// Reads what [`Identity::save`] wrote.

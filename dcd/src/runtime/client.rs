@@ -91,6 +91,7 @@ impl JoinConfig {
         if let Some(path) = &self.record {
             Background::check(path).map_err(|cause| ProcessError::Record { path: path.clone(), cause })?;
         }
+        self.identity.as_deref().map_or(Ok(()), Identity::check_place)?;
         let former = match &self.identity {
             Some(path) if path.exists() => Some(Identity::load(path)?),
             _ => None,

@@ -18,6 +18,8 @@ fn a_server_with_a_backup_in_place_of_its_folder_goes_on_with_the_same_world_and
     let kept = [first.to_str().unwrap(), second.to_str().unwrap()].map(|path| ["--identity", path]);
     let used = server.token("node");
     let join = |more: &[&str]| Process::start(dcd(&["node", "--json", "--server", &address]).args(more));
+    let unkept = join(&["--token", &used, "--identity", file("no/identity").to_str().unwrap()]).end();
+    assert!(unkept.code() == Some(2) && unkept.errors.contains("no/identity"), "no use is spent: {unkept:?}");
     let mut spent = join(&["--token", &used, "--identity", kept[0][1]]);
     assert_eq!(spent.line("joined as "), "n1");
     let (name, other) = server.node_with(&kept[1]);

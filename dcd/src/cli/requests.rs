@@ -102,13 +102,21 @@ pub(super) fn forget(data: &Path) {
 /// Does what is asked of the server of this folder.
 pub(super) fn obey(data: &Path, server: &ServerProcess) {
     for request in files(data, REQUEST) {
-        let Ok(text) = fs::read_to_string(&request) else { continue };
+        let read = fs::read_to_string(&request);
+        // Who asked has given up.
+        if read.as_ref().is_err_and(|error| error.kind() == io::ErrorKind::NotFound) {
+            continue;
+        }
         let _ = fs::remove_file(&request);
         let name = request.file_name().and_then(|name| name.to_str()).unwrap_or_default();
         let Some(id) = name.strip_prefix(REQUEST) else { continue };
-        let said = match text.split_once('\n') {
-            Some((verb, about)) => carry_out(verb, about, server),
-            None => Err("the request is no request of dcd".to_owned()),
+        let said = match read.as_ref().map(|text| text.split_once('\n')) {
+            Ok(Some((verb, about))) => carry_out(verb, about, server),
+            Ok(None) => Err("the request is no request of dcd".to_owned()),
+            Err(error) => Err(format!(
+                "the server cannot read the request {}: {error}; ask as the user that it runs as: runuser -u dcd -- dcd ...",
+                request.display()
+            )),
         };
         let said = match said {
             Ok(text) => format!("done\n{text}"),
@@ -140,7 +148,8 @@ fn carry_out(verb: &str, about: &str, server: &ServerProcess) -> Result<String, 
         Some(Verb::Backup) => {
             let bodies = server.back_up(file).map_err(|error| error.to_string())?;
             Ok(format!(
-                "backed up to {shown}, with {bodies} bodies: `dcd serve --data {shown}` goes on with the world"
+                "backed up to {shown}, with {bodies} bodies: the server's own command goes on with the world, with --data {shown} and \
+                 without --directory"
             ))
         }
         Some(Verb::Drain) => {

@@ -175,6 +175,7 @@ impl From<ProcessError> for Failure {
             | ProcessError::Directory(_)
             | ProcessError::Record { .. }
             | ProcessError::Metrics { .. }
+            | ProcessError::Backup { .. }
             | ProcessError::Restore(_) => DCD_ERR_IO,
             ProcessError::Fault => DCD_ERR_PANIC,
             ProcessError::Thread(_) | ProcessError::Net(NetError::Threads(_)) => DCD_ERR_LIMIT,

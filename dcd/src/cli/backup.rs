@@ -16,7 +16,7 @@ use crate::runtime::{ProcessError, is_served};
 /// `dcd save` writes the bodies of the world alone, as they are after one tick.
 ///
 /// Example:
-///   dcd backup --data /var/lib/dcd /backup/monday
+///   dcd backup --data /var/lib/dcd /var/lib/dcd-backup/monday
 #[derive(clap::Args)]
 #[command(verbatim_doc_comment)]
 pub(super) struct Backup {

@@ -169,13 +169,13 @@ impl Authority {
     }
 
     /// Returns whether a node has ever been given this name.
-    pub fn has_named(&self, node: NodeId) -> bool {
+    pub(crate) fn has_named(&self, node: NodeId) -> bool {
         let ledger = self.ledger(SystemTime::now());
         ledger.is_ok_and(|ledger| ledger.as_ref().is_some_and(|ledger| ledger.has_named(node)))
     }
 
     /// Writes the authority and its record of joins to another folder, for a server that goes on with a copy of the world.
-    pub fn copy_to(&self, folder: &Path) -> Result<(), NetError> {
+    pub(crate) fn copy_to(&self, folder: &Path) -> Result<(), NetError> {
         let own = self.folder.join("authority.pem");
         let pem = std::fs::read(&own).map_err(at(&own))?;
         replace_private(&folder.join("authority.pem"), &pem)?;

@@ -170,6 +170,14 @@ pub enum ProcessError {
     /// The world was ended for all its servers; this one stood by.
     #[error("the world has ended while this server stood by; started again it would begin the world anew")]
     WorldEnded,
+    /// A backup cannot be written. The world runs on.
+    #[error("cannot write a backup to {}: {cause}; name a folder that is not there yet, where the server's user may make one", folder.display())]
+    Backup {
+        /// The folder that was to be made.
+        folder: PathBuf,
+        /// What the system said.
+        cause: String,
+    },
     /// A stored world cannot be resumed.
     #[error(transparent)]
     Restore(#[from] crate::cluster::RestoreError),

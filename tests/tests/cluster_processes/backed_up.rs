@@ -31,10 +31,13 @@ fn a_server_with_a_backup_in_place_of_its_folder_goes_on_with_the_same_world_and
     let copied = back_up(&data, &copy);
     assert_eq!(copied.code(), Some(0), "{copied:?}");
     assert!(copied.lines[0].contains("with 157 bodies"), "{copied:?}");
-    let again = back_up(&data, &copy);
-    assert!(again.code() == Some(1) && again.errors.contains("it is there already"), "{again:?}");
-    let nowhere = back_up(&data, &file("no/folder"));
-    assert!(nowhere.code() == Some(1) && nowhere.errors.contains("no/folder"), "{nowhere:?}");
+    assert!(copied.lines[0].contains(&format!("with --data {}", copy.display())), "{copied:?}");
+    for (place, said) in [(&copy, "it is there already"), (&file("no/folder"), "no/folder")] {
+        let refused = back_up(&data, place);
+        let errors = &refused.errors;
+        assert!(refused.code() == Some(1) && errors.contains(said), "{refused:?}");
+        assert!(errors.contains("name a folder") && !errors.contains("start again"), "{refused:?}");
+    }
     // Somebody joins whom the backup does not know.
     let (late, later) = server.node();
     assert_eq!(late, "n3");

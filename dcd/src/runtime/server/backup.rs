@@ -5,36 +5,53 @@ use std::io;
 use std::path::Path;
 
 use crate::cluster::directory::{Batch, Directory, DirectoryError, Entry};
-use crate::net::Authority;
+use crate::net::{Authority, NetError};
 use crate::runtime::{ProcessError, RedbDirectory};
 
 /// Writes a backup beside its place first, so that nobody takes a part of one for the whole. What is stored of the world has been read
 /// before the record of joins is, so that every process that is in the world is on that record.
 pub(super) fn write(folder: &Path, entries: Vec<Entry>, authority: &Authority) -> Result<(), ProcessError> {
-    let refused = |error: io::Error| DirectoryError::Unwritable {
-        place: folder.display().to_string(),
-        cause: error.to_string(),
-    };
+    let refused = |cause: String| ProcessError::Backup { folder: folder.to_owned(), cause };
     if folder.exists() {
-        return Err(refused(io::Error::new(io::ErrorKind::AlreadyExists, "it is there already")).into());
+        return Err(refused("it is there already".to_owned()));
     }
     let name = folder.file_name().unwrap_or_default().to_string_lossy();
     let part = folder.with_file_name(format!(".{name}.part"));
     // Of one that was not finished.
     let _ = fs::remove_dir_all(&part);
-    create_private(&part).map_err(refused)?;
-    let written =
-        fill(&part, entries, authority).and_then(|()| Ok(fs::rename(&part, folder).map_err(refused)?));
+    create_private(&part).map_err(|error| refused(error.to_string()))?;
+    let written = fill(&part, entries, authority).and_then(|()| {
+        fs::rename(&part, folder).and_then(|()| sync_parent(folder)).map_err(|error| error.to_string())
+    });
     if written.is_err() {
         let _ = fs::remove_dir_all(&part);
     }
-    written
+    written.map_err(refused)
 }
 
-fn fill(folder: &Path, entries: Vec<Entry>, authority: &Authority) -> Result<(), ProcessError> {
+fn fill(folder: &Path, entries: Vec<Entry>, authority: &Authority) -> Result<(), String> {
     let writes = entries.into_iter().map(|entry| (entry.key, Some(entry.value))).collect();
-    RedbDirectory::open(folder)?.commit(&Batch { writes, durable: true }, &[])?;
-    Ok(authority.copy_to(folder)?)
+    let written = RedbDirectory::open(folder)
+        .and_then(|mut directory| directory.commit(&Batch { writes, durable: true }, &[]));
+    written.map_err(|error| match error {
+        DirectoryError::Unwritable { cause, .. } | DirectoryError::Unreadable { cause, .. } => cause,
+        other => other.to_string(),
+    })?;
+    authority.copy_to(folder).map_err(|error| match error {
+        NetError::File { source, .. } => source.to_string(),
+        other => other.to_string(),
+    })
+}
+
+/// Makes the name of a new folder durable.
+fn sync_parent(folder: &Path) -> io::Result<()> {
+    #[cfg(unix)]
+    if let Some(parent) = folder.parent().filter(|parent| !parent.as_os_str().is_empty()) {
+        fs::File::open(parent)?.sync_all()?;
+    }
+    #[cfg(not(unix))]
+    let _ = folder;
+    Ok(())
 }
 
 /// Makes a folder for its owner alone.

@@ -1,11 +1,16 @@
 //! Defines the arguments of every subcommand (`--verbose`, `--quiet`), and prints by them: log, messages, progress bars, results.
 
 use std::io::{IsTerminal, Write};
+use std::process::ExitCode;
 
 use indicatif::{ProgressBar, ProgressStyle};
 use tracing_subscriber::EnvFilter;
+use tracing_subscriber::filter::Directive;
 
 use super::failure::Failure;
+
+/// The target of messages and failures in a log of objects. No filter leaves them out, as none leaves out lines for people.
+const SAID: &str = "dcd::said";
 
 /// Arguments of every subcommand.
 #[derive(clap::Args)]
@@ -40,6 +45,8 @@ impl Common {
             _ => "trace",
         };
         let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(level));
+        let said: Directive = format!("{SAID}=info").parse().expect("it is a directive");
+        let filter = filter.add_directive(said);
         // Fails only if there is a log already, which then serves.
         let log = tracing_subscriber::fmt().with_env_filter(filter).with_writer(std::io::stderr);
         let log = log.log_internal_errors(false);
@@ -65,7 +72,18 @@ impl Common {
         match self.log_format {
             _ if self.quiet => {}
             LogFormat::Text => drop(writeln!(std::io::stderr(), "{text}")),
-            LogFormat::Json => tracing::info!("{text}"),
+            LogFormat::Json => tracing::info!(target: SAID, "{text}"),
+        }
+    }
+
+    /// Prints a failure on standard error, as an object if the log has those, and returns the exit code.
+    pub(super) fn report(&self, failure: Failure) -> ExitCode {
+        match self.log_format {
+            LogFormat::Text => failure.report(),
+            LogFormat::Json => {
+                tracing::error!(target: SAID, "{}", failure.message());
+                failure.exit_code()
+            }
         }
     }
 

@@ -36,9 +36,17 @@ impl Failure {
         Self { message: "ended by Ctrl-C".to_owned(), code: 130 }
     }
 
-    /// Prints it on standard error and returns the exit code.
+    /// Prints it on standard error for people, and returns the exit code.
     pub(super) fn report(self) -> ExitCode {
         let _ = writeln!(std::io::stderr(), "error: {}", self.message);
+        self.exit_code()
+    }
+
+    pub(super) fn message(&self) -> &str {
+        &self.message
+    }
+
+    pub(super) fn exit_code(&self) -> ExitCode {
         ExitCode::from(self.code)
     }
 }

@@ -119,7 +119,7 @@ pub fn main() -> ExitCode {
         }
     };
     cli.common.start_log();
-    cli.command.execute(&cli.common).unwrap_or_else(|failure| failure.report())
+    cli.command.execute(&cli.common).unwrap_or_else(|failure| cli.common.report(failure))
 }
 
 #[cfg(test)]

@@ -12,6 +12,22 @@ fn each_line_of_a_json_log_is_an_object_that_says_who_wrote_it() {
     let mut node = Process::start(&mut dcd(&args));
     assert_eq!(node.line("joined as "), "n1");
     server.view();
+    // What is said to people, and failures, are lines of their own whatever is filtered.
+    let told = |more: [&str; 2]| {
+        let mut node = dcd(&["node", "--log-format", "json", "--server", &server.address]);
+        Process::start(node.args(more).env("RUST_LOG", "off"))
+    };
+    let mut leaves = told(["--token", &server.token("node")]);
+    leaves.line("joined as ");
+    leaves.interrupt();
+    for (ended, code, level, said) in [
+        (leaves.end(), 130, "INFO", "leaving: regions are handed over first"),
+        (told(["--token-file", "nowhere"]).end(), 2, "ERROR", "write a token of `dcd token` to it"),
+    ] {
+        let line: Value = serde_json::from_str(&ended.errors).unwrap();
+        assert_eq!((ended.code(), line["level"].as_str()), (Some(code), Some(level)), "{ended:?}");
+        assert!(line["message"].as_str().unwrap().contains(said), "{ended:?}");
+    }
     server.stop();
     let ended = node.end();
     assert_eq!(ended.code(), Some(0), "{ended:?}");

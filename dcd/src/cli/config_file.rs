@@ -132,7 +132,9 @@ impl File<'_> {
     fn texts(&self, key: &str, arg: &Arg, value: &toml::Value) -> Result<Vec<Option<String>>, Failure> {
         // Not the value itself, which may be a token.
         let is = value.type_str();
-        let unfit = |wanted: &str| Err(self.wrong(&format!("`{key}` wants {wanted}, and has a value of the type {is}")));
+        let unfit = |wanted: &str| {
+            Err(self.wrong(&format!("`{key}` wants {wanted}, and has a value of the type {is}")))
+        };
         let may_be_alone = arg.get_num_args().is_some_and(|counts| counts.min_values() == 0);
         match (arg.get_action(), value) {
             (ArgAction::SetTrue, toml::Value::Boolean(on)) => Ok(vec![None; usize::from(*on)]),

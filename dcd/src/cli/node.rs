@@ -85,7 +85,8 @@ impl Node {
         self.record.as_deref().map_or(Ok(()), unused)?;
         let (identity, record) = (self.identity, self.record.clone());
         let is_token_needed = !identity.as_ref().is_some_and(|path| path.exists());
-        let join = JoinConfig { identity, record, ..joining(&self.server, self.token.read(is_token_needed)?) };
+        let join =
+            JoinConfig { identity, record, ..joining(&self.server, self.token.read(is_token_needed)?) };
         let mut config = MemberConfig::new(join.server, join.join(JoinRole::Node)?);
         config.standbys = join.standbys;
         config.listen = self.listen.unwrap_or(config.listen);

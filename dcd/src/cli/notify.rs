@@ -158,9 +158,7 @@ mod tests {
     fn a_loop_that_hangs_is_not_told_to_be_alive() {
         let notifier = Notifier { socket: None, watchdog: Some(Duration::from_secs(10)) };
         let turned = |ago_s| Instant::now().checked_sub(Duration::from_secs(ago_s)).unwrap();
-        let told = |ago_s| {
-            notifier.news(&Pulse { turned: turned(ago_s), words: "tick 5".to_owned() })
-        };
+        let told = |ago_s| notifier.news(&Pulse { turned: turned(ago_s), words: "tick 5".to_owned() });
         assert_eq!(told(0), "STATUS=tick 5\nWATCHDOG=1");
         assert_eq!(told(6), "STATUS=tick 5");
     }

@@ -21,7 +21,9 @@ use super::world::{CutArgs, explained};
 use crate::cluster::{GroupPolicy, Grouping, PollRules};
 use crate::net::JoinRole;
 use crate::protocol::{DelayThresholds, MAX_LAG, MAX_STATE_TICKS, Pace, Thresholds, View, ViewNumber};
-use crate::runtime::{GroupConfig, LocalWorld, Origin, ServeConfig, ServerProcess, WorldConfig};
+use crate::runtime::{
+    GroupConfig, LocalWorld, Origin, ServeConfig, ServerProcess, ServerSummary, WorldConfig,
+};
 use crate::scene::{Params, Scene};
 use crate::space::{Allocation, MAX_REGIONS, Tick};
 
@@ -132,8 +134,38 @@ impl Serve {
             interrupt.listen_to_stdin();
         }
         self.record.as_deref().map_or(Ok(()), unused)?;
-        let last_tick = self.ticks.map(Tick);
-        let config = ServeConfig {
+        let config = self.config()?;
+        requests::forget(&self.data);
+        let notifier = Notifier::from_environment();
+        let Some(server) = start(&origin, config, &notifier, interrupt)? else {
+            // As a server that keeps its world.
+            return Ok(ExitCode::SUCCESS);
+        };
+        drop(origin);
+        let _watch = notifier.watch(server.pulse());
+        // What cannot be printed ends no world.
+        let watched = self
+            .announce(&server, common)
+            .and_then(|()| self.onlooker(&server))
+            .and_then(|onlooker| self.watch(&server, onlooker, interrupt, common));
+        notifier.stopping();
+        if watched.is_err() || interrupt.asked() && !self.ends(interrupt, common) {
+            server.suspend();
+            watched?;
+        }
+        let (failure, is_kept) = (server.failure(), server.is_suspended());
+        match failure {
+            Some(failure) => Err(failure.into()),
+            None if is_kept => {
+                self.tell_of_suspension(&server.summary(), common);
+                Ok(ExitCode::SUCCESS)
+            }
+            None => self.tell_of_end(&server.stop()).map(|()| interrupt.exit_code()),
+        }
+    }
+
+    fn config(&self) -> Result<ServeConfig, Failure> {
+        Ok(ServeConfig {
             listen: self.listen,
             data: self.data.clone(),
             directory: self.directory.clone(),
@@ -141,7 +173,7 @@ impl Serve {
             nodes: self.nodes.into(),
             pace: if self.unpaced { Pace::Unpaced } else { Pace::RealTime },
             state_every: self.state_every,
-            last_tick,
+            last_tick: self.ticks.map(Tick),
             avatar_speed_limit: self.avatar_speed,
             // Nobody here listens.
             events: false,
@@ -149,29 +181,11 @@ impl Serve {
             record: self.record.clone(),
             metrics: self.metrics,
             groups: self.groups()?,
-        };
-        requests::forget(&self.data);
-        let notifier = Notifier::from_environment();
-        let mut told = false;
-        let mut stand_by = |holder: &str| {
-            notifier.alive();
-            if !std::mem::replace(&mut told, true) {
-                notifier.ready(&format!("standing by for {holder}"));
-                // What cannot be printed keeps nobody from standing by.
-                let _ = print(&format!("standing by for {holder}"));
-            }
-            !interrupt.asked()
-        };
-        let origin_of_world = match &origin {
-            Beginning::Scene(scene) => Origin::Scene(&scene.0, &scene.1),
-            Beginning::Snapshot(world) => Origin::World(world),
-        };
-        let Some(server) = ServerProcess::start_or_stand_by(origin_of_world, config, &mut stand_by)? else {
-            // As a server that keeps its world.
-            return Ok(ExitCode::SUCCESS);
-        };
-        drop(origin);
-        let _watch = notifier.watch(server.pulse());
+        })
+    }
+
+    /// Prints where the server is, and says how nodes join it.
+    fn announce(&self, server: &ServerProcess, common: &Common) -> Result<(), Failure> {
         let mut first = format!("listening {}", server.address);
         if let Some(address) = server.metrics_address() {
             first += &format!("\nmetrics http://{address}/metrics");
@@ -197,39 +211,28 @@ impl Serve {
                 "the world waits for {waits_for}: dcd node --server {address} --token $(dcd token --data {data} --role node)"
             )
         });
-        // What cannot be printed ends no world.
-        let watched = printed
-            .and_then(|()| self.onlooker(&server))
-            .and_then(|onlooker| self.watch(&server, onlooker, interrupt, common));
-        notifier.stopping();
-        if watched.is_err() || interrupt.asked() && !self.ends(interrupt, common) {
-            server.suspend();
-            watched?;
-        }
-        if server.is_suspended() {
-            if let Some(failure) = server.failure() {
-                return Err(failure.into());
-            }
-            let summary = server.summary();
-            let (tick, data) = (summary.tick.0, self.data.display());
-            common.say(&match (&self.directory, summary.kept) {
-                (Some(place), _) => format!(
-                    "the world is kept in {place} at tick {tick}: a server that stands by goes on with it, or the same command"
-                ),
-                (None, true) => format!(
-                    "the world is kept at tick {tick}: the same command goes on with it, `dcd end --data {data}` ends it"
-                ),
-                (None, false) => "the world had not begun, and nothing of it is kept".to_owned(),
-            });
-            // A terminal that is gone does not read it.
-            let _ = Served::new(&summary, last_tick).show(self.json);
-            return Ok(ExitCode::SUCCESS);
-        }
-        if let Some(failure) = server.failure() {
-            return Err(failure.into());
-        }
-        let summary = server.stop();
-        Served::new(&summary, last_tick).show(self.json)?;
+        printed
+    }
+
+    /// Says that the world is kept, and how to go on with it.
+    fn tell_of_suspension(&self, summary: &ServerSummary, common: &Common) {
+        let (tick, data) = (summary.tick.0, self.data.display());
+        common.say(&match (&self.directory, summary.kept) {
+            (Some(place), _) => format!(
+                "the world is kept in {place} at tick {tick}: a server that stands by goes on with it, or the same command"
+            ),
+            (None, true) => format!(
+                "the world is kept at tick {tick}: the same command goes on with it, `dcd end --data {data}` ends it"
+            ),
+            (None, false) => "the world had not begun, and nothing of it is kept".to_owned(),
+        });
+        // A terminal that is gone does not read it.
+        let _ = Served::new(summary, self.ticks.map(Tick)).show(self.json);
+    }
+
+    /// Prints how the world ended.
+    fn tell_of_end(&self, summary: &ServerSummary) -> Result<(), Failure> {
+        Served::new(summary, self.ticks.map(Tick)).show(self.json)?;
         if summary.unaudited {
             return Err(Failure::world_ended(
                 "the nodes did not say at the end what they own, so nobody knows whether bodies are lost; see their logs",
@@ -241,7 +244,7 @@ impl Serve {
                 summary.lost, summary.doubled
             )));
         }
-        Ok(interrupt.exit_code())
+        Ok(())
     }
 
     /// Opens what the world begins with.
@@ -333,6 +336,30 @@ impl Serve {
 enum Beginning {
     Scene(Box<(Scene, WorldConfig)>),
     Snapshot(Box<LocalWorld>),
+}
+
+/// Starts the server, or stands by until it is its turn; `None`: the user asked for an end before that.
+fn start(
+    origin: &Beginning,
+    config: ServeConfig,
+    notifier: &Notifier,
+    interrupt: Interrupt,
+) -> Result<Option<ServerProcess>, Failure> {
+    let mut told = false;
+    let mut stand_by = |holder: &str| {
+        notifier.alive();
+        if !std::mem::replace(&mut told, true) {
+            notifier.ready(&format!("standing by for {holder}"));
+            // What cannot be printed keeps nobody from standing by.
+            let _ = print(&format!("standing by for {holder}"));
+        }
+        !interrupt.asked()
+    };
+    let origin = match origin {
+        Beginning::Scene(scene) => Origin::Scene(&scene.0, &scene.1),
+        Beginning::Snapshot(world) => Origin::World(world),
+    };
+    Ok(ServerProcess::start_or_stand_by(origin, config, &mut stand_by)?)
 }
 
 /// Returns who is a member and has which regions.

@@ -190,22 +190,11 @@ impl ServerProcess {
             events: config.events,
             can_build,
         };
-        let (mut stored, mut goes_on) = (None, false);
-        let origin = if config.fresh {
-            forget(directory.as_mut(), &entries)?;
-            ServerOrigin::Instead(record, entries)
-        } else if entries.is_empty() {
-            ServerOrigin::New(record)
-        } else {
-            stored = entries.iter().find(|entry| entry.key == Key::World).map(|entry| entry.revision);
-            goes_on = true;
-            ServerOrigin::Stored(entries)
-        };
-        let recorder = config.record.as_ref().map(|path| {
-            let file = Background::create(path);
-            let recorder = file.and_then(|file| Recorder::of_server(file, &server_config, &origin));
-            recorder.map_err(|cause| ProcessError::Record { path: path.clone(), cause })
-        });
+        let stored = entries.iter().find(|entry| entry.key == Key::World).map(|entry| entry.revision);
+        let stored = stored.filter(|_| !config.fresh);
+        let origin = origin_of(directory.as_mut(), entries, record, config.fresh)?;
+        let goes_on = matches!(origin, ServerOrigin::Stored(_));
+        let recorder = config.record.as_deref().map(|path| record_to(path, &server_config, &origin));
         let server = RecordedServer::begin(server_config, origin, recorder.transpose()?)?;
         let resumed = goes_on.then(|| server.tick());
         let next_ids = server.next_ids();
@@ -226,7 +215,7 @@ impl ServerProcess {
             start: Instant::now(),
             server: server.clone(),
             shared: shared.clone(),
-            metrics: metrics.clone(),
+            metrics,
             began: None,
             savers: Vec::new(),
             drains: Vec::new(),
@@ -234,21 +223,7 @@ impl ServerProcess {
             audited: false,
             over: false,
         };
-        let thread = std::thread::Builder::new()
-            .name("dcd-server".into())
-            .spawn(move || {
-                let _log = error_span!("process", role = "server").entered();
-                let (shared, connections) = (running.shared.clone(), running.connections.clone());
-                if catch_unwind(AssertUnwindSafe(|| running.run(&inputs))).is_err() {
-                    let mut state = shared.lock();
-                    (state.failure, state.over) = (Some(ProcessError::Fault), true);
-                    drop(state);
-                    shared.changed.notify_all();
-                    metrics.iter().for_each(|metrics| metrics.failed());
-                    connections.end(Reason::new(Cause::Failed, ProcessError::Fault.to_string()));
-                }
-            })
-            .map_err(ProcessError::Thread)?;
+        let thread = spawn(running, inputs)?;
         Ok(Some(Self {
             inbox,
             shared,
@@ -454,6 +429,43 @@ impl Drop for ServerProcess {
             self.end();
         }
     }
+}
+
+/// Returns what the server begins with: what is stored, if that is not to be forgotten.
+fn origin_of(
+    directory: &mut dyn Directory,
+    entries: Vec<Entry>,
+    record: Record,
+    fresh: bool,
+) -> Result<ServerOrigin, DirectoryError> {
+    if fresh {
+        forget(directory, &entries)?;
+        return Ok(ServerOrigin::Instead(record, entries));
+    }
+    Ok(if entries.is_empty() { ServerOrigin::New(record) } else { ServerOrigin::Stored(entries) })
+}
+
+fn record_to(path: &Path, config: &ServerConfig, origin: &ServerOrigin) -> Result<Recorder, ProcessError> {
+    let recorder = Background::create(path).and_then(|file| Recorder::of_server(file, config, origin));
+    recorder.map_err(|cause| ProcessError::Record { path: path.to_owned(), cause })
+}
+
+/// Runs the loop on a thread of its own. A bug in it ends the server, and not the process.
+fn spawn(running: Loop, inputs: mpsc::Receiver<Input>) -> Result<JoinHandle<()>, ProcessError> {
+    let run = move || {
+        let _log = error_span!("process", role = "server").entered();
+        let (shared, connections) = (running.shared.clone(), running.connections.clone());
+        let metrics = running.metrics.clone();
+        if catch_unwind(AssertUnwindSafe(|| running.run(&inputs))).is_err() {
+            let mut state = shared.lock();
+            (state.failure, state.over) = (Some(ProcessError::Fault), true);
+            drop(state);
+            shared.changed.notify_all();
+            metrics.iter().for_each(|metrics| metrics.failed());
+            connections.end(Reason::new(Cause::Failed, ProcessError::Fault.to_string()));
+        }
+    };
+    std::thread::Builder::new().name("dcd-server".into()).spawn(run).map_err(ProcessError::Thread)
 }
 
 /// Removes entries from a directory.

@@ -210,9 +210,14 @@ impl Report {
                 "{group}{main}: view {view} at tick {tick}, {leader}, {clients} clients{changing}"
             );
         }
+        // Names are long after a world has gone back to a backup.
+        let names =
+            self.nodes.iter().map(|node| &node.node).chain(self.regions.iter().map(|region| &region.owner));
+        let wide = names.map(|name| name.len() + 1).max().unwrap_or_default().max(6);
         let row = |text: &mut String, cells: [&str; 7]| {
             let [node, group, state, regions, bodies, load, delay] = cells;
-            let line = format!("{node:<6}{group:<6}{state:<10}{regions:<16}{bodies:>8}{load:>7}{delay:>10}");
+            let line =
+                format!("{node:<wide$}{group:<6}{state:<10}{regions:<16}{bodies:>8}{load:>7}{delay:>10}");
             let _ = write!(text, "\n{line}");
         };
         row(&mut text, ["node", "group", "state", "regions", "bodies", "load", "delay"]);
@@ -227,10 +232,11 @@ impl Report {
                 let _ = write!(text, "  does not reach {} others", node.unreached);
             }
         }
-        let _ = write!(text, "\n\n{:<8}{:<6}{:<6}{:>8}  from, to (m)", "region", "group", "owner", "bodies");
+        let _ =
+            write!(text, "\n\n{:<8}{:<6}{:<wide$}{:>8}  from, to (m)", "region", "group", "owner", "bodies");
         for Region { region, group, owner, bodies, min, max } in &self.regions {
             let [from, to] = [min, max].map(|at| at.map(|value| format!("{value:.1}")).join(" "));
-            let _ = write!(text, "\n{region:<8}{group:<6}{owner:<6}{bodies:>8}  {from}, {to}");
+            let _ = write!(text, "\n{region:<8}{group:<6}{owner:<wide$}{bodies:>8}  {from}, {to}");
         }
         text
     }

@@ -8,6 +8,8 @@ use super::failure::Failure;
 
 /// The longest file that is read: a token takes some two hundred bytes.
 const MOST_BYTES: u64 = 4096;
+/// How all tokens begin.
+const TOKEN_BEGINS: &str = "dcd1-";
 
 #[derive(clap::Args)]
 pub(super) struct TokenArgs {
@@ -23,6 +25,11 @@ impl TokenArgs {
     /// Returns the token; none, if its file is gone and not needed.
     pub(super) fn read(self, is_needed: bool) -> Result<String, Failure> {
         let Some(path) = &self.token_file else { return Ok(self.token.unwrap_or_default()) };
+        if path.to_string_lossy().starts_with(TOKEN_BEGINS) {
+            return Err(Failure::usage(
+                "--token-file names a file, and was given a token itself; give that by --token",
+            ));
+        }
         let mut text = String::new();
         match File::open(path).and_then(|file| file.take(MOST_BYTES).read_to_string(&mut text)) {
             Err(error) if error.kind() == ErrorKind::NotFound && !is_needed => return Ok(String::new()),

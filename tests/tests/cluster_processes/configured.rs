@@ -73,6 +73,8 @@ fn what_is_wrong_in_a_file_of_options_is_named_with_the_file() {
         let ended = refused(text);
         assert!(ended.errors.contains(said), "{text}: {ended:?}");
     }
+    let swapped = Process::start(&mut dcd(&["node", "--token-file", "dcd1-secret"])).end();
+    assert!(swapped.errors.contains("by --token") && !swapped.errors.contains("secret"), "{swapped:?}");
     let missing = serve(Path::new("none.toml"), &["tower"]).end();
     assert!(missing.code() == Some(2) && missing.errors.contains("none.toml: No such file"), "{missing:?}");
 }

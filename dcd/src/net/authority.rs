@@ -22,6 +22,7 @@ use super::renewal_request::RenewalRequest;
 use super::token::{NONCE_BYTES, Secret, reset_key, unix_seconds};
 use super::verify::{fingerprint, is_signed_by, owner_of, random};
 use super::{Identity, JoinRefusal, JoinRole, NetError, PeerName, ResumeKey, Token};
+#[cfg(feature = "physics")]
 use crate::space::NodeId;
 
 /// The root of trust of one world, kept in the server's data folder: who holds its key decides who takes part.
@@ -169,12 +170,14 @@ impl Authority {
     }
 
     /// Returns whether a node has ever been given this name.
+    #[cfg(feature = "physics")]
     pub(crate) fn has_named(&self, node: NodeId) -> bool {
         let ledger = self.ledger(SystemTime::now());
         ledger.is_ok_and(|ledger| ledger.as_ref().is_some_and(|ledger| ledger.has_named(node)))
     }
 
     /// Writes the authority and its record of joins to another folder, for a server that goes on with a copy of the world.
+    #[cfg(feature = "physics")]
     pub(crate) fn copy_to(&self, folder: &Path) -> Result<(), NetError> {
         let own = self.folder.join("authority.pem");
         let pem = std::fs::read(&own).map_err(at(&own))?;

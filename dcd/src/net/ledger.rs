@@ -38,6 +38,7 @@ struct Line {
 impl Ledger {
     /// By how much the ids of a copy are ahead: those that are given after it was made are not given again by who goes on with it. A client
     /// that asks for the world's status is given one too: once per second that is twelve days.
+    #[cfg(feature = "physics")]
     const AHEAD: u32 = 1 << 20;
 
     /// Reads the record back, and forgets tokens that have expired.
@@ -66,6 +67,7 @@ impl Ledger {
     }
 
     /// Returns the record for a copy of the world, with ids that are ahead.
+    #[cfg(feature = "physics")]
     pub(super) fn copy(&self) -> String {
         self.compact(Self::AHEAD)
     }
@@ -86,6 +88,7 @@ impl Ledger {
     }
 
     /// Returns whether a node has ever been given this name.
+    #[cfg(feature = "physics")]
     pub(super) fn has_named(&self, node: NodeId) -> bool {
         (1..=self.last_node).contains(&node.0)
     }
@@ -205,6 +208,7 @@ mod tests {
     }
 
     #[test]
+    #[cfg(feature = "physics")]
     fn who_goes_on_with_a_copy_gives_no_id_again_that_was_given_since() {
         let folder = tempfile::tempdir().unwrap();
         let mut ledger = open(folder.path(), 0).unwrap();

@@ -11,7 +11,7 @@ use super::NetError;
 
 /// Where a peer may be at several addresses, they are dialled anew after this long: QUIC's first packets follow one another ever more
 /// slowly, and a server that takes over is to be found at once.
-const AGAIN: Duration = Duration::from_millis(500);
+pub(super) const AGAIN: Duration = Duration::from_millis(500);
 
 /// Returns the first success of trials: one for each address at a time, and where there are several, again while none has succeeded.
 pub(super) async fn first_of<T, F>(

@@ -9,7 +9,7 @@ use quinn::{Connection, ConnectionError, Endpoint};
 use rustls::pki_types::CertificateDer;
 
 use super::fields::{Fields, put_counted};
-use super::first::first_of;
+use super::first::{AGAIN, first_of};
 use super::key::{Key, PublicKey};
 use super::renewal_request::RenewalRequest;
 use super::seldom::Seldom;
@@ -212,12 +212,18 @@ pub(super) async fn exchange_here(
         let connection = dialling.await.map_err(|error| explain(server, PeerName::Server, timeout, error))?;
         Ok((server, endpoint, connection))
     };
-    let (server, _endpoint, connection) = first_of(servers, timeout, dialled).await?;
-    let answer = tokio::time::timeout_at(deadline, ask(&connection, request)).await;
-    say_goodbye(&connection).await;
-    let answer = answer.map_err(|_| NetError::Unreachable { addr: server, waited: timeout })?;
-    let answer = answer.map_err(|error| explain(server, PeerName::Server, timeout, error))?;
-    Ok((server, answer))
+    loop {
+        let left = deadline.saturating_duration_since(tokio::time::Instant::now());
+        let (server, _endpoint, connection) = first_of(servers, left, dialled).await?;
+        let answer = tokio::time::timeout_at(deadline, ask(&connection, request)).await;
+        say_goodbye(&connection).await;
+        match answer.map_err(|_| NetError::Unreachable { addr: server, waited: timeout })? {
+            Ok(answer) => return Ok((server, answer)),
+            // It was about to stop: another one takes over.
+            Err(ConnectionError::LocallyClosed) if servers.len() > 1 => tokio::time::sleep(AGAIN).await,
+            Err(error) => return Err(explain(server, PeerName::Server, timeout, error)),
+        }
+    }
 }
 
 /// Closes the connection and waits until that is on its way, not for the three time-outs after which nobody can be left

@@ -106,6 +106,17 @@ pub(super) async fn accept(shared: Arc<Shared>) {
     }
 }
 
+impl Shared {
+    /// Waits until all have their answers who have asked to join, since their tokens are used. Nobody is let in from then on.
+    pub(super) async fn answer_joins(&self) {
+        let asked = self.limits.handshakes.saturating_sub(self.unasked.count());
+        let answered = self.handshake_slots.acquire_many(asked as u32);
+        if let Ok(Ok(slots)) = tokio::time::timeout(self.limits.linger, answered).await {
+            slots.forget();
+        }
+    }
+}
+
 /// Serves one incoming connection in the place of another that gives way.
 async fn receive_when_free(shared: Arc<Shared>, incoming: Incoming) {
     if let Ok(slot) = shared.handshake_slots.clone().acquire_owned().await {

@@ -203,6 +203,7 @@ impl Net {
             for task in begun {
                 let _ = task.await;
             }
+            shared.answer_joins().await;
             shared.endpoint.close(CloseCode::DONE.into(), b"shut down");
             let _ = tokio::time::timeout(shared.limits.linger, shared.endpoint.wait_idle()).await;
         });

@@ -34,6 +34,11 @@ impl Unasked {
         Place { of: self, number }
     }
 
+    /// Returns how many there are.
+    pub(super) fn count(&self) -> usize {
+        self.lock().connections.len()
+    }
+
     /// Closes the connection that has waited longest; returns whether there was one. Its handshake slot is free soon.
     pub(super) fn give_way(&self) -> bool {
         let oldest = self.lock().connections.pop_first();

@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockWriteGuard, mpsc};
-use std::time::SystemTime;
+use std::time::{Instant, SystemTime};
 
 use quinn::{ClientConfig, Connection, Endpoint, Incoming};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use super::events::Delivery;
-use super::first::first_of;
+use super::first::{AGAIN, first_of};
 use super::join::{answer, explain};
 use super::peer::{GreetError, Lanes, Peer, greet};
 use super::seldom::Seldom;
@@ -180,14 +180,23 @@ pub(super) async fn dial(shared: Arc<Shared>, key: PeerKey, addrs: Vec<SocketAdd
         let shared = shared.clone();
         async move { reach(&shared, addr, expected).await }
     };
-    let answered = match first_of(&addrs, timeout, trial).await {
-        // Only one is greeted: a peer that is greeted twice takes the newer connection for the only one, and ends the other.
-        Ok((addr, who, connection)) => {
-            let greeted = tokio::time::timeout(timeout, greet_at(&shared, addr, expected, &connection));
-            let late = || Err(NetError::Unreachable { addr, waited: timeout });
-            greeted.await.unwrap_or_else(|_| late()).map(|lanes| (who, connection, lanes))
+    let until = Instant::now() + timeout;
+    let answered = loop {
+        let left = until.saturating_duration_since(Instant::now());
+        let answered = match first_of(&addrs, left, trial).await {
+            // Only one is greeted: a peer that is greeted twice takes the newer connection for the only one, and ends the other.
+            Ok((addr, who, connection)) => {
+                let greeted = tokio::time::timeout(timeout, greet_at(&shared, addr, expected, &connection));
+                let late = || Err(NetError::Unreachable { addr, waited: timeout });
+                greeted.await.unwrap_or_else(|_| late()).map(|lanes| (who, connection, lanes))
+            }
+            Err(error) => break Err(error),
+        };
+        match answered {
+            // It was about to stop, and another one takes over.
+            Err(_) if addrs.len() > 1 && Instant::now() + AGAIN < until => tokio::time::sleep(AGAIN).await,
+            answered => break answered,
         }
-        Err(error) => Err(error),
     };
     match answered {
         Ok((who, connection, lanes)) => carry(&shared, key, who, connection, lanes, None).await,

@@ -13,7 +13,8 @@ use super::NetError;
 /// slowly, and a server that takes over is to be found at once.
 pub(super) const AGAIN: Duration = Duration::from_millis(500);
 
-/// Returns the first success of trials: one for each address at a time, and where there are several, again while none has succeeded.
+/// Returns the first success of trials: one for each address at a time, and where there are several, again while none has succeeded: a
+/// server that refuses may be about to stop, and another one to take over.
 pub(super) async fn first_of<T, F>(
     addrs: &[SocketAddr],
     timeout: Duration,
@@ -33,7 +34,7 @@ where
         tokio::select! {
             Some(ended) = trials.join_next() => match ended {
                 Ok(Ok(found)) => return Ok(found),
-                Ok(Err(error)) if trials.is_empty() => return Err(more_telling(failed, error)),
+                Ok(Err(error)) if addrs.len() < 2 => return Err(more_telling(failed, error)),
                 Ok(Err(error)) => failed = Some(more_telling(failed, error)),
                 Err(panic) => std::panic::resume_unwind(panic.into_panic()),
             },

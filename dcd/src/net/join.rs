@@ -220,15 +220,13 @@ pub(super) async fn exchange_here(
         let answer = answer.map_err(|_| NetError::Unreachable { addr: server, waited: timeout })?;
         match answer.map_err(|error| explain(server, PeerName::Server, timeout, error)) {
             Ok(answer) => return Ok((server, answer)),
-            Err(error) if servers.len() > 1 && is_stopping(&error) => tokio::time::sleep(AGAIN).await,
+            // It was about to stop, and another one takes over.
+            Err(_) if servers.len() > 1 && tokio::time::Instant::now() + AGAIN < deadline => {
+                tokio::time::sleep(AGAIN).await;
+            }
             Err(error) => return Err(error),
         }
     }
-}
-
-/// Returns whether a server that gave no answer may have been about to stop, so that another one takes over.
-fn is_stopping(error: &NetError) -> bool {
-    matches!(error, NetError::Broken { .. } | NetError::Refused { code: CloseCode::DONE, .. })
 }
 
 /// Closes the connection and waits until that is on its way, not for the three time-outs after which nobody can be left

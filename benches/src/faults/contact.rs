@@ -19,7 +19,7 @@ const OPEN: [(&str, &str); 5] = [
     ("groups-kill", "crowd"),
     ("groups-server", "crowd"),
     ("groups-cut", "crowd"),
-    ("all", "stack"),
+    ("all", "crowd"),
 ];
 
 /// All seeds of one scene under one kind of faults; the quantities are shares of their gates.

@@ -7,7 +7,7 @@ use std::time::Duration;
 use self::socket::Socket;
 use crate::runtime::Pulse;
 
-/// How often it says what it does.
+/// The time after which it says anew what it does.
 const STATUS: Duration = Duration::from_secs(5);
 /// The least time after which a loop counts as hung: one that is idle turns twice per second.
 const TURNS: Duration = Duration::from_secs(1);

@@ -14,6 +14,7 @@ mod forces;
 mod hook_tape;
 mod hooks;
 mod host;
+mod impulse;
 mod joints;
 mod measure;
 mod outbox;

@@ -4,7 +4,7 @@ use super::Server;
 use crate::protocol::Farewell;
 use crate::space::{ClientId, NodeId};
 
-/// What a drained node is told.
+/// Tells a drained node why it goes.
 const DRAINED: &str = "it was drained: other nodes have its regions";
 
 /// The reason why a node is not drained. Each message names the remedy.

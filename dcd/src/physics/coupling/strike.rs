@@ -3,13 +3,13 @@
 //! may know nothing of what has struck it elsewhere. So the impulse is sent along, and added: what one body loses the other gains.
 //! The copy of a new holder is told in the same way what happened in the exchange in which it was sent.
 //!
-//! Of a normal impulse Rapier tells exactly, of friction in an impact and of where it acts about (`measure`); joints are not told.
+//! Of a normal impulse Rapier tells exactly, of friction in an impact and of where it acts about (`impulse`); joints are not told.
 
 use rapier3d::prelude::*;
 
 use super::shared::{Shared, SharedBodies};
 use crate::physics::convert;
-use crate::physics::measure::pair_impulse_ns;
+use crate::physics::impulse::{pair_impulse_ns, solved_points};
 use crate::physics::region::Region;
 use crate::protocol::{CopyState, Impulse, Strike, Velocity};
 use crate::space::RegionSet;
@@ -62,12 +62,7 @@ fn impulse_on(world: &PhysicsWorld, handle: RigidBodyHandle, pair: &ContactPair)
 /// Returns from where to where an impulse acts on a body: from its centre of mass to the mean of the points that touch, weighed by their
 /// impulses.
 fn arm(pair: &ContactPair, is_second: bool) -> Vector {
-    let solved = |manifold: &ContactManifold| {
-        let ids = manifold.data.solver_contacts.iter().map(|contact| contact.contact_indices()[0] as usize);
-        let points: Vec<_> = ids.filter_map(|id| manifold.points.get(id)).map(|point| point.data).collect();
-        points
-    };
-    let points = pair.solver_manifolds().iter().flat_map(solved);
+    let points = pair.solver_manifolds().iter().flat_map(solved_points);
     let (sum, weight) = points.fold((Vector::ZERO, 0.0), |(sum, weight), data| {
         let arm = if is_second { data.solver_dp2 } else { data.solver_dp1 };
         (sum + arm * data.impulse, weight + data.impulse)

@@ -8,6 +8,7 @@ use rapier3d::geometry::ContactManifold;
 use rapier3d::prelude::*;
 
 use super::View;
+use crate::physics::impulse::pair_impulse_ns;
 use crate::space::BodyId;
 
 /// A summary of all contacts of a world in its last step.
@@ -55,15 +56,6 @@ fn force_over_n(world: &PhysicsWorld, pair: &ContactPair, dt_s: f32) -> [f64; 3]
     pair_impulse_ns(world, pair).map(|v| v / f64::from(dt_s))
 }
 
-/// Returns the impulse of a contact pair on its second body in the last step, in newton seconds, as [`pair_force_n`] finds it.
-pub(in crate::physics) fn pair_impulse_ns(world: &PhysicsWorld, pair: &ContactPair) -> [f64; 3] {
-    let model = world.integration_parameters.friction_model;
-    pair.solver_manifolds().iter().fold([0.0; 3], |sum, manifold| {
-        let impulse = impulse_ns(manifold, model);
-        std::array::from_fn(|i| sum[i] + impulse[i])
-    })
-}
-
 /// Returns the length of the step in which a pair was solved last, in seconds. Of two that touch, both sleep or none does.
 pub(super) fn solved_dt_s(view: View<'_>, pair: &ContactPair) -> f32 {
     let world = view.physics();
@@ -71,30 +63,6 @@ pub(super) fn solved_dt_s(view: View<'_>, pair: &ContactPair) -> f32 {
     let dynamic = |handle: &RigidBodyHandle| world.bodies.get(*handle).is_some_and(RigidBody::is_dynamic);
     let handle = parents.into_iter().flatten().find(dynamic);
     handle.map_or(world.integration_parameters.dt, |handle| view.solved_dt_s(handle))
-}
-
-/// Returns the impulse on the second body, in newton seconds.
-fn impulse_ns(manifold: &ContactManifold, model: FrictionModel) -> [f64; 3] {
-    // Points that the solver did not select keep stale impulses, so these must not be summed over all points.
-    let solved = || {
-        let ids = manifold.data.solver_contacts.iter().map(|contact| contact.contact_indices()[0] as usize);
-        ids.filter_map(|id| manifold.points.get(id)).map(|point| &point.data)
-    };
-    let step: f64 = solved().map(|data| f64::from(data.impulse)).sum();
-    let last_iteration: f64 = solved().map(|data| f64::from(data.warmstart_impulse)).sum();
-    let points = match model {
-        FrictionModel::Simplified => 1,
-        FrictionModel::Coulomb => usize::MAX,
-    };
-    // Without a normal there is no friction.
-    let share = if last_iteration > 0.0 { step / last_iteration } else { 0.0 };
-    let friction = solved().take(points).fold([0.0; 3], |sum, data| {
-        let tangent = data.warmstart_tangent_world.to_array();
-        std::array::from_fn(|i| sum[i] + share * f64::from(tangent[i]))
-    });
-    let normal = manifold.data.normal.to_array();
-    // The normal points to the second body; the stored friction acts on the first.
-    std::array::from_fn(|i| step * f64::from(normal[i]) - friction[i])
 }
 
 pub(super) fn sample(view: View<'_>) -> ContactSample {

@@ -17,7 +17,6 @@ use crate::protocol::{StateHasher, Velocity, WorldPose};
 use crate::space::{BodyId, RegionId};
 
 pub use census::Census;
-pub(super) use contacts::pair_impulse_ns;
 pub use contacts::{ContactSample, pair_force_n};
 pub use points::ContactPoint;
 

@@ -103,14 +103,16 @@ pub struct Membership {
     pub warming: RegionSet,
 }
 
-/// A predicted contact: the swept AABB of a body near the receiver's region which the receiver does not hold.
+/// A predicted contact: an AABB and a ball around a body near the receiver's region which the receiver does not hold.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct NearbyBody {
     /// Which body.
     pub id: BodyId,
     /// Its AABB, world space, metres.
     pub bounds: Bounds,
-    /// Velocity of the AABB, m/s.
+    /// Radius of a ball around the middle of that which holds the body as well, metres.
+    pub radius_m: f32,
+    /// Velocity of both, m/s.
     pub velocity: [f32; 3],
     /// Whether it is awake.
     pub awake: bool,

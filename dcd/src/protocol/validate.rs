@@ -388,6 +388,7 @@ impl Check for NearbyBodies {
         let mut corners = boxes.flat_map(|bounds| bounds.min.iter().chain(&bounds.max));
         must(corners.all(|v| !v.is_nan()), "nearby.bounds", "numbers")?;
         self.bodies.iter().try_for_each(|nearby| finite(&nearby.velocity, "nearby.velocity"))?;
+        must(self.bodies.iter().all(|nearby| nearby.radius_m >= 0.0), "nearby.radius_m", "at least 0")?;
         ascending(&self.bodies, |nearby| nearby.id, "nearby.bodies")
     }
 }

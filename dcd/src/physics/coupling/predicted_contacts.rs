@@ -1,4 +1,4 @@
-//! Predicts contacts across borders by swept AABBs: regions exchange the AABBs and velocities of bodies near the border before
+//! Predicts contacts across borders by swept AABBs and balls: regions exchange those of bodies near the border, with their velocities, before
 //! anything touches, and sweep them over the next ticks. Both sides compare the list that they sent with the one that they
 //! received, so that both find the same predicted contacts (meetings). A region whose bodies reach into another cell announces
 //! how far, and is sent the bodies that are there.
@@ -54,8 +54,9 @@ pub(super) struct PredictedContacts {
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Near {
     pub link: BodyRef,
-    /// Its AABB now.
+    /// Its AABB now, and the radius of a ball around the middle of that.
     bounds: Bounds,
+    radius_m: f32,
     velocity: Vector,
     /// Its swept AABB: around all that it may reach in the ticks to come.
     pub swept: Bounds,
@@ -69,6 +70,7 @@ impl Near {
         NearbyBody {
             id: self.link.id,
             bounds: self.bounds,
+            radius_m: self.radius_m,
             velocity: self.velocity.to_array(),
             awake: self.awake,
             island: self.island,
@@ -378,7 +380,32 @@ fn near(region: &Region, link: BodyRef, ahead_s: f32) -> Near {
     let velocity = Vector::from_array(convert::velocity_of(body).linear);
     let velocity = region.heading(link.handle, velocity);
     let swept = swept(&bounds, velocity.to_array(), f64::from(ahead_s));
-    Near { link, bounds, velocity, swept, awake: true, island: 1 }
+    Near {
+        link,
+        bounds,
+        radius_m: radius_of(region, link.handle, &bounds),
+        velocity,
+        swept,
+        awake: true,
+        island: 1,
+    }
+}
+
+/// Returns the radius of a ball around the middle of a body's AABB that holds all of it, however it turns.
+fn radius_of(region: &Region, handle: RigidBodyHandle, bounds: &Bounds) -> f32 {
+    let slot = region.slot(handle);
+    let corner_m = norm(bounds.size()) / 2.0;
+    // What a character or a vehicle asks for is in the box alone.
+    if slot.traits.character.is_some() || slot.traits.vehicle.is_some() {
+        return corner_m as f32;
+    }
+    let (middle, centre) = (bounds.centre(), region.centre_of(handle));
+    let aside_m = norm(std::array::from_fn(|i| middle[i] - centre[i]));
+    corner_m.min(aside_m + f64::from(slot.reach_m) + MARGIN_M) as f32
+}
+
+fn norm(vector: [f64; 3]) -> f64 {
+    vector.iter().map(|v| v * v).sum::<f64>().sqrt()
 }
 
 /// Returns how many ticks ahead contacts are predicted: longer where a region may be behind the present time, since it is what it was
@@ -505,22 +532,28 @@ fn for_each_overlap(
             if others.min[axis] > bounds.max[axis] {
                 break;
             }
-            let (a, b) = ((&own.bounds, own.velocity), (&other.bounds, other.velocity));
-            if bounds.touches(others) && meet_after(a, b).is_some_and(|after_s| after_s <= ahead_s) {
+            if bounds.touches(others) && meet_after(own, other).is_some_and(|after_s| after_s <= ahead_s) {
                 visit(own, other);
             }
         }
     }
 }
 
-/// Returns in how many seconds two moving boxes begin to overlap; 0 if they do now, none if they never will.
-fn meet_after(a: (&Bounds, [f32; 3]), b: (&Bounds, [f32; 3])) -> Option<f64> {
+/// Returns in how many seconds two bodies may begin to touch; 0 if they may now, none if they never will.
+fn meet_after(a: &NearbyBody, b: &NearbyBody) -> Option<f64> {
+    let (boxes, balls) = (boxes_overlap(a, b)?, balls_overlap(a, b)?);
+    let (enter, leave) = (boxes.0.max(balls.0), boxes.1.min(balls.1));
+    (enter <= leave).then_some(enter)
+}
+
+/// Returns from when until when two moving boxes overlap, seconds from now; none if they never will.
+fn boxes_overlap(a: &NearbyBody, b: &NearbyBody) -> Option<(f64, f64)> {
     let (mut enter, mut leave) = (0.0f64, f64::INFINITY);
     for axis in 0..3 {
-        let speed = f64::from(b.1[axis]) - f64::from(a.1[axis]);
+        let speed = f64::from(b.velocity[axis]) - f64::from(a.velocity[axis]);
         // The gaps to be closed by b's coming up, and by its coming down.
-        let below = a.0.min[axis] - b.0.max[axis];
-        let above = a.0.max[axis] - b.0.min[axis];
+        let below = a.bounds.min[axis] - b.bounds.max[axis];
+        let above = a.bounds.max[axis] - b.bounds.min[axis];
         if speed == 0.0 {
             if below > 0.0 || above < 0.0 {
                 return None;
@@ -531,7 +564,29 @@ fn meet_after(a: (&Bounds, [f32; 3]), b: (&Bounds, [f32; 3])) -> Option<f64> {
         enter = enter.max(one.min(other));
         leave = leave.min(one.max(other));
     }
-    (enter <= leave).then_some(enter)
+    (enter <= leave).then_some((enter, leave))
+}
+
+/// Returns from when until when the balls around the middles of two moving boxes overlap, seconds from now; none if they never will.
+fn balls_overlap(a: &NearbyBody, b: &NearbyBody) -> Option<(f64, f64)> {
+    let sum_m = f64::from(a.radius_m) + f64::from(b.radius_m);
+    if sum_m.is_infinite() {
+        return Some((0.0, f64::INFINITY));
+    }
+    let (from, to) = (a.bounds.centre(), b.bounds.centre());
+    let apart: [f64; 3] = std::array::from_fn(|i| to[i] - from[i]);
+    let velocity: [f64; 3] = std::array::from_fn(|i| f64::from(b.velocity[i]) - f64::from(a.velocity[i]));
+    let dot = |a: &[f64; 3], b: &[f64; 3]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    // |apart + velocity t| = the sum of the radii.
+    let (square, half, rest) =
+        (dot(&velocity, &velocity), dot(&apart, &velocity), dot(&apart, &apart) - sum_m * sum_m);
+    if square == 0.0 {
+        return (rest <= 0.0).then_some((0.0, f64::INFINITY));
+    }
+    let root = (half * half - square * rest).sqrt();
+    let (enter, leave) = ((-half - root) / square, (root - half) / square);
+    // Of a root of what is negative, no comparison holds.
+    (leave >= 0.0).then_some((enter.max(0.0), leave))
 }
 
 #[cfg(test)]
@@ -543,21 +598,36 @@ mod tests {
 
     fn nearby(id: u32, at: [f64; 3], velocity: [f32; 3]) -> NearbyBody {
         let bounds = Bounds::around(at, [0.5; 3]);
-        let goes = RegionSet::EMPTY;
-        NearbyBody { id: BodyId::persistent(id), bounds, velocity, awake: true, island: 1, goes }
+        let (radius_m, goes) = (0.87, RegionSet::EMPTY);
+        NearbyBody { id: BodyId::persistent(id), bounds, radius_m, velocity, awake: true, island: 1, goes }
     }
 
     #[test]
     fn boxes_meet_when_the_gap_closes_on_every_axis_at_once() {
         let meet = |b: NearbyBody| {
             let a = nearby(0, [0.0; 3], [1.0, 0.0, 0.0]);
-            meet_after((&a.bounds, a.velocity), (&b.bounds, b.velocity))
+            meet_after(&a, &b)
         };
         assert_eq!(meet(nearby(1, [3.0, 0.0, 0.0], [-1.0, 0.0, 0.0])), Some(1.0));
         assert_eq!(meet(nearby(1, [3.0, 0.0, 0.0], [1.0, 0.0, 0.0])), None, "as fast, it is never reached");
         assert_eq!(meet(nearby(1, [3.0, 0.0, 0.0], [2.0, 0.0, 0.0])), None, "it flees");
         assert_eq!(meet(nearby(1, [3.0, 4.0, 0.0], [-1.0, 0.0, 0.0])), None, "they pass");
         assert_eq!(meet(nearby(1, [0.5, 0.5, 0.0], [9.0, 9.0, 9.0])), Some(0.0), "they overlap");
+    }
+
+    #[test]
+    fn balls_that_pass_each_other_do_not_meet_where_their_boxes_do() {
+        let ball = |at, velocity| NearbyBody { radius_m: 0.5, ..nearby(0, at, velocity) };
+        let meet = |at, velocity| meet_after(&ball([0.0; 3], [0.0; 3]), &ball(at, velocity));
+        assert_eq!(meet([0.9, 0.9, 0.0], [0.0; 3]), None, "corner to corner");
+        assert_eq!(meet([0.7, 0.7, 0.0], [0.0; 3]), Some(0.0));
+        assert_eq!(
+            meet([0.9, 3.0, 0.0], [0.0, -1.0, 0.0]),
+            Some(3.0 - 0.19f64.sqrt()),
+            "from above, beside the middle"
+        );
+        assert_eq!(meet([0.9, 3.0, 0.9], [0.0, -1.0, 0.0]), None, "past the edge");
+        assert_eq!(meet([0.9, 3.0, 0.0], [0.0, 1.0, 0.0]), None, "it flees");
     }
 
     #[test]
@@ -585,7 +655,7 @@ mod tests {
         assert_eq!(found, pairs(&theirs, &ours, true));
         let all = ours.iter().flat_map(|a| theirs.iter().map(move |b| (a, b)));
         let soon = all.filter(|(a, b)| {
-            let after_s = meet_after((&a.bounds, a.velocity), (&b.bounds, b.velocity));
+            let after_s = meet_after(a, b);
             after_s.is_some_and(|after_s| after_s <= 0.1)
         });
         assert_eq!(found.len(), soon.count());

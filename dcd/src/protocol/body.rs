@@ -103,6 +103,11 @@ impl Impulse {
         let sum = |a: [f32; 3], b: [f32; 3]| std::array::from_fn(|i| a[i] + b[i]);
         Self { linear: sum(self.linear, other.linear), angular: sum(self.angular, other.angular) }
     }
+
+    /// Returns its opposite.
+    pub fn reversed(&self) -> Self {
+        Self { linear: self.linear.map(|v| -v), angular: self.angular.map(|v| -v) }
+    }
 }
 
 /// Linear (m/s) and angular (rad/s) velocity in world axes.

@@ -56,15 +56,19 @@ pub struct CopyState {
     pub held_by: RegionSet,
 }
 
-/// The impulse that a copy got in the last step from bodies that the sender owns and that not all holders of the copy hold; or that
-/// it got after it had been sent to a new holder.
+/// The impulse that a copy got since the last exchange from a body that not the same regions hold; or that it got after it had been
+/// sent to a new holder.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct Strike {
     /// Which body was struck.
     pub id: BodyId,
+    /// By which one, of whose impulse all that hold both tell; `None` for what one region alone tells.
+    pub by: Option<BodyId>,
+    /// How many bodies the island of both has as the sender sees it: who sees most is believed.
+    pub seen: u16,
     /// The regions that hold what struck it, or that held it then. Others did not see that.
     pub held_by: RegionSet,
-    /// By how much, in sum.
+    /// How much.
     pub impulse: Impulse,
 }
 

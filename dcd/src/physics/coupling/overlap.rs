@@ -95,7 +95,7 @@ fn tell_copy(side: &mut Side, link: BodyRef, moment: Moment<'_>) {
     if asleep || shared.is_split() {
         shared.owed = None;
     } else {
-        strike::note(region, link.handle, shared);
+        strike::note(region, islands, link.handle, shared);
     }
     if !moment.is_due(pace.exchanges_among(shared.members)) {
         return;

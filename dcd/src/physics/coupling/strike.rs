@@ -1,12 +1,19 @@
-//! Tells of contacts that not all regions see. Bodies that touch may be held by unlike regions: one that nobody expected is held by
-//! its owner alone, and at the corner of three regions each pair of them shares others. A body follows the copy of one region, which
-//! may know nothing of what has struck it elsewhere. So the impulse is sent along, and added: what one body loses the other gains.
-//! The copy of a new holder is told in the same way what happened in the exchange in which it was sent.
+//! Settles contacts of bodies that unlike regions hold, so that what one body loses the other gains. Each body follows the copy of
+//! one region (`leader`). Of two that touch, that may be unlike regions at the corner of three, and each finds another impulse; and a
+//! body that nobody expected is held by its owner alone, so that the region which the other one follows knows nothing of it.
+//!
+//! So all regions that hold both tell both bodies' holders the impulse that they found, and one of these counts for both bodies: that of the
+//! region which sees most of what touches. Each body gets it in place of the one that its own leader found, if that found any.
+//! What is not dynamic needs no such justice: one region tells its impulse to those that did not see it. The copy of a new
+//! holder is told in the same way what happened in the exchange in which it was sent.
 //!
 //! Of a normal impulse Rapier tells exactly, of friction in an impact and of where it acts about (`impulse`); joints are not told.
 
+use std::cmp::Reverse;
+
 use rapier3d::prelude::*;
 
+use super::island::Islands;
 use super::shared::{Shared, SharedBodies};
 use crate::physics::convert;
 use crate::physics::impulse::{pair_impulse_ns, solved_points};
@@ -17,30 +24,29 @@ use crate::space::RegionSet;
 /// The most strikes of one body that are believed in one exchange.
 const MOST: usize = 256;
 
-/// Notes what struck a copy here in the last step and is not held by all regions that hold the copy; and what is owed. Of two bodies that
-/// touch, the same region tells both sides.
-pub(super) fn note(region: &Region, handle: RigidBodyHandle, shared: &mut Shared) {
-    let (own, members) = (region.rank(), shared.members);
-    let mut tell = |held_by: RegionSet, impulse: Impulse| {
-        let same = |(rank, strike): &&mut (usize, Strike)| *rank == own && strike.held_by == held_by;
-        match shared.strikes.iter_mut().find(same) {
-            _ if impulse == Impulse::default() || !impulse.is_finite() => {}
-            Some((_, strike)) => strike.impulse = strike.impulse.plus(&impulse),
-            None => shared.strikes.push((own, Strike { id: region.slot(handle).id, held_by, impulse })),
-        }
-    };
-    if let Some(Strike { held_by, impulse, .. }) = shared.owed.take() {
-        tell(held_by, impulse);
-    }
+/// Notes what struck a copy here in the last step and is not held by the same regions; and what is owed.
+pub(super) fn note(region: &Region, islands: &Islands, handle: RigidBodyHandle, shared: &mut Shared) {
+    let Shared { members, strikes, owed, .. } = shared;
+    let (own, id) = (region.rank(), region.slot(handle).id);
+    strikes.extend(owed.take().map(|strike| (own, strike)));
     if region.mass_split(handle).is_some_and(|split| split.is_broken()) {
         return;
     }
     region.for_each_pair(handle, |other, pair| {
         let held_by = region.slot(other).holders.union(RegionSet::only(own));
-        let tells = held_by.intersection(members).iter().next() == Some(own);
-        if let Some(pair) = pair.filter(|_| tells && !members.without(held_by).is_empty()) {
-            tell(held_by, impulse_on(region.physics(), handle, pair));
+        let Some(pair) = pair.filter(|_| held_by != *members) else { return };
+        let is_dynamic = region.physics().bodies[other].is_dynamic();
+        let tells = held_by.intersection(*members).iter().next() == Some(own);
+        if !is_dynamic && (!tells || members.without(held_by).is_empty()) {
+            return;
         }
+        let impulse = impulse_on(region.physics(), handle, pair);
+        if impulse == Impulse::default() || !impulse.is_finite() {
+            return;
+        }
+        let by = is_dynamic.then(|| region.slot(other).id);
+        let seen = islands.seen(handle).max(islands.seen(other));
+        strikes.push((own, Strike { id, by, seen, held_by, impulse }));
     });
 }
 
@@ -87,7 +93,8 @@ pub(super) fn owe(region: &Region, all: &mut SharedBodies, handle: RigidBodyHand
     let rotation = *body.rotation() * local.principal_inertia_local_frame;
     let angular = rotation * (local.principal_inertia() * (rotation.inverse() * angular));
     let impulse = Impulse { linear: (linear / local.inv_mass).to_array(), angular: angular.to_array() };
-    shared.owed = impulse.is_finite().then_some(Strike { id: shared.own.id, held_by, impulse });
+    let owed = Strike { id: shared.own.id, by: None, seen: 0, held_by, impulse };
+    shared.owed = owed.impulse.is_finite().then_some(owed);
 }
 
 /// Stores what struck copies in another region.
@@ -102,17 +109,18 @@ pub(super) fn hear(region: &Region, shared: &mut SharedBodies, strikes: &[Strike
     }
 }
 
-/// Returns the velocity of a leader's copy after what the leader did not see; none if there was no such thing. All regions add it up in
-/// the same order, to the same bits.
+/// Returns the velocity of a leader's copy after what the leader did not see, or found otherwise than the region that counts; none if
+/// there was no such thing. All regions add it up in the same order, to the same bits.
 pub(super) fn struck(
     body: &RigidBody,
     copy: &CopyState,
     leader: usize,
     strikes: &mut [(usize, Strike)],
 ) -> Option<Velocity> {
-    strikes.sort_by_key(|(rank, strike)| (*rank, strike.held_by));
-    let unseen = strikes.iter().filter(|(_, strike)| !strike.held_by.contains(leader));
-    let sum = unseen.map(|(_, strike)| strike.impulse).reduce(|sum, impulse| sum.plus(&impulse))?;
+    strikes.sort_by_key(|(rank, strike)| (strike.by, *rank, strike.held_by));
+    let by_one = strikes.chunk_by(|(_, a), (_, b)| a.by == b.by);
+    let missed = by_one.flat_map(|told| missed(told, leader));
+    let sum = missed.reduce(|sum, impulse| sum.plus(&impulse))?;
     // Locked axes are in these alone.
     let mut mass = body.mass_properties().clone();
     mass.update_world_mass_properties(
@@ -127,6 +135,18 @@ pub(super) fn struck(
     is_finite.then(|| Velocity { linear: linear.to_array(), angular: angular.to_array() })
 }
 
+/// Returns what a leader's copy lacks of the impulses that were told of one body, in parts.
+fn missed(told: &[(usize, Strike)], leader: usize) -> impl Iterator<Item = Impulse> {
+    let best = told.iter().max_by_key(|(rank, strike)| (strike.seen, Reverse(*rank)));
+    let counts = best.filter(|(_, strike)| strike.by.is_some()).map(|(rank, _)| *rank);
+    told.iter().filter_map(move |(rank, strike)| match counts {
+        None => (!strike.held_by.contains(leader)).then_some(strike.impulse),
+        Some(counts) if counts == leader => None,
+        Some(counts) if counts == *rank => Some(strike.impulse),
+        Some(_) => (*rank == leader).then(|| strike.impulse.reversed()),
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -134,7 +154,8 @@ mod tests {
 
     fn strike(held_by: &[usize], linear: [f32; 3]) -> Strike {
         let impulse = Impulse { linear, angular: [0.0, 0.0, 1.0] };
-        Strike { id: BodyId::persistent(1), held_by: held_by.iter().copied().collect(), impulse }
+        let held_by = held_by.iter().copied().collect();
+        Strike { id: BodyId::persistent(1), by: None, seen: 0, held_by, impulse }
     }
 
     fn body(builder: RigidBodyBuilder) -> RigidBody {
@@ -164,6 +185,25 @@ mod tests {
             assert_eq!(after(order, 2), Some(expected));
         }
         assert!(struck(&body, &copy, 0, &mut [(0, strike(&[0, 1], [1.0; 3]))]).is_none(), "seen");
+    }
+
+    #[test]
+    fn of_what_several_regions_tell_of_one_contact_the_word_of_who_sees_most_counts_for_both_bodies() {
+        let told = |seen, impulse_ns: f32| Strike {
+            by: Some(BodyId::persistent(9)),
+            seen,
+            ..strike(&[0, 1, 2], [impulse_ns, 0.0, 0.0])
+        };
+        let body = body(RigidBodyBuilder::dynamic());
+        let gained_ns = |leader, all: [(usize, Strike); 3]| {
+            let copy = CopyState::default();
+            struck(&body, &copy, leader, &mut all.to_vec()).map_or(0.0, |velocity| 2.0 * velocity.linear[0])
+        };
+        let all = [(0, told(2, 3.0)), (1, told(5, 8.0)), (2, told(5, 1.0))];
+        assert_eq!(gained_ns(1, all), 0.0, "its copy has that already");
+        assert_eq!(gained_ns(0, all), 5.0, "in place of the 3 that its own copy has");
+        assert_eq!(gained_ns(2, all), 7.0, "of equals the lowest rank");
+        assert_eq!(gained_ns(3, all), 8.0, "it holds one of the two alone");
     }
 
     #[test]

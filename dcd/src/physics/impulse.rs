@@ -3,8 +3,10 @@
 use rapier3d::dynamics::FrictionModel;
 use rapier3d::geometry::ContactData;
 use rapier3d::prelude::*;
+use rapier3d::utils::OrthonormalBasis;
 
-/// Returns the impulse of a contact pair on its second body in the last step, in newton seconds, with friction as far as Rapier tells.
+/// Returns the impulse of a contact pair on its second body in the last step, in newton seconds, with friction as far as Rapier tells:
+/// all of it by the Coulomb model, by the simplified one what the last iteration applied.
 pub(super) fn pair_impulse_ns(world: &PhysicsWorld, pair: &ContactPair) -> [f64; 3] {
     let model = world.integration_parameters.friction_model;
     pair.solver_manifolds().iter().fold([0.0; 3], |sum, manifold| {
@@ -15,22 +17,36 @@ pub(super) fn pair_impulse_ns(world: &PhysicsWorld, pair: &ContactPair) -> [f64;
 
 /// Returns the impulse on the second body, in newton seconds.
 fn impulse_ns(manifold: &ContactManifold, model: FrictionModel) -> [f64; 3] {
-    let solved = || solved_points(manifold);
-    let step: f64 = solved().map(|data| f64::from(data.impulse)).sum();
-    let last_iteration: f64 = solved().map(|data| f64::from(data.warmstart_impulse)).sum();
-    let points = match model {
-        FrictionModel::Simplified => 1,
-        FrictionModel::Coulomb => usize::MAX,
+    let normal = manifold.data.normal;
+    let step: f64 = solved_points(manifold).map(|data| f64::from(data.impulse)).sum();
+    let friction = match model {
+        FrictionModel::Simplified => last_friction(manifold, step),
+        FrictionModel::Coulomb => friction(manifold),
     };
+    // The normal points to the second body; friction is told of the first.
+    std::array::from_fn(|i| step * f64::from(normal.to_array()[i]) - friction[i])
+}
+
+/// Returns the friction of one iteration on the first body, which is all that is kept of it, times how much larger the normal impulse of
+/// the step is. Of an impact in an earlier iteration nothing is left.
+fn last_friction(manifold: &ContactManifold, step: f64) -> [f64; 3] {
+    let last_iteration: f64 = solved_points(manifold).map(|data| f64::from(data.warmstart_impulse)).sum();
     // Without a normal there is no friction.
     let share = if last_iteration > 0.0 { step / last_iteration } else { 0.0 };
-    let friction = solved().take(points).fold([0.0; 3], |sum, data| {
-        let tangent = data.warmstart_tangent_world.to_array();
-        std::array::from_fn(|i| sum[i] + share * f64::from(tangent[i]))
-    });
-    let normal = manifold.data.normal.to_array();
-    // The normal points to the second body; the stored friction acts on the first.
-    std::array::from_fn(|i| step * f64::from(normal[i]) - friction[i])
+    // All points have that of the whole manifold.
+    let friction = solved_points(manifold).next().map_or(Vector::ZERO, |data| data.warmstart_tangent_world);
+    friction.to_array().map(|v| share * f64::from(v))
+}
+
+/// Returns the friction of a step on the first body, which Rapier keeps by the axes of a basis around the normal.
+fn friction(manifold: &ContactManifold) -> [f64; 3] {
+    let direction = -manifold.data.normal;
+    let first = direction.orthonormal_vector();
+    let axes = [first, direction.cross(first)];
+    solved_points(manifold).fold([0.0; 3], |sum, data| {
+        let impulse = axes[0] * data.tangent_impulse.x + axes[1] * data.tangent_impulse.y;
+        std::array::from_fn(|i| sum[i] + f64::from(impulse.to_array()[i]))
+    })
 }
 
 /// Returns the points of a manifold that the solver selected. Others keep stale impulses, so these must not be summed over all points.

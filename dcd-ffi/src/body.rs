@@ -1,7 +1,5 @@
 //! Creates, finds and destroys bodies, and checks their definitions.
 
-use std::collections::BTreeSet;
-
 use dcd::protocol::WorldPose;
 use dcd::space::BodyId;
 use rapier3d::prelude::*;
@@ -154,18 +152,15 @@ unsafe fn create(
     // SAFETY: the caller vouches for `count` entries.
     let defs = unsafe { pointer::slice(defs, count, "defs")? };
     with(world, |world| {
-        let parsed: Vec<_> = defs
-            .iter()
-            .enumerate()
-            .map(|(i, def)| {
-                parse(world, def).map_err(|failure| match count {
-                    1 => failure,
-                    _ => Failure::new(failure.status, format!("defs[{i}]: {}", failure.message)),
-                })
-            })
-            .collect::<Result<_, _>>()?;
+        for (i, def) in defs.iter().enumerate() {
+            check(world, def).map_err(|failure| match count {
+                1 => failure,
+                _ => Failure::new(failure.status, format!("defs[{i}]: {}", failure.message)),
+            })?;
+        }
         let mut made = Vec::with_capacity(count);
-        for body in parsed {
+        for def in defs {
+            let body = build(world, def)?;
             match world.dcd.insert_at(body.pose, body.body, [body.collider]) {
                 Ok(id) => made.push(id),
                 Err(failure) => {
@@ -249,6 +244,11 @@ const OF_COLLIDER: u32 = DCD_BODY_SENSOR | DCD_BODY_ANY_GROUP;
 
 /// Checks a definition and turns it into Rapier's builders.
 pub(crate) fn parse(world: &World, def: &DcdBodyDef) -> Result<NewBody, Failure> {
+    check(world, def)?;
+    build(world, def)
+}
+
+fn check(world: &World, def: &DcdBodyDef) -> Result<(), Failure> {
     if def.struct_size as usize != size_of::<DcdBodyDef>() {
         return Err(Failure::new(
             crate::status::DCD_ERR_STRUCT,
@@ -257,12 +257,17 @@ pub(crate) fn parse(world: &World, def: &DcdBodyDef) -> Result<NewBody, Failure>
     }
     check_pose(&def.pose)?;
     check_velocity(&def.velocity)?;
-    let (properties, collider) = (def.properties(), def.collider());
-    properties.check()?;
-    collider.check()?;
+    def.properties().check()?;
+    def.collider().check()?;
     if def.body_type == DCD_DYNAMIC && def.density == 0.0 && def.mass == 0.0 && def.extra_mass == 0.0 {
         return Err(Failure::argument("density is 0; a dynamic body needs some mass, water has 1000 kg/m³"));
     }
+    shape::find(world, def.shape).map(drop)
+}
+
+/// Turns a checked definition into Rapier's builders.
+fn build(world: &World, def: &DcdBodyDef) -> Result<NewBody, Failure> {
+    let properties = def.properties();
     let mut body = properties
         .builder()?
         .linvel(Vector::from_array(def.velocity.linear))
@@ -270,7 +275,7 @@ pub(crate) fn parse(world: &World, def: &DcdBodyDef) -> Result<NewBody, Failure>
         .sleeping(def.flags & DCD_BODY_ASLEEP != 0)
         .build();
     properties.set_thresholds(&mut body);
-    let collider = collider.builder(shape::find(world, def.shape)?.clone());
+    let collider = def.collider().builder(shape::find(world, def.shape)?.clone());
     Ok(NewBody { pose: def.pose.into(), body, collider })
 }
 
@@ -298,12 +303,10 @@ pub extern "C" fn dcd_body_destroy(world: DcdWorld, body: DcdBodyId) -> DcdStatu
 
 fn destroy(world: DcdWorld, bodies: &[DcdBodyId]) -> Result<(), Failure> {
     with(world, |world| {
-        let mut ids = BTreeSet::new();
-        for &body in bodies {
-            let id = find(world, body)?;
-            if !ids.insert(id) {
-                return Err(stale("body", body.v));
-            }
+        let mut ids: Vec<_> = bodies.iter().map(|&body| find(world, body)).collect::<Result<_, _>>()?;
+        ids.sort_unstable();
+        if let Some(twice) = ids.windows(2).find(|pair| pair[0] == pair[1]) {
+            return Err(stale("body", world.mark.body(twice[0]).v));
         }
         for id in ids {
             world.events.departs(id, world.dcd.user_data(id).unwrap_or(0) as u64);

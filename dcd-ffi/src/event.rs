@@ -2,7 +2,6 @@
 
 mod calls;
 
-use std::collections::BTreeMap;
 use std::ffi::CStr;
 
 use dcd::protocol::{ContactKey, Refusal};
@@ -219,8 +218,8 @@ unsafe impl Sized32 for DcdEventView {
 pub(crate) struct EventBuffers {
     sets: [EventArrays; 2],
     newest: usize,
-    /// User data of bodies destroyed since the last step: their contacts end in the next.
-    departed: BTreeMap<BodyId, u64>,
+    /// User data of bodies destroyed since the last step: their contacts end in the next. In id order when that is done.
+    departed: Vec<(BodyId, u64)>,
 }
 
 #[derive(Default)]
@@ -239,21 +238,20 @@ struct EventArrays {
 impl EventBuffers {
     /// A body is about to be destroyed.
     pub(crate) fn departs(&mut self, id: BodyId, user_data: u64) {
-        self.departed.insert(id, user_data);
+        self.departed.push((id, user_data));
     }
 
     /// Takes down what happened in the step just done.
     pub(crate) fn fill(&mut self, world: &Dcd, mark: Mark) {
         self.newest = 1 - self.newest;
+        self.departed.sort_unstable();
         let arrays = &mut self.sets[self.newest];
         let events = world.events();
-        let user = |id| {
-            world
-                .user_data(id)
-                .map(|data| data as u64)
-                .or_else(|| self.departed.get(&id).copied())
-                .unwrap_or(0)
+        let departed = |id: BodyId| {
+            let place = self.departed.binary_search_by_key(&id, |(departed, _)| *departed).ok()?;
+            Some(self.departed[place].1)
         };
+        let user = |id| world.user_data(id).map(|data| data as u64).or_else(|| departed(id)).unwrap_or(0);
         arrays.tick = world.tick().0;
         arrays.flags = if world.is_lost() { DCD_EVENTS_LOST } else { 0 };
         let changes = world.changes();

@@ -14,13 +14,20 @@ use crate::space::{Bounds, PlaceGroups};
 /// Bodies closer than this touch, metres.
 const NEAR_M: f64 = 0.02;
 
-/// The groups of new bodies that belong together.
+/// Which of some new bodies belong together.
 pub(super) struct Placement {
+    /// `None` when each of them is by itself.
+    groups: Option<Groups>,
+    /// Groups of more bodies are not kept whole.
+    limit: usize,
+}
+
+/// The groups of new bodies that belong together.
+struct Groups {
     /// By body: the first body of its group.
     group: Vec<u32>,
     /// By first body: how many there are.
     sizes: Vec<u32>,
-    limit: usize,
     /// By body: the first body of its multibody and of what is tied to it, or itself.
     assembly: Vec<u32>,
 }
@@ -33,36 +40,29 @@ impl Placement {
         shapes: &ShapeLibrary,
         settings: &StepSettings,
     ) -> Result<Self, ShapeError> {
-        let mut groups = PlaceGroups::new(bodies.len());
-        for joint in joints {
-            if let [Some(a), Some(b)] = movable_ends(joint, bodies) {
-                groups.join(a, b);
-            }
-        }
-        if bodies.len() > 1 && settings.coupling.moves_islands() {
-            join_touching(bodies, shapes, &mut groups)?;
-        }
-        let assembly = articulated(bodies, joints);
-        let group: Vec<_> = (0..bodies.len()).map(|body| groups.root(body) as u32).collect();
-        let mut sizes = vec![0; bodies.len()];
-        for &root in &group {
-            sizes[root as usize] += 1;
-        }
+        let may_touch = bodies.len() > 1 && settings.coupling.moves_islands();
+        let groups = if joints.is_empty() && !may_touch {
+            None
+        } else {
+            Some(Groups::of(bodies, joints, may_touch.then_some(shapes))?)
+        };
         let limit = match settings.coupling {
             coupling if coupling.moves_islands() => settings.island_limit,
             coupling if coupling.shares_mass() => 1,
             _ => usize::MAX,
         };
-        Ok(Self { group, sizes, limit, assembly })
+        Ok(Self { groups, limit })
     }
 
     /// Returns the rank of the first owner of each body.
     pub(super) fn owners(&self, bodies: &[BodyRecord], partition: &Partition) -> Vec<usize> {
         let homes: Vec<_> =
             bodies.iter().map(|body| partition.rank_at(body.state.pose.translation)).collect();
+        let Some(Groups { group, sizes, .. }) = &self.groups else { return homes };
         let mut votes = std::collections::BTreeMap::<(u32, usize), usize>::new();
-        for (&group, &home) in self.group.iter().zip(&homes) {
-            if self.is_small(group) && self.sizes[group as usize] > 1 {
+        for (&group, &home) in group.iter().zip(&homes) {
+            let size = sizes[group as usize] as usize;
+            if size <= self.limit && size > 1 {
                 *votes.entry((group, home)).or_default() += 1;
             }
         }
@@ -74,30 +74,54 @@ impl Placement {
                 *best = (home, count);
             }
         }
-        let home = |(body, &group): (usize, &u32)| chosen.get(&group).map_or(homes[body], |(rank, _)| *rank);
-        let owners: Vec<_> = self.group.iter().enumerate().map(home).collect();
-        self.together(&owners)
+        let home = |(body, group): (usize, &u32)| chosen.get(group).map_or(homes[body], |(rank, _)| *rank);
+        self.together(group.iter().enumerate().map(home).collect())
     }
 
     /// Gives all of a multibody the owner of its first body.
-    pub(super) fn together(&self, owners: &[usize]) -> Vec<usize> {
-        self.assembly.iter().map(|&first| owners[first as usize]).collect()
+    pub(super) fn together(&self, owners: Vec<usize>) -> Vec<usize> {
+        let Some(Groups { assembly, .. }) = &self.groups else { return owners };
+        assembly.iter().map(|&first| owners[first as usize]).collect()
     }
 
     /// Returns whether each body's group is small and has one owner.
     pub(super) fn whole(&self, owners: &[usize]) -> Vec<bool> {
-        let one_owner = |body: usize| owners[body] == owners[self.group[body] as usize];
-        let mut whole: Vec<_> = self.group.iter().map(|&group| self.is_small(group)).collect();
-        for body in 0..owners.len() {
-            if !one_owner(body) {
-                whole[self.group[body] as usize] = false;
+        let Some(Groups { group, sizes, .. }) = &self.groups else {
+            return vec![self.limit > 0; owners.len()];
+        };
+        let mut whole: Vec<_> =
+            group.iter().map(|&group| sizes[group as usize] as usize <= self.limit).collect();
+        for (body, &group) in group.iter().enumerate() {
+            if owners[body] != owners[group as usize] {
+                whole[group as usize] = false;
             }
         }
-        self.group.iter().map(|&group| whole[group as usize]).collect()
+        group.iter().map(|&group| whole[group as usize]).collect()
     }
+}
 
-    fn is_small(&self, group: u32) -> bool {
-        self.sizes[group as usize] as usize <= self.limit
+impl Groups {
+    /// Groups what joints tie, and what touches by these `shapes`.
+    fn of(
+        bodies: &[BodyRecord],
+        joints: &[JointRecord],
+        shapes: Option<&ShapeLibrary>,
+    ) -> Result<Self, ShapeError> {
+        let mut groups = PlaceGroups::new(bodies.len());
+        for joint in joints {
+            if let [Some(a), Some(b)] = movable_ends(joint, bodies) {
+                groups.join(a, b);
+            }
+        }
+        if let Some(shapes) = shapes {
+            join_touching(bodies, shapes, &mut groups)?;
+        }
+        let group: Vec<_> = (0..bodies.len()).map(|body| groups.root(body) as u32).collect();
+        let mut sizes = vec![0; bodies.len()];
+        for &root in &group {
+            sizes[root as usize] += 1;
+        }
+        Ok(Self { group, sizes, assembly: articulated(bodies, joints) })
     }
 }
 

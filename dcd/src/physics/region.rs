@@ -7,6 +7,7 @@ mod contacts;
 mod contents;
 mod cow_world;
 mod floating_origin;
+mod id_hash;
 mod kinematic_targets;
 mod mass_splitting;
 mod moved;
@@ -38,6 +39,7 @@ use serde::{Deserialize, Serialize, Serializer};
 
 use self::characters::Walking;
 use self::cow_world::CowWorld;
+use self::id_hash::IdHash;
 use self::kinematic_targets::KinematicTargets;
 use self::ties::{HeldJoint, JointNews};
 use self::vehicles::Driving;
@@ -67,7 +69,7 @@ pub struct Region {
     /// For look-ups only: iteration goes by [`Region::links`], in id order. A map of one block leaves Rapier's own small
     /// blocks side by side in memory.
     #[serde(serialize_with = "in_id_order")]
-    by_id: HashMap<BodyId, RigidBodyHandle>,
+    by_id: HashMap<BodyId, RigidBodyHandle, IdHash>,
     /// Bodies owned here and held by other regions too, in id order.
     shared: Vec<BodyRef>,
     /// Bodies owned elsewhere, in id order.
@@ -129,7 +131,7 @@ impl Region {
             anchor: convert::anchor_of(part.centre()),
             world: CowWorld::new(world),
             slots: Vec::new(),
-            by_id: HashMap::new(),
+            by_id: HashMap::default(),
             owned_at: 0,
             shared: Vec::new(),
             replicas: Vec::new(),
@@ -393,7 +395,7 @@ impl Region {
 
 /// Serializes in id order, so that snapshots of equal regions have equal bytes.
 fn in_id_order<S: Serializer>(
-    by_id: &HashMap<BodyId, RigidBodyHandle>,
+    by_id: &HashMap<BodyId, RigidBodyHandle, IdHash>,
     serializer: S,
 ) -> Result<S::Ok, S::Error> {
     by_id.iter().collect::<BTreeMap<_, _>>().serialize(serializer)

@@ -1,6 +1,7 @@
 //! Stores shapes by content hash: two equal shapes are one object in memory, in every region of the process (thesis 4.3.2.5).
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 use parry3d::shape::{
     ConvexPolyhedron, HeightField, HeightFieldCellStatus, HeightFieldFlags, RoundShape, Shape, SharedShape,
@@ -59,17 +60,31 @@ pub enum ShapeError {
     Unknown(ShapeHash),
 }
 
+/// How many objects a library knows again by their addresses.
+const RECENT: usize = 16;
+
 /// The shapes of the process, each by the hash of its record.
 #[derive(Clone, Default)]
 pub struct ShapeLibrary {
     shapes: BTreeMap<ShapeHash, (ShapeRecord, SharedShape)>,
+    /// Objects interned last, by their addresses: bodies made one after the other share few. They are kept alive, so that an address
+    /// means the same object.
+    recent: [Option<(SharedShape, ShapeHash)>; RECENT],
 }
 
 impl ShapeLibrary {
     /// Finds or adds the shape; equal shapes get one hash.
     pub fn intern(&mut self, shape: &SharedShape) -> Result<ShapeHash, ShapeError> {
+        let place = recent_place(shape);
+        if let Some((known, hash)) = &self.recent[place]
+            && Arc::ptr_eq(&known.0, &shape.0)
+        {
+            return Ok(*hash);
+        }
         let record = self.record(shape)?;
-        self.add(record)
+        let hash = self.add(record)?;
+        self.recent[place] = Some((shape.clone(), hash));
+        Ok(hash)
     }
 
     /// Adds a shape that came as a record. Its parts must be in the library already.
@@ -260,6 +275,13 @@ impl ShapeLibrary {
             ),
         })
     }
+}
+
+/// Returns the place among the recent ones where an object is looked for.
+fn recent_place(shape: &SharedShape) -> usize {
+    // Fibonacci hashing: addresses of objects differ in their middle bits.
+    let address = Arc::as_ptr(&shape.0).cast::<()>().addr() as u64;
+    (address.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 32) as usize % RECENT
 }
 
 /// Returns whether these shapes can be built, each after its parts, given those known already.

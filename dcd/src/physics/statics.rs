@@ -68,7 +68,11 @@ impl Statics {
         handle: RigidBodyHandle,
         shapes: &ShapeLibrary,
     ) -> Result<(), ShapeError> {
-        self.cover_box(region, &region.world_bounds(handle).grown(0.1), shapes)
+        const MARGIN_M: f64 = 0.1;
+        if region.surely_covers(handle, MARGIN_M) {
+            return Ok(());
+        }
+        self.cover_box(region, &region.world_bounds(handle).grown(MARGIN_M), shapes)
     }
 
     /// Inserts all immovable bodies that touch a box into the region.

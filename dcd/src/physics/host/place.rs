@@ -10,7 +10,7 @@ use crate::physics::placement::{Placement, movable_ends};
 use crate::physics::region::{Ownership, Region, better_anchor};
 use crate::physics::shapes::{ShapeError, ShapeLibrary};
 use crate::physics::{articulation, convert, joints};
-use crate::protocol::{BodyKind, BodyRecord, JointRecord, Vehicle};
+use crate::protocol::{BodyKind, BodyRecord, BodyTraits, JointRecord, Vehicle};
 use crate::space::{BodyId, DistributionTree, JointId, RegionId, RegionSet, Tick};
 
 impl RegionHost {
@@ -115,7 +115,7 @@ impl RegionHost {
             owners = placement.owners(&bodies, &self.partition);
             whole = placement.whole(&owners);
         } else {
-            owners = placement.together(&owners);
+            owners = placement.together(owners);
             let pose_of = |id| {
                 let place = bodies.binary_search_by_key(&id, |body| body.id).ok()?;
                 Some(bodies[place].state.pose)
@@ -274,6 +274,14 @@ impl RegionHost {
             }
         }
         Ok(())
+    }
+
+    /// Returns the traits of a body that is owned here or immovable.
+    pub fn traits(&self, id: BodyId) -> Option<&BodyTraits> {
+        match self.owned(id) {
+            Some((region, handle)) => Some(&region.slot(handle).traits),
+            None => self.statics.body(id).map(|body| &*body.traits),
+        }
     }
 
     pub(super) fn held(&self, id: BodyId) -> bool {

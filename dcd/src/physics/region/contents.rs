@@ -22,11 +22,14 @@ impl Region {
         shapes: &ShapeLibrary,
     ) -> Result<RigidBodyHandle, ShapeError> {
         assert!(!self.by_id.contains_key(&body.id), "{} is already held by {}", body.id, self.id);
-        let (rigid_body, colliders) = record::build(body, self.anchor, shapes)?;
+        for collider in &body.traits.colliders {
+            shapes.shape(collider.shape)?;
+        }
         self.stirred = true;
-        let handle = self.world.bodies.insert(rigid_body);
+        let handle = self.world.bodies.insert(record::build_body(body, self.anchor));
         self.touch(handle);
-        for (place, (collider, record)) in colliders.into_iter().zip(&body.traits.colliders).enumerate() {
+        for (place, record) in body.traits.colliders.iter().enumerate() {
+            let collider = record::build_collider(record, shapes).expect("its shape has been looked at");
             let world = &mut *self.world;
             let collider = world.colliders.insert_with_parent(collider, handle, &mut world.bodies);
             let inserted = &mut world.colliders[collider];

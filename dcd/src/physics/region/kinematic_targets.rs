@@ -44,10 +44,11 @@ impl KinematicTargets {
 
     /// Forgets a body.
     pub(super) fn forget(&mut self, handle: RigidBodyHandle) {
-        self.bodies.retain(|&other| other != handle);
-        self.targets.retain(|(other, _)| *other != handle);
-        if let Some(kinematic) = self.kinematic.get_mut(handle.into_raw_parts().0 as usize) {
-            self.count -= usize::from(std::mem::take(kinematic));
+        let kinematic = self.kinematic.get_mut(handle.into_raw_parts().0 as usize);
+        if kinematic.is_some_and(std::mem::take) {
+            self.count -= 1;
+            self.bodies.retain(|&other| other != handle);
+            self.targets.retain(|(other, _)| *other != handle);
         }
     }
 

@@ -1,0 +1,68 @@
+//! Hashes ids of bodies for a map in which ids that follow one another lie side by side. A program makes and destroys bodies in runs,
+//! and border messages name them in order: of a run, one look-up in the map waits for memory, and not every one.
+
+use std::hash::{BuildHasher, Hasher};
+
+use foldhash::fast::{FoldHasher, RandomState};
+
+/// So many ids lie together. A power of two, no more than a map of the standard library compares at once.
+const RUN: u64 = 16;
+
+/// Builds the hashers of one map, with a seed of its own: peers choose ids, and must not choose which of them share a place.
+#[derive(Clone, Default)]
+pub(super) struct IdHash(RandomState);
+
+/// Hashes one id.
+pub(super) struct IdHasher {
+    run: FoldHasher<'static>,
+    place: u64,
+}
+
+impl BuildHasher for IdHash {
+    type Hasher = IdHasher;
+
+    fn build_hasher(&self) -> IdHasher {
+        IdHasher { run: self.0.build_hasher(), place: 0 }
+    }
+}
+
+impl Hasher for IdHasher {
+    #[inline]
+    fn write_u64(&mut self, id: u64) {
+        self.run.write_u64(id / RUN);
+        self.place = id % RUN;
+    }
+
+    fn write(&mut self, bytes: &[u8]) {
+        self.run.write(bytes);
+    }
+
+    /// The low bits of a hash choose the place in the map. By the high ones those of one run are told apart there.
+    #[inline]
+    fn finish(&self) -> u64 {
+        ((self.run.finish() & !(RUN - 1)) | self.place) ^ self.place.rotate_right(RUN.trailing_zeros())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+    use crate::space::BodyId;
+
+    #[test]
+    fn ids_that_follow_one_another_lie_side_by_side_and_runs_lie_anywhere() {
+        let hash = IdHash::default();
+        let (mut places, mut tags) = (BTreeSet::new(), BTreeSet::new());
+        for run in 0..64 {
+            let hashes: Vec<_> = (0..16).map(|i| hash.hash_one(BodyId::persistent(16 * run + i))).collect();
+            let low = |hash: &u64| hash & 0xFFFF;
+            assert!(hashes.windows(2).all(|pair| low(&pair[1]) == low(&pair[0]) + 1), "{hashes:x?}");
+            places.insert(low(&hashes[0]));
+            tags.extend(hashes.iter().map(|hash| hash >> 57));
+        }
+        assert!(places.len() > 60, "runs share {} places of 4,096", places.len());
+        assert!(tags.len() > 100, "{} of 128 tags are used", tags.len());
+    }
+}

@@ -4,6 +4,5 @@ use dcd::{BodyId, World as Dcd};
 
 /// Returns the user data of a collider; 0 when it is gone.
 pub(crate) fn material(world: &Dcd, body: BodyId, collider: usize) -> u64 {
-    let record = world.record(body);
-    record.and_then(|body| Some(body.traits.colliders.get(collider)?.user_data as u64)).unwrap_or(0)
+    world.collider_user_data(body, collider).unwrap_or(0) as u64
 }

@@ -7,7 +7,7 @@ use super::view::{Body, MovableBody};
 use super::{Error, Inner, World};
 use crate::physics::{ColliderId, Region};
 use crate::protocol::{
-    BodyKind, BodyRecord, Character, Controller, Drive, Push, Vehicle, Velocity, WorldPose,
+    BodyKind, BodyRecord, BodyTraits, Character, Controller, Drive, Push, Vehicle, Velocity, WorldPose,
 };
 use crate::runtime::WorldError;
 use crate::space::BodyId;
@@ -248,6 +248,17 @@ impl World {
         match &self.inner {
             Inner::Local(world) => world.host().record(body),
             Inner::Remote(world) => world.record(body),
+        }
+    }
+
+    /// Returns the user data of a collider, as far as this process knows the body.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn collider_user_data(&self, body: BodyId, collider: usize) -> Option<u128> {
+        let data = |traits: &BodyTraits| Some(traits.colliders.get(collider)?.user_data);
+        match &self.inner {
+            Inner::Local(world) => data(world.host().traits(body)?),
+            Inner::Remote(world) => data(&world.record(body)?.traits),
         }
     }
 

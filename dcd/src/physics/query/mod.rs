@@ -91,9 +91,19 @@ struct Answerer<'a> {
 }
 
 impl<'a> Queries<'a> {
-    /// Asks every region, twice if bodies of it were moved since its last step.
-    fn ask(&self, filter: &BodyFilter<'_>, near: Option<&Bounds>, mut ask: impl FnMut(&Answerer<'_>)) {
-        for region in self.host.regions() {
+    /// Asks every region.
+    fn ask(&self, filter: &BodyFilter<'_>, near: Option<&Bounds>, ask: impl FnMut(&Answerer<'_>)) {
+        Self::ask_in(self.host.regions(), filter, near, ask);
+    }
+
+    /// Asks some regions one after the other, each twice if bodies of it were moved since its last step.
+    fn ask_in<'r>(
+        regions: impl Iterator<Item = &'r Region>,
+        filter: &BodyFilter<'_>,
+        near: Option<&Bounds>,
+        mut ask: impl FnMut(&Answerer<'_>),
+    ) {
+        for region in regions {
             let world = region.physics();
             let immovable_too = near.is_none_or(|near| region.covers(near));
             let wants = |handle: ColliderHandle, collider: &Collider| {
@@ -135,21 +145,31 @@ impl Answerer<'_> {
         let (region, world) = (self.region, self.region.physics());
         let handle = self.moved.map_or(handle, |moved| moved.original(handle));
         let parent = world.colliders.get(handle)?.parent()?;
-        let (body, role) = region.role_of(parent)?;
+        let (_, role) = region.role_of(parent)?;
         if role == Ownership::Immovable && !region.covers(&self.world_box(near)) {
             return None;
         }
-        let index = world.bodies[parent].colliders().iter().position(|&other| other == handle)?;
-        Some(ColliderId { body, index })
+        region.collider_name(handle).map(|(body, index)| ColliderId { body, index: index.into() })
     }
 
     fn world_box(&self, aabb: Aabb) -> Bounds {
-        let anchor = self.region.anchor();
-        Bounds { min: convert::world_point(anchor, aabb.mins), max: convert::world_point(anchor, aabb.maxs) }
+        world_box(self.region, aabb)
     }
 
     /// Returns the AABB of all its colliders, in world space.
     fn extent(&self) -> Bounds {
         self.world_box(self.pipeline.bvh.root_aabb())
     }
+}
+
+/// Returns a box around all colliders of a region, in world space; `None` if it has none.
+fn extent_of(region: &Region) -> Option<Bounds> {
+    let trees = [region.physics().query_pipeline().bvh, &region.moved().bvh];
+    let boxes = trees.into_iter().filter(|bvh| !bvh.is_empty()).map(|bvh| world_box(region, bvh.root_aabb()));
+    boxes.reduce(|all, one| all.union(&one))
+}
+
+fn world_box(region: &Region, aabb: Aabb) -> Bounds {
+    let anchor = region.anchor();
+    Bounds { min: convert::world_point(anchor, aabb.mins), max: convert::world_point(anchor, aabb.maxs) }
 }

@@ -4,8 +4,9 @@ use std::collections::BTreeSet;
 
 use rapier3d::prelude::*;
 
-use super::{Answerer, BodyFilter, Queries, QueryError, check};
+use super::{Answerer, BodyFilter, Queries, QueryError, check, extent_of};
 use crate::physics::convert;
+use crate::physics::region::Region;
 use crate::space::{BodyId, Bounds};
 
 /// A ray starts this near to what it may hit, however far away its origin is, metres: a distance that f32 resolves to
@@ -64,7 +65,8 @@ impl Queries<'_> {
     pub fn cast_ray(&self, ray: &WorldRay, filter: &BodyFilter<'_>) -> Result<Option<RayHit>, QueryError> {
         let ray = Straight::of(ray)?;
         let mut best: Option<RayHit> = None;
-        self.ask(filter, None, |answerer| {
+        let entered = self.entered(&ray).into_iter().map(|(_, region)| region);
+        Self::ask_in(entered, filter, None, |answerer| {
             let reach_m = best.map_or(ray.max_m, |hit| hit.distance_m);
             let Some(part) = ray.part(&answerer.extent(), reach_m) else { return };
             let (local, reach) = part.local(answerer);
@@ -77,6 +79,15 @@ impl Queries<'_> {
             }
         });
         Ok(best)
+    }
+
+    /// Returns the regions where a ray may hit something, in the order in which it comes to them: after a hit it need not look any
+    /// farther.
+    fn entered(&self, ray: &Straight) -> Vec<(f64, &Region)> {
+        let enters = |region| Some((ray.enters(&extent_of(region)?, ray.max_m)?, region));
+        let mut entered: Vec<_> = self.host.regions().filter_map(enters).collect();
+        entered.sort_by(|a, b| a.0.total_cmp(&b.0));
+        entered
     }
 
     /// Returns one hit on every collider that a ray meets, the nearest first; of equally near ones, that on the lowest id first.
@@ -173,6 +184,13 @@ impl Straight {
 
     /// Returns the part of the ray that may hit something in a box, in f32; `None` if none may.
     fn part(&self, extent: &Bounds, reach_m: f64) -> Option<Part<'_>> {
+        let enter_m = self.enters(extent, reach_m)?;
+        let start_m = if enter_m > NEAR_M { enter_m - 1.0 } else { 0.0 };
+        Some(Part { ray: self, start_m, reach_m })
+    }
+
+    /// Returns how far away the ray enters a box, 0 from inside; `None` if it does not.
+    fn enters(&self, extent: &Bounds, reach_m: f64) -> Option<f64> {
         let (mut enter_m, mut leave_m) = (0.0f64, reach_m);
         for i in 0..3 {
             // On the wide side of the rounding of the box to f32.
@@ -187,8 +205,7 @@ impl Straight {
             let [a, b] = [low, high].map(|v| v / self.direction[i]);
             (enter_m, leave_m) = (enter_m.max(a.min(b)), leave_m.min(a.max(b)));
         }
-        let start_m = if enter_m > NEAR_M { enter_m - 1.0 } else { 0.0 };
-        (enter_m <= leave_m).then_some(Part { ray: self, start_m, reach_m })
+        (enter_m <= leave_m).then_some(enter_m)
     }
 }
 

@@ -5,7 +5,10 @@
  *   calls step BODIES STEPS            ms a step of a pile, the median
  *   calls viewed BODIES STEPS          the same with the view; a program of its own, as the second world of a program
  *                                      steps some percent slower than its first, seen or not
- *   calls made BODIES ROUNDS           ns to make a box, and to destroy it a step later: each the least of so many rounds
+ *   calls made BODIES ROUNDS           ns a box: to make it, what the first step with it takes besides, and to destroy it
+ *                                      after that; each the least of so many rounds
+ *   calls rays BODIES RAYS REGIONS THREADS
+ *                                      ns a ray into such boxes, all rays by one call: the least of some calls
  *   calls rollback BODIES REPEATS      ms to keep a pile by a checkpoint, to go back to it, and that the next step takes longer
  *                                      for it, in which what was shared is copied; medians
  *   calls connect SERVER TOKEN         ms until a client has the first state of a served world */
@@ -13,6 +16,7 @@
 
 #include "dcd.h"
 
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -160,42 +164,109 @@ static double median_step_ms(size_t bodies, size_t steps, bool viewed)
     return median;
 }
 
-/* Boxes in a grid, a metre and a half apart, all made and all destroyed again, as often as `rounds` says. */
-static void making(size_t bodies, size_t rounds)
+/* A world for boxes that do not touch: what a step does with them depends little on how many steps there were. */
+static DcdWorld world_for_boxes(uint32_t regions, uint32_t threads, DcdBodyDef *box)
 {
     const float half[3] = { 0.5f, 0.5f, 0.5f };
     DcdWorldDef def = DCD_WORLD_DEF_INIT;
-    DcdBodyDef body = DCD_BODY_DEF_INIT;
     DcdWorld world;
-    DcdBodyId *ids = allocate(bodies, sizeof *ids);
-    double make = 0.0, destroy = 0.0;
-    def.regions = 1;
-    def.threads = 1;
+    def.regions = regions;
+    def.threads = threads;
     check(dcd_world_create(&def, &world));
-    check(dcd_shape_box(world, half, &body.shape));
+    check(dcd_shape_box(world, half, &box->shape));
+    return world;
+}
+
+/* Boxes in a grid, a metre and a half apart. */
+static void make_boxes(DcdWorld world, DcdBodyDef *box, DcdBodyId *ids, size_t bodies)
+{
+    for (size_t i = 0; i < bodies; i++) {
+        box->pose.p[0] = 1.5 * (double)(i % 50);
+        box->pose.p[1] = 1.5 * (double)(i / 50 % 50);
+        box->pose.p[2] = 1.5 * (double)(i / 2500);
+        check(dcd_body_create(world, box, &ids[i]));
+    }
+}
+
+/* All made and all destroyed again, as often as `rounds` says. */
+static void making(size_t bodies, size_t rounds)
+{
+    enum { MAKE, FIRST_STEP, DESTROY, PARTS };
+    static const char *const names[PARTS] = { "make", "first_step", "destroy" };
+    DcdBodyDef box = DCD_BODY_DEF_INIT;
+    const DcdWorld world = world_for_boxes(1, 1, &box);
+    DcdBodyId *ids = allocate(bodies, sizeof *ids);
+    double best[PARTS];
     for (size_t round = 0; round < rounds; round++) {
-        double start = now_ns();
-        for (size_t i = 0; i < bodies; i++) {
-            body.pose.p[0] = 1.5 * (double)(i % 50);
-            body.pose.p[1] = 1.5 * (double)(i / 50 % 50);
-            body.pose.p[2] = 1.5 * (double)(i / 2500);
-            check(dcd_body_create(world, &body, &ids[i]));
-        }
-        const double made = (now_ns() - start) / (double)bodies;
+        double times[PARTS + 1];
+        times[MAKE] = now_ns();
+        make_boxes(world, &box, ids, bodies);
+        times[FIRST_STEP] = now_ns();
         check(dcd_step(world));
-        start = now_ns();
+        times[DESTROY] = now_ns();
         for (size_t i = 0; i < bodies; i++) {
             check(dcd_body_destroy(world, ids[i]));
         }
-        const double destroyed = (now_ns() - start) / (double)bodies;
+        times[PARTS] = now_ns();
         check(dcd_step(world));
-        make = round == 0 || made < make ? made : make;
-        destroy = round == 0 || destroyed < destroy ? destroyed : destroy;
+        for (int part = 0; part < PARTS; part++) {
+            const double took = (times[part + 1] - times[part]) / (double)bodies;
+            best[part] = round == 0 || took < best[part] ? took : best[part];
+        }
     }
     check(dcd_world_destroy(world));
     free(ids);
-    printf("make_ns %.1f\n", make);
-    printf("destroy_ns %.1f\n", destroy);
+    for (int part = 0; part < PARTS; part++) {
+        printf("%s_ns %.1f\n", names[part], best[part]);
+    }
+}
+
+/* Spread evenly over 0 to 1. */
+static double spread(size_t i, double step)
+{
+    return fmod((double)i * step, 1.0);
+}
+
+/* Rays go into the boxes from one side of them, and meet one after some metres. */
+static void casting(size_t bodies, size_t count, uint32_t regions, uint32_t threads)
+{
+    enum { CALLS = 9 };
+    DcdBodyDef box = DCD_BODY_DEF_INIT;
+    const DcdWorld world = world_for_boxes(regions, threads, &box);
+    DcdBodyId *ids = allocate(bodies, sizeof *ids);
+    DcdRay *rays = allocate(count, sizeof *rays);
+    DcdRayHit *hits = allocate(count, sizeof *hits);
+    double best = 0.0, met = 0.0;
+    box.gravity_scale = 0.0f;
+    make_boxes(world, &box, ids, bodies);
+    /* In its first steps Rapier puts the tree of new bodies in order. */
+    for (int step = 0; step < WARM_UP; step++) {
+        check(dcd_step(world));
+    }
+    for (size_t i = 0; i < count; i++) {
+        const DcdRay ray = DCD_RAY_INIT;
+        rays[i] = ray;
+        rays[i].origin[0] = -2.0;
+        rays[i].origin[1] = 75.0 * spread(i, 0.7548776662466927);
+        rays[i].origin[2] = 12.0 * spread(i, 0.5698402909980532);
+        rays[i].direction[0] = 1.0f;
+        rays[i].direction[1] = (float)(spread(i, 0.6180339887498949) - 0.5);
+        rays[i].direction[2] = (float)(spread(i, 0.4142135623730950) - 0.5);
+    }
+    for (int call = 0; call < CALLS; call++) {
+        const double start = now_ns();
+        check(dcd_cast_rays(world, rays, count, NULL, hits));
+        const double took = (now_ns() - start) / (double)count;
+        best = call == 0 || took < best ? took : best;
+    }
+    for (size_t i = 0; i < count; i++) {
+        met += hits[i].body.v != 0 ? hits[i].distance : 0.0;
+    }
+    check(dcd_world_destroy(world));
+    free(hits);
+    free(rays);
+    free(ids);
+    printf("ray_ns %.1f\nmet_m %.3f\n", best, met);
 }
 
 /* A game of rollback at its worst: everything moves, and each tick is kept and computed once more. */
@@ -272,12 +343,15 @@ int main(int argc, char **argv)
         printf("step_ms %.6f\n", median_step_ms(bodies, steps, strcmp(argv[1], "viewed") == 0));
     } else if (argc == 4 && strcmp(argv[1], "made") == 0) {
         making(strtoul(argv[2], NULL, 10), strtoul(argv[3], NULL, 10));
+    } else if (argc == 6 && strcmp(argv[1], "rays") == 0) {
+        const uint32_t regions = (uint32_t)strtoul(argv[4], NULL, 10), threads = (uint32_t)strtoul(argv[5], NULL, 10);
+        casting(strtoul(argv[2], NULL, 10), strtoul(argv[3], NULL, 10), regions, threads);
     } else if (argc == 4 && strcmp(argv[1], "rollback") == 0) {
         rolling_back(strtoul(argv[2], NULL, 10), strtoul(argv[3], NULL, 10));
     } else if (argc == 4 && strcmp(argv[1], "connect") == 0) {
         connecting(argv[2], argv[3]);
     } else {
-        fprintf(stderr, "usage: calls read|made|rollback BODIES REPEATS | step|viewed BODIES STEPS | connect SERVER TOKEN\n");
+        fprintf(stderr, "usage: calls read|made|rollback BODIES REPEATS | step|viewed BODIES STEPS | rays BODIES RAYS REGIONS THREADS | connect SERVER TOKEN\n");
         return EXIT_FAILURE;
     }
     return EXIT_SUCCESS;

@@ -23,6 +23,8 @@ use crate::{page, timing};
 
 /// Bodies of a step whose cost calls are compared with.
 const STEPPED: usize = 1000;
+/// Rays of one call.
+const RAYS: usize = 10_000;
 /// Longer than joining takes on a busy machine.
 const LIMIT: Duration = Duration::from_secs(60);
 /// What Rust's standard library needs of a Linux system; `tests/tests/c_api/library.rs` checks the list.
@@ -113,20 +115,8 @@ impl CApi {
         rows.push(Row::new("the same with the view", added(viewed), "%", None));
 
         let many = if self.quick { 1_000 } else { 20_000 };
-        let (mut bare, mut ours) = ([f64::INFINITY; 2], [f64::INFINITY; 2]);
-        for _ in 0..rounds {
-            let said = calls.said(&["made", &many.to_string(), "3"])?;
-            let least = |best: [f64; 2], new: [f64; 2]| [best[0].min(new[0]), best[1].min(new[1])];
-            (bare, ours) =
-                (least(bare, bare_making_ns(many)), least(ours, [said["make_ns"], said["destroy_ns"]]));
-        }
-        for (what, ours, bare) in
-            [("dcd_body_create", ours[0], bare[0]), ("dcd_body_destroy", ours[1], bare[1])]
-        {
-            let figure = format!("{what}, of {many} boxes, over the same in a bare Rapier world");
-            rows.push(Row::new(&figure, ours / bare, "times", 2.0));
-            rows.push(Row::new(&format!("{what}, of {many} boxes"), ours, "ns", None));
-        }
+        rows.extend(making(&calls, many, rounds)?);
+        rows.extend(casting(&calls, many, rounds)?);
 
         for (bodies, goal) in [(2_000, 1.0), (20_000, 10.0)] {
             let said = calls.said(&["rollback", &bodies.to_string(), &(rounds * 9).to_string()])?;
@@ -224,30 +214,117 @@ fn rust_step_ms(steps: usize) -> Result<f64, Box<dyn Error>> {
     Ok(StepMs::of(&mut plan.subject(&scene)?, steps)?.p50_ms)
 }
 
-/// Nanoseconds to make a box and to remove it a step later in a bare Rapier world, as `calls made` does: each the least of three rounds.
-fn bare_making_ns(bodies: usize) -> [f64; 2] {
-    let (mut world, mut best) = (PhysicsWorld::new(), [f64::INFINITY; 2]);
+/// What it costs to make and to destroy boxes, beside the same in bare Rapier: in turn, and of each the run that was disturbed least.
+fn making(calls: &Calls, bodies: usize, rounds: usize) -> Result<Vec<Row>, Box<dyn Error>> {
+    let (mut bare, mut ours) = ([f64::INFINITY; 3], [f64::INFINITY; 3]);
+    for _ in 0..rounds {
+        let said = calls.said(&["made", &bodies.to_string(), "3"])?;
+        let least = |best: [f64; 3], new: [f64; 3]| std::array::from_fn(|part| best[part].min(new[part]));
+        bare = least(bare, bare_making_ns(bodies));
+        ours = least(ours, ["make_ns", "first_step_ns", "destroy_ns"].map(|name| said[name]));
+    }
+    let rows = [
+        ("dcd_body_create", ours[0], bare[0], Some(2.0)),
+        // Rapier takes a new body into its islands and its tree when it steps.
+        ("dcd_body_create and the first dcd_step", ours[0] + ours[1], bare[0] + bare[1], None),
+        ("dcd_body_destroy", ours[2], bare[2], Some(2.0)),
+    ];
+    let both = |(what, ours, bare, goal): (&str, f64, f64, Option<f64>)| {
+        let figure = format!("{what}, of {bodies} boxes");
+        [
+            Row::new(&format!("{figure}, over the same in a bare Rapier world"), ours / bare, "times", goal),
+            Row::new(&figure, ours, "ns", None),
+        ]
+    };
+    Ok(rows.into_iter().flat_map(both).collect())
+}
+
+/// What rays cost in such boxes, beside the same in bare Rapier, for each thread that casts.
+fn casting(calls: &Calls, bodies: usize, rounds: usize) -> Result<Vec<Row>, Box<dyn Error>> {
+    let cores = std::thread::available_parallelism()?.get();
+    let ways = [("one region", 1, 1), ("four regions", 4, 1), ("four regions on all cores", 4, cores)];
+    let (mut bare, mut ours) = (f64::INFINITY, [f64::INFINITY; 3]);
+    for _ in 0..rounds {
+        bare = bare.min(bare_ray_ns(bodies, RAYS));
+        for (best, (_, regions, threads)) in ours.iter_mut().zip(ways) {
+            let [bodies, rays] = [bodies, RAYS].map(|count| count.to_string());
+            let said = calls.said(&["rays", &bodies, &rays, &regions.to_string(), &threads.to_string()])?;
+            *best = best.min(said["ray_ns"] * threads as f64);
+        }
+    }
+    let row = |(ours, (way, ..)): (f64, (&str, usize, usize))| {
+        let figure = format!("a ray of {RAYS} into {bodies} boxes, {way}");
+        [
+            Row::new(
+                &format!("{figure}, a thread, over the same in a bare Rapier world"),
+                ours / bare,
+                "times",
+                Some(1.2),
+            ),
+            Row::new(&figure, ours, "ns a thread", None),
+        ]
+    };
+    Ok(ours.into_iter().zip(ways).flat_map(row).collect())
+}
+
+/// Boxes as `calls made` has them, in a bare Rapier world.
+fn bare_boxes(world: &mut PhysicsWorld, bodies: usize) -> Vec<RigidBodyHandle> {
+    let make = |i: usize| {
+        let at = Vector::new((i % 50) as f32, (i / 50 % 50) as f32, (i / 2500) as f32) * 1.5;
+        let body = RigidBodyBuilder::dynamic().translation(at);
+        world.insert(body, ColliderBuilder::cuboid(0.5, 0.5, 0.5).density(1000.0)).0
+    };
+    (0..bodies).map(make).collect()
+}
+
+/// Nanoseconds a box to make it, of the first step after that, and to remove it then, in a bare Rapier world, as `calls made` does: each
+/// the least of three rounds.
+fn bare_making_ns(bodies: usize) -> [f64; 3] {
+    let (mut world, mut best) = (PhysicsWorld::new(), [f64::INFINITY; 3]);
     for _ in 0..3 {
         let start = Instant::now();
-        let make = |i: usize| {
-            let at = Vector::new((i % 50) as f32, (i / 50 % 50) as f32, (i / 2500) as f32) * 1.5;
-            let body = RigidBodyBuilder::dynamic().translation(at);
-            world.insert(body, ColliderBuilder::cuboid(0.5, 0.5, 0.5).density(1000.0)).0
-        };
-        let handles: Vec<_> = (0..bodies).map(make).collect();
+        let handles = bare_boxes(&mut world, bodies);
         let made = start.elapsed();
         world.step();
-        let start = Instant::now();
+        let stepped = start.elapsed();
         for handle in handles {
             world.remove_body(handle);
         }
         let removed = start.elapsed();
         world.step();
-        for (best, took) in best.iter_mut().zip([made, removed]) {
+        for (best, took) in best.iter_mut().zip([made, stepped - made, removed - stepped]) {
             *best = best.min(1e9 * took.as_secs_f64() / bodies as f64);
         }
     }
     best
+}
+
+/// Nanoseconds a ray in a bare Rapier world, as `calls rays` casts them.
+fn bare_ray_ns(bodies: usize, count: usize) -> f64 {
+    let mut world = PhysicsWorld::new();
+    world.gravity = Vector::ZERO;
+    bare_boxes(&mut world, bodies);
+    for _ in 0..timing::WARM_UP {
+        world.step();
+    }
+    let ray = |i: usize| {
+        let spread = |step: f64| (i as f64 * step).fract();
+        let [y, z] = [75.0 * spread(0.754_877_666_246_692_7), 12.0 * spread(0.569_840_290_998_053_2)];
+        let [up, aside] = [0.618_033_988_749_894_9, 0.414_213_562_373_095].map(|step| spread(step) - 0.5);
+        let direction = Vector::new(1.0, up as f32, aside as f32).normalize();
+        Ray::new(Vector::new(-2.0, y as f32, z as f32), direction)
+    };
+    let rays: Vec<_> = (0..count).map(ray).collect();
+    let pipeline = world.query_pipeline();
+    let cast = |ray| pipeline.cast_ray_and_get_normal(ray, 1e6, true);
+    let took = |_| {
+        let start = Instant::now();
+        let hits: Vec<_> = rays.iter().map(cast).collect();
+        let took = start.elapsed();
+        std::hint::black_box(hits);
+        1e9 * took.as_secs_f64() / count as f64
+    };
+    (0..9).map(took).fold(f64::INFINITY, f64::min)
 }
 
 /// The median of several clients that join a world on this machine, one after the other.

@@ -1,17 +1,26 @@
-//! Sends clients contacts of their avatars and the states of bodies (state replication from the leader to clients).
+//! Sends clients the states of bodies (state replication): which bodies each client hears of, when, and in which bytes.
+//!
+//! It belongs to a leader, and begins and ends with it, but no tick waits for it: it is told of each tick when that is complete
+//! ([`ReplicationEvent`]). A process may thus let it run on a thread of its own, where it may fall behind: of several ticks that it has not taken in
+//! yet only the newest states count ([`TickNews::absorb`]).
+
+mod channel;
+mod interest;
+mod news;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-use super::Leader;
-use super::channel::Channel;
-use super::interest::{Audience, news};
-use crate::cluster::Peer;
-use crate::delta::RESTARTS;
+use self::channel::{Batches, Channel};
+use self::interest::Audience;
+pub(super) use self::interest::Latest;
+use self::news::{Moved, News};
+use super::Peer;
+use crate::delta::{FreeMotion, RESTARTS};
 use crate::protocol::{
-    ContactForce, ContactKey, Heard, SharedState, Stamp, ToClient, ToServer, Touch, WorldEvents,
+    Area, EnvironmentProperties, Heard, Member, SharedState, Stamp, ToClient, View, ViewNumber,
 };
-use crate::space::{BodyId, ClientId, Tick};
+use crate::space::{Allocation, BodyId, ClientId, GroupId, Tick};
 
 /// The ticks after which clients and the server at the earliest hear that time goes on though nothing moves (a heartbeat).
 pub(in crate::cluster) const TELL_TICK: u64 = 30;
@@ -27,61 +36,302 @@ const PACE_MISSED: Duration = Duration::from_millis(250);
 
 /// When a client was last told of anything.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Told {
+struct Told {
     tick: Tick,
     opened: Duration,
     /// The heartbeats since the last states.
     beats: u32,
 }
 
-/// The most states that are coded for all clients together in the ticks of a second, at 1.1 to 1.5 µs each with all that goes with it: ticks
-/// that take all of their time take about a fifth longer.
+/// The most states that are coded for all clients together in the ticks of a second, at 1.1 to 1.5 µs each with all that goes with it. Where
+/// the same thread computes the world, ticks that take all of their time take about a fifth longer.
 const STATES_PER_S: f64 = 140_000.0;
+
+/// The same on a thread of its own: two thirds of a core at most.
+const STATES_PER_S_ELSEWHERE: f64 = 420_000.0;
 
 /// So many bodies are compared by how much they matter in the time that the state of one takes.
 const COMPARED_PER_STATE: usize = 4;
 
-impl Leader {
-    /// Sends contacts to the clients whose avatars touch. A pair that two regions hold is seen by both: it begins with the
-    /// first and ends with the last of them.
-    pub(super) fn forward_contacts(&mut self) {
-        let mut seen = WorldEvents::default();
-        self.contacts.merge(std::mem::take(&mut self.events).values(), &mut seen);
-        self.claim(&seen.touches);
-        if self.events_to_server && !(seen.touches.is_empty() && seen.forces.is_empty()) {
-            let (view, tick, events) = (self.view, self.tick, seen.clone());
-            self.server_messages.push(ToServer::Contacts { view, tick, events });
+/// What a tick changes for clients.
+#[derive(Clone, Debug, Default)]
+pub struct TickNews {
+    tick: Tick,
+    opened: Duration,
+    /// Whether no tick follows.
+    is_last: bool,
+    /// Bodies that are gone.
+    gone: BTreeSet<BodyId>,
+    /// Bodies that moved, and after which tick they were so.
+    moved: Latest,
+    /// Up to which of its inputs a client's are applied, and how early the newest came.
+    applied: BTreeMap<ClientId, (u64, i8)>,
+    /// Interests that clients have named since the tick before.
+    interests: BTreeMap<ClientId, Option<Area>>,
+    /// Who computes which region, if that is new.
+    allocation: Option<Allocation>,
+}
+
+impl TickNews {
+    /// Returns what has been gathered, as what is new after a tick.
+    pub(super) fn after(self, tick: Tick, opened: Duration, is_last: bool, moved: Latest) -> Self {
+        Self { tick, opened, is_last, moved, ..self }
+    }
+
+    pub(super) fn interested(&mut self, client: ClientId, area: Option<Area>) {
+        self.interests.insert(client, area);
+    }
+
+    pub(super) fn uninterested(&mut self, client: ClientId) {
+        self.interests.remove(&client);
+    }
+
+    pub(super) fn has_applied(&mut self, client: ClientId, newest: (u64, i8)) {
+        self.applied.insert(client, newest);
+    }
+
+    pub(super) fn is_allocated(&mut self, allocation: Allocation) {
+        self.allocation = Some(allocation);
+    }
+
+    pub(super) fn is_gone(&mut self, id: BodyId) {
+        self.moved.remove(&id);
+        self.gone.insert(id);
+    }
+
+    /// Takes in what a later tick changes: of each body its newest state alone remains.
+    pub fn absorb(&mut self, later: Self) {
+        for id in later.gone {
+            self.is_gone(id);
         }
-        let mut touches: BTreeMap<ClientId, Vec<Touch>> = BTreeMap::new();
-        let mut forces: BTreeMap<ClientId, Vec<ContactForce>> = BTreeMap::new();
-        for touch in seen.touches {
-            for client in hosts(touch.key) {
-                touches.entry(client).or_default().push(touch);
-            }
-        }
-        for force in seen.forces {
-            for client in hosts(force.key) {
-                forces.entry(client).or_default().push(force);
-            }
-        }
-        let concerned: BTreeSet<_> = touches.keys().chain(forces.keys()).copied().collect();
-        for client in concerned.into_iter().filter(|client| self.clients.contains_key(client)) {
-            let message = ToClient::Contacts {
-                tick: self.tick,
-                touches: touches.remove(&client).unwrap_or_default(),
-                forces: forces.remove(&client).unwrap_or_default(),
-            };
-            self.messages.push((client, message));
+        self.moved.extend(later.moved);
+        self.applied.extend(later.applied);
+        self.interests.extend(later.interests);
+        self.allocation = later.allocation.or(self.allocation.take());
+        (self.tick, self.opened, self.is_last) = (later.tick, later.opened, later.is_last);
+    }
+}
+
+/// An event for the state replication.
+#[derive(Clone, Debug)]
+pub enum ReplicationEvent {
+    /// A leader begins, and its replication with it; that of a former view ends.
+    Begin(Box<StateReplication>),
+    /// A client is linked, perhaps anew: what it was told before counts no more.
+    Admit(ClientId),
+    /// A client's link is gone.
+    Dismiss(ClientId),
+    /// A client has acknowledged states.
+    Heard {
+        /// Who.
+        client: ClientId,
+        /// What.
+        heard: Heard,
+        /// The newest tick then.
+        now: Tick,
+    },
+    /// A tick is complete.
+    Tick(TickNews),
+    /// States of a tick that was computed without the other nodes; later ones may contradict them.
+    Speculative {
+        /// Which.
+        tick: Tick,
+        /// The bodies in it.
+        states: Vec<SharedState>,
+    },
+    /// This process leads no more.
+    End,
+}
+
+/// The state replication of a leader.
+#[derive(Clone, Debug)]
+pub struct StateReplication {
+    group: GroupId,
+    view: ViewNumber,
+    dt: Duration,
+    motion: FreeMotion,
+    /// The leader, as clients are told of it.
+    introduction: Option<Member>,
+    allocation: Allocation,
+    /// The newest tick, and when it was due, by which clients count time.
+    tick: Tick,
+    opened: Duration,
+    is_last: bool,
+    latest: Latest,
+    clients: BTreeMap<ClientId, Peer>,
+    /// Clients that have not said yet what they want to hear of: they are told no states.
+    undecided: BTreeSet<ClientId>,
+    /// The logical time of each client's newest input that a tick has applied, and how early it came.
+    applied: BTreeMap<ClientId, (u64, i8)>,
+    /// When each client was last told of a tick.
+    told: BTreeMap<ClientId, Told>,
+    /// What clients in other processes are told, and in which way.
+    channels: BTreeMap<ClientId, Channel>,
+    /// The most states that are coded per second of ticks, and those that were coded beyond so far.
+    states_per_s: f64,
+    coded_beyond: usize,
+    /// What moved lately, and last, in id order.
+    batches: Batches,
+    moved_last: Vec<BodyId>,
+    /// Audiences of clients that have an area of interest.
+    audiences: BTreeMap<ClientId, Audience>,
+    messages: Vec<(ClientId, ToClient)>,
+}
+
+impl StateReplication {
+    /// Returns that of the leader of this view, which knows no body yet.
+    pub(super) fn new(
+        now: Duration,
+        view: &View,
+        world: &EnvironmentProperties,
+        clients: &BTreeMap<ClientId, Peer>,
+    ) -> Self {
+        Self {
+            group: view.group,
+            view: view.number,
+            dt: Duration::from_secs_f32(world.step.dt_s),
+            motion: FreeMotion::of(&world.step),
+            introduction: view.led_by().cloned(),
+            allocation: view.allocation.clone(),
+            tick: view.tick,
+            opened: now,
+            is_last: false,
+            latest: Latest::new(),
+            undecided: clients.keys().copied().collect(),
+            clients: clients.clone(),
+            applied: BTreeMap::new(),
+            told: BTreeMap::new(),
+            channels: BTreeMap::new(),
+            states_per_s: STATES_PER_S,
+            coded_beyond: 0,
+            batches: Batches::default(),
+            moved_last: Vec::new(),
+            audiences: BTreeMap::new(),
+            messages: Vec::new(),
         }
     }
 
-    pub(super) fn forward_states(&mut self) {
-        let moved = std::mem::take(&mut self.moved);
+    /// Returns one that has a thread of its own, and so may code more.
+    pub(super) fn with_own_thread(self) -> Self {
+        Self { states_per_s: STATES_PER_S_ELSEWHERE, ..self }
+    }
+
+    /// Takes an event in; [`StateReplication::take_messages`] tells what follows from it.
+    pub fn handle(&mut self, event: ReplicationEvent) {
+        match event {
+            ReplicationEvent::Begin(new) => *self = *new,
+            ReplicationEvent::Admit(client) => self.admit(client),
+            ReplicationEvent::Dismiss(client) => self.dismiss(client),
+            ReplicationEvent::Heard { client, heard, now } => {
+                if let Some(channel) = self.channels.get_mut(&client) {
+                    channel.hear(now, &heard);
+                }
+            }
+            ReplicationEvent::Tick(news) => self.take_in(news),
+            ReplicationEvent::Speculative { tick, states } => self.tell_speculative(tick, &states),
+            ReplicationEvent::End => self.clients.clear(),
+        }
+    }
+
+    /// Returns the messages for clients since the last call.
+    pub fn take_messages(&mut self) -> Vec<(ClientId, ToClient)> {
+        std::mem::take(&mut self.messages)
+    }
+
+    /// Returns the link over which a client is reached.
+    pub fn route(&self, client: ClientId) -> Option<Peer> {
+        self.clients.get(&client).copied()
+    }
+
+    /// Notes how many bytes for a client wait for its link.
+    pub fn hear_backlog(&mut self, client: ClientId, bytes: usize) {
+        if let Some(channel) = self.channels.get_mut(&client) {
+            channel.adapt(bytes);
+        }
+    }
+
+    /// Admits a client that is linked directly; it says what it wants to hear of.
+    fn admit(&mut self, client: ClientId) {
+        self.clients.insert(client, Peer::Client(client));
+        self.channels.remove(&client);
+        self.audiences.remove(&client);
+        self.undecided.insert(client);
+    }
+
+    fn dismiss(&mut self, client: ClientId) {
+        self.clients.remove(&client);
+        self.told.remove(&client);
+        self.applied.remove(&client);
+        self.channels.remove(&client);
+        self.undecided.remove(&client);
+        self.audiences.remove(&client);
+    }
+
+    fn take_in(&mut self, news: TickNews) {
+        (self.tick, self.opened, self.is_last) = (news.tick, news.opened, news.is_last);
+        self.allocation = news.allocation.unwrap_or(std::mem::take(&mut self.allocation));
+        self.applied.extend(news.applied.into_iter().filter(|(client, _)| self.clients.contains_key(client)));
+        for id in news.gone {
+            self.forget(id);
+        }
+        let mut moved = Moved::new();
+        for (id, (state, tick)) in news.moved {
+            let before = self.latest.insert(id, (state, tick));
+            moved.insert(id, before.map(|(before, _)| before.pose.translation));
+        }
+        self.turn_audiences(news.interests);
+        self.forward_states(moved);
+    }
+
+    fn forget(&mut self, id: BodyId) {
+        self.latest.remove(&id);
+        self.audiences.values_mut().for_each(|audience| audience.forget(id));
+        self.channels.values_mut().for_each(|channel| channel.forget(id));
+    }
+
+    fn turn_audiences(&mut self, interests: BTreeMap<ClientId, Option<Area>>) {
+        for (client, area) in interests {
+            // One whose link is gone says it again over the next one.
+            if !self.clients.contains_key(&client) {
+                continue;
+            }
+            let is_first = self.undecided.remove(&client);
+            match (self.audiences.get_mut(&client), area) {
+                (Some(audience), Some(area)) => audience.turn_to(area, &self.latest),
+                (None, Some(area)) => {
+                    if let Some(channel) = self.channels.get_mut(&client) {
+                        channel.catch_up(&self.batches, || self.latest.keys().copied());
+                    }
+                    self.audiences.insert(client, Audience::new(client, area, &self.latest));
+                }
+                (Some(_), None) => {
+                    self.audiences.remove(&client);
+                    self.tell_everything(client);
+                }
+                (None, None) if is_first => self.tell_everything(client),
+                (None, None) => {}
+            }
+        }
+    }
+
+    fn tell_everything(&mut self, client: ClientId) {
+        let all = self.latest.keys().copied().collect::<Vec<_>>();
+        self.tell_soon(client, all);
+    }
+
+    fn forward_states(&mut self, moved: Moved) {
         if self.clients.is_empty() {
             return;
         }
-        self.turn_audiences();
-        let news = if self.audiences.is_empty() { Vec::new() } else { news(&moved, &self.latest) };
+        let mut radii: Vec<_> = self.audiences.values().map(Audience::radius_m).collect();
+        let middle = radii.len() / 2;
+        let news = match radii.is_empty() {
+            true => News::default(),
+            false => {
+                let (_, radius_m, _) = radii.select_nth_unstable_by(middle, f64::total_cmp);
+                News::of(&moved, &self.moved_last, &self.latest, *radius_m)
+            }
+        };
         for (client, mut audience) in std::mem::take(&mut self.audiences) {
             let bodies = audience.batch(&news, &self.latest);
             self.audiences.insert(client, audience);
@@ -92,6 +342,7 @@ impl Leader {
             for client in here.collect::<Vec<_>>() {
                 self.tell_soon(client, moved.keys().copied());
             }
+            self.moved_last = moved.keys().copied().collect();
             self.batches.push(moved.into_keys().collect());
         }
         self.take_turns();
@@ -127,13 +378,12 @@ impl Leader {
 
     /// Tells a client who leads, and so asks it for its interest: what it said may be lost.
     fn introduce(&mut self, client: ClientId) {
-        let allocation = self.computed_by.back().map(|(_, allocation)| allocation.clone());
         let message = ToClient::LeaderIs {
             group: self.group,
             view: self.view,
             leader: self.introduction.clone(),
             tree: None,
-            allocation: allocation.unwrap_or_default(),
+            allocation: self.allocation.clone(),
         };
         self.messages.push((client, message));
     }
@@ -146,7 +396,7 @@ impl Leader {
     }
 
     /// Tells a client of bodies, in id order: in this process at once, elsewhere when it is its turn.
-    pub(super) fn tell_soon(&mut self, client: ClientId, bodies: impl IntoIterator<Item = BodyId>) {
+    fn tell_soon(&mut self, client: ClientId, bodies: impl IntoIterator<Item = BodyId>) {
         if !self.is_here(client) {
             let mut channel = self.channel(client);
             channel.wait_for(bodies);
@@ -162,13 +412,12 @@ impl Leader {
 
     /// Returns the most states that are coded per tick, but for those of one client, which the next ticks make up for.
     pub(super) fn states_per_tick(&self) -> usize {
-        ((STATES_PER_S * self.dt.as_secs_f64()).round() as usize).max(1)
+        ((self.states_per_s * self.dt.as_secs_f64()).round() as usize).max(1)
     }
 
     /// Tells clients in other processes what waits for them: those first that had their turn longest ago, and only so many that the tick
     /// takes little longer; the others have their turn in the next one. After the last tick all are told all.
     fn take_turns(&mut self) {
-        let is_last = self.last_tick == Some(self.tick);
         let decided = |client: &ClientId| !self.undecided.contains(client) && !self.is_here(*client);
         let turn = |client| (self.channels.get(&client).map_or(Tick(0), Channel::turn), client);
         let mut clients: Vec<_> = self.clients.keys().copied().filter(decided).map(turn).collect();
@@ -176,7 +425,7 @@ impl Leader {
         let most = self.states_per_tick();
         let mut coded = std::mem::take(&mut self.coded_beyond);
         for (_, client) in clients {
-            if coded >= most && !is_last {
+            if coded >= most && !self.is_last {
                 break;
             }
             let mut channel = self.channel(client);
@@ -184,7 +433,7 @@ impl Leader {
                 channel.catch_up(&self.batches, || self.latest.keys().copied());
             }
             let mut states = Vec::new();
-            if is_last {
+            if self.is_last {
                 states = channel.choose_all(&self.latest);
             } else if channel.waits(self.tick) {
                 let now = (self.tick, self.opened, self.dt.as_secs_f64());
@@ -221,6 +470,12 @@ impl Leader {
         self.route(client) == here
     }
 
+    /// Returns the bytes that are held for a client, those of each body and the rest.
+    #[cfg(test)]
+    pub(super) fn bytes_of(&self, client: ClientId) -> (usize, usize) {
+        self.channels[&client].bytes()
+    }
+
     /// Takes the channel of a client, which is to be put back.
     fn channel(&mut self, client: ClientId) -> Channel {
         // Views follow each other with growing numbers, and so do series.
@@ -233,20 +488,6 @@ impl Leader {
             )
         };
         self.channels.remove(&client).unwrap_or_else(new)
-    }
-
-    /// Notes how many bytes for a client wait for its link.
-    pub fn hear_backlog(&mut self, client: ClientId, bytes: usize) {
-        if let Some(channel) = self.channels.get_mut(&client) {
-            channel.adapt(bytes);
-        }
-    }
-
-    /// Takes in which states a client has acknowledged.
-    pub fn heard(&mut self, client: ClientId, heard: &Heard) {
-        if let Some(channel) = self.channels.get_mut(&client) {
-            channel.hear(self.tick, heard);
-        }
     }
 
     /// Sends a client states, in id order; without any, that time goes on.
@@ -269,7 +510,7 @@ impl Leader {
     }
 
     /// Returns the stamp of what a client is told of a tick.
-    pub fn stamp(&self, client: ClientId, tick: Tick, speculative: bool) -> Stamp {
+    fn stamp(&self, client: ClientId, tick: Tick, speculative: bool) -> Stamp {
         // Speculative ticks follow the one that is waited for; reports are of one before.
         let apart = |a: Tick, b: Tick| self.dt * u32::try_from(a.0.saturating_sub(b.0)).unwrap_or(u32::MAX);
         let opened = (self.opened + apart(tick, self.tick)).saturating_sub(apart(self.tick, tick));
@@ -279,7 +520,7 @@ impl Leader {
     }
 
     /// Sends clients the states of a speculative tick, computed without the other nodes.
-    pub fn tell_speculative(&mut self, tick: Tick, states: &[SharedState]) {
+    fn tell_speculative(&mut self, tick: Tick, states: &[SharedState]) {
         let of =
             |audience: &Audience| states.iter().filter(|state| audience.reaches(state)).copied().collect();
         // Who asked for few bytes is sent no guesses.
@@ -291,9 +532,4 @@ impl Leader {
             self.tell(client, tick, true, states);
         }
     }
-}
-
-/// Returns the clients whose avatars touch, each once.
-fn hosts(key: ContactKey) -> BTreeSet<ClientId> {
-    key.a.client().into_iter().chain(key.b.client()).collect()
 }

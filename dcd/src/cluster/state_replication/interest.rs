@@ -102,12 +102,16 @@ impl Audience {
             return told;
         }
         let known = self.inside.iter().chain(&self.parted).chain(news.begun());
-        let known: BTreeSet<_> = known.copied().collect();
+        let mut known: Vec<_> = known.copied().collect();
+        known.sort_unstable();
+        known.dedup();
         known.iter().filter_map(|id| news.of_body(*id)).for_each(|change| self.notice(change, &mut told));
         let areas: Vec<_> = self.near.values().chain([&self.area]).copied().collect();
         for area in areas {
             news.near(&area, |change| {
-                if area.enters(change.state.pose.translation) && !known.contains(&change.state.id) {
+                if area.enters(change.state.pose.translation)
+                    && known.binary_search(&change.state.id).is_err()
+                {
                     self.notice(change, &mut told);
                 }
             });

@@ -332,9 +332,10 @@ impl StateReplication {
                 News::of(&moved, &self.moved_last, &self.latest, *radius_m)
             }
         };
-        for (client, mut audience) in std::mem::take(&mut self.audiences) {
-            let bodies = audience.batch(&news, &self.latest);
-            self.audiences.insert(client, audience);
+        let latest = &self.latest;
+        let batch = |(&client, audience): (&ClientId, &mut Audience)| (client, audience.batch(&news, latest));
+        let batches: Vec<_> = self.audiences.iter_mut().map(batch).collect();
+        for (client, bodies) in batches.into_iter().filter(|(_, bodies)| !bodies.is_empty()) {
             self.tell_soon(client, bodies);
         }
         if !moved.is_empty() {
@@ -398,9 +399,7 @@ impl StateReplication {
     /// Tells a client of bodies, in id order: in this process at once, elsewhere when it is its turn.
     fn tell_soon(&mut self, client: ClientId, bodies: impl IntoIterator<Item = BodyId>) {
         if !self.is_here(client) {
-            let mut channel = self.channel(client);
-            channel.wait_for(bodies);
-            self.channels.insert(client, channel);
+            self.channel(client).wait_for(bodies);
             return;
         }
         let known = |id| self.latest.get(&id).map(|&(state, _)| state);
@@ -428,23 +427,30 @@ impl StateReplication {
             if coded >= most && !self.is_last {
                 break;
             }
-            let mut channel = self.channel(client);
-            if !self.audiences.contains_key(&client) {
-                channel.catch_up(&self.batches, || self.latest.keys().copied());
-            }
-            let mut states = Vec::new();
-            if self.is_last {
-                states = channel.choose_all(&self.latest);
-            } else if channel.waits(self.tick) {
-                let now = (self.tick, self.opened, self.dt.as_secs_f64());
-                let compared;
-                (states, compared) = channel.choose(now, &self.latest, most);
-                coded += states.len() + compared / COMPARED_PER_STATE;
-            }
-            self.channels.insert(client, channel);
+            let states = self.choose(client, most, &mut coded);
             self.tell_by_tick(client, states);
         }
         self.coded_beyond = coded.saturating_sub(most);
+    }
+
+    /// Returns what a client is told now, whose turn it is, and adds what that costs to what is `coded`.
+    fn choose(&mut self, client: ClientId, most: usize, coded: &mut usize) -> Vec<SharedState> {
+        let now = (self.tick, self.opened, self.dt.as_secs_f64());
+        self.channel(client);
+        let Self { channels, batches, latest, audiences, is_last, .. } = self;
+        let channel = channels.get_mut(&client).expect("it was made, if it was not there");
+        if !audiences.contains_key(&client) {
+            channel.catch_up(batches, || latest.keys().copied());
+        }
+        if *is_last {
+            return channel.choose_all(latest);
+        }
+        if !channel.waits(now.0) {
+            return Vec::new();
+        }
+        let (states, compared) = channel.choose(now, latest, most);
+        *coded += states.len() + compared / COMPARED_PER_STATE;
+        states
     }
 
     /// Tells a client states as they are after the ticks that members reported them of; what rests is still so after the newest of these.
@@ -476,18 +482,12 @@ impl StateReplication {
         self.channels[&client].bytes()
     }
 
-    /// Takes the channel of a client, which is to be put back.
-    fn channel(&mut self, client: ClientId) -> Channel {
+    /// Returns the channel of a client.
+    fn channel(&mut self, client: ClientId) -> &mut Channel {
         // Views follow each other with growing numbers, and so do series.
-        let new = || {
-            Channel::new(
-                client,
-                self.motion,
-                (self.view.0 as u32).wrapping_mul(RESTARTS),
-                self.batches.next(),
-            )
-        };
-        self.channels.remove(&client).unwrap_or_else(new)
+        let series = (self.view.0 as u32).wrapping_mul(RESTARTS);
+        let new = || Channel::new(client, self.motion, series, self.batches.next());
+        self.channels.entry(client).or_insert_with(new)
     }
 
     /// Sends a client states, in id order; without any, that time goes on.
@@ -502,9 +502,8 @@ impl StateReplication {
             self.messages.push((client, ToClient::States { stamp, states }));
             return;
         }
-        let mut channel = self.channel(client);
-        let parts = channel.pack(self.tick, tick, &states, speculative);
-        self.channels.insert(client, channel);
+        let now = self.tick;
+        let parts = self.channel(client).pack(now, tick, &states, speculative);
         let message = |part| (client, ToClient::CompactStates { stamp, part });
         self.messages.extend(parts.into_iter().map(message));
     }

@@ -3,12 +3,9 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::news::{Change, News};
+use super::news::{Change, Latest, News};
 use crate::protocol::{Area, SharedState};
-use crate::space::{BodyId, ClientId, Tick};
-
-/// The newest state of each body.
-pub(in crate::cluster) type Latest = BTreeMap<BodyId, (SharedState, Tick)>;
+use crate::space::{BodyId, ClientId};
 
 /// One client's area of interest, and what it was sent.
 #[derive(Clone, Debug)]
@@ -215,7 +212,7 @@ mod tests {
     use super::*;
     use crate::protocol::{Velocity, WorldPose};
     use crate::sim::Random;
-    use crate::space::{Epoch, RegionId};
+    use crate::space::{Epoch, RegionId, Tick};
 
     const CLIENT: ClientId = ClientId(4);
     const AVATAR: BodyId = BodyId::avatar(CLIENT, 0);

@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use self::channel::{Batches, Channel};
 use self::interest::Audience;
-pub(super) use self::interest::Latest;
+pub(super) use self::news::Latest;
 use self::news::{Moved, News};
 use super::Peer;
 use crate::delta::{FreeMotion, RESTARTS};

@@ -2,10 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use super::interest::Latest;
 use crate::protocol::{Area, SharedState};
-use crate::space::BodyId;
+use crate::space::{BodyId, Tick};
 
+/// The newest state of each body.
+pub(in crate::cluster) type Latest = BTreeMap<BodyId, (SharedState, Tick)>;
 /// Bodies that moved since states were last sent, and where they were before, if that was sent.
 pub(super) type Moved = BTreeMap<BodyId, Option<[f64; 3]>>;
 

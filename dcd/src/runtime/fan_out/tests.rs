@@ -97,6 +97,8 @@ fn a_thread_that_is_held_up_keeps_no_tick_waiting_and_tells_the_newest_states_wh
         let _ = gate.recv();
     })
     .unwrap();
+    // If this test fails, the thread goes on before it is waited for.
+    let open = open;
     let mut stage = Stage::new();
     assert!(fan_out.handle(stage.tick()));
     // It has begun to tell of the first tick, and stands still.

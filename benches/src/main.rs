@@ -8,6 +8,7 @@ mod chart;
 mod clients;
 mod consistency;
 mod draw;
+mod fan_out;
 mod faults;
 mod fidelity;
 mod machine;
@@ -52,6 +53,10 @@ enum Suite {
     Clients(clients::Clients),
     /// How far groups of nodes, and members of one group, are from one another over time, and the bytes between them.
     Consistency(consistency::Consistency),
+    /// What many clients cost a world: time between ticks, processor time by thread, bytes; a server, two nodes and clients in real processes.
+    FanOut(fan_out::FanOut),
+    #[command(hide = true)]
+    FanOutProcess(fan_out::FanOutProcess),
     /// Whole clusters in virtual time under every kind of fault, a thousand seeds each.
     Faults(faults::Faults),
     /// Measures what it saves and costs to compute less where nobody looks; puts stated errors beside true ones.
@@ -87,6 +92,8 @@ fn main() -> ExitCode {
         Suite::Chart(chart) => chart.run().map(done),
         Suite::Clients(clients) => clients.run().map(done),
         Suite::Consistency(consistency) => consistency.run().map(done),
+        Suite::FanOut(fan_out) => fan_out.run().map(done),
+        Suite::FanOutProcess(process) => process.run().map(done),
         Suite::Faults(faults) => faults.run(),
         Suite::Fidelity(fidelity) => fidelity.run().map(done),
         #[cfg(feature = "peers")]

@@ -2,13 +2,11 @@
 //! done with the last (lockstep), takes in clients' inputs, and sends contacts and states to clients (thesis 3.3.8, 4.3.2.10).
 
 mod balancing;
-mod channel;
+mod contacts;
 mod holders;
 mod inputs;
 mod inter_group;
-mod interest;
 mod questions;
-mod state_replication;
 #[cfg(test)]
 mod tests;
 
@@ -17,34 +15,38 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
 use self::balancing::Balancing;
-use self::channel::{Batches, Channel};
 use self::holders::Holders;
 use self::inputs::{Inputs, Taken};
 pub use self::inter_group::Deviations;
 use self::inter_group::InterGroup;
-use self::interest::{Audience, Latest, Moved};
 use self::questions::Questions;
-pub(super) use self::state_replication::TELL_TICK;
-use self::state_replication::Told;
 use super::Peer;
-use crate::delta::FreeMotion;
+use super::state_replication::{Latest, ReplicationEvent, StateReplication, TickNews};
 use crate::protocol::{
-    Area, ContactLedger, Dispatch, Done, EnvironmentProperties, FromClient, Input, Member, Pace, Query,
-    Refusal, RegionEvents, Repartition, Report, Thresholds, ToClient, ToServer, View, ViewNumber, WorldOp,
-    encoded_len,
+    Area, ContactLedger, Dispatch, Done, EnvironmentProperties, FromClient, Heard, Input, Pace, Query,
+    Refusal, RegionEvents, Repartition, Report, SharedState, Thresholds, ToClient, ToServer, View,
+    ViewNumber, WorldOp, encoded_len,
 };
-use crate::space::{Allocation, BodyId, ClientId, GroupId, NodeId, RegionId, Renaming, Tick};
+use crate::space::{Allocation, BodyId, ClientId, NodeId, RegionId, Renaming, Tick};
 
 /// The most bytes of the server's operations in one tick, unless the first is longer: what is left over waits.
 const OPS_BYTES: usize = 4 << 20;
 /// Allocations kept, of which late reports may speak.
 const KEPT_ALLOCATIONS: usize = 8;
 
+/// Where clients' states are chosen and coded.
+#[derive(Clone, Debug)]
+enum Replication {
+    /// At once, where the leader is.
+    Here(Box<StateReplication>),
+    /// On another thread, which is given these events.
+    Elsewhere(Vec<ReplicationEvent>),
+}
+
 /// The state of a leader: it begins and ends with a view.
 #[derive(Clone, Debug)]
 pub struct Leader {
     view: ViewNumber,
-    group: GroupId,
     members: BTreeSet<NodeId>,
     dt: Duration,
     pace: Pace,
@@ -65,29 +67,18 @@ pub struct Leader {
     ops: Vec<WorldOp>,
     inputs: Inputs,
     latest: Latest,
-    moved: Moved,
+    /// Bodies that moved since clients were last told.
+    moved: BTreeSet<BodyId>,
     contacts: ContactLedger,
     clients: BTreeMap<ClientId, Peer>,
-    /// This leader, as clients are told of it.
-    introduction: Option<Member>,
-    /// Clients that have not said yet what they want to hear of: they are told no states.
-    undecided: BTreeSet<ClientId>,
     /// The logical time of each client's newest input that a tick has applied, and how early it came.
     applied: BTreeMap<ClientId, (u64, i8)>,
-    /// When each client was last told of a tick.
-    told: BTreeMap<ClientId, Told>,
-    motion: FreeMotion,
-    /// What clients in other processes are told, and in which way.
-    channels: BTreeMap<ClientId, Channel>,
-    /// The states that were coded beyond what the ticks so far had time for.
-    coded_beyond: usize,
-    /// What moved lately.
-    batches: Batches,
+    /// What the replication is to be told with the next tick.
+    news: TickNews,
+    replication: Replication,
     questions: Questions,
-    /// Interests that clients have sent since the last tick.
+    /// What clients want to hear of; those that have not said so are not among them.
     interests: BTreeMap<ClientId, Option<Area>>,
-    /// Audiences of clients that have an area of interest.
-    audiences: BTreeMap<ClientId, Audience>,
     messages: Vec<(ClientId, ToClient)>,
     server_messages: Vec<ToServer>,
     /// Whether the server's program hears of all contacts.
@@ -109,7 +100,6 @@ impl Leader {
         let clients: BTreeMap<_, _> = participants.collect();
         Self {
             view: view.number,
-            group: view.group,
             members: view.members.iter().map(|member| member.node).collect(),
             dt: Duration::from_secs_f32(world.step.dt_s),
             pace: world.pace,
@@ -125,20 +115,14 @@ impl Leader {
             ops: Vec::new(),
             inputs: Inputs::new(world),
             latest: Latest::new(),
-            moved: Moved::new(),
+            moved: BTreeSet::new(),
             contacts: ContactLedger::default(),
-            undecided: clients.keys().copied().collect(),
-            clients,
-            introduction: view.led_by().cloned(),
+            replication: Replication::Here(Box::new(StateReplication::new(now, view, world, &clients))),
             applied: BTreeMap::new(),
-            told: BTreeMap::new(),
-            motion: FreeMotion::of(&world.step),
-            channels: BTreeMap::new(),
-            coded_beyond: 0,
-            batches: Batches::default(),
+            news: TickNews::default(),
+            clients,
             questions: Questions::default(),
             interests: BTreeMap::new(),
-            audiences: BTreeMap::new(),
             messages: Vec::new(),
             server_messages: Vec::new(),
             events_to_server: view.events,
@@ -166,12 +150,39 @@ impl Leader {
         self.ops.extend(ops);
     }
 
+    /// Has the states for clients chosen and coded by whoever is given the events of [`Leader::take_replication_events`], from the first on.
+    #[must_use]
+    pub fn with_replication_elsewhere(mut self) -> Self {
+        if let Replication::Here(replication) = self.replication {
+            let replication = Box::new(replication.with_own_thread());
+            self.replication = Replication::Elsewhere(vec![ReplicationEvent::Begin(replication)]);
+        }
+        self
+    }
+
+    /// Returns the events for a replication elsewhere since the last call.
+    pub fn take_replication_events(&mut self) -> Vec<ReplicationEvent> {
+        match &mut self.replication {
+            Replication::Here(_) => Vec::new(),
+            Replication::Elsewhere(events) => std::mem::take(events),
+        }
+    }
+
+    fn replicate(&mut self, event: ReplicationEvent) {
+        match &mut self.replication {
+            Replication::Here(replication) => {
+                replication.handle(event);
+                self.messages.extend(replication.take_messages());
+            }
+            Replication::Elsewhere(events) => events.push(event),
+        }
+    }
+
     /// Admits a client that is linked directly; it says what it wants to hear of.
     pub fn admit(&mut self, client: ClientId) {
         self.clients.insert(client, Peer::Client(client));
-        self.channels.remove(&client);
         self.uninterest(client);
-        self.undecided.insert(client);
+        self.replicate(ReplicationEvent::Admit(client));
     }
 
     /// Takes in a client's area of interest; `None` is everything. It counts after the present tick, so that however often it
@@ -180,6 +191,7 @@ impl Leader {
         // One that is not linked sends it again when it is.
         if self.clients.contains_key(&client) {
             self.interests.insert(client, area);
+            self.news.interested(client, area);
         }
     }
 
@@ -195,47 +207,19 @@ impl Leader {
         self.questions.ask(ClientId::NOBODY, question);
     }
 
-    fn turn_audiences(&mut self) {
-        for (client, area) in std::mem::take(&mut self.interests) {
-            let is_first = self.undecided.remove(&client);
-            match (self.audiences.get_mut(&client), area) {
-                (Some(audience), Some(area)) => audience.turn_to(area, &self.latest),
-                (None, Some(area)) => {
-                    if let Some(channel) = self.channels.get_mut(&client) {
-                        channel.catch_up(&self.batches, || self.latest.keys().copied());
-                    }
-                    self.audiences.insert(client, Audience::new(client, area, &self.latest));
-                }
-                (Some(_), None) => {
-                    self.audiences.remove(&client);
-                    self.tell_everything(client);
-                }
-                (None, None) if is_first => self.tell_everything(client),
-                (None, None) => {}
-            }
-        }
-    }
-
     fn uninterest(&mut self, client: ClientId) {
         self.interests.remove(&client);
-        self.audiences.remove(&client);
-    }
-
-    fn tell_everything(&mut self, client: ClientId) {
-        let all = self.latest.keys().copied().collect::<Vec<_>>();
-        self.tell_soon(client, all);
+        self.news.uninterested(client);
     }
 
     /// Removes a client whose direct link is gone.
     pub fn dismiss(&mut self, client: ClientId) {
         if self.clients.get(&client) == Some(&Peer::Client(client)) {
             self.clients.remove(&client);
-            self.told.remove(&client);
             self.applied.remove(&client);
-            self.channels.remove(&client);
-            self.undecided.remove(&client);
             self.uninterest(client);
             self.questions.forget(client);
+            self.replicate(ReplicationEvent::Dismiss(client));
         }
     }
 
@@ -298,10 +282,9 @@ impl Leader {
                 refused += 1;
                 continue;
             }
-            let before = match self.latest.entry(state.id) {
+            match self.latest.entry(state.id) {
                 Entry::Vacant(entry) => {
                     entry.insert((state, report.tick));
-                    None
                 }
                 Entry::Occupied(mut entry) => {
                     let (old, tick) = *entry.get();
@@ -309,16 +292,36 @@ impl Leader {
                         continue;
                     }
                     entry.insert((state, report.tick));
-                    Some(old.pose.translation)
                 }
-            };
-            self.moved.entry(state.id).or_insert(before);
+            }
+            self.moved.insert(state.id);
             self.moved_here(state.id);
             if state.id.client().is_some() {
                 self.inputs.see(state.id, state.pose.translation, report.tick);
             }
         }
         refused
+    }
+
+    /// Tells the replication what the tick has changed.
+    fn forward_states(&mut self) {
+        let moved = std::mem::take(&mut self.moved);
+        let states = moved.into_iter().filter_map(|id| Some((id, *self.latest.get(&id)?))).collect();
+        let is_last = self.last_tick == Some(self.tick);
+        let news = std::mem::take(&mut self.news).after(self.tick, self.opened, is_last, states);
+        self.replicate(ReplicationEvent::Tick(news));
+    }
+
+    /// Sends clients the states of a speculative tick, computed without the other nodes.
+    pub fn tell_speculative(&mut self, tick: Tick, states: Vec<SharedState>) {
+        self.replicate(ReplicationEvent::Speculative { tick, states });
+    }
+
+    /// Takes in which states a client has acknowledged.
+    pub fn heard(&mut self, client: ClientId, heard: Heard) {
+        if self.clients.contains_key(&client) {
+            self.replicate(ReplicationEvent::Heard { client, heard, now: self.tick });
+        }
     }
 
     /// Returns when the next tick may be dispatched, if all members are ready for it.
@@ -375,6 +378,7 @@ impl Leader {
             if let Some(client) = input.body.client().filter(|client| self.clients.contains_key(client)) {
                 let applied = self.applied.entry(client).or_default();
                 *applied = (input.logical_time, *early).max(*applied);
+                self.news.has_applied(client, *applied);
             }
         }
         taken.into_iter().map(|taken| taken.input)
@@ -388,6 +392,7 @@ impl Leader {
         for Renaming { from, to, .. } in change.renamings(&before) {
             self.contacts.rename(from, to);
         }
+        self.news.is_allocated(balancing.allocation().clone());
         self.computed_by.push_back((self.tick, balancing.allocation().clone()));
         if self.computed_by.len() > KEPT_ALLOCATIONS {
             self.computed_by.pop_front();
@@ -455,8 +460,7 @@ impl Leader {
         self.inputs.forget(id);
         self.latest.remove(&id);
         self.moved.remove(&id);
-        self.audiences.values_mut().for_each(|audience| audience.forget(id));
-        self.channels.values_mut().for_each(|channel| channel.forget(id));
+        self.news.is_gone(id);
         self.contacts.forget_body(id);
         self.holders.forget(id);
         self.forget_in_other_groups(id);
@@ -473,10 +477,8 @@ impl Leader {
             .inputs
             .into_untaken()
             .filter_map(|input| Some((input.body.client()?, FromClient::Input(input))));
-        let decided = self.clients.into_keys().filter(|client| !self.undecided.contains(client));
-        let areas = decided.map(|client| (client, self.audiences.get(&client).map(Audience::area)));
-        let interests = areas.chain(self.interests);
-        inputs.chain(interests.map(|(client, area)| (client, FromClient::Interest(area)))).collect()
+        let interests = self.interests.into_iter().map(|(client, area)| (client, FromClient::Interest(area)));
+        inputs.chain(interests).collect()
     }
 
     /// Returns whether there are clients to send states to.

@@ -25,6 +25,7 @@ mod node;
 mod ping;
 mod record;
 mod server;
+mod state_replication;
 mod votes;
 
 use bincode::{Decode, Encode};
@@ -44,6 +45,7 @@ pub use server::{
     CanBuild, DrainError, Grouping, MAX_AVATARS, MAX_SHAPE_BYTES, ProgramOp, RestoreError, SavedWorld,
     Server, ServerConfig, ServerEvent, ServerOrigin, ServerOutput, WORLD_ENDED,
 };
+pub use state_replication::{ReplicationEvent, StateReplication, TickNews};
 pub use votes::{
     Ballot, Call, DelayMonitor, DelayRules, Outcome, PeerDelay, PollCounts, PollRules, Polls, Tally,
     VoteError, VoteRefusal, VoteThresholds,

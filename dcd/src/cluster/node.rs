@@ -14,7 +14,7 @@ use std::time::Duration;
 
 use self::links::Links;
 use self::speculation::Speculation;
-use super::{DelayMonitor, Leader, Peer, PhysicsCommand, PhysicsEvent, Pinger};
+use super::{DelayMonitor, Leader, Peer, PhysicsCommand, PhysicsEvent, Pinger, ReplicationEvent};
 use crate::protocol::{
     Area, Border, BorderMessage, Dispatch, Done, EnvironmentProperties, Farewell, FromClient, JointRecord,
     Member, Message, Placed, ToClient, ToServer, View, ViewNumber,
@@ -59,13 +59,6 @@ pub enum NodeEvent {
     Physics(PhysicsEvent),
     /// A message of the client in the same process to the leader.
     Client(FromClient),
-    /// The link to a client still has so many bytes of earlier states to send as further ones are given to it.
-    Backlog {
-        /// Whose.
-        client: ClientId,
-        /// Of datagrams that wait.
-        bytes: usize,
-    },
     /// The user wants the node to leave; it ends with [`NodeOutput::Stopped`].
     Leave,
 }
@@ -157,6 +150,8 @@ pub struct Node {
     joints: Vec<JointRecord>,
     early: BTreeMap<NodeId, VecDeque<Border>>,
     leader: Option<Leader>,
+    /// The events for a replication that runs elsewhere, if it does.
+    replication: Option<Vec<ReplicationEvent>>,
     /// What clients sent before this node leads.
     inputs: Vec<(ClientId, FromClient)>,
     /// What nodes that are no members yet passed on of their clients.
@@ -248,6 +243,7 @@ impl Node {
             joints: Vec::new(),
             early: BTreeMap::new(),
             leader: None,
+            replication: None,
             inputs: Vec::new(),
             early_words: Vec::new(),
             interest,
@@ -265,6 +261,18 @@ impl Node {
         }
     }
 
+    /// Has the states for clients chosen and coded by a [`StateReplication`](super::StateReplication) of its user's, which is given the events of
+    /// [`Node::take_replication_events`].
+    #[must_use]
+    pub fn with_replication_elsewhere(self) -> Self {
+        Self { replication: Some(Vec::new()), ..self }
+    }
+
+    /// Returns the events for a replication elsewhere since the last call; to be asked when there is no output.
+    pub fn take_replication_events(&mut self) -> Vec<ReplicationEvent> {
+        self.replication.as_mut().map(std::mem::take).unwrap_or_default()
+    }
+
     /// Takes an event in; [`Node::poll_output`] tells what follows from it.
     pub fn handle(&mut self, now: Duration, event: NodeEvent) {
         if self.stopped {
@@ -276,9 +284,6 @@ impl Node {
             NodeEvent::Message { from, message } => self.message(now, from, message),
             NodeEvent::Physics(event) => self.physics(now, event),
             NodeEvent::Client(message) => self.own_client(message),
-            NodeEvent::Backlog { client, bytes } => {
-                self.leader.iter_mut().for_each(|leader| leader.hear_backlog(client, bytes));
-            }
             NodeEvent::Leave => {
                 self.leaving = true;
                 self.send_server(ToServer::Leave);
@@ -420,7 +425,7 @@ impl Node {
 
     fn stop(&mut self, farewell: Farewell, reason: String) {
         self.stopped = true;
-        self.leader = None;
+        self.end_leading();
         self.outputs.push_back(NodeOutput::Stopped { farewell, reason });
     }
 

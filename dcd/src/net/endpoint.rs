@@ -12,6 +12,8 @@ use tokio::sync::Semaphore;
 use tokio::task::JoinHandle;
 
 use super::calls::{Shared, accept, dial};
+#[cfg(feature = "physics")]
+use super::datagrams::Datagrams;
 use super::quic_config::{client_config, endpoint_config, server_config};
 use super::renewal::renew_in_time;
 use super::seldom::Seldom;
@@ -146,6 +148,13 @@ impl Net {
     /// Returns the bytes of datagrams that wait to be sent: more than a few mean a narrow link.
     pub fn datagrams_waiting(&self, peer: PeerKey) -> usize {
         self.shared.peer(peer).map_or(0, |peer| peer.datagrams_waiting())
+    }
+
+    /// Returns what sends datagrams from another thread, until this is shut down.
+    #[cfg(feature = "physics")]
+    pub(crate) fn datagrams(&self) -> Datagrams {
+        let runtime = self.runtime.as_ref().expect("it has not been shut down").handle().clone();
+        Datagrams { shared: self.shared.clone(), runtime }
     }
 
     /// Closes a connection after what was sent has arrived or [`Limits::linger`] has passed. `code` and

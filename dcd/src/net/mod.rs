@@ -9,6 +9,8 @@ mod authority;
 mod base32;
 mod calls;
 mod congestion;
+#[cfg(feature = "physics")]
+mod datagrams;
 mod endpoint;
 mod error;
 mod events;
@@ -37,6 +39,8 @@ mod unasked;
 mod verify;
 
 pub use authority::Authority;
+#[cfg(feature = "physics")]
+pub(crate) use datagrams::Datagrams;
 #[cfg(feature = "physics")]
 pub(crate) use endpoint::check_address;
 pub use endpoint::{Net, NetConfig};

@@ -75,10 +75,6 @@ pub(super) enum NodeEntry<M = Message, C = FromClient> {
         message: M,
     },
     Client(C),
-    Backlog {
-        client: ClientId,
-        bytes: u64,
-    },
     Leave,
     Timeout,
     /// The physics had done its work, in this time, and told this load of regions; all else of its answer is computed again.

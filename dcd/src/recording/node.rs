@@ -104,7 +104,6 @@ impl Replayed for NodeReplay {
                 NodeEntry::Disconnected(peer) => NodeEvent::Disconnected(peer),
                 NodeEntry::Message { from, message } => NodeEvent::Message { from, message },
                 NodeEntry::Client(message) => NodeEvent::Client(message),
-                NodeEntry::Backlog { client, bytes } => NodeEvent::Backlog { client, bytes: bytes as usize },
                 NodeEntry::Leave => NodeEvent::Leave,
                 NodeEntry::Answered { compute_us, step_us } => {
                     NodeEvent::Physics(self.answer(compute_us, &step_us)?)

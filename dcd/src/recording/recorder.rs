@@ -106,9 +106,6 @@ impl Recorder {
             NodeEvent::Disconnected(peer) => NodeEntry::Disconnected(*peer),
             NodeEvent::Message { from, message } => NodeEntry::Message { from: *from, message },
             NodeEvent::Client(message) => NodeEntry::Client(message),
-            NodeEvent::Backlog { client, bytes } => {
-                NodeEntry::Backlog { client: *client, bytes: *bytes as u64 }
-            }
             NodeEvent::Leave => NodeEntry::Leave,
             NodeEvent::Physics(event) => answered(event),
         };

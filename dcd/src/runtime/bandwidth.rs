@@ -29,6 +29,14 @@ impl Received {
         count.bytes += bytes as u64;
     }
 
+    /// Adds the counts of others.
+    pub(super) fn add(&mut self, others: &Self) {
+        for (count, other) in self.0.iter_mut().zip(&others.0) {
+            count.messages += other.messages;
+            count.bytes += other.bytes;
+        }
+    }
+
     /// Returns the counts, by subject.
     pub fn iter(&self) -> impl Iterator<Item = (Subject, Count)> {
         Subject::ALL.into_iter().zip(self.0)

@@ -11,6 +11,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 use std::net::SocketAddr;
+use std::sync::{Arc, Mutex, PoisonError, RwLockWriteGuard};
 use std::time::{Duration, Instant};
 
 use tracing::{debug, warn};
@@ -18,6 +19,7 @@ use tracing::{debug, warn};
 use super::bandwidth::{LinkTotals, Received};
 use super::connections::{Connections, Delivery, Sent};
 use super::ending::{Cause, Ending, Reason};
+use super::fan_out::{Keys, Outlet};
 use super::repeats::Repeats;
 use crate::cluster::Peer;
 use crate::net::{CloseCause, CloseCode, Net, NetError, NetEvent, NetTotals, PeerKey, PeerName, SendError};
@@ -37,9 +39,6 @@ const COUNT: Duration = Duration::from_millis(100);
 
 /// A message is repeated only if at most this many bytes of datagrams wait on its link.
 const REPEATS_WAITING: usize = 8 << 10;
-
-/// States of a speculative tick are sent only if at most this many bytes of datagrams wait on their link.
-const GUESSES_WAITING: usize = 8 << 10;
 
 /// An event of a link, translated for the cluster's state machines.
 #[derive(Debug)]
@@ -65,7 +64,8 @@ pub(super) struct Links {
     net: Net,
     connections: Connections,
     count_at: Option<Instant>,
-    keys: BTreeMap<Peer, PeerKey>,
+    /// Shared with the thread that tells clients.
+    keys: Keys,
     names: BTreeMap<PeerKey, PeerName>,
     dialled: BTreeMap<PeerKey, Peer>,
     waiting: BTreeMap<Peer, Waiting>,
@@ -76,6 +76,8 @@ pub(super) struct Links {
     repeats: Repeats,
     received: Received,
     sent: Received,
+    /// What the thread that tells clients has sent.
+    sent_to_clients: Arc<Mutex<Received>>,
     malformed: u64,
     /// Whether this process sends to a participant as a client too: only the server does.
     is_server: bool,
@@ -97,7 +99,7 @@ impl Links {
             net,
             connections,
             count_at: None,
-            keys: BTreeMap::new(),
+            keys: Keys::default(),
             names: BTreeMap::new(),
             dialled: BTreeMap::new(),
             waiting: BTreeMap::new(),
@@ -107,9 +109,24 @@ impl Links {
             repeats: Repeats::default(),
             received: Received::default(),
             sent: Received::default(),
+            sent_to_clients: Arc::default(),
             malformed: 0,
             is_server,
         }
+    }
+
+    /// Returns what the thread that tells clients sends with.
+    pub(super) fn outlet(&self) -> Outlet {
+        let (keys, sent) = (self.keys.clone(), self.sent_to_clients.clone());
+        Outlet { keys, datagrams: self.net.datagrams(), sent }
+    }
+
+    fn key(&self, peer: Peer) -> Option<PeerKey> {
+        self.keys.read().unwrap_or_else(PoisonError::into_inner).get(&peer).copied()
+    }
+
+    fn keys_mut(&self) -> RwLockWriteGuard<'_, BTreeMap<Peer, PeerKey>> {
+        self.keys.write().unwrap_or_else(PoisonError::into_inner)
     }
 
     pub(super) fn totals(&self) -> NetTotals {
@@ -119,7 +136,8 @@ impl Links {
     /// Returns all that is counted here.
     pub(super) fn all_totals(&self) -> LinkTotals {
         let waiting_bytes = self.waiting.values().map(|waiting| waiting.bytes as u64).sum();
-        let &Self { received, sent, malformed, .. } = self;
+        let &Self { received, mut sent, malformed, .. } = self;
+        sent.add(&self.sent_to_clients.lock().unwrap_or_else(PoisonError::into_inner));
         LinkTotals { net: self.net.totals(), received, sent, waiting_bytes, malformed }
     }
 
@@ -139,24 +157,13 @@ impl Links {
         self.dialled.insert(key, peer);
     }
 
-    /// Returns the bytes of datagrams that wait for a link.
-    pub(super) fn datagrams_waiting(&self, to: Peer) -> usize {
-        self.keys.get(&to).map_or(0, |&key| self.net.datagrams_waiting(key))
-    }
-
     /// Sends a message, now or when the link is there and has room.
     pub(super) fn send(&mut self, to: Peer, message: &Message) {
         let bytes = protocol::encode(message);
         self.sent.count(message.subject(), bytes.len());
         let lane = match message.lane() {
             Lane::State => {
-                let key = self.keys.get(&to).copied();
-                // States of a speculative tick that wait are worth nothing when they arrive, and authoritative states wait behind
-                // them.
-                let is_guess = matches!(message, Message::ToClient(_, ToClient::States { stamp, .. } | ToClient::CompactStates { stamp, .. }) if stamp.speculative);
-                if is_guess && key.is_some_and(|key| self.net.datagrams_waiting(key) > GUESSES_WAITING) {
-                    return;
-                }
+                let key = self.key(to);
                 if bytes.len() <= protocol::DATAGRAM_BYTES {
                     if let Some(key) = key
                         && let Err(error) = self.net.send_datagram(key, bytes)
@@ -202,19 +209,18 @@ impl Links {
         }
         while let Some((to, bytes)) = self.repeats.due(now) {
             // A link that is full loses packets by itself.
-            let key = self.keys.get(&to).filter(|&&key| self.net.datagrams_waiting(key) <= REPEATS_WAITING);
-            if let Some(&key) = key
+            let key = self.key(to).filter(|&key| self.net.datagrams_waiting(key) <= REPEATS_WAITING);
+            if let Some(key) = key
                 && let Err(error) = self.net.send_datagram(key, bytes)
             {
                 debug!(?to, %error, "a message is not repeated");
             }
         }
-        let peers: Vec<_> =
-            self.waiting.keys().filter(|peer| self.keys.contains_key(peer)).copied().collect();
+        let peers: Vec<_> = self.waiting.keys().filter_map(|&peer| Some((peer, self.key(peer)?))).collect();
         let mut left = self.send_programs() || self.repeats.is_waiting();
-        for peer in peers {
+        for (peer, key) in peers {
             let Some(mut waiting) = self.waiting.remove(&peer) else { continue };
-            let (key, before) = (self.keys[&peer], waiting.frames.len());
+            let before = waiting.frames.len();
             while let Some((lane, frame)) = waiting.frames.pop_front() {
                 match self.net.send(key, lane, &frame) {
                     Err(SendError::Full { .. }) => {
@@ -245,8 +251,9 @@ impl Links {
     }
 
     fn count_losses(&mut self) {
-        self.repeats.retain(|peer| self.keys.contains_key(peer));
-        for (&peer, &key) in self.keys.iter().filter(|(peer, _)| matches!(peer, Peer::Node(_))) {
+        let keys = self.keys.read().unwrap_or_else(PoisonError::into_inner);
+        self.repeats.retain(|peer| keys.contains_key(peer));
+        for (&peer, &key) in keys.iter().filter(|(peer, _)| matches!(peer, Peer::Node(_))) {
             if let Some(stats) = self.net.stats(key) {
                 self.repeats.count(peer, &stats);
             }
@@ -289,7 +296,7 @@ impl Links {
 
     fn give_up(&mut self, peer: Peer) {
         warn!(?peer, "a peer reads too slowly and is disconnected");
-        let who = self.keys.get(&peer).and_then(|key| self.names.get(key));
+        let who = self.key(peer).and_then(|key| self.names.get(&key));
         let peers = who.map_or_else(|| vec![peer], |&who| self.peers_of(who));
         for &peer in &peers {
             self.end(peer, Ending::TooSlow);
@@ -300,7 +307,7 @@ impl Links {
 
     /// Returns how many bytes may wait for a peer.
     fn room_for(&self, peer: Peer) -> usize {
-        let who = self.keys.get(&peer).and_then(|key| self.names.get(key));
+        let who = self.key(peer).and_then(|key| self.names.get(&key));
         let is_client = matches!((peer, who), (_, Some(PeerName::Client(_))) | (Peer::Client(_), None));
         if is_client && !self.told.contains_key(&peer) { 0 } else { self.world_bytes }
     }
@@ -314,9 +321,10 @@ impl Links {
     pub(super) fn close(&mut self, peer: Peer, ending: Ending, words: &str) {
         self.waiting.remove(&peer);
         self.told.remove(&peer);
-        if let Some(key) = self.keys.remove(&peer) {
+        let key = self.keys_mut().remove(&peer);
+        if let Some(key) = key {
             self.names.remove(&key);
-            self.keys.retain(|_, other| *other != key);
+            self.keys_mut().retain(|_, other| *other != key);
             self.send_programs();
             let reason = Reason::new(ending.cause(), words);
             match ending {
@@ -349,7 +357,8 @@ impl Links {
                 self.names.insert(key, who);
                 let peers = self.peers_of(who);
                 for &peer in &peers {
-                    if let Some(former) = self.keys.insert(peer, key) {
+                    let former = self.keys_mut().insert(peer, key);
+                    if let Some(former) = former {
                         self.names.remove(&former);
                         self.net.close(former, Ending::Superseded.code(), Ending::Superseded.words());
                     }
@@ -417,9 +426,9 @@ impl Links {
                     false => self.connections.gone(key, meant),
                 }
                 let mut peers = self.peers_of(who);
-                peers.retain(|peer| self.keys.get(peer) == Some(&key));
+                peers.retain(|&peer| self.key(peer) == Some(key));
                 for peer in &peers {
-                    self.keys.remove(peer);
+                    self.keys_mut().remove(peer);
                     self.waiting.remove(peer);
                     self.told.remove(peer);
                 }
@@ -430,7 +439,7 @@ impl Links {
 
     fn send_frame(&mut self, to: Peer, lane: crate::net::Lane, bytes: Vec<u8>) {
         let order_kept = !self.waiting.contains_key(&to);
-        if order_kept && let Some(&key) = self.keys.get(&to) {
+        if order_kept && let Some(key) = self.key(to) {
             match self.net.send(key, lane, &bytes) {
                 Ok(()) => return,
                 Err(SendError::Full { .. }) => {}

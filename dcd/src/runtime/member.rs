@@ -19,6 +19,7 @@ use self::event_loop::Loop;
 use self::recorded_node::RecordedNode;
 use super::bandwidth::Received;
 use super::ending::{GIVE_UP, Reason};
+use super::fan_out::{FanOut, Told};
 use super::links::Links;
 use super::metrics::{NodeGauge, NodeMetrics};
 use super::{Connections, PhysicsDevice, ProcessError, Pulse};
@@ -160,6 +161,8 @@ pub(super) struct State {
 pub(super) enum Input {
     Net(NetEvent),
     Client(ClientEvent),
+    /// What a client is told otherwise than by a datagram.
+    Told(Told),
     Leave,
     /// Wakes the loop: there is work for its connections.
     Wake,
@@ -220,7 +223,8 @@ impl Member {
             }
             _ => None,
         };
-        let node = node.map(|config| RecordedNode::new(Node::new(config), recorder));
+        let node =
+            node.map(|config| RecordedNode::new(Node::new(config).with_replication_elsewhere(), recorder));
         let summary = NodeSummary { node: who.node().unwrap_or_default(), ..NodeSummary::default() };
         let state = State {
             client,
@@ -244,10 +248,14 @@ impl Member {
         let connections = Connections::new(who, move || drop(waker.try_send(Input::Wake)));
         let mut links = Links::new(net, connections.clone());
         links.dial(Peer::Server, &servers);
+        let fan_out = match &node {
+            Some(_) => Some(fan_out(&links, inbox.clone())?),
+            None => None,
+        };
         let device = PhysicsDevice::new(config.threads);
         let mut running =
             Loop::new(servers, config.give_up, links, node, device, shared.clone(), connections.clone());
-        (running.onlooker, running.gauge) = (config.onlooker, gauge);
+        (running.fan_out, running.onlooker, running.gauge) = (fan_out, config.onlooker, gauge);
         let thread = std::thread::Builder::new()
             .name(format!("dcd-{who:?}"))
             .spawn(move || {
@@ -355,6 +363,12 @@ impl Drop for Member {
             self.join();
         }
     }
+}
+
+/// Starts to tell clients. A loop whose inbox is full has more to do than to pass on what will be said again.
+fn fan_out(links: &Links, inbox: SyncSender<Input>) -> Result<FanOut, ProcessError> {
+    let tell = move |told| drop(inbox.try_send(Input::Told(told)));
+    FanOut::start(links.outlet(), tell).map_err(ProcessError::Thread)
 }
 
 /// Returns the limits of a process whose server may be at so many addresses. That a server at another one has taken over nobody tells a

@@ -19,6 +19,8 @@ mod end_request;
 mod ending;
 #[cfg(feature = "net")]
 mod error;
+#[cfg(feature = "net")]
+mod fan_out;
 mod hooks;
 mod joint_strength;
 mod joint_watch;

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use dcd::cluster::{Node, NodeConfig, NodeEvent, NodeOutput, Peer, PhysicsCommand, PhysicsEvent, TickStats};
+use dcd::cluster::{Node, NodeConfig, NodeEvent, NodeOutput, PhysicsCommand, PhysicsEvent, TickStats};
 use dcd::protocol::{Message, decode, encode};
 use dcd::recording::{BodyBits, Physics, Readout};
 use dcd::{BodyId, NodeId, RegionId};
@@ -62,12 +62,7 @@ pub(super) fn play(node: &mut Node, physics: &mut dyn Physics, script: &[u8], sk
             Kind::Connected => node.handle(now, NodeEvent::Connected(peer)),
             Kind::Disconnected => node.handle(now, NodeEvent::Disconnected(peer)),
             Kind::Waited => {}
-            Kind::Wanted => match peer {
-                Peer::Client(client) => {
-                    node.handle(now, NodeEvent::Backlog { client, bytes: event.bytes.len() << 10 });
-                }
-                _ => node.handle(now, NodeEvent::Leave),
-            },
+            Kind::Wanted => node.handle(now, NodeEvent::Leave),
         }
         check(&perform(now, node, physics));
     }

@@ -8,6 +8,7 @@ mod drained;
 mod failover;
 mod faults;
 mod logs;
+mod many_clients;
 mod metrics;
 mod notified;
 mod packaged;

@@ -5,9 +5,10 @@ mod many;
 mod silent;
 
 use super::*;
-use crate::delta::Receiver;
+use crate::delta::{FreeMotion, Receiver};
 use crate::protocol::{self, ContactKey, Heard, Member, SharedState, Touch, Velocity, WorldPose};
 use crate::sim::{sim_body, sim_world};
+use crate::space::GroupId;
 
 const CLIENT: ClientId = ClientId(4);
 const AVATAR: BodyId = BodyId::avatar(CLIENT, 0);
@@ -35,6 +36,15 @@ fn leader() -> Leader {
     }]);
     both_done(&mut leader, 0, vec![], vec![]);
     leader
+}
+
+impl Leader {
+    fn replication_here(&self) -> &StateReplication {
+        match &self.replication {
+            Replication::Here(replication) => replication,
+            Replication::Elsewhere(_) => panic!("it is told here"),
+        }
+    }
 }
 
 fn both_done(leader: &mut Leader, tick: u64, one: Vec<Touch>, two: Vec<Touch>) {
@@ -167,10 +177,7 @@ fn an_input_that_names_a_tick_waits_for_it_and_the_client_is_told_how_early_it_c
     let mut leader = leader();
     leader.dispatch(Duration::ZERO);
     let named = |time, tick| Input { tick: Tick(tick), pose: None, ..input(time, 1.0) };
-    let stamp = |leader: &Leader| {
-        let stamp = leader.stamp(CLIENT, Tick(1), false);
-        (stamp.applied, stamp.early)
-    };
+    let stamp = |leader: &Leader| leader.applied.get(&CLIENT).copied().unwrap_or_default();
     assert_eq!(leader.accept_input(CLIENT, named(5, 4)), Ok(()));
     assert_eq!(leader.accept_input(CLIENT, named(6, 4)), Ok(()));
     assert_eq!(leader.accept_input(CLIENT, named(5, 4)), Ok(()), "said twice, and overtaken: nobody minds");
@@ -404,7 +411,7 @@ fn clients_hear_now_and_then_that_time_goes_on_though_nothing_moves() {
             if let ToClient::CompactStates { part, .. } = &message {
                 let datagrams = vec![(part.number, 1)];
                 let heard = Heard { series: part.series, datagrams, lost: false, bytes_per_s: 0 };
-                leader.heard(CLIENT, &heard);
+                leader.heard(CLIENT, heard);
             }
             told.extend(told_of(vec![(client, message)]).into_iter().map(|(_, count)| (client, tick, count)));
         }
@@ -432,7 +439,7 @@ fn clients_hear_rarely_that_time_goes_on_where_it_goes_on_as_ever() {
             if let ToClient::CompactStates { part, .. } = &message {
                 let datagrams = vec![(part.number, 1)];
                 let heard = Heard { series: part.series, datagrams, lost: false, bytes_per_s: 0 };
-                leader.heard(CLIENT, &heard);
+                leader.heard(CLIENT, heard);
             }
             told.extend(told_of(vec![(client, message)]).into_iter().map(|(_, count)| (tick, count)));
         }
@@ -482,7 +489,7 @@ fn of_thousands_that_move_each_is_told_and_no_batch_is_longer_than_its_room() {
             assert!(batch < protocol::link::DATAGRAM_QUEUE_BYTES, "{batch} bytes at tick {tick}");
             bytes += batch;
             let heard = receiver.due(now + Duration::from_millis(500), bytes_per_s);
-            heard.into_iter().for_each(|heard| leader.heard(CLIENT, &heard));
+            heard.into_iter().for_each(|heard| leader.heard(CLIENT, heard));
         }
         assert_eq!(told.len() as u32, count, "of {bytes_per_s} bytes a second");
         let last = told.values().min().unwrap();
@@ -508,7 +515,7 @@ fn of_many_clients_each_has_its_turn_and_no_tick_codes_more_than_it_may() {
     }
     leader.take_messages();
     let mut random = crate::sim::Random::new(5);
-    let per_tick = leader.states_per_tick();
+    let per_tick = leader.replication_here().states_per_tick();
     assert_eq!(per_tick, 2_333);
     let round = (CLIENTS * BODIES).div_ceil(per_tick as u32);
     let mut all = 0;
@@ -535,7 +542,7 @@ fn of_many_clients_each_has_its_turn_and_no_tick_codes_more_than_it_may() {
             coded += receiver.take_in(now, stamp.tick, &part, false).unwrap().len();
             *told = tick;
             let heard = receiver.due(now + Duration::from_millis(500), 0);
-            heard.into_iter().for_each(|heard| leader.heard(client, &heard));
+            heard.into_iter().for_each(|heard| leader.heard(client, heard));
         }
         all += coded;
         assert!(coded < per_tick + BODIES as usize, "{coded} at tick {tick}");

@@ -1,7 +1,7 @@
 //! Routes messages between clients, leader and server through a node.
 
 use super::{Node, NodeOutput};
-use crate::cluster::Peer;
+use crate::cluster::{Leader, Peer, ReplicationEvent};
 use crate::protocol::{FromClient, Message, ToClient};
 use crate::space::ClientId;
 
@@ -64,7 +64,7 @@ impl Node {
             }
             (Some(leader), FromClient::Interest(area)) => leader.take_interest(client, area),
             (Some(leader), FromClient::Ask(question)) => leader.ask(client, question),
-            (Some(leader), FromClient::Heard(heard)) => leader.heard(client, &heard),
+            (Some(leader), FromClient::Heard(heard)) => leader.heard(client, heard),
             // Of another leader's states.
             (None, FromClient::Heard(_)) => {}
             // What lasts is put on record before it happens.
@@ -121,6 +121,18 @@ impl Node {
         for message in for_server {
             self.send_server(message);
         }
+        if let (Some(events), Some(leader)) = (&mut self.replication, &mut self.leader) {
+            events.extend(leader.take_replication_events());
+        }
+    }
+
+    /// Returns the leader that this node was, if it was one.
+    pub(super) fn end_leading(&mut self) -> Option<Leader> {
+        let leader = self.leader.take();
+        if let (Some(events), Some(_)) = (&mut self.replication, &leader) {
+            events.push(ReplicationEvent::End);
+        }
+        leader
     }
 
     fn tell_client(&mut self, client: ClientId, message: ToClient) {

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use super::{Exchange, Node, NodeOutput, PendingView, Phase};
-use crate::cluster::leader::TELL_TICK;
+use crate::cluster::state_replication::TELL_TICK;
 use crate::cluster::{
     DelayMonitor, DelayRules, Leader, Peer, PhysicsCommand, PhysicsEvent, Sampling, VoteThresholds,
 };
@@ -127,7 +127,7 @@ impl Node {
         self.placed.clear();
         self.joints.clear();
         self.early.clear();
-        self.leader = None;
+        self.end_leading();
         self.done = None;
         self.link.tell_again();
     }
@@ -349,10 +349,14 @@ impl Node {
             !queue.is_empty()
         });
         // What clients sent and was not dispatched yet is not lost with the view.
-        let pending = self.leader.take().map(Leader::into_inputs).unwrap_or_default();
+        let pending = self.end_leading().map(Leader::into_inputs).unwrap_or_default();
         self.inputs.splice(..0, pending);
-        self.leader =
+        let leader =
             self.world.as_ref().filter(|_| view.leader == me).map(|world| Leader::new(now, &view, world));
+        self.leader = match self.replication {
+            Some(_) => leader.map(Leader::with_replication_elsewhere),
+            None => leader,
+        };
         for peer in &self.links {
             if let (Peer::Client(client), Some(leader)) = (peer, &mut self.leader) {
                 leader.admit(*client);

@@ -70,7 +70,7 @@ impl Node {
         }
         let tick = Tick(self.tick.0 + count);
         match &mut self.leader {
-            Some(leader) => leader.tell_speculative(tick, &states),
+            Some(leader) => leader.tell_speculative(tick, states),
             None if self.config.client.is_some() => {
                 let group = self.view.as_ref().map_or_else(Default::default, |view| view.group);
                 let stamp = Stamp::untimed(group, tick, true);

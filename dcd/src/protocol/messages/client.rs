@@ -108,6 +108,12 @@ impl Area {
         self.is_within(point, self.radius_m + self.margin_m())
     }
 
+    /// Returns the corners of a box around all points at which [`Area::enters`] holds.
+    pub(crate) fn entered_from(&self) -> ([f64; 3], [f64; 3]) {
+        let reach_m = self.radius_m + self.margin_m();
+        (self.centre.map(|at| at - reach_m), self.centre.map(|at| at + reach_m))
+    }
+
     /// Returns whether a body whose states are already sent continues to be sent at this point.
     #[doc(hidden)]
     pub fn keeps(&self, point: [f64; 3]) -> bool {

@@ -1,7 +1,6 @@
 //! Runs the loop of a process: takes in events of the network and inputs of the user, lets time pass for the state machines, and
 //! carries out what they ask for.
 
-use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::sync::mpsc::{self, RecvTimeoutError};
@@ -17,15 +16,17 @@ use crate::cluster::{
 use crate::protocol::{Farewell, Message, ToClient};
 use crate::recording::tick_of;
 use crate::runtime::ending::{Cause, Ending, Reason};
+use crate::runtime::fan_out::{FanOut, Told};
 use crate::runtime::links::{LinkEvent, Links};
 use crate::runtime::metrics::NodeGauge;
 use crate::runtime::{Connections, PhysicsDevice, ProcessError};
-use crate::space::ClientId;
 
 /// How often sending is tried again where a link had no room.
 const RETRY: Duration = Duration::from_millis(2);
 /// How long a leaving node waits for the server: one that lives takes over within a second.
 const RELEASE: Duration = Duration::from_secs(5);
+/// Inputs taken in after the one that ended a wait, if there are: acknowledgements of many clients do not cost a turn of the loop each.
+const AT_ONCE: usize = 16;
 /// How often the network's counters are read for the user.
 const COUNT: Duration = Duration::from_millis(100);
 /// Tick times kept for the summary: four hours at 60 per second.
@@ -38,6 +39,8 @@ pub(super) struct Loop {
     /// and all places where it may be.
     servers: Vec<SocketAddr>,
     start: Instant,
+    /// Tells the clients of a node that leads. What it has still to tell is told before links end.
+    pub(super) fan_out: Option<FanOut>,
     links: Links,
     node: Option<RecordedNode>,
     device: PhysicsDevice,
@@ -61,8 +64,6 @@ pub(super) struct Loop {
     joined: bool,
     /// When the network's counters are read next.
     count_at: Duration,
-    /// The newest batch of states given to the link of each client.
-    told: BTreeMap<ClientId, u32>,
     end: Option<Result<(), ProcessError>>,
     /// Why the loop ends, where `end` does not say.
     reason: Option<Reason>,
@@ -87,6 +88,7 @@ impl Loop {
             device,
             shared,
             connections,
+            fan_out: None,
             onlooker: None,
             gauge: None,
             release_by: None,
@@ -97,7 +99,6 @@ impl Loop {
             unheard_leader: None,
             joined: false,
             count_at: Duration::ZERO,
-            told: BTreeMap::new(),
             end: None,
             reason: None,
         }
@@ -114,7 +115,10 @@ impl Loop {
             }
             let has_more = std::mem::take(&mut self.has_more);
             match inputs.recv_timeout(if has_more { Duration::ZERO } else { wait }) {
-                Ok(input) => self.take(input),
+                Ok(input) => {
+                    self.take(input);
+                    inputs.try_iter().take(AT_ONCE).for_each(|input| self.take(input));
+                }
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => break,
             }
@@ -208,6 +212,7 @@ impl Loop {
                 }
             }
             Input::Client(event) => self.client(event),
+            Input::Told(told) => self.tell(told),
             Input::Wake => {}
             Input::Leave => {
                 self.client(ClientEvent::Leave);
@@ -244,8 +249,6 @@ impl Loop {
                 }
             }
             LinkEvent::Disconnected { peer, ending, text: reason } => {
-                // Whoever it was for: at worst a backlog is looked at twice.
-                self.told.clear();
                 if peer == Peer::Server {
                     let server = self.server;
                     let end = match ending {
@@ -301,6 +304,15 @@ impl Loop {
         }
     }
 
+    /// Tells a client what the fan-out does not send itself.
+    fn tell(&mut self, Told { to, client, message }: Told) {
+        let here = self.node.as_ref().map(|node| Peer::Node(node.node().id()));
+        match Some(to) == here {
+            true => self.client(ClientEvent::Node(message)),
+            false => self.links.send(to, &Message::ToClient(client, message)),
+        }
+    }
+
     fn client(&mut self, event: ClientEvent) {
         let is_heard = matches!(event, ClientEvent::Message { .. } | ClientEvent::Node(_));
         let mut state = self.shared.lock();
@@ -320,6 +332,15 @@ impl Loop {
     /// Carries out the outputs of the state machines, until there are none or a tick is complete: a node that waits for nobody would
     /// hear nobody else.
     fn pump(&mut self) {
+        self.carry_out();
+        if let (Some(node), Some(fan_out)) = (&mut self.node, &self.fan_out)
+            && !fan_out.handle(node.take_replication_events())
+        {
+            self.end.get_or_insert(Err(ProcessError::Fault));
+        }
+    }
+
+    fn carry_out(&mut self) {
         self.has_more = false;
         while self.end.is_none() {
             let of_node =
@@ -340,7 +361,6 @@ impl Loop {
     fn node_output(&mut self, output: NodeOutput) {
         match output {
             NodeOutput::Send { to, message } => {
-                self.look_at_backlog(to, &message);
                 self.links.send(to, &message);
             }
             NodeOutput::Redial => self.redial(),
@@ -368,17 +388,6 @@ impl Loop {
                     Farewell::Left => self.released(reason),
                 }
             }
-        }
-    }
-
-    /// Tells the node what still waits of the states before, with the first message of each batch for a client.
-    fn look_at_backlog(&mut self, to: Peer, message: &Message) {
-        let Message::ToClient(client, ToClient::CompactStates { part, .. }) = message else { return };
-        let (client, bytes) = (*client, self.links.datagrams_waiting(to));
-        if self.told.insert(client, part.batch) != Some(part.batch)
-            && let Some(node) = &mut self.node
-        {
-            node.handle(self.start.elapsed(), NodeEvent::Backlog { client, bytes });
         }
     }
 

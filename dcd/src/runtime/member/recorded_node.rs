@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-use crate::cluster::{Node, NodeEvent, NodeOutput};
+use crate::cluster::{Node, NodeEvent, NodeOutput, ReplicationEvent};
 use crate::recording::{Readout, Recorder, digests_of};
 use crate::runtime::ProcessError;
 use crate::space::Tick;
@@ -59,5 +59,9 @@ impl RecordedNode {
 
     pub(super) fn poll_output(&mut self) -> Option<NodeOutput> {
         self.node.poll_output()
+    }
+
+    pub(super) fn take_replication_events(&mut self) -> Vec<ReplicationEvent> {
+        self.node.take_replication_events()
     }
 }

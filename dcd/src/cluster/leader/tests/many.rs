@@ -55,7 +55,7 @@ fn tick_with(count: u32) -> (Duration, f64) {
             let Some(receiver) = clients.get_mut(&client) else { continue };
             receiver.take_in(now, stamp.tick, &part, false).unwrap();
             if let Some(heard) = receiver.due(now + Duration::from_millis(500), 0) {
-                leader.heard(client, &heard);
+                leader.heard(client, heard);
             }
         }
     }

@@ -56,9 +56,9 @@ impl Told {
                 }
             }
             while let Some((_, heard)) = self.come.pop_front_if(|(due, _)| *due <= tick) {
-                self.leader.heard(CLIENT, &heard);
+                self.leader.heard(CLIENT, heard);
             }
-            let (bodies, rest) = self.leader.channels[&CLIENT].bytes();
+            let (bodies, rest) = self.leader.replication_here().bytes_of(CLIENT);
             most = (most.0.max(bodies), most.1.max(rest));
         }
         most

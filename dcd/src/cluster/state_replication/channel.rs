@@ -4,7 +4,7 @@
 use std::collections::{BTreeSet, VecDeque};
 use std::time::Duration;
 
-use super::interest::Latest;
+use super::news::Latest;
 use crate::delta::{FreeMotion, Sender};
 use crate::protocol::{Heard, Part, STATES_BYTES, SharedState, link};
 use crate::space::{BodyId, ClientId, Tick};

@@ -3,27 +3,9 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use super::news::{Change, Latest, News};
 use crate::protocol::{Area, SharedState};
-use crate::space::{BodyId, ClientId, Tick};
-
-/// The newest state of each body.
-pub(super) type Latest = BTreeMap<BodyId, (SharedState, Tick)>;
-/// Bodies that moved since states were last sent, and where they were before, if that was sent.
-pub(super) type Moved = BTreeMap<BodyId, Option<[f64; 3]>>;
-
-/// A body that moved, as it is now.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct News {
-    state: SharedState,
-    /// Where it was before, if that was sent.
-    before: Option<[f64; 3]>,
-}
-
-/// Returns what has become of the bodies that moved, in id order.
-pub(super) fn news(moved: &Moved, latest: &Latest) -> Vec<News> {
-    let of = |(id, &before): (&BodyId, _)| Some(News { state: latest.get(id)?.0, before });
-    moved.iter().filter_map(of).collect()
-}
+use crate::space::{BodyId, ClientId};
 
 /// One client's area of interest, and what it was sent.
 #[derive(Clone, Debug)]
@@ -38,6 +20,10 @@ pub(super) struct Audience {
     owed: BTreeSet<BodyId>,
     /// Bodies outside that are not where the client was told last, and where that was. At most one entry per body.
     stale: BTreeMap<BodyId, [f64; 3]>,
+    /// Bodies outside that it was told of since bodies moved last: if they move on, they are stale from then on.
+    parted: BTreeSet<BodyId>,
+    /// Whether no bodies that moved were looked through yet.
+    is_new: bool,
 }
 
 impl Audience {
@@ -50,14 +36,16 @@ impl Audience {
             inside: BTreeSet::new(),
             owed: BTreeSet::new(),
             stale: BTreeMap::new(),
+            parted: BTreeSet::new(),
+            is_new: true,
         };
         audience.settle(latest);
         audience
     }
 
-    /// Returns the client's area of interest.
-    pub(super) fn area(&self) -> Area {
-        self.area
+    /// Returns how far the client hears.
+    pub(super) fn radius_m(&self) -> f64 {
+        self.area.radius_m
     }
 
     /// Changes the area of interest.
@@ -77,65 +65,77 @@ impl Audience {
     }
 
     /// Returns the bodies to tell of, in id order: those that moved in the area, and those that came into it or left it.
-    pub(super) fn batch(&mut self, moved: &[News], latest: &Latest) -> BTreeSet<BodyId> {
+    pub(super) fn batch(&mut self, news: &News, latest: &Latest) -> BTreeSet<BodyId> {
+        let moved = news.all();
+        let from = moved.partition_point(|change| change.state.id < BodyId::avatar(self.client, 0));
         let client = self.client;
-        let from = moved.partition_point(|news| news.state.id < BodyId::avatar(client, 0));
-        let own = moved[from..].iter().take_while(|news| news.state.id.client() == Some(client));
+        let own = moved[from..].iter().take_while(|change| change.state.id.client() == Some(client));
         let mut strayed = false;
-        for News { state, .. } in own {
+        for Change { state, .. } in own {
             strayed |= self.follow(state.id, state);
         }
         if strayed {
             self.look(latest);
         }
-        let mut told = self.tell(moved);
+        let mut told = self.tell(news);
         told.append(&mut self.owed);
+        if !moved.is_empty() {
+            self.parted.clear();
+        }
+        self.parted.extend(told.difference(&self.inside));
         told
     }
 
-    /// Notes what has become of bodies that moved; returns those to be sent. All lists are in id order: walked side by side, so that
-    /// the many that move where the client does not look cost it no look-up.
-    fn tell(&mut self, moved: &[News]) -> BTreeSet<BodyId> {
-        let (mut inside, mut stale) = (self.inside.iter(), self.stale.keys());
-        let (mut next_inside, mut next_stale) = (inside.next(), stale.next());
-        let (mut told, mut come, mut gone, mut owed, mut strays) =
-            (Vec::new(), Vec::new(), Vec::new(), Vec::new(), Vec::new());
-        for &News { state, before } in moved {
-            let id = state.id;
-            while next_inside.is_some_and(|&other| other < id) {
-                next_inside = inside.next();
-            }
-            while next_stale.is_some_and(|&other| other < id) {
-                next_stale = stale.next();
-            }
-            let (is_inside, is_stale) = (next_inside == Some(&id), next_stale == Some(&id));
-            if self.reaches_to(&state, is_inside) {
-                told.push(id);
-                if !is_inside || is_stale {
-                    come.push(id);
-                }
-            } else if is_inside {
-                gone.push(id);
-            } else if !is_stale && !self.owed.contains(&id) {
-                match before {
-                    // The area has come to where the client has it.
-                    Some(before) if self.spans(before) => owed.push(id),
-                    Some(before) => strays.push((id, before)),
-                    // Nobody knows what an earlier leader sent.
-                    None => told.push(id),
-                }
-            }
+    /// Notes what has become of bodies that moved; returns those to be sent. Looked at are those that come into the area, and those that it
+    /// matters of that they moved elsewhere: what was inside, and what is not known yet to be stale. Of all others, which moved the time before too and
+    /// are outside, nothing changes.
+    fn tell(&mut self, news: &News) -> BTreeSet<BodyId> {
+        let mut told = BTreeSet::new();
+        if news.all().is_empty() {
+            return told;
         }
-        for id in come {
+        if std::mem::take(&mut self.is_new) {
+            news.all().iter().for_each(|change| self.notice(change, &mut told));
+            return told;
+        }
+        let known = self.inside.iter().chain(&self.parted).chain(news.begun());
+        let mut known: Vec<_> = known.copied().collect();
+        known.sort_unstable();
+        known.dedup();
+        known.iter().filter_map(|id| news.of_body(*id)).for_each(|change| self.notice(change, &mut told));
+        let areas: Vec<_> = self.near.values().chain([&self.area]).copied().collect();
+        for area in areas {
+            news.near(&area, |change| {
+                if area.enters(change.state.pose.translation)
+                    && known.binary_search(&change.state.id).is_err()
+                {
+                    self.notice(change, &mut told);
+                }
+            });
+        }
+        told
+    }
+
+    /// Notes what has become of a body that moved: whether it is to be told, now or at last, or is stale from now on.
+    fn notice(&mut self, &Change { state, before }: &Change, told: &mut BTreeSet<BodyId>) {
+        let id = state.id;
+        let is_inside = self.inside.contains(&id);
+        if self.reaches_to(&state, is_inside) {
+            told.insert(id);
             self.inside.insert(id);
             self.stale.remove(&id);
+        } else if is_inside {
+            self.inside.remove(&id);
+            self.owed.insert(id);
+        } else if !self.stale.contains_key(&id) && !self.owed.contains(&id) {
+            match before {
+                // The area has come to where the client has it.
+                Some(before) if self.spans(before) => drop(self.owed.insert(id)),
+                Some(before) => drop(self.stale.insert(id, before)),
+                // Nobody knows what an earlier leader sent.
+                None => drop(told.insert(id)),
+            }
         }
-        for id in &gone {
-            self.inside.remove(id);
-        }
-        self.owed.extend(gone.into_iter().chain(owed));
-        self.stale.extend(strays);
-        told.into_iter().collect()
     }
 
     /// Returns whether a body is sent where this state has it.
@@ -161,6 +161,7 @@ impl Audience {
         self.inside.remove(&id);
         self.owed.remove(&id);
         self.stale.remove(&id);
+        self.parted.remove(&id);
     }
 
     /// Moves the area around one of the client's own avatars. Returns whether other bodies must be looked at therefore.
@@ -207,10 +208,11 @@ impl Audience {
 
 #[cfg(test)]
 mod tests {
+    use super::super::news::Moved;
     use super::*;
     use crate::protocol::{Velocity, WorldPose};
     use crate::sim::Random;
-    use crate::space::{Epoch, RegionId};
+    use crate::space::{Epoch, RegionId, Tick};
 
     const CLIENT: ClientId = ClientId(4);
     const AVATAR: BodyId = BodyId::avatar(CLIENT, 0);
@@ -220,6 +222,7 @@ mod tests {
     struct Stage {
         latest: Latest,
         moved: Moved,
+        former: Vec<BodyId>,
         audience: Audience,
         believed: BTreeMap<BodyId, [f64; 3]>,
     }
@@ -246,7 +249,7 @@ mod tests {
             let latest: Latest = bodies.iter().map(|&(id, x)| (id, (state(id, x), Tick(0)))).collect();
             let believed = latest.iter().map(|(&id, (state, _))| (id, state.pose.translation)).collect();
             let audience = Audience::new(CLIENT, area, &latest);
-            let mut stage = Self { latest, moved: Moved::new(), audience, believed };
+            let mut stage = Self { latest, moved: Moved::new(), former: Vec::new(), audience, believed };
             stage.tell();
             stage
         }
@@ -262,8 +265,12 @@ mod tests {
 
         /// Returns the bodies that the client is sent at the end of a tick.
         fn tell(&mut self) -> Vec<BodyId> {
-            let moved = news(&std::mem::take(&mut self.moved), &self.latest);
-            let told = self.audience.batch(&moved, &self.latest);
+            let moved = std::mem::take(&mut self.moved);
+            let news = News::of(&moved, &self.former, &self.latest, self.audience.radius_m());
+            let told = self.audience.batch(&news, &self.latest);
+            if !moved.is_empty() {
+                self.former = moved.into_keys().collect();
+            }
             let at = |id: &BodyId| (*id, self.latest[id].0.pose.translation);
             self.believed.extend(told.iter().map(at));
             told.into_iter().collect()
@@ -369,6 +376,10 @@ mod tests {
                     stage.turn_to(here);
                 }
                 stage.tell();
+                // Members report of every third tick only.
+                if random.below(2) == 0 {
+                    stage.tell();
+                }
                 let avatar = stage.latest[&AVATAR].0.pose.translation;
                 let near = Area::around_avatar(avatar);
                 for (id, (state, _)) in &stage.latest {

@@ -1,0 +1,262 @@
+//! Measures what many clients cost a world: a server, two nodes and N clients with an interest, in real processes, beside the same world
+//! without any.
+//!
+//! Where all of them share a machine's cores, the time between two ticks tells of the clients' own processes too. What the world itself
+//! pays is the processor time of its nodes per tick, by thread: that which computes the world, and those that serve others.
+
+mod process;
+mod usage;
+
+use std::error::Error;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+use clap::Args;
+use dcd::net::JoinRole;
+use dcd::runtime::{Origin, ServeConfig, ServerProcess, WorldConfig};
+use dcd::scene::{Params, Scene};
+use dcd::sim::Random;
+use serde::{Deserialize, Serialize};
+
+pub(crate) use self::process::FanOutProcess;
+use self::process::{Child, Reading};
+use self::usage::Usage;
+use crate::machine::Machine;
+use crate::page;
+use crate::results::{self, Measured, short};
+
+const FILE: &str = "fan-out.csv";
+const LIMIT: Duration = Duration::from_secs(120);
+/// Until links have found out what they carry, and clients have what they are told in full.
+const WARM_UP: Duration = Duration::from_secs(4);
+const NODES: usize = 2;
+/// Clients of one process.
+const CLIENTS_PER_PROCESS: usize = 125;
+
+/// Says with how many clients, how long each run takes, and where its results go.
+#[derive(Args)]
+pub(crate) struct FanOut {
+    /// How many clients, one run for each number.
+    #[arg(long, value_delimiter = ',', default_value = "0,10,100,500")]
+    clients: Vec<usize>,
+    /// How far each hears, metres; all are spread evenly over the world.
+    #[arg(long, default_value_t = 12.0)]
+    interest: f64,
+    /// Cubes of the scene `dve`, which all move all the time.
+    #[arg(long, default_value_t = 1_000)]
+    cubes: usize,
+    /// Seconds that are measured of each run.
+    #[arg(long, default_value_t = 10.0)]
+    seconds: f64,
+    /// A second without clients and one with four.
+    #[arg(long, conflicts_with_all = ["clients", "seconds"])]
+    quick: bool,
+    /// Where the results go [default: benches/results; with `--quick` a temporary folder].
+    #[arg(long, value_name = "FOLDER")]
+    out: Option<PathBuf>,
+    /// Writes the table from the file, without measuring.
+    #[arg(long)]
+    draw: bool,
+}
+
+/// What one number of clients costs.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct Row {
+    clients: usize,
+    cubes: usize,
+    interest_m: f64,
+    ticks_per_s: f64,
+    /// Between the ends of two ticks at the leader, milliseconds.
+    tick_p50_ms: f64,
+    tick_p99_ms: f64,
+    /// Processor time of the leader's threads, milliseconds per tick: of the one that computes the world, of the one that tells clients, of the
+    /// network's, of all.
+    world_ms: f64,
+    fan_out_ms: f64,
+    net_ms: f64,
+    leader_ms: f64,
+    /// Of all threads of the other node.
+    other_ms: f64,
+    /// Of the processes of all clients together.
+    clients_ms: f64,
+    /// What each client was sent, UDP payloads.
+    bytes_per_s: f64,
+    /// Batches of states that each client took in.
+    updates_per_s: f64,
+}
+
+impl FanOut {
+    pub(crate) fn run(self) -> Result<(), Box<dyn Error>> {
+        let folder = results::folder(self.out.as_deref(), self.quick)?;
+        if !self.draw {
+            self.measure(&folder)?;
+        }
+        let table = table(&results::read_csv(&folder.join(FILE))?);
+        println!("{table}");
+        page::put(&folder, "fan-out", &table)
+    }
+
+    fn measure(&self, folder: &Path) -> Result<(), Box<dyn Error>> {
+        let machine = Machine::here();
+        let (clients, seconds) =
+            if self.quick { (&[0, 4][..], 1.0) } else { (&self.clients[..], self.seconds) };
+        let mut rows = Vec::new();
+        for &count in clients {
+            let row = self.serve(count, Duration::from_secs_f64(seconds))?;
+            eprintln!(
+                "{count} clients: {} ticks per second, {} ms of the leader per tick",
+                short(row.ticks_per_s),
+                short(row.leader_ms)
+            );
+            rows.push(Measured { row, machine: machine.clone() });
+            results::write_csv(&folder.join(FILE), &rows)?;
+        }
+        Ok(())
+    }
+
+    /// Serves the world to so many clients.
+    fn serve(&self, count: usize, time: Duration) -> Result<Row, Box<dyn Error>> {
+        let scene = Scene::named("dve", &Params::new().with("n", self.cubes))?;
+        let data = tempfile::tempdir()?;
+        let config = ServeConfig { nodes: NODES, events: false, ..ServeConfig::new(data.path()) };
+        let server = ServerProcess::start(Origin::Scene(&scene, &WorldConfig::for_scene(&scene)), config)?;
+        let mut nodes = Vec::new();
+        for _ in 0..NODES {
+            let token = server.token(JoinRole::Node, LIMIT)?;
+            nodes.push(Child::node(server.address, &token)?);
+        }
+        let begins =
+            |view: Option<&dcd::protocol::View>| view.is_some_and(|view| view.members.len() == NODES);
+        if !server.wait(LIMIT, |summary, view| begins(view) && summary.tick.0 > 0) {
+            return Err("the world does not begin".into());
+        }
+        let mut clients = self.clients(&server, &scene, count)?;
+        std::thread::sleep(WARM_UP);
+        let leader = server.view().ok_or("nobody computes the world")?.leader;
+        let place = nodes.iter().position(|node| node.node == Some(leader.0)).ok_or("a stranger leads")?;
+        nodes.swap(0, place);
+        let before = Moment::now(&mut nodes, &mut clients)?;
+        std::thread::sleep(time);
+        let after = Moment::now(&mut nodes, &mut clients)?;
+        if server.view().map(|view| view.leader) != Some(leader) {
+            return Err("another node leads than at first".into());
+        }
+        for client in clients {
+            client.end()?;
+        }
+        drop(server);
+        Ok(self.row(count, &before, &after))
+    }
+
+    /// Starts the processes of clients, each with an interest at a place of its own.
+    fn clients(
+        &self,
+        server: &ServerProcess,
+        scene: &Scene,
+        count: usize,
+    ) -> Result<Vec<Child>, Box<dyn Error>> {
+        let mut random = Random::new(7);
+        let mut children = Vec::new();
+        for begin in (0..count).step_by(CLIENTS_PER_PROCESS) {
+            let mut seats = String::new();
+            for _ in begin..count.min(begin + CLIENTS_PER_PROCESS) {
+                let token = server.token(JoinRole::Client, LIMIT)?;
+                let (low, high) = (scene.bounds.min, scene.bounds.max);
+                let [x, y, z] = [0, 1, 2].map(|axis| low[axis] + random.unit() * (high[axis] - low[axis]));
+                seats += &format!("{token} {x} {y} {z}\n");
+            }
+            children.push(Child::clients(server.address, self.interest, &seats)?);
+        }
+        Ok(children)
+    }
+
+    fn row(&self, clients: usize, before: &Moment, after: &Moment) -> Row {
+        let ticks = after.leader.ticks.len().saturating_sub(before.leader.ticks.len()).max(1) as f64;
+        let seconds = (after.at - before.at).as_secs_f64();
+        let mut apart: Vec<_> = after.leader.ticks[before.leader.ticks.len()..]
+            .windows(2)
+            .map(|pair| 1e-3 * (pair[1] - pair[0]) as f64)
+            .collect();
+        apart.sort_unstable_by(f64::total_cmp);
+        let at = |share: f64| apart.get((share * apart.len() as f64) as usize).copied().unwrap_or(f64::NAN);
+        let used = after.of_leader.since(&before.of_leader);
+        let per_client = |count: u64| count as f64 / seconds / clients.max(1) as f64;
+        Row {
+            clients,
+            cubes: self.cubes,
+            interest_m: self.interest,
+            ticks_per_s: ticks / seconds,
+            tick_p50_ms: at(0.5),
+            tick_p99_ms: at(0.99),
+            world_ms: used.of_threads("dcd-Node") / ticks,
+            fan_out_ms: used.of_threads("dcd-fan-out") / ticks,
+            net_ms: (used.of_threads("dcd-net") + used.of_threads("dcd-events")) / ticks,
+            leader_ms: used.all() / ticks,
+            other_ms: after.of_other.since(&before.of_other).all() / ticks,
+            clients_ms: after.of_clients.since(&before.of_clients).all() / ticks,
+            bytes_per_s: per_client(after.clients.bytes - before.clients.bytes),
+            updates_per_s: per_client(after.clients.updates - before.clients.updates),
+        }
+    }
+}
+
+/// What all processes have done up to a moment.
+struct Moment {
+    at: Instant,
+    leader: Reading,
+    clients: Reading,
+    of_leader: Usage,
+    of_other: Usage,
+    of_clients: Usage,
+}
+
+impl Moment {
+    /// Asks all; the first of the nodes leads.
+    fn now(nodes: &mut [Child], clients: &mut [Child]) -> Result<Self, Box<dyn Error>> {
+        let mut said = Reading::default();
+        let mut of_clients = Usage::default();
+        for client in clients {
+            let reading = client.read()?;
+            said.bytes += reading.bytes;
+            said.updates += reading.updates;
+            of_clients.add(&Usage::of(client.id())?);
+        }
+        let [of_leader, of_other] = [0, 1].map(|i| Usage::of(nodes[i].id()));
+        let leader = nodes[0].read()?;
+        Ok(Self {
+            at: Instant::now(),
+            leader,
+            clients: said,
+            of_leader: of_leader?,
+            of_other: of_other?,
+            of_clients,
+        })
+    }
+}
+
+fn table(rows: &[Measured<Row>]) -> String {
+    let head = [
+        "clients",
+        "ticks per second",
+        "between ticks, p50 / p99 ms",
+        "leader, CPU ms per tick: world / clients / network / all",
+        "other node, CPU ms per tick",
+        "clients' processes, CPU ms per tick",
+        "bytes/s per client",
+        "updates/s per client",
+    ];
+    let cells = |Measured { row, .. }: &Measured<Row>| {
+        let per_client = |value: f64| if row.clients == 0 { "–".to_owned() } else { short(value) };
+        vec![
+            row.clients.to_string(),
+            short(row.ticks_per_s),
+            format!("{} / {}", short(row.tick_p50_ms), short(row.tick_p99_ms)),
+            [row.world_ms, row.fan_out_ms, row.net_ms, row.leader_ms].map(short).join(" / "),
+            short(row.other_ms),
+            short(row.clients_ms),
+            per_client(row.bytes_per_s),
+            per_client(row.updates_per_s),
+        ]
+    };
+    page::table(&head, rows.iter().map(cells))
+}

@@ -1,0 +1,87 @@
+//! Keeps the bodies that moved in a tick by where they are, so that a client that hears little costs no look at those that move elsewhere.
+
+use std::collections::BTreeMap;
+
+use crate::protocol::{Area, SharedState};
+use crate::space::{BodyId, Tick};
+
+/// The newest state of each body.
+pub(in crate::cluster) type Latest = BTreeMap<BodyId, (SharedState, Tick)>;
+/// Bodies that moved since states were last sent, and where they were before, if that was sent.
+pub(super) type Moved = BTreeMap<BodyId, Option<[f64; 3]>>;
+
+/// A body that moved, as it is now.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Change {
+    pub(super) state: SharedState,
+    /// Where it was before, if that was sent.
+    pub(super) before: Option<[f64; 3]>,
+}
+
+/// What has become of the bodies that moved.
+#[derive(Clone, Debug, Default)]
+pub(super) struct News {
+    /// In id order.
+    changes: Vec<Change>,
+    /// Bodies that did not move the time before.
+    begun: Vec<BodyId>,
+    /// The changes by the cells of a grid that they are in.
+    cells: Vec<([i64; 3], u32)>,
+    cell_m: f64,
+}
+
+impl News {
+    /// Returns those of these bodies. `former` are those that moved the time before; areas that are looked for have about the given radius.
+    pub(super) fn of(moved: &Moved, former: &[BodyId], latest: &Latest, radius_m: f64) -> Self {
+        let change = |(id, &before): (&BodyId, _)| Some(Change { state: latest.get(id)?.0, before });
+        let changes: Vec<_> = moved.iter().filter_map(change).collect();
+        let is_new = |id: &&BodyId| former.binary_search(id).is_err();
+        let begun = moved.keys().filter(is_new).copied().collect();
+        let cell_m = radius_m.max(1.0);
+        let mut cells: Vec<_> = (0..)
+            .zip(&changes)
+            .map(|(at, change)| (cell(change.state.pose.translation, cell_m), at))
+            .collect();
+        cells.sort_unstable();
+        Self { changes, begun, cells, cell_m }
+    }
+
+    /// Returns all, in id order.
+    pub(super) fn all(&self) -> &[Change] {
+        &self.changes
+    }
+
+    /// Returns the bodies that did not move the time before.
+    pub(super) fn begun(&self) -> &[BodyId] {
+        &self.begun
+    }
+
+    /// Returns what has become of a body, if it moved.
+    pub(super) fn of_body(&self, id: BodyId) -> Option<&Change> {
+        let at = self.changes.binary_search_by_key(&id, |change| change.state.id).ok()?;
+        Some(&self.changes[at])
+    }
+
+    /// Calls `look` with at least all bodies that are where something comes into an area.
+    pub(super) fn near(&self, area: &Area, mut look: impl FnMut(&Change)) {
+        let (low, high) = area.entered_from();
+        let (low, high) = (cell(low, self.cell_m), cell(high, self.cell_m));
+        let across = |axis: usize| high[axis].saturating_sub(low[axis]).saturating_add(1);
+        // To look at all is quicker than to look for many cells.
+        if across(0).saturating_mul(across(1)) > self.cells.len() as i64 {
+            self.changes.iter().for_each(look);
+            return;
+        }
+        for x in low[0]..=high[0] {
+            for y in low[1]..=high[1] {
+                let from = self.cells.partition_point(|(cell, _)| *cell < [x, y, low[2]]);
+                let row = self.cells[from..].iter().take_while(|(cell, _)| *cell <= [x, y, high[2]]);
+                row.for_each(|&(_, at)| look(&self.changes[at as usize]));
+            }
+        }
+    }
+}
+
+fn cell(at: [f64; 3], cell_m: f64) -> [i64; 3] {
+    at.map(|value| (value / cell_m).floor() as i64)
+}

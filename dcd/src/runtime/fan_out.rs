@@ -1,0 +1,228 @@
+//! Tells clients the states of bodies on a thread of its own, so that no tick waits for it.
+//!
+//! Its inbox is bounded: of the ticks that wait there the newest states alone remain, and acknowledgements beyond some thousands are dropped. So
+//! whatever clients cost, they are told less often, and the world goes on. What is sent goes to the network's thread by a few links at a time, so
+//! that what members tell each other does not wait behind the states for all clients.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, RwLock};
+use std::thread::JoinHandle;
+
+use tracing::debug;
+
+use super::bandwidth::Received;
+use crate::cluster::{Peer, ReplicationEvent, StateReplication, TickNews};
+use crate::net::{Datagrams, PeerKey};
+use crate::protocol::{self, Lane, Message, Stamp, ToClient};
+use crate::space::ClientId;
+
+/// Events that may wait; acknowledgements and speculative states beyond are dropped, which costs bytes only.
+const QUEUE: usize = 8_192;
+
+/// The clients that are told before the network's thread has had its turn. Each costs that thread some 20 µs.
+const CLIENTS_AT_ONCE: usize = 8;
+
+/// States of a speculative tick are sent only if at most this many bytes of datagrams wait on their link: they are worth nothing when they arrive
+/// late, and authoritative states would wait behind them.
+const GUESSES_WAITING: usize = 8 << 10;
+
+/// The links of a process by the peers at their other ends.
+pub(super) type Keys = Arc<RwLock<BTreeMap<Peer, PeerKey>>>;
+
+/// What the thread sends with.
+pub(super) struct Outlet {
+    /// Over which links.
+    pub(super) keys: Keys,
+    /// The network.
+    pub(super) datagrams: Datagrams,
+    /// Counts what was sent.
+    pub(super) sent: Arc<Mutex<Received>>,
+}
+
+/// A message that goes another way than by a datagram: for a client in this process, or one that must arrive.
+pub(super) struct Told {
+    pub(super) to: Peer,
+    pub(super) client: ClientId,
+    pub(super) message: ToClient,
+}
+
+/// The thread that tells clients; it ends when this is dropped.
+pub(super) struct FanOut {
+    inbox: Arc<Inbox>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl FanOut {
+    /// Starts the thread; what it does not send itself it gives to `tell`, which must not wait.
+    pub(super) fn start(outlet: Outlet, tell: impl Fn(Told) + Send + 'static) -> std::io::Result<Self> {
+        let inbox = Arc::new(Inbox::default());
+        let events = inbox.clone();
+        let mut teller = Teller { outlet, tell, batches: BTreeMap::new(), sent: 0 };
+        let thread = std::thread::Builder::new().name("dcd-fan-out".into()).spawn(move || {
+            let mut replication = None;
+            while let Some(waiting) = events.take() {
+                for event in waiting {
+                    teller.handle(&mut replication, event);
+                }
+            }
+        })?;
+        Ok(Self { inbox, thread: Some(thread) })
+    }
+
+    /// Gives it events; returns at once, and whether the thread lives.
+    pub(super) fn handle(&self, events: Vec<ReplicationEvent>) -> bool {
+        if !events.is_empty() {
+            let mut waiting = self.inbox.lock();
+            events.into_iter().for_each(|event| waiting.push(event));
+            self.inbox.changed.notify_one();
+        }
+        self.thread.as_ref().is_some_and(|thread| !thread.is_finished())
+    }
+}
+
+impl Drop for FanOut {
+    fn drop(&mut self) {
+        self.inbox.lock().over = true;
+        self.inbox.changed.notify_one();
+        if let Some(thread) = self.thread.take() {
+            let _ = thread.join();
+        }
+    }
+}
+
+#[derive(Default)]
+struct Inbox {
+    waiting: Mutex<Waiting>,
+    changed: Condvar,
+}
+
+#[derive(Default)]
+struct Waiting {
+    events: VecDeque<ReplicationEvent>,
+    over: bool,
+}
+
+impl Inbox {
+    fn lock(&self) -> MutexGuard<'_, Waiting> {
+        self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Waits for events and takes all; `None` when there are none and no more will come.
+    fn take(&self) -> Option<VecDeque<ReplicationEvent>> {
+        let nothing = |waiting: &mut Waiting| waiting.events.is_empty() && !waiting.over;
+        let mut waiting =
+            self.changed.wait_while(self.lock(), nothing).unwrap_or_else(PoisonError::into_inner);
+        let events = std::mem::take(&mut waiting.events);
+        (!events.is_empty()).then_some(events)
+    }
+}
+
+impl Waiting {
+    fn push(&mut self, event: ReplicationEvent) {
+        let event = match event {
+            // What a former leader has not told yet concerns nobody.
+            ReplicationEvent::Begin(_) => {
+                self.events.clear();
+                event
+            }
+            ReplicationEvent::Heard { .. } | ReplicationEvent::Speculative { .. }
+                if self.events.len() >= QUEUE =>
+            {
+                return;
+            }
+            ReplicationEvent::Tick(news) => ReplicationEvent::Tick(match self.take_tick() {
+                Some(mut earlier) => {
+                    earlier.absorb(news);
+                    earlier
+                }
+                None => news,
+            }),
+            event => event,
+        };
+        self.events.push_back(event);
+    }
+
+    /// Takes the tick that waits, if one does; there is never more than one.
+    fn take_tick(&mut self) -> Option<TickNews> {
+        let at = self.events.iter().position(|event| matches!(event, ReplicationEvent::Tick(_)))?;
+        match self.events.remove(at) {
+            Some(ReplicationEvent::Tick(news)) => Some(news),
+            _ => None,
+        }
+    }
+}
+
+/// The state of the thread.
+struct Teller<T> {
+    outlet: Outlet,
+    tell: T,
+    /// The newest batch of states given to the link of each client.
+    batches: BTreeMap<ClientId, u32>,
+    /// How many clients were told since the network's thread had its turn.
+    sent: usize,
+}
+
+impl<T: Fn(Told)> Teller<T> {
+    fn handle(&mut self, replication: &mut Option<Box<StateReplication>>, event: ReplicationEvent) {
+        match (&mut *replication, event) {
+            (_, ReplicationEvent::End) => *replication = None,
+            (_, ReplicationEvent::Begin(new)) => *replication = Some(new),
+            (Some(replication), event) => {
+                if let ReplicationEvent::Dismiss(client) = &event {
+                    self.batches.remove(client);
+                }
+                replication.handle(event);
+                for (client, message) in replication.take_messages() {
+                    self.send(replication, client, message);
+                }
+            }
+            (None, _) => {}
+        }
+    }
+
+    fn send(&mut self, replication: &mut StateReplication, client: ClientId, message: ToClient) {
+        let Some(to) = replication.route(client) else { return };
+        let key = self.outlet.keys.read().unwrap_or_else(PoisonError::into_inner).get(&to).copied();
+        let Some(key) = key else { return (self.tell)(Told { to, client, message }) };
+        if let ToClient::CompactStates { part, .. } = &message
+            && self.batches.insert(client, part.batch) != Some(part.batch)
+        {
+            // What is still waiting as the next batch is given to the link.
+            replication.hear_backlog(client, self.outlet.datagrams.waiting(key));
+            self.take_turns();
+        }
+        let guess = stamp_of(&message).is_some_and(|stamp| stamp.speculative);
+        let message = Message::ToClient(client, message);
+        let bytes = protocol::encode(&message);
+        if message.lane() != Lane::State || bytes.len() > protocol::DATAGRAM_BYTES {
+            let Message::ToClient(_, message) = message else { unreachable!("it is one for a client") };
+            return (self.tell)(Told { to, client, message });
+        }
+        if guess && self.outlet.datagrams.waiting(key) > GUESSES_WAITING {
+            return;
+        }
+        self.outlet.sent.lock().unwrap_or_else(PoisonError::into_inner).count(message.subject(), bytes.len());
+        if let Err(error) = self.outlet.datagrams.send(key, bytes) {
+            debug!(?to, %error, "a datagram is not sent");
+        }
+    }
+
+    /// Lets the network's thread have its turn after every few clients.
+    fn take_turns(&mut self) {
+        self.sent += 1;
+        if self.sent == CLIENTS_AT_ONCE {
+            self.sent = 0;
+            self.outlet.datagrams.wait_for_turn();
+        }
+    }
+}
+
+fn stamp_of(message: &ToClient) -> Option<&Stamp> {
+    match message {
+        ToClient::States { stamp, .. } | ToClient::CompactStates { stamp, .. } => Some(stamp),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests;

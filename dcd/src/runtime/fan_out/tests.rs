@@ -1,0 +1,137 @@
+//! Tests that whoever leads goes on whatever becomes of the thread that tells clients.
+
+use std::sync::mpsc;
+use std::time::{Duration, Instant};
+
+use super::*;
+use crate::cluster::Leader;
+use crate::net::{Authority, Limits, Net, NetConfig};
+use crate::protocol::{Done, Heard, Member, Report, SharedState, Velocity, View, ViewNumber, WorldPose};
+use crate::sim::sim_world;
+use crate::space::{BodyId, Epoch, GroupId, NodeId, RegionId, Tick};
+
+const PATIENCE: Duration = Duration::from_secs(20);
+const BODIES: u32 = 100;
+
+/// A leader that computes alone, and has one client, to which no link leads.
+struct Stage {
+    leader: Leader,
+    tick: u64,
+}
+
+impl Stage {
+    fn new() -> Self {
+        let node = NodeId(1);
+        let world = sim_world(1);
+        let view = View {
+            events: false,
+            group: GroupId(1),
+            number: ViewNumber(1),
+            tick: Tick(0),
+            leader: node,
+            members: vec![Member { node, address: ([127, 0, 0, 1], 1).into(), client: None }],
+            tree: world.tree.clone(),
+            allocation: [(RegionId(1), node)].into(),
+        };
+        let mut leader = Leader::new(Duration::ZERO, &view, &world).with_replication_elsewhere();
+        leader.admit(CLIENT);
+        leader.take_interest(CLIENT, None);
+        let mut stage = Self { leader, tick: 0 };
+        stage.done();
+        stage
+    }
+
+    fn done(&mut self) {
+        let (view, tick) = (ViewNumber(1), Tick(self.tick));
+        let done =
+            Done { view, tick, rounds_wanted: 1, holds: None, events: vec![], answers: vec![], load: None };
+        self.leader.done(NodeId(1), done);
+    }
+
+    /// Completes a tick in which all bodies move, and the client acknowledges something; returns what follows from that.
+    fn tick(&mut self) -> Vec<ReplicationEvent> {
+        self.tick += 1;
+        self.leader.dispatch(Duration::from_secs(self.tick)).expect("nobody is waited for");
+        let state = |index| SharedState {
+            id: BodyId::persistent(index),
+            owner: RegionId(1),
+            epoch: Epoch(0),
+            pose: WorldPose::at([self.tick as f64, 0.0, 0.0]),
+            velocity: Velocity::default(),
+            sleeping: false,
+        };
+        let states = (0..BODIES).map(state).collect();
+        self.leader.report(NodeId(1), Report { view: ViewNumber(1), tick: Tick(self.tick), states });
+        self.done();
+        self.leader.heard(CLIENT, Heard { series: 9, datagrams: vec![], lost: false, bytes_per_s: 0 });
+        self.leader.take_replication_events()
+    }
+}
+
+const CLIENT: ClientId = ClientId(7);
+
+fn outlet() -> (Net, Outlet, tempfile::TempDir) {
+    let folder = tempfile::tempdir().unwrap();
+    let authority = Arc::new(Authority::load_or_create(folder.path()).unwrap());
+    let identity = authority.server_identity().unwrap();
+    let listen = ([127, 0, 0, 1], 0).into();
+    let config = NetConfig {
+        listen,
+        identity,
+        authority: Some(authority),
+        renewed_by: Vec::new(),
+        limits: Limits::default(),
+    };
+    let (net, _) = Net::start(config).unwrap();
+    let outlet = Outlet { keys: Keys::default(), datagrams: net.datagrams(), sent: Arc::default() };
+    (net, outlet, folder)
+}
+
+#[test]
+fn a_thread_that_is_held_up_keeps_no_tick_waiting_and_tells_the_newest_states_when_it_goes_on() {
+    let (_net, outlet, _folder) = outlet();
+    let (told, tells) = mpsc::channel();
+    let (open, gate) = mpsc::channel::<()>();
+    let fan_out = FanOut::start(outlet, move |message: Told| {
+        told.send(message).unwrap();
+        let _ = gate.recv();
+    })
+    .unwrap();
+    // If this test fails, the thread goes on before it is waited for.
+    let open = open;
+    let mut stage = Stage::new();
+    assert!(fan_out.handle(stage.tick()));
+    // It has begun to tell of the first tick, and stands still.
+    let first = tells.recv_timeout(PATIENCE).unwrap();
+    assert!(matches!(first.message, ToClient::CompactStates { stamp, .. } if stamp.tick == Tick(1)));
+    let begin = Instant::now();
+    for _ in 0..QUEUE + 1_000 {
+        assert!(fan_out.handle(stage.tick()));
+    }
+    println!("{:?} for {} ticks", begin.elapsed(), QUEUE + 1_000);
+    let waiting = fan_out.inbox.lock().events.len();
+    assert!(waiting <= QUEUE + 1, "{waiting} events wait");
+    let last = Tick(stage.tick);
+    // From here on it is never held up.
+    drop(open);
+    let next = tells.recv_timeout(PATIENCE).unwrap();
+    assert!(matches!(next.message, ToClient::CompactStates { stamp, .. } if stamp.tick == last));
+    drop(fan_out);
+    assert!(
+        tells
+            .try_iter()
+            .all(|told| matches!(told.message, ToClient::CompactStates { stamp, .. } if stamp.tick == last))
+    );
+}
+
+#[test]
+fn what_waits_is_told_before_it_ends() {
+    let (_net, outlet, _folder) = outlet();
+    let (told, tells) = mpsc::channel();
+    let fan_out = FanOut::start(outlet, move |message: Told| told.send(message).unwrap()).unwrap();
+    let mut stage = Stage::new();
+    fan_out.handle(stage.tick());
+    drop(fan_out);
+    let is_of_states = |told: Told| matches!(told.message, ToClient::CompactStates { .. });
+    assert!(tells.try_iter().any(is_of_states));
+}

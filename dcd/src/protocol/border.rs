@@ -66,7 +66,7 @@ pub struct Strike {
     pub by: Option<BodyId>,
     /// How many bodies the island of both has as the sender sees it: who sees most is believed.
     pub seen: u16,
-    /// The regions that hold what struck it, or that held it then. Others did not see that.
+    /// The regions that hold what struck it, or that held it then: others did not see that.
     pub held_by: RegionSet,
     /// How much.
     pub impulse: Impulse,

@@ -368,6 +368,7 @@ impl Check for CopyState {
 
 impl Check for Strike {
     fn check(&self) -> Result<(), Invalid> {
+        must(self.by != Some(self.id), "strike.by", "another body")?;
         finite(&self.impulse.linear, "strike.linear")?;
         finite(&self.impulse.angular, "strike.angular")
     }

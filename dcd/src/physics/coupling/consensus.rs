@@ -61,8 +61,7 @@ pub(super) fn agree(region: &mut Region, border: &mut Border, moment: Moment<'_>
                 disagreement[rank] = Some(disagreement[rank].map_or(worst, |most| most.max(worst)));
             }
         } else if is_due {
-            let dt_s = moment.settings.dt_s / exchanges as f32;
-            follow(region, link, shared, leaders.of(link.handle), dt_s);
+            follow(region, link, shared, leaders.of(link.handle));
         }
     }
 }
@@ -141,7 +140,7 @@ fn is_broken(region: &Region, link: BodyRef) -> bool {
 /// Gives the copy of a body that is not split the state that it has in the leading region, where the contacts of all that touches
 /// were solved together, so that what one body of them loses another gains; and the impulses of contacts that the leader did not
 /// see. Where nothing touches the body, its owner leads.
-fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared, leader: Option<usize>, dt_s: f32) {
+fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared, leader: Option<usize>) {
     let mut strikes = std::mem::take(&mut shared.strikes);
     let own_rank = region.rank();
     let body = &region.physics().bodies[link.handle];
@@ -170,12 +169,7 @@ fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared, leader: Optio
     region.restart_copy(link.handle);
     region.mend_copy(link.handle);
     if rank != own_rank || struck.is_some() {
-        let velocity = struck.unwrap_or(copy.velocity);
-        let mut pose = copy.pose;
-        for i in 0..3 {
-            pose.translation[i] += f64::from(dt_s * (velocity.linear[i] - copy.velocity.linear[i]));
-        }
-        write(region, link, &pose, &velocity);
+        write(region, link, &copy.pose, &struck.unwrap_or(copy.velocity));
     }
 }
 

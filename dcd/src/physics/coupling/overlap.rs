@@ -102,6 +102,7 @@ fn tell_copy(side: &mut Side, link: BodyRef, moment: Moment<'_>) {
     }
     let slot = region.slot_mut(link.handle);
     if std::mem::replace(&mut slot.told_asleep, asleep) && asleep {
+        shared.strikes.clear();
         return;
     }
     let role = slot.role;

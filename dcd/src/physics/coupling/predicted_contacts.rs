@@ -628,6 +628,12 @@ mod tests {
         );
         assert_eq!(meet([0.9, 3.0, 0.9], [0.0, -1.0, 0.0]), None, "past the edge");
         assert_eq!(meet([0.9, 3.0, 0.0], [0.0, 1.0, 0.0]), None, "it flees");
+        let endless = NearbyBody {
+            bounds: Bounds::new([f64::NEG_INFINITY; 3], [f64::INFINITY, 0.0, f64::INFINITY]),
+            radius_m: f32::INFINITY,
+            ..ball([0.0; 3], [0.0; 3])
+        };
+        assert_eq!(meet_after(&endless, &ball([9.0, 2.0, 9.0], [0.0, -1.0, 0.0])), Some(1.5), "a half-space");
     }
 
     #[test]

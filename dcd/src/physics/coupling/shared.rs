@@ -28,7 +28,7 @@ pub(super) struct Shared {
     pub strayed_m_s: f32,
     /// Average difference of its first copy's velocity from the mean while it is split, m/s.
     pub lasting: Vector,
-    /// What struck copies of it in the last step, unseen by some of the others, with the rank of the region where.
+    /// What struck copies of it since the last exchange and is not held by the same regions, with the rank of the region where.
     #[serde(skip)]
     pub strikes: Vec<(usize, Strike)>,
     /// What happened to this copy after it was sent to a new member, to be told.

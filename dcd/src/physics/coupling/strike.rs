@@ -21,8 +21,8 @@ use crate::physics::region::Region;
 use crate::protocol::{CopyState, Impulse, Strike, Velocity};
 use crate::space::RegionSet;
 
-/// The most strikes of one body that are believed in one exchange.
-const MOST: usize = 256;
+/// The most bodies that strike one and are told of, and believed, by one region in one exchange.
+const MOST: usize = 512;
 
 /// Notes what struck a copy here in the last step and is not held by the same regions; and what is owed.
 pub(super) fn note(region: &Region, islands: &Islands, handle: RigidBodyHandle, shared: &mut Shared) {
@@ -34,7 +34,8 @@ pub(super) fn note(region: &Region, islands: &Islands, handle: RigidBodyHandle, 
     }
     region.for_each_pair(handle, |other, pair| {
         let held_by = region.slot(other).holders.union(RegionSet::only(own));
-        let Some(pair) = pair.filter(|_| held_by != *members) else { return };
+        let is_sound = !region.mass_split(other).is_some_and(|split| split.is_broken());
+        let Some(pair) = pair.filter(|_| held_by != *members && is_sound) else { return };
         let is_dynamic = region.physics().bodies[other].is_dynamic();
         let tells = held_by.intersection(*members).iter().next() == Some(own);
         if !is_dynamic && (!tells || members.without(held_by).is_empty()) {
@@ -46,7 +47,17 @@ pub(super) fn note(region: &Region, islands: &Islands, handle: RigidBodyHandle, 
         }
         let by = is_dynamic.then(|| region.slot(other).id);
         let seen = islands.seen(handle).max(islands.seen(other));
-        strikes.push((own, Strike { id, by, seen, held_by, impulse }));
+        // Of one body there may be several pairs, and several substeps.
+        let same = strikes
+            .iter_mut()
+            .find(|(rank, strike)| (*rank, strike.by, strike.held_by) == (own, by, held_by));
+        match same {
+            Some((_, strike)) => {
+                (strike.impulse, strike.seen) = (strike.impulse.plus(&impulse), strike.seen.max(seen));
+            }
+            None if strikes.len() < MOST => strikes.push((own, Strike { id, by, seen, held_by, impulse })),
+            None => {}
+        }
     });
 }
 
@@ -97,14 +108,12 @@ pub(super) fn owe(region: &Region, all: &mut SharedBodies, handle: RigidBodyHand
     shared.owed = owed.impulse.is_finite().then_some(owed);
 }
 
-/// Stores what struck copies in another region.
+/// Stores what struck copies in another region, as all that hold them do: what one body is told of is told in one go.
 pub(super) fn hear(region: &Region, shared: &mut SharedBodies, strikes: &[Strike], sender: usize) {
-    for strike in strikes {
-        let shared = region.handle_of(strike.id).and_then(|handle| shared.get_mut(handle));
-        if let Some(shared) =
-            shared.filter(|shared| shared.members.contains(sender) && shared.strikes.len() < MOST)
-        {
-            shared.strikes.push((sender, *strike));
+    for of_one in strikes.chunk_by(|a, b| a.id == b.id) {
+        let shared = region.handle_of(of_one[0].id).and_then(|handle| shared.get_mut(handle));
+        if let Some(shared) = shared.filter(|shared| shared.members.contains(sender)) {
+            shared.strikes.extend(of_one.iter().take(MOST).map(|strike| (sender, *strike)));
         }
     }
 }
@@ -204,6 +213,13 @@ mod tests {
         assert_eq!(gained_ns(0, all), 5.0, "in place of the 3 that its own copy has");
         assert_eq!(gained_ns(2, all), 7.0, "of equals the lowest rank");
         assert_eq!(gained_ns(3, all), 8.0, "it holds one of the two alone");
+        let by_another = Strike { by: Some(BodyId::persistent(8)), ..told(9, 16.0) };
+        assert_eq!(gained_ns(0, [all[0], all[1], (2, by_another)]), 21.0, "each contact by itself");
+        assert_eq!(
+            gained_ns(0, [all[0], all[1], (2, strike(&[2], [4.0, 0.0, 0.0]))]),
+            9.0,
+            "and what is unseen"
+        );
     }
 
     #[test]

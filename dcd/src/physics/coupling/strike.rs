@@ -48,11 +48,11 @@ pub(super) fn note(region: &Region, islands: &Islands, handle: RigidBodyHandle, 
         let by = is_dynamic.then(|| region.slot(other).id);
         let seen = islands.seen(handle).max(islands.seen(other));
         // Of one body there may be several pairs, and several substeps.
-        let same = strikes
-            .iter_mut()
-            .find(|(rank, strike)| (*rank, strike.by, strike.held_by) == (own, by, held_by));
-        match same {
-            Some((_, strike)) => {
+        let same =
+            |(rank, strike): &(usize, Strike)| (*rank, strike.by, strike.held_by) == (own, by, held_by);
+        match strikes.iter().position(same) {
+            Some(place) => {
+                let strike = &mut strikes[place].1;
                 (strike.impulse, strike.seen) = (strike.impulse.plus(&impulse), strike.seen.max(seen));
             }
             None if strikes.len() < MOST => strikes.push((own, Strike { id, by, seen, held_by, impulse })),

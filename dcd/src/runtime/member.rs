@@ -157,7 +157,6 @@ pub(super) struct State {
     pub farewell: Option<String>,
 }
 
-#[expect(clippy::large_enum_variant, reason = "an input lives for one call")]
 pub(super) enum Input {
     Net(NetEvent),
     Client(ClientEvent),

@@ -1159,8 +1159,8 @@ typedef struct DcdSettings {
 typedef struct DcdStateView {
     // sizeof(DcdStateView).
     uint32_t struct_size;
-    // 0.
-    uint32_t reserved;
+    // Above every slot of every view up to now: the length that an array of yours by slot needs.
+    uint32_t slot_count;
     // After which step.
     uint64_t tick;
     // Length of each array.
@@ -1177,6 +1177,11 @@ typedef struct DcdStateView {
     const uint32_t *flags;
     // Their owners, as in DcdRegionInfo.
     const uint32_t *regions;
+    // Where you may keep your own of the bodies, in an array beside: a body has its slot, below `slot_count`, in every view of its
+    // world (dcd_state_view and dcd_view_state alike) for as long as views show it, whatever its place in them. Low slots are given
+    // first. A slot that becomes free in a view is given anew in a later one, so none is of two bodies in two successive views; who
+    // leaves views out, or calls dcd_checkpoint_restore, compares ids.
+    const uint32_t *slots;
 } DcdStateView;
 
 // The field of a body that dcd_state_read and dcd_state_write copy.
@@ -3945,7 +3950,7 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
       { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 0.0f } }, 0.0f, \
       { 0.0f, 0.0f, 0.0f }, 0.0f, 0.0f, 0, 0, 0, 0, 0 }
 #define DCD_STATE_VIEW_INIT \
-    { (uint32_t)sizeof(DcdStateView), 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL }
+    { (uint32_t)sizeof(DcdStateView), 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL, NULL }
 #define DCD_VIEW_TIME_INIT { (uint32_t)sizeof(DcdViewTime), 0, 0.0, 0.0, 0.0, -1.0, -1.0 }
 #define DCD_PREDICTION_INIT { (uint32_t)sizeof(DcdPrediction), 0, 0, 0, 0, 0.0, 0.0, 0.0 }
 #define DCD_EVENT_VIEW_INIT \
@@ -4372,9 +4377,9 @@ DCD_ASSERT_(offsetof(DcdPrediction, corrections) == 24);
 DCD_ASSERT_(offsetof(DcdPrediction, largest_correction) == 32);
 DCD_ASSERT_(offsetof(DcdPrediction, last_frame) == 40);
 DCD_ASSERT_(offsetof(DcdPrediction, longest_frame) == 48);
-DCD_ASSERT_(sizeof(DcdStateView) == 72);
+DCD_ASSERT_(sizeof(DcdStateView) == 80);
 DCD_ASSERT_(offsetof(DcdStateView, struct_size) == 0);
-DCD_ASSERT_(offsetof(DcdStateView, reserved) == 4);
+DCD_ASSERT_(offsetof(DcdStateView, slot_count) == 4);
 DCD_ASSERT_(offsetof(DcdStateView, tick) == 8);
 DCD_ASSERT_(offsetof(DcdStateView, count) == 16);
 DCD_ASSERT_(offsetof(DcdStateView, ids) == 24);
@@ -4383,6 +4388,7 @@ DCD_ASSERT_(offsetof(DcdStateView, velocities) == 40);
 DCD_ASSERT_(offsetof(DcdStateView, user_data) == 48);
 DCD_ASSERT_(offsetof(DcdStateView, flags) == 56);
 DCD_ASSERT_(offsetof(DcdStateView, regions) == 64);
+DCD_ASSERT_(offsetof(DcdStateView, slots) == 72);
 DCD_ASSERT_(sizeof(DcdConnectionEvent) == 288);
 DCD_ASSERT_(offsetof(DcdConnectionEvent, connection) == 0);
 DCD_ASSERT_(offsetof(DcdConnectionEvent, state) == 8);

@@ -153,7 +153,7 @@ fn layouts() -> Vec<Layout> {
         DcdPrediction {
             struct_size, bodies, ticks, replays, corrections, largest_correction, last_frame, longest_frame
         }
-        DcdStateView { struct_size, reserved, tick, count, ids, poses, velocities, user_data, flags, regions }
+        DcdStateView { struct_size, slot_count, tick, count, ids, poses, velocities, user_data, flags, regions, slots }
         DcdConnectionEvent { connection, state, role, node, client, cause, reserved, reason }
         DcdConnectionInfo {
             struct_size, state, role, node, client, loss, rtt_ms, age, bytes_in, bytes_out, messages_in, messages_out,
@@ -326,7 +326,7 @@ const MACROS: &str = "
       { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 0.0f } }, 0.0f, \\
       { 0.0f, 0.0f, 0.0f }, 0.0f, 0.0f, 0, 0, 0, 0, 0 }
 #define DCD_STATE_VIEW_INIT \\
-    { (uint32_t)sizeof(DcdStateView), 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL }
+    { (uint32_t)sizeof(DcdStateView), 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL, NULL }
 #define DCD_VIEW_TIME_INIT { (uint32_t)sizeof(DcdViewTime), 0, 0.0, 0.0, 0.0, -1.0, -1.0 }
 #define DCD_PREDICTION_INIT { (uint32_t)sizeof(DcdPrediction), 0, 0, 0, 0, 0.0, 0.0, 0.0 }
 #define DCD_EVENT_VIEW_INIT \\

@@ -221,9 +221,13 @@ static void shows(DcdWorld world, DcdBodyId avatar)
     HOLDS(now.p[0] >= shown.p[0] && shown.p[0] > now.p[0] - 10.0 && velocity.linear[0] > 5.0f);
     OK(dcd_view_state(world, &time, &view));
     HOLDS(view.count == 101 && view.ids[100].v == avatar.v && view.poses[100].p[0] == now.p[0]);
+    const uint32_t slot = view.slots[100];
+    HOLDS(slot < view.slot_count);
     time.predicted = time.shown;
     OK(dcd_view_state(world, &time, &view));
     HOLDS(view.poses[100].p[0] == shown.p[0]);
+    OK(dcd_state_view(world, &view));
+    HOLDS(view.slots[100] == slot && view.slot_count <= 110);
 }
 
 /* An avatar of one's own answers in the frame of the input. */

@@ -1336,6 +1336,10 @@ typedef struct DcdConnectionInfo {
     uint64_t bytes_in;
     // Bytes sent.
     uint64_t bytes_out;
+    // Bytes of UDP received over it: those, and what QUIC adds, as DcdStats.udp_bytes_in.
+    uint64_t udp_bytes_in;
+    // Bytes of UDP sent.
+    uint64_t udp_bytes_out;
     // Messages received, dcd's own and those of programs, and datagrams.
     uint64_t messages_in;
     // Messages and datagrams sent.
@@ -1891,10 +1895,14 @@ typedef struct DcdStats {
     uint64_t quarantined;
     // Messages with states of bodies received, ever; 0 in a local world.
     uint64_t updates;
-    // Bytes received, without those of QUIC itself; 0 in a local world, as the next two. A tenth of a second old.
+    // Bytes received, without those of QUIC itself; 0 in a local world, as the next four. A tenth of a second old.
     uint64_t bytes_in;
     // Bytes sent.
     uint64_t bytes_out;
+    // Bytes of UDP received: those, and what QUIC adds. What a link is charged for, but for 28 (IPv6: 48) bytes of headers per packet.
+    uint64_t udp_bytes_in;
+    // Bytes of UDP sent.
+    uint64_t udp_bytes_out;
     // Time to the slowest peer and back, seconds.
     double rtt;
     // Wall time of the last step, seconds; of taking in what had come, in a served world.
@@ -3958,9 +3966,9 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
       NULL, 0, NULL, 0, NULL, 0 }
 #define DCD_OWNER_INIT { (uint32_t)sizeof(DcdOwner), 0, 0, 0, 0 }
 #define DCD_CONNECTION_INFO_INIT \
-    { (uint32_t)sizeof(DcdConnectionInfo), 0, 0, 0, 0, 0.0f, 0.0, 0.0, 0, 0, 0, 0, 0, 0 }
+    { (uint32_t)sizeof(DcdConnectionInfo), 0, 0, 0, 0, 0.0f, 0.0, 0.0, 0, 0, 0, 0, 0, 0, 0, 0 }
 #define DCD_STATS_INIT \
-    { (uint32_t)sizeof(DcdStats), 0, 0, 0, 0, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0f, 0 }
+    { (uint32_t)sizeof(DcdStats), 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0f, 0 }
 
 /* Whether the library that runs fits this header: DCD_OK or DCD_ERR_VERSION. Before 1.0 the minor version must match too. */
 static inline DcdStatus dcd_version_check(void)
@@ -4398,7 +4406,7 @@ DCD_ASSERT_(offsetof(DcdConnectionEvent, client) == 20);
 DCD_ASSERT_(offsetof(DcdConnectionEvent, cause) == 24);
 DCD_ASSERT_(offsetof(DcdConnectionEvent, reserved) == 28);
 DCD_ASSERT_(offsetof(DcdConnectionEvent, reason) == 32);
-DCD_ASSERT_(sizeof(DcdConnectionInfo) == 88);
+DCD_ASSERT_(sizeof(DcdConnectionInfo) == 104);
 DCD_ASSERT_(offsetof(DcdConnectionInfo, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdConnectionInfo, state) == 4);
 DCD_ASSERT_(offsetof(DcdConnectionInfo, role) == 8);
@@ -4409,10 +4417,12 @@ DCD_ASSERT_(offsetof(DcdConnectionInfo, rtt_ms) == 24);
 DCD_ASSERT_(offsetof(DcdConnectionInfo, age) == 32);
 DCD_ASSERT_(offsetof(DcdConnectionInfo, bytes_in) == 40);
 DCD_ASSERT_(offsetof(DcdConnectionInfo, bytes_out) == 48);
-DCD_ASSERT_(offsetof(DcdConnectionInfo, messages_in) == 56);
-DCD_ASSERT_(offsetof(DcdConnectionInfo, messages_out) == 64);
-DCD_ASSERT_(offsetof(DcdConnectionInfo, dropped) == 72);
-DCD_ASSERT_(offsetof(DcdConnectionInfo, bytes_waiting) == 80);
+DCD_ASSERT_(offsetof(DcdConnectionInfo, udp_bytes_in) == 56);
+DCD_ASSERT_(offsetof(DcdConnectionInfo, udp_bytes_out) == 64);
+DCD_ASSERT_(offsetof(DcdConnectionInfo, messages_in) == 72);
+DCD_ASSERT_(offsetof(DcdConnectionInfo, messages_out) == 80);
+DCD_ASSERT_(offsetof(DcdConnectionInfo, dropped) == 88);
+DCD_ASSERT_(offsetof(DcdConnectionInfo, bytes_waiting) == 96);
 DCD_ASSERT_(sizeof(DcdMessage) == 40);
 DCD_ASSERT_(offsetof(DcdMessage, connection) == 0);
 DCD_ASSERT_(offsetof(DcdMessage, data) == 8);
@@ -4630,7 +4640,7 @@ DCD_ASSERT_(offsetof(DcdBorderInfo, bodies) == 8);
 DCD_ASSERT_(offsetof(DcdBorderInfo, exchanges) == 12);
 DCD_ASSERT_(offsetof(DcdBorderInfo, depth) == 16);
 DCD_ASSERT_(offsetof(DcdBorderInfo, disagreement) == 20);
-DCD_ASSERT_(sizeof(DcdStats) == 96);
+DCD_ASSERT_(sizeof(DcdStats) == 112);
 DCD_ASSERT_(offsetof(DcdStats, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdStats, regions) == 4);
 DCD_ASSERT_(offsetof(DcdStats, ticks) == 8);
@@ -4641,10 +4651,12 @@ DCD_ASSERT_(offsetof(DcdStats, quarantined) == 40);
 DCD_ASSERT_(offsetof(DcdStats, updates) == 48);
 DCD_ASSERT_(offsetof(DcdStats, bytes_in) == 56);
 DCD_ASSERT_(offsetof(DcdStats, bytes_out) == 64);
-DCD_ASSERT_(offsetof(DcdStats, rtt) == 72);
-DCD_ASSERT_(offsetof(DcdStats, last_step) == 80);
-DCD_ASSERT_(offsetof(DcdStats, disagreement) == 88);
-DCD_ASSERT_(offsetof(DcdStats, exchanges) == 92);
+DCD_ASSERT_(offsetof(DcdStats, udp_bytes_in) == 72);
+DCD_ASSERT_(offsetof(DcdStats, udp_bytes_out) == 80);
+DCD_ASSERT_(offsetof(DcdStats, rtt) == 88);
+DCD_ASSERT_(offsetof(DcdStats, last_step) == 96);
+DCD_ASSERT_(offsetof(DcdStats, disagreement) == 104);
+DCD_ASSERT_(offsetof(DcdStats, exchanges) == 108);
 #undef DCD_ASSERT_
 #endif
 

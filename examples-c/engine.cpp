@@ -162,7 +162,7 @@ public:
     std::size_t transfers() const { return transfers_; }
 
     /* Draws what lies between the two last steps, at `t` from 0 to 1. Both have the same bodies in the same order here; a game
-     * that makes and destroys some looks for them by id. */
+     * that makes and destroys some keeps poses by slot, as game_loop.c does. */
     Image draw(double t) const
     {
         Image image(320, 320, { 24, 26, 30 });

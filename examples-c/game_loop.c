@@ -83,16 +83,33 @@ static void add_balls(DcdWorld world, DcdBodyId balls[BALLS])
     }
 }
 
-/* Where the highest body is drawn between two steps: `t` = 0 is before, 1 is now. Both views have the same bodies, but where some
- * came or went; a game in which that happens often keeps a table by id. */
-static double draw_between(const DcdStateView *before, const DcdStateView *now, double t)
+/* What is drawn of a body: where it was before the last step, and after. */
+struct Drawn {
+    DcdBodyId id;
+    DcdPose before, now;
+};
+
+/* Takes in a step. Each body has its slot in all views, so a plain array remembers it; a slot with another id is a body that came.
+ * A game whose bodies come and go lets the array grow to view->slot_count. */
+static void take_poses(const DcdStateView *view, struct Drawn drawn[BALLS])
+{
+    for (size_t i = 0; i < view->count; i++) {
+        struct Drawn *body = &drawn[view->slots[i]];
+        body->before = body->id.v == view->ids[i].v ? body->now : view->poses[i];
+        body->now = view->poses[i];
+        body->id = view->ids[i];
+    }
+}
+
+/* Where the highest body is drawn between two steps: `t` = 0 is before, 1 is now. */
+static double draw_between(const DcdStateView *view, const struct Drawn drawn[BALLS], double t)
 {
     double highest = 0.0;
-    for (size_t i = 0; i < now->count; i++) {
-        const bool was_there = i < before->count && before->ids[i].v == now->ids[i].v;
-        DcdPose drawn;
-        check(dcd_pose_interpolate(&(was_there ? before : now)->poses[i], &now->poses[i], t, &drawn));
-        highest = drawn.p[1] > highest ? drawn.p[1] : highest;
+    for (size_t i = 0; i < view->count; i++) {
+        const struct Drawn *body = &drawn[view->slots[i]];
+        DcdPose pose;
+        check(dcd_pose_interpolate(&body->before, &body->now, t, &pose));
+        highest = pose.p[1] > highest ? pose.p[1] : highest;
     }
     return highest;
 }
@@ -126,11 +143,12 @@ int main(int argc, char **argv)
     DcdBodyId balls[BALLS];
     add_balls(world, balls);
 
-    /* Two views: the world after the last step and after the one before. Both stay readable, without copying, until the
-     * step after next begins, which is when they are taken anew. */
-    DcdStateView before = DCD_STATE_VIEW_INIT, now = DCD_STATE_VIEW_INIT;
+    DcdStateView now = DCD_STATE_VIEW_INIT;
+    struct Drawn drawn[BALLS] = { 0 };
     check(dcd_state_view(world, &now));
-    before = now;
+    if (!joined) {
+        take_poses(&now, drawn);
+    }
 
     double owed = 0.0; /* time that has passed and is not simulated yet */
     double highest = 0.0;
@@ -142,8 +160,10 @@ int main(int argc, char **argv)
             check(dcd_step(world));
             steps++;
 
-            before = now;
             check(dcd_state_view(world, &now));
+            if (!joined) {
+                take_poses(&now, drawn);
+            }
 
             DcdEventView events = DCD_EVENT_VIEW_INIT;
             check(dcd_events(world, &events));
@@ -158,7 +178,7 @@ int main(int argc, char **argv)
             transfers += (unsigned)events.transfer_count;
         }
 
-        highest = joined ? draw_shown(world) : draw_between(&before, &now, owed / dt);
+        highest = joined ? draw_shown(world) : draw_between(&now, drawn, owed / dt);
         if (frame % 60 == 59) {
             printf("frame %3d, tick %3u: highest body at %.2f m\n", frame, (unsigned)now.tick, highest);
         }

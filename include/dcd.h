@@ -1159,8 +1159,8 @@ typedef struct DcdSettings {
 typedef struct DcdStateView {
     // sizeof(DcdStateView).
     uint32_t struct_size;
-    // 0.
-    uint32_t reserved;
+    // Above every slot of every view up to now: the length that an array of yours by slot needs.
+    uint32_t slot_count;
     // After which step.
     uint64_t tick;
     // Length of each array.
@@ -1177,6 +1177,11 @@ typedef struct DcdStateView {
     const uint32_t *flags;
     // Their owners, as in DcdRegionInfo.
     const uint32_t *regions;
+    // Where you may keep your own of the bodies, in an array beside: a body has its slot, below `slot_count`, in every view of its
+    // world (dcd_state_view and dcd_view_state alike) for as long as views show it, whatever its place in them. Low slots are given
+    // first. A slot that becomes free in a view is given anew in a later one, so none is of two bodies in two successive views; who
+    // leaves views out, or calls dcd_checkpoint_restore, compares ids.
+    const uint32_t *slots;
 } DcdStateView;
 
 // The field of a body that dcd_state_read and dcd_state_write copy.
@@ -1331,6 +1336,10 @@ typedef struct DcdConnectionInfo {
     uint64_t bytes_in;
     // Bytes sent.
     uint64_t bytes_out;
+    // Bytes of UDP received over it: those, and what QUIC adds, as DcdStats.udp_bytes_in.
+    uint64_t udp_bytes_in;
+    // Bytes of UDP sent.
+    uint64_t udp_bytes_out;
     // Messages received, dcd's own and those of programs, and datagrams.
     uint64_t messages_in;
     // Messages and datagrams sent.
@@ -1886,10 +1895,14 @@ typedef struct DcdStats {
     uint64_t quarantined;
     // Messages with states of bodies received, ever; 0 in a local world.
     uint64_t updates;
-    // Bytes received, without those of QUIC itself; 0 in a local world, as the next two. A tenth of a second old.
+    // Bytes received, without those of QUIC itself; 0 in a local world, as the next four. A tenth of a second old.
     uint64_t bytes_in;
     // Bytes sent.
     uint64_t bytes_out;
+    // Bytes of UDP received: those, and what QUIC adds. What a link is charged for, but for 28 (IPv6: 48) bytes of headers per packet.
+    uint64_t udp_bytes_in;
+    // Bytes of UDP sent.
+    uint64_t udp_bytes_out;
     // Time to the slowest peer and back, seconds.
     double rtt;
     // Wall time of the last step, seconds; of taking in what had come, in a served world.
@@ -3945,7 +3958,7 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
       { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 0.0f } }, 0.0f, \
       { 0.0f, 0.0f, 0.0f }, 0.0f, 0.0f, 0, 0, 0, 0, 0 }
 #define DCD_STATE_VIEW_INIT \
-    { (uint32_t)sizeof(DcdStateView), 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL }
+    { (uint32_t)sizeof(DcdStateView), 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL, NULL }
 #define DCD_VIEW_TIME_INIT { (uint32_t)sizeof(DcdViewTime), 0, 0.0, 0.0, 0.0, -1.0, -1.0 }
 #define DCD_PREDICTION_INIT { (uint32_t)sizeof(DcdPrediction), 0, 0, 0, 0, 0.0, 0.0, 0.0 }
 #define DCD_EVENT_VIEW_INIT \
@@ -3953,9 +3966,9 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
       NULL, 0, NULL, 0, NULL, 0 }
 #define DCD_OWNER_INIT { (uint32_t)sizeof(DcdOwner), 0, 0, 0, 0 }
 #define DCD_CONNECTION_INFO_INIT \
-    { (uint32_t)sizeof(DcdConnectionInfo), 0, 0, 0, 0, 0.0f, 0.0, 0.0, 0, 0, 0, 0, 0, 0 }
+    { (uint32_t)sizeof(DcdConnectionInfo), 0, 0, 0, 0, 0.0f, 0.0, 0.0, 0, 0, 0, 0, 0, 0, 0, 0 }
 #define DCD_STATS_INIT \
-    { (uint32_t)sizeof(DcdStats), 0, 0, 0, 0, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0f, 0 }
+    { (uint32_t)sizeof(DcdStats), 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0f, 0 }
 
 /* Whether the library that runs fits this header: DCD_OK or DCD_ERR_VERSION. Before 1.0 the minor version must match too. */
 static inline DcdStatus dcd_version_check(void)
@@ -4372,9 +4385,9 @@ DCD_ASSERT_(offsetof(DcdPrediction, corrections) == 24);
 DCD_ASSERT_(offsetof(DcdPrediction, largest_correction) == 32);
 DCD_ASSERT_(offsetof(DcdPrediction, last_frame) == 40);
 DCD_ASSERT_(offsetof(DcdPrediction, longest_frame) == 48);
-DCD_ASSERT_(sizeof(DcdStateView) == 72);
+DCD_ASSERT_(sizeof(DcdStateView) == 80);
 DCD_ASSERT_(offsetof(DcdStateView, struct_size) == 0);
-DCD_ASSERT_(offsetof(DcdStateView, reserved) == 4);
+DCD_ASSERT_(offsetof(DcdStateView, slot_count) == 4);
 DCD_ASSERT_(offsetof(DcdStateView, tick) == 8);
 DCD_ASSERT_(offsetof(DcdStateView, count) == 16);
 DCD_ASSERT_(offsetof(DcdStateView, ids) == 24);
@@ -4383,6 +4396,7 @@ DCD_ASSERT_(offsetof(DcdStateView, velocities) == 40);
 DCD_ASSERT_(offsetof(DcdStateView, user_data) == 48);
 DCD_ASSERT_(offsetof(DcdStateView, flags) == 56);
 DCD_ASSERT_(offsetof(DcdStateView, regions) == 64);
+DCD_ASSERT_(offsetof(DcdStateView, slots) == 72);
 DCD_ASSERT_(sizeof(DcdConnectionEvent) == 288);
 DCD_ASSERT_(offsetof(DcdConnectionEvent, connection) == 0);
 DCD_ASSERT_(offsetof(DcdConnectionEvent, state) == 8);
@@ -4392,7 +4406,7 @@ DCD_ASSERT_(offsetof(DcdConnectionEvent, client) == 20);
 DCD_ASSERT_(offsetof(DcdConnectionEvent, cause) == 24);
 DCD_ASSERT_(offsetof(DcdConnectionEvent, reserved) == 28);
 DCD_ASSERT_(offsetof(DcdConnectionEvent, reason) == 32);
-DCD_ASSERT_(sizeof(DcdConnectionInfo) == 88);
+DCD_ASSERT_(sizeof(DcdConnectionInfo) == 104);
 DCD_ASSERT_(offsetof(DcdConnectionInfo, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdConnectionInfo, state) == 4);
 DCD_ASSERT_(offsetof(DcdConnectionInfo, role) == 8);
@@ -4403,10 +4417,12 @@ DCD_ASSERT_(offsetof(DcdConnectionInfo, rtt_ms) == 24);
 DCD_ASSERT_(offsetof(DcdConnectionInfo, age) == 32);
 DCD_ASSERT_(offsetof(DcdConnectionInfo, bytes_in) == 40);
 DCD_ASSERT_(offsetof(DcdConnectionInfo, bytes_out) == 48);
-DCD_ASSERT_(offsetof(DcdConnectionInfo, messages_in) == 56);
-DCD_ASSERT_(offsetof(DcdConnectionInfo, messages_out) == 64);
-DCD_ASSERT_(offsetof(DcdConnectionInfo, dropped) == 72);
-DCD_ASSERT_(offsetof(DcdConnectionInfo, bytes_waiting) == 80);
+DCD_ASSERT_(offsetof(DcdConnectionInfo, udp_bytes_in) == 56);
+DCD_ASSERT_(offsetof(DcdConnectionInfo, udp_bytes_out) == 64);
+DCD_ASSERT_(offsetof(DcdConnectionInfo, messages_in) == 72);
+DCD_ASSERT_(offsetof(DcdConnectionInfo, messages_out) == 80);
+DCD_ASSERT_(offsetof(DcdConnectionInfo, dropped) == 88);
+DCD_ASSERT_(offsetof(DcdConnectionInfo, bytes_waiting) == 96);
 DCD_ASSERT_(sizeof(DcdMessage) == 40);
 DCD_ASSERT_(offsetof(DcdMessage, connection) == 0);
 DCD_ASSERT_(offsetof(DcdMessage, data) == 8);
@@ -4624,7 +4640,7 @@ DCD_ASSERT_(offsetof(DcdBorderInfo, bodies) == 8);
 DCD_ASSERT_(offsetof(DcdBorderInfo, exchanges) == 12);
 DCD_ASSERT_(offsetof(DcdBorderInfo, depth) == 16);
 DCD_ASSERT_(offsetof(DcdBorderInfo, disagreement) == 20);
-DCD_ASSERT_(sizeof(DcdStats) == 96);
+DCD_ASSERT_(sizeof(DcdStats) == 112);
 DCD_ASSERT_(offsetof(DcdStats, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdStats, regions) == 4);
 DCD_ASSERT_(offsetof(DcdStats, ticks) == 8);
@@ -4635,10 +4651,12 @@ DCD_ASSERT_(offsetof(DcdStats, quarantined) == 40);
 DCD_ASSERT_(offsetof(DcdStats, updates) == 48);
 DCD_ASSERT_(offsetof(DcdStats, bytes_in) == 56);
 DCD_ASSERT_(offsetof(DcdStats, bytes_out) == 64);
-DCD_ASSERT_(offsetof(DcdStats, rtt) == 72);
-DCD_ASSERT_(offsetof(DcdStats, last_step) == 80);
-DCD_ASSERT_(offsetof(DcdStats, disagreement) == 88);
-DCD_ASSERT_(offsetof(DcdStats, exchanges) == 92);
+DCD_ASSERT_(offsetof(DcdStats, udp_bytes_in) == 72);
+DCD_ASSERT_(offsetof(DcdStats, udp_bytes_out) == 80);
+DCD_ASSERT_(offsetof(DcdStats, rtt) == 88);
+DCD_ASSERT_(offsetof(DcdStats, last_step) == 96);
+DCD_ASSERT_(offsetof(DcdStats, disagreement) == 104);
+DCD_ASSERT_(offsetof(DcdStats, exchanges) == 108);
 #undef DCD_ASSERT_
 #endif
 

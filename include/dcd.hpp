@@ -302,6 +302,9 @@ public:
     Span<const std::uint64_t> user_data() const noexcept { return { view_.user_data, view_.count }; }
     Span<const std::uint32_t> flags() const noexcept { return { view_.flags, view_.count }; }
     Span<const std::uint32_t> regions() const noexcept { return { view_.regions, view_.count }; }
+    /* Where to keep your own of each body, in an array of slot_count(): the same in every view that shows the body. */
+    Span<const std::uint32_t> slots() const noexcept { return { view_.slots, view_.count }; }
+    std::size_t slot_count() const noexcept { return view_.slot_count; }
 
 private:
     DcdStateView view_;

@@ -99,6 +99,10 @@ pub struct DcdConnectionInfo {
     pub bytes_in: u64,
     /// Bytes sent.
     pub bytes_out: u64,
+    /// Bytes of UDP received over it: those, and what QUIC adds, as DcdStats.udp_bytes_in.
+    pub udp_bytes_in: u64,
+    /// Bytes of UDP sent.
+    pub udp_bytes_out: u64,
     /// Messages received, dcd's own and those of programs, and datagrams.
     pub messages_in: u64,
     /// Messages and datagrams sent.
@@ -175,6 +179,8 @@ impl From<&Connection> for DcdConnectionInfo {
             age: connection.age.as_secs_f64(),
             bytes_in: traffic.bytes_in,
             bytes_out: traffic.bytes_out,
+            udp_bytes_in: traffic.udp_bytes_in,
+            udp_bytes_out: traffic.udp_bytes_out,
             messages_in: traffic.frames_in + traffic.datagrams_in,
             messages_out: traffic.frames_out + traffic.datagrams_out,
             dropped: traffic.datagrams_dropped + connection.dropped,

@@ -1,6 +1,7 @@
 //! Declares the state of many bodies at a time: lent to C as arrays, or copied by a list of ids.
 
 mod calls;
+mod slots;
 
 use dcd::{MovableBody, ViewTime, World as Dcd};
 
@@ -10,6 +11,7 @@ use crate::pinned::Pinned;
 use crate::pointer::Sized32;
 use crate::types::{DcdPose, DcdVelocity};
 pub use calls::*;
+use slots::BodySlots;
 
 /// In DcdStateView.flags: the body sleeps.
 pub const DCD_STATE_SLEEPING: u32 = 1;
@@ -47,8 +49,8 @@ pub struct DcdForce {
 pub struct DcdStateView {
     /// sizeof(DcdStateView).
     pub struct_size: u32,
-    /// 0.
-    pub reserved: u32,
+    /// Above every slot of every view up to now: the length that an array of yours by slot needs.
+    pub slot_count: u32,
     /// After which step.
     pub tick: u64,
     /// Length of each array.
@@ -65,6 +67,11 @@ pub struct DcdStateView {
     pub flags: *const u32,
     /// Their owners, as in DcdRegionInfo.
     pub regions: *const u32,
+    /// Where you may keep your own of the bodies, in an array beside: a body has its slot, below `slot_count`, in every view of its
+    /// world (dcd_state_view and dcd_view_state alike) for as long as views show it, whatever its place in them. Low slots are given
+    /// first. A slot that becomes free in a view is given anew in a later one, so none is of two bodies in two successive views; who
+    /// leaves views out, or calls dcd_checkpoint_restore, compares ids.
+    pub slots: *const u32,
 }
 
 // SAFETY: begins with `struct_size`; every other member is a number or a raw pointer.
@@ -72,32 +79,41 @@ unsafe impl Sized32 for DcdStateView {
     const NAME: &'static str = "DcdStateView";
 }
 
-/// Two sets of arrays in turn, so that one may be read while the next step fills the other.
+/// The arrays that are lent to C, and the slots of the bodies in them.
 #[derive(Default)]
 pub(crate) struct StateBuffers {
+    /// Two in turn for dcd_state_view, so that one may be read while the next step fills the other.
     sets: [StateArrays; 2],
     newest: usize,
     /// Whether anybody ever asked; nobody pays who does not.
     wanted: bool,
+    /// What dcd_view_state lends.
+    shown: StateArrays,
+    slots: BodySlots,
 }
 
 #[derive(Default)]
 struct StateArrays {
     tick: u64,
+    slot_count: u32,
     ids: Pinned<DcdBodyId>,
     poses: Pinned<DcdPose>,
     velocities: Pinned<DcdVelocity>,
     user_data: Pinned<u64>,
     flags: Pinned<u32>,
     regions: Pinned<u32>,
+    slots: Pinned<u32>,
 }
 
 impl StateArrays {
-    fn fill(&mut self, world: &Dcd, mark: Mark) {
-        self.fill_with(world, mark, world.movable_bodies());
-    }
-
-    fn fill_with(&mut self, world: &Dcd, mark: Mark, bodies: impl Iterator<Item = MovableBody>) {
+    /// Takes down bodies, which come in id order.
+    fn fill(
+        &mut self,
+        world: &Dcd,
+        mark: Mark,
+        body_slots: &mut BodySlots,
+        bodies: impl Iterator<Item = MovableBody>,
+    ) {
         let count = world.movable_count();
         self.tick = world.tick().0;
         let ids = self.ids.refill(count);
@@ -106,6 +122,7 @@ impl StateArrays {
         let user_data = self.user_data.refill(count);
         let flags = self.flags.refill(count);
         let regions = self.regions.refill(count);
+        let slots = self.slots.refill(count);
         // No more than `count`, which keeps the arrays where they are.
         bodies.take(count).for_each(|row| {
             ids.push(mark.body(row.id));
@@ -115,13 +132,16 @@ impl StateArrays {
             let flag = |is: bool, bit: u32| if is { bit } else { 0 };
             flags.push(flag(row.sleeping, DCD_STATE_SLEEPING) | flag(row.outside, DCD_STATE_OUTSIDE));
             regions.push(row.region.0);
+            slots.push(body_slots.next(row.id));
         });
+        body_slots.end_view();
+        self.slot_count = body_slots.count();
     }
 
     fn lend(&self) -> DcdStateView {
         DcdStateView {
             struct_size: size_of::<DcdStateView>() as u32,
-            reserved: 0,
+            slot_count: self.slot_count,
             tick: self.tick,
             count: self.ids.len(),
             ids: self.ids.as_ptr(),
@@ -130,6 +150,7 @@ impl StateArrays {
             user_data: self.user_data.as_ptr(),
             flags: self.flags.as_ptr(),
             regions: self.regions.as_ptr(),
+            slots: self.slots.as_ptr(),
         }
     }
 }
@@ -138,7 +159,7 @@ impl StateBuffers {
     pub(crate) fn after_step(&mut self, world: &Dcd, mark: Mark) {
         if self.wanted {
             self.newest = 1 - self.newest;
-            self.sets[self.newest].fill(world, mark);
+            self.fill_newest(world, mark);
         }
     }
 
@@ -146,20 +167,18 @@ impl StateBuffers {
         // Before the first step there is no "after the last step", so it shows what was made up to now.
         if !self.wanted || world.tick().0 == 0 {
             self.wanted = true;
-            self.sets[self.newest].fill(world, mark);
+            self.fill_newest(world, mark);
         }
         self.sets[self.newest].lend()
     }
-}
 
-/// The arrays that dcd_view_state lends.
-#[derive(Default)]
-pub(crate) struct ShownArrays(StateArrays);
+    fn fill_newest(&mut self, world: &Dcd, mark: Mark) {
+        self.sets[self.newest].fill(world, mark, &mut self.slots, world.movable_bodies());
+    }
 
-impl ShownArrays {
-    /// Fills the arrays with the bodies as they are shown, and lends them.
+    /// Takes down the bodies as they are shown, and lends them.
     pub(crate) fn show(&mut self, world: &Dcd, mark: Mark, time: &ViewTime) -> DcdStateView {
-        self.0.fill_with(world, mark, world.movable_bodies_at(time));
-        self.0.lend()
+        self.shown.fill(world, mark, &mut self.slots, world.movable_bodies_at(time));
+        self.shown.lend()
     }
 }

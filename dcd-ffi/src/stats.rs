@@ -31,10 +31,14 @@ pub struct DcdStats {
     pub quarantined: u64,
     /// Messages with states of bodies received, ever; 0 in a local world.
     pub updates: u64,
-    /// Bytes received, without those of QUIC itself; 0 in a local world, as the next two. A tenth of a second old.
+    /// Bytes received, without those of QUIC itself; 0 in a local world, as the next four. A tenth of a second old.
     pub bytes_in: u64,
     /// Bytes sent.
     pub bytes_out: u64,
+    /// Bytes of UDP received: those, and what QUIC adds. What a link is charged for, but for 28 (IPv6: 48) bytes of headers per packet.
+    pub udp_bytes_in: u64,
+    /// Bytes of UDP sent.
+    pub udp_bytes_out: u64,
     /// Time to the slowest peer and back, seconds.
     pub rtt: f64,
     /// Wall time of the last step, seconds; of taking in what had come, in a served world.
@@ -73,6 +77,8 @@ pub unsafe extern "C" fn dcd_stats(world: DcdWorld, out: *mut DcdStats) -> DcdSt
                 updates: world.dcd.updates(),
                 bytes_in: traffic.bytes_in,
                 bytes_out: traffic.bytes_out,
+                udp_bytes_in: traffic.udp_bytes_in,
+                udp_bytes_out: traffic.udp_bytes_out,
                 rtt: traffic.rtt.as_secs_f64(),
                 last_step: stats.last_step.as_secs_f64(),
                 disagreement: stats.disagreement_m_s,
@@ -135,6 +141,8 @@ fn describe(world: &Dcd) -> String {
         ("updates", world.updates()),
         ("bytes in", traffic.bytes_in),
         ("bytes out", traffic.bytes_out),
+        ("UDP in", traffic.udp_bytes_in),
+        ("UDP out", traffic.udp_bytes_out),
     ];
     for (name, value) in rows {
         // Writing to a string cannot fail.

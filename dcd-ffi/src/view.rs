@@ -117,7 +117,7 @@ pub unsafe extern "C" fn dcd_view_state(
         let (time, out) = unsafe { (checked(time)?, Out::sized(out, "out")?) };
         with(world, |world| {
             world.dcd.sees("see the bodies of its world")?;
-            out.write(world.shown.show(&world.dcd, world.mark, &time));
+            out.write(world.states.show(&world.dcd, world.mark, &time));
             Ok(())
         })
     })

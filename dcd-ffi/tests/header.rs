@@ -153,11 +153,11 @@ fn layouts() -> Vec<Layout> {
         DcdPrediction {
             struct_size, bodies, ticks, replays, corrections, largest_correction, last_frame, longest_frame
         }
-        DcdStateView { struct_size, reserved, tick, count, ids, poses, velocities, user_data, flags, regions }
+        DcdStateView { struct_size, slot_count, tick, count, ids, poses, velocities, user_data, flags, regions, slots }
         DcdConnectionEvent { connection, state, role, node, client, cause, reserved, reason }
         DcdConnectionInfo {
-            struct_size, state, role, node, client, loss, rtt_ms, age, bytes_in, bytes_out, messages_in, messages_out,
-            dropped, bytes_waiting
+            struct_size, state, role, node, client, loss, rtt_ms, age, bytes_in, bytes_out, udp_bytes_in, udp_bytes_out,
+            messages_in, messages_out, dropped, bytes_waiting
         }
         DcdMessage { connection, data, size, role, node, client, flags }
         DcdContact {
@@ -204,8 +204,8 @@ fn layouts() -> Vec<Layout> {
         DcdOwner { struct_size, region, node, holders, flags }
         DcdBorderInfo { a, b, bodies, exchanges, depth, disagreement }
         DcdStats {
-            struct_size, regions, ticks, bodies, replicas, transfers, quarantined, updates, bytes_in, bytes_out, rtt,
-            last_step, disagreement, exchanges
+            struct_size, regions, ticks, bodies, replicas, transfers, quarantined, updates, bytes_in, bytes_out,
+            udp_bytes_in, udp_bytes_out, rtt, last_step, disagreement, exchanges
         }
     }
 }
@@ -326,7 +326,7 @@ const MACROS: &str = "
       { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 0.0f } }, 0.0f, \\
       { 0.0f, 0.0f, 0.0f }, 0.0f, 0.0f, 0, 0, 0, 0, 0 }
 #define DCD_STATE_VIEW_INIT \\
-    { (uint32_t)sizeof(DcdStateView), 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL }
+    { (uint32_t)sizeof(DcdStateView), 0, 0, 0, NULL, NULL, NULL, NULL, NULL, NULL, NULL }
 #define DCD_VIEW_TIME_INIT { (uint32_t)sizeof(DcdViewTime), 0, 0.0, 0.0, 0.0, -1.0, -1.0 }
 #define DCD_PREDICTION_INIT { (uint32_t)sizeof(DcdPrediction), 0, 0, 0, 0, 0.0, 0.0, 0.0 }
 #define DCD_EVENT_VIEW_INIT \\
@@ -334,9 +334,9 @@ const MACROS: &str = "
       NULL, 0, NULL, 0, NULL, 0 }
 #define DCD_OWNER_INIT { (uint32_t)sizeof(DcdOwner), 0, 0, 0, 0 }
 #define DCD_CONNECTION_INFO_INIT \\
-    { (uint32_t)sizeof(DcdConnectionInfo), 0, 0, 0, 0, 0.0f, 0.0, 0.0, 0, 0, 0, 0, 0, 0 }
+    { (uint32_t)sizeof(DcdConnectionInfo), 0, 0, 0, 0, 0.0f, 0.0, 0.0, 0, 0, 0, 0, 0, 0, 0, 0 }
 #define DCD_STATS_INIT \\
-    { (uint32_t)sizeof(DcdStats), 0, 0, 0, 0, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0f, 0 }
+    { (uint32_t)sizeof(DcdStats), 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0.0, 0.0, 0.0f, 0 }
 
 /* Whether the library that runs fits this header: DCD_OK or DCD_ERR_VERSION. Before 1.0 the minor version must match too. */
 static inline DcdStatus dcd_version_check(void)

@@ -164,8 +164,8 @@ static void look(Game *game)
     check(dcd_stats(game->world, &game->stats));
     const double elapsed = GetTime() - game->rate_time;
     if (elapsed > 1.0) {
-        game->rate = (double)(game->stats.bytes_in - game->rate_bytes) / elapsed;
-        game->rate_bytes = game->stats.bytes_in;
+        game->rate = (double)(game->stats.udp_bytes_in - game->rate_bytes) / elapsed;
+        game->rate_bytes = game->stats.udp_bytes_in;
         game->rate_time = GetTime();
     }
 }

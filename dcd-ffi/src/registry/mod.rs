@@ -14,7 +14,7 @@ use crate::event::EventBuffers;
 use crate::handle::{LookedUp, Mark, Slots, not_null, stale};
 use crate::ids::{DcdBodyId, DcdWorld};
 use crate::query::open::OpenQueries;
-use crate::state::{ShownArrays, StateBuffers};
+use crate::state::StateBuffers;
 use crate::status::Failure;
 use cell::Cell;
 
@@ -25,7 +25,6 @@ pub(crate) struct World {
     pub shapes: Slots<SharedShape>,
     pub looked_up: LookedUp,
     pub states: StateBuffers,
-    pub shown: ShownArrays,
     pub events: EventBuffers,
     pub queries: OpenQueries,
     pub checkpoints: Slots<Checkpoint>,
@@ -104,7 +103,6 @@ pub(crate) fn add(dcd: Dcd, user_data: u64) -> DcdWorld {
         shapes: Slots::new(),
         looked_up: LookedUp::default(),
         states: StateBuffers::default(),
-        shown: ShownArrays::default(),
         events: EventBuffers::default(),
         queries: OpenQueries::new(),
         checkpoints: Slots::new(),

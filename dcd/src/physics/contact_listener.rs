@@ -1,6 +1,7 @@
 //! Records the contact and force events of one Rapier world while it steps, by body ids instead of handles.
 
-use std::collections::BTreeMap;
+mod touching;
+
 use std::sync::Mutex;
 
 use rapier3d::geometry::CollisionEventFlags;
@@ -10,6 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::convert;
 use crate::protocol::{ColliderRecord, ContactForce, ContactKey, RegionEvents, Touch};
 use crate::space::BodyId;
+use touching::Touching;
 
 /// The contact listener: Rapier's event handler for one region.
 #[derive(Clone, Default, Serialize, Deserialize)]
@@ -18,9 +20,8 @@ pub(super) struct ContactListener {
     heard: Ear,
     /// By Rapier's collider index.
     names: Vec<Option<Name>>,
-    /// Each with whether one of the two is a sensor.
-    touching: BTreeMap<ContactKey, bool>,
-    /// Contacts whose bodies left the region since the last step, as above.
+    touching: Touching,
+    /// Contacts whose bodies left the region since the last step, each with whether one of the two is a sensor.
     lost: Vec<(ContactKey, bool)>,
     /// Colliders already in the region whose force events the user turned on or off since the last step.
     #[serde(skip)]
@@ -95,14 +96,7 @@ impl ContactListener {
     /// belong to another body. It is reported only after the next step here too, for by then the region that the body went to has
     /// seen these contacts, and the user is not told that they ceased.
     pub(super) fn forget(&mut self, body: BodyId) {
-        let Self { touching, lost, .. } = self;
-        touching.retain(|key, sensor| {
-            let ends = key.a == body || key.b == body;
-            if ends {
-                lost.push((*key, *sensor));
-            }
-            !ends
-        });
+        self.lost.extend(self.touching.take_of(body));
     }
 
     /// Makes Rapier look again, in the next step, at colliders whose force events were turned on or off. To be called after the
@@ -137,7 +131,7 @@ impl ContactListener {
                     normal: normal.to_array(),
                     speed: raw.speed,
                 });
-            } else if self.touching.remove(&key).is_some() {
+            } else if self.touching.remove(key) {
                 events.touches.push(end_of(key, raw.sensor));
             }
         }

@@ -96,7 +96,7 @@ pub struct Region {
     stirred: bool,
     /// Whether it rests in the present tick.
     rests: bool,
-    /// Bodies inserted here as its own that no exchange has announced yet.
+    /// Bodies inserted here as its own that no exchange has announced yet; some may be gone again.
     fresh: Vec<BodyRef>,
     /// By Rapier's body index: the tick from which on the coupling must check the body again for nearness to a border.
     /// Kept apart from the slots, so that passing over a body far from any border touches four bytes.
@@ -269,14 +269,16 @@ impl Region {
         if place < owned { self.shared[place] } else { self.replicas[place - owned] }
     }
 
-    /// Returns the bodies inserted as this region's own that no exchange has announced yet.
-    pub(super) fn fresh(&self) -> &[BodyRef] {
-        &self.fresh
+    /// Returns the bodies inserted as this region's own, and still here, that no exchange has announced yet.
+    pub(super) fn fresh(&self) -> impl Iterator<Item = BodyRef> {
+        self.fresh.iter().copied().filter(|link| self.world.bodies.contains(link.handle))
     }
 
     /// Takes the bodies of [`Region::fresh`]: an exchange announces them.
     pub(super) fn take_fresh(&mut self) -> Vec<BodyRef> {
-        std::mem::take(&mut self.fresh)
+        let fresh = self.fresh().collect();
+        self.fresh.clear();
+        fresh
     }
 
     /// Returns the awake bodies that the coupling must check in a tick.
@@ -296,7 +298,7 @@ impl Region {
         !self.stirred
             && self.held_elsewhere_count() == 0
             && self.world.islands.active_bodies().next().is_none()
-            && self.fresh.is_empty()
+            && self.fresh().next().is_none()
     }
 
     /// Notes that something was received from other regions that concerns it: it is not idle.

@@ -1286,6 +1286,85 @@ static void views_and_bulk_agree(void)
     OK(dcd_world_destroy(world));
 }
 
+/* What a program keeps of bodies, each in its slot: which, and in the how manieth view it was last. */
+enum { SLOTS = 16 };
+typedef struct Kept {
+    DcdBodyId ids[SLOTS];
+    unsigned seen[SLOTS];
+    unsigned views;
+} Kept;
+
+/* Takes in a view: no two bodies have one slot, and none goes from one body to another from one view to the next. */
+static void keep(const DcdStateView *view, Kept *kept)
+{
+    kept->views++;
+    HOLDS(view->slot_count >= view->count && view->slot_count <= SLOTS);
+    for (size_t i = 0; i < view->count; i++) {
+        const uint32_t slot = view->slots[i];
+        HOLDS(slot < view->slot_count && kept->seen[slot] < kept->views);
+        HOLDS(kept->ids[slot].v == view->ids[i].v || kept->ids[slot].v == 0 || kept->seen[slot] + 1 < kept->views);
+        kept->ids[slot] = view->ids[i];
+        kept->seen[slot] = kept->views;
+    }
+}
+
+static uint32_t slot_of(const DcdStateView *view, DcdBodyId body)
+{
+    for (size_t i = 0; i < view->count; i++) {
+        if (view->ids[i].v == body.v) {
+            return view->slots[i];
+        }
+    }
+    return UINT32_MAX;
+}
+
+static void a_body_keeps_its_slot_in_all_views(void)
+{
+    DcdWorld world = make_world(2, 2, 0.0f);
+    DcdStateView view = DCD_STATE_VIEW_INIT, shown = DCD_STATE_VIEW_INIT;
+    DcdViewTime time = DCD_VIEW_TIME_INIT;
+    DcdBodyId bodies[8];
+    Kept kept = { { { 0 } }, { 0 }, 0 };
+    add_floor(world); /* does not move, so it has no slot */
+    for (int i = 0; i < 8; i++) {
+        bodies[i] = add(world, crate(world, 4.0 * i - 14.0, 3.0));
+    }
+    OK(dcd_state_view(world, &view));
+    for (uint32_t i = 0; i < 8; i++) {
+        HOLDS(view.slots[i] == i);
+    }
+    keep(&view, &kept);
+
+    /* In each round one goes and another comes, with or without a view between; the third stays, and so does its slot. */
+    const DcdBodyId stays = bodies[2];
+    for (int round = 0; round < 24; round++) {
+        DcdBodyId *gone = &bodies[round % 8];
+        if (gone->v != stays.v) {
+            OK(dcd_body_destroy(world, *gone));
+            if (round % 3 == 0) {
+                steps(world, 1); /* a view that lacks it */
+                OK(dcd_state_view(world, &view));
+                keep(&view, &kept);
+                HOLDS(view.count == 7);
+            }
+            *gone = add(world, crate(world, 4.0 * (round % 8) - 14.0, 6.0 + 2.0 * round));
+        }
+        steps(world, 1);
+        OK(dcd_state_view(world, &view));
+        keep(&view, &kept);
+        HOLDS(view.count == 8 && slot_of(&view, stays) == 2);
+        /* The other kind of view has the same slots. */
+        OK(dcd_view_time(world, &time));
+        OK(dcd_view_state(world, &time, &shown));
+        keep(&shown, &kept);
+        for (size_t i = 0; i < shown.count; i++) {
+            HOLDS(shown.slots[i] == slot_of(&view, shown.ids[i]));
+        }
+    }
+    HOLDS(view.slot_count == 9); /* eight bodies, and one slot that waits for a view without its body */
+    OK(dcd_world_destroy(world));
+}
+
 static void threads_do_not_change_the_result(void)
 {
     uint64_t hashes[3] = { 0, 1, 2 };
@@ -1845,6 +1924,7 @@ int main(int count, char **texts)
     a_destroyed_sensor_ends_its_contacts_as_a_sensor();
     casts_name_the_triangle_of_terrain_that_rays_do();
     views_and_bulk_agree();
+    a_body_keeps_its_slot_in_all_views();
     threads_do_not_change_the_result();
     couplings_are_as_asked();
     a_query_calls_until_its_function_has_enough();

@@ -221,9 +221,13 @@ static void shows(DcdWorld world, DcdBodyId avatar)
     HOLDS(now.p[0] >= shown.p[0] && shown.p[0] > now.p[0] - 10.0 && velocity.linear[0] > 5.0f);
     OK(dcd_view_state(world, &time, &view));
     HOLDS(view.count == 101 && view.ids[100].v == avatar.v && view.poses[100].p[0] == now.p[0]);
+    const uint32_t slot = view.slots[100];
+    HOLDS(slot < view.slot_count);
     time.predicted = time.shown;
     OK(dcd_view_state(world, &time, &view));
     HOLDS(view.poses[100].p[0] == shown.p[0]);
+    OK(dcd_state_view(world, &view));
+    HOLDS(view.slots[100] == slot && view.slot_count <= 110);
 }
 
 /* An avatar of one's own answers in the frame of the input. */
@@ -322,6 +326,7 @@ static void plays(DcdWorld world, DcdRole expected, const char *role)
     DcdStats stats = DCD_STATS_INIT;
     OK(dcd_stats(world, &stats));
     HOLDS(stats.bytes_in > 0 && stats.bytes_out > 0 && stats.rtt > 0.0);
+    HOLDS(stats.udp_bytes_in > stats.bytes_in && stats.udp_bytes_out > 0); /* QUIC adds its own */
     HOLDS(stats.updates > 0 && stats.bodies == 101 && stats.ticks > 0);
 
     /* Too fast: refused by an event, and the avatar stays as it is. */

@@ -96,6 +96,7 @@ static void a_ball_breaks_a_tower()
         std::uint32_t colour;
         dcd::Pose pose;
     };
+    HOLDS(view.slots().size() == 6 && view.slot_count() == 6 && view.slots()[5] == 5);
     std::vector<Sprite> sprites(view.size());
     HOLDS(world.state_read(view.ids(), &sprites[0].pose, sizeof(Sprite)));
     for (std::size_t i = 0; i < view.size(); i++) {

@@ -32,10 +32,8 @@ pub(super) fn announce(side: &mut Side, partition: &Partition, tick: Tick, dt_s:
     let Side { region, border, outbox, .. } = side;
     outbox.clear(tick);
     region.update_assemblies();
-    let fresh = region.take_fresh();
-    let here = fresh.iter().filter(|link| region.handle_of(link.id) == Some(link.handle));
     border.looked_at.clear();
-    border.looked_at.extend(here.map(|link| link.handle));
+    border.looked_at.extend(region.take_fresh().into_iter().map(|link| link.handle));
     tell_changes(region, border, outbox, partition, tick, dt_s);
 }
 
@@ -43,9 +41,7 @@ pub(super) fn announce(side: &mut Side, partition: &Partition, tick: Tick, dt_s:
 pub(super) fn tell(side: &mut Side, partition: &Partition, tick: Tick, dt_s: f32) {
     let Side { region, border, outbox, .. } = side;
     border.looked_at.clear();
-    let fresh = region.take_fresh();
-    let is_here = |link: &&BodyRef| region.handle_of(link.id) == Some(link.handle);
-    border.looked_at.extend(fresh.iter().filter(is_here).map(|link| link.handle));
+    border.looked_at.extend(region.take_fresh().into_iter().map(|link| link.handle));
     let overlooked = border.take_overlooked(region);
     border.looked_at.extend(overlooked);
     border.looked_at.extend(region.due(tick));

@@ -186,8 +186,7 @@ fn share_fresh(side: &mut Side, moment: Moment<'_>) -> Vec<RigidBodyHandle> {
     let own = RegionSet::only(region.rank());
     let fresh = region.take_fresh();
     for &BodyRef { id, handle } in &fresh {
-        let here = region.handle_of(id) == Some(handle);
-        if !here || region.slot(handle).role != Ownership::Owner || region.is_articulated(handle) {
+        if region.slot(handle).role != Ownership::Owner || region.is_articulated(handle) {
             continue;
         }
         let whole = region.slot(handle).whole;

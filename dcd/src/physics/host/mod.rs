@@ -513,7 +513,7 @@ impl RegionHost {
 
     fn step_all(&mut self) -> Result<(), HostError> {
         self.handovers.clear();
-        if self.partition.len() > 1 && self.regions().any(|region| !region.fresh().is_empty()) {
+        if self.partition.len() > 1 && self.regions().any(|region| region.fresh().next().is_some()) {
             let fresh = self.regions().flat_map(Region::fresh).map(|link| link.id);
             let fresh: Vec<_> = fresh.collect();
             self.announce();

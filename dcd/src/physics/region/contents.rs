@@ -104,7 +104,6 @@ impl Region {
         self.targets.forget(handle);
         self.characters.remove(&id);
         self.vehicles.remove(&id);
-        self.fresh.retain(|link| link.handle != handle);
         self.moved.take();
         self.remove_from_rapier(handle);
         self.slots[handle.into_raw_parts().0 as usize] = None;
@@ -222,5 +221,36 @@ impl Region {
                 list.remove(place);
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::protocol::WorldPose;
+    use crate::space::{Bounds, Cell, RegionId};
+
+    #[test]
+    fn bodies_that_are_gone_again_are_announced_to_nobody() {
+        let part = Bounds::around([0.0; 3], [10.0; 3]);
+        let mut region = Region::new(RegionId(0), 0, Cell::EVERYWHERE, &part, [0.0; 3]);
+        let mut shapes = ShapeLibrary::default();
+        let mut insert = |region: &mut Region, index: u32| {
+            let (body, collider) = (RigidBodyBuilder::dynamic().build(), ColliderBuilder::ball(0.5));
+            let body =
+                shapes.describe(BodyId::persistent(index), WorldPose::at([0.0; 3]), &body, &[collider]);
+            region.insert(&body.unwrap(), Ownership::Owner, RegionSet::EMPTY, &shapes).unwrap();
+        };
+        for index in 0..4 {
+            insert(&mut region, index);
+        }
+        for gone in [1, 0, 3] {
+            assert!(region.remove(BodyId::persistent(gone)));
+        }
+        insert(&mut region, 1);
+        // Body 1 is another one in Rapier, perhaps at the former one's place.
+        let fresh: Vec<_> = region.take_fresh().iter().map(|link| link.id).collect();
+        assert_eq!(fresh, [2, 1].map(BodyId::persistent));
+        assert!(region.take_fresh().is_empty());
     }
 }

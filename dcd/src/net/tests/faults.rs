@@ -86,7 +86,8 @@ fn a_server_that_is_started_again_ends_the_links_of_its_predecessor_at_once() {
     let config = NetConfig { listen, identity, authority: Some(authority), renewed_by: Vec::new(), limits };
     let (_net, _events) = Net::start(config).unwrap();
     assert_eq!(node.closed().0, CloseCause::Forgotten, "by its keep-alives");
-    client.net.send(here, Lane::Client, b"are you there?").unwrap();
+    // Unless its keep-alives were first.
+    let _ = client.net.send(here, Lane::Client, b"are you there?");
     assert_eq!(client.closed().0, CloseCause::Forgotten, "by what it sends");
 }
 

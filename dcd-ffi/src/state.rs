@@ -95,7 +95,6 @@ pub(crate) struct StateBuffers {
 #[derive(Default)]
 struct StateArrays {
     tick: u64,
-    slot_count: u32,
     ids: Pinned<DcdBodyId>,
     poses: Pinned<DcdPose>,
     velocities: Pinned<DcdVelocity>,
@@ -135,13 +134,12 @@ impl StateArrays {
             slots.push(body_slots.next(row.id));
         });
         body_slots.end_view();
-        self.slot_count = body_slots.count();
     }
 
-    fn lend(&self) -> DcdStateView {
+    fn lend(&self, slot_count: u32) -> DcdStateView {
         DcdStateView {
             struct_size: size_of::<DcdStateView>() as u32,
-            slot_count: self.slot_count,
+            slot_count,
             tick: self.tick,
             count: self.ids.len(),
             ids: self.ids.as_ptr(),
@@ -169,7 +167,7 @@ impl StateBuffers {
             self.wanted = true;
             self.fill_newest(world, mark);
         }
-        self.sets[self.newest].lend()
+        self.sets[self.newest].lend(self.slots.count())
     }
 
     fn fill_newest(&mut self, world: &Dcd, mark: Mark) {
@@ -179,6 +177,6 @@ impl StateBuffers {
     /// Takes down the bodies as they are shown, and lends them.
     pub(crate) fn show(&mut self, world: &Dcd, mark: Mark, time: &ViewTime) -> DcdStateView {
         self.shown.fill(world, mark, &mut self.slots, world.movable_bodies_at(time));
-        self.shown.lend()
+        self.shown.lend(self.slots.count())
     }
 }

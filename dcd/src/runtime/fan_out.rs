@@ -1,7 +1,7 @@
 //! Tells clients the states of bodies on a thread of its own, so that no tick waits for it.
 //!
-//! Its inbox is bounded: of the ticks that wait there the newest states alone remain, and acknowledgements beyond some thousands are dropped. So
-//! whatever clients cost, they are told less often, and the world goes on. What is sent goes to the network's thread by a few links at a time, so
+//! Its inbox is bounded: of the ticks that wait there the newest states alone remain, of guesses the newest, and acknowledgements beyond some
+//! thousands are dropped. So whatever clients cost, they are told less often, and the world goes on. What is sent goes to the network's thread by a few links at a time, so
 //! that what members tell each other does not wait behind the states for all clients.
 
 use std::collections::{BTreeMap, VecDeque};
@@ -16,7 +16,7 @@ use crate::net::{Datagrams, PeerKey};
 use crate::protocol::{self, Lane, Message, Stamp, ToClient};
 use crate::space::ClientId;
 
-/// Events that may wait; acknowledgements and speculative states beyond are dropped, which costs bytes only.
+/// Events that may wait; acknowledgements beyond are dropped, which costs bytes only.
 const QUEUE: usize = 8_192;
 
 /// The clients that are told before the network's thread has had its turn. Each costs that thread some 20 µs.
@@ -57,13 +57,11 @@ impl FanOut {
     pub(super) fn start(outlet: Outlet, tell: impl Fn(Told) + Send + 'static) -> std::io::Result<Self> {
         let inbox = Arc::new(Inbox::default());
         let events = inbox.clone();
-        let mut teller = Teller { outlet, tell, batches: BTreeMap::new(), sent: 0 };
+        let mut teller = Teller { outlet, tell, batches: BTreeMap::new(), links: BTreeMap::new(), sent: 0 };
         let thread = std::thread::Builder::new().name("dcd-fan-out".into()).spawn(move || {
             let mut replication = None;
-            while let Some(waiting) = events.take() {
-                for event in waiting {
-                    teller.handle(&mut replication, event);
-                }
+            while let Some(event) = events.take() {
+                teller.handle(&mut replication, event);
             }
         })?;
         Ok(Self { inbox, thread: Some(thread) })
@@ -82,7 +80,7 @@ impl FanOut {
 
 impl Drop for FanOut {
     fn drop(&mut self) {
-        self.inbox.lock().over = true;
+        self.inbox.lock().end();
         self.inbox.changed.notify_one();
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
@@ -107,13 +105,12 @@ impl Inbox {
         self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Waits for events and takes all; `None` when there are none and no more will come.
-    fn take(&self) -> Option<VecDeque<ReplicationEvent>> {
+    /// Waits for an event and takes the first; `None` when there is none and no more will come.
+    fn take(&self) -> Option<ReplicationEvent> {
         let nothing = |waiting: &mut Waiting| waiting.events.is_empty() && !waiting.over;
         let mut waiting =
             self.changed.wait_while(self.lock(), nothing).unwrap_or_else(PoisonError::into_inner);
-        let events = std::mem::take(&mut waiting.events);
-        (!events.is_empty()).then_some(events)
+        waiting.events.pop_front()
     }
 }
 
@@ -125,21 +122,45 @@ impl Waiting {
                 self.events.clear();
                 event
             }
-            ReplicationEvent::Heard { .. } | ReplicationEvent::Speculative { .. }
-                if self.events.len() >= QUEUE =>
-            {
-                return;
+            ReplicationEvent::Heard { .. } if self.events.len() >= QUEUE => return,
+            // A later guess, or what came true, says all that an earlier guess does.
+            ReplicationEvent::Speculative { .. } | ReplicationEvent::End => {
+                self.drop_guesses();
+                event
             }
-            ReplicationEvent::Tick(news) => ReplicationEvent::Tick(match self.take_tick() {
-                Some(mut earlier) => {
-                    earlier.absorb(news);
-                    earlier
+            ReplicationEvent::Tick(news) => {
+                self.drop_guesses();
+                ReplicationEvent::Tick(match self.take_tick() {
+                    Some(mut earlier) => {
+                        earlier.absorb(news);
+                        earlier
+                    }
+                    None => news,
+                })
+            }
+            // What the tick that waits says of its former link would come after this.
+            ReplicationEvent::Admit(client) | ReplicationEvent::Dismiss(client) => {
+                for waiting in &mut self.events {
+                    if let ReplicationEvent::Tick(news) = waiting {
+                        news.uninterested(client);
+                    }
                 }
-                None => news,
-            }),
+                event
+            }
             event => event,
         };
         self.events.push_back(event);
+    }
+
+    fn drop_guesses(&mut self) {
+        self.events.retain(|event| !matches!(event, ReplicationEvent::Speculative { .. }));
+    }
+
+    /// Nothing more will come: what is still told are states that came true.
+    fn end(&mut self) {
+        self.over = true;
+        self.drop_guesses();
+        self.events.retain(|event| !matches!(event, ReplicationEvent::Heard { .. }));
     }
 
     /// Takes the tick that waits, if one does; there is never more than one.
@@ -158,6 +179,8 @@ struct Teller<T> {
     tell: T,
     /// The newest batch of states given to the link of each client.
     batches: BTreeMap<ClientId, u32>,
+    /// Over which link each client is told: of a new one the loop hears first, and states that are meant for the old one would mislead it.
+    links: BTreeMap<ClientId, PeerKey>,
     /// How many clients were told since the network's thread had its turn.
     sent: usize,
 }
@@ -166,10 +189,14 @@ impl<T: Fn(Told)> Teller<T> {
     fn handle(&mut self, replication: &mut Option<Box<StateReplication>>, event: ReplicationEvent) {
         match (&mut *replication, event) {
             (_, ReplicationEvent::End) => *replication = None,
-            (_, ReplicationEvent::Begin(new)) => *replication = Some(new),
+            (_, ReplicationEvent::Begin(new)) => {
+                (self.batches, self.links) = (BTreeMap::new(), BTreeMap::new());
+                *replication = Some(new);
+            }
             (Some(replication), event) => {
-                if let ReplicationEvent::Dismiss(client) = &event {
+                if let ReplicationEvent::Admit(client) | ReplicationEvent::Dismiss(client) = &event {
                     self.batches.remove(client);
+                    self.links.remove(client);
                 }
                 replication.handle(event);
                 for (client, message) in replication.take_messages() {
@@ -184,6 +211,9 @@ impl<T: Fn(Told)> Teller<T> {
         let Some(to) = replication.route(client) else { return };
         let key = self.outlet.keys.read().unwrap_or_else(PoisonError::into_inner).get(&to).copied();
         let Some(key) = key else { return (self.tell)(Told { to, client, message }) };
+        if *self.links.entry(client).or_insert(key) != key {
+            return;
+        }
         if let ToClient::CompactStates { part, .. } = &message
             && self.batches.insert(client, part.batch) != Some(part.batch)
         {

@@ -121,6 +121,10 @@ impl Links {
         Outlet { keys, datagrams: self.net.datagrams(), sent }
     }
 
+    pub(super) fn is_linked(&self, peer: Peer) -> bool {
+        self.key(peer).is_some()
+    }
+
     fn key(&self, peer: Peer) -> Option<PeerKey> {
         self.keys.read().unwrap_or_else(PoisonError::into_inner).get(&peer).copied()
     }

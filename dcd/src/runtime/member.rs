@@ -157,11 +157,10 @@ pub(super) struct State {
     pub farewell: Option<String>,
 }
 
+#[expect(clippy::large_enum_variant, reason = "an input lives for one call")]
 pub(super) enum Input {
     Net(NetEvent),
     Client(ClientEvent),
-    /// What a client is told otherwise than by a datagram.
-    Told(Told),
     Leave,
     /// Wakes the loop: there is work for its connections.
     Wake,
@@ -247,14 +246,16 @@ impl Member {
         let connections = Connections::new(who, move || drop(waker.try_send(Input::Wake)));
         let mut links = Links::new(net, connections.clone());
         links.dial(Peer::Server, &servers);
+        let told: Arc<Mutex<Vec<Told>>> = Arc::default();
         let fan_out = match &node {
-            Some(_) => Some(fan_out(&links, inbox.clone())?),
+            Some(_) => Some(fan_out(&links, inbox.clone(), told.clone())?),
             None => None,
         };
         let device = PhysicsDevice::new(config.threads);
         let mut running =
             Loop::new(servers, config.give_up, links, node, device, shared.clone(), connections.clone());
-        (running.fan_out, running.onlooker, running.gauge) = (fan_out, config.onlooker, gauge);
+        (running.fan_out, running.told) = (fan_out, told);
+        (running.onlooker, running.gauge) = (config.onlooker, gauge);
         let thread = std::thread::Builder::new()
             .name(format!("dcd-{who:?}"))
             .spawn(move || {
@@ -364,9 +365,16 @@ impl Drop for Member {
     }
 }
 
-/// Starts to tell clients. A loop whose inbox is full has more to do than to pass on what will be said again.
-fn fan_out(links: &Links, inbox: SyncSender<Input>) -> Result<FanOut, ProcessError> {
-    let tell = move |told| drop(inbox.try_send(Input::Told(told)));
+/// Starts to tell clients. What goes another way than by a datagram waits in `told` until the loop turns: one whose inbox is full does that anyway.
+fn fan_out(
+    links: &Links,
+    inbox: SyncSender<Input>,
+    told: Arc<Mutex<Vec<Told>>>,
+) -> Result<FanOut, ProcessError> {
+    let tell = move |one| {
+        told.lock().unwrap_or_else(PoisonError::into_inner).push(one);
+        let _ = inbox.try_send(Input::Wake);
+    };
     FanOut::start(links.outlet(), tell).map_err(ProcessError::Thread)
 }
 

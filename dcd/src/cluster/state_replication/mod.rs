@@ -82,7 +82,7 @@ impl TickNews {
         self.interests.insert(client, area);
     }
 
-    pub(super) fn uninterested(&mut self, client: ClientId) {
+    pub(crate) fn uninterested(&mut self, client: ClientId) {
         self.interests.remove(&client);
     }
 
@@ -211,9 +211,11 @@ impl StateReplication {
         }
     }
 
-    /// Returns one that has a thread of its own, and so may code more.
+    /// Returns one that has a thread of its own, and so may code more where there is a core for it.
     pub(super) fn with_own_thread(self) -> Self {
-        Self { states_per_s: STATES_PER_S_ELSEWHERE, ..self }
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        let states_per_s = if cores > 1 { STATES_PER_S_ELSEWHERE } else { STATES_PER_S };
+        Self { states_per_s, ..self }
     }
 
     /// Takes an event in; [`StateReplication::take_messages`] tells what follows from it.
@@ -285,6 +287,9 @@ impl StateReplication {
 
     fn forget(&mut self, id: BodyId) {
         self.latest.remove(&id);
+        if let Ok(place) = self.moved_last.binary_search(&id) {
+            self.moved_last.remove(place);
+        }
         self.audiences.values_mut().for_each(|audience| audience.forget(id));
         self.channels.values_mut().for_each(|channel| channel.forget(id));
     }

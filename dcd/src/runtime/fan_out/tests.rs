@@ -135,3 +135,23 @@ fn what_waits_is_told_before_it_ends() {
     let is_of_states = |told: Told| matches!(told.message, ToClient::CompactStates { .. });
     assert!(tells.try_iter().any(is_of_states));
 }
+
+#[test]
+fn of_guesses_the_newest_waits_and_what_comes_true_takes_its_place() {
+    let mut waiting = Waiting::default();
+    let guess = |tick| ReplicationEvent::Speculative { tick: Tick(tick), states: vec![] };
+    for tick in 1..=3 {
+        waiting.push(guess(tick));
+    }
+    assert!(matches!(
+        waiting.events.make_contiguous(),
+        [ReplicationEvent::Speculative { tick: Tick(3), .. }]
+    ));
+    let mut stage = Stage::new();
+    let news = stage.tick().into_iter().find(|event| matches!(event, ReplicationEvent::Tick(_))).unwrap();
+    waiting.push(news);
+    assert!(matches!(waiting.events.make_contiguous(), [ReplicationEvent::Tick(_)]));
+    waiting.push(guess(5));
+    waiting.end();
+    assert!(matches!(waiting.events.make_contiguous(), [ReplicationEvent::Tick(_)]), "and none at the end");
+}

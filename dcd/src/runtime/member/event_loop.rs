@@ -2,8 +2,8 @@
 //! carries out what they ask for.
 
 use std::net::SocketAddr;
-use std::sync::Arc;
 use std::sync::mpsc::{self, RecvTimeoutError};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use tracing::{debug, info, warn};
@@ -41,6 +41,8 @@ pub(super) struct Loop {
     start: Instant,
     /// Tells the clients of a node that leads. What it has still to tell is told before links end.
     pub(super) fan_out: Option<FanOut>,
+    /// What it does not send itself.
+    pub(super) told: Arc<Mutex<Vec<Told>>>,
     links: Links,
     node: Option<RecordedNode>,
     device: PhysicsDevice,
@@ -89,6 +91,7 @@ impl Loop {
             shared,
             connections,
             fan_out: None,
+            told: Arc::default(),
             onlooker: None,
             gauge: None,
             release_by: None,
@@ -212,7 +215,6 @@ impl Loop {
                 }
             }
             Input::Client(event) => self.client(event),
-            Input::Told(told) => self.tell(told),
             Input::Wake => {}
             Input::Leave => {
                 self.client(ClientEvent::Leave);
@@ -309,7 +311,9 @@ impl Loop {
         let here = self.node.as_ref().map(|node| Peer::Node(node.node().id()));
         match Some(to) == here {
             true => self.client(ClientEvent::Node(message)),
-            false => self.links.send(to, &Message::ToClient(client, message)),
+            // Who is not linked any more is dismissed soon.
+            false if self.links.is_linked(to) => self.links.send(to, &Message::ToClient(client, message)),
+            false => {}
         }
     }
 
@@ -332,6 +336,8 @@ impl Loop {
     /// Carries out the outputs of the state machines, until there are none or a tick is complete: a node that waits for nobody would
     /// hear nobody else.
     fn pump(&mut self) {
+        let told = std::mem::take(&mut *self.told.lock().unwrap_or_else(PoisonError::into_inner));
+        told.into_iter().for_each(|told| self.tell(told));
         self.carry_out();
         if let (Some(node), Some(fan_out)) = (&mut self.node, &self.fan_out)
             && !fan_out.handle(node.take_replication_events())

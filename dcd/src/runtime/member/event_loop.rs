@@ -13,6 +13,7 @@ use super::{Input, Onlooker, QUEUE, Shared};
 use crate::cluster::{
     Client, ClientEvent, ClientOutput, NodeEvent, NodeOutput, Peer, PhysicsCommand, PhysicsEvent, WORLD_ENDED,
 };
+use crate::net::NetEvent;
 use crate::protocol::{Farewell, Message, ToClient};
 use crate::recording::tick_of;
 use crate::runtime::ending::{Cause, Ending, Reason};
@@ -208,6 +209,13 @@ impl Loop {
     }
 
     fn take(&mut self, input: Input) {
+        if matches!(input, Input::Net(NetEvent::Closed { .. })) {
+            // What was said over a link counts before its end.
+            self.pump();
+        }
+        if self.end.is_some() {
+            return;
+        }
         match input {
             Input::Net(event) => {
                 for event in self.links.translate(event) {

@@ -214,7 +214,7 @@ fn rust_step_ms(steps: usize) -> Result<f64, Box<dyn Error>> {
     Ok(StepMs::of(&mut plan.subject(&scene)?, steps)?.p50_ms)
 }
 
-/// What it costs to make and to destroy boxes, beside the same in bare Rapier: in turn, and of each the run that was disturbed least.
+/// Measures what it costs to make and to destroy boxes, beside the same in bare Rapier: in turn, and of each the run that was disturbed least.
 fn making(calls: &Calls, bodies: usize, rounds: usize) -> Result<Vec<Row>, Box<dyn Error>> {
     let (mut bare, mut ours) = ([f64::INFINITY; 3], [f64::INFINITY; 3]);
     for _ in 0..rounds {
@@ -239,7 +239,7 @@ fn making(calls: &Calls, bodies: usize, rounds: usize) -> Result<Vec<Row>, Box<d
     Ok(rows.into_iter().flat_map(both).collect())
 }
 
-/// What rays cost in such boxes, beside the same in bare Rapier, for each thread that casts.
+/// Measures what rays cost in such boxes, beside the same in bare Rapier, for each thread that casts.
 fn casting(calls: &Calls, bodies: usize, rounds: usize) -> Result<Vec<Row>, Box<dyn Error>> {
     let cores = std::thread::available_parallelism()?.get();
     let ways = [("one region", 1, 1), ("four regions", 4, 1), ("four regions on all cores", 4, cores)];

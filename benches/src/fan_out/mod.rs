@@ -36,10 +36,10 @@ const CLIENTS_PER_PROCESS: usize = 125;
 /// Says with how many clients, how long each run takes, and where its results go.
 #[derive(Args)]
 pub(crate) struct FanOut {
-    /// How many clients, one run for each number.
+    /// Numbers of clients, one run for each.
     #[arg(long, value_delimiter = ',', default_value = "0,10,100,500")]
     clients: Vec<usize>,
-    /// How far each hears, metres; all are spread evenly over the world.
+    /// Radius in which each hears, metres; all are spread evenly over the world.
     #[arg(long, default_value_t = 12.0)]
     interest: f64,
     /// Cubes of the scene `dve`, which all move all the time.
@@ -59,7 +59,7 @@ pub(crate) struct FanOut {
     draw: bool,
 }
 
-/// What one number of clients costs.
+/// Cost of one number of clients.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Row {
     clients: usize,
@@ -79,7 +79,7 @@ struct Row {
     other_ms: f64,
     /// Of the processes of all clients together.
     clients_ms: f64,
-    /// What each client was sent, UDP payloads.
+    /// Bytes that each client was sent, UDP payloads.
     bytes_per_s: f64,
     /// Batches of states that each client took in.
     updates_per_s: f64,

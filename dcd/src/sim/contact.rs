@@ -7,7 +7,7 @@ use super::rapier::mechanics_of;
 use super::{Course, Look, Quantity, Random, RapierEngine, Ruler, Sim, SimConfig, Strain, Watch, sim_world};
 use crate::cluster::Record;
 use crate::physics::{Measured, Partition, RegionHost, ShapeLibrary};
-use crate::protocol::{BodyRecord, EnvironmentProperties, JointRecord};
+use crate::protocol::{BodyRecord, Coupling, EnvironmentProperties, JointRecord};
 use crate::scene::{Params, Scene};
 use crate::space::{Bounds, DistributionTree, Tick};
 
@@ -81,6 +81,10 @@ impl ContactScene {
         if Random::new(config.seed ^ 0x5917_0000_0000_0000).chance(0.5) {
             // Half of the runs divide what touches among regions, instead of moving it to one.
             step.island_limit = 2;
+        }
+        if config.protocol.lag_ticks() > 0 {
+            // No other works out of step, and a server refuses all others.
+            step.coupling = Coupling::Owner;
         }
         let tree = DistributionTree::halved(scene.bounds, config.regions).expect("a small number of regions");
         let world = EnvironmentProperties { step, tree, halo_m: None, ..sim_world(1) };

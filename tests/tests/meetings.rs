@@ -94,22 +94,23 @@ enum Of {
 /// Two clouds of 384 balls or boxes that fly into each other at the corner of all regions: most touch something new in every tick.
 #[test]
 fn crowds_that_collide_at_borders_keep_their_momentum() {
-    let lost = |regions, of: Of| {
-        let (mut world, scale) = clouds(regions, of);
+    let lost = |regions, of: Of, seed| {
+        let (mut world, scale) = clouds(regions, of, seed);
         let (before, energy_before) = (world.host().momentum_kgms(), world.host().energy_j());
         steps(&mut world, 120);
         assert!(world.host().energy_j() < 0.3 * energy_before, "they have met");
         let after = world.host().momentum_kgms();
         (0..3).map(|i| (after[i] - before[i]).powi(2)).sum::<f64>().sqrt() / scale
     };
-    // Of friction in an impact, Rapier's simplified model does not tell all.
-    for (of, most) in [
-        (Of::Balls, 1e-6),
-        (Of::Boxes(FrictionModel::Coulomb), 1e-4),
-        (Of::Boxes(FrictionModel::Simplified), 4e-3),
+    // Of friction in an impact, Rapier's simplified model does not tell all; how much that is differs five-fold between seeds.
+    for (of, seeds, most) in [
+        (Of::Balls, 7..=7, 1e-6),
+        (Of::Boxes(FrictionModel::Coulomb), 7..=7, 1e-4),
+        (Of::Boxes(FrictionModel::Simplified), 7..=9, 4e-3),
     ] {
         for regions in [1, 2, 3, 5, 8] {
-            let lost = lost(regions, of);
+            let runs = seeds.clone().count() as f64;
+            let lost = seeds.clone().map(|seed| lost(regions, of, seed)).sum::<f64>() / runs;
             println!("{of:?} in {regions} regions: {lost:.1e} of one cloud's momentum lost");
             assert!(lost <= most, "{of:?} in {regions} regions: {lost:.2e}");
         }
@@ -117,7 +118,7 @@ fn crowds_that_collide_at_borders_keep_their_momentum() {
 }
 
 /// Returns the world with two clouds, and the momentum of one.
-fn clouds(regions: usize, of: Of) -> (LocalWorld, f64) {
+fn clouds(regions: usize, of: Of, seed: u64) -> (LocalWorld, f64) {
     const EDGE: [i32; 3] = [6, 8, 8];
     const GAP_M: f32 = 0.72;
     let mut config = weightless(regions, 40.0);
@@ -125,7 +126,7 @@ fn clouds(regions: usize, of: Of) -> (LocalWorld, f64) {
         config.step.integration.friction_model = model;
     }
     let mut world = LocalWorld::new(config).unwrap();
-    let mut state = 7u64;
+    let mut state = seed;
     let mut roll = |most: f32| {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         most * ((state >> 40) as f32 / (1 << 23) as f32 - 1.0)

@@ -116,7 +116,7 @@ pub(super) fn decide(side: &mut Side, moment: Moment<'_>) {
         let home = moment.home_of(region, handle);
         (home != region.rank() && !region.physics().bodies[handle].is_sleeping()).then_some((handle, home))
     });
-    reach.spread(region, islands, depth, leaving, met);
+    reach.spread(region, islands, shared, depth, leaving, met);
     reach.complete(region, islands);
     reach.carry(region, predicted.carriers(region, moment.partition));
     let candidates = candidates(region, border);

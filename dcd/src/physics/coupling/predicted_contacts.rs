@@ -164,10 +164,10 @@ impl PredictedContacts {
         self.meetings[from..].iter().take_while(move |meeting| meeting.own == own)
     }
 
-    /// Returns the bodies owned here with a predicted contact to a body that is owned here but led by another region, with that
+    /// Returns the bodies owned here with a predicted contact to a body that is held here and led by another region, with that
     /// region's rank: it solves the contact, so that it must hold both by then.
     pub(super) fn joining(&self, region: &Region, shared: &SharedBodies) -> Vec<(RigidBodyHandle, usize)> {
-        let led = region.shared().iter().filter_map(|&link| {
+        let led = region.held_elsewhere().filter_map(|link| {
             let rank = shared.get(link.handle)?.led_by.filter(|rank| *rank != region.rank())?;
             Some(NearbyBody { goes: RegionSet::only(rank), ..near(region, link, self.ahead_s).nearby() })
         });

@@ -5,6 +5,7 @@ use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::island::{Island, Islands};
+use super::shared::SharedBodies;
 use crate::physics::partition::HUB_REACH_M;
 use crate::physics::region::{BodyRef, Ownership, Region};
 use crate::protocol::BodyKind;
@@ -30,13 +31,14 @@ impl Reach {
         mark.copied().unwrap_or_default()
     }
 
-    /// Finds anew which bodies are within `depth` hops of those that other regions own, or will own: `leaving` are bodies owned here
-    /// that are on their way. `met` are bodies owned here with a predicted contact to one that is not held here, with the regions
+    /// Finds anew which bodies are within `depth` hops of those that other regions own, lead, or will own: `leaving` are bodies owned here
+    /// that are on their way. Who leads a body solves what touches it, and may be a third region beside its owner and this one. `met` are bodies owned here with a predicted contact to one that is not held here, with the regions
     /// that own those: they are one hop away.
     pub(super) fn spread(
         &mut self,
         region: &Region,
         islands: &Islands,
+        shared: &SharedBodies,
         depth: usize,
         leaving: impl Iterator<Item = (RigidBodyHandle, usize)>,
         met: impl Iterator<Item = (RigidBodyHandle, usize)>,
@@ -46,11 +48,16 @@ impl Reach {
             self.marks[handle.into_raw_parts().0 as usize] = RegionSet::EMPTY;
         }
         self.frontier.clear();
-        for link in region.replicas() {
-            if let Ownership::Replica { owner } = region.slot(link.handle).role {
-                self.frontier.push((link.handle, RegionSet::only(owner)));
-            }
+        for link in region.held_elsewhere() {
+            let owner = match region.slot(link.handle).role {
+                Ownership::Replica { owner } => Some(owner),
+                _ => None,
+            };
+            let leader = shared.get(link.handle).and_then(|shared| shared.led_by);
+            let others: RegionSet = owner.into_iter().chain(leader).collect();
+            self.frontier.push((link.handle, others.without(RegionSet::only(region.rank()))));
         }
+        self.frontier.retain(|(_, others)| !others.is_empty());
         self.frontier.extend(leaving.map(|(handle, rank)| (handle, RegionSet::only(rank))));
         let mut met = Some(met);
         for _ in 0..depth {
@@ -132,4 +139,38 @@ impl Reach {
 fn passes_on(region: &Region, handle: RigidBodyHandle) -> bool {
     let slot = region.slot(handle);
     slot.reach_m <= HUB_REACH_M && slot.traits.kind == BodyKind::Dynamic
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::physics::host::processes::Processes;
+    use crate::runtime::WorldConfig;
+    use crate::scene::{Params, Scene};
+
+    #[test]
+    fn who_leads_a_body_holds_what_rests_on_it_where_a_heap_is_poured_over_a_corner_of_four_regions() {
+        let scene = Scene::named("heap", &Params::new().with("n", 600).with("seed", 1)).unwrap();
+        let mut processes = Processes::of(&scene, WorldConfig::for_scene(&scene).step, 4, 1);
+        let (mut seen, mut unseen_by_leader) = (0, 0);
+        for _ in 0..240 {
+            processes.step();
+            for side in processes.sides() {
+                let region = &side.region;
+                for link in region.held_elsewhere() {
+                    let leader = side.border.shared.get(link.handle).and_then(|shared| shared.led_by);
+                    let Some(leader) = leader.filter(|leader| *leader != region.rank()) else { continue };
+                    region.for_each_pair(link.handle, |other, pair| {
+                        if pair.is_some_and(|pair| pair.total_impulse_magnitude() > 0.0) {
+                            let holds = region.slot(other).holders.contains(leader);
+                            seen += 1;
+                            unseen_by_leader += usize::from(!holds);
+                        }
+                    });
+                }
+            }
+        }
+        println!("{unseen_by_leader} of {seen} contacts");
+        assert!(seen > 10_000, "{seen} contacts of bodies that others lead");
+        assert!(500 * unseen_by_leader < seen, "{unseen_by_leader} of {seen} contacts");
+    }
 }

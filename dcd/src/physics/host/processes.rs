@@ -1,6 +1,7 @@
 //! Stands in for processes that compute the regions of a world together, in tests: hosts that exchange their messages in memory.
 
 use super::RegionHost;
+use crate::physics::coupling::Side;
 use crate::physics::region::Region;
 use crate::physics::{Partition, StepSettings};
 use crate::protocol::{Check, Velocity, WorldPose};
@@ -67,6 +68,11 @@ impl Processes {
             host.repartition(changes, place == newborn).unwrap();
             host.wake_left_behind();
         }
+    }
+
+    /// Returns the regions with their sides of borders, in no order.
+    pub(in crate::physics) fn sides(&self) -> impl Iterator<Item = &Side> {
+        self.0.iter().flat_map(|host| &host.sides)
     }
 
     pub(crate) fn states(&self) -> Vec<(BodyId, RegionId, WorldPose, Velocity)> {

@@ -6,39 +6,31 @@ mod contact;
 
 use std::error::Error;
 use std::ops::Range;
-use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::thread::available_parallelism;
 
 use clap::Args;
-use dcd::sim::{self, ContactScene, FaultProfile, TrialConfig, simulate};
+use dcd::sim::{self, FaultProfile, TrialConfig, simulate};
 use indicatif::{ProgressBar, ProgressStyle};
 use serde::{Deserialize, Serialize};
 
-use crate::machine::Machine;
+use crate::output::{Output, Sheet, Shown};
 use crate::page;
-use crate::results::{self, Measured};
+use crate::results::Measured;
 
-const FILE: &str = "faults.csv";
+const SHOWN: Shown<Row> = Shown { name: "faults", table, picture: None };
 
 /// How many seeds are run.
 #[derive(Args)]
 pub(crate) struct Faults {
-    /// Two seeds a row, and five of each scene whose bodies touch.
-    #[arg(long)]
-    quick: bool,
+    #[command(flatten)]
+    output: Output,
     /// Seeds a row.
     #[arg(long, default_value_t = 1_000, conflicts_with = "quick")]
     seeds: u64,
     /// Seeds a row of each scene whose bodies touch.
     #[arg(long, default_value_t = 200, conflicts_with = "quick")]
     contact_seeds: u64,
-    /// Where the results go [default: benches/results; with `--quick` a temporary folder].
-    #[arg(long, value_name = "FOLDER")]
-    out: Option<PathBuf>,
-    /// Draws the table from the file, without measuring.
-    #[arg(long)]
-    draw: bool,
 }
 
 /// All seeds under one kind of faults.
@@ -60,43 +52,32 @@ struct Row {
 
 impl Faults {
     pub(crate) fn run(self) -> Result<ExitCode, Box<dyn Error>> {
-        let folder = results::folder(self.out.as_deref(), self.quick)?;
-        if !self.draw {
-            self.measure(&folder)?;
-        }
-        let rows = results::read_csv(&folder.join(FILE))?;
-        let table = table(&rows);
-        println!("{table}");
-        page::put(&folder, "faults", &table)?;
-        let (contact, holds_in_contact) = contact::table(&folder)?;
-        println!("{contact}");
-        page::put(&folder, "faults-contact", &contact)?;
-        let holds = holds_in_contact && rows.iter().all(|row| row.row.violations == 0);
-        Ok(if holds { ExitCode::SUCCESS } else { ExitCode::FAILURE })
-    }
-
-    fn measure(&self, folder: &Path) -> Result<(), Box<dyn Error>> {
-        let machine = Machine::here();
-        let (seeds, contact_seeds) = if self.quick { (2, 5) } else { (self.seeds, self.contact_seeds) };
-        let (seeds, rows) = (0..seeds, FaultProfile::TABLE.len() as u64);
-        let runs = rows * (seeds.end + ContactScene::ALL.len() as u64 * contact_seeds);
-        let bar = ProgressBar::new(runs)
-            .with_style(ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len} runs, {eta}")?);
+        let (seeds, contact_seeds) =
+            if self.output.quick { (2, 5) } else { (self.seeds, self.contact_seeds) };
         // A machine that panics is a violation, which is reported with its seed.
         std::panic::set_hook(Box::new(|_| {}));
-        let mut rows = Vec::new();
-        for profile in FaultProfile::TABLE {
-            bar.set_message(profile.name());
-            let row = Row::of(&measure(&TrialConfig::default(), profile, seeds.clone(), &bar));
-            rows.push(Measured { row, machine: machine.clone() });
-            // Whoever stops it keeps the rows that are done.
-            results::write_csv(&folder.join(FILE), &rows)?;
-        }
-        contact::measure(folder, 0..contact_seeds, &machine, &bar)?;
+        let rows = self.output.fill(&SHOWN, |rows| measure_all(rows, 0..seeds))?;
+        let contact = self.output.fill(&contact::SHOWN, |rows| contact::measure(rows, 0..contact_seeds))?;
         drop(std::panic::take_hook());
-        bar.finish_and_clear();
-        Ok(())
+        let holds =
+            rows.iter().all(|row| row.row.violations == 0) && contact.iter().all(|row| row.row.holds());
+        Ok(if holds { ExitCode::SUCCESS } else { ExitCode::FAILURE })
     }
+}
+
+fn measure_all(rows: &mut Sheet<Row>, seeds: Range<u64>) -> Result<(), Box<dyn Error>> {
+    let bar = bar(FaultProfile::TABLE.len() as u64 * seeds.end)?;
+    for profile in FaultProfile::TABLE {
+        bar.set_message(profile.name());
+        rows.push(Row::of(&measure(&TrialConfig::default(), profile, seeds.clone(), &bar)))?;
+    }
+    bar.finish_and_clear();
+    Ok(())
+}
+
+fn bar(runs: u64) -> Result<ProgressBar, Box<dyn Error>> {
+    Ok(ProgressBar::new(runs)
+        .with_style(ProgressStyle::with_template("{msg} {wide_bar} {pos}/{len} runs, {eta}")?))
 }
 
 fn measure(config: &TrialConfig, profile: FaultProfile, seeds: Range<u64>, bar: &ProgressBar) -> sim::Row {

@@ -4,7 +4,6 @@
 mod accuracy;
 mod bandwidth;
 mod c_api;
-mod chart;
 mod clients;
 mod consistency;
 mod draw;
@@ -13,6 +12,7 @@ mod faults;
 mod fidelity;
 mod machine;
 mod maps;
+mod output;
 mod page;
 #[cfg(feature = "peers")]
 mod peers;
@@ -20,7 +20,6 @@ mod prediction;
 mod recording;
 mod results;
 mod scale;
-mod speed;
 mod thesis;
 mod timing;
 
@@ -47,8 +46,6 @@ enum Suite {
     Bandwidth(bandwidth::Bandwidth),
     /// What calls of the C API cost, how long joining takes, and how large a program becomes that links it.
     CApi(c_api::CApi),
-    /// Speed against accuracy, as CSV, SVG and PNG; and whether any fixed setting is better than `auto`.
-    Chart(chart::Chart),
     /// Compares what a client shows of a served world, over good and bad networks, with the truth; with bytes and staleness.
     Clients(clients::Clients),
     /// How far groups of nodes, and members of one group, are from one another over time, and the bytes between them.
@@ -72,9 +69,6 @@ enum Suite {
     Scale(scale::Scale),
     #[command(hide = true)]
     ScaleWorker(scale::ScaleWorker),
-    /// Step times of regions against one bare Rapier world and against Rapier's own `parallel`, in turn, as ratios.
-    #[command(alias = "scaling")]
-    Speed(speed::Speed),
     /// The experiments of the thesis of 2006 again: a server and 1 to 32 participants, theirs and ours side by side.
     Thesis(thesis::Thesis),
     #[command(hide = true)]
@@ -89,7 +83,6 @@ fn main() -> ExitCode {
         Suite::Accuracy(accuracy) => accuracy.run(),
         Suite::Bandwidth(bandwidth) => bandwidth.run().map(done),
         Suite::CApi(c_api) => c_api.run(),
-        Suite::Chart(chart) => chart.run().map(done),
         Suite::Clients(clients) => clients.run().map(done),
         Suite::Consistency(consistency) => consistency.run().map(done),
         Suite::FanOut(fan_out) => fan_out.run().map(done),
@@ -102,7 +95,6 @@ fn main() -> ExitCode {
         Suite::Recording(recording) => recording.run().map(done),
         Suite::Scale(scale) => scale.run().map(done),
         Suite::ScaleWorker(worker) => worker.run().map(done),
-        Suite::Speed(speed) => speed.run().map(done),
         Suite::Thesis(thesis) => thesis.run().map(done),
         Suite::ThesisParticipant(participant) => participant.run().map(done),
         Suite::Maps(maps) => maps.run().map(done),

@@ -6,7 +6,9 @@ mod baselines;
 mod fleet;
 mod gate;
 mod limits;
+mod matrix;
 mod reading;
+mod record;
 mod report;
 mod run;
 mod scene;
@@ -14,8 +16,8 @@ mod scenes;
 mod trace;
 mod world;
 
+use std::collections::BTreeSet;
 use std::error::Error;
-use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Args;
@@ -26,26 +28,27 @@ use rayon::prelude::*;
 use serde_json::json;
 
 pub(crate) use fleet::Fault;
-pub(crate) use gate::judge;
-pub(crate) use reading::{Reading, Reference, finite, read};
-pub(crate) use run::{trace, world_of};
-pub(crate) use scene::{Better, Case, Experiment, Figure, Measure, Size};
+pub(crate) use reading::{Reference, finite, read};
+pub(crate) use run::trace;
+pub(crate) use scene::{Better, Case, Experiment, Figure, Size};
 pub(crate) use scenes::{experiments, mean_gap_m};
 pub(crate) use trace::{Look, Trace, masses_kg};
 pub(crate) use world::{Bare, Setup};
 
-use crate::page;
+use crate::output::{Output, Sheet, Shown};
+use record::Record;
 use report::{Line, Row};
 
-/// What is run.
+const SHOWN: Shown<Record> = Shown { name: "accuracy", table: matrix::table, picture: None };
+
+/// What is run. With `--quick` shorter and smaller scenes, a few minutes in all.
 #[derive(Args)]
 pub(crate) struct Accuracy {
-    /// Only these scenes, by name or number.
+    /// Only these scenes, by name or number; rows of others stay in the file.
     #[arg(long, value_name = "NAME", num_args = 1..)]
     scene: Vec<String>,
-    /// Shorter and smaller scenes, a few minutes in all.
-    #[arg(long)]
-    quick: bool,
+    #[command(flatten)]
+    output: Output,
     /// Prints one JSON object last.
     #[arg(long)]
     json: bool,
@@ -55,35 +58,13 @@ pub(crate) struct Accuracy {
     /// Into how many regions the scenes are cut.
     #[arg(long, value_delimiter = ',', default_value = "1,2,4,8", value_parser = regions)]
     regions: Vec<usize>,
-    /// Writes every case as CSV, and the table of the page beside it.
-    #[arg(long, value_name = "FILE.csv")]
-    out: Option<PathBuf>,
 }
 
 impl Accuracy {
     /// Fails where a scene fails for a cause that has no name.
     pub(crate) fn run(self) -> Result<ExitCode, Box<dyn Error>> {
-        let experiments = self.chosen()?;
-        let methods = if self.method.is_empty() { vec![Coupling::default()] } else { self.method.clone() };
-        let size = if self.quick { Size::Quick } else { Size::Full };
         let mut rows = Vec::new();
-        println!("{}", Row::HEAD);
-        for experiment in &experiments {
-            let mut regions = self.regions.clone();
-            regions.extend(experiment.more_regions);
-            println!("\n{} {}: {}", experiment.number, experiment.name, experiment.metric);
-            for row in run(experiment, size, &methods, &regions)? {
-                println!("{}", row.table());
-                rows.push(row);
-            }
-        }
-        if let Some(path) = &self.out {
-            let csv: String = rows.iter().map(Row::csv).collect();
-            std::fs::write(path, format!("{}{csv}", Row::CSV_HEAD))
-                .map_err(|error| format!("cannot write {}: {error}", path.display()))?;
-            let folder = path.parent().unwrap_or(Path::new("."));
-            page::put(folder, "accuracy", &page::table(&Row::PAGE_HEAD, rows.iter().map(Row::page)))?;
-        }
+        self.output.fill(&SHOWN, |sheet| self.measure(sheet, &mut rows))?;
         let unexplained = rows.iter().filter(|row| !row.pass() && row.known_limit().is_none()).count();
         println!("{} of {} rows pass or are known limits", rows.len() - unexplained, rows.len());
         if self.json {
@@ -91,6 +72,27 @@ impl Accuracy {
             println!("{}", json!({ "scenes": scenes }));
         }
         Ok(if unexplained == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+    }
+
+    fn measure(&self, sheet: &mut Sheet<Record>, rows: &mut Vec<Row>) -> Result<(), Box<dyn Error>> {
+        let methods = if self.method.is_empty() { vec![Coupling::default()] } else { self.method.clone() };
+        let size = if self.output.quick { Size::Quick } else { Size::Full };
+        sheet.recall()?;
+        println!("{}", Row::HEAD);
+        for experiment in self.chosen()? {
+            let mut regions = self.regions.clone();
+            regions.extend(experiment.more_regions);
+            println!("\n{} {}: {}", experiment.number, experiment.name, experiment.metric);
+            let of_experiment = run(&experiment, size, &methods, &regions)?;
+            of_experiment.iter().for_each(|row| println!("{}", row.table()));
+            let fresh: Vec<_> =
+                of_experiment.iter().flat_map(Row::records).map(|record| sheet.measured(record)).collect();
+            let key = |record: &Record| (record.scene, record.method.clone(), record.regions);
+            let keys: BTreeSet<_> = fresh.iter().map(|fresh| key(&fresh.row)).collect();
+            sheet.replace(|old| keys.contains(&key(old)), fresh)?;
+            rows.extend(of_experiment);
+        }
+        Ok(())
     }
 
     fn chosen(&self) -> Result<Vec<Experiment>, String> {

@@ -1,4 +1,4 @@
-//! Prints and writes the results: a table as it grows, CSV with every case, JSON with the worst case of each row.
+//! Prints the results: a table as it grows, JSON with the worst case of each row; and makes records of every case.
 
 use std::fmt::Write as _;
 
@@ -7,8 +7,8 @@ use serde_json::{Value, json};
 use super::gate::Verdict;
 use super::limits;
 use super::reading::Reading;
+use super::record::Record;
 use super::scene::{Case, Experiment};
-use crate::results::short;
 
 /// One case by one method at one number of regions.
 pub(crate) struct Line {
@@ -121,32 +121,6 @@ impl Row {
         text
     }
 
-    /// Over the cells of the page.
-    pub(crate) const PAGE_HEAD: [&str; 9] =
-        ["#", "scene", "method", "regions", "error", "R1", "may be", "unit", "verdict of the worst case"];
-
-    /// Cells of the page's table.
-    pub(crate) fn page(&self) -> Vec<String> {
-        let worst = self.worst();
-        let verdict = match (self.is_bare(), self.pass(), self.known_limit()) {
-            (true, ..) => "reference".to_owned(),
-            (_, true, _) => format!("{}: passes", worst.case),
-            (_, false, Some(cause)) => format!("{}: known limit, {cause}", worst.case),
-            (_, false, None) => format!("{}: fails", worst.case),
-        };
-        vec![
-            self.number.to_string(),
-            self.name.to_owned(),
-            self.method.to_owned(),
-            if self.is_bare() { "–".to_owned() } else { self.regions.to_string() },
-            short(worst.reading.error),
-            short(worst.reading.r1_error),
-            short(worst.limit()),
-            worst.unit.to_owned(),
-            verdict,
-        ]
-    }
-
     /// As in the JSON's list.
     pub(crate) fn json(&self) -> Value {
         let worst = self.worst();
@@ -164,48 +138,39 @@ impl Row {
         })
     }
 
-    /// Over the lines of the CSV.
-    pub(crate) const CSV_HEAD: &str = "scene,name,case,method,regions,error,r1_error,unit,threshold,pass,\
-        momentum_error,ground_error,lost,doubled,quarantined,transfers,replicas_mean,rtf,p50_ms,p99_ms,max_ms\n";
-
-    /// One line a case.
-    pub(crate) fn csv(&self) -> String {
-        let mut text = String::new();
-        for line in &self.lines {
+    /// One for each case.
+    pub(crate) fn records(&self) -> impl Iterator<Item = Record> + '_ {
+        self.lines.iter().map(|line| {
             let Line { case, unit, reading, verdict } = line;
-            let or_nothing = |value: Option<f64>| value.map_or(String::new(), |value| format!("{value:.4e}"));
-            writeln!(
-                text,
-                "{},{},{case},{},{},{:.4e},{:.4e},{unit},{},{},{},{},{},{},{},{},{:.1},{:.3},{},{},{}",
-                self.number,
-                self.name,
-                self.method,
-                self.regions,
-                reading.error,
-                reading.r1_error,
-                or_nothing(verdict.as_ref().map(|verdict| verdict.limit).filter(|limit| limit.is_finite())),
-                line.pass(),
-                or_nothing(reading.momentum_error),
-                or_nothing(reading.ground_error),
-                reading.lost,
-                reading.doubled,
-                reading.quarantined,
-                reading.transfers,
-                reading.replicas_mean,
-                reading.rtf,
-                or_nothing(reading.step_ms.p50),
-                or_nothing(reading.step_ms.p99),
-                or_nothing(reading.step_ms.max),
-            )
-            .expect("a string takes all");
-        }
-        text
+            Record {
+                scene: self.number,
+                name: self.name.to_owned(),
+                case: case.clone(),
+                method: self.method.to_owned(),
+                regions: self.regions,
+                error: reading.error,
+                r1_error: reading.r1_error,
+                unit: (*unit).to_owned(),
+                threshold: verdict.as_ref().map(|verdict| verdict.limit).filter(|limit| limit.is_finite()),
+                pass: line.pass(),
+                momentum_error: reading.momentum_error,
+                ground_error: reading.ground_error,
+                lost: reading.lost,
+                doubled: reading.doubled,
+                quarantined: reading.quarantined,
+                transfers: reading.transfers,
+                replicas_mean: reading.replicas_mean,
+                rtf: reading.rtf,
+                p50_ms: reading.step_ms.p50,
+                p99_ms: reading.step_ms.p99,
+                max_ms: reading.step_ms.max,
+            }
+        })
     }
 }
 
 #[cfg(test)]
-mod tests {
-
+pub(super) mod tests {
     use super::*;
 
     fn line(case: &str, error: f64, limit: f64) -> Line {
@@ -247,11 +212,18 @@ mod tests {
         assert!(json["threshold"].is_null() && json["known_limit"].is_null());
     }
 
+    /// Of the tower, by `auto` in four regions.
+    pub(in super::super) fn record(case: &str, error: f64, limit: f64) -> Record {
+        row(vec![line(case, error, limit)]).records().next().unwrap()
+    }
+
     #[test]
-    fn a_line_of_csv_has_as_many_fields_as_its_head() {
-        let csv = row(vec![line("a", 0.5, 1.0), line("b", 0.5, 1.0)]).csv();
-        let fields = |line: &str| line.matches(',').count();
-        assert!(csv.lines().all(|line| fields(line) == fields(Row::CSV_HEAD)), "{csv}");
-        assert_eq!(csv.lines().count(), 2);
+    fn every_case_becomes_a_record() {
+        let records: Vec<_> =
+            row(vec![line("a", 0.5, 1.0), line("b", 3.0, f64::INFINITY)]).records().collect();
+        let seen = |record: &Record| (record.case.clone(), record.error, record.threshold, record.pass);
+        assert_eq!(seen(&records[0]), ("a".into(), 0.5, Some(1.0), true));
+        assert_eq!(seen(&records[1]), ("b".into(), 3.0, None, true));
+        assert_eq!((records[0].scene, &*records[0].name, records[0].regions), (10, "tower", 4));
     }
 }

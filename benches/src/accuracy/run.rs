@@ -57,6 +57,7 @@ pub(crate) fn trace(case: &Case, scene: &Scene, setup: &Setup<'_>) -> Result<Tra
         }
     }
     run.pairs = world.contacts().pairs;
+    run.regions = world.views().len();
     run.quarantined = quarantined.len();
     run.replicas_mean = replicas as f64 / ticks as f64;
     run.transfers = world.transfers();
@@ -75,6 +76,9 @@ pub(crate) fn world_of(
             scene.dt_s = bare.dt_s.unwrap_or(scene.dt_s);
             scene.solver_iterations = bare.iterations.unwrap_or(scene.solver_iterations);
             let mut world = scene.bare_world();
+            if let Some(threads) = bare.threads {
+                world.configure_thread_pool(threads).expect("the system has as many more threads");
+            }
             if let Some(hz) = bare.contact_hz {
                 let parameters = &mut world.integration_parameters;
                 parameters.contact_softness.natural_frequency = hz;

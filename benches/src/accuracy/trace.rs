@@ -16,6 +16,8 @@ pub(crate) struct Trace {
     pub ground_ratios: Vec<f64>,
     /// Pairs of colliders that touched after the last step.
     pub pairs: usize,
+    /// Regions after the last step; a bare world is one.
+    pub regions: usize,
     /// Changes of owner.
     pub transfers: u64,
     /// Bodies without an owner, at any look.

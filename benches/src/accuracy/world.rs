@@ -30,6 +30,8 @@ pub(crate) struct Bare {
     pub iterations: Option<usize>,
     /// Natural frequency of contacts between moving bodies; twice that for contacts with fixed ones, as Rapier has it.
     pub contact_hz: Option<f32>,
+    /// Threads of Rapier's own `parallel`; one if not given.
+    pub threads: Option<usize>,
 }
 
 /// What is stepped.

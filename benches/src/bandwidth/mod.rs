@@ -5,7 +5,6 @@ mod picture;
 
 use std::collections::BTreeMap;
 use std::error::Error;
-use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use clap::Args;
@@ -16,11 +15,10 @@ use dcd::sim::Random;
 use dcd::space::{Epoch, RegionId, Tick};
 use serde::{Deserialize, Serialize};
 
-use crate::machine::Machine;
-use crate::page;
-use crate::results::{self, Measured, short};
+use crate::output::{Output, Sheet, Shown};
+use crate::results::short;
 
-const FILE: &str = "bandwidth.csv";
+const SHOWN: Shown<Row> = Shown { name: "bandwidth", table: picture::table, picture: Some(picture::picture) };
 /// Leaders tell of every third tick.
 const EVERY: u64 = 3;
 /// Headers of UDP, QUIC and the message, and those of IP.
@@ -30,17 +28,10 @@ const DATAGRAM_COST: u64 = 90 + 28;
 #[derive(Args)]
 pub(crate) struct Bandwidth {
     /// Ticks of each run.
-    #[arg(long, default_value_t = 900)]
+    #[arg(long, default_value_t = 900, conflicts_with = "quick")]
     ticks: u64,
-    /// A hundred ticks of two scenes.
-    #[arg(long, conflicts_with = "ticks")]
-    quick: bool,
-    /// Where the results go [default: benches/results; with `--quick` a temporary folder].
-    #[arg(long, value_name = "FOLDER")]
-    out: Option<PathBuf>,
-    /// Draws from the file, without measuring.
-    #[arg(long)]
-    draw: bool,
+    #[command(flatten)]
+    output: Output,
 }
 
 /// What a client costs of one scene over one network.
@@ -117,22 +108,12 @@ fn scenes() -> Result<Vec<Run>, Box<dyn Error>> {
 
 impl Bandwidth {
     pub(crate) fn run(self) -> Result<(), Box<dyn Error>> {
-        let folder = results::folder(self.out.as_deref(), self.quick)?;
-        if !self.draw {
-            self.measure(&folder)?;
-        }
-        let rows = results::read_csv(&folder.join(FILE))?;
-        crate::draw::write(&picture::picture(&rows), &folder.join("bandwidth"))?;
-        let table = picture::table(&rows);
-        println!("{table}");
-        page::put(&folder, "bandwidth", &table)
+        self.output.fill(&SHOWN, |rows| self.measure(rows)).map(drop)
     }
 
-    fn measure(&self, folder: &Path) -> Result<(), Box<dyn Error>> {
-        let machine = Machine::here();
-        let ticks = if self.quick { 100 } else { self.ticks };
-        let mut rows = Vec::new();
-        for run in scenes()?.into_iter().take(if self.quick { 2 } else { 9 }) {
+    fn measure(&self, rows: &mut Sheet<Row>) -> Result<(), Box<dyn Error>> {
+        let ticks = if self.output.quick { 100 } else { self.ticks };
+        for run in scenes()?.into_iter().take(if self.output.quick { 2 } else { 9 }) {
             for row in tell(run, ticks)? {
                 eprintln!(
                     "{}, {}: {} B/s per moving body",
@@ -140,9 +121,8 @@ impl Bandwidth {
                     row.network,
                     short(row.bytes_per_moving_body_s)
                 );
-                rows.push(Measured { row, machine: machine.clone() });
+                rows.push(row)?;
             }
-            results::write_csv(&folder.join(FILE), &rows)?;
         }
         Ok(())
     }

@@ -16,11 +16,11 @@ use dcd::runtime::{
 use dcd::scene::{Params, Scene};
 use serde::{Deserialize, Serialize};
 
-use crate::machine::Machine;
-use crate::results::{self, Measured, short};
-use crate::timing::StepMs;
+use crate::output::{Output, Shown};
+use crate::results::{Measured, short};
 use crate::{page, timing};
 
+const SHOWN: Shown<Row> = Shown { name: "c-api", table, picture: None };
 /// Bodies of a step whose cost calls are compared with.
 const STEPPED: usize = 1000;
 /// Rays of one call.
@@ -33,12 +33,8 @@ const LINK: &str = "-Wl,--gc-sections -lgcc_s -lutil -lrt -lpthread -lm -ldl -lc
 /// Measures against the goals of the C API; fails when one is missed, but for `--quick`.
 #[derive(Args)]
 pub(crate) struct CApi {
-    /// Few bodies and few repeats.
-    #[arg(long)]
-    quick: bool,
-    /// Where the results go [default: benches/results; with `--quick` a temporary folder].
-    #[arg(long, value_name = "FOLDER")]
-    out: Option<PathBuf>,
+    #[command(flatten)]
+    output: Output,
 }
 
 /// One figure and what it may be at most.
@@ -63,27 +59,16 @@ impl Row {
 
 impl CApi {
     pub(crate) fn run(self) -> Result<ExitCode, Box<dyn Error>> {
-        let folder = results::folder(self.out.as_deref(), self.quick)?;
-        let rows = self.measure()?;
-        let cells = |row: &Row| {
-            let goal = row.goal.map_or_else(String::new, short);
-            let verdict = if row.is_missed() { "missed" } else { "" };
-            vec![row.figure.clone(), short(row.value), row.unit.clone(), goal, verdict.to_owned()]
-        };
-        let table = page::table(&["figure", "measured", "unit", "at most", ""], rows.iter().map(cells));
-        println!("{table}");
-        let missed = rows.iter().any(Row::is_missed);
-        let machine = Machine::here();
-        let measured: Vec<_> =
-            rows.into_iter().map(|row| Measured { row, machine: machine.clone() }).collect();
-        results::write_csv(&folder.join("c-api.csv"), &measured)?;
-        page::put(&folder, "c-api", &table)?;
-        Ok(if missed && !self.quick { ExitCode::FAILURE } else { ExitCode::SUCCESS })
+        let rows = self
+            .output
+            .fill(&SHOWN, |rows| self.measure()?.into_iter().try_for_each(|row| rows.push(row)))?;
+        let missed = rows.iter().any(|row| row.row.is_missed());
+        Ok(if missed && !self.output.quick { ExitCode::FAILURE } else { ExitCode::SUCCESS })
     }
 
     fn measure(&self) -> Result<Vec<Row>, Box<dyn Error>> {
         let (bodies, repeats, steps, rounds, joins) =
-            if self.quick { (2_000, 5, 60, 1, 1) } else { (100_000, 50, 600, 7, 9) };
+            if self.output.quick { (2_000, 5, 60, 1, 1) } else { (100_000, 50, 600, 7, 9) };
         let work = std::env::temp_dir().join(format!("dcd-benches-c-api-{}", std::process::id()));
         std::fs::create_dir_all(&work)?;
         let library = library()?;
@@ -114,7 +99,7 @@ impl CApi {
         rows.push(Row::new("what dcd_step adds to a step of 1,000 bodies", added(c), "%", 1.0));
         rows.push(Row::new("the same with the view", added(viewed), "%", None));
 
-        let many = if self.quick { 1_000 } else { 20_000 };
+        let many = if self.output.quick { 1_000 } else { 20_000 };
         rows.extend(making(&calls, many, rounds)?);
         rows.extend(casting(&calls, many, rounds)?);
 
@@ -143,6 +128,15 @@ impl CApi {
         std::fs::remove_dir_all(&work)?;
         Ok(rows)
     }
+}
+
+fn table(rows: &[Measured<Row>]) -> String {
+    let cells = |Measured { row, .. }: &Measured<Row>| {
+        let goal = row.goal.map_or_else(String::new, short);
+        let verdict = if row.is_missed() { "missed" } else { "" };
+        vec![row.figure.clone(), short(row.value), row.unit.clone(), goal, verdict.to_owned()]
+    };
+    page::table(&["figure", "measured", "unit", "at most", ""], rows.iter().map(cells))
 }
 
 fn root() -> &'static Path {
@@ -211,7 +205,7 @@ fn rust_step_ms(steps: usize) -> Result<f64, Box<dyn Error>> {
     let config =
         WorldConfig { partitioning: Partitioning::Regions(1), threads: 1, ..WorldConfig::for_scene(&scene) };
     let plan = Plan { config: Some(config), ticks: (timing::WARM_UP + steps) as u64 };
-    Ok(StepMs::of(&mut plan.subject(&scene)?, steps)?.p50_ms)
+    timing::median_ms(&mut plan.subject(&scene)?, steps)
 }
 
 /// Measures what it costs to make and to destroy boxes, beside the same in bare Rapier: in turn, and of each the run that was disturbed least.

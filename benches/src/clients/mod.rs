@@ -6,7 +6,6 @@
 mod picture;
 
 use std::error::Error;
-use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use clap::Args;
@@ -19,29 +18,21 @@ use dcd_tests::truth::{Frame, Quantiles, Seen, Truth};
 use serde::{Deserialize, Serialize};
 
 use crate::bandwidth;
-use crate::machine::Machine;
-use crate::page;
-use crate::results::{self, Measured, short};
+use crate::output::{Output, Sheet, Shown};
+use crate::results::short;
 
-const FILE: &str = "clients.csv";
+const SHOWN: Shown<Row> = Shown { name: "clients", table: picture::table, picture: Some(picture::picture) };
 const FRAME: Duration = Duration::from_micros(16_667);
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// Says how long each run takes, and where its results go.
 #[derive(Args)]
 pub(crate) struct Clients {
-    /// A second of two runs.
-    #[arg(long)]
-    quick: bool,
+    #[command(flatten)]
+    output: Output,
     /// Seconds that are measured of each run.
     #[arg(long, default_value_t = 8, conflicts_with = "quick")]
     seconds: u64,
-    /// Where the results go [default: benches/results; with `--quick` a temporary folder].
-    #[arg(long, value_name = "FOLDER")]
-    out: Option<PathBuf>,
-    /// Draws from the file, without measuring.
-    #[arg(long)]
-    draw: bool,
 }
 
 /// A client's view of one scene over one network.
@@ -98,34 +89,25 @@ fn networks() -> [(&'static str, Weather); 5] {
 
 impl Clients {
     pub(crate) fn run(self) -> Result<(), Box<dyn Error>> {
-        let folder = results::folder(self.out.as_deref(), self.quick)?;
-        if !self.draw {
-            self.measure(&folder)?;
-        }
-        let rows = results::read_csv(&folder.join(FILE))?;
-        crate::draw::write(&picture::picture(&rows), &folder.join("clients"))?;
-        let table = picture::table(&rows);
-        println!("{table}");
-        page::put(&folder, "clients", &table)
+        self.output.fill(&SHOWN, |rows| self.measure(rows)).map(drop)
     }
 
-    fn measure(&self, folder: &Path) -> Result<(), Box<dyn Error>> {
-        let machine = Machine::here();
-        let seconds = Duration::from_secs(if self.quick { 1 } else { self.seconds });
-        let mut rows = Vec::new();
+    fn measure(&self, rows: &mut Sheet<Row>) -> Result<(), Box<dyn Error>> {
+        let seconds = Duration::from_secs(if self.output.quick { 1 } else { self.seconds });
         for (i, (name, params)) in
-            SCENES.into_iter().enumerate().take(if self.quick { 1 } else { SCENES.len() })
+            SCENES.into_iter().enumerate().take(if self.output.quick { 1 } else { SCENES.len() })
         {
-            for (network, weather) in networks().into_iter().take(if self.quick { 2 } else { 9 }) {
-                for limit in LIMITS.into_iter().take(if i > 1 || self.quick { 1 } else { LIMITS.len() }) {
+            for (network, weather) in networks().into_iter().take(if self.output.quick { 2 } else { 9 }) {
+                for limit in
+                    LIMITS.into_iter().take(if i > 1 || self.output.quick { 1 } else { LIMITS.len() })
+                {
                     let row = see(world(name, params)?, (name, network, limit), weather, seconds)?;
                     eprintln!(
                         "{name}, {network}, {limit}: {} mm off, {} B/s",
                         short(row.shown_error_p99_mm),
                         short(row.bytes_per_s)
                     );
-                    rows.push(Measured { row, machine: machine.clone() });
-                    results::write_csv(&folder.join(FILE), &rows)?;
+                    rows.push(row)?;
                 }
             }
         }

@@ -7,7 +7,6 @@ mod spread;
 
 use std::collections::BTreeMap;
 use std::error::Error;
-use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::Args;
@@ -17,11 +16,12 @@ use serde::{Deserialize, Serialize};
 
 use self::scene::{GROUPS, Running, SETTINGS, Setting};
 use self::spread::Spread;
-use crate::machine::Machine;
-use crate::page;
-use crate::results::{self, Measured};
+use crate::output::{Output, Sheet, Shown};
 
 /// Groups have begun and avatars move.
+const SECONDS: Shown<Row> =
+    Shown { name: "consistency", table: |_| String::new(), picture: Some(picture::picture) };
+const RUNS: Shown<Summary> = Shown { name: "consistency-runs", table: picture::table, picture: None };
 const SETTLING: Duration = Duration::from_secs(5);
 const SECOND: Duration = Duration::from_secs(1);
 const TICKS_A_SECOND: u64 = 60;
@@ -29,18 +29,11 @@ const TICKS_A_SECOND: u64 = 60;
 /// How long the scene is run.
 #[derive(Args)]
 pub(crate) struct Consistency {
-    /// One simulated minute instead of ten.
-    #[arg(long)]
-    quick: bool,
-    /// Where the results go [default: benches/results; with `--quick` a temporary folder].
-    #[arg(long, value_name = "FOLDER")]
-    out: Option<PathBuf>,
+    #[command(flatten)]
+    output: Output,
     /// Of everything random.
     #[arg(long, default_value_t = 1)]
     seed: u64,
-    /// Draws pictures and table from the files, without measuring.
-    #[arg(long)]
-    draw: bool,
 }
 
 /// One simulated second of one setting.
@@ -87,35 +80,21 @@ pub(crate) struct Summary {
 
 impl Consistency {
     pub(crate) fn run(self) -> Result<(), Box<dyn Error>> {
-        let folder = results::folder(self.out.as_deref(), self.quick)?;
-        if !self.draw {
-            self.measure(&folder)?;
-        }
-        publish(&folder)
+        let mut seconds = Vec::new();
+        self.output.fill(&RUNS, |runs| self.measure(runs, &mut seconds))?;
+        self.output.fill(&SECONDS, |rows| seconds.into_iter().try_for_each(|row| rows.push(row))).map(drop)
     }
 
-    fn measure(&self, folder: &Path) -> Result<(), Box<dyn Error>> {
-        let machine = Machine::here();
-        let seconds = if self.quick { 60 } else { 600 };
-        let (mut rows, mut summaries) = (Vec::new(), Vec::new());
+    fn measure(&self, runs: &mut Sheet<Summary>, rows: &mut Vec<Row>) -> Result<(), Box<dyn Error>> {
+        let seconds = if self.output.quick { 60 } else { 600 };
         for setting in &SETTINGS {
             eprintln!("{}: {seconds} simulated seconds", setting.name);
             let (of_setting, summary) = measure(setting, seconds, self.seed)?;
-            rows.extend(of_setting.into_iter().map(|row| Measured { row, machine: machine.clone() }));
-            summaries.push(Measured { row: summary, machine: machine.clone() });
+            rows.extend(of_setting);
+            runs.push(summary)?;
         }
-        results::write_csv(&folder.join("consistency.csv"), &rows)?;
-        results::write_csv(&folder.join("consistency-runs.csv"), &summaries)
+        Ok(())
     }
-}
-
-fn publish(folder: &Path) -> Result<(), Box<dyn Error>> {
-    let rows = results::read_csv(&folder.join("consistency.csv"))?;
-    let summaries = results::read_csv(&folder.join("consistency-runs.csv"))?;
-    crate::draw::write(&picture::picture(&rows), &folder.join("consistency"))?;
-    let table = picture::table(&summaries);
-    println!("{table}");
-    page::put(folder, "consistency", &table)
 }
 
 fn measure(setting: &Setting, seconds: u64, seed: u64) -> Result<(Vec<Row>, Summary), Box<dyn Error>> {

@@ -45,6 +45,8 @@ pub(crate) enum Mark {
     Triangle,
     Square,
     Cross,
+    /// Around another mark.
+    Halo,
 }
 
 const PANEL: (u32, u32) = (430, 330);
@@ -191,6 +193,7 @@ impl Mark {
             Self::Triangle => area.draw(&TriangleMarker::new(at, 6, fill)),
             Self::Square => area.draw(&Rectangle::new([(at.0 - 4, at.1 - 4), (at.0 + 4, at.1 + 4)], fill)),
             Self::Cross => area.draw(&Cross::new(at, 4, line)),
+            Self::Halo => area.draw(&Circle::new(at, 9, line)),
         }
     }
 }

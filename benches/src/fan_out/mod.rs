@@ -8,7 +8,6 @@ mod process;
 mod usage;
 
 use std::error::Error;
-use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use clap::Args;
@@ -21,11 +20,11 @@ use serde::{Deserialize, Serialize};
 pub(crate) use self::process::FanOutProcess;
 use self::process::{Child, Reading};
 use self::usage::Usage;
-use crate::machine::Machine;
+use crate::output::{Output, Sheet, Shown};
 use crate::page;
-use crate::results::{self, Measured, short};
+use crate::results::{Measured, short};
 
-const FILE: &str = "fan-out.csv";
+const SHOWN: Shown<Row> = Shown { name: "fan-out", table, picture: None };
 const LIMIT: Duration = Duration::from_secs(120);
 /// Until links have found out what they carry, and clients have what they are told in full.
 const WARM_UP: Duration = Duration::from_secs(4);
@@ -37,7 +36,7 @@ const CLIENTS_PER_PROCESS: usize = 125;
 #[derive(Args)]
 pub(crate) struct FanOut {
     /// Numbers of clients, one run for each.
-    #[arg(long, value_delimiter = ',', default_value = "0,10,100,500")]
+    #[arg(long, value_delimiter = ',', default_value = "0,10,100,500", conflicts_with = "quick")]
     clients: Vec<usize>,
     /// Radius in which each hears, metres; all are spread evenly over the world.
     #[arg(long, default_value_t = 12.0)]
@@ -46,17 +45,10 @@ pub(crate) struct FanOut {
     #[arg(long, default_value_t = 1_000)]
     cubes: usize,
     /// Seconds that are measured of each run.
-    #[arg(long, default_value_t = 10.0)]
+    #[arg(long, default_value_t = 10.0, conflicts_with = "quick")]
     seconds: f64,
-    /// A second without clients and one with four.
-    #[arg(long, conflicts_with_all = ["clients", "seconds"])]
-    quick: bool,
-    /// Where the results go [default: benches/results; with `--quick` a temporary folder].
-    #[arg(long, value_name = "FOLDER")]
-    out: Option<PathBuf>,
-    /// Writes the table from the file, without measuring.
-    #[arg(long)]
-    draw: bool,
+    #[command(flatten)]
+    output: Output,
 }
 
 /// Cost of one number of clients.
@@ -87,20 +79,12 @@ struct Row {
 
 impl FanOut {
     pub(crate) fn run(self) -> Result<(), Box<dyn Error>> {
-        let folder = results::folder(self.out.as_deref(), self.quick)?;
-        if !self.draw {
-            self.measure(&folder)?;
-        }
-        let table = table(&results::read_csv(&folder.join(FILE))?);
-        println!("{table}");
-        page::put(&folder, "fan-out", &table)
+        self.output.fill(&SHOWN, |rows| self.measure(rows)).map(drop)
     }
 
-    fn measure(&self, folder: &Path) -> Result<(), Box<dyn Error>> {
-        let machine = Machine::here();
+    fn measure(&self, rows: &mut Sheet<Row>) -> Result<(), Box<dyn Error>> {
         let (clients, seconds) =
-            if self.quick { (&[0, 4][..], 1.0) } else { (&self.clients[..], self.seconds) };
-        let mut rows = Vec::new();
+            if self.output.quick { (&[0, 4][..], 1.0) } else { (&self.clients[..], self.seconds) };
         for &count in clients {
             let row = self.serve(count, Duration::from_secs_f64(seconds))?;
             eprintln!(
@@ -108,8 +92,7 @@ impl FanOut {
                 short(row.ticks_per_s),
                 short(row.leader_ms)
             );
-            rows.push(Measured { row, machine: machine.clone() });
-            results::write_csv(&folder.join(FILE), &rows)?;
+            rows.push(row)?;
         }
         Ok(())
     }

@@ -2,17 +2,15 @@
 
 use std::error::Error;
 use std::ops::Range;
-use std::path::Path;
 
 use dcd::sim::{self, ContactScene, FaultProfile, Quantity, TrialConfig};
-use indicatif::ProgressBar;
 use serde::{Deserialize, Serialize};
 
-use crate::machine::Machine;
+use crate::output::{Sheet, Shown};
 use crate::page;
-use crate::results::{self, Measured};
+use crate::results::Measured;
 
-const FILE: &str = "faults-contact.csv";
+pub(super) const SHOWN: Shown<Row> = Shown { name: "faults-contact", table, picture: None };
 /// Rows and scenes that are known to be beyond a gate, as the page of results says.
 const OPEN: [(&str, &str); 5] = [
     ("lag", "crowd"),
@@ -24,7 +22,7 @@ const OPEN: [(&str, &str); 5] = [
 
 /// All seeds of one scene under one kind of faults; the quantities are shares of their gates.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-struct Row {
+pub(super) struct Row {
     faults: String,
     scene: String,
     seeds: u64,
@@ -64,6 +62,11 @@ impl Row {
         }
     }
 
+    /// Whether nothing was violated that is not known to be open.
+    pub(super) fn holds(&self) -> bool {
+        self.violations == 0 || OPEN.contains(&(&self.faults, &self.scene))
+    }
+
     /// Returns the quantity that came nearest to its gate, or beyond it.
     fn worst(&self) -> String {
         let Self { overlap, stray, gap, gain, push, leap, drift, .. } = *self;
@@ -82,28 +85,21 @@ impl Row {
 }
 
 /// Runs the scenes, and writes each row when it is done.
-pub(super) fn measure(
-    folder: &Path,
-    seeds: Range<u64>,
-    machine: &Machine,
-    bar: &ProgressBar,
-) -> Result<(), Box<dyn Error>> {
-    let mut rows = Vec::new();
+pub(super) fn measure(rows: &mut Sheet<Row>, seeds: Range<u64>) -> Result<(), Box<dyn Error>> {
+    let bar = super::bar((FaultProfile::TABLE.len() * ContactScene::ALL.len()) as u64 * seeds.end)?;
     for profile in FaultProfile::TABLE {
         for scene in ContactScene::ALL {
             bar.set_message(format!("{} of a {scene}", profile.name()));
             let config = TrialConfig { begin: scene.begin(), ..TrialConfig::default() };
-            let row = Row::of(scene, &super::measure(&config, profile, seeds.clone(), bar));
-            rows.push(Measured { row, machine: machine.clone() });
-            results::write_csv(&folder.join(FILE), &rows)?;
+            rows.push(Row::of(scene, &super::measure(&config, profile, seeds.clone(), &bar)))?;
         }
     }
+    bar.finish_and_clear();
     Ok(())
 }
 
-/// Draws the table from the file, a line per kind of faults; returns also whether nothing was violated.
-pub(super) fn table(folder: &Path) -> Result<(String, bool), Box<dyn Error>> {
-    let rows: Vec<Measured<Row>> = results::read_csv(&folder.join(FILE))?;
+/// A line per kind of faults.
+fn table(rows: &[Measured<Row>]) -> String {
     let scenes = ContactScene::ALL.map(|scene| format!("{scene}: worst of gate"));
     let head: Vec<_> =
         ["faults", "seeds", "violations"].into_iter().chain(scenes.iter().map(String::as_str)).collect();
@@ -117,6 +113,5 @@ pub(super) fn table(folder: &Path) -> Result<(String, bool), Box<dyn Error>> {
         cells.extend(ContactScene::ALL.map(worst));
         cells
     });
-    let holds = |row: &Row| row.violations == 0 || OPEN.contains(&(&row.faults, &row.scene));
-    Ok((page::table(&head, lines), rows.iter().all(|row| holds(&row.row))))
+    page::table(&head, lines)
 }

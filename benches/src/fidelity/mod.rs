@@ -2,7 +2,6 @@
 //! the budget asked for beside the time taken.
 
 use std::error::Error;
-use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use clap::Args;
@@ -13,9 +12,12 @@ use dcd::{Axis, Bounds, Fidelity, Viewpoint};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
-use crate::machine::Machine;
+use crate::output::{Output, Shown};
 use crate::page;
-use crate::results::{self, Measured, short};
+use crate::results::{Measured, short};
+
+const SAVINGS: Shown<Row> = Shown { name: "fidelity", table: savings_table, picture: None };
+const COVERAGE: Shown<Cover> = Shown { name: "fidelity-coverage", table: coverage_table, picture: None };
 
 /// Steps that are not timed: the governor comes to its levels, and what is to fall falls.
 const WARM_UP: usize = 120;
@@ -27,18 +29,14 @@ const AUDITED: f64 = 0.5;
 /// Measures the savings and the errors of fidelity.
 #[derive(Args)]
 pub(crate) struct Fidelities {
-    /// Small scenes, few steps.
-    #[arg(long)]
-    quick: bool,
+    #[command(flatten)]
+    output: Output,
     /// Print one JSON object at the end.
     #[arg(long)]
     json: bool,
     /// Runs of each; every step counts as in the run in which it took least.
     #[arg(long, value_name = "N", default_value_t = 4)]
     repeats: usize,
-    /// Where the results go [default: benches/results; with `--quick` a temporary folder].
-    #[arg(long, value_name = "FOLDER")]
-    out: Option<PathBuf>,
 }
 
 /// One setting on one scene, on one thread.
@@ -85,74 +83,60 @@ type Case = (&'static str, &'static str, usize, bool);
 
 impl Fidelities {
     pub(crate) fn run(self) -> Result<(), Box<dyn Error>> {
-        let folder = results::folder(self.out.as_deref(), self.quick)?;
-        let (steps, repeats) = if self.quick { (160, 1) } else { (360, self.repeats) };
-        let cases: &[Case] = if self.quick {
-            &[("town", "n", 1_200, true)]
-        } else {
-            &[
-                ("town", "n", 2_000, true),
-                ("town", "n", 20_000, true),
-                ("terrain", "n", 4_000, true),
-                ("convoy", "cars", 200, false),
-            ]
-        };
-        let mut rows = Vec::new();
-        for &case in cases {
-            rows.extend(savings(case, steps, repeats)?);
-        }
-        let covers = coverage(if self.quick { 2 } else { 25 })?;
-        let table = page::table(
-            &[
-                "scene",
-                "bodies",
-                "setting",
-                "step, ms",
-                "p99",
-                "share, %",
-                "regions at 1, 1/2, 1/4",
-                "stated error, m/s (95 %)",
-                "over budget, %",
-                "energy, J",
-                "penetration, mm",
-                "spread of one world",
-            ],
-            rows.iter().map(Row::cells),
-        );
-        println!("{table}");
-        let cover = page::table(
-            &[
-                "scene",
-                "setting",
-                "runs",
-                "true error within the stated interval",
-                "stated, m/s",
-                "true, m/s",
-            ],
-            covers.iter().map(Cover::cells),
-        );
-        println!("{cover}");
+        let savings = self.output.fill(&SAVINGS, |rows| {
+            let (steps, repeats) = if self.output.quick { (160, 1) } else { (360, self.repeats) };
+            let cases: &[Case] = if self.output.quick {
+                &[("town", "n", 1_200, true)]
+            } else {
+                &[
+                    ("town", "n", 2_000, true),
+                    ("town", "n", 20_000, true),
+                    ("terrain", "n", 4_000, true),
+                    ("convoy", "cars", 200, false),
+                ]
+            };
+            for &case in cases {
+                savings(case, steps, repeats)?.into_iter().try_for_each(|row| rows.push(row))?;
+            }
+            Ok(())
+        })?;
+        let covers = self.output.fill(&COVERAGE, |rows| {
+            coverage(if self.output.quick { 2 } else { 25 })?.into_iter().try_for_each(|row| rows.push(row))
+        })?;
+        let covers: Vec<_> = covers.iter().map(|cover| &cover.row).collect();
         let (runs, within) =
             covers.iter().fold((0, 0), |(runs, within), cover| (runs + cover.runs, within + cover.within));
         println!("{within} of {runs} runs");
         if self.json {
-            println!("{}", json!({ "savings": rows, "coverage": covers, "within": within, "runs": runs }));
+            let savings: Vec<_> = savings.iter().map(|row| &row.row).collect();
+            println!("{}", json!({ "savings": savings, "coverage": covers, "within": within, "runs": runs }));
         }
-        let machine = Machine::here();
-        write(&folder.join("fidelity.csv"), rows, &machine)?;
-        write(&folder.join("fidelity-coverage.csv"), covers, &machine)?;
-        page::put(&folder, "fidelity", &table)?;
-        page::put(&folder, "fidelity-coverage", &cover)
+        Ok(())
     }
 }
 
-fn write<R: Serialize>(
-    path: &std::path::Path,
-    rows: Vec<R>,
-    machine: &Machine,
-) -> Result<(), Box<dyn Error>> {
-    let measured: Vec<_> = rows.into_iter().map(|row| Measured { row, machine: machine.clone() }).collect();
-    results::write_csv(path, &measured)
+fn savings_table(rows: &[Measured<Row>]) -> String {
+    let head = [
+        "scene",
+        "bodies",
+        "setting",
+        "step, ms",
+        "p99",
+        "share, %",
+        "regions at 1, 1/2, 1/4",
+        "stated error, m/s (95 %)",
+        "over budget, %",
+        "energy, J",
+        "penetration, mm",
+        "spread of one world",
+    ];
+    page::table(&head, rows.iter().map(|row| row.row.cells()))
+}
+
+fn coverage_table(covers: &[Measured<Cover>]) -> String {
+    let head =
+        ["scene", "setting", "runs", "true error within the stated interval", "stated, m/s", "true, m/s"];
+    page::table(&head, covers.iter().map(|cover| cover.row.cells()))
 }
 
 fn scene_of((name, key, count, has_seed): Case, seed: i64) -> Result<Scene, Box<dyn Error>> {

@@ -7,7 +7,7 @@ mod restitution;
 mod tower;
 
 use std::error::Error;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use clap::Args;
 use dcd::physics::Coupling;
@@ -19,24 +19,19 @@ use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use crate::machine::Machine;
-use crate::results::{self, Measured};
+use crate::output::{Output, Sheet, Shown};
+use crate::results::Measured;
+
+const SHOWN: Shown<Row> = Shown { name: "maps", table: |_| String::new(), picture: None };
 
 /// Which maps are made.
 #[derive(Args)]
 pub(crate) struct Maps {
-    /// Fewer and shorter cells; the results go to a temporary folder unless `--out` names one.
-    #[arg(long)]
-    quick: bool,
-    /// Where `maps.csv` and the pictures go [default: benches/results].
-    #[arg(long, value_name = "DIR")]
-    out: Option<PathBuf>,
+    #[command(flatten)]
+    output: Output,
     /// Only this map; others stay in the file. May be given several times.
     #[arg(long, value_name = "NAME")]
     map: Vec<String>,
-    /// Draws the pictures from the file, without computing.
-    #[arg(long)]
-    draw: bool,
 }
 
 /// A kind of map.
@@ -101,22 +96,19 @@ impl Maps {
             )
             .into());
         }
-        let folder = results::folder(self.out.as_deref(), self.quick)?;
-        let path = folder.join("maps.csv");
-        let machine = Machine::here();
-        let mut rows = results::read_csv::<Row>(&path)?;
+        let rows = self.output.fill(&SHOWN, |sheet| self.compute(sheet))?;
+        let folder = self.output.folder()?;
+        KINDS.iter().try_for_each(|kind| kind.publish(&folder, &rows))
+    }
+
+    fn compute(&self, sheet: &mut Sheet<Row>) -> Result<(), Box<dyn Error>> {
+        sheet.recall()?;
         let wanted = |kind: &&Kind| self.map.is_empty() || self.map.iter().any(|name| name == kind.name);
         for kind in KINDS.into_iter().filter(wanted) {
-            if !self.draw {
-                let fresh = kind.compute(self.quick)?;
-                rows.retain(|row| row.row.map != kind.name);
-                rows.extend(fresh.into_iter().map(|row| Measured { row, machine: machine.clone() }));
-                // After every map: a run that is stopped keeps what it has.
-                results::write_csv(&path, &rows)?;
-            }
-            kind.publish(&folder, &rows)?;
+            let fresh: Vec<_> =
+                kind.compute(self.output.quick)?.into_iter().map(|row| sheet.measured(row)).collect();
+            sheet.replace(|old| old.map == kind.name, fresh)?;
         }
-        println!("{} and its pictures are in {}", path.display(), folder.display());
         Ok(())
     }
 }

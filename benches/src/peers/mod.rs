@@ -11,7 +11,6 @@ mod picture;
 mod world;
 
 use std::error::Error;
-use std::path::{Path, PathBuf};
 
 use clap::Args;
 use dcd::runtime::measure::Plan;
@@ -23,10 +22,11 @@ use self::bodies::Bodies;
 use self::case::{CASES, Case};
 use self::engine::{ENGINES, Engine};
 use self::look::{Look, Looker};
-use crate::machine::Machine;
-use crate::page;
-use crate::results::{self, Measured, short};
-use crate::timing::{StepMs, WARM_UP};
+use crate::output::{Output, Sheet, Shown};
+use crate::results::short;
+use crate::timing::{WARM_UP, median_of};
+
+const SHOWN: Shown<Row> = Shown { name: "peers", table: picture::table, picture: Some(picture::picture) };
 
 /// Which scenes are run, and how often.
 #[derive(Args)]
@@ -34,18 +34,11 @@ pub(crate) struct Peers {
     /// Only this scene; rows of others stay in the file. May be given several times.
     #[arg(long, value_name = "NAME")]
     scene: Vec<String>,
-    /// Small scenes, timed once; writes no file unless `--out` names one.
-    #[arg(long)]
-    quick: bool,
+    #[command(flatten)]
+    output: Output,
     /// Prints one JSON object last.
     #[arg(long)]
     json: bool,
-    /// Where the results go; the picture goes beside them [default: benches/results/peers.csv].
-    #[arg(long, value_name = "FILE.csv")]
-    out: Option<PathBuf>,
-    /// Draws the picture and the page's table from the file, without measuring.
-    #[arg(long)]
-    draw: bool,
     /// Threads of every engine but bare Rapier.
     #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u16).range(1..=32))]
     threads: u16,
@@ -95,42 +88,32 @@ struct Outcome {
 
 impl Peers {
     pub(crate) fn run(self) -> Result<(), Box<dyn Error>> {
-        let out = self.out.clone().or_else(|| (!self.quick).then(|| results::committed().join("peers.csv")));
-        if self.draw {
-            let path = out.ok_or("`--draw` with `--quick` needs `--out`: name the file to draw")?;
-            return publish(&path, &results::read_csv(&path)?);
+        let mut fresh = Vec::new();
+        self.output.fill(&SHOWN, |rows| self.measure_all(rows, &mut fresh))?;
+        if self.json {
+            println!("{}", json!({ "peers": fresh }));
         }
+        Ok(())
+    }
+
+    fn measure_all(&self, rows: &mut Sheet<Row>, fresh: &mut Vec<Row>) -> Result<(), Box<dyn Error>> {
         if box3d::has_assertions() {
             let cause =
                 "Box3D is compiled with its assertions; run with `CFLAGS=-DNDEBUG` in the environment";
-            if !self.quick {
+            if !self.output.quick {
                 return Err(cause.into());
             }
             eprintln!("note: {cause}");
         }
-        let cases = self.cases()?;
-        let machine = Machine::here();
-        let mut rows: Vec<Measured<Row>> = match &out {
-            Some(path) if !self.scene.is_empty() => results::read_csv(path)?,
-            _ => Vec::new(),
-        };
-        let mut fresh = Vec::new();
-        for case in cases {
+        if !self.scene.is_empty() {
+            rows.recall()?;
+        }
+        for case in self.cases()? {
             let of_case = self.measure(case)?;
             print(&of_case);
-            rows.retain(|old| old.row.scene != case.name);
-            rows.extend(of_case.iter().map(|row| Measured { row: row.clone(), machine: machine.clone() }));
+            let measured: Vec<_> = of_case.iter().cloned().map(|row| rows.measured(row)).collect();
+            rows.replace(|old| old.scene == case.name, measured)?;
             fresh.extend(of_case);
-            // After every scene: a run that is stopped keeps what it has.
-            if let Some(path) = &out {
-                results::write_csv(path, &rows)?;
-            }
-        }
-        if let Some(path) = &out {
-            publish(path, &rows)?;
-        }
-        if self.json {
-            println!("{}", json!({ "peers": fresh }));
         }
         Ok(())
     }
@@ -143,28 +126,28 @@ impl Peers {
     }
 
     fn measure(&self, case: &Case) -> Result<Vec<Row>, Box<dyn Error>> {
-        let scene = case.scene(self.quick)?;
+        let scene = case.scene(self.output.quick)?;
         let (bodies, threads) = (Bodies::of(&scene)?, usize::from(self.threads));
         let looker = Looker::new(&bodies);
-        let ticks = Plan::ticks_of(case.size(self.quick).seconds, scene.dt_s) as usize;
+        let ticks = Plan::ticks_of(case.size(self.output.quick).seconds, scene.dt_s) as usize;
         let mut outcomes = Vec::new();
         for engine in ENGINES {
             eprintln!("{}: what it is worth, {}", case.name, engine.name());
             outcomes.push(outcome(engine, &scene, &looker, &bodies, threads, ticks)?);
         }
         let times = self.time(case.name, &scene, &bodies, ticks)?;
-        let bare_ms = times[0].p50_ms;
+        let bare_ms = times[0];
         let rows = ENGINES.into_iter().zip(times).zip(outcomes);
         Ok(rows
-            .map(|((engine, step), Outcome { regions, start, last })| Row {
+            .map(|((engine, ms_p50), Outcome { regions, start, last })| Row {
                 scene: case.name.to_owned(),
                 bodies: bodies.movers().count(),
                 engine: engine.name().to_owned(),
                 threads: engine.threads(threads),
                 regions,
                 ticks,
-                ms_p50: step.p50_ms,
-                over_bare: step.p50_ms / bare_ms,
+                ms_p50,
+                over_bare: ms_p50 / bare_ms,
                 mean_depth_m: last.mean_depth_m,
                 deepest_m: last.deepest_m,
                 energy_j: last.energy_j,
@@ -176,26 +159,25 @@ impl Peers {
             .collect())
     }
 
-    /// All engines in turn, several times over: the fastest run of each.
+    /// All engines in turn, several times over: milliseconds a step of the fastest run of each.
     fn time(
         &self,
         name: &str,
         scene: &Scene,
         bodies: &Bodies,
         ticks: usize,
-    ) -> Result<Vec<StepMs>, Box<dyn Error>> {
+    ) -> Result<Vec<f64>, Box<dyn Error>> {
         assert!(ticks > WARM_UP, "a case runs for longer than the warm-up");
-        let repeats = self.repeats.unwrap_or(if self.quick { 1 } else { 6 });
-        let mut best: Vec<Option<StepMs>> = vec![None; ENGINES.len()];
+        let repeats = self.repeats.unwrap_or(if self.output.quick { 1 } else { 6 });
+        let mut best = vec![f64::INFINITY; ENGINES.len()];
         for repeat in 1..=repeats {
             for (engine, best) in ENGINES.into_iter().zip(&mut best) {
                 eprintln!("{name}: time, run {repeat} of {repeats}, {}", engine.name());
                 let mut world = engine.world(scene, bodies, self.threads.into())?;
-                let step = StepMs::from_steps(&world.steps(ticks)?)?;
-                *best = Some(best.map_or(step, |best| best.faster(step)));
+                *best = best.min(median_of(&world.steps(ticks)?)?);
             }
         }
-        Ok(best.into_iter().flatten().collect())
+        Ok(best)
     }
 }
 
@@ -243,15 +225,11 @@ fn print(rows: &[Row]) {
     }
 }
 
-/// Picture and table, from what the file holds.
-fn publish(path: &Path, rows: &[Measured<Row>]) -> Result<(), Box<dyn Error>> {
-    crate::draw::write(&picture::picture(rows), &path.with_extension(""))?;
-    page::put(path.parent().unwrap_or(Path::new(".")), "peers", &picture::table(rows))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::machine::Machine;
+    use crate::results::{self, Measured};
 
     fn row() -> Row {
         Row {

@@ -2,7 +2,6 @@
 //! of avatar, the last one beside 20,000 bodies too.
 
 use std::error::Error;
-use std::path::{Path, PathBuf};
 
 use clap::Args;
 use dcd_tests::course::{Course, Played, play};
@@ -11,28 +10,20 @@ use dcd_tests::stage::{Stage, ms};
 use dcd_tests::truth::Quantiles;
 use serde::{Deserialize, Serialize};
 
-use crate::machine::Machine;
-use crate::page;
+use crate::output::{Output, Sheet, Shown};
 use crate::page::table as markdown;
-use crate::results::{self, Measured, short};
+use crate::results::{Measured, short};
 
-const FILE: &str = "prediction.csv";
+const SHOWN: Shown<Row> = Shown { name: "prediction", table, picture: None };
 
 /// Says how long each run takes, and where its results go.
 #[derive(Args)]
 pub(crate) struct Predictions {
-    /// Two seconds of two runs.
-    #[arg(long)]
-    quick: bool,
+    #[command(flatten)]
+    output: Output,
     /// Seconds that are played of each course.
     #[arg(long, default_value_t = 18, conflicts_with = "quick")]
     seconds: u32,
-    /// Where the results go [default: benches/results; with `--quick` a temporary folder].
-    #[arg(long, value_name = "FOLDER")]
-    out: Option<PathBuf>,
-    /// Draws from the file, without measuring.
-    #[arg(long)]
-    draw: bool,
 }
 
 /// A course that was played over one network.
@@ -69,27 +60,18 @@ fn networks() -> [(&'static str, Weather); 5] {
 
 impl Predictions {
     pub(crate) fn run(self) -> Result<(), Box<dyn Error>> {
-        let folder = results::folder(self.out.as_deref(), self.quick)?;
-        if !self.draw {
-            self.measure(&folder)?;
-        }
-        let table = table(&results::read_csv(&folder.join(FILE))?);
-        println!("{table}");
-        page::put(&folder, "prediction", &table)
+        self.output.fill(&SHOWN, |rows| self.measure(rows)).map(drop)
     }
 
-    fn measure(&self, folder: &Path) -> Result<(), Box<dyn Error>> {
-        let machine = Machine::here();
-        let frames = 60 * if self.quick { 2 } else { self.seconds };
+    fn measure(&self, rows: &mut Sheet<Row>) -> Result<(), Box<dyn Error>> {
+        let frames = 60 * if self.output.quick { 2 } else { self.seconds };
         let courses = Course::ALL.into_iter().map(|course| (course, 0)).chain([(Course::Pusher, 20_000)]);
-        let mut rows = Vec::new();
-        for (course, others) in courses.take(if self.quick { 1 } else { 9 }) {
-            for (network, weather) in networks().into_iter().take(if self.quick { 2 } else { 9 }) {
+        for (course, others) in courses.take(if self.output.quick { 1 } else { 9 }) {
+            for (network, weather) in networks().into_iter().take(if self.output.quick { 2 } else { 9 }) {
                 let mut stage = Stage::of(course.world(others), weather);
                 let row = row(course, others, network, &play(&mut stage, course, frames));
                 eprintln!("{}, {network}: {} % corrected", row.course, short(row.corrected_percent));
-                rows.push(Measured { row, machine: machine.clone() });
-                results::write_csv(&folder.join(FILE), &rows)?;
+                rows.push(row)?;
             }
         }
         Ok(())

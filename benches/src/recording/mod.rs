@@ -2,7 +2,6 @@
 
 use std::error::Error;
 use std::io::{self, Write};
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
@@ -12,25 +11,22 @@ use dcd::runtime::{LocalWorld, Partitioning, WorldConfig};
 use dcd::scene::{Params, Scene};
 use serde::{Deserialize, Serialize};
 
-use crate::machine::Machine;
+use crate::output::{Output, Sheet, Shown};
 use crate::page;
-use crate::results::{self, Measured, short};
+use crate::results::{Measured, short};
 
 /// Steps of which the first ones are left out: the snapshot that begins a recording is written before the first.
 const WARM_UP: usize = 10;
+const SHOWN: Shown<Row> = Shown { name: "recording", table, picture: None };
 
 /// Measures step times with and without a recording, in turn, on one thread.
 #[derive(Args)]
 pub(crate) struct Recording {
-    /// Small scenes, few steps.
-    #[arg(long)]
-    quick: bool,
+    #[command(flatten)]
+    output: Output,
     /// Runs of each; every step counts as in the run in which it took least.
     #[arg(long, value_name = "N", default_value_t = 6)]
     repeats: usize,
-    /// Where the results go [default: benches/results; with `--quick` a temporary folder].
-    #[arg(long, value_name = "FOLDER")]
-    out: Option<PathBuf>,
 }
 
 /// One scene.
@@ -68,8 +64,11 @@ impl Write for Counter {
 
 impl Recording {
     pub(crate) fn run(self) -> Result<(), Box<dyn Error>> {
-        let folder = results::folder(self.out.as_deref(), self.quick)?;
-        let (steps, cases): (usize, &[(&str, &str, usize, usize)]) = if self.quick {
+        self.output.fill(&SHOWN, |rows| self.measure(rows)).map(drop)
+    }
+
+    fn measure(&self, rows: &mut Sheet<Row>) -> Result<(), Box<dyn Error>> {
+        let (steps, cases): (usize, &[(&str, &str, usize, usize)]) = if self.output.quick {
             (40, &[("pile", "n", 200, 1), ("pile", "n", 200, 8)])
         } else {
             let cases = &[
@@ -84,8 +83,7 @@ impl Recording {
             ];
             (200, cases)
         };
-        let repeats = if self.quick { 1 } else { self.repeats };
-        let mut rows = Vec::new();
+        let repeats = if self.output.quick { 1 } else { self.repeats };
         for &(scene, name, count, regions) in cases {
             eprintln!("{scene} of {count} in {regions} regions");
             let row = measure(scene, name, count, regions, steps, repeats)?;
@@ -93,43 +91,41 @@ impl Recording {
                 "  {:.2} ms, recorded {:.2} ms, {:.1} kB/s",
                 row.step_ms, row.recorded_ms, row.kb_per_s
             );
-            rows.push(row);
+            rows.push(row)?;
         }
-        let cells = |row: &Row| {
-            let percent = |v: f64| format!("{v:.1}");
-            vec![
-                row.scene.clone(),
-                row.bodies.to_string(),
-                row.awake.to_string(),
-                row.regions.to_string(),
-                short(row.step_ms),
-                short(row.recorded_ms),
-                percent(row.added_percent),
-                percent(row.of_tick_percent),
-                short(row.kb_per_s),
-                short(row.snapshot_kb),
-            ]
-        };
-        let head = [
-            "scene",
-            "bodies",
-            "awake",
-            "regions",
-            "step, ms",
-            "recorded, ms",
-            "added, %",
-            "of a 60th of a second, %",
-            "kB/s",
-            "snapshot, kB",
-        ];
-        let table = page::table(&head, rows.iter().map(cells));
-        println!("{table}");
-        let machine = Machine::here();
-        let measured: Vec<_> =
-            rows.into_iter().map(|row| Measured { row, machine: machine.clone() }).collect();
-        results::write_csv(&folder.join("recording.csv"), &measured)?;
-        page::put(&folder, "recording", &table)
+        Ok(())
     }
+}
+
+fn table(rows: &[Measured<Row>]) -> String {
+    let cells = |Measured { row, .. }: &Measured<Row>| {
+        let percent = |v: f64| format!("{v:.1}");
+        vec![
+            row.scene.clone(),
+            row.bodies.to_string(),
+            row.awake.to_string(),
+            row.regions.to_string(),
+            short(row.step_ms),
+            short(row.recorded_ms),
+            percent(row.added_percent),
+            percent(row.of_tick_percent),
+            short(row.kb_per_s),
+            short(row.snapshot_kb),
+        ]
+    };
+    let head = [
+        "scene",
+        "bodies",
+        "awake",
+        "regions",
+        "step, ms",
+        "recorded, ms",
+        "added, %",
+        "of a 60th of a second, %",
+        "kB/s",
+        "snapshot, kB",
+    ];
+    page::table(&head, rows.iter().map(cells))
 }
 
 fn measure(

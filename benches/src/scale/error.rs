@@ -40,6 +40,8 @@ pub(super) struct Reading {
     pub(super) r1_spread: f64,
     pub(super) unit: &'static str,
     pub(super) gate: f64,
+    /// At the end.
+    pub(super) regions: usize,
 }
 
 impl<'a> Reference<'a> {
@@ -64,7 +66,10 @@ impl<'a> Reference<'a> {
         let case = self.case.for_accuracy(self.subject.scene.clone(), self.seconds);
         let scene = &case.scenes[0];
         let trace = match setting.config(scene, threads) {
-            None => trace(&case, scene, &Setup::Bare(Bare::default()))?,
+            None => {
+                let bare = Bare { threads: Some(setting.threads(threads)), ..Bare::default() };
+                trace(&case, scene, &Setup::Bare(bare))?
+            }
             Some(wanted) => {
                 let adjust = move |config: &mut WorldConfig| *config = wanted.clone();
                 trace(&case, scene, &Setup::Cut { regions: 1, adjust: &adjust })?
@@ -73,11 +78,17 @@ impl<'a> Reference<'a> {
         let broken = trace.lost + trace.doubled + trace.quarantined;
         if broken > 0 {
             let unit = "bodies lost, doubled or set aside";
-            return Ok(Reading { error: broken as f64, r1_spread: 0.0, unit, gate: 0.5 });
+            return Ok(Reading {
+                error: broken as f64,
+                r1_spread: 0.0,
+                unit,
+                gate: 0.5,
+                regions: trace.regions,
+            });
         }
         let readings = figures(self.case, &self.subject, &trace)
             .zip(&self.spreads)
-            .map(|((statistic, figure), spread)| Reading::of(statistic, figure, spread));
+            .map(|((statistic, figure), spread)| Reading::of(statistic, figure, spread, trace.regions));
         Ok(readings.max_by(|a, b| a.of_gate().total_cmp(&b.of_gate())).expect("a case has a statistic"))
     }
 }
@@ -96,12 +107,13 @@ impl Reading {
         self.error / self.gate
     }
 
-    fn of(statistic: Statistic, figure: Figure, spread: &Spread) -> Self {
+    fn of(statistic: Statistic, figure: Figure, spread: &Spread, regions: usize) -> Self {
         Self {
             error: finite(figure.better.error(figure.value, spread.mean)),
             r1_spread: spread.range,
             unit: statistic.unit(),
             gate: SLACK * spread.range + figure.within,
+            regions,
         }
     }
 }
@@ -155,7 +167,7 @@ mod tests {
         let spread = Spread::of([1.0, 2.0, 6.0].into_iter());
         assert_eq!(spread, Spread { mean: 3.0, range: 5.0 });
         let figure = Figure { value: 9.0, better: crate::accuracy::Better::Nowhere, within: 0.5 };
-        let reading = Reading::of(Statistic::MeanHeight, figure, &spread);
+        let reading = Reading::of(Statistic::MeanHeight, figure, &spread, 1);
         assert_eq!((reading.error, reading.r1_spread, reading.gate), (6.0, 5.0, 6.0));
         assert_eq!(reading.of_gate(), 1.0);
     }

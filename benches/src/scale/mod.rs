@@ -1,52 +1,55 @@
-//! Measures time and error in the same row: large scenes with bodies at every border, by what dcd chooses itself, by forced numbers of
-//! regions and by fixed methods, against one bare Rapier world. A gain that costs an error shows the error beside it.
+//! Measures time and error of the same settings: large scenes, most with bodies at every border, by what dcd chooses itself, by forced
+//! numbers of regions, by fixed methods and by Rapier's own `parallel`, against one bare Rapier world. A gain that costs an error shows
+//! the error beside it.
 
 mod case;
 mod error;
+mod front;
 mod instructions;
 mod picture;
+mod row;
 mod setting;
 mod statistic;
+mod time;
 
 use std::error::Error;
-use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use clap::Args;
-use dcd::physics::{Coupling, Measured as _};
+use dcd::physics::Coupling;
 use dcd::runtime::measure::{Cast, Plan};
 use dcd::scene::Scene;
-use serde::{Deserialize, Serialize};
 use serde_json::json;
 
 use self::case::{CASES, Case, QUICK};
-use self::error::{Reading, Reference};
+use self::error::Reference;
 pub(crate) use self::instructions::ScaleWorker;
+use self::row::Row;
 use self::setting::{SETTINGS, Setting};
 use crate::machine::Machine;
-use crate::page;
-use crate::results::{self, Measured, short};
-use crate::timing::{StepMs, WARM_UP};
+use crate::output::{Output, Sheet, Shown};
+use crate::results::{Measured, short};
 
-/// Which scenes are run, and how often.
+const SHOWN: Shown<Row> = Shown { name: "scale", table: picture::table, picture: Some(picture::picture) };
+
+/// Which scenes are run, and how often. With `--quick` three small scenes, timed once, in at most 8 regions.
 #[derive(Args)]
 pub(crate) struct Scale {
     /// Only this scene; rows of others stay in the file. May be given several times.
     #[arg(long, value_name = "NAME")]
     scene: Vec<String>,
-    /// Three scenes, small, timed once, in at most 8 regions; writes no file unless `--out` names one.
+    /// Measures errors alone, which need no quiet machine; times stay in the file.
     #[arg(long)]
-    quick: bool,
+    errors: bool,
+    /// Measures times alone, on a machine that does nothing else; errors stay in the file.
+    #[arg(long)]
+    times: bool,
+    #[command(flatten)]
+    output: Output,
     /// Prints one JSON object last.
     #[arg(long)]
     json: bool,
-    /// Where the results go; the picture goes beside them [default: benches/results/scale.csv].
-    #[arg(long, value_name = "FILE.csv")]
-    out: Option<PathBuf>,
-    /// Draws the picture and the page's table from the file, without measuring.
-    #[arg(long)]
-    draw: bool,
-    /// Regions stepped at a time, at most.
+    /// Regions stepped at a time, at most, and threads of Rapier's `parallel`.
     #[arg(long, default_value_t = 2, value_parser = clap::value_parser!(u16).range(1..=1024))]
     threads: u16,
     /// Runs of one bare world that tell how far chance alone takes a figure [default: 8, with `--quick` 3].
@@ -55,77 +58,19 @@ pub(crate) struct Scale {
     /// How often each setting is timed; the fastest counts [default: 6, with `--quick` 1].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     repeats: Option<u16>,
-    /// Counts instructions of two regions over one bare world, of the scenes' small sizes on one thread; needs valgrind. Fails where
-    /// they are more than they were.
-    #[arg(long)]
+    /// Counts, with the errors, instructions of two regions over one bare world, of the scenes' small sizes on one thread; needs
+    /// valgrind. Fails where they are more than they were.
+    #[arg(long, conflicts_with = "times")]
     instructions: bool,
-}
-
-/// A scene by one setting.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub(crate) struct Row {
-    scene: String,
-    bodies: usize,
-    setting: String,
-    /// 0: one bare Rapier world.
-    regions: usize,
-    threads: usize,
-    /// Milliseconds a step, median of the fastest run.
-    ms_p50: f64,
-    /// Of the time that one bare world takes, by medians: below 1 is faster.
-    over_bare: f64,
-    /// Of two regions over one bare world.
-    instructions_over_bare: Option<f64>,
-    /// Of the statistic that is worst by its gate, which `unit` names.
-    error: f64,
-    /// From the least to the most of one bare world's own runs.
-    r1_spread: f64,
-    unit: String,
-    /// The largest error that passes.
-    gate: f64,
-    pass: bool,
-}
-
-/// What a setting took.
-#[derive(Clone, Copy)]
-struct Timed {
-    step: StepMs,
-    regions: usize,
-    /// Not worth another run: noise is small beside it.
-    long: bool,
 }
 
 impl Scale {
     pub(crate) fn run(self) -> Result<(), Box<dyn Error>> {
-        let out = self.out.clone().or_else(|| (!self.quick).then(|| results::committed().join("scale.csv")));
-        if self.draw {
-            let path = out.ok_or("`--draw` with `--quick` needs `--out`: name the file to draw")?;
-            return publish(&path, &results::read_csv(&path)?);
-        }
         if self.instructions && !instructions::can_count() {
             eprintln!("note: valgrind is not installed, so instructions are not counted");
         }
-        let cases = self.cases()?;
-        let machine = Machine::here();
-        let mut rows: Vec<Measured<Row>> = match &out {
-            Some(path) if !self.scene.is_empty() => results::read_csv(path)?,
-            _ => Vec::new(),
-        };
         let mut fresh = Vec::new();
-        for case in cases {
-            let of_case = self.measure(case)?;
-            print(&of_case);
-            rows.retain(|old| old.row.scene != case.name);
-            rows.extend(of_case.iter().map(|row| Measured { row: row.clone(), machine: machine.clone() }));
-            fresh.extend(of_case);
-            // After every scene: a run that is stopped keeps what it has.
-            if let Some(path) = &out {
-                results::write_csv(path, &rows)?;
-            }
-        }
-        if let Some(path) = &out {
-            publish(path, &rows)?;
-        }
+        self.output.fill(&SHOWN, |sheet| self.measure_all(sheet, &mut fresh))?;
         if self.json {
             println!("{}", json!({ "rows": fresh }));
         }
@@ -135,106 +80,121 @@ impl Scale {
         if above.is_empty() { Ok(()) } else { Err(above.join("; ").into()) }
     }
 
+    fn measure_all(&self, sheet: &mut Sheet<Row>, fresh: &mut Vec<Row>) -> Result<(), Box<dyn Error>> {
+        sheet.recall()?;
+        let cases = self.cases()?;
+        if !self.output.quick {
+            let minutes = cases.iter().map(|case| self.expected_min(case, sheet.rows())).sum::<f64>();
+            eprintln!("{} scenes, about {minutes:.0} minutes", cases.len());
+        }
+        for case in cases {
+            let rows = self.measure(case, sheet)?;
+            print(&rows);
+            fresh.extend(rows.iter().map(|row| row.row.clone()));
+            sheet.replace(|old| old.scene == case.name, rows)?;
+        }
+        Ok(())
+    }
+
     fn cases(&self) -> Result<Vec<&'static Case>, Box<dyn Error>> {
         if self.scene.is_empty() {
-            return Ok(CASES.iter().filter(|case| !self.quick || QUICK.contains(&case.name)).collect());
+            return Ok(CASES
+                .iter()
+                .filter(|case| !self.output.quick || QUICK.contains(&case.name))
+                .collect());
         }
         Ok(self.scene.iter().map(|name| Case::named(name)).collect::<Result<_, _>>()?)
     }
 
     fn settings(&self) -> Vec<Setting> {
-        SETTINGS.into_iter().filter(|setting| !self.quick || *setting != Setting::Auto(16)).collect()
+        SETTINGS.into_iter().filter(|setting| !self.output.quick || *setting != Setting::Auto(16)).collect()
     }
 
-    fn measure(&self, case: &Case) -> Result<Vec<Row>, Box<dyn Error>> {
-        let progress = Progress { scene: case.name, start: Instant::now() };
+    fn wants_errors(&self) -> bool {
+        self.errors || !self.times
+    }
+
+    fn wants_times(&self) -> bool {
+        self.times || !self.errors
+    }
+
+    fn seeds(&self) -> u64 {
+        self.seeds.unwrap_or(if self.output.quick { 3 } else { 8 })
+    }
+
+    fn rounds(&self) -> u16 {
+        self.repeats.unwrap_or(if self.output.quick { 1 } else { 6 })
+    }
+
+    /// By the times that the file has of the scene; as all scenes are made to take at most, where it has none.
+    fn expected_min(&self, case: &Case, rows: &[Measured<Row>]) -> f64 {
+        /// Looks take time, and what broke costs more.
+        const ERRORS_OVER_TIMES: f64 = 1.5;
+        const MOST_MIN: f64 = 6.0;
+        let of_case = rows.iter().map(|row| &row.row).filter(|row| row.scene == case.name);
+        let round_ms: f64 = of_case.clone().filter_map(|row| row.ms_p50).sum();
+        let bare_ms = of_case.clone().find_map(|row| row.ms_p50).unwrap_or_default();
+        let (size, dt_s) = (case.size(false), 1.0 / 60.0);
+        let times_min = f64::from(self.rounds()) * round_ms * case.timed_ticks(false, dt_s) as f64 / 60e3;
+        let run_ms = round_ms + bare_ms * self.seeds() as f64 / f64::from(self.threads);
+        let errors_min = ERRORS_OVER_TIMES * run_ms * Plan::ticks_of(size.seconds, dt_s) as f64 / 60e3;
+        let or_most = |min: f64| if min > 0.0 { min } else { MOST_MIN };
+        let if_wanted = |wanted: bool, min: f64| if wanted { or_most(min) } else { 0.0 };
+        if_wanted(self.wants_times(), times_min) + if_wanted(self.wants_errors(), errors_min)
+    }
+
+    /// The rows of a scene, of which what is not measured now stays as the sheet has it.
+    fn measure(&self, case: &Case, sheet: &Sheet<Row>) -> Result<Vec<Measured<Row>>, Box<dyn Error>> {
         let (scene, settings, threads) =
-            (case.scene(self.quick)?, self.settings(), usize::from(self.threads));
-        let seeds = self.seeds.unwrap_or(if self.quick { 3 } else { 8 });
-        progress.tell(format_args!("one bare world, {seeds} seeds"));
-        let reference = Reference::of(case, &scene, self.quick, seeds)?;
-        let mut readings = Vec::new();
-        for setting in &settings {
-            progress.tell(format_args!("error, {}", setting.label()));
-            readings.push(reference.read(*setting, threads)?);
-        }
-        let timed = self.time(&scene, case.size(self.quick).seconds, &settings, &progress)?;
-        let instructions = self.count(case, &settings, &progress)?;
-        let bare_ms = timed[0].step.p50_ms;
+            (case.scene(self.output.quick)?, self.settings(), usize::from(self.threads));
         let bodies = Cast::of_scene(&scene).bodies.len();
-        let rows = settings.iter().zip(timed).zip(readings).zip(instructions);
-        Ok(rows
-            .map(|(((setting, Timed { step, regions, .. }), reading), instructions_over_bare)| {
-                let pass = reading.of_gate() <= 1.0;
-                let Reading { error, r1_spread, unit, gate } = reading;
-                Row {
-                    scene: case.name.to_owned(),
-                    bodies,
-                    setting: setting.name().to_owned(),
-                    regions,
-                    threads: setting.threads(threads),
-                    ms_p50: step.p50_ms,
-                    over_bare: step.p50_ms / bare_ms,
-                    instructions_over_bare,
-                    error,
-                    r1_spread,
-                    unit: unit.to_owned(),
-                    gate,
-                    pass,
-                }
-            })
-            .collect())
-    }
-
-    /// All settings in turn, several times over: the fastest run of each. It is as long as the one whose error is measured. What
-    /// takes minutes runs once.
-    fn time(
-        &self,
-        scene: &Scene,
-        seconds: f64,
-        settings: &[Setting],
-        progress: &Progress,
-    ) -> Result<Vec<Timed>, Box<dyn Error>> {
-        const LONG: Duration = Duration::from_secs(60);
-        let ticks = (Plan::ticks_of(seconds, scene.dt_s) as usize).saturating_sub(WARM_UP).max(1);
-        let repeats = self.repeats.unwrap_or(if self.quick { 1 } else { 6 });
-        let mut best: Vec<Option<Timed>> = vec![None; settings.len()];
-        for repeat in 1..=repeats {
-            for (setting, best) in settings.iter().zip(&mut best) {
-                if best.is_some_and(|best| best.long) {
-                    continue;
-                }
-                progress.tell(format_args!("time, run {repeat} of {repeats}, {}", setting.label()));
-                let config = setting.config(scene, usize::from(self.threads));
-                let mut subject = Plan { config, ticks: ticks as u64 }.subject(scene)?;
-                let start = Instant::now();
-                let step = StepMs::of(&mut subject, ticks)?;
-                let long = start.elapsed() > LONG;
-                let step = best.map_or(step, |best| best.step.faster(step));
-                let regions = if *setting == Setting::Bare { 0 } else { subject.views().len() };
-                *best = Some(Timed { step, regions, long });
+        let row = |setting: &Setting| {
+            let old = sheet.rows().iter().find(|old| old.row.is_of(case, bodies, *setting));
+            old.cloned().unwrap_or_else(|| sheet.measured(Row::new(case, bodies, *setting, threads)))
+        };
+        let mut rows: Vec<_> = settings.iter().map(row).collect();
+        let progress = Progress { scene: case.name, start: Instant::now() };
+        if self.wants_errors() {
+            self.read_errors(case, &scene, &settings, &mut rows, &progress)?;
+        }
+        if self.wants_times() {
+            let (scene, small) = (case.timed_scene(self.output.quick)?, self.output.quick);
+            let ticks = case.timed_ticks(small, scene.dt_s);
+            let times = time::time(&scene, ticks, &settings, threads, self.rounds(), &progress)?;
+            for ((row, time), setting) in rows.iter_mut().zip(&times).zip(&settings) {
+                let mut fresh = Row { threads: setting.threads(threads), ..row.row.clone() };
+                fresh.set_time(*time, times[0]);
+                *row = sheet.measured(fresh);
             }
         }
-        Ok(best.into_iter().flatten().collect())
+        progress.tell(format_args!("done"));
+        Ok(rows)
     }
 
-    /// Of settings of two regions, if asked and possible.
-    fn count(
+    fn read_errors(
         &self,
         case: &Case,
+        scene: &Scene,
         settings: &[Setting],
+        rows: &mut [Measured<Row>],
         progress: &Progress,
-    ) -> Result<Vec<Option<f64>>, Box<dyn Error>> {
-        if !self.instructions || !instructions::can_count() {
-            return Ok(vec![None; settings.len()]);
+    ) -> Result<(), Box<dyn Error>> {
+        let here = Machine::here();
+        progress.tell(format_args!("errors, one bare world by {} seeds", self.seeds()));
+        let reference = Reference::of(case, scene, self.output.quick, self.seeds())?;
+        for (setting, row) in settings.iter().zip(rows.iter_mut()) {
+            progress.tell(format_args!("errors, {}", setting.label()));
+            row.row.set_error(reference.read(*setting, self.threads.into())?, &here);
         }
-        progress.tell(format_args!("instructions"));
-        let bare = instructions::count(case, Setting::Bare)? as f64;
-        let over_bare = |setting: &Setting| match setting.asked_regions() {
-            Some(2) => Ok(Some(instructions::count(case, *setting)? as f64 / bare)),
-            _ => Ok(None),
-        };
-        settings.iter().map(over_bare).collect()
+        if self.instructions && instructions::can_count() {
+            progress.tell(format_args!("instructions"));
+            let bare = instructions::count(case, Setting::Bare)? as f64;
+            let of_two = |setting: &Setting| setting.asked_regions() == Some(2);
+            for (setting, row) in settings.iter().zip(rows).filter(|(setting, _)| of_two(setting)) {
+                row.row.instructions_over_bare = Some(instructions::count(case, *setting)? as f64 / bare);
+            }
+        }
+        Ok(())
     }
 }
 
@@ -250,54 +210,27 @@ impl Progress {
     }
 }
 
-fn print(rows: &[Row]) {
+fn print(rows: &[Measured<Row>]) {
     println!(
-        "scene        bodies setting regions threads  p50 ms over bare instructions     error      gate"
+        "scene        bodies setting    threads  p50 ms over bare  CPU over instructions     error      gate"
     );
-    for row in rows {
-        let Row { scene, bodies, setting, regions, threads, ms_p50, over_bare, .. } = row;
-        let instructions = row.instructions_over_bare.map_or("–".to_owned(), |over| format!("{over:.2}x"));
-        let (error, gate) = (short(row.error), short(row.gate));
-        let verdict = if row.pass { "passes" } else { "fails" };
+    let figure = |value: Option<f64>| value.map_or("–".to_owned(), short);
+    let times = |value: Option<f64>| value.map_or("–".to_owned(), |times| format!("{times:.2}x"));
+    for Measured { row, .. } in rows {
         println!(
-            "{scene:12} {bodies:6} {setting:7} {regions:7} {threads:7} {ms_p50:7.3} {over_bare:8.2}x {instructions:>12} {error:>9} {gate:>9} {verdict}: {}",
-            row.unit
+            "{:12} {:6} {:10} {:7} {:>7} {:>9} {:>9} {:>12} {:>9} {:>9} {}: {}",
+            row.scene,
+            row.bodies,
+            row.label(),
+            row.threads,
+            figure(row.ms_p50),
+            times(row.over_bare),
+            times(row.cpu_over_bare),
+            times(row.instructions_over_bare),
+            figure(row.error),
+            figure(row.gate),
+            row.pass.map_or("–", |pass| if pass { "passes" } else { "fails" }),
+            row.unit.as_deref().unwrap_or("–"),
         );
-    }
-}
-
-/// Picture and matrix, from what the file holds.
-fn publish(path: &Path, rows: &[Measured<Row>]) -> Result<(), Box<dyn Error>> {
-    crate::draw::write(&picture::picture(rows), &path.with_extension(""))?;
-    page::put(path.parent().unwrap_or(Path::new(".")), "scale", &picture::table(rows))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_row_has_the_keys_that_others_read() {
-        let row = Row {
-            scene: "net".into(),
-            bodies: 1,
-            setting: "bare".into(),
-            regions: 0,
-            threads: 1,
-            ms_p50: 1.0,
-            over_bare: 1.0,
-            instructions_over_bare: None,
-            error: 0.0,
-            r1_spread: 0.0,
-            unit: "m".into(),
-            gate: 0.1,
-            pass: true,
-        };
-        let json = serde_json::to_value(row).unwrap();
-        let mut keys: Vec<_> = json.as_object().unwrap().keys().map(String::as_str).collect();
-        keys.sort_unstable();
-        let expected = "bodies error gate instructions_over_bare ms_p50 over_bare pass r1_spread regions scene setting threads unit";
-        assert_eq!(keys.join(" "), expected);
-        assert!(json["instructions_over_bare"].is_null());
     }
 }

@@ -9,6 +9,8 @@ use dcd::scene::Scene;
 pub(super) enum Setting {
     /// One Rapier world, none of our code in its step.
     Bare,
+    /// The same by Rapier's own `parallel`, on all threads.
+    Parallel,
     /// The regions that dcd chooses itself for so many threads.
     Default,
     /// So many regions, by the coupling that is the default.
@@ -18,8 +20,9 @@ pub(super) enum Setting {
 }
 
 /// The bare world first: all others are held against it.
-pub(super) const SETTINGS: [Setting; 9] = [
+pub(super) const SETTINGS: [Setting; 10] = [
     Setting::Bare,
+    Setting::Parallel,
     Setting::Default,
     Setting::Auto(1),
     Setting::Auto(2),
@@ -35,6 +38,7 @@ impl Setting {
     pub(super) const fn name(self) -> &'static str {
         match self {
             Self::Bare => "bare",
+            Self::Parallel => "parallel",
             Self::Default => "default",
             Self::Auto(_) => Coupling::Auto.name(),
             Self::Fixed(method) => method.name(),
@@ -51,24 +55,30 @@ impl Setting {
     /// How many regions are asked for; none where dcd chooses.
     pub(super) const fn asked_regions(self) -> Option<usize> {
         match self {
-            Self::Bare => Some(0),
+            Self::Bare | Self::Parallel => Some(0),
             Self::Default => None,
             Self::Auto(regions) => Some(regions),
             Self::Fixed(_) => Some(2),
         }
     }
 
-    /// For progress.
+    /// Its name with the number of regions, where some are asked for.
     pub(super) fn label(self) -> String {
-        self.asked_regions().map_or(self.name().to_owned(), |regions| format!("{} {regions}", self.name()))
+        match self.asked_regions() {
+            None | Some(0) => self.name().to_owned(),
+            Some(regions) => format!("{} {regions}", self.name()),
+        }
     }
 
     /// Of so many that may be used.
     pub(super) fn threads(self, most: usize) -> usize {
-        self.asked_regions().map_or(most, |regions| regions.clamp(1, most))
+        match self {
+            Self::Parallel => most,
+            _ => self.asked_regions().map_or(most, |regions| regions.clamp(1, most)),
+        }
     }
 
-    /// None for the bare world.
+    /// None for one Rapier world.
     pub(super) fn config(self, scene: &Scene, most_threads: usize) -> Option<WorldConfig> {
         let of = |partitioning| WorldConfig {
             partitioning,
@@ -76,7 +86,7 @@ impl Setting {
             ..WorldConfig::for_scene(scene)
         };
         match self {
-            Self::Bare => None,
+            Self::Bare | Self::Parallel => None,
             Self::Default => Some(of(Partitioning::Auto)),
             Self::Auto(regions) => Some(of(Partitioning::Regions(regions))),
             Self::Fixed(method) => {
@@ -109,7 +119,8 @@ mod tests {
         let scene = Scene::named("tower", &Params::new()).unwrap();
         for setting in SETTINGS {
             let Some(config) = setting.config(&scene, 2) else {
-                assert_eq!(setting, Setting::Bare);
+                assert!(matches!(setting, Setting::Bare | Setting::Parallel));
+                assert_eq!(setting.threads(2), if setting == Setting::Bare { 1 } else { 2 });
                 continue;
             };
             config.check().unwrap();

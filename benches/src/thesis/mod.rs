@@ -10,7 +10,6 @@ mod published;
 mod tables;
 
 use std::error::Error;
-use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::Args;
@@ -23,11 +22,9 @@ pub(crate) use self::participant::ThesisParticipant;
 
 use self::group::{Group, Length};
 use self::published::WORLDS;
-use crate::machine::Machine;
-use crate::page;
-use crate::results::{self, Measured};
+use crate::output::{Output, Sheet, Shown};
 
-const FILE: &str = "thesis.csv";
+const SHOWN: Shown<Row> = Shown { name: "thesis", table: tables::markdown, picture: Some(picture::picture) };
 /// Nodes of tables 5.2 to 5.6, and of table 5.7.
 const GROUPS: [usize; 8] = [1, 2, 3, 4, 5, 6, 7, 8];
 const LARGE_GROUPS: [usize; 2] = [16, 32];
@@ -37,15 +34,11 @@ const COUNTED: usize = 120;
 /// Which worlds are run, and how often.
 #[derive(Args)]
 pub(crate) struct Thesis {
-    /// One and two nodes with 500 cubes, once; writes no file unless `--out` names a folder.
-    #[arg(long)]
-    quick: bool,
+    #[command(flatten)]
+    output: Output,
     /// Prints one JSON object last.
     #[arg(long)]
     json: bool,
-    /// Where the results go [default: benches/results; with `--quick` a temporary folder].
-    #[arg(long, value_name = "FOLDER")]
-    out: Option<PathBuf>,
     /// Runs each group so often; the mean counts, as in the thesis.
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u16).range(1..))]
     repeats: u16,
@@ -55,9 +48,6 @@ pub(crate) struct Thesis {
     /// Only groups of so many nodes. May be given several times.
     #[arg(long, value_name = "NODES")]
     nodes: Vec<usize>,
-    /// Draws picture and tables from the file, without measuring.
-    #[arg(long)]
-    draw: bool,
 }
 
 /// One group in one world: means of the repeats.
@@ -87,12 +77,7 @@ pub(crate) struct Row {
 
 impl Thesis {
     pub(crate) fn run(self) -> Result<(), Box<dyn Error>> {
-        let folder = results::folder(self.out.as_deref(), self.quick)?;
-        if !self.draw {
-            self.measure(&folder)?;
-        }
-        let rows = results::read_csv(&folder.join(FILE))?;
-        publish(&folder, &rows)?;
+        let rows = self.output.fill(&SHOWN, |rows| self.measure(rows))?;
         if self.json {
             println!("{}", json!({ "rows": tables::compared(&rows) }));
         }
@@ -101,7 +86,7 @@ impl Thesis {
 
     /// The worlds and groups to be run.
     fn plan(&self) -> Vec<(usize, usize)> {
-        if self.quick && self.objects.is_empty() && self.nodes.is_empty() {
+        if self.output.quick && self.objects.is_empty() && self.nodes.is_empty() {
             return vec![(500, 1), (500, 2)];
         }
         let mut plan = Vec::new();
@@ -117,16 +102,16 @@ impl Thesis {
         plan
     }
 
-    fn measure(&self, folder: &Path) -> Result<(), Box<dyn Error>> {
-        let machine = Machine::here();
-        let path = folder.join(FILE);
-        let mut rows: Vec<Measured<Row>> = if self.quick { Vec::new() } else { results::read_csv(&path)? };
+    fn measure(&self, rows: &mut Sheet<Row>) -> Result<(), Box<dyn Error>> {
+        if !self.output.quick {
+            rows.recall()?;
+        }
         let plan = self.plan();
         if plan.is_empty() {
             return Err("the thesis had no such world or group; see `thesis --help`".into());
         }
-        let repeats = if self.quick { 1 } else { self.repeats };
-        let length = match self.quick {
+        let repeats = if self.output.quick { 1 } else { self.repeats };
+        let length = match self.output.quick {
             true => Length { ticks: 150, time: Duration::from_millis(500) },
             false => Length { ticks: 600, time: Duration::from_secs(3) },
         };
@@ -136,11 +121,8 @@ impl Thesis {
                 .map(|repeat| group::run(nodes, objects, 1 + u64::from(repeat), length))
                 .collect();
             let row = row(objects, nodes, &groups?, collisions(objects)?);
-            rows.retain(|old| (old.row.objects, old.row.nodes) != (objects, nodes));
-            rows.push(Measured { row, machine: machine.clone() });
-            rows.sort_by_key(|row| (row.row.objects, row.row.nodes));
-            // After every group: a run that is stopped keeps what it has.
-            results::write_csv(&path, &rows)?;
+            let fresh = rows.measured(row);
+            rows.replace(|old| (old.objects, old.nodes) == (objects, nodes), [fresh])?;
         }
         Ok(())
     }
@@ -148,13 +130,6 @@ impl Thesis {
 
 /// More cubes than the thesis had.
 const MANY: usize = 20_000;
-
-fn publish(folder: &Path, rows: &[Measured<Row>]) -> Result<(), Box<dyn Error>> {
-    crate::draw::write(&picture::picture(rows), &folder.join("thesis"))?;
-    let tables = tables::markdown(rows);
-    println!("{tables}");
-    page::put(folder, "thesis", &tables)
-}
 
 fn row(objects: usize, nodes: usize, groups: &[Group], collisions: f64) -> Row {
     let mean = |of: &dyn Fn(&Group) -> f64| groups.iter().map(of).sum::<f64>() / groups.len() as f64;

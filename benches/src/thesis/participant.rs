@@ -9,8 +9,9 @@ use clap::Args;
 use dcd::protocol::{Area, Velocity, WorldPose};
 use dcd::rapier3d::prelude::*;
 use dcd::runtime::{ClientWorld, JoinConfig};
-use rustix::time::{ClockId, clock_gettime};
 use serde::{Deserialize, Serialize};
+
+use crate::timing::cpu_ms;
 
 /// Ticks before the measurement begins: by then avatars are there, and links are.
 const WARM_UP: u64 = 60;
@@ -58,11 +59,10 @@ struct Reading {
 
 impl Reading {
     fn now(world: &ClientWorld) -> Self {
-        let used = clock_gettime(ClockId::ProcessCPUTime);
         let traffic = world.traffic();
         Self {
             tick: world.tick().0,
-            cpu_ms: used.tv_sec as f64 * 1e3 + used.tv_nsec as f64 / 1e6,
+            cpu_ms: cpu_ms(),
             at: Instant::now(),
             messages: traffic.frames_out + traffic.datagrams_out,
             bytes: traffic.bytes_out,

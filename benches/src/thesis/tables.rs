@@ -1,5 +1,7 @@
 //! Sets the thesis's tables beside ours.
 
+use std::collections::BTreeSet;
+
 use serde::Serialize;
 
 use super::published::{LEADER_PERCENT, Published, SCALE_UP};
@@ -88,39 +90,21 @@ fn alone(rows: &[Measured<Row>]) -> String {
     markdown_table(&head, lines)
 }
 
+/// Scale-up by the slowest member, and the thesis's, by cubes and nodes.
 fn groups(rows: &[Measured<Row>]) -> String {
-    let lines = rows.iter().map(|row| &row.row).filter(|row| row.nodes > 1 && row.objects != MANY);
-    let lines = lines.map(|row| {
-        let published = Published::world(row.objects);
-        let step_ms = published.and_then(|world| world.step_ms(row.nodes));
-        let up = published.and_then(|world| Some(world.alone.0 / world.step_ms(row.nodes)?));
-        vec![
-            row.objects.to_string(),
-            row.nodes.to_string(),
-            theirs(step_ms),
-            [row.members_ms, row.slowest_ms, row.leader_ms].map(short).join(", "),
-            theirs(up),
-            theirs(scale_up(rows, row)),
-            short(row.messages),
-            short(row.bytes),
-            short(row.replicas),
-            short(row.exchanges),
-            short(row.disagreement_m_s.into()),
-        ]
+    let of_groups = || rows.iter().map(|row| &row.row).filter(|row| row.nodes > 1 && row.objects != MANY);
+    let (worlds, nodes): (BTreeSet<_>, BTreeSet<_>) = of_groups().map(|row| (row.objects, row.nodes)).unzip();
+    let cell = |objects: usize, nodes: usize| {
+        let ours = of_groups().find(|row| (row.objects, row.nodes) == (objects, nodes));
+        let published = Published::world(objects);
+        let up = published.and_then(|world| Some(world.alone.0 / world.step_ms(nodes)?));
+        ours.map_or("–".to_owned(), |row| format!("{} ({})", theirs(scale_up(rows, row)), theirs(up)))
+    };
+    let lines = worlds.iter().map(|&objects| {
+        std::iter::once(objects.to_string()).chain(nodes.iter().map(|&nodes| cell(objects, nodes))).collect()
     });
-    let head = [
-        "5.2, 5.7: cubes",
-        "nodes",
-        "thesis, ms",
-        "ours, ms: mean, slowest, leader",
-        "thesis, scale-up",
-        "ours, by the slowest",
-        "messages a tick",
-        "bytes a tick",
-        "replicas",
-        "exchanges",
-        "copies disagree, m/s",
-    ];
+    let columns: Vec<_> = nodes.iter().map(|nodes| format!("{nodes} nodes")).collect();
+    let head: Vec<_> = ["5.2, 5.7: cubes"].into_iter().chain(columns.iter().map(String::as_str)).collect();
     markdown_table(&head, lines)
 }
 
@@ -197,5 +181,6 @@ mod tests {
         assert!((find("5.6", "percent").2 - 25.0).abs() < 1e-9);
         let text = markdown(&rows);
         assert!(text.contains("| 4 | 4.50 | 2.00 | 19.0 | 25.0 |"), "{text}");
+        assert!(text.contains("| 5.2, 5.7: cubes | 4 nodes |\n| --- | --- |\n| 1000 | 2.00 (4.34) |"), "{text}");
     }
 }

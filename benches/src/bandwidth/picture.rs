@@ -29,7 +29,6 @@ pub(super) fn picture(rows: &[Measured<Row>]) -> LinePanels {
         caption: "At each point a network of the table: what comes later is predicted from longer ago."
             .to_owned(),
         x_label: "ticks from a state to its acknowledgement".to_owned(),
-        y_reversed: false,
         columns: 2,
         panels: scenes.into_iter().map(|scene| panel(rows, scene)).collect(),
     }

@@ -21,7 +21,6 @@ pub(super) fn picture(rows: &[Measured<Row>]) -> LinePanels {
             "99th percentile of the distance from the truth at the tick that is shown.\n{machine}"
         ),
         x_label: "kbit/s, all of UDP".to_owned(),
-        y_reversed: false,
         columns: 2,
         panels: scenes.into_iter().map(|scene| panel(rows, scene)).collect(),
     }

@@ -25,7 +25,6 @@ pub(super) fn picture(rows: &[Measured<Row>]) -> LinePanels {
         title: "Three groups of four nodes, 60 ms apart, over time".to_owned(),
         caption: format!("Largest of every few seconds; dashed: the threshold between groups.\n{machine}"),
         x_label: "simulated seconds".to_owned(),
-        y_reversed: false,
         columns: 3,
         panels,
     }

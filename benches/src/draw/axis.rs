@@ -1,10 +1,10 @@
-//! Scales a logarithmic axis that may run backwards: small errors belong at the top.
+//! Scales a logarithmic axis.
 
 use std::ops::Range;
 
 use plotters::coord::ranged1d::{KeyPointHint, NoDefaultFormatting, Ranged, ValueFormatter};
 
-/// From the value at the start of the axis to the value at its end, both above zero, in either order.
+/// From the value at the start of the axis to the larger one at its end, both above zero.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Decades {
     start: f64,
@@ -23,11 +23,6 @@ impl Decades {
         // At least half a decade, so that noise does not look like a difference.
         let air = (0.08 * (most / least).log10()).max(0.25 - 0.5 * (most / least).log10()).max(0.05);
         Self { start: least / 10f64.powf(air), end: most * 10f64.powf(air) }
-    }
-
-    /// The same the other way round.
-    pub(super) fn reversed(self) -> Self {
-        Self { start: self.end, end: self.start }
     }
 
     /// Whole decades between two values.
@@ -52,7 +47,7 @@ impl Ranged for Decades {
     }
 
     fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
-        let (least, most) = (self.start.min(self.end), self.start.max(self.end));
+        let (least, most) = (self.start, self.end);
         let points = |digits: &[f64], every: i32| -> Vec<f64> {
             let decades = least.log10().floor() as i32..=most.log10().ceil() as i32;
             decades
@@ -92,9 +87,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_reversed_axis_has_its_smallest_value_at_its_end() {
-        let axis = Decades { start: 0.001, end: 1.0 }.reversed();
-        assert_eq!([1.0, 0.1, 0.001, 0.0].map(|v| axis.map(&v, (300, 0))), [300, 200, 0, 0]);
+    fn an_axis_has_its_decades_evenly_and_what_is_outside_at_its_ends() {
+        let axis = Decades { start: 0.001, end: 1.0 };
+        assert_eq!([1.0, 0.1, 0.001, 0.0].map(|v| axis.map(&v, (300, 0))), [0, 100, 300, 300]);
         assert_eq!(axis.key_points(5), [0.001, 0.01, 0.1, 1.0]);
     }
 

@@ -11,8 +11,6 @@ pub(crate) struct LinePanels {
     /// Below the title: what is seen, and the machine.
     pub(crate) caption: String,
     pub(crate) x_label: String,
-    /// Small values at the top.
-    pub(crate) y_reversed: bool,
     /// Panels beside one another.
     pub(crate) columns: usize,
     pub(crate) panels: Vec<LinePanel>,
@@ -97,7 +95,7 @@ impl Picture for LinePanels {
             let (column, row) = ((i % self.columns()) as i32, (i / self.columns()) as i32);
             let (left, top) = (AIR as i32 + column * PANEL.0 as i32, HEAD as i32 + row * PANEL.1 as i32);
             let place = area.clone().shrink((left, top), PANEL);
-            panel.draw(&place, &self.x_label, self.y_reversed)?;
+            panel.draw(&place, &self.x_label)?;
         }
         let top = (self.size_without_legend().1 + AIR) as i32;
         for (i, line) in self.entries().into_iter().enumerate() {
@@ -115,11 +113,10 @@ impl Picture for LinePanels {
 }
 
 impl LinePanel {
-    fn draw(&self, area: &Area<'_>, x_label: &str, y_reversed: bool) -> Drawn {
+    fn draw(&self, area: &Area<'_>, x_label: &str) -> Drawn {
         let points = || self.lines.iter().flat_map(|line| &line.points);
         let x = Decades::around(points().map(|point| point.0));
         let y = Decades::around(points().map(|point| point.1).chain(self.limit));
-        let y = if y_reversed { y.reversed() } else { y };
         let mut chart = ChartBuilder::on(area)
             .caption(&self.title, text(15))
             .margin(8)

@@ -13,7 +13,6 @@ pub(super) fn picture(rows: &[Measured<Row>]) -> LinePanels {
         title: "The same boxes in other engines".to_owned(),
         caption: format!("Best is bottom left: a short step after which little overlaps.\n{machine}"),
         x_label: "step, p50 ms".to_owned(),
-        y_reversed: false,
         columns: 2,
         panels: scenes(rows).into_iter().map(|scene| panel(rows, scene)).collect(),
     }

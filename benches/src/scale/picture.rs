@@ -18,7 +18,6 @@ pub(super) fn picture(rows: &[Measured<Row>]) -> LinePanels {
             "Best is bottom left; below the dashed line an error is within the spread of one world's own runs. Ringed: on the front, no other setting is better.\n{machine}"
         ),
         x_label: "time over that of one bare world".to_owned(),
-        y_reversed: false,
         columns: 3,
         panels: scenes(rows).into_iter().map(|scene| panel(&of_scene(rows, scene), scene)).collect(),
     }

@@ -46,7 +46,6 @@ pub(super) fn picture(rows: &[Measured<Row>]) -> LinePanels {
         title: "The thesis's world by 1 to 32 participants".to_owned(),
         caption: format!("Processor time of the slowest member, exchange included.\n{machine}"),
         x_label: "nodes".to_owned(),
-        y_reversed: false,
         columns: 2,
         panels: vec![
             panel("Scale-up by the slowest member", "times", ups),

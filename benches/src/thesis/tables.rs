@@ -181,6 +181,9 @@ mod tests {
         assert!((find("5.6", "percent").2 - 25.0).abs() < 1e-9);
         let text = markdown(&rows);
         assert!(text.contains("| 4 | 4.50 | 2.00 | 19.0 | 25.0 |"), "{text}");
-        assert!(text.contains("| 5.2, 5.7: cubes | 4 nodes |\n| --- | --- |\n| 1000 | 2.00 (4.34) |"), "{text}");
+        assert!(
+            text.contains("| 5.2, 5.7: cubes | 4 nodes |\n| --- | --- |\n| 1000 | 2.00 (4.34) |"),
+            "{text}"
+        );
     }
 }

@@ -12,7 +12,7 @@ use crate::results::{Measured, short};
 /// One cell for an experiment by a method: the worst error over its gate, of all cases and numbers of regions. Below it the limits that
 /// have a name.
 pub(super) fn table(rows: &[Measured<Record>]) -> String {
-    let records: Vec<_> = rows.iter().map(|row| &row.row).filter(|record| record.regions > 0).collect();
+    let records: Vec<_> = rows.iter().map(|row| &row.row).collect();
     let mut experiments: Vec<(u8, &str)> = Vec::new();
     for record in &records {
         if !experiments.contains(&(record.scene, &record.name)) {
@@ -133,8 +133,9 @@ mod tests {
     fn what_fails_by_something_else_than_its_error_is_bold_and_what_has_no_gate_is_nothing() {
         let mut heavy = of("tower", "auto", 2, 0.1);
         heavy.pass = false;
+        let near = of("tower", "auto", 4, 0.45);
         let free = Record { threshold: None, ..of("delayed", "auto", 2, 0.1) };
-        let table = table(&measured(&[heavy, free]));
+        let table = table(&measured(&[heavy, near, free]));
         assert!(table.contains("**0.200** (at 2)") && table.contains("| delayed | – |"), "{table}");
     }
 }

@@ -1,4 +1,4 @@
-//! The frame of every command that measures: rows go to a CSV as they come, pictures and the page's table are made from that file.
+//! Gives every command that measures its frame: rows go to a CSV as they come, pictures and the page's table are made from that file.
 
 use std::error::Error;
 use std::path::{Path, PathBuf};

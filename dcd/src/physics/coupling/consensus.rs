@@ -73,6 +73,7 @@ fn agree_on(
     exchanges: usize,
     moment: Moment<'_>,
 ) -> Disagreement {
+    region.slot_mut(link.handle).led_by = None;
     if shared.heard.is_empty() {
         return Disagreement::default();
     }
@@ -160,11 +161,11 @@ fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared, leader: Optio
         region.give_up_copies(link.handle);
         return;
     };
-    shared.led_by = Some(rank);
     let z = Vector::from_array(copy.velocity.linear);
     let off = |(_, other): (usize, CopyState)| (Vector::from_array(other.velocity.linear) - z).length();
     shared.strayed_m_s = copies().map(off).fold(0.0, f32::max);
     let struck = strike::struck(body, &copy, rank, &mut strikes).filter(|_| body.is_dynamic());
+    region.slot_mut(link.handle).led_by = Some(rank);
     region.push(link.handle, Vector::ZERO, Vector::ZERO);
     region.restart_copy(link.handle);
     region.mend_copy(link.handle);

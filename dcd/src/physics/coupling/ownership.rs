@@ -104,8 +104,8 @@ pub(super) fn survey(side: &mut Side, moment: Moment<'_>) {
 pub(super) fn decide(side: &mut Side, moment: Moment<'_>) {
     let Side { region, border, outbox, .. } = side;
     predicted_contacts::show(region, &mut border.predicted, &mut border.neighbours, outbox, moment);
-    let Border { reach, islands, pace, predicted, shared, .. } = border;
-    let joining = predicted.joining(region, shared);
+    let Border { reach, islands, pace, predicted, .. } = border;
+    let joining = predicted.joining(region);
     let met = predicted.meetings.iter().filter(|meeting| meeting.island > 0);
     let met = met.filter_map(|meeting| Some((region.handle_of(meeting.own)?, meeting.rank))).chain(joining);
     let depth = moment.settings.depth + pace.extra_depth();
@@ -116,7 +116,7 @@ pub(super) fn decide(side: &mut Side, moment: Moment<'_>) {
         let home = moment.home_of(region, handle);
         (home != region.rank() && !region.physics().bodies[handle].is_sleeping()).then_some((handle, home))
     });
-    reach.spread(region, islands, shared, depth, leaving, met);
+    reach.spread(region, islands, depth, leaving, met);
     reach.complete(region, islands);
     reach.carry(region, predicted.carriers(region, moment.partition));
     let candidates = candidates(region, border);

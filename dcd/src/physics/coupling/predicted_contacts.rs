@@ -7,7 +7,6 @@ use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::neighbours::{LOOKAHEAD_TICKS, Neighbours};
-use super::shared::SharedBodies;
 use super::{Border, Moment};
 use crate::physics::convert;
 use crate::physics::outbox::Outbox;
@@ -166,9 +165,9 @@ impl PredictedContacts {
 
     /// Returns the bodies owned here with a predicted contact to a body that is held here and led by another region, with that
     /// region's rank: it solves the contact, so that it must hold both by then.
-    pub(super) fn joining(&self, region: &Region, shared: &SharedBodies) -> Vec<(RigidBodyHandle, usize)> {
+    pub(super) fn joining(&self, region: &Region) -> Vec<(RigidBodyHandle, usize)> {
         let led = region.held_elsewhere().filter_map(|link| {
-            let rank = shared.get(link.handle)?.led_by.filter(|rank| *rank != region.rank())?;
+            let rank = region.slot(link.handle).led_by.filter(|rank| *rank != region.rank())?;
             Some(NearbyBody { goes: RegionSet::only(rank), ..near(region, link, self.ahead_s).nearby() })
         });
         let led: Vec<_> = led.collect();

@@ -5,7 +5,6 @@ use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::island::{Island, Islands};
-use super::shared::SharedBodies;
 use crate::physics::partition::HUB_REACH_M;
 use crate::physics::region::{BodyRef, Ownership, Region};
 use crate::protocol::BodyKind;
@@ -38,7 +37,6 @@ impl Reach {
         &mut self,
         region: &Region,
         islands: &Islands,
-        shared: &SharedBodies,
         depth: usize,
         leaving: impl Iterator<Item = (RigidBodyHandle, usize)>,
         met: impl Iterator<Item = (RigidBodyHandle, usize)>,
@@ -49,12 +47,12 @@ impl Reach {
         }
         self.frontier.clear();
         for link in region.held_elsewhere() {
-            let owner = match region.slot(link.handle).role {
+            let slot = region.slot(link.handle);
+            let owner = match slot.role {
                 Ownership::Replica { owner } => Some(owner),
                 _ => None,
             };
-            let leader = shared.get(link.handle).and_then(|shared| shared.led_by);
-            let others: RegionSet = owner.into_iter().chain(leader).collect();
+            let others: RegionSet = owner.into_iter().chain(slot.led_by).collect();
             self.frontier.push((link.handle, others.without(RegionSet::only(region.rank()))));
         }
         self.frontier.retain(|(_, others)| !others.is_empty());
@@ -157,7 +155,7 @@ mod tests {
             for side in processes.sides() {
                 let region = &side.region;
                 for link in region.held_elsewhere() {
-                    let leader = side.border.shared.get(link.handle).and_then(|shared| shared.led_by);
+                    let leader = region.slot(link.handle).led_by;
                     let Some(leader) = leader.filter(|leader| *leader != region.rank()) else { continue };
                     region.for_each_pair(link.handle, |other, pair| {
                         if pair.is_some_and(|pair| pair.total_impulse_magnitude() > 0.0) {

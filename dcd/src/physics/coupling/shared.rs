@@ -22,8 +22,6 @@ pub(super) struct Shared {
     pub heard: Vec<(usize, CopyState)>,
     /// This region's copy after the last step.
     pub own: CopyState,
-    /// Rank of the leading region, whose copy all followed in the last exchange; unless the body is split.
-    pub led_by: Option<usize>,
     /// How far the velocities of warm-up ghosts were from what they follow, m/s, at most.
     pub strayed_m_s: f32,
     /// Average difference of its first copy's velocity from the mean while it is split, m/s.
@@ -58,7 +56,6 @@ impl Shared {
             strike.held_by = ranks.set(strike.held_by);
         }
         self.heard.sort_by_key(|(rank, _)| *rank);
-        self.led_by = self.led_by.and_then(|rank| ranks.to[rank]);
     }
 }
 
@@ -126,6 +123,7 @@ impl SharedBodies {
         let own = RegionSet::only(region.rank());
         region.set_holders(handle, members.without(own));
         if members.len() == 1 {
+            region.slot_mut(handle).led_by = None;
             region.undivide(handle);
             self.forget(handle);
         } else {

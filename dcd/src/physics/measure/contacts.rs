@@ -1,7 +1,7 @@
 //! Measures the contacts as the solver left them: their number, penetration, and force on the ground.
 //!
-//! A contact may be solved in several regions, wherever both bodies are held. The region that owns the dynamic body of the lowest
-//! id answers for it, so that each is counted once. Where a body's mass is split among regions, each bears its part of the force,
+//! A contact may be solved in several regions, wherever both bodies are held. The region that leads the dynamic body of the lowest
+//! id answers for it, or else that body's owner, so that each is counted once, as it moves the body. Where a body's mass is split among regions, each bears its part of the force,
 //! so forces are summed over all of them.
 
 use rapier3d::geometry::ContactManifold;
@@ -80,7 +80,7 @@ pub(super) fn sample(view: View<'_>) -> ContactSample {
             // Removed since the step; Rapier forgets the pair in the next one.
             continue;
         }
-        let sides = colliders.map(|collider| Side::of(view, collider));
+        let sides = Side::of_pair(view, pair);
         if !pair.has_any_active_contact() || !(answers(sides) || has_part(sides)) {
             continue;
         }
@@ -100,7 +100,7 @@ pub(super) fn penetrations_m(view: View<'_>) -> Vec<f64> {
     let answered = |pair: &&ContactPair| {
         let colliders = [pair.collider1, pair.collider2];
         let there = colliders.iter().all(|&collider| world.colliders.get(collider).is_some());
-        there && pair.has_any_active_contact() && answers(colliders.map(|collider| Side::of(view, collider)))
+        there && pair.has_any_active_contact() && answers(Side::of_pair(view, pair))
     };
     world.contact_pairs().filter(answered).map(|pair| penetration_m(world, pair)).collect()
 }
@@ -108,7 +108,7 @@ pub(super) fn penetrations_m(view: View<'_>) -> Vec<f64> {
 /// One end of a contact pair.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Side {
-    /// On a dynamic body, by its id; whether the view owns it, and whether it has only a part of it.
+    /// On a dynamic body, by its id; whether the view solves what counts of it, and whether it has only a part of it.
     Dynamic(BodyId, bool, bool),
     /// On a fixed body, or on none.
     Fixed,
@@ -116,16 +116,23 @@ pub(super) enum Side {
 }
 
 impl Side {
-    pub(super) fn of(view: View<'_>, collider: ColliderHandle) -> Self {
+    /// Returns the two ends of a pair.
+    pub(super) fn of_pair(view: View<'_>, pair: &ContactPair) -> [Self; 2] {
         let world = view.physics();
-        let parent = world.colliders.get(collider).and_then(Collider::parent);
-        let Some((handle, body)) = parent.and_then(|handle| Some((handle, world.bodies.get(handle)?))) else {
+        let parent = |collider| world.colliders.get(collider).and_then(Collider::parent);
+        let (first, second) = (parent(pair.collider1), parent(pair.collider2));
+        [Self::of(view, first, second), Self::of(view, second, first)]
+    }
+
+    fn of(view: View<'_>, body: Option<RigidBodyHandle>, other: Option<RigidBodyHandle>) -> Self {
+        let of_body = body.and_then(|handle| Some((handle, view.physics().bodies.get(handle)?)));
+        let Some((handle, body)) = of_body else {
             return Self::Fixed;
         };
         match view.name(handle) {
             Some(id) if body.is_dynamic() => {
                 let has_part = view.parts(handle) > 1.0 && view.counts(handle);
-                Self::Dynamic(id, view.owns(handle), has_part)
+                Self::Dynamic(id, view.solves(handle, other), has_part)
             }
             _ if body.is_fixed() => Self::Fixed,
             _ => Self::Kinematic,
@@ -133,17 +140,17 @@ impl Side {
     }
 }
 
-/// Returns whether this view answers for the contact: it owns the dynamic body of the lowest id.
+/// Returns whether this view answers for the contact: it solves what counts of the dynamic body of the lowest id.
 pub(super) fn answers(sides: [Side; 2]) -> bool {
     match sides {
-        [Side::Dynamic(a, owned_a, _), Side::Dynamic(b, owned_b, _)] => {
+        [Side::Dynamic(a, solves_a, _), Side::Dynamic(b, solves_b, _)] => {
             if a <= b {
-                owned_a
+                solves_a
             } else {
-                owned_b
+                solves_b
             }
         }
-        [Side::Dynamic(_, owned, _), _] | [_, Side::Dynamic(_, owned, _)] => owned,
+        [Side::Dynamic(_, solves, _), _] | [_, Side::Dynamic(_, solves, _)] => solves,
         _ => false,
     }
 }

@@ -164,6 +164,15 @@ impl<'a> View<'a> {
         }
     }
 
+    /// Returns whether its contacts of this dynamic body with another one, or with what is fixed, are those that count: of a region that leads the
+    /// body, if that holds the other one, else of its owner.
+    fn solves(self, handle: RigidBodyHandle, other: Option<RigidBodyHandle>) -> bool {
+        match self {
+            Self::Bare(_) => self.owns(handle),
+            Self::Region(region) => region.solves(handle, other),
+        }
+    }
+
     /// Returns the movable bodies that it answers for.
     pub fn owned(self) -> impl Iterator<Item = (BodyId, &'a RigidBody)> {
         self.owned_handles().filter_map(move |(handle, body)| Some((self.name(handle)?, body)))

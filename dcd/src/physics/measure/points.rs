@@ -51,7 +51,7 @@ impl RegionHost {
                 }
                 let view = View::Region(region);
                 let per_tick = dt_s / solved_dt_s(view, pair);
-                let sides = [pair.collider1, pair.collider2].map(|collider| Side::of(view, collider));
+                let sides = Side::of_pair(view, pair);
                 let here = points_of(region, pair, key, swapped, per_tick);
                 if has_part(sides) {
                     *sums.entry(key).or_default() += here.iter().map(|point| point.impulse_ns).sum::<f32>();

@@ -33,6 +33,22 @@ impl Region {
         self.for_each_pair(handle, |other, pair| visit(other, touches(pair)));
     }
 
+    /// Returns whether the contacts here of a body with another one, or with what is fixed, are those that moved the body: in the region that leads
+    /// it, if that holds the other one, else at its owner.
+    pub(in crate::physics) fn solves(&self, handle: RigidBodyHandle, other: Option<RigidBodyHandle>) -> bool {
+        let Some(slot) = self.slot_at(handle) else { return false };
+        let other = other.and_then(|other| self.slot_at(other));
+        let holds_other = |rank: &usize| {
+            other.is_none_or(|other| match other.role {
+                Ownership::Immovable => true,
+                Ownership::Replica { owner } if owner == *rank => true,
+                _ => *rank == self.rank || other.holders.contains(*rank),
+            })
+        };
+        let leader = slot.led_by.filter(holds_other);
+        leader.map_or(slot.role == Ownership::Owner, |leader| leader == self.rank)
+    }
+
     /// Visits the same bodies as [`Region::for_each_contact`], with the pair of colliders unless a joint ties the two.
     pub(in crate::physics) fn for_each_pair(
         &self,

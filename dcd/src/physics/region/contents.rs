@@ -68,6 +68,7 @@ impl Region {
             outline,
             joints: Vec::new(),
             assembly: None,
+            led_by: None,
             told_asleep: body.state.sleeping,
             confirmed: true,
             mass_split: None,

@@ -32,6 +32,7 @@ impl Region {
         self.events.region = self.id;
         for slot in self.slots.iter_mut().flatten() {
             slot.holders = ranks.set(slot.holders);
+            slot.led_by = slot.led_by.and_then(|rank| ranks.to[rank]);
             if let Ownership::Replica { owner } = &mut slot.role {
                 *owner = ranks.rank(*owner);
             }

@@ -48,6 +48,9 @@ pub(in crate::physics) struct Slot {
     pub joints: Vec<JointId>,
     /// Index into the region's assemblies, if joints tie it to others.
     pub assembly: Option<u32>,
+    /// Rank of the leading region, whose copy all that hold the body followed in the last exchange; none while its mass is split, or one
+    /// region alone holds it.
+    pub led_by: Option<usize>,
     /// Owner: whether the holders know that it sleeps.
     pub told_asleep: bool,
     /// Replica: where the owner's copy fell asleep.

@@ -372,6 +372,10 @@ impl Links {
             }
             NetEvent::ConnectFailed { peer: key, error } => {
                 let Some(peer) = self.dialled.remove(&key) else { return Vec::new() };
+                // Of a peer that was forgotten and came back another attempt may be under way, or have made a link: the outcome is that one's.
+                if self.key(peer).is_some() || self.dialled.values().any(|other| *other == peer) {
+                    return Vec::new();
+                }
                 self.waiting.remove(&peer);
                 let ending = match error {
                     NetError::Refused { code, .. } => Ending::of(code),

@@ -338,3 +338,17 @@ fn messages_outlive_their_link_and_not_without_bound() {
     assert_eq!(kept.len(), 25 * 4 + 1, "those of 35 links are more than 4 MiB, and are forgotten");
     assert_eq!(kept.last().map(|message| message.bytes.len()), Some(2));
 }
+
+#[test]
+fn an_attempt_that_fails_says_nothing_of_a_peer_that_is_linked_or_dialled_again() {
+    let mut pair = Pair::new(crate::net::JoinRole::Client);
+    let closed = std::net::UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+    pair.links.dial(pair.peer, &[closed]);
+    assert!(pair.hear().is_empty(), "it is linked");
+    let stranger = Peer::Node(NodeId(9));
+    pair.links.dial(stranger, &[closed]);
+    pair.links.dial(stranger, &[closed]);
+    assert!(pair.hear().is_empty(), "it is dialled again");
+    let [LinkEvent::Disconnected { peer, .. }] = pair.hear()[..] else { panic!("all attempts have failed") };
+    assert_eq!(peer, stranger);
+}

@@ -16,7 +16,7 @@ const TICKS: u64 = 60;
 /// build with CARGO_INCREMENTAL=0 (an incremental one, in more units, executes up to a tenth more), in which our own code is optimised less than
 /// Rapier's, which is compiled in one unit. Small scenes have a third of their bodies at the border.
 const HELD: [(&str, f64); 6] =
-    [("rubble", 2.80), ("dve", 2.56), ("gas", 3.55), ("pour", 2.88), ("pyramid", 1.31), ("wall", 2.35)];
+    [("rubble", 2.60), ("dve", 2.56), ("gas", 3.32), ("pour", 2.88), ("pyramid", 1.31), ("wall", 2.35)];
 
 /// Why this ratio of a scene is too much, if it is.
 pub(super) fn above(scene: &str, over_bare: f64) -> Option<String> {

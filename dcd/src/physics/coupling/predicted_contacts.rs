@@ -164,11 +164,16 @@ impl PredictedContacts {
     }
 
     /// Returns the bodies owned here with a predicted contact to a body that is held here and led by another region, with that
-    /// region's rank: it solves the contact, so that it must hold both by then.
+    /// region's rank: it solves the contact, so that it must hold both by then. Of bodies that their owner leads meetings say so.
     pub(super) fn joining(&self, region: &Region) -> Vec<(RigidBodyHandle, usize)> {
         let led = region.held_elsewhere().filter_map(|link| {
-            let rank = region.slot(link.handle).led_by.filter(|rank| *rank != region.rank())?;
-            Some(NearbyBody { goes: RegionSet::only(rank), ..near(region, link, self.ahead_s).nearby() })
+            let slot = region.slot(link.handle);
+            let rank = slot.led_by.filter(|rank| *rank != region.rank())?;
+            let is_met = slot.role == Ownership::Replica { owner: rank };
+            (!is_met).then(|| NearbyBody {
+                goes: RegionSet::only(rank),
+                ..near(region, link, self.ahead_s).nearby()
+            })
         });
         let led: Vec<_> = led.collect();
         if led.is_empty() {

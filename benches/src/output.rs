@@ -29,7 +29,7 @@ pub(crate) struct Output {
 type Write<Row> = fn(&[Measured<Row>]) -> String;
 type Draw<Row> = fn(&[Measured<Row>]) -> LinePanels;
 
-/// How the rows of one file are shown. The file, the picture and the markers on the page have one name. Below the table, which may be
+/// Says how the rows of one file are shown. The file, the picture and the markers on the page have one name. Below the table, which may be
 /// empty, stands when its rows were measured.
 pub(crate) struct Shown<Row> {
     pub(crate) name: &'static str,
@@ -87,7 +87,7 @@ impl<Row: Serialize + DeserializeOwned> Sheet<Row> {
         Ok(())
     }
 
-    /// What it holds.
+    /// Returns what it holds.
     pub(crate) fn rows(&self) -> &[Measured<Row>] {
         &self.rows
     }

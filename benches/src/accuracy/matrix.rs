@@ -65,7 +65,7 @@ fn cause_of(record: &Record) -> Option<&'static str> {
     limits::cause(&record.name, &record.case, &record.method)
 }
 
-/// Those that show in the records, in the order of their list.
+/// Returns the causes that show in the records, in the order of their list.
 fn causes(records: &[&Record]) -> Vec<&'static str> {
     let mut causes: Vec<&'static str> = Vec::new();
     for limit in LIMITS {

@@ -41,7 +41,7 @@ use report::{Line, Row};
 
 const SHOWN: Shown<Record> = Shown { name: "accuracy", table: matrix::table, picture: None };
 
-/// What is run. With `--quick` shorter and smaller scenes, a few minutes in all.
+/// Says what is run. With `--quick` shorter and smaller scenes, a few minutes in all.
 #[derive(Args)]
 pub(crate) struct Accuracy {
     /// Only these scenes, by name or number; rows of others stay in the file.

@@ -62,7 +62,7 @@ impl Row {
         }
     }
 
-    /// Whether nothing was violated that is not known to be open.
+    /// Returns whether nothing was violated that is not known to be open.
     pub(super) fn holds(&self) -> bool {
         self.violations == 0 || OPEN.contains(&(&self.faults, &self.scene))
     }

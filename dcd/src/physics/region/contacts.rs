@@ -3,7 +3,7 @@
 use rapier3d::prelude::*;
 
 use super::mass_splitting::MassSplit;
-use super::{Ownership, Region};
+use super::{Ownership, Region, Slot};
 
 impl Region {
     /// Visits every movable body that is near enough to touch this one or to overlap it as a sensor, or that is tied to it; some may
@@ -38,14 +38,14 @@ impl Region {
     pub(in crate::physics) fn solves(&self, handle: RigidBodyHandle, other: Option<RigidBodyHandle>) -> bool {
         let Some(slot) = self.slot_at(handle) else { return false };
         let other = other.and_then(|other| self.slot_at(other));
-        let holds_other = |rank: &usize| {
-            other.is_none_or(|other| match other.role {
-                Ownership::Immovable => true,
-                Ownership::Replica { owner } if owner == *rank => true,
-                _ => *rank == self.rank || other.holders.contains(*rank),
-            })
+        // Who led may have dropped the body since.
+        let holds = |slot: &Slot, rank: usize| match slot.role {
+            Ownership::Immovable => true,
+            Ownership::Replica { owner } if owner == rank => true,
+            _ => rank == self.rank || slot.holders.contains(rank),
         };
-        let leader = slot.led_by.filter(holds_other);
+        let leader =
+            slot.led_by.filter(|&rank| holds(slot, rank) && other.is_none_or(|other| holds(other, rank)));
         leader.map_or(slot.role == Ownership::Owner, |leader| leader == self.rank)
     }
 

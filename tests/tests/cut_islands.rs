@@ -1,7 +1,7 @@
 //! Tests islands that lie in several regions for good, because no region takes them whole: they come to rest as in one world, and
 //! stay there.
 
-use dcd::physics::{Coupling, StepSettings};
+use dcd::physics::{Coupling, Measured, StepSettings};
 use dcd::runtime::{LocalWorld, Partitioning, WorldConfig};
 use dcd::scene::{Params, Scene};
 use dcd::space::{Axis, BodyId};
@@ -98,4 +98,25 @@ fn auto_takes_more_exchanges_for_a_heavy_load_and_not_for_a_wall() {
         exchanges += world.stats().exchanges;
     }
     assert!(exchanges < ticks * 3 / 2, "{exchanges} exchanges in {ticks} ticks");
+}
+
+/// Of three balls that touch the mass is split, of two it is not: a ball that comes to two others is whole at the wrong moment, now and
+/// then, while all regions that hold it and them solve what follows.
+#[test]
+fn balls_that_meet_what_is_cut_get_no_energy_from_that() {
+    for seed in [5, 13, 30, 37] {
+        let scene = Scene::named("gas", &Params::new().with("n", 30).with("seed", seed)).unwrap();
+        let config = WorldConfig::for_scene(&scene);
+        let step = StepSettings { island_limit: 2, dt_s: 1.0 / 60.0, ..config.step };
+        let partitioning = Partitioning::Regions(8);
+        let mut world = LocalWorld::from_scene(&scene, WorldConfig { partitioning, step, ..config }).unwrap();
+        let before = world.host().energy_j();
+        let mut most: f64 = 0.0;
+        for _ in 0..2_400 {
+            world.step().unwrap();
+            most = most.max(world.host().energy_j() / before);
+        }
+        println!("seed {seed}: at most {most:.3} of its energy");
+        assert!(most < 1.05, "seed {seed}: {most:.3} of its energy");
+    }
 }

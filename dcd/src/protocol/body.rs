@@ -104,9 +104,10 @@ impl Impulse {
         Self { linear: sum(self.linear, other.linear), angular: sum(self.angular, other.angular) }
     }
 
-    /// Returns its opposite.
-    pub fn reversed(&self) -> Self {
-        Self { linear: self.linear.map(|v| -v), angular: self.angular.map(|v| -v) }
+    /// Returns it so many times.
+    #[must_use]
+    pub fn scaled(&self, by: f32) -> Self {
+        Self { linear: self.linear.map(|v| v * by), angular: self.angular.map(|v| v * by) }
     }
 }
 

@@ -230,6 +230,9 @@ pub(super) struct Border {
     reach: reach::Reach,
     islands: island::Islands,
     decisions: Vec<ownership::Decision>,
+    /// The bodies owned here whose mass is to be split for what they are about to touch, in order of their handles.
+    #[serde(skip)]
+    splitting: Vec<RigidBodyHandle>,
     /// By assembly: whether all of it may move to where its island moves.
     #[serde(skip)]
     ready_assemblies: Vec<bool>,

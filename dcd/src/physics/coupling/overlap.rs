@@ -110,7 +110,9 @@ fn tell_copy(side: &mut Side, link: BodyRef, moment: Moment<'_>) {
         (islands.part(link.handle), islands.seen(link.handle), islands.size(link.handle));
     let (island, held_by) = islands.of(link.handle).map_or((link.id, shared.members), Island::view);
     let copy = shared::read(region, link.handle, shared, moment.settings.dt_s);
-    shared.own = CopyState { part, seen, size, island, held_by, ..copy };
+    let velocity =
+        if shared.is_split() { strike::counted(region, link.handle, shared) } else { copy.velocity };
+    shared.own = CopyState { velocity, part, seen, size, island, held_by, ..copy };
     let hearers = match role {
         Ownership::Replica { owner } if shared.is_split() && shared.warming.contains(region.rank()) => {
             RegionSet::only(owner)

@@ -129,6 +129,11 @@ pub(super) fn decide(side: &mut Side, moment: Moment<'_>) {
         }
     }
     find_ready(region, border, moment.tick.0 as u32);
+    border.splitting.clear();
+    if moment.settings.coupling.moves_islands() {
+        let is_big = |handle| border.islands.of(handle).is_some_and(|island| island.big);
+        border.splitting = border.predicted.splitting(region, is_big);
+    }
     let mut leaving = Vec::new();
     for link in candidates {
         leaving.extend(decide_on(side, moment, link));
@@ -438,13 +443,14 @@ fn find_ready(region: &Region, border: &mut Border, now: u32) {
 }
 
 /// Returns whether a body's mass is to be split: with `overlap` always, else only in an island that is too large to be in one region
-/// whole, and in a body with a predicted contact to such an island.
+/// whole, and in a body with a predicted contact to such an island or to a body whose mass is split.
 fn splits(border: &Border, moment: Moment<'_>, id: BodyId, handle: RigidBodyHandle) -> bool {
     let big = |handle| border.islands.of(handle).is_some_and(|island| island.big);
     let mut meetings = border.predicted.meetings_of(id);
     !moment.settings.coupling.moves_islands()
         || big(handle)
         || meetings.any(|meeting| meeting.island == BIG_ISLAND)
+        || border.splitting.binary_search_by_key(&handle.into_raw_parts(), |one| one.into_raw_parts()).is_ok()
 }
 
 /// Returns whether the body touches or is tied to one that can move.

@@ -170,21 +170,48 @@ impl PredictedContacts {
             let slot = region.slot(link.handle);
             let rank = slot.led_by.filter(|rank| *rank != region.rank())?;
             let is_met = slot.role == Ownership::Replica { owner: rank };
-            (!is_met).then(|| NearbyBody {
-                goes: RegionSet::only(rank),
-                ..near(region, link, self.ahead_s).nearby()
-            })
+            (!is_met).then(|| (link, RegionSet::only(rank)))
         });
-        let led: Vec<_> = led.collect();
-        if led.is_empty() {
+        let found = self.met_here(region, led, |_| true);
+        found.into_iter().flat_map(|(one, ranks)| ranks.iter().map(move |rank| (one, rank))).collect()
+    }
+
+    /// Returns those of the bodies owned here whose mass is not split yet but is to be, in order of their handles: the ones with a
+    /// predicted contact to a body held here whose mass is. All regions that hold both solve such a contact, each against a part of the mass, so
+    /// that a body that is whole would get a part of what the other one loses.
+    pub(super) fn splitting(
+        &self,
+        region: &Region,
+        is_split: impl Fn(RigidBodyHandle) -> bool,
+    ) -> Vec<RigidBodyHandle> {
+        let split = region.held_elsewhere().filter(|link| is_split(link.handle));
+        let split = split.map(|link| (link, RegionSet::EMPTY));
+        let found = self.met_here(region, split, |handle| !is_split(handle));
+        let mut found: Vec<_> = found.into_iter().map(|(one, _)| one).collect();
+        found.sort_unstable_by_key(|handle| handle.into_raw_parts());
+        found.dedup();
+        found
+    }
+
+    /// Returns the bodies owned here that are awake and asked for and have a predicted contact to one of these, with what is noted of
+    /// that.
+    fn met_here(
+        &self,
+        region: &Region,
+        held: impl Iterator<Item = (BodyRef, RegionSet)>,
+        asks: impl Fn(RigidBodyHandle) -> bool,
+    ) -> Vec<(RigidBodyHandle, RegionSet)> {
+        let nearby = |(link, goes)| NearbyBody { goes, ..near(region, link, self.ahead_s).nearby() };
+        let held: Vec<_> = held.map(nearby).collect();
+        if held.is_empty() {
             return Vec::new();
         }
-        let all: Vec<_> = self.near.iter().filter(|near| near.awake).map(Near::nearby).collect();
+        let asked = self.near.iter().filter(|near| near.awake && asks(near.link.handle));
+        let asked: Vec<_> = asked.map(Near::nearby).collect();
         let mut found = Vec::new();
-        let ahead_s = f64::from(self.ahead_s);
-        for_each_overlap(&all, &led, ahead_s, |one, led| {
-            if one.id != led.id {
-                found.extend(region.handle_of(one.id).into_iter().zip(led.goes.iter()));
+        for_each_overlap(&asked, &held, f64::from(self.ahead_s), |one, other| {
+            if one.id != other.id {
+                found.extend(region.handle_of(one.id).map(|handle| (handle, other.goes)));
             }
         });
         found

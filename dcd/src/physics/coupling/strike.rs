@@ -4,6 +4,11 @@
 //!
 //! So all regions that hold both tell both bodies' holders the impulse that they found, and one of these counts for both bodies: that of the
 //! region which sees most of what touches. Each body gets it in place of the one that its own leader found, if that found any.
+//! Where a body whose mass is split strikes a whole one that several of its regions hold, each of these finds the impulse anew, and the whole
+//! body gets one of them: of a copy with a part of the mass only its share counts (`counted`). As each finds it for a lighter body than there
+//! is, such a collision is softer than it should be, and never a source of energy; it is rare, since bodies that are about to touch what is
+//! split are split before.
+//!
 //! What is not dynamic needs no such justice: one region tells its impulse to those that did not see it. The copy of a new
 //! holder is told in the same way what happened in the exchange in which it was sent.
 //!
@@ -130,18 +135,46 @@ pub(super) fn struck(
     let by_one = strikes.chunk_by(|(_, a), (_, b)| a.by == b.by);
     let missed = by_one.flat_map(|told| missed(told, leader));
     let sum = missed.reduce(|sum, impulse| sum.plus(&impulse))?;
+    pushed(body, Rotation::from_array(copy.pose.rotation), &copy.velocity, &sum)
+}
+
+/// Returns the velocity of a body after an impulse; none if that is no number.
+fn pushed(body: &RigidBody, rotation: Rotation, velocity: &Velocity, by: &Impulse) -> Option<Velocity> {
     // Locked axes are in these alone.
     let mut mass = body.mass_properties().clone();
-    mass.update_world_mass_properties(
-        body.body_type(),
-        &Pose::from_parts(Vector::ZERO, Rotation::from_array(copy.pose.rotation)),
-    );
-    let linear =
-        convert::vector(copy.velocity.linear) + convert::vector(sum.linear) * mass.effective_inv_mass;
-    let angular = convert::vector(copy.velocity.angular)
-        + mass.effective_world_inv_inertia * convert::vector(sum.angular);
+    mass.update_world_mass_properties(body.body_type(), &Pose::from_parts(Vector::ZERO, rotation));
+    let linear = convert::vector(velocity.linear) + convert::vector(by.linear) * mass.effective_inv_mass;
+    let angular =
+        convert::vector(velocity.angular) + mass.effective_world_inv_inertia * convert::vector(by.angular);
     let is_finite = linear.is_finite() && angular.is_finite();
     is_finite.then(|| Velocity { linear: linear.to_array(), angular: angular.to_array() })
+}
+
+/// Returns the velocity with which a copy counts that has a part of its body's mass: with one share of what struck it that is whole
+/// and that others which count hold as well, since they find the same.
+pub(super) fn counted(region: &Region, handle: RigidBodyHandle, shared: &Shared) -> Velocity {
+    let body = &region.physics().bodies[handle];
+    let velocity = convert::velocity_of(body);
+    let own = RegionSet::only(region.rank());
+    let counting = shared.members.without(shared.warming);
+    if !counting.contains(region.rank()) || !body.is_dynamic() || body.is_sleeping() {
+        return velocity;
+    }
+    let mut too_much = Impulse::default();
+    region.for_each_pair(handle, |other, pair| {
+        let slot = region.slot(other);
+        let is_whole = slot.mass_split.as_deref().is_none_or(|split| !split.is_split());
+        let Some(pair) = pair.filter(|_| is_whole && !slot.holders.is_empty()) else { return };
+        let times = slot.holders.union(own).intersection(counting).len();
+        if times > 1 && region.physics().bodies[other].is_dynamic() {
+            let impulse = impulse_on(region.physics(), handle, pair);
+            too_much = too_much.plus(&impulse.scaled(-1.0 + 1.0 / times as f32));
+        }
+    });
+    if too_much == Impulse::default() {
+        return velocity;
+    }
+    pushed(body, *body.rotation(), &velocity, &too_much).unwrap_or(velocity)
 }
 
 /// Returns what a leader's copy lacks of the impulses that were told of one body, in parts.
@@ -152,7 +185,7 @@ fn missed(told: &[(usize, Strike)], leader: usize) -> impl Iterator<Item = Impul
         None => (!strike.held_by.contains(leader)).then_some(strike.impulse),
         Some(counts) if counts == leader => None,
         Some(counts) if counts == *rank => Some(strike.impulse),
-        Some(_) => (*rank == leader).then(|| strike.impulse.reversed()),
+        Some(_) => (*rank == leader).then(|| strike.impulse.scaled(-1.0)),
     })
 }
 

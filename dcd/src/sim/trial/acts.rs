@@ -254,7 +254,11 @@ impl Trial<'_> {
             }
             return;
         }
-        let linear = std::array::from_fn(|_| (self.random.unit() * 10.0 - 5.0) as f32);
+        let mut linear: [f32; 3] = std::array::from_fn(|_| (self.random.unit() * 10.0 - 5.0) as f32);
+        if linear.iter().map(|v| v * v).sum::<f32>() < 1.0 {
+            // A body that drifts on slower than 0.8 m/s falls asleep.
+            linear[0] += 2.0;
+        }
         let velocity = Velocity { linear, angular: [0.0; 3] };
         self.inputs.insert(client, (self.sim.now, velocity));
         self.sim.submit(

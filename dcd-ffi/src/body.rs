@@ -118,7 +118,8 @@ pub unsafe extern "C" fn dcd_body_create(
 
 /// Creates `count` bodies, all or none: `defs` and `out` have `count` entries. Bodies are in the world at once; the next step
 /// moves them. Those of a client or participant are avatars, and DCD_BODY_APPEARED or DCD_BODY_REFUSED tells what became of each;
-/// those of a server are the world's own, of any kind, and nodes compute them from some ticks after the next dcd_step on.
+/// those of a server or a builder are the world's own, of any kind, stay when a builder leaves, and nodes compute them from some ticks
+/// after the next dcd_step on. A builder is told as a client what became of each.
 ///
 /// `defs` is read during the call.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, more

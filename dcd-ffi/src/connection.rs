@@ -10,7 +10,9 @@ use dcd::runtime::{Cause, Connection, ConnectionChange, ConnectionError, Connect
 use crate::handle::stale;
 use crate::ids::DcdConnectionId;
 use crate::pointer::Sized32;
-use crate::role::{DCD_ROLE_CLIENT, DCD_ROLE_NODE, DCD_ROLE_PARTICIPANT, DCD_ROLE_SERVER, DcdRole};
+use crate::role::{
+    DCD_ROLE_BUILDER, DCD_ROLE_CLIENT, DCD_ROLE_NODE, DCD_ROLE_PARTICIPANT, DCD_ROLE_SERVER, DcdRole,
+};
 use crate::status::{self, Failure};
 pub use calls::*;
 
@@ -61,7 +63,7 @@ pub struct DcdConnectionEvent {
     pub connection: DcdConnectionId,
     /// DCD_CONNECTION_CAME, _LOST, _BACK or _GONE.
     pub state: DcdConnectionState,
-    /// What is, or was, at the other end: DCD_ROLE_SERVER, _NODE, _CLIENT or _PARTICIPANT.
+    /// What is, or was, at the other end: DCD_ROLE_SERVER, _NODE, _CLIENT, _PARTICIPANT or _BUILDER.
     pub role: DcdRole,
     /// The number that the server knows it by as a node, from 1; 0 if it is none.
     pub node: u32,
@@ -125,6 +127,7 @@ pub(crate) fn names(who: PeerName) -> (DcdRole, u32, u32) {
         PeerName::Node(_) => DCD_ROLE_NODE,
         PeerName::Client(_) => DCD_ROLE_CLIENT,
         PeerName::Participant(..) => DCD_ROLE_PARTICIPANT,
+        PeerName::Builder(_) => DCD_ROLE_BUILDER,
     };
     (role, who.node().unwrap_or_default().0, who.client().unwrap_or_default().0)
 }

@@ -105,7 +105,7 @@ pub struct DcdTransfer {
 pub const DCD_BODY_APPEARED: u32 = 1;
 /// In DcdBodyChange.kind: a body of a served world is gone; its id is stale.
 pub const DCD_BODY_REMOVED: u32 = 2;
-/// In DcdBodyChange.kind: what was asked of an avatar is refused. If it had not appeared yet it never will, and its id is
+/// In DcdBodyChange.kind: what was asked of an avatar, or built, is refused. If it had not appeared yet it never will, and its id is
 /// stale.
 pub const DCD_BODY_REFUSED: u32 = 3;
 
@@ -124,14 +124,20 @@ pub const DCD_REFUSED_LATE: u32 = 6;
 /// In DcdBodyChange.reason: the shape did not arrive with the avatar, or cannot be an avatar's.
 pub const DCD_REFUSED_SHAPE: u32 = 7;
 /// In DcdBodyChange.reason: too many avatars, too much asked of them at a time, or more than 1 MiB of new shapes:
-/// use the shapes that you have.
+/// use the shapes that you have. Of a builder: more than 4,096 bodies or joints of its own, 8,192 changes at once and 1,024 more each second,
+/// or 16 MiB of shapes.
 pub const DCD_REFUSED_TOO_MANY: u32 = 8;
 /// In DcdBodyChange.reason: the avatar would cost too much: it has more than 8 extra solver or PGS iterations, reaches farther than 100 m
-/// from its origin, begins where 64 others of this client are, or all of them together have more than 20,000 corners.
+/// from its origin, begins where 64 others of this client are, or all of them together have more than 20,000 corners (200,000 of
+/// what a builder has built and moves); or a body that is built takes more than 60 KiB with its shapes and what joints tie to it.
 pub const DCD_REFUSED_COSTLY: u32 = 9;
 /// In DcdBodyChange.reason: the jump is farther than the avatar could have moved since its last one, or in a second, at the limit of
 /// speed that the server sets.
 pub const DCD_REFUSED_TOO_FAR: u32 = 10;
+/// In DcdBodyChange.reason: the client may not build: its token was for another role than DCD_ROLE_BUILDER.
+pub const DCD_REFUSED_MAY_NOT_BUILD: u32 = 11;
+/// In DcdBodyChange.reason: a builder may not do that: it leaves avatars, the kind of fixed bodies, and shapes as they are.
+pub const DCD_REFUSED_NOT_TO_BE_BUILT: u32 = 12;
 
 /// A change of a body of a served world: it appeared, is gone, or an input was refused. Bodies that were there on joining are not
 /// told of, and nothing is in a local world.
@@ -357,6 +363,8 @@ fn code_of(refusal: Refusal) -> u32 {
         Refusal::Shape => DCD_REFUSED_SHAPE,
         Refusal::TooMany => DCD_REFUSED_TOO_MANY,
         Refusal::Costly(_) => DCD_REFUSED_COSTLY,
+        Refusal::MayNotBuild => DCD_REFUSED_MAY_NOT_BUILD,
+        Refusal::NotToBeBuilt => DCD_REFUSED_NOT_TO_BE_BUILT,
     }
 }
 
@@ -372,6 +380,8 @@ pub(crate) fn refused_name(reason: u32) -> &'static CStr {
         DCD_REFUSED_TOO_MANY => c"DCD_REFUSED_TOO_MANY",
         DCD_REFUSED_COSTLY => c"DCD_REFUSED_COSTLY",
         DCD_REFUSED_TOO_FAR => c"DCD_REFUSED_TOO_FAR",
+        DCD_REFUSED_MAY_NOT_BUILD => c"DCD_REFUSED_MAY_NOT_BUILD",
+        DCD_REFUSED_NOT_TO_BE_BUILT => c"DCD_REFUSED_NOT_TO_BE_BUILT",
         _ => c"(no DCD reason)",
     }
 }

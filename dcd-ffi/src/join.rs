@@ -27,7 +27,7 @@ pub struct DcdClientDef {
     /// Where the server is: "host:port", "192.0.2.1:port" or "[2001:db8::1]:port". Where servers stand by for one another
     /// (`dcd serve --directory`) those of all, separated by commas without spaces: the one that answers is the server, now and later on.
     pub server: *const c_char,
-    /// What `dcd token --role client` or dcd_token_create gave; joining uses it up.
+    /// What `dcd token --role client` (or `builder`) or dcd_token_create gave; joining uses it up.
     pub token: *const c_char,
     /// A file that keeps who you are, or null. It is written on joining; who joins with it again gets the avatars back that
     /// were left behind. It holds a secret.

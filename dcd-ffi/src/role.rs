@@ -15,6 +15,8 @@ pub const DCD_ROLE_PARTICIPANT: DcdRole = 2;
 pub const DCD_ROLE_SERVER: DcdRole = 3;
 /// Computes a share of it.
 pub const DCD_ROLE_NODE: DcdRole = 4;
+/// Hosts avatars in it as a client, and may change what is the world's own as the server's program does.
+pub const DCD_ROLE_BUILDER: DcdRole = 5;
 
 /// The number of a role.
 pub(crate) fn number_of(role: Role) -> DcdRole {
@@ -24,6 +26,7 @@ pub(crate) fn number_of(role: Role) -> DcdRole {
         Role::Participant => DCD_ROLE_PARTICIPANT,
         Role::Server => DCD_ROLE_SERVER,
         Role::Node => DCD_ROLE_NODE,
+        Role::Builder => DCD_ROLE_BUILDER,
         _ => unreachable!("dcd and dcd-ffi are of one version"),
     }
 }

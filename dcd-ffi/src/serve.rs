@@ -15,7 +15,7 @@ use crate::ids::DcdWorld;
 use crate::join::Entry;
 use crate::pointer::{self, Out, Room, Sized32};
 use crate::registry::{self, with};
-use crate::role::{DCD_ROLE_CLIENT, DCD_ROLE_NODE, DCD_ROLE_PARTICIPANT, DcdRole};
+use crate::role::{DCD_ROLE_BUILDER, DCD_ROLE_CLIENT, DCD_ROLE_NODE, DCD_ROLE_PARTICIPANT, DcdRole};
 use crate::status::{DCD_ERR_NULL, DcdStatus, Failure};
 use crate::world::{self, DcdWorldDef, Opened};
 
@@ -220,8 +220,8 @@ pub extern "C" fn dcd_server_suspend(world: DcdWorld) -> DcdStatus {
     guard("dcd_server_suspend", || with(world, |world| Ok(world.dcd.suspend()?)))
 }
 
-/// Mints a token that lets one process join this server as `role`: DCD_ROLE_CLIENT, DCD_ROLE_PARTICIPANT or DCD_ROLE_NODE. It
-/// can be used once, within `valid_seconds` (1 to 31,536,000). Written to `buf` of `cap` bytes with a NUL; `needed` receives the
+/// Mints a token that lets one process join this server as `role`: DCD_ROLE_CLIENT, DCD_ROLE_BUILDER, DCD_ROLE_PARTICIPANT or
+/// DCD_ROLE_NODE. A builder joins by dcd_client_connect, and may change what is the world's own. The token can be used once, within `valid_seconds` (1 to 31,536,000). Written to `buf` of `cap` bytes with a NUL; `needed` receives the
 /// size with NUL. With `cap` 0 `buf` may be null, to ask for the size: 512 bytes are always enough, and asking mints none.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for another role or time, DCD_ERR_SMALL_BUFFER, DCD_ERR_IO for the
@@ -242,8 +242,9 @@ pub unsafe extern "C" fn dcd_token_create(
             DCD_ROLE_CLIENT => JoinRole::Client,
             DCD_ROLE_PARTICIPANT => JoinRole::Participant,
             DCD_ROLE_NODE => JoinRole::Node,
+            DCD_ROLE_BUILDER => JoinRole::Builder,
             role => {
-                let roles = "DCD_ROLE_CLIENT, DCD_ROLE_PARTICIPANT or DCD_ROLE_NODE";
+                let roles = "DCD_ROLE_CLIENT, DCD_ROLE_BUILDER, DCD_ROLE_PARTICIPANT or DCD_ROLE_NODE";
                 return Err(Failure::argument(format!("role is {role}; give {roles}")));
             }
         };

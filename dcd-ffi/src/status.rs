@@ -104,6 +104,13 @@ impl From<Unsupported> for Failure {
             Instead::UsualSleep => {
                 "leave sleep_linear, sleep_angular and sleep_after as DCD_BODY_DEF_INIT has them"
             }
+            Instead::FixedInScene => {
+                "give the scene the fixed body, make a kinematic one, or join by a token that lets it build (DCD_ROLE_BUILDER)"
+            }
+            Instead::JointsInScene => {
+                "joints belong to the scene that the server was given, its program, and who joins by a token that lets it build \
+                 (DCD_ROLE_BUILDER)"
+            }
             Instead::KinematicByVelocity => "make a DCD_KINEMATIC one and give it velocities",
             Instead::RecordNodes => {
                 "its nodes are recorded, each from its beginning (record_path of DcdNodeDef)"

@@ -111,7 +111,7 @@ pub struct DcdWorldDef {
 pub struct DcdWorldInfo {
     /// sizeof(DcdWorldInfo).
     pub struct_size: u32,
-    /// DCD_ROLE_LOCAL, _CLIENT, _PARTICIPANT, _SERVER or _NODE.
+    /// DCD_ROLE_LOCAL, _CLIENT, _BUILDER, _PARTICIPANT, _SERVER or _NODE.
     pub role: DcdRole,
     /// Steps since the world began. In a served world the newest heard of: it lags by some milliseconds while bodies move, and
     /// comes every 30 steps while all rest; at the server by up to 12 steps more.

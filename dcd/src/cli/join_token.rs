@@ -13,7 +13,7 @@ const TOKEN_BEGINS: &str = "dcd1-";
 
 #[derive(clap::Args)]
 pub(super) struct TokenArgs {
-    /// From `dcd token --role ROLE`: node, client, or participant with --compute. Who may list processes sees it; not so with --token-file
+    /// From `dcd token --role ROLE`: node, client (or builder), or participant with --compute. Who may list processes sees it; not so with --token-file
     #[arg(long, required_unless_present_any = ["token_file", "identity"])]
     token: Option<String>,
     /// A file with the token. A node whose --identity has its file already needs neither, nor is a token used up then: this file may be gone

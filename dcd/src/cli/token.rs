@@ -21,7 +21,8 @@ pub(super) struct Token {
     /// The server's data folder
     #[arg(long, value_name = "DIR", default_value = "dcd-data")]
     data: PathBuf,
-    /// What the process joins as: node, client, or participant (both in one process)
+    /// What the process joins as: node, client, participant (both in one process), or builder (a client that may change the world as the
+    /// server's program does)
     #[arg(long, value_parser = role)]
     role: JoinRole,
     /// For how long the token can be used: 90s, 10m, 2h, 1d
@@ -58,7 +59,7 @@ impl Token {
 
 fn role(text: &str) -> Result<JoinRole, String> {
     match text.parse() {
-        Ok(JoinRole::Server) | Err(_) => Err("write node, client or participant".to_owned()),
+        Ok(JoinRole::Server) | Err(_) => Err("write node, client, participant or builder".to_owned()),
         Ok(role) => Ok(role),
     }
 }

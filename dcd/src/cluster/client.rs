@@ -2,6 +2,7 @@
 //! copy of the world up to date.
 
 mod body_view;
+mod building;
 mod newest;
 mod showing;
 mod surroundings;
@@ -16,6 +17,7 @@ use std::time::Duration;
 use tracing::debug;
 
 pub use self::body_view::BodyView;
+use self::building::Building;
 use self::newest::NewestInputs;
 use self::showing::Showing;
 use self::surroundings::Surroundings;
@@ -24,9 +26,9 @@ use super::{Peer, Pinger};
 use crate::delta::{FreeMotion, Receiver, Tally};
 use crate::playback::Motion;
 use crate::protocol::{
-    Alteration, Area, BodyKind, BodyRecord, Chunk, ContactForce, Drive, EnvironmentProperties, FromClient,
-    Handover, Hello, Input, JoinAs, JointRecord, Member, Message, Query, QueryResult, Refusal, ShapeHash,
-    ShapeRecord, ToClient, Touch, VERSION, Velocity, WorldPose,
+    Alteration, Area, BodyKind, BodyRecord, BuildOp, Chunk, ContactForce, Drive, EnvironmentProperties,
+    FromClient, Handover, Hello, Input, JoinAs, JointRecord, Member, Message, Query, QueryResult, Refusal,
+    ShapeHash, ShapeRecord, ToClient, Touch, VERSION, Velocity, WorldPose,
 };
 use crate::space::{Allocation, BodyId, ClientId, DistributionTree, GroupId, NodeId, RegionId, Tick};
 
@@ -87,6 +89,8 @@ pub enum ClientEvent {
     },
     /// An avatar is to go for good.
     Despawn(BodyId),
+    /// The user, who may build, changes the world, in this order.
+    Build(Vec<BuildOp>),
     /// The user asks about bodies; the question's number is unlike those of questions before.
     Ask(Query),
     /// The user does not want the answer any more.
@@ -181,6 +185,7 @@ pub struct Client {
     now: Duration,
     /// Requests that the server has not answered yet, in order: sent again when it is back.
     unanswered: Vec<FromClient>,
+    building: Building,
     touches: VecDeque<(Tick, Touch)>,
     forces: VecDeque<(Tick, ContactForce)>,
     handovers: VecDeque<Handover>,
@@ -223,6 +228,7 @@ impl Client {
             replaced: false,
             now: Duration::ZERO,
             unanswered: Vec::new(),
+            building: Building::default(),
             touches: VecDeque::new(),
             forces: VecDeque::new(),
             handovers: VecDeque::new(),
@@ -290,6 +296,7 @@ impl Client {
                 self.send_newest(Input { body, logical_time: 0, tick, velocity, pose, drive });
             }
             ClientEvent::Despawn(body) => self.want(FromClient::Despawn(body)),
+            ClientEvent::Build(ops) => self.build(ops),
             ClientEvent::Interest(area) => self.turn_to(area),
             ClientEvent::Ask(question) => {
                 self.tell_leader(FromClient::Ask(question.clone()));
@@ -422,7 +429,7 @@ impl Client {
         &self.shapes
     }
 
-    /// Returns the joints that were there when the client joined.
+    /// Returns the joints of the bodies that it was told of.
     pub fn joints(&self) -> &[JointRecord] {
         &self.joints
     }
@@ -580,7 +587,8 @@ impl Client {
 
     fn told(&mut self, message: ToClient) {
         match message {
-            ToClient::Welcome { world, logical_time, .. } => {
+            ToClient::Welcome { world, logical_time, next_built, .. } => {
+                self.building.next = next_built;
                 self.logical_time = self.logical_time.max(logical_time);
                 self.receiver.set_motion(FreeMotion::of(&world.step));
                 self.world = Some(world);
@@ -588,6 +596,7 @@ impl Client {
                 if !std::mem::take(&mut self.greeted) {
                     // The world is another, on a link that lost nothing: what was asked of the one before is not meant for it.
                     self.newest.clear();
+                    self.building.clear();
                     self.replaced = true;
                     self.showing.iter_mut().for_each(|showing| showing.recount());
                 }
@@ -612,6 +621,7 @@ impl Client {
                 }
                 if !std::mem::take(&mut self.replaced) {
                     self.say_again();
+                    self.build_again();
                 }
                 self.outputs.push_back(ClientOutput::Joined);
             }
@@ -666,6 +676,8 @@ impl Client {
                     known.clone_from(&joint);
                 }
             }
+            ToClient::JointRemoved(id) => self.joints.retain(|joint| joint.id != id),
+            ToClient::Built(number) => self.building.answered(number),
             ToClient::States { stamp, states } if self.group.is_none_or(|own| own == stamp.group) => {
                 self.tick = self.tick.max(stamp.tick);
                 if self.linked {

@@ -244,6 +244,23 @@ impl Record {
         self.joints.remove(&id).is_some()
     }
 
+    /// Returns the bodies of the world that a client has built, in id order.
+    pub(super) fn built(&self, client: ClientId) -> impl Iterator<Item = &BodyRecord> {
+        let range = BodyId::built(client, 0)..=BodyId::built(client, u32::MAX);
+        self.bodies.range(range).map(|(_, entry)| &entry.body)
+    }
+
+    /// Returns the joints that a client has built, in id order.
+    pub(super) fn built_joints(&self, client: ClientId) -> impl Iterator<Item = JointId> {
+        let range = JointId::built(client, 0)..=JointId::built(client, u32::MAX);
+        self.joints.range(range).map(|(&id, _)| id)
+    }
+
+    /// Returns a joint.
+    pub(super) fn joint(&self, id: JointId) -> Option<&JointRecord> {
+        self.joints.get(&id)
+    }
+
     /// Returns the joints, in id order.
     pub fn joints(&self) -> impl Iterator<Item = &JointRecord> {
         self.joints.values()
@@ -251,8 +268,9 @@ impl Record {
 
     /// Returns the first ids that no persistent body and no joint has had so far.
     pub(super) fn next_ids(&self) -> (u32, u64) {
-        let body = self.bodies.keys().filter(|id| id.client().is_none()).map(|id| id.index()).max();
-        let joint = self.joints.keys().next_back().map(|id| id.0);
+        let is_own = |id: &&BodyId| id.client().is_none() && id.builder().is_none();
+        let body = self.bodies.keys().filter(is_own).map(|id| id.index()).max();
+        let joint = self.joints.keys().filter(|id| id.builder().is_none()).map(|id| id.0).max();
         (body.map_or(0, |index| index.saturating_add(1)), joint.map_or(0, |id| id.saturating_add(1)))
     }
 
@@ -278,6 +296,11 @@ impl Record {
     /// Returns all shapes.
     pub(super) fn shapes(&self) -> impl Iterator<Item = &ShapeRecord> {
         self.shapes.values()
+    }
+
+    /// Returns all shapes, by hash.
+    pub(super) fn shapes_by_hash(&self) -> &BTreeMap<ShapeHash, ShapeRecord> {
+        &self.shapes
     }
 
     /// Returns a shape that is on record.

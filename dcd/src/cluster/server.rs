@@ -4,6 +4,7 @@
 mod arbiter;
 mod avatars;
 mod budget;
+mod builders;
 mod common;
 mod drain;
 mod group;
@@ -29,14 +30,14 @@ use self::status::Statuses;
 use self::vicinity::Vicinity;
 use super::{Batch, Peer, Pinger, PollCounts, Polls, Record};
 use crate::protocol::{
-    Area, Chunk, EnvironmentProperties, Farewell, Hello, JoinAs, Member, Message, Query, QueryResult,
-    Refusal, ShapeHash, ShapeRecord, ToClient, VERSION, View, ViewNumber, WorldEvents, chunks,
+    Area, BuildOp, Chunk, EnvironmentProperties, Farewell, FromClient, Hello, JoinAs, Member, Message, Query,
+    QueryResult, Refusal, ShapeHash, ShapeRecord, ToClient, VERSION, View, ViewNumber, WorldEvents, chunks,
 };
 use crate::space::{BodyId, ClientId, GroupId, NodeId, Tick};
 
 pub use self::avatars::{MAX_AVATARS, MAX_SHAPE_BYTES};
+pub use self::builders::{MAX_BUILT, MAX_BUILT_SHAPE_BYTES};
 pub use self::drain::DrainError;
-pub use self::program::ProgramOp;
 pub use self::regroup::Grouping;
 pub use self::save::SavedWorld;
 pub use self::stored::{RestoreError, ServerOrigin};
@@ -97,7 +98,11 @@ pub enum ServerEvent {
     /// The world is to end: all are told.
     Stop,
     /// The server's program changes the world, in this order.
-    Program(Vec<ProgramOp>),
+    Program(Vec<BuildOp>),
+    /// It goes back to a saved world, or to another.
+    Replace(Box<SavedWorld>),
+    /// A client has proved by its certificate that it may build.
+    MayBuild(ClientId),
     /// The world is to be saved as it is after one tick ([`ServerOutput::Saved`]).
     Save,
     /// It queries bodies; the question's number is unlike those of questions before.
@@ -265,6 +270,10 @@ impl Server {
                     self.hear_node(node, message);
                 }
             }
+            ServerEvent::Message {
+                from,
+                message: Message::FromClient(client, FromClient::Build { number, ops }),
+            } => self.hear_builder(from, client, number, ops),
             ServerEvent::Message { from, message: Message::FromClient(client, message) } => {
                 if self.speaks_for(from, client) && self.common.clients.contains_key(&client) {
                     self.hear_client(client, message);
@@ -290,6 +299,10 @@ impl Server {
             }
             ServerEvent::Drain(node) => self.drain(node),
             ServerEvent::Program(ops) => ops.into_iter().for_each(|op| self.obey(op)),
+            ServerEvent::Replace(saved) => self.replace(*saved),
+            ServerEvent::MayBuild(client) => {
+                self.common.allowances.entry(client).or_default().building.permit();
+            }
             ServerEvent::Save => self.main_mut().saving = true,
             ServerEvent::Ask(question) => self.ask(question),
             ServerEvent::Forget(number) => self.unask(number),
@@ -572,7 +585,8 @@ impl Server {
         // Room for 2^28 inputs a stay, for 2^16 stays a view.
         self.welcomes = (self.welcomes + 1) & 0xffff;
         let logical_time = self.common.number.0 << 44 | self.welcomes << 28;
-        self.common.send_client(client, ToClient::Welcome { id: client, logical_time, world });
+        let next_built = self.next_built(client);
+        self.common.send_client(client, ToClient::Welcome { id: client, logical_time, next_built, world });
         for chunk in parts {
             self.common.send_client(client, ToClient::Chunk(chunk));
         }

@@ -109,6 +109,7 @@ impl Ledger {
                 JoinRole::Node => PeerName::Node(node),
                 JoinRole::Client => PeerName::Client(client),
                 JoinRole::Participant => PeerName::Participant(node, client),
+                JoinRole::Builder => PeerName::Builder(client),
             }
         });
         let (node, client) = (who.node().unwrap_or_default().0, who.client().unwrap_or_default().0);

@@ -80,28 +80,28 @@ const STREAM_WINDOW_BYTES: u32 = 5 << 18;
 impl Limits {
     /// Returns how long a frame *from* `who` may be.
     pub(super) fn frame_bytes_of(&self, who: PeerName) -> usize {
-        if is_client_only(who) { self.client_frame_bytes } else { self.frame_bytes }
+        if who.is_client_only() { self.client_frame_bytes } else { self.frame_bytes }
     }
 
     /// Returns how many frames per second are read from `who`; `None`: all that come.
     pub(super) fn frames_per_s_of(&self, who: PeerName) -> Option<u32> {
-        is_client_only(who).then_some(self.client_frames_per_s)
+        who.is_client_only().then_some(self.client_frames_per_s)
     }
 
     /// Returns how many bytes may wait *for* `who`.
     pub(super) fn queue_bytes_of(&self, who: PeerName) -> usize {
-        if is_client_only(who) { self.client_queue_bytes } else { self.queue_bytes }
+        if who.is_client_only() { self.client_queue_bytes } else { self.queue_bytes }
     }
 
     /// Returns how many bytes may be in flight to `who`.
     pub(super) fn send_window_of(&self, who: PeerName) -> u64 {
-        let world = if is_client_only(who) { self.client_queue_bytes } else { link::WINDOW_BYTES };
+        let world = if who.is_client_only() { self.client_queue_bytes } else { link::WINDOW_BYTES };
         (world + link::PROGRAM_WINDOW_BYTES) as u64
     }
 
     /// Returns how many bytes `who` may send ahead of our reading.
     pub(super) fn receive_window_of(&self, who: PeerName) -> VarInt {
-        if is_client_only(who) {
+        if who.is_client_only() {
             u32::try_from(2 * self.client_frame_bytes).map_or(VarInt::MAX, VarInt::from_u32)
         } else {
             VarInt::from_u32(RECEIVE_WINDOW_BYTES)
@@ -115,12 +115,12 @@ impl Limits {
 
     /// Returns the longest silence on a link that `who` has dialled.
     pub(super) fn idle_timeout_of(&self, who: PeerName) -> Duration {
-        if is_client_only(who) { self.client_idle_timeout } else { self.idle_timeout }
+        if who.is_client_only() { self.client_idle_timeout } else { self.idle_timeout }
     }
 
     /// Returns the settings of links that `who`, this process, dials: it says how long silence may last, and breaks it.
     pub(super) fn dialling(&self, who: PeerName) -> Arc<TransportConfig> {
-        let keep_alive = if is_client_only(who) { self.client_keep_alive } else { self.keep_alive };
+        let keep_alive = if who.is_client_only() { self.client_keep_alive } else { self.keep_alive };
         self.transport(self.idle_timeout_of(who), Some(keep_alive), 0)
     }
 
@@ -156,8 +156,4 @@ impl Limits {
             .congestion_controller_factory(Arc::new(ToleratesLoss));
         Arc::new(transport)
     }
-}
-
-fn is_client_only(who: PeerName) -> bool {
-    matches!(who, PeerName::Client(_))
 }

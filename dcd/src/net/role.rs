@@ -16,22 +16,30 @@ pub enum JoinRole {
     Client,
     /// Node and client in one process (thesis: the usual case).
     Participant,
+    /// A client that may also build: insert, change and remove what is the world's own, as the server's program does.
+    Builder,
 }
 
 impl JoinRole {
+    const ALL: [Self; 5] = [Self::Server, Self::Node, Self::Client, Self::Participant, Self::Builder];
+
+    /// Returns whether a token for this role admits who wants to join as `wanted`: who may build is a client.
+    pub(super) fn admits(self, wanted: Self) -> bool {
+        self == wanted || (self, wanted) == (Self::Builder, Self::Client)
+    }
+
     pub(super) fn code(self) -> u8 {
         match self {
             Self::Server => 0,
             Self::Node => 1,
             Self::Client => 2,
             Self::Participant => 3,
+            Self::Builder => 4,
         }
     }
 
     pub(super) fn from_code(code: u8) -> Option<Self> {
-        [Self::Server, Self::Node, Self::Client, Self::Participant]
-            .into_iter()
-            .find(|role| role.code() == code)
+        Self::ALL.into_iter().find(|role| role.code() == code)
     }
 }
 
@@ -42,6 +50,7 @@ impl fmt::Display for JoinRole {
             Self::Node => "node",
             Self::Client => "client",
             Self::Participant => "participant",
+            Self::Builder => "builder",
         })
     }
 }
@@ -50,10 +59,10 @@ impl FromStr for JoinRole {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        [Self::Server, Self::Node, Self::Client, Self::Participant]
+        Self::ALL
             .into_iter()
             .find(|role| role.to_string() == text)
-            .ok_or_else(|| format!("`{text}` is no role; say server, node, client or participant"))
+            .ok_or_else(|| format!("`{text}` is no role; say server, node, client, participant or builder"))
     }
 }
 
@@ -68,6 +77,8 @@ pub enum PeerName {
     Client(ClientId),
     /// `node-3.dcd` and `client-7.dcd`
     Participant(NodeId, ClientId),
+    /// `builder-7.dcd`: the name says the right, so that whoever issued it need not remember.
+    Builder(ClientId),
 }
 
 impl PeerName {
@@ -78,6 +89,7 @@ impl PeerName {
             Self::Node(_) => JoinRole::Node,
             Self::Client(_) => JoinRole::Client,
             Self::Participant(..) => JoinRole::Participant,
+            Self::Builder(_) => JoinRole::Builder,
         }
     }
 
@@ -85,23 +97,28 @@ impl PeerName {
     pub fn node(self) -> Option<NodeId> {
         match self {
             Self::Node(node) | Self::Participant(node, _) => Some(node),
-            Self::Server | Self::Client(_) => None,
+            Self::Server | Self::Client(_) | Self::Builder(_) => None,
         }
     }
 
     /// Returns the id as a client, if it is one.
     pub fn client(self) -> Option<ClientId> {
         match self {
-            Self::Client(client) | Self::Participant(_, client) => Some(client),
+            Self::Client(client) | Self::Participant(_, client) | Self::Builder(client) => Some(client),
             Self::Server | Self::Node(_) => None,
         }
+    }
+
+    /// Returns whether it computes nothing: it plays, or builds.
+    pub(crate) fn is_client_only(self) -> bool {
+        matches!(self, Self::Client(_) | Self::Builder(_))
     }
 
     /// Returns whether a process that proved to be `self` is the one that was dialled: a participant answers to its names as node
     /// and as client too.
     pub fn answers_to(self, expected: PeerName) -> bool {
         match expected {
-            Self::Server | Self::Participant(..) => self == expected,
+            Self::Server | Self::Participant(..) | Self::Builder(_) => self == expected,
             Self::Node(node) => self.node() == Some(node),
             Self::Client(client) => self.client() == Some(client),
         }
@@ -114,6 +131,7 @@ impl PeerName {
             (JoinRole::Node, Some(node), None) => Some(Self::Node(node)),
             (JoinRole::Client, None, Some(client)) => Some(Self::Client(client)),
             (JoinRole::Participant, Some(node), Some(client)) => Some(Self::Participant(node, client)),
+            (JoinRole::Builder, None, Some(client)) => Some(Self::Builder(client)),
             _ => None,
         }
     }
@@ -125,13 +143,14 @@ impl PeerName {
             names.push("server.dcd".to_owned());
         }
         names.extend(self.node().map(|node| format!("node-{}.dcd", node.0)));
-        names.extend(self.client().map(|client| format!("client-{}.dcd", client.0)));
+        let as_client = if let Self::Builder(_) = self { "builder" } else { "client" };
+        names.extend(self.client().map(|client| format!("{as_client}-{}.dcd", client.0)));
         names
     }
 
     /// Returns the name of a certificate with exactly these DNS names.
     pub(super) fn from_dns_names<'a>(names: impl Iterator<Item = &'a str>) -> Option<Self> {
-        let (mut server, mut node, mut client) = (false, None, None);
+        let (mut server, mut builds, mut node, mut client) = (false, false, None, None);
         for name in names {
             let label = name.strip_suffix(".dcd")?;
             if label == "server" && !server {
@@ -140,12 +159,17 @@ impl PeerName {
                 node = Some(NodeId(number.parse().ok()?));
             } else if let (Some(number), None) = (label.strip_prefix("client-"), client) {
                 client = Some(ClientId(number.parse().ok()?));
+            } else if let (Some(number), None) = (label.strip_prefix("builder-"), client) {
+                (builds, client) = (true, Some(ClientId(number.parse().ok()?)));
             } else {
                 return None;
             }
         }
         let role = match (server, node.is_some(), client.is_some()) {
             (true, ..) => JoinRole::Server,
+            (false, false, true) if builds => JoinRole::Builder,
+            // A node that builds is nobody's name.
+            (false, true, true) if builds => return None,
             (false, true, true) => JoinRole::Participant,
             (false, true, false) => JoinRole::Node,
             (false, false, _) => JoinRole::Client,
@@ -164,11 +188,12 @@ impl fmt::Display for PeerName {
 mod tests {
     use super::*;
 
-    const NAMES: [PeerName; 4] = [
+    const NAMES: [PeerName; 5] = [
         PeerName::Server,
         PeerName::Node(NodeId(3)),
         PeerName::Client(ClientId(7)),
         PeerName::Participant(NodeId(3), ClientId(7)),
+        PeerName::Builder(ClientId(7)),
     ];
 
     #[test]
@@ -184,6 +209,8 @@ mod tests {
             vec![],
             vec!["server.dcd", "node-1.dcd"],
             vec!["node-1.dcd", "node-2.dcd"],
+            vec!["node-1.dcd", "builder-1.dcd"],
+            vec!["client-1.dcd", "builder-1.dcd"],
             vec!["node-x.dcd"],
             vec!["node-1.example"],
             vec!["leader.dcd"],
@@ -199,5 +226,13 @@ mod tests {
         assert!(both.answers_to(PeerName::Client(ClientId(7))));
         assert!(!both.answers_to(PeerName::Node(NodeId(4))));
         assert!(!PeerName::Client(ClientId(3)).answers_to(PeerName::Node(NodeId(3))));
+    }
+
+    #[test]
+    fn a_builder_is_a_client_and_a_client_no_builder() {
+        assert!(NAMES[4].answers_to(PeerName::Client(ClientId(7))));
+        assert!(!NAMES[2].answers_to(NAMES[4]));
+        assert!(JoinRole::Builder.admits(JoinRole::Client) && !JoinRole::Client.admits(JoinRole::Builder));
+        assert!(!JoinRole::Builder.admits(JoinRole::Participant));
     }
 }

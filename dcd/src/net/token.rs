@@ -49,7 +49,11 @@ impl Token {
 
     /// Checks, without the server, that the token is for this role.
     pub fn require(&self, wanted: JoinRole) -> Result<(), TokenError> {
-        if self.role == wanted { Ok(()) } else { Err(TokenError::WrongRole { found: self.role, wanted }) }
+        if self.role.admits(wanted) {
+            Ok(())
+        } else {
+            Err(TokenError::WrongRole { found: self.role, wanted })
+        }
     }
 
     pub(super) fn mint(

@@ -72,5 +72,5 @@ impl OwnerIndex {
 
 #[inline]
 fn dense_index(id: BodyId) -> Option<usize> {
-    (id.client().is_none() && id.index() < DENSE).then_some(id.index() as usize)
+    (id.bits() < u64::from(DENSE)).then_some(id.index() as usize)
 }

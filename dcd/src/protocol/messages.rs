@@ -1,6 +1,7 @@
 //! Defines the message set between server, nodes, leader and clients (thesis 4.3.2.9–10). Every message of a group carries the
 //! [`ViewNumber`] it was written in, so that nothing of an earlier membership is ever taken for the present one.
 
+mod build;
 mod client;
 mod group;
 mod program;
@@ -16,6 +17,8 @@ use crate::space::{
     Allocation, Balance, ClientId, DistributionTree, GroupId, NodeId, RegionId, Tick, TreeError,
 };
 
+pub(crate) use build::BUILD_BYTES;
+pub use build::{BuildOp, MAX_BUILD_OPS};
 pub use client::{
     Area, Costs, FromClient, Heard, Input, MAX_HEARD, MAX_INTRODUCED, Part, Refusal, Stamp, ToClient,
 };
@@ -156,11 +159,12 @@ impl Message {
                 | ToClient::WorldEnd
                 | ToClient::Inserted { .. }
                 | ToClient::Removed(_)
-                | ToClient::Altered(_) => Subject::Bodies,
+                | ToClient::Altered(_)
+                | ToClient::JointRemoved(_) => Subject::Bodies,
                 ToClient::Contacts { .. } => Subject::Contacts,
                 ToClient::Answer { .. } => Subject::Answers,
                 ToClient::LeaderIs { .. } | ToClient::Regions { .. } => Subject::Regions,
-                ToClient::Welcome { .. } | ToClient::Rejected { .. } => Subject::Rest,
+                ToClient::Welcome { .. } | ToClient::Rejected { .. } | ToClient::Built(_) => Subject::Rest,
             },
             Self::Ping(_) | Self::Pong(_) => Subject::Pings,
             Self::Program(_) => Subject::Programs,

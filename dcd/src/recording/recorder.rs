@@ -138,6 +138,11 @@ impl Recorder {
                 self.put_parts(ops);
                 ServerEntry::Program
             }
+            ServerEvent::Replace(saved) => {
+                self.put_parts(saved);
+                ServerEntry::Replace
+            }
+            ServerEvent::MayBuild(client) => ServerEntry::MayBuild(*client),
             ServerEvent::Save => ServerEntry::Save,
             ServerEvent::Ask(question) => ServerEntry::Ask(question.clone()),
             ServerEvent::Forget(number) => ServerEntry::Forget(*number),

@@ -48,6 +48,9 @@ pub(super) enum ServerEntry<M = Message> {
         digest: [u8; 8],
     },
     Drain(NodeId),
+    /// The parts were the world that replaced it.
+    Replace,
+    MayBuild(ClientId),
 }
 
 /// The configuration of a server, and what it began with.
@@ -179,6 +182,10 @@ impl Replayed for ServerReplay {
                 ServerEntry::Program => {
                     ServerEvent::Program(take(&mut &std::mem::take(&mut self.parts)[..])?)
                 }
+                ServerEntry::Replace => {
+                    ServerEvent::Replace(Box::new(take(&mut &std::mem::take(&mut self.parts)[..])?))
+                }
+                ServerEntry::MayBuild(client) => ServerEvent::MayBuild(client),
                 ServerEntry::Disconnected(peer) => ServerEvent::Disconnected(peer),
                 ServerEntry::Message { from, message } => ServerEvent::Message { from, message },
                 ServerEntry::SendAway { node, client, reason } => {

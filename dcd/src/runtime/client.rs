@@ -17,8 +17,8 @@ use crate::physics::{ShapeError, ShapeLibrary};
 use crate::playback::{Motion, ViewTime};
 use crate::prediction::{Prediction, Predictor};
 use crate::protocol::{
-    Area, ContactForce, Controller, Drive, EnvironmentProperties, Handover, Input, Query, QueryResult,
-    Refusal, ShapeHash, ShapeRecord, Touch, Velocity, WorldPose,
+    Area, BuildOp, ContactForce, Controller, Drive, EnvironmentProperties, Handover, Input, JointRecord,
+    Query, QueryResult, Refusal, ShapeHash, ShapeRecord, Touch, Velocity, WorldPose,
 };
 use crate::recording::Background;
 use crate::space::{BodyId, ClientId, DistributionTree, NodeId, RegionId, Tick};
@@ -31,7 +31,7 @@ pub struct JoinConfig {
     /// Where else it may be: the addresses of servers that stand by. All are dialled, and the one that answers is the server. All of IPv4 or
     /// all of IPv6.
     pub standbys: Vec<SocketAddr>,
-    /// From `dcd token --role client` (or `participant`, or `node`); used up by joining. A node that has its `identity` file already needs
+    /// From `dcd token --role client` (or `builder`, `participant`, or `node`); used up by joining. A node that has its `identity` file already needs
     /// none: it may be empty, or a used one.
     pub token: String,
     /// File that keeps the process's identity: a later join with it continues with the same avatars.
@@ -149,6 +149,7 @@ pub struct ClientEvents {
 pub struct ClientWorld {
     member: Member,
     client: ClientId,
+    may_build: bool,
     next_avatar: u32,
     shapes: ShapeLibrary,
     predicts: bool,
@@ -172,6 +173,7 @@ impl ClientWorld {
         let start = Instant::now();
         let identity = config.join(role)?;
         let client = identity.client().ok_or(ProcessError::Role { has: identity.role(), needs: role })?;
+        let may_build = identity.role() == JoinRole::Builder;
         let usual = MemberConfig::new(config.server, identity);
         let member = Member::start(MemberConfig {
             standbys: config.standbys.clone(),
@@ -192,7 +194,8 @@ impl ClientWorld {
             return Err(ProcessError::Timeout { server: config.server, waited: config.timeout });
         }
         let shapes = ShapeLibrary::default();
-        let world = Self { member, client, next_avatar: 0, shapes, predicts: true, predictor: None };
+        let world =
+            Self { member, client, may_build, next_avatar: 0, shapes, predicts: true, predictor: None };
         world.check()?;
         Ok(world)
     }
@@ -200,6 +203,26 @@ impl ClientWorld {
     /// Returns this process's id as a client.
     pub fn id(&self) -> ClientId {
         self.client
+    }
+
+    /// Returns whether its token lets it build: change what is the world's own.
+    pub fn may_build(&self) -> bool {
+        self.may_build
+    }
+
+    /// Returns the indices of the next body and the next joint that it may build, as the server said.
+    pub(crate) fn next_built(&self) -> (u32, u32) {
+        self.member.shared.lock().client.as_ref().map_or((0, 0), Client::next_built)
+    }
+
+    /// Changes the world, in this order, if it may: what is refused comes in [`ClientEvents::refusals`].
+    pub fn build(&self, ops: Vec<BuildOp>) -> Result<(), ProcessError> {
+        self.member.submit(ClientEvent::Build(ops))
+    }
+
+    /// Returns the joints of the bodies that it was told of.
+    pub(crate) fn joints(&self) -> Vec<JointRecord> {
+        self.member.shared.lock().client.as_ref().map(|client| client.joints().to_vec()).unwrap_or_default()
     }
 
     /// Returns this process's id as a node, for a participant.
@@ -392,6 +415,11 @@ impl ClientWorld {
     pub(crate) fn shape(&self, hash: ShapeHash) -> Option<ShapeRecord> {
         let own = self.shapes.record_of(hash).cloned();
         own.or_else(|| self.member.shared.lock().client.as_ref()?.shapes().get(&hash).cloned())
+    }
+
+    /// Returns whether the server has told of a shape.
+    pub(crate) fn has_heard_of(&self, hash: ShapeHash) -> bool {
+        self.member.shared.lock().client.as_ref().is_some_and(|client| client.shapes().contains_key(&hash))
     }
 
     /// Calls `look` for every body in id order, as last received, and collects what it returns.

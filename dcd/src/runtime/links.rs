@@ -44,8 +44,8 @@ const REPEATS_WAITING: usize = 8 << 10;
 #[derive(Debug)]
 #[expect(clippy::large_enum_variant, reason = "an event lives for one call")]
 pub(super) enum LinkEvent {
-    /// A link is up.
-    Connected(Peer),
+    /// A link is up; the name that the other end has proved.
+    Connected(Peer, PeerName),
     /// A link is gone, or could not be made.
     Disconnected {
         /// The peer at its other end.
@@ -312,7 +312,8 @@ impl Links {
     /// Returns how many bytes may wait for a peer.
     fn room_for(&self, peer: Peer) -> usize {
         let who = self.key(peer).and_then(|key| self.names.get(&key));
-        let is_client = matches!((peer, who), (_, Some(PeerName::Client(_))) | (Peer::Client(_), None));
+        let is_client =
+            matches!((peer, who), (Peer::Client(_), None)) || who.is_some_and(|who| who.is_client_only());
         if is_client && !self.told.contains_key(&peer) { 0 } else { self.world_bytes }
     }
 
@@ -368,7 +369,7 @@ impl Links {
                     }
                 }
                 self.flush(Instant::now());
-                peers.into_iter().map(LinkEvent::Connected).collect()
+                peers.into_iter().map(|peer| LinkEvent::Connected(peer, who)).collect()
             }
             NetEvent::ConnectFailed { peer: key, error } => {
                 let Some(peer) = self.dialled.remove(&key) else { return Vec::new() };
@@ -474,7 +475,7 @@ impl Links {
         match who {
             PeerName::Server => vec![Peer::Server],
             PeerName::Node(node) => vec![Peer::Node(node)],
-            PeerName::Client(client) => vec![Peer::Client(client)],
+            PeerName::Client(client) | PeerName::Builder(client) => vec![Peer::Client(client)],
             PeerName::Participant(node, client) if self.is_server => {
                 vec![Peer::Node(node), Peer::Client(client)]
             }
@@ -492,7 +493,7 @@ impl Links {
         match who {
             PeerName::Server => Peer::Server,
             PeerName::Node(id) => node(id),
-            PeerName::Client(client) => Peer::Client(client),
+            PeerName::Client(client) | PeerName::Builder(client) => Peer::Client(client),
             PeerName::Participant(_, client) if self.is_server && is_own(client) => Peer::Client(client),
             PeerName::Participant(id, _) => node(id),
         }

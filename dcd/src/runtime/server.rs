@@ -25,11 +25,11 @@ use super::origin::{Beginning, world_of};
 use super::saved::{local_of, saved_of};
 use super::{Connections, LocalWorld, Origin, ProcessError, Pulse, ServeConfig};
 use crate::cluster::directory::{Batch, Directory, DirectoryError, Entry, Key};
-use crate::cluster::{DrainError, ProgramOp, Record, SavedWorld, ServerConfig, ServerOrigin};
+use crate::cluster::{DrainError, Record, SavedWorld, ServerConfig, ServerOrigin};
 use crate::metrics::Endpoint;
 use crate::net::{Authority, JoinRole, Limits, Net, NetConfig, NetEvent, PeerName, PeerStats, check_address};
 use crate::physics::can_build;
-use crate::protocol::{EnvironmentProperties, Query, QueryResult, View, WorldEvents};
+use crate::protocol::{BuildOp, EnvironmentProperties, Query, QueryResult, View, WorldEvents};
 use crate::recording::{Background, RecordedServer, Recorder};
 use crate::space::{DistributionTree, NodeId, Tick};
 
@@ -119,7 +119,7 @@ enum Input {
     Net(NetEvent),
     Stop,
     Suspend,
-    Program(Vec<ProgramOp>),
+    Program(Vec<BuildOp>),
     Ask(Query),
     Forget(u64),
     /// Says when the node is gone, or why it stays.
@@ -319,7 +319,7 @@ impl ServerProcess {
 
     /// Changes the world, in this order; it is on record some milliseconds later, and computed some ticks later. Bodies have been
     /// checked: nodes refuse a server that sends what may not be.
-    pub fn change(&self, ops: Vec<ProgramOp>) {
+    pub fn change(&self, ops: Vec<BuildOp>) {
         let _ = self.inbox.send(Input::Program(ops));
     }
 

@@ -86,3 +86,29 @@ pub(super) fn drifting(id: BodyId, most_m_s: f64, random: &mut Random) -> BodyRe
     body.state.velocity.linear = std::array::from_fn(|_| ((random.unit() * 2.0 - 1.0) * most_m_s) as f32);
     body
 }
+
+/// Returns a usual collider of this shape.
+#[cfg(test)]
+pub(crate) fn sim_collider(shape: &crate::protocol::ShapeRecord) -> crate::protocol::ColliderRecord {
+    use crate::protocol::{ColliderMass, ColliderRecord, CombineRule, Groups, Pose};
+    let all = Groups { memberships: u32::MAX, filter: u32::MAX, any: false };
+    ColliderRecord {
+        shape: shape.hash(),
+        pose: Pose { translation: [0.0; 3], rotation: [0.0, 0.0, 0.0, 1.0] },
+        mass: ColliderMass::Density(1.0),
+        friction: 0.5,
+        friction_rule: CombineRule::Average,
+        restitution: 0.0,
+        restitution_rule: CombineRule::Average,
+        sensor: false,
+        enabled: true,
+        collision_groups: all,
+        solver_groups: all,
+        collision_types: 0,
+        events: 0,
+        hooks: 0,
+        force_event_threshold_n: 0.0,
+        contact_skin_m: 0.0,
+        user_data: 0,
+    }
+}

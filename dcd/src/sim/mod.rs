@@ -36,6 +36,8 @@ pub use engine::{Engine, Mechanics, Sample};
 pub use faults::{
     Fault, FaultProfile, Island, Moment, Planned, ProcessKind, Promise, Schedule, Victim, Ways,
 };
+#[cfg(test)]
+pub(crate) use fixtures::sim_collider;
 pub use fixtures::{sim_body, sim_world};
 pub use host::Skew;
 pub use network::{Bounds, Cut, NetworkConditions, Path, Traffic, Who};

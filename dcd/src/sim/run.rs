@@ -136,6 +136,9 @@ impl Sim {
                         ServerEvent::Disconnected(peer)
                     }
                     Arrival::Frame(from, bytes, _) => ServerEvent::Message { from, message: open(bytes) },
+                    Arrival::Connected(Peer::Client(client)) if self.builders.contains(&client) => {
+                        ServerEvent::MayBuild(client)
+                    }
                     Arrival::Connected(_) | Arrival::Physics(_) => return,
                 };
                 self.server_event(event);

@@ -1,6 +1,7 @@
 //! Tests the cluster against its faults.
 
 mod balance;
+mod builders;
 mod contact;
 mod groups;
 mod hour;

@@ -108,6 +108,8 @@ pub struct Sim {
     pub(super) disk: MemoryDirectory,
     pub(super) nodes: BTreeMap<NodeId, NodeProcess>,
     pub(super) clients: BTreeMap<ClientId, Client>,
+    /// Those whose certificates let them build.
+    pub(super) builders: BTreeSet<ClientId>,
     pub(super) checker: Checker,
     pub(super) violation: Option<Violation>,
     pub(super) events: u64,
@@ -214,6 +216,7 @@ impl Sim {
             disk: MemoryDirectory::new(),
             nodes: BTreeMap::new(),
             clients: BTreeMap::new(),
+            builders: BTreeSet::new(),
             checker,
             violation: None,
             events: 0,
@@ -307,6 +310,13 @@ impl Sim {
         self.host(Peer::Client(id), false);
         self.network.dial(self.now, Peer::Client(id), Peer::Server);
         id
+    }
+
+    /// Starts a client that may build.
+    pub fn start_builder(&mut self) -> ClientId {
+        let id = self.new_client_id();
+        self.builders.insert(id);
+        self.start_client_near(id, None)
     }
 
     fn new_client_id(&mut self) -> ClientId {

@@ -74,13 +74,32 @@ id!(
     JointId(u64), "j"
 );
 
-/// A body's id everywhere: the client that hosts it (0 for persistent bodies, thesis 4.3.2.5) and its number there.
+/// A body's id everywhere: the client that hosts it (0 for persistent bodies, thesis 4.3.2.5) and its number there. Bodies of the world
+/// that a client has built are persistent too, and numbered apart by who built them.
 ///
-/// It prints, by `{}` and `{:?}`, as `b7` for a persistent body and as `c2/b7` for one of client 2.
+/// It prints, by `{}` and `{:?}`, as `b7` for a persistent body, as `c2/b7` for an avatar of client 2, and as `c2+b7` for a body of the
+/// world that client 2 has built.
 #[derive(
     Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Encode, Decode, Serialize, Deserialize,
 )]
 pub struct BodyId(u64);
+
+/// Marks, in the place of a client's number, what is not the client's own but built by it. No server comes to so many clients.
+const BUILT: u32 = 1 << 31;
+
+impl JointId {
+    /// Returns the id of the `index`-th joint that `client` has built: none that a program numbers.
+    #[doc(hidden)]
+    #[must_use]
+    pub const fn built(client: ClientId, index: u32) -> Self {
+        Self((((client.0 | BUILT) as u64) << 32) | index as u64)
+    }
+
+    /// Returns the client that has built the joint; `None` for one of the world's program.
+    pub(crate) const fn builder(self) -> Option<ClientId> {
+        builder(self.0)
+    }
+}
 
 impl BodyId {
     /// Returns the id of the `index`-th persistent body of the world.
@@ -95,6 +114,13 @@ impl BodyId {
         Self(((client.0 as u64) << 32) | index as u64)
     }
 
+    /// Returns the id of the `index`-th body of the world that `client` has built.
+    #[doc(hidden)]
+    #[must_use]
+    pub const fn built(client: ClientId, index: u32) -> Self {
+        Self((((client.0 | BUILT) as u64) << 32) | index as u64)
+    }
+
     /// Returns the id whose [`BodyId::bits`] these are.
     #[must_use]
     pub const fn from_bits(bits: u64) -> Self {
@@ -106,15 +132,20 @@ impl BodyId {
         self.0
     }
 
-    /// Returns the client that hosts the body; `None` for a persistent one.
+    /// Returns the client that hosts the body; `None` for a persistent one, whoever built it.
     pub const fn client(self) -> Option<ClientId> {
         match (self.0 >> 32) as u32 {
-            0 => None,
+            0 | BUILT.. => None,
             client => Some(ClientId(client)),
         }
     }
 
-    /// Returns the body's number among those of its client, or among the persistent ones.
+    /// Returns the client that has built this body of the world, if a client has.
+    pub const fn builder(self) -> Option<ClientId> {
+        builder(self.0)
+    }
+
+    /// Returns the body's number among those of its client, among those that it has built, or among the other persistent ones.
     pub const fn index(self) -> u32 {
         self.0 as u32
     }
@@ -122,10 +153,18 @@ impl BodyId {
 
 impl fmt::Display for BodyId {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.client() {
-            None => write!(f, "b{}", self.index()),
-            Some(client) => write!(f, "{client}/b{}", self.index()),
+        match (self.client(), self.builder()) {
+            (Some(client), _) => write!(f, "{client}/b{}", self.index()),
+            (None, Some(builder)) => write!(f, "{builder}+b{}", self.index()),
+            (None, None) => write!(f, "b{}", self.index()),
         }
+    }
+}
+
+const fn builder(bits: u64) -> Option<ClientId> {
+    match (bits >> 32) as u32 {
+        high @ BUILT.. => Some(ClientId(high & !BUILT)),
+        _ => None,
     }
 }
 

@@ -1,4 +1,4 @@
-//! Collects what the program of a server does to its world between two steps, and reads the server's record.
+//! Collects what the program of a server, or a client that may build, does to the world between two steps, and reads the world with it.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -9,17 +9,64 @@ use super::error::Error;
 use super::remote::check_vehicle;
 use super::role::{Instead, Role, Unsupported};
 use super::view::{Body, MovableBody};
-use crate::cluster::{Life, ProgramOp, Record};
 use crate::physics::{ShapeLibrary, joint_record, try_on_body, try_on_collider, try_on_joint};
 use crate::protocol::{
-    Alteration, BodyKind, BodyRecord, BodyTraits, Check, Controller, Drive, Input, Invalid, JointRecord,
-    Push, ShapeHash, ShapeRecord, Velocity, WorldPose,
+    Alteration, BodyKind, BodyRecord, BodyTraits, BuildOp, Check, Controller, Drive, Input, Invalid,
+    JointRecord, Push, ShapeHash, ShapeRecord, Velocity, WorldPose,
 };
-use crate::runtime::{ServerProcess, WorldError, check_speed};
-use crate::space::{BodyId, JointId, Tick};
+use crate::runtime::{WorldError, check_speed};
+use crate::space::{BodyId, ClientId, DistributionTree, JointId, Tick};
 
-/// What a server's program has done since the last step, and what nodes have not confirmed yet.
+/// The world as its author knows it.
+pub(super) trait Known {
+    /// Returns whether a body is known, be it on its way out.
+    fn knows(&self, id: BodyId) -> bool;
+    /// Returns a body that is there.
+    fn body(&self, id: BodyId) -> Option<BodyRecord>;
+    /// Returns the bodies that are there.
+    fn ids(&self) -> BTreeSet<BodyId>;
+    fn shape(&self, hash: ShapeHash) -> Option<ShapeRecord>;
+    /// Returns whether the world is known to have a shape.
+    fn has_shape(&self, hash: ShapeHash) -> bool;
+    fn joints(&self) -> Vec<JointRecord>;
+    fn tree(&self) -> DistributionTree;
+}
+
+/// Who names what an author makes.
+#[derive(Clone, Copy)]
+pub(super) enum Names {
+    /// The program of the world.
+    Program,
+    /// A client, whose names are its own.
+    Builder(ClientId),
+}
+
+impl Names {
+    fn body(self, index: u32) -> BodyId {
+        match self {
+            Self::Program => BodyId::persistent(index),
+            Self::Builder(client) => BodyId::built(client, index),
+        }
+    }
+
+    fn joint(self, index: u64) -> JointId {
+        match self {
+            Self::Program => JointId(index),
+            Self::Builder(client) => JointId::built(client, index as u32),
+        }
+    }
+
+    fn role(self) -> Role {
+        match self {
+            Self::Program => Role::Server,
+            Self::Builder(_) => Role::Builder,
+        }
+    }
+}
+
+/// What was done since the last step, and what is not on record yet.
 pub(super) struct Author {
+    names: Names,
     shapes: ShapeLibrary,
     speed_limit_m_s: f32,
     /// Shapes that the server was sent.
@@ -57,11 +104,11 @@ struct Move {
 }
 
 impl Author {
-    pub(super) fn new(server: &ServerProcess) -> Self {
-        let (next_body, next_joint) = server.next_ids;
+    pub(super) fn new(names: Names, (next_body, next_joint): (u32, u64), speed_limit_m_s: f32) -> Self {
         Self {
+            names,
             shapes: ShapeLibrary::default(),
-            speed_limit_m_s: server.speed_limit_m_s(),
+            speed_limit_m_s,
             sent: BTreeSet::new(),
             next_body,
             next_joint,
@@ -94,44 +141,65 @@ impl Author {
         self.leaving.clear();
     }
 
-    /// Sends what was done since the last step.
-    pub(super) fn flush(&mut self, server: &ServerProcess) {
-        server.read(|record| {
-            self.awaited.retain(|id, _| record.body(*id).is_none());
-            self.leaving.retain(|id| record.body(*id).is_some());
-            self.altered_bodies.retain(|id, Altered { traits, sent, .. }| {
-                let is_done =
-                    record.body(*id).map_or(!self.awaited.contains_key(id), |b| b.traits == *traits);
-                !(*sent && is_done)
-            });
-            let joints: BTreeMap<_, _> = match self.altered_joints.is_empty() {
-                true => BTreeMap::new(),
-                false => record.joints().map(|joint| (joint.id, joint)).collect(),
+    /// Forgets what was refused: of a body, or of joints.
+    pub(super) fn refused(&mut self, id: Option<BodyId>) {
+        match id {
+            Some(id) => {
+                self.awaited.remove(&id);
+                self.leaving.remove(&id);
+                self.altered_bodies.retain(|known, altered| *known != id || !altered.sent);
+            }
+            None => self.altered_joints.retain(|_, (_, sent)| !*sent),
+        }
+    }
+
+    /// Returns whether a body was removed and is there still.
+    pub(super) fn is_leaving(&self, id: BodyId) -> bool {
+        self.leaving.contains(&id)
+    }
+
+    /// Returns what was done since the last step.
+    pub(super) fn take(&mut self, world: &dyn Known) -> Vec<BuildOp> {
+        self.awaited.retain(|id, _| !world.knows(*id));
+        self.leaving.retain(|id| world.knows(*id));
+        let awaited = &self.awaited;
+        self.altered_bodies.retain(|id, Altered { traits, sent, .. }| {
+            let is_done = match world.body(*id) {
+                Some(body) => body.traits == *traits,
+                None => !world.knows(*id) && !awaited.contains_key(id),
             };
-            self.altered_joints
-                .retain(|id, (joint, sent)| !(*sent && joints.get(id).is_none_or(|known| *known == joint)));
+            !(*sent && is_done)
         });
+        if !self.altered_joints.is_empty() {
+            let joints: BTreeMap<_, _> = world.joints().into_iter().map(|joint| (joint.id, joint)).collect();
+            self.altered_joints
+                .retain(|id, (joint, sent)| !(*sent && joints.get(id).is_none_or(|known| known == joint)));
+        }
         let mut ops = Vec::new();
         let (bodies, joints) = (std::mem::take(&mut self.bodies), std::mem::take(&mut self.joints));
         if !bodies.is_empty() {
-            let new = |shape: &ShapeRecord| self.sent.insert(shape.hash());
+            let new = |shape: &ShapeRecord| match self.names {
+                Names::Program => self.sent.insert(shape.hash()),
+                // Who brought it may have been refused.
+                Names::Builder(_) => !world.has_shape(shape.hash()),
+            };
             let shapes = self.shapes.records().into_iter().filter(new).collect();
             self.awaited.extend(bodies.iter().map(|body| (body.id, body.clone())));
-            ops.push(ProgramOp::Insert { bodies, shapes, joints });
+            ops.push(BuildOp::Insert { bodies, shapes, joints });
         }
         for (&body, Altered { traits, wakes, sent }) in &mut self.altered_bodies {
             if !std::mem::replace(sent, true) {
                 let (traits, wakes) = (traits.clone(), std::mem::take(wakes));
-                ops.push(ProgramOp::Alter(Alteration::Body { body, traits, wakes }));
+                ops.push(BuildOp::Alter(Alteration::Body { body, traits, wakes }));
             }
         }
         for (joint, sent) in self.altered_joints.values_mut() {
             if !std::mem::replace(sent, true) {
-                ops.push(ProgramOp::Alter(Alteration::Joint(Box::new(joint.clone()))));
+                ops.push(BuildOp::Alter(Alteration::Joint(Box::new(joint.clone()))));
             }
         }
         for (body, Move { velocity, pose, drive }) in std::mem::take(&mut self.moves) {
-            let Some(known) = self.known(server, body).map(|known| known.asked()) else { continue };
+            let Some(known) = self.known(world, body).map(|known| known.asked()) else { continue };
             let input = Input {
                 body,
                 logical_time: 0,
@@ -141,18 +209,16 @@ impl Author {
                 drive: None,
             };
             if velocity.is_some() || pose.is_some() {
-                ops.push(ProgramOp::Move(input));
+                ops.push(BuildOp::Move(input));
             }
             if drive.is_some() {
-                ops.push(ProgramOp::Move(Input { pose: None, drive, ..input }));
+                ops.push(BuildOp::Move(Input { pose: None, drive, ..input }));
             }
         }
-        ops.extend(std::mem::take(&mut self.pushes).into_iter().map(ProgramOp::Push));
-        ops.extend(std::mem::take(&mut self.removed_joints).into_iter().map(ProgramOp::RemoveJoint));
-        ops.extend(std::mem::take(&mut self.removed).into_iter().map(ProgramOp::Remove));
-        if !ops.is_empty() {
-            server.change(ops);
-        }
+        ops.extend(std::mem::take(&mut self.pushes).into_iter().map(BuildOp::Push));
+        ops.extend(std::mem::take(&mut self.removed_joints).into_iter().map(BuildOp::RemoveJoint));
+        ops.extend(std::mem::take(&mut self.removed).into_iter().map(BuildOp::Remove));
+        ops
     }
 
     pub(super) fn insert(
@@ -162,7 +228,7 @@ impl Author {
         colliders: &[ColliderBuilder],
         controller: Option<Controller<'_>>,
     ) -> Result<BodyId, Error> {
-        let id = BodyId::persistent(self.next_body);
+        let id = self.names.body(self.next_body);
         let record = self.shapes.describe(id, pose, body, colliders)?.with_controller(controller);
         record.check().map_err(refused)?;
         check_speed(&record, self.speed_limit_m_s)?;
@@ -171,8 +237,8 @@ impl Author {
         Ok(id)
     }
 
-    pub(super) fn remove(&mut self, server: &ServerProcess, id: BodyId) -> Result<(), Error> {
-        self.found(server, id)?;
+    pub(super) fn remove(&mut self, world: &dyn Known, id: BodyId) -> Result<(), Error> {
+        self.found(world, id)?;
         self.moves.remove(&id);
         self.altered_bodies.remove(&id);
         self.pushes.retain(|push| push.body != id);
@@ -192,12 +258,12 @@ impl Author {
 
     pub(super) fn set_velocity(
         &mut self,
-        server: &ServerProcess,
+        world: &dyn Known,
         id: BodyId,
         velocity: Velocity,
     ) -> Result<(), Error> {
         velocity.check().map_err(refused)?;
-        let mut body = self.movable(server, id, "move fixed bodies")?;
+        let mut body = self.movable(world, id, "move fixed bodies")?;
         body.state.velocity = velocity;
         check_speed(&body, self.speed_limit_m_s)?;
         match self.fresh(id) {
@@ -207,8 +273,8 @@ impl Author {
         Ok(())
     }
 
-    pub(super) fn drive(&mut self, server: &ServerProcess, id: BodyId, drive: Drive) -> Result<(), Error> {
-        check_vehicle(id, self.known(server, id).as_ref())?;
+    pub(super) fn drive(&mut self, world: &dyn Known, id: BodyId, drive: Drive) -> Result<(), Error> {
+        check_vehicle(id, self.known(world, id).as_ref())?;
         match self.fresh(id) {
             Some(place) => self.bodies[place].state.drive = Some(drive),
             None => self.moves.entry(id).or_default().drive = Some(drive),
@@ -216,14 +282,9 @@ impl Author {
         Ok(())
     }
 
-    pub(super) fn set_pose(
-        &mut self,
-        server: &ServerProcess,
-        id: BodyId,
-        pose: WorldPose,
-    ) -> Result<(), Error> {
+    pub(super) fn set_pose(&mut self, world: &dyn Known, id: BodyId, pose: WorldPose) -> Result<(), Error> {
         pose.check().map_err(refused)?;
-        self.movable(server, id, "move fixed bodies")?;
+        self.movable(world, id, "move fixed bodies")?;
         match self.fresh(id) {
             Some(place) => self.bodies[place].state.pose = pose,
             None => self.moves.entry(id).or_default().pose = Some(pose),
@@ -231,10 +292,10 @@ impl Author {
         Ok(())
     }
 
-    pub(super) fn push(&mut self, server: &ServerProcess, push: &Push) -> Result<(), Error> {
+    pub(super) fn push(&mut self, world: &dyn Known, push: &Push) -> Result<(), Error> {
         push.check().map_err(refused)?;
-        if self.found(server, push.body)?.traits.kind != BodyKind::Dynamic {
-            return Err(unsupported("push bodies that are not dynamic", Instead::SetVelocity));
+        if self.found(world, push.body)?.traits.kind != BodyKind::Dynamic {
+            return Err(self.unsupported("push bodies that are not dynamic", Instead::SetVelocity));
         }
         self.pushes.push(*push);
         Ok(())
@@ -243,21 +304,20 @@ impl Author {
     /// Lets the program change what a movable body is.
     pub(super) fn update(
         &mut self,
-        server: &ServerProcess,
+        world: &dyn Known,
         id: BodyId,
         change: &mut dyn FnMut(&mut RigidBody),
     ) -> Result<(), Error> {
-        let known = self.movable(server, id, "change fixed bodies")?;
-        self.learn(server, &known)?;
+        let known = self.movable(world, id, "change fixed bodies")?;
+        self.learn(world, &known)?;
         let tried = try_on_body(&known, &self.shapes, change)?;
         if tried.moves {
-            return Err(unsupported(
-                "move bodies, or put them to sleep, by changing them",
-                Instead::MoveByName,
-            ));
+            return Err(
+                self.unsupported("move bodies, or put them to sleep, by changing them", Instead::MoveByName)
+            );
         }
         if tried.traits.kind == BodyKind::Fixed {
-            return Err(unsupported("fix what moves", Instead::InsertAnew));
+            return Err(self.unsupported("fix what moves", Instead::InsertAnew));
         }
         self.alter(&known, tried.traits, tried.wakes)
     }
@@ -265,22 +325,21 @@ impl Author {
     /// Lets the program change a collider of a movable body.
     pub(super) fn update_collider(
         &mut self,
-        server: &ServerProcess,
+        world: &dyn Known,
         id: BodyId,
         index: usize,
         change: &mut dyn FnMut(&mut Collider),
     ) -> Result<(), Error> {
-        let known = self.movable(server, id, "change fixed bodies")?;
+        let known = self.movable(world, id, "change fixed bodies")?;
         let count = known.traits.colliders.len();
         if index >= count {
             return Err(WorldError::NoCollider { body: id, index, count }.into());
         }
-        self.learn(server, &known)?;
+        self.learn(world, &known)?;
         let Some(collider) = try_on_collider(&known, index, &self.shapes, change)? else {
-            return Err(unsupported(
-                "change where colliders are and how they are shaped",
-                Instead::InsertAnew,
-            ));
+            return Err(
+                self.unsupported("change where colliders are and how they are shaped", Instead::InsertAnew)
+            );
         };
         let mut traits = (*known.traits).clone();
         traits.colliders[index] = collider;
@@ -305,14 +364,13 @@ impl Author {
     }
 
     /// Takes over the shapes of a body from the server's record, parts before compounds.
-    fn learn(&mut self, server: &ServerProcess, body: &BodyRecord) -> Result<(), Error> {
+    fn learn(&mut self, world: &dyn Known, body: &BodyRecord) -> Result<(), Error> {
         let mut shapes = Vec::new();
-        server.read(|record| {
-            let hashes = body.traits.colliders.iter().map(|collider| collider.shape);
-            for shape in hashes.filter_map(|hash| record.shape(hash)) {
-                shapes.extend(shape.parts().filter_map(|part| record.shape(part)).chain([shape]).cloned());
-            }
-        });
+        let hashes = body.traits.colliders.iter().map(|collider| collider.shape);
+        for shape in hashes.filter_map(|hash| world.shape(hash)) {
+            let parts: Vec<_> = shape.parts().filter_map(|part| world.shape(part)).collect();
+            shapes.extend(parts.into_iter().chain([shape]));
+        }
         for shape in shapes.into_iter().filter(|shape| self.sent.insert(shape.hash())) {
             self.shapes.add(shape)?;
         }
@@ -322,11 +380,11 @@ impl Author {
     /// Lets the program drive a joint.
     pub(super) fn update_joint(
         &mut self,
-        server: &ServerProcess,
+        world: &dyn Known,
         id: JointId,
         change: &mut dyn FnMut(&mut GenericJoint),
     ) -> Result<(), Error> {
-        let known = self.joints(server).into_iter().find(|joint| joint.id == id);
+        let known = self.joints(world).into_iter().find(|joint| joint.id == id);
         let joint = try_on_joint(&known.ok_or(WorldError::NoJoint(id))?, change);
         joint.check().map_err(refused)?;
         match self.joints.iter_mut().find(|known| known.id == id) {
@@ -341,22 +399,22 @@ impl Author {
     /// Ties bodies of this step to one another, or to fixed ones: what is computed already may be anywhere.
     pub(super) fn insert_joint(
         &mut self,
-        server: &ServerProcess,
+        world: &dyn Known,
         [a, b]: [BodyId; 2],
         joint: &GenericJoint,
     ) -> Result<JointId, Error> {
         let mut is_new = false;
         for id in [a, b] {
-            let kind = self.found(server, id)?.traits.kind;
+            let kind = self.found(world, id)?.traits.kind;
             is_new |= self.fresh(id).is_some() && kind != BodyKind::Fixed;
             if kind != BodyKind::Fixed && self.fresh(id).is_none() {
-                return Err(unsupported("tie bodies that are computed already", Instead::TieAtBirth));
+                return Err(self.unsupported("tie bodies that are computed already", Instead::TieAtBirth));
             }
         }
         if !is_new {
-            return Err(unsupported("tie fixed bodies", Instead::TieAtBirth));
+            return Err(self.unsupported("tie fixed bodies", Instead::TieAtBirth));
         }
-        let id = JointId(self.next_joint);
+        let id = self.names.joint(self.next_joint);
         let record = joint_record(id, a, b, joint);
         record.check().map_err(refused)?;
         self.next_joint += 1;
@@ -364,13 +422,13 @@ impl Author {
         Ok(id)
     }
 
-    pub(super) fn remove_joint(&mut self, server: &ServerProcess, id: JointId) -> Result<(), Error> {
+    pub(super) fn remove_joint(&mut self, world: &dyn Known, id: JointId) -> Result<(), Error> {
         if let Some(place) = self.joints.iter().position(|joint| joint.id == id) {
             self.joints.remove(place);
             return Ok(());
         }
-        let is_there = id.0 < self.next_joint && !self.removed_joints.contains(&id);
-        if !is_there || server.read(|record| record.joints().all(|joint| joint.id != id)) {
+        let is_there = !self.removed_joints.contains(&id);
+        if !is_there || world.joints().iter().all(|joint| joint.id != id) {
             return Err(WorldError::NoJoint(id).into());
         }
         self.altered_joints.remove(&id);
@@ -379,25 +437,24 @@ impl Author {
     }
 
     /// Returns the joints on record and those of this step.
-    pub(super) fn joints(&self, server: &ServerProcess) -> Vec<JointRecord> {
-        let is_left = |joint: &&JointRecord| !self.removed_joints.contains(&joint.id);
-        let now = |joint: &JointRecord| {
-            self.altered_joints.get(&joint.id).map_or(joint, |(altered, _)| altered).clone()
+    pub(super) fn joints(&self, world: &dyn Known) -> Vec<JointRecord> {
+        let is_left = |joint: &JointRecord| !self.removed_joints.contains(&joint.id);
+        let now = |joint: JointRecord| match self.altered_joints.get(&joint.id) {
+            Some((altered, _)) => altered.clone(),
+            None => joint,
         };
-        let mut joints: Vec<_> = server.read(|record| record.joints().filter(is_left).map(now).collect());
+        let mut joints: Vec<_> = world.joints().into_iter().filter(is_left).map(now).collect();
         joints.extend(self.joints.iter().cloned());
         joints
     }
 
     /// Returns a body as the nodes last told, or as it was inserted, with what was done to it since.
-    pub(super) fn known(&self, server: &ServerProcess, id: BodyId) -> Option<BodyRecord> {
+    pub(super) fn known(&self, world: &dyn Known, id: BodyId) -> Option<BodyRecord> {
         if self.leaving.contains(&id) {
             return None;
         }
         let fresh = self.fresh(id).map(|place| self.bodies[place].clone());
-        let mut body = fresh
-            .or_else(|| server.read(|record| present(record, id).cloned()))
-            .or_else(|| self.awaited.get(&id).cloned())?;
+        let mut body = fresh.or_else(|| world.body(id)).or_else(|| self.awaited.get(&id).cloned())?;
         if let Some(Altered { traits, .. }) = self.altered_bodies.get(&id) {
             body.set_traits(traits.clone());
         }
@@ -408,8 +465,8 @@ impl Author {
         Some(body)
     }
 
-    pub(super) fn body(&self, server: &ServerProcess, id: BodyId) -> Option<Body> {
-        let BodyRecord { state, traits, .. } = self.known(server, id)?;
+    pub(super) fn body(&self, world: &dyn Known, id: BodyId) -> Option<Body> {
+        let BodyRecord { state, traits, .. } = self.known(world, id)?;
         Some(Body {
             pose: state.pose,
             velocity: state.velocity,
@@ -423,8 +480,8 @@ impl Author {
     }
 
     /// Returns the movable bodies in id order.
-    pub(super) fn movable_bodies(&self, server: &ServerProcess) -> Vec<MovableBody> {
-        let tree = server.tree();
+    pub(super) fn movable_bodies(&self, world: &dyn Known) -> Vec<MovableBody> {
+        let tree = world.tree();
         let movable = |BodyRecord { id, state, traits, .. }: BodyRecord| {
             (traits.kind != BodyKind::Fixed).then(|| MovableBody {
                 id,
@@ -436,28 +493,31 @@ impl Author {
                 outside: false,
             })
         };
-        self.known_bodies(server).filter_map(movable).collect()
+        self.known_bodies(world).filter_map(movable).collect()
     }
 
     /// Returns all bodies in id order, as [`Author::known`].
-    fn known_bodies(&self, server: &ServerProcess) -> impl Iterator<Item = BodyRecord> {
-        let ids = server.read(|record| record.present().map(|body| body.id).collect::<BTreeSet<_>>());
-        let own = self.bodies.iter().map(|body| body.id).chain(self.awaited.keys().copied());
-        let ids: BTreeSet<_> = ids.into_iter().chain(own).collect();
-        ids.into_iter().filter_map(|id| self.known(server, id))
+    fn known_bodies(&self, world: &dyn Known) -> impl Iterator<Item = BodyRecord> {
+        let mut ids = world.ids();
+        ids.extend(self.bodies.iter().map(|body| body.id).chain(self.awaited.keys().copied()));
+        ids.into_iter().filter_map(move |id| self.known(world, id))
     }
 
     /// Returns the fixed bodies in id order.
-    pub(super) fn fixed_bodies(&self, server: &ServerProcess) -> Vec<(BodyId, WorldPose)> {
+    pub(super) fn fixed_bodies(&self, world: &dyn Known) -> Vec<(BodyId, WorldPose)> {
         let fixed =
             |body: BodyRecord| (body.traits.kind == BodyKind::Fixed).then_some((body.id, body.state.pose));
-        self.known_bodies(server).filter_map(fixed).collect()
+        self.known_bodies(world).filter_map(fixed).collect()
     }
 
     /// Returns a shape of a body on record, or of one that the program inserted.
-    pub(super) fn shape(&self, server: &ServerProcess, hash: ShapeHash) -> Option<ShapeRecord> {
+    pub(super) fn shape(&self, world: &dyn Known, hash: ShapeHash) -> Option<ShapeRecord> {
         let own = self.shapes.record_of(hash).cloned();
-        own.or_else(|| server.read(|record| record.shape(hash).cloned()))
+        own.or_else(|| world.shape(hash))
+    }
+
+    fn unsupported(&self, what: &'static str, instead: Instead) -> Error {
+        Unsupported { role: self.names.role(), what, instead }.into()
     }
 
     /// Returns the place of a body that was inserted since the last step.
@@ -465,25 +525,17 @@ impl Author {
         self.bodies.binary_search_by_key(&id, |body| body.id).ok()
     }
 
-    fn found(&self, server: &ServerProcess, id: BodyId) -> Result<BodyRecord, Error> {
-        self.known(server, id).ok_or_else(|| WorldError::NoBody(id).into())
+    fn found(&self, world: &dyn Known, id: BodyId) -> Result<BodyRecord, Error> {
+        self.known(world, id).ok_or_else(|| WorldError::NoBody(id).into())
     }
 
-    fn movable(&self, server: &ServerProcess, id: BodyId, what: &'static str) -> Result<BodyRecord, Error> {
-        let body = self.found(server, id)?;
+    fn movable(&self, world: &dyn Known, id: BodyId, what: &'static str) -> Result<BodyRecord, Error> {
+        let body = self.found(world, id)?;
         match body.traits.kind {
-            BodyKind::Fixed => Err(unsupported(what, Instead::InsertAnew)),
+            BodyKind::Fixed => Err(self.unsupported(what, Instead::InsertAnew)),
             _ => Ok(body),
         }
     }
-}
-
-fn present(record: &Record, id: BodyId) -> Option<&BodyRecord> {
-    record.body(id).filter(|_| matches!(record.life(id), Some(Life::Live | Life::Waiting)))
-}
-
-fn unsupported(what: &'static str, instead: Instead) -> Error {
-    Unsupported { role: Role::Server, what, instead }.into()
 }
 
 fn refused(Invalid { field, rule }: Invalid) -> Error {

@@ -1,18 +1,20 @@
 //! Implements [`World`](super::World) for servers and nodes, which serve or compute a world for others. A server's program may change
 //! the world; what it reads is the server's record, at most half a second old. A node shows nothing of it.
 
+use std::collections::BTreeSet;
 use std::net::SocketAddr;
 use std::time::Duration;
 
 use rapier3d::prelude::*;
 
-use super::author::Author;
+use super::author::{Author, Known, Names};
 use super::bodies::{CHANGE_BODY, CHANGE_SURFACE};
 use super::error::Error;
 use super::network::Network;
 use super::remote::{Remote, SAVE};
 use super::role::{Instead, Role, Unsupported};
 use super::view::{Body, MovableBody};
+use crate::cluster::{Life, Record};
 use crate::net::PeerStats;
 use crate::physics::StepSettings;
 use crate::protocol::{
@@ -49,7 +51,9 @@ impl Hosted {
             Process::Node(node) => node.connections(),
         };
         let author = match &process {
-            Process::Server(server) => Some(Author::new(server)),
+            Process::Server(server) => {
+                Some(Author::new(Names::Program, server.next_ids, server.speed_limit_m_s()))
+            }
             Process::Node(_) => None,
         };
         let network = Network::new(connections.clone());
@@ -99,6 +103,46 @@ impl Hosted {
     }
 }
 
+/// Sends what a server's program has done since the last step.
+fn flush(author: &mut Author, server: &ServerProcess) {
+    let ops = author.take(server);
+    if !ops.is_empty() {
+        server.change(ops);
+    }
+}
+
+/// The server's record.
+impl Known for ServerProcess {
+    fn knows(&self, id: BodyId) -> bool {
+        self.read(|record| record.body(id).is_some())
+    }
+
+    fn body(&self, id: BodyId) -> Option<BodyRecord> {
+        let is_there = |record: &Record| matches!(record.life(id), Some(Life::Live | Life::Waiting));
+        self.read(|record| record.body(id).filter(|_| is_there(record)).cloned())
+    }
+
+    fn ids(&self) -> BTreeSet<BodyId> {
+        self.read(|record| record.present().map(|body| body.id).collect())
+    }
+
+    fn shape(&self, hash: ShapeHash) -> Option<ShapeRecord> {
+        self.read(|record| record.shape(hash).cloned())
+    }
+
+    fn has_shape(&self, hash: ShapeHash) -> bool {
+        self.read(|record| record.shape(hash).is_some())
+    }
+
+    fn joints(&self) -> Vec<JointRecord> {
+        self.read(|record| record.joints().cloned().collect())
+    }
+
+    fn tree(&self) -> DistributionTree {
+        ServerProcess::tree(self)
+    }
+}
+
 impl Remote for Hosted {
     fn role(&self) -> Role {
         match self.process {
@@ -130,7 +174,7 @@ impl Remote for Hosted {
         self.network.listen();
         self.look()?;
         if let (Process::Server(server), Some(author)) = (&self.process, &mut self.author) {
-            author.flush(server);
+            flush(author, server);
             self.events = server.take_events();
         }
         Ok(())
@@ -220,7 +264,7 @@ impl Remote for Hosted {
             Process::Server(_) => {}
         }
         let (server, author) = self.written("be suspended")?;
-        author.flush(server);
+        flush(author, server);
         server.suspend();
         match server.failure() {
             Some(failure) => Err(failure.into()),
@@ -283,7 +327,7 @@ impl Remote for Hosted {
         let number = self.questions + 1;
         let (server, author) = self.written("ask by rays, shapes and points")?;
         // What the program did before is there for its question.
-        author.flush(server);
+        flush(author, server);
         server.ask(Query { number, ..question });
         self.questions = number;
         Ok(number)

@@ -26,6 +26,8 @@ mod remote;
 mod role;
 mod rollback;
 #[cfg(feature = "net")]
+mod seen;
+#[cfg(feature = "net")]
 mod served;
 mod shapes;
 mod showing;

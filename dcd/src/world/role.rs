@@ -10,6 +10,8 @@ pub enum Role {
     Local,
     /// It plays in a world that others compute, with avatars of its own.
     Client,
+    /// It plays in a world as a client does, and may change what is the world's own, as its server's program does.
+    Builder,
     /// It plays in a world and computes regions of it.
     Participant,
     /// It serves a world: it decides which node computes which region, and admits processes.
@@ -23,6 +25,7 @@ impl fmt::Display for Role {
         to.write_str(match self {
             Self::Local => "local world",
             Self::Client => "client",
+            Self::Builder => "builder",
             Self::Participant => "participant",
             Self::Server => "server",
             Self::Node => "node",
@@ -117,9 +120,14 @@ impl fmt::Display for Instead {
                 "give an avatar its colliders on insertion, and other bodies theirs in the scene"
             }
             Self::UsualSleep => "leave the thresholds of sleep as Rapier has them",
-            Self::FixedInScene => "give the scene the fixed body, or make a kinematic one",
+            Self::FixedInScene => {
+                "give the scene the fixed body, make a kinematic one, or join by a token that lets it build (JoinRole::Builder)"
+            }
             Self::KinematicByVelocity => "make a velocity-based kinematic one and give it velocities",
-            Self::JointsInScene => "joints belong to the scene that the server was given",
+            Self::JointsInScene => {
+                "joints belong to the scene that the server was given, its program, and who joins by a token that lets it build \
+                 (JoinRole::Builder)"
+            }
             Self::TieAtBirth => {
                 "insert both bodies, or one beside a fixed one, and tie them before the next step"
             }

@@ -2,17 +2,21 @@
 //! since.
 //!
 //! Between two steps only the caller changes anything, as in a local world: each step copies what the client received, and sends
-//! the inputs of avatars.
+//! the inputs of avatars, and what is to be built.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use rapier3d::prelude::*;
 
+use super::author::{Author, Names};
+use super::bodies::{CHANGE_BODY, CHANGE_SURFACE};
 use super::error::Error;
 use super::network::Network;
 use super::remote::{Remote, check_vehicle};
 use super::role::{Instead, Role};
+use super::seen::Seen;
 use super::view::{Body, BodyChange, MovableBody, Owner, RegionInfo};
 use crate::cluster::BodyView as Heard;
 use crate::net::PeerStats;
@@ -20,16 +24,18 @@ use crate::physics::{ShapeLibrary, StepSettings};
 use crate::playback::{Motion, ViewTime};
 use crate::prediction::Prediction;
 use crate::protocol::{
-    Area, BodyKind, BodyRecord, Controller, Drive, EnvironmentProperties, Handover, Query, QueryResult,
-    ShapeHash, ShapeRecord, Velocity, WorldEvents, WorldPose,
+    Area, BodyKind, BodyRecord, Controller, Drive, EnvironmentProperties, Handover, JointRecord, Push, Query,
+    QueryResult, ShapeHash, ShapeRecord, Velocity, WorldEvents, WorldPose,
 };
 use crate::runtime::{ClientWorld, ProcessError, Stats};
-use crate::space::{BodyId, ClientId, DistributionTree, RegionId, Tick};
+use crate::space::{BodyId, ClientId, DistributionTree, JointId, RegionId, Tick};
 
 /// A client's or participant's world.
 pub(super) struct Served {
     world: ClientWorld,
     network: Network,
+    /// What it does to what is the world's own, if it may.
+    author: Option<Author>,
     environment: EnvironmentProperties,
     /// Bodies as received up to the last step, in id order.
     bodies: Vec<Heard>,
@@ -64,7 +70,13 @@ struct PendingInput {
 impl Served {
     pub(super) fn new(world: ClientWorld) -> Result<Self, Error> {
         let environment = world.environment().ok_or(ProcessError::Stopped)?;
+        let author = world.may_build().then(|| {
+            let (body, joint) = world.next_built();
+            let limit_m_s = environment.step.speed_limit_m_s;
+            Author::new(Names::Builder(world.id()), (body, joint.into()), limit_m_s)
+        });
         let mut served = Self {
+            author,
             network: Network::new(world.connections().clone()),
             world,
             environment,
@@ -135,8 +147,46 @@ impl Served {
             let user_data = body.and_then(|id| self.user_data(id)).unwrap_or(0);
             // An avatar gets no other input before it is in the world.
             body.and_then(|id| self.awaited.remove(&id));
+            self.author.iter_mut().for_each(|author| author.refused(body));
             self.changes.push(BodyChange::Refused { body, why, user_data });
         }
+    }
+
+    fn seen(&self) -> Seen<'_> {
+        Seen { bodies: &self.bodies, world: &self.world, environment: &self.environment }
+    }
+
+    /// Returns who changes what is the world's own, or why it is not changed: the client may not build, or a body is an avatar.
+    fn builder(
+        &mut self,
+        id: Option<BodyId>,
+        what: &'static str,
+        instead: Instead,
+    ) -> Result<(&mut Author, Seen<'_>), Error> {
+        self.check_link()?;
+        let refused = self.unsupported(what, instead);
+        let Self { author, bodies, world, environment, .. } = self;
+        match author {
+            Some(author) if id.is_none_or(|id| id.client().is_none()) => {
+                Ok((author, Seen { bodies, world, environment }))
+            }
+            _ => Err(refused),
+        }
+    }
+
+    /// Returns an error unless the client may build.
+    fn builds(&self, what: &'static str, instead: Instead) -> Result<(), Error> {
+        if self.author.is_some() { Ok(()) } else { Err(self.unsupported(what, instead)) }
+    }
+
+    fn is_own(&self, id: BodyId) -> bool {
+        id.client() == Some(self.world.id())
+    }
+
+    fn send_built(&mut self) -> Result<(), ProcessError> {
+        let Self { author: Some(author), bodies, world, environment, .. } = self else { return Ok(()) };
+        let ops = author.take(&Seen { bodies, world, environment });
+        if ops.is_empty() { Ok(()) } else { world.build(ops) }
     }
 
     fn send_inputs(&mut self) -> Result<(), ProcessError> {
@@ -163,13 +213,6 @@ impl Served {
         Ok(())
     }
 
-    fn check_own(&self, id: BodyId, what: &'static str) -> Result<(), Error> {
-        if id.client() == Some(self.world.id()) {
-            return self.check_link();
-        }
-        Err(self.unsupported(what, Instead::MakeAvatars))
-    }
-
     fn place(&self, id: BodyId) -> Result<usize, usize> {
         self.bodies.binary_search_by_key(&id, |body| body.body.id)
     }
@@ -178,9 +221,19 @@ impl Served {
         self.place(id).ok().map(|place| &self.bodies[place])
     }
 
-    /// Returns a body as last received, or, if it is awaited, as inserted.
-    fn known(&self, id: BodyId) -> Option<&BodyRecord> {
-        self.awaited.get(&id).or_else(|| self.heard(id).map(|heard| &heard.body))
+    /// Returns a body as last received, or, if it is awaited, as inserted; one that it may change as it is to be.
+    fn known(&self, id: BodyId) -> Option<Cow<'_, BodyRecord>> {
+        match &self.author {
+            Some(author) if id.client().is_none() => author.known(&self.seen(), id).map(Cow::Owned),
+            _ => {
+                let known = self.awaited.get(&id).or_else(|| self.heard(id).map(|heard| &heard.body));
+                known.map(Cow::Borrowed)
+            }
+        }
+    }
+
+    fn is_there(&self, heard: &Heard) -> bool {
+        !self.author.as_ref().is_some_and(|author| author.is_leaving(heard.body.id))
     }
 
     /// Returns the owner of a body; until it is known, the region that the body lies in.
@@ -189,13 +242,17 @@ impl Served {
     }
 
     fn heard_movable(&self) -> impl Iterator<Item = &Heard> {
-        self.bodies.iter().filter(|body| body.body.traits.kind != BodyKind::Fixed)
+        self.bodies.iter().filter(|body| body.body.traits.kind != BodyKind::Fixed && self.is_there(body))
     }
 }
 
 impl Remote for Served {
     fn role(&self) -> Role {
-        if self.world.node().is_some() { Role::Participant } else { Role::Client }
+        match (self.world.node(), &self.author) {
+            (Some(_), _) => Role::Participant,
+            (None, Some(_)) => Role::Builder,
+            (None, None) => Role::Client,
+        }
     }
 
     fn client(&self) -> Option<ClientId> {
@@ -238,7 +295,7 @@ impl Remote for Served {
         let start = Instant::now();
         if self.lost.is_none() {
             // Whatever ended it, what its user must know is that the world goes on without us.
-            let sent = self.world.check().and_then(|()| self.send_inputs());
+            let sent = self.world.check().and_then(|()| self.send_inputs()).and_then(|()| self.send_built());
             self.lost = sent.err().map(|error| error.to_string());
         }
         self.listen();
@@ -262,6 +319,11 @@ impl Remote for Served {
         colliders: &[ColliderBuilder],
         controller: Option<Controller<'_>>,
     ) -> Result<BodyId, Error> {
+        // What walks or drives is an avatar, as that of any client; whatever else a builder inserts is the world's.
+        if controller.is_none() && self.author.is_some() {
+            let (author, _) = self.builder(None, "make bodies", Instead::MakeAvatars)?;
+            return author.insert(pose, body, colliders, None);
+        }
         let refused = match body.body_type() {
             _ if has_own_sleep(body.activation()) => {
                 Some(("set when its avatars fall asleep", Instead::UsualSleep))
@@ -283,7 +345,11 @@ impl Remote for Served {
     }
 
     fn remove(&mut self, id: BodyId) -> Result<(), Error> {
-        self.check_own(id, "destroy bodies of others")?;
+        if !self.is_own(id) {
+            let (author, seen) = self.builder(Some(id), "destroy bodies of others", Instead::MakeAvatars)?;
+            return author.remove(&seen, id);
+        }
+        self.check_link()?;
         self.world.despawn(id)?;
         self.leaving.insert(id, self.user_data(id).unwrap_or(0));
         self.awaited.remove(&id);
@@ -296,7 +362,11 @@ impl Remote for Served {
     }
 
     fn set_velocity(&mut self, id: BodyId, velocity: Velocity) -> Result<(), Error> {
-        self.check_own(id, "drive bodies of others")?;
+        if !self.is_own(id) {
+            let (author, seen) = self.builder(Some(id), "drive bodies of others", Instead::MakeAvatars)?;
+            return author.set_velocity(&seen, id, velocity);
+        }
+        self.check_link()?;
         self.inputs.entry(id).or_default().velocity = Some(velocity);
         if let Some(awaited) = self.awaited.get_mut(&id) {
             awaited.steer(velocity);
@@ -305,8 +375,12 @@ impl Remote for Served {
     }
 
     fn drive(&mut self, id: BodyId, drive: Drive) -> Result<(), Error> {
-        self.check_own(id, "drive bodies of others")?;
-        check_vehicle(id, self.known(id))?;
+        if !self.is_own(id) {
+            let (author, seen) = self.builder(Some(id), "drive bodies of others", Instead::MakeAvatars)?;
+            return author.drive(&seen, id, drive);
+        }
+        self.check_link()?;
+        check_vehicle(id, self.known(id).as_deref())?;
         self.inputs.entry(id).or_default().drive = Some(drive);
         if let Some(awaited) = self.awaited.get_mut(&id) {
             awaited.state.drive = Some(drive);
@@ -315,7 +389,11 @@ impl Remote for Served {
     }
 
     fn set_pose(&mut self, id: BodyId, pose: WorldPose) -> Result<(), Error> {
-        self.check_own(id, "move bodies of others")?;
+        if !self.is_own(id) {
+            let (author, seen) = self.builder(Some(id), "move bodies of others", Instead::MakeAvatars)?;
+            return author.set_pose(&seen, id, pose);
+        }
+        self.check_link()?;
         if self.known(id).is_some_and(|body| body.traits.character.is_some()) {
             return Err(self.unsupported("put its characters elsewhere", Instead::DriveAvatars));
         }
@@ -326,21 +404,86 @@ impl Remote for Served {
         Ok(())
     }
 
+    fn pushes_bodies(&self) -> Result<(), Error> {
+        self.builds("push bodies by force", Instead::PushByAvatars)
+    }
+
+    fn push(&mut self, push: &Push) -> Result<(), Error> {
+        let (author, seen) = self.builder(Some(push.body), "push bodies by force", Instead::PushByAvatars)?;
+        author.push(&seen, push)
+    }
+
+    fn changes_bodies(&self) -> Result<(), Error> {
+        self.builds(CHANGE_BODY, Instead::DriveAvatars)
+    }
+
+    fn changes_colliders(&self) -> Result<(), Error> {
+        self.builds(CHANGE_SURFACE, Instead::ShapeAtBirth)
+    }
+
+    fn update(&mut self, id: BodyId, change: &mut dyn FnMut(&mut RigidBody)) -> Result<(), Error> {
+        let (author, seen) = self.builder(Some(id), CHANGE_BODY, Instead::DriveAvatars)?;
+        author.update(&seen, id, change)
+    }
+
+    fn update_collider(
+        &mut self,
+        id: BodyId,
+        index: usize,
+        change: &mut dyn FnMut(&mut Collider),
+    ) -> Result<(), Error> {
+        let (author, seen) = self.builder(Some(id), CHANGE_SURFACE, Instead::ShapeAtBirth)?;
+        author.update_collider(&seen, id, index, change)
+    }
+
+    fn ties_bodies(&self) -> Result<(), Error> {
+        self.builds("make, see, drive or destroy joints", Instead::JointsInScene)
+    }
+
+    fn insert_joint(&mut self, a: BodyId, b: BodyId, joint: &GenericJoint) -> Result<JointId, Error> {
+        let (author, seen) = self.builder(None, "make joints", Instead::JointsInScene)?;
+        author.insert_joint(&seen, [a, b], joint)
+    }
+
+    fn remove_joint(&mut self, id: JointId) -> Result<(), Error> {
+        let (author, seen) = self.builder(None, "destroy joints", Instead::JointsInScene)?;
+        author.remove_joint(&seen, id)
+    }
+
+    fn update_joint(&mut self, id: JointId, change: &mut dyn FnMut(&mut GenericJoint)) -> Result<(), Error> {
+        let (author, seen) = self.builder(None, "drive joints", Instead::JointsInScene)?;
+        author.update_joint(&seen, id, change)
+    }
+
+    fn joint(&self, id: JointId) -> Option<JointRecord> {
+        self.joints().into_iter().find(|joint| joint.id == id)
+    }
+
+    fn joints_of(&self, body: BodyId) -> Vec<JointId> {
+        let of = |joint: &JointRecord| joint.a == body || joint.b == body;
+        self.joints().into_iter().filter(of).map(|joint| joint.id).collect()
+    }
+
+    fn joints(&self) -> Vec<JointRecord> {
+        self.author.as_ref().map(|author| author.joints(&self.seen())).unwrap_or_default()
+    }
+
     fn contains(&self, id: BodyId) -> bool {
-        self.place(id).is_ok() || self.awaited.contains_key(&id)
+        self.known(id).is_some()
     }
 
     fn record(&self, id: BodyId) -> Option<BodyRecord> {
-        self.known(id).cloned()
+        self.known(id).map(Cow::into_owned)
     }
 
     fn shape(&self, hash: ShapeHash) -> Option<ShapeRecord> {
-        self.world.shape(hash)
+        let built = self.author.as_ref().and_then(|author| author.shape(&self.seen(), hash));
+        built.or_else(|| self.world.shape(hash))
     }
 
     fn for_each_fixed(&self, look: &mut dyn FnMut(BodyId, &WorldPose)) {
-        let fixed =
-            self.bodies.iter().map(|heard| &heard.body).filter(|body| body.traits.kind == BodyKind::Fixed);
+        let is_fixed = |heard: &&Heard| heard.body.traits.kind == BodyKind::Fixed && self.is_there(heard);
+        let fixed = self.bodies.iter().filter(is_fixed).map(|heard| &heard.body);
         fixed.for_each(|body| look(body.id, &body.state.pose));
     }
 
@@ -349,7 +492,7 @@ impl Remote for Served {
     }
 
     fn motion(&self, id: BodyId) -> Option<(WorldPose, Velocity)> {
-        let state = &self.known(id)?.state;
+        let state = self.known(id)?.state;
         Some((state.pose, state.velocity))
     }
 
@@ -376,7 +519,8 @@ impl Remote for Served {
     }
 
     fn body(&self, id: BodyId) -> Option<Body> {
-        let BodyRecord { state, traits, .. } = self.known(id)?;
+        let known = self.known(id)?;
+        let BodyRecord { state, traits, .. } = known.as_ref();
         let is_owned = traits.kind != BodyKind::Fixed && !self.awaited.contains_key(&id);
         Some(Body {
             pose: state.pose,

@@ -320,6 +320,11 @@ fn a_program_builds_a_game_in_the_world_that_it_serves() {
 }
 
 #[test]
+fn clients_that_may_build_change_a_served_world_and_others_cannot() {
+    run_alone("builder.c");
+}
+
+#[test]
 fn clients_see_who_computes_what_and_bodies_change_hands() {
     run_alone("topology.c");
 }

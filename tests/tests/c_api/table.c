@@ -511,7 +511,7 @@ static DcdWorld joined(DcdWorld server, DcdRole role)
     client.token = participant.token = node.token = token;
     OK(dcd_address(server, address, sizeof address, &count));
     OK(dcd_token_create(server, role, 60, token, sizeof token, &count));
-    OK(role == DCD_ROLE_CLIENT        ? dcd_client_connect(&client, &world)
+    OK(role == DCD_ROLE_CLIENT || role == DCD_ROLE_BUILDER ? dcd_client_connect(&client, &world)
        : role == DCD_ROLE_PARTICIPANT ? dcd_participant_join(&participant, &world)
                                       : dcd_node_join(&node, &world));
     return world;
@@ -537,7 +537,7 @@ static void settle(Scene *s)
 
 int main(int argc, char **argv)
 {
-    enum { LOCAL, CLIENT, PARTICIPANT, SERVER, NODE, ROLES };
+    enum { LOCAL, CLIENT, PARTICIPANT, BUILDER, SERVER, NODE, ROLES };
     Scene scenes[ROLES];
     DcdWorldDef cut = DCD_WORLD_DEF_INIT;
     DcdServerDef def = DCD_SERVER_DEF_INIT;
@@ -557,6 +557,7 @@ int main(int argc, char **argv)
     scenes[NODE].world = joined(scenes[SERVER].world, DCD_ROLE_NODE);
     scenes[PARTICIPANT].world = joined(scenes[SERVER].world, DCD_ROLE_PARTICIPANT);
     scenes[CLIENT].world = joined(scenes[SERVER].world, DCD_ROLE_CLIENT);
+    scenes[BUILDER].world = joined(scenes[SERVER].world, DCD_ROLE_BUILDER);
     DcdWorld victim = joined(scenes[SERVER].world, DCD_ROLE_CLIENT);
 
     for (int role = 0; role < ROLES; role++) {
@@ -572,6 +573,9 @@ int main(int argc, char **argv)
     scenes[SERVER].other = scenes[SERVER].body = scenes[SERVER].own;
     OK(joint(&scenes[SERVER], &scenes[SERVER].joint));
     settle(&scenes[CLIENT]);
+    settle(&scenes[BUILDER]);
+    scenes[BUILDER].other = scenes[BUILDER].body = scenes[BUILDER].own;
+    OK(joint(&scenes[BUILDER], &scenes[BUILDER].joint));
     settle(&scenes[PARTICIPANT]);
 
     for (size_t i = 0; i < sizeof CALLS / sizeof *CALLS; i++) {

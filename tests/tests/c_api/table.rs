@@ -6,7 +6,7 @@ use std::process::Command;
 use crate::programs::checker;
 use crate::toolchain::{build, root, run_well};
 
-const ROLES: [&str; 5] = ["local", "client", "participant", "server", "node"];
+const ROLES: [&str; 6] = ["local", "client", "participant", "builder", "server", "node"];
 
 /// Every function of the header that takes a world.
 fn functions() -> Vec<String> {

@@ -1,8 +1,9 @@
 //! Tests what a client sends to server and leader (interest, questions), and which states of bodies it takes in.
 
 use super::*;
-use crate::protocol::{QueryParts, QueryResult, SharedState, Stamp};
-use crate::sim::sim_body;
+use crate::protocol::link::CLIENT_FRAME_BYTES;
+use crate::protocol::{Costs, QueryParts, QueryResult, SharedState, Stamp, encode};
+use crate::sim::{sim_body, sim_collider};
 use crate::space::Epoch;
 
 #[test]
@@ -290,4 +291,91 @@ fn a_leader_that_falls_silent_while_things_move_is_asked_and_so_is_the_server_un
     hear(&mut client, at(11_000), 1);
     client.handle(at(11_100), ClientEvent::Disconnected(leader));
     assert_eq!(asked(&mut client, at(30_000)), [], "nobody is there to be heard");
+}
+
+/// Returns what it sends to be built.
+fn built(client: &mut Client) -> Vec<(u64, Vec<BuildOp>)> {
+    let output = |output| match output {
+        ClientOutput::Send { to, message } => {
+            assert!(encode(&message).len() <= CLIENT_FRAME_BYTES);
+            match message {
+                Message::FromClient(_, FromClient::Build { number, ops }) => {
+                    assert_eq!(to, Peer::Server);
+                    Some((number, ops))
+                }
+                _ => None,
+            }
+        }
+        _ => None,
+    };
+    std::iter::from_fn(|| client.poll_output()).filter_map(output).collect()
+}
+
+fn inserted(bodies: Vec<BodyRecord>) -> BuildOp {
+    BuildOp::Insert { bodies, shapes: Vec::new(), joints: Vec::new() }
+}
+
+/// Joins, again, and is told of these bodies.
+fn joins(client: &mut Client, bodies: Vec<BodyRecord>) {
+    client.handle(Duration::ZERO, ClientEvent::Connected(Peer::Server));
+    let (id, world) = (ClientId(1), crate::sim::sim_world(2));
+    tell(client, ToClient::Welcome { id, logical_time: 1, next_built: (3, 4), world });
+    tell(client, ToClient::Chunk(Chunk::Bodies(bodies)));
+    tell(client, ToClient::WorldEnd);
+}
+
+fn built_body(index: u32) -> BodyRecord {
+    sim_body(BodyId::built(ClientId(1), index), [0.0; 3])
+}
+
+#[test]
+fn what_is_to_be_built_is_said_again_to_a_server_that_is_back_unless_it_shows_that_it_was_done() {
+    let at = Duration::ZERO;
+    let mut client = Client::new(ClientId(1), None, None);
+    joins(&mut client, Vec::new());
+    assert_eq!(client.next_built(), (3, 4));
+    let all: Vec<_> = (0..2_000).map(built_body).collect();
+    client.handle(at, ClientEvent::Build(vec![inserted(all.clone())]));
+    let sent = built(&mut client);
+    assert!(sent.len() > 4 && sent.is_sorted_by_key(|(number, _)| *number), "{}", sent.len());
+
+    // One is on record, of the next the world tells, and the others were never heard of.
+    tell(&mut client, ToClient::Built(sent[0].0));
+    let velocity = Velocity::default();
+    let go = Input { body: all[0].id, logical_time: 0, tick: Tick(0), velocity, pose: None, drive: None };
+    client.handle(at, ClientEvent::Build(vec![BuildOp::Move(go)]));
+    client.handle(at, ClientEvent::Disconnected(Peer::Server));
+    client.handle(at, ClientEvent::Build(vec![BuildOp::Remove(all[0].id)]));
+    built(&mut client);
+    let BuildOp::Insert { bodies, .. } = &sent[1].1[0] else { panic!("bodies were inserted") };
+    joins(&mut client, bodies.iter().chain([&all[0]]).cloned().collect());
+    let again = built(&mut client);
+    let (removal, others) = again.split_last().expect("it asks again");
+    assert_eq!(removal.1, [BuildOp::Remove(all[0].id)], "a velocity of before is not meant for now");
+    assert_eq!(others, &sent[2..]);
+    for (number, _) in &again {
+        tell(&mut client, ToClient::Built(*number));
+    }
+    joins(&mut client, all);
+    assert_eq!(built(&mut client), []);
+}
+
+#[test]
+fn what_is_to_be_built_and_fits_no_frame_is_refused() {
+    let mut client = Client::new(ClientId(1), None, None);
+    joins(&mut client, Vec::new());
+    let mut large = built_body(7);
+    let collider = sim_collider(&ShapeRecord::Ball(0.5));
+    std::sync::Arc::make_mut(&mut large.traits).colliders = vec![collider; 1_000];
+    client.handle(Duration::ZERO, ClientEvent::Build(vec![inserted(vec![built_body(6), large.clone()])]));
+    let outputs: Vec<_> = std::iter::from_fn(|| client.poll_output()).collect();
+    let reason = Refusal::Costly(Costs::Bytes);
+    assert!(outputs.contains(&ClientOutput::Rejected { body: Some(large.id), reason }));
+    let ops = outputs.into_iter().find_map(|output| match output {
+        ClientOutput::Send { message: Message::FromClient(_, FromClient::Build { ops, .. }), .. } => {
+            Some(ops)
+        }
+        _ => None,
+    });
+    assert_eq!(ops, Some(vec![inserted(vec![built_body(6)])]), "the other is sent");
 }

@@ -73,6 +73,7 @@ impl Node {
                 message @ (FromClient::Spawn { .. }
                 | FromClient::Despawn(_)
                 | FromClient::Introduce(_)
+                | FromClient::Build { .. }
                 | FromClient::Leave),
             ) => {
                 self.send(Peer::Server, Message::FromClient(client, message));

@@ -93,7 +93,8 @@ impl Server {
                 None
             }
             // A participant without a leader, which sends it again to the next, or has something else to acknowledge by then.
-            FromClient::Ask(_) | FromClient::Heard(_) => None,
+            // What is built is heard apart.
+            FromClient::Ask(_) | FromClient::Heard(_) | FromClient::Build { .. } => None,
         };
         if let Some((body, reason)) = refused {
             self.common.send_client(client, ToClient::Rejected { body: Some(body), reason });

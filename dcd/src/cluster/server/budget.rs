@@ -4,18 +4,19 @@
 use std::time::Duration;
 
 use super::MAX_AVATARS;
+use super::builders::Building;
 use crate::cluster::Record;
 use crate::protocol::{BodyRecord, Character, Costs, Refusal, ShapeRecord, Vehicle};
 use crate::space::ClientId;
 
 /// The most iterations of either kind that an avatar may ask for, for itself and all that it touches.
-const MAX_EXTRA_ITERATIONS: u32 = 8;
+pub(super) const MAX_EXTRA_ITERATIONS: u32 = 8;
 /// The most corners that the colliders of all avatars of one client have together; what is round counts as one.
 const MAX_CORNERS: usize = 20_000;
 /// How far an avatar may reach from its origin, metres.
-const MAX_REACH_M: f32 = 100.0;
+pub(super) const MAX_REACH_M: f32 = 100.0;
 /// The most avatars of one client that a new one may overlap, by bounding spheres.
-const MAX_OVERLAPS: usize = 64;
+pub(super) const MAX_OVERLAPS: usize = 64;
 
 /// The most characters and vehicles of one client: each looks around in every tick, where others only meet what comes.
 const MAX_CONTROLLED: usize = 32;
@@ -45,14 +46,35 @@ const LOOK: f64 = 8.0;
 /// What being told the whole world counts, in avatars.
 const WELCOME: f64 = 64.0;
 
+/// What was asked, less what time has forgiven.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Account {
+    asked: f64,
+    at: Duration,
+}
+
+impl Account {
+    /// Counts a request of this cost, if that leaves no more than `most`; returns whether it does. Time forgives `per_s` each second.
+    pub(super) fn ask(&mut self, now: Duration, cost: f64, most: f64, per_s: f64) -> bool {
+        let forgiven = (now - self.at).as_secs_f64() * per_s;
+        (self.asked, self.at) = ((self.asked - forgiven).max(0.0), now);
+        let may = self.asked + cost <= most;
+        if may {
+            self.asked += cost;
+        }
+        may
+    }
+}
+
 /// What one client has asked of a server, over all of its visits.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Allowance {
     /// Bytes of shapes that nobody knew before.
     pub shape_bytes: usize,
-    /// Avatars and welcomes, less what time has forgiven.
-    asked: f64,
-    at: Duration,
+    /// Avatars and welcomes.
+    asked: Account,
+    /// Whether it may build, and what it has asked and done for that.
+    pub building: Building,
 }
 
 impl Allowance {
@@ -72,13 +94,7 @@ impl Allowance {
     }
 
     fn ask(&mut self, now: Duration, cost: f64) -> bool {
-        let forgiven = (now - self.at).as_secs_f64() * SPAWNS_PER_S;
-        (self.asked, self.at) = ((self.asked - forgiven).max(0.0), now);
-        let may = self.asked + cost <= SPAWNS;
-        if may {
-            self.asked += cost;
-        }
-        may
+        self.asked.ask(now, cost, SPAWNS, SPAWNS_PER_S)
     }
 }
 
@@ -147,15 +163,15 @@ fn may_drive(vehicle: &Vehicle) -> bool {
         && vehicle.reach_m() <= MAX_WHEEL_REACH_M
 }
 
-/// The size of an avatar in both senses.
-struct Size {
-    corners: usize,
+/// The size of a body in both senses.
+pub(super) struct Size {
+    pub corners: usize,
     /// From the body's origin.
-    reach_m: f32,
+    pub reach_m: f32,
 }
 
 impl Size {
-    fn of<'a>(
+    pub(super) fn of<'a>(
         avatar: &BodyRecord,
         find: impl Fn(crate::protocol::ShapeHash) -> Option<&'a ShapeRecord>,
     ) -> Self {

@@ -1,49 +1,23 @@
-//! Obeys the program of the server: bodies and joints that it inserts, moves and removes while nodes compute the world. What comes
+//! Obeys the program of the server, and clients that may build: bodies and joints that they insert, move and remove while nodes compute the
+//! world. What comes
 //! and goes is on record before anybody hears of it, so that it outlives every node, and the server; a velocity or a push is lost
 //! with a leader that dies before it has passed it on.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
-use bincode::{Decode, Encode};
-
+use super::Server;
 use super::common::Common;
 use super::group::Group;
-use super::{SavedWorld, Server};
 use crate::cluster::Life;
+use crate::protocol::assembly::{assemblies, gathered, take_shapes_of};
 use crate::protocol::{
-    Alteration, BodyKind, BodyRecord, Input, JointRecord, Push, ShapeRecord, ToClient, View, WorldOp,
-    encoded_len, split,
+    Alteration, BodyKind, BodyRecord, BuildOp, Input, JointRecord, ShapeRecord, ToClient, View, WorldOp,
+    split,
 };
-use crate::space::{BodyId, Epoch, Groups, JointId};
+use crate::space::{BodyId, Epoch};
 
 /// The most bytes of bodies that nodes are told to insert by one message.
 const INSERT_BYTES: usize = 1 << 20;
-
-/// A change of the world by its server's program.
-#[derive(Clone, Debug, PartialEq, Encode, Decode)]
-pub enum ProgramOp {
-    /// Bodies come, with joints among them and with fixed bodies.
-    Insert {
-        /// New ones, persistent.
-        bodies: Vec<BodyRecord>,
-        /// Their shapes, parts before compounds; known ones may be left out.
-        shapes: Vec<ShapeRecord>,
-        /// Each ties new bodies, or a new one to a fixed one.
-        joints: Vec<JointRecord>,
-    },
-    /// A body goes, with its joints.
-    Remove(BodyId),
-    /// A joint goes.
-    RemoveJoint(JointId),
-    /// A body gets a velocity, and perhaps a pose.
-    Move(Input),
-    /// A body is pushed.
-    Push(Push),
-    /// A movable body or a joint is something else.
-    Alter(Alteration),
-    /// The world goes back to a saved one, or becomes another.
-    Replace(Box<SavedWorld>),
-}
 
 impl Server {
     /// Returns the ids of the next body and the next joint that the program makes: none that was ever given.
@@ -51,14 +25,15 @@ impl Server {
         self.common.next_ids
     }
 
-    pub(super) fn obey(&mut self, op: ProgramOp) {
+    pub(super) fn obey(&mut self, op: BuildOp) {
         match op {
-            ProgramOp::Insert { bodies, shapes, joints } => {
+            BuildOp::Insert { bodies, shapes, joints } => {
                 let (next_body, next_joint) = &mut self.common.next_ids;
-                for body in &bodies {
+                // Clients number what they build apart.
+                for body in bodies.iter().filter(|body| body.id.builder().is_none()) {
                     *next_body = (*next_body).max(body.id.index().saturating_add(1));
                 }
-                for joint in &joints {
+                for joint in joints.iter().filter(|joint| joint.id.builder().is_none()) {
                     *next_joint = (*next_joint).max(joint.id.0.saturating_add(1));
                 }
                 self.common.world_changed = true;
@@ -66,31 +41,31 @@ impl Server {
                     group.insert_all(&mut self.common, &bodies, &shapes, &joints);
                 }
             }
-            ProgramOp::Remove(id) => {
+            BuildOp::Remove(id) => {
                 for group in self.groups.values_mut() {
                     group.remove(&mut self.common, id);
                 }
             }
-            ProgramOp::RemoveJoint(id) => {
+            BuildOp::RemoveJoint(id) => {
                 for group in self.groups.values_mut() {
                     if group.record.remove_joint(id) {
+                        self.common.send_clients(group.id, &ToClient::JointRemoved(id));
                         group.removed_joints.push(id);
                         group.apply_soon(&mut self.common, WorldOp::RemoveJoint(id));
                     }
                 }
             }
-            ProgramOp::Push(push) => {
+            BuildOp::Push(push) => {
                 for group in self.groups.values_mut() {
                     group.apply_soon(&mut self.common, WorldOp::Push(push));
                 }
             }
-            ProgramOp::Alter(alteration) => {
+            BuildOp::Alter(alteration) => {
                 for group in self.groups.values_mut() {
                     group.alter(&mut self.common, &alteration);
                 }
             }
-            ProgramOp::Replace(saved) => self.replace(*saved),
-            ProgramOp::Move(input) => {
+            BuildOp::Move(input) => {
                 for group in self.groups.values_mut() {
                     group.steer(&mut self.common, input);
                 }
@@ -138,7 +113,8 @@ impl Group {
         for shapes in split(new_shapes, INSERT_BYTES) {
             self.apply(common, vec![WorldOp::Insert { bodies: Vec::new(), shapes, joints: Vec::new() }]);
         }
-        for (bodies, joints) in assemblies(bodies, joints) {
+        for part in gathered(assemblies(bodies, &[], joints), INSERT_BYTES) {
+            let (bodies, joints) = (part.bodies, part.joints);
             self.apply(common, vec![WorldOp::Insert { bodies, shapes: Vec::new(), joints }]);
         }
     }
@@ -247,52 +223,4 @@ impl Group {
             .map(WorldOp::Alter)
             .collect()
     }
-}
-
-/// Takes the shapes of a body, parts before compounds, out of those that are left.
-fn take_shapes_of(body: &BodyRecord, left: &mut Vec<ShapeRecord>) -> Vec<ShapeRecord> {
-    if left.is_empty() {
-        return Vec::new();
-    }
-    let own: BTreeSet<_> = body.traits.colliders.iter().map(|collider| collider.shape).collect();
-    let compounds = left.iter().filter(|shape| shape.is_compound() && own.contains(&shape.hash()));
-    let parts: BTreeSet<_> = compounds.flat_map(ShapeRecord::parts).collect();
-    let is_of = |shape: &mut ShapeRecord| own.contains(&shape.hash()) || parts.contains(&shape.hash());
-    left.extract_if(.., is_of).collect()
-}
-
-/// Splits bodies into parts that are told one by one: what joints tie together stays together, and fixed bodies come first.
-fn assemblies(bodies: &[BodyRecord], joints: &[JointRecord]) -> Vec<(Vec<BodyRecord>, Vec<JointRecord>)> {
-    let fixed: BTreeSet<BodyId> =
-        bodies.iter().filter(|body| body.traits.kind == BodyKind::Fixed).map(|body| body.id).collect();
-    let new: BTreeSet<BodyId> = bodies.iter().map(|body| body.id).collect();
-    let is_movable = |id: &BodyId| new.contains(id) && !fixed.contains(id);
-    let mut tied = Groups::default();
-    for joint in joints.iter().filter(|joint| is_movable(&joint.a) && is_movable(&joint.b)) {
-        tied.join(joint.a, joint.b);
-    }
-    let mut assemblies: BTreeMap<BodyId, (Vec<BodyRecord>, Vec<JointRecord>)> = BTreeMap::new();
-    for body in bodies.iter().filter(|body| is_movable(&body.id)) {
-        assemblies.entry(tied.root(body.id)).or_default().0.push(body.clone());
-    }
-    for joint in joints {
-        let movable = if is_movable(&joint.a) { joint.a } else { joint.b };
-        assemblies.entry(tied.root(movable)).or_default().1.push(joint.clone());
-    }
-    let scenery: Vec<_> = bodies.iter().filter(|body| fixed.contains(&body.id)).cloned().collect();
-    let mut parts: Vec<(Vec<BodyRecord>, Vec<JointRecord>)> = vec![(scenery, Vec::new())];
-    let mut bytes = encoded_len(&parts[0].0);
-    for (bodies, joints) in assemblies.into_values() {
-        let more = encoded_len(&bodies) + encoded_len(&joints);
-        if bytes + more > INSERT_BYTES {
-            parts.push(Default::default());
-            bytes = 0;
-        }
-        bytes += more;
-        let part = parts.last_mut().expect("there is a first part");
-        part.0.extend(bodies);
-        part.1.extend(joints);
-    }
-    parts.retain(|(bodies, joints)| !bodies.is_empty() || !joints.is_empty());
-    parts
 }

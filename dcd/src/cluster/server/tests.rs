@@ -1,6 +1,7 @@
 //! Tests rules of the server that a calm simulation does not show: on versions, lost links, view changes and authority.
 
 mod asked;
+mod building;
 mod hostile;
 mod lying;
 mod status;
@@ -10,10 +11,8 @@ use std::sync::Arc;
 
 use super::*;
 use crate::protocol::{BodyCheckpoint, Claim, Delay, DelayThresholds, Stance};
-use crate::protocol::{
-    ColliderMass, ColliderRecord, CombineRule, FromClient, Groups, Pose, ShapeRecord, ToNode, ToServer,
-};
-use crate::sim::{sim_body, sim_world};
+use crate::protocol::{FromClient, Pose, ShapeRecord, ToNode, ToServer};
+use crate::sim::{sim_body, sim_collider as collider, sim_world};
 use crate::space::{Epoch, RegionId};
 
 const NOW: Duration = Duration::ZERO;
@@ -563,27 +562,4 @@ fn a_node_is_drained_where_another_can_take_over_and_goes_at_once_if_it_fails_to
     let mut server = server_of_two();
     server.handle(NOW, ServerEvent::Disconnected(Peer::Node(NodeId(1))));
     assert_eq!(server.check_drain(NodeId(1)), Err(DrainError::Unlinked(NodeId(1))));
-}
-
-fn collider(shape: &ShapeRecord) -> ColliderRecord {
-    let all = Groups { memberships: u32::MAX, filter: u32::MAX, any: false };
-    ColliderRecord {
-        shape: shape.hash(),
-        pose: Pose { translation: [0.0; 3], rotation: [0.0, 0.0, 0.0, 1.0] },
-        mass: ColliderMass::Density(1.0),
-        friction: 0.5,
-        friction_rule: CombineRule::Average,
-        restitution: 0.0,
-        restitution_rule: CombineRule::Average,
-        sensor: false,
-        enabled: true,
-        collision_groups: all,
-        solver_groups: all,
-        collision_types: 0,
-        events: 0,
-        hooks: 0,
-        force_event_threshold_n: 0.0,
-        contact_skin_m: 0.0,
-        user_data: 0,
-    }
 }

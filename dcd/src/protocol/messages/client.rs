@@ -2,12 +2,12 @@
 
 use bincode::{Decode, Encode};
 
-use super::{Chunk, EnvironmentProperties, Member, Query, QueryResult, ViewNumber};
+use super::{BuildOp, Chunk, EnvironmentProperties, Member, Query, QueryResult, ViewNumber};
 use crate::protocol::{
     Alteration, BodyRecord, BodyTraits, ContactForce, Drive, JointRecord, ShapeRecord, SharedState, Touch,
     Velocity, WorldPose,
 };
-use crate::space::{Allocation, BodyId, ClientId, DistributionTree, GroupId, Tick};
+use crate::space::{Allocation, BodyId, ClientId, DistributionTree, GroupId, JointId, Tick};
 
 /// A message of a client to its leader, or to the server when there is none.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
@@ -35,6 +35,14 @@ pub enum FromClient {
     Ask(Query),
     /// To the leader: which datagrams of states have come, and how many more may.
     Heard(Heard),
+    /// To the server, over the client's own link: a client that may build changes the world, in this order. Answered by
+    /// [`ToClient::Built`] once it is on record.
+    Build {
+        /// Counts the messages of this kind.
+        number: u64,
+        /// At most [`MAX_BUILD_OPS`](super::MAX_BUILD_OPS).
+        ops: Vec<BuildOp>,
+    },
 }
 
 /// A client's acknowledgement of states.
@@ -142,6 +150,8 @@ pub enum ToClient {
         id: ClientId,
         /// Start of its logical time: beyond all that an earlier process of the same client came to.
         logical_time: u64,
+        /// The indices of the next body and the next joint that it may build.
+        next_built: (u32, u32),
         /// The world.
         world: EnvironmentProperties,
     },
@@ -180,8 +190,10 @@ pub enum ToClient {
     },
     /// A body disappeared.
     Removed(BodyId),
-    /// The server's program changed what a body or a joint is, which the client may not know.
+    /// The server's program, or a client that may build, changed what a body or a joint is, which the client may not know.
     Altered(Alteration),
+    /// A joint disappeared, which the client may not know.
+    JointRemoved(JointId),
     /// Bodies that moved: to the client in the leader's process, or to say that time goes on though none has.
     States {
         /// Their origin and time.
@@ -219,6 +231,8 @@ pub enum ToClient {
         /// Why.
         reason: Refusal,
     },
+    /// What was to be built by the message of this number is on record, but for what was refused before.
+    Built(u64),
 }
 
 /// States of bodies in the format of the module `delta`: what fits a datagram of a batch, which is what a client is told at once.
@@ -273,10 +287,10 @@ pub enum Refusal {
     #[error("the body does not belong to this client: a client moves its own avatars only")]
     NotYours,
     /// The body is not in the world.
-    #[error("no such body: spawn the avatar first")]
+    #[error("no such body or joint: insert it first")]
     Unknown,
     /// The body is there already.
-    #[error("a body of this id exists: choose another index")]
+    #[error("a body or joint of this id exists: choose another index")]
     Exists,
     /// Above [`EnvironmentProperties::avatar_speed_limit`], or a spin of more than a quarter of a turn per tick.
     #[error(
@@ -291,20 +305,29 @@ pub enum Refusal {
     /// An input with a newer logical time was there before.
     #[error("older than the last update of this avatar: let the logical time grow")]
     Late,
-    /// A collider names a shape that the world does not know, that cannot be built, or that an avatar cannot have.
+    /// A collider names a shape that the world does not know, that cannot be built, or that what a client moves cannot have.
     #[error(
-        "a shape is unknown, cannot be built, or is not for avatars: send it with the body, a hull, box, ball or compound of them"
+        "a shape is unknown, cannot be built, or is not for what clients move: send it with the body, a hull, box, ball or compound of them"
     )]
     Shape,
     /// Too many bodies or updates at once, or too many shapes brought (`cluster::MAX_SHAPE_BYTES`).
-    #[error("too many avatars, new shapes or updates: fewer, or less often; use shapes again")]
+    #[error("too many bodies, new shapes or updates: fewer, or less often; use shapes again")]
     TooMany,
-    /// The avatar would cost those who compute it too much.
-    #[error("the avatar costs too much: {0}")]
+    /// The body would cost those who compute it too much.
+    #[error("the body costs too much: {0}")]
     Costly(Costs),
+    /// It is to build, and its certificate does not let it.
+    #[error("its token does not let this client build: join with one of `dcd token --role builder`")]
+    MayNotBuild,
+    /// It may build, but not so: no program that uses this library asks for it.
+    #[error(
+        "a client builds under ids of its own, ties what it inserts, and leaves avatars, the kind of fixed bodies and the shapes of others \
+         as they are"
+    )]
+    NotToBeBuilt,
 }
 
-/// What an avatar has too much of.
+/// What an avatar, or a body that a client builds, has too much of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode, thiserror::Error)]
 pub enum Costs {
     /// Solver or PGS iterations beyond the world's own.
@@ -333,6 +356,14 @@ pub enum Costs {
     /// Avatars of the same client where it would begin.
     #[error("it begins where 64 others of this client are: spread them out")]
     Overlaps,
+    /// Corners of all that moves and that the client has built.
+    #[error(
+        "at most 200,000 corners of all movable bodies that a client has built: use simpler hulls, or fewer"
+    )]
+    BuiltCorners,
+    /// Bytes, with its shapes and with what is tied to it.
+    #[error("at most 60 KiB with its shapes and all that joints tie to it: use simpler shapes, or tie fewer")]
+    Bytes,
 }
 
 /// An avatar input: the velocity or pose that its user asks for.

@@ -327,7 +327,27 @@ impl Check for FromClient {
             Self::Heard(heard) => {
                 must(heard.datagrams.len() <= MAX_HEARD, "heard", "at most 64 runs of datagrams at once")
             }
+            Self::Build { ops, .. } => {
+                must(ops.len() <= MAX_BUILD_OPS, "build", "at most 1,024 changes at once")?;
+                all(ops)
+            }
             Self::Despawn(_) | Self::Leave => Ok(()),
+        }
+    }
+}
+
+impl Check for BuildOp {
+    fn check(&self) -> Result<(), Invalid> {
+        match self {
+            Self::Insert { bodies, shapes, joints } => {
+                all(bodies)?;
+                all(shapes)?;
+                all(joints)
+            }
+            Self::Remove(_) | Self::RemoveJoint(_) => Ok(()),
+            Self::Move(input) => input.check(),
+            Self::Push(push) => push.check(),
+            Self::Alter(alteration) => alteration.check(),
         }
     }
 }
@@ -367,7 +387,12 @@ impl Check for ToClient {
             Self::LeaderIs { tree: Some(tree), allocation, .. } | Self::Regions { tree, allocation } => {
                 suits(allocation, tree)
             }
-            Self::WorldEnd | Self::LeaderIs { .. } | Self::Removed(_) | Self::Rejected { .. } => Ok(()),
+            Self::WorldEnd
+            | Self::LeaderIs { .. }
+            | Self::Removed(_)
+            | Self::JointRemoved(_)
+            | Self::Built(_)
+            | Self::Rejected { .. } => Ok(()),
         }
     }
 }

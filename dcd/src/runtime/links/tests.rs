@@ -41,7 +41,7 @@ impl Pair {
         other.connect(net.local_addr(), PeerName::Server);
         let mut links = Links::new(net, Connections::new(PeerName::Server, || ()));
         let connected = links.translate(events.recv_timeout(PATIENCE).unwrap());
-        let LinkEvent::Connected(peer) = connected[0] else { panic!("{connected:?}") };
+        let LinkEvent::Connected(peer, _) = connected[0] else { panic!("{connected:?}") };
         Self { links, events, other, other_events, peer, folder }
     }
 
@@ -76,7 +76,12 @@ impl Pair {
     }
 
     fn tell_world(&mut self, chunks: usize) {
-        self.tell(ToClient::Welcome { id: ClientId(1), logical_time: 0, world: sim_world(2) });
+        self.tell(ToClient::Welcome {
+            id: ClientId(1),
+            logical_time: 0,
+            next_built: (0, 0),
+            world: sim_world(2),
+        });
         (0..chunks).for_each(|_| self.tell_bodies());
         self.tell(ToClient::WorldEnd);
     }

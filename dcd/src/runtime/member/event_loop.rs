@@ -244,7 +244,7 @@ impl Loop {
     fn link_event(&mut self, event: LinkEvent) {
         let now = self.start.elapsed();
         match event {
-            LinkEvent::Connected(peer) => {
+            LinkEvent::Connected(peer, _) => {
                 if peer == Peer::Server {
                     self.joined = true;
                     if self.lost.take().is_some() {

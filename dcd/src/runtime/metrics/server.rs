@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use super::{SECONDS, turns, write_common};
 use crate::cluster::ServerOutput;
 use crate::metrics::{Histogram, Source, Text};
-use crate::protocol::BodyKind;
+use crate::protocol::{BodyKind, Message, ToClient};
 use crate::recording::RecordedServer;
 use crate::runtime::bandwidth::LinkTotals;
 
@@ -26,6 +26,8 @@ struct Numbers {
     repartitions: u64,
     expelled: u64,
     unreached: u64,
+    /// What clients asked for and were refused.
+    refused: u64,
     commit_times: Histogram,
     commit_bytes: u64,
 }
@@ -40,6 +42,7 @@ impl ServerMetrics {
             repartitions: 0,
             expelled: 0,
             unreached: 0,
+            refused: 0,
             commit_times: Histogram::new(SECONDS),
             commit_bytes: 0,
         };
@@ -62,6 +65,9 @@ impl ServerMetrics {
             ServerOutput::Repartitioned { .. } => numbers.repartitions += 1,
             ServerOutput::Expelled(_) => numbers.expelled += 1,
             ServerOutput::Unreached(_) => numbers.unreached += 1,
+            ServerOutput::Send { message: Message::ToClient(_, ToClient::Rejected { .. }), .. } => {
+                numbers.refused += 1;
+            }
             ServerOutput::Ended => numbers.over = Some("the world has ended"),
             ServerOutput::Suspended => numbers.over = Some("the server has stopped"),
             _ => {}
@@ -95,7 +101,7 @@ impl Source for ServerMetrics {
         let (groups, tick) = (server.views().count(), server.tick().0);
         let (stale, polls, changing) = (server.stale(), server.poll_counts(), server.is_changing());
         drop(server);
-        write_common(&mut text, "server", &n.links, &[("stale", stale)]);
+        write_common(&mut text, "server", &n.links, &[("stale", stale), ("input", n.refused)]);
         text.gauge("dcd_world_tick", "The last tick that a node is known to have completed.").is(tick as f64);
         text.gauge("dcd_world_bodies", "Movable bodies on record.").is(movable as f64);
         text.gauge("dcd_world_regions", "Regions that nodes compute, of the main group.").is(regions as f64);

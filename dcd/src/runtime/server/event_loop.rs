@@ -9,8 +9,8 @@ use tracing::{debug, error, info, warn};
 
 use super::{Input, SUSPENDED, Shared};
 use crate::cluster::directory::{Batch, Condition, Directory, DirectoryError, Key, Revision};
-use crate::cluster::{DrainError, ProgramOp, SavedWorld, Server, ServerEvent, ServerOutput, WORLD_ENDED};
-use crate::net::NetTotals;
+use crate::cluster::{DrainError, Peer, SavedWorld, Server, ServerEvent, ServerOutput, WORLD_ENDED};
+use crate::net::{NetTotals, PeerName};
 use crate::protocol::{BodyKind, BodyRecord, Farewell, StateHasher};
 use crate::recording::RecordedServer;
 use crate::runtime::directory::FolderLock;
@@ -117,7 +117,7 @@ impl Loop {
                         bodies = saved.bodies.len(),
                         "the world is replaced by a saved one"
                     );
-                    self.server().handle(now, ServerEvent::Program(vec![ProgramOp::Replace(saved)]));
+                    self.server().handle(now, ServerEvent::Replace(saved));
                     {
                         let mut state = self.shared.lock();
                         (state.view, state.summary.nodes) = (None, 0);
@@ -170,7 +170,10 @@ impl Loop {
 
     fn hear(&mut self, now: Duration, event: LinkEvent) {
         match event {
-            LinkEvent::Connected(_) => {}
+            LinkEvent::Connected(Peer::Client(client), PeerName::Builder(_)) => {
+                self.server().handle(now, ServerEvent::MayBuild(client));
+            }
+            LinkEvent::Connected(..) => {}
             LinkEvent::Disconnected { peer, text, .. } => {
                 info!(?peer, text, "a link is gone");
                 self.server().handle(now, ServerEvent::Disconnected(peer));

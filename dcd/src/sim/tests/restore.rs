@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use super::*;
-use crate::cluster::{ProgramOp, SavedWorld, ServerEvent};
-use crate::protocol::{Area, BodyState};
+use crate::cluster::{SavedWorld, ServerEvent};
+use crate::protocol::{Area, BodyState, BuildOp};
 
 /// Saves the world, and returns it with what its owners had when it was saved.
 fn saved(sim: &mut Sim) -> (SavedWorld, BTreeMap<BodyId, BodyState>) {
@@ -15,17 +15,13 @@ fn saved(sim: &mut Sim) -> (SavedWorld, BTreeMap<BodyId, BodyState>) {
 }
 
 fn replace(sim: &mut Sim, saved: &SavedWorld) {
-    sim.order(ServerEvent::Program(vec![ProgramOp::Replace(Box::new(saved.clone()))]));
+    sim.order(ServerEvent::Replace(Box::new(saved.clone())));
 }
 
 /// Lets the server's program insert a body, and waits for it.
 fn insert(sim: &mut Sim, id: BodyId) {
     let bodies = vec![sim_body(id, [5.0, 5.0, 5.0])];
-    sim.order(ServerEvent::Program(vec![ProgramOp::Insert {
-        bodies,
-        shapes: Vec::new(),
-        joints: Vec::new(),
-    }]));
+    sim.order(ServerEvent::Program(vec![BuildOp::Insert { bodies, shapes: Vec::new(), joints: Vec::new() }]));
     sim.run_until(|sim| sim.state(id).is_some()).unwrap();
 }
 
@@ -67,7 +63,7 @@ fn a_world_goes_back_with_all_that_came_and_went() {
     sim.submit(client, ClientEvent::Input { body: early, tick: Tick(0), velocity, pose: None });
     spawn(&mut sim, late, 9.0);
     insert(&mut sim, new);
-    sim.order(ServerEvent::Program(vec![ProgramOp::Remove(gone)]));
+    sim.order(ServerEvent::Program(vec![BuildOp::Remove(gone)]));
     let knows = |sim: &Sim, id| sim.client(client).body(id).is_some();
     sim.run_until(|sim| knows(sim, new) && !knows(sim, gone) && sim.state(new).is_some()).unwrap();
     sim.run_for(Duration::from_secs(3)).unwrap();
@@ -96,11 +92,7 @@ fn clients_with_an_interest_hear_of_the_world_that_is_back() {
     sim.run_to(Tick(5)).unwrap();
     let ids: Vec<_> = (0..6).map(BodyId::persistent).collect();
     let bodies = ids.iter().map(|&id| sim_body(id, [1.0 + 2.5 * f64::from(id.index()), 4.0, 4.0])).collect();
-    sim.order(ServerEvent::Program(vec![ProgramOp::Insert {
-        bodies,
-        shapes: Vec::new(),
-        joints: Vec::new(),
-    }]));
+    sim.order(ServerEvent::Program(vec![BuildOp::Insert { bodies, shapes: Vec::new(), joints: Vec::new() }]));
     sim.run_until(|sim| sim.states().len() == 6).unwrap();
     let client = sim.start_client_in(Area { centre: [1.0, 4.0, 4.0], radius_m: 2.0 });
     let (_, participant) = sim.start_participant(None);
@@ -109,7 +101,7 @@ fn clients_with_an_interest_hear_of_the_world_that_is_back() {
     let known = |sim: &Sim, client| sim.client(client).bodies().count();
     let before = [client, participant].map(|id| known(&sim, id));
     assert!(before[0] >= 1 && before[1] == 6, "{before:?}");
-    sim.order(ServerEvent::Program(ids.iter().map(|&id| ProgramOp::Remove(id)).collect()));
+    sim.order(ServerEvent::Program(ids.iter().map(|&id| BuildOp::Remove(id)).collect()));
     sim.run_until(|sim| known(sim, client) + known(sim, participant) == 0).unwrap();
     replace(&mut sim, &saved);
     sim.run_until(|sim| known(sim, client) >= before[0] && known(sim, participant) == 6).unwrap();
@@ -139,7 +131,7 @@ fn a_server_that_dies_after_going_back_goes_on_from_there() {
         let gone = BodyId::persistent(40);
         insert(&mut sim, gone);
         let (saved, _) = saved(&mut sim);
-        sim.order(ServerEvent::Program(vec![ProgramOp::Remove(gone)]));
+        sim.order(ServerEvent::Program(vec![BuildOp::Remove(gone)]));
         sim.run_for(Duration::from_secs(1)).unwrap();
         sim.crash_after_store(outputs);
         replace(&mut sim, &saved);

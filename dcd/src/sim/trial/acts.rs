@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use super::{Action, Armed, Island, PATIENCE, Trial, calm};
-use crate::cluster::{ClientEvent, Peer, ProgramOp, ServerEvent};
+use crate::cluster::{ClientEvent, Peer, ServerEvent};
 use crate::protocol::Velocity;
 use crate::sim::faults::{Fault, Island as Cutoff, Moment, ProcessKind, Victim, Ways};
 use crate::sim::{Cut, Violation, sim_body};
@@ -62,7 +62,7 @@ impl Trial<'_> {
             Action::Restore if self.runs(Peer::Server) => {
                 if let Some(saved) = self.sim.saved.clone() {
                     self.sim.note(|| format!("the world goes back to {}", saved.tick));
-                    self.sim.order(ServerEvent::Program(vec![ProgramOp::Replace(saved)]));
+                    self.sim.order(ServerEvent::Replace(saved));
                     self.disturbed();
                 }
             }

@@ -75,8 +75,7 @@ fn avatars_wait_for_their_client_and_not_for_ever() {
 
 #[test]
 fn what_the_program_does_while_no_leader_hears_it_is_told_to_the_next_but_for_impulses() {
-    use crate::cluster::ProgramOp;
-    use crate::protocol::{Input, Push, Velocity, WorldOp};
+    use crate::protocol::{BuildOp, Input, Push, Velocity, WorldOp};
     let mut server = server();
     let outputs = hello(&mut server, 1, VERSION);
     obey(&mut server, 1, outputs);
@@ -101,17 +100,17 @@ fn what_the_program_does_while_no_leader_hears_it_is_told_to_the_next_but_for_im
         server.handle(now, ServerEvent::Program(vec![op]));
         applied(std::iter::from_fn(|| server.poll_output()).collect())
     };
-    assert_eq!(does(&mut server, ProgramOp::Move(to(1.0))), [WorldOp::Input(to(1.0))]);
+    assert_eq!(does(&mut server, BuildOp::Move(to(1.0))), [WorldOp::Input(to(1.0))]);
     server.handle(server.common.now, ServerEvent::Disconnected(Peer::Node(NodeId(1))));
     let force = |up| Push::force(body, [0.0, up, 0.0], [0.0; 3]);
     for i in 0..1_000 {
-        assert_eq!(does(&mut server, ProgramOp::Move(to(i as f32))), []);
-        assert_eq!(does(&mut server, ProgramOp::Push(force(i as f32))), []);
-        assert_eq!(does(&mut server, ProgramOp::Push(Push::impulse(body, [1.0; 3]))), []);
+        assert_eq!(does(&mut server, BuildOp::Move(to(i as f32))), []);
+        assert_eq!(does(&mut server, BuildOp::Push(force(i as f32))), []);
+        assert_eq!(does(&mut server, BuildOp::Push(Push::impulse(body, [1.0; 3]))), []);
     }
     let gone = Input { body: BodyId::persistent(1), ..to(2.0) };
-    does(&mut server, ProgramOp::Move(gone));
-    does(&mut server, ProgramOp::Remove(gone.body));
+    does(&mut server, BuildOp::Move(gone));
+    does(&mut server, BuildOp::Remove(gone.body));
     let outputs = hello(&mut server, 1, VERSION);
     let outputs = obey(&mut server, 1, outputs);
     assert_eq!(applied(outputs), [WorldOp::Input(to(999.0)), WorldOp::Push(force(999.0))]);
@@ -119,8 +118,7 @@ fn what_the_program_does_while_no_leader_hears_it_is_told_to_the_next_but_for_im
 
 #[test]
 fn every_leader_is_told_what_the_program_has_changed() {
-    use crate::cluster::ProgramOp;
-    use crate::protocol::{Alteration, WorldOp};
+    use crate::protocol::{Alteration, BuildOp, WorldOp};
     let mut server = server();
     let outputs = hello(&mut server, 1, VERSION);
     obey(&mut server, 1, outputs);
@@ -138,7 +136,7 @@ fn every_leader_is_told_what_the_program_has_changed() {
     let alter = |server: &mut Server, id: BodyId, gravity_scale: f32, wakes: bool| {
         let mut traits = (*sim_body(id, [0.0; 3]).traits).clone();
         traits.gravity_scale = gravity_scale;
-        let op = ProgramOp::Alter(Alteration::Body { body: id, traits: Arc::new(traits), wakes });
+        let op = BuildOp::Alter(Alteration::Body { body: id, traits: Arc::new(traits), wakes });
         server.handle(server.common.now, ServerEvent::Program(vec![op]));
         altered(std::iter::from_fn(|| server.poll_output()).collect())
     };

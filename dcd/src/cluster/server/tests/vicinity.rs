@@ -1,7 +1,9 @@
 //! Tests what a client that joins with an area of interest is told of a large world.
 
 use super::*;
-use crate::protocol::{Area, BodyKind, BodyRecord, JointLimit, JointMotor, JointRecord, MAX_INTRODUCED};
+use crate::protocol::{
+    Area, BodyKind, BodyRecord, BuildOp, JointLimit, JointMotor, JointRecord, MAX_INTRODUCED,
+};
 use crate::space::JointId;
 
 const CLIENT: ClientId = ClientId(7);
@@ -41,7 +43,7 @@ fn large_world() -> Server {
 }
 
 /// A joint that does nothing.
-fn joint(id: u32, a: u32, b: u32) -> JointRecord {
+pub(super) fn joint(id: u32, a: u32, b: u32) -> JointRecord {
     let frame = Pose { translation: [0.0; 3], rotation: [0.0, 0.0, 0.0, 1.0] };
     let motor = JointMotor {
         target_vel: 0.0,
@@ -192,7 +194,7 @@ fn what_comes_and_goes_is_told_to_those_near_it() {
         new.state.pose.translation = place;
         let shapes = vec![ShapeRecord::Cuboid([0.5; 3])];
         let now = server.common.now;
-        let op = ProgramOp::Insert { bodies: vec![new], shapes, joints: Vec::new() };
+        let op = BuildOp::Insert { bodies: vec![new], shapes, joints: Vec::new() };
         server.handle(now, ServerEvent::Program(vec![op]));
         told.hear(std::iter::from_fn(|| server.poll_output()));
     };
@@ -203,7 +205,7 @@ fn what_comes_and_goes_is_told_to_those_near_it() {
     assert!(told.bodies.contains_key(&BodyId::persistent(near)), "with its shape, which was new before");
     for index in [near, far] {
         let now = server.common.now;
-        server.handle(now, ServerEvent::Program(vec![ProgramOp::Remove(BodyId::persistent(index))]));
+        server.handle(now, ServerEvent::Program(vec![BuildOp::Remove(BodyId::persistent(index))]));
         told.hear(std::iter::from_fn(|| server.poll_output()));
     }
     assert!(!told.bodies.contains_key(&BodyId::persistent(near)));

@@ -1,0 +1,96 @@
+//! Sends what a client builds to the server, and keeps it until that is on record there: a server that comes back is told again what it
+//! may not have written down.
+
+use std::collections::{BTreeMap, VecDeque};
+
+use super::{Client, ClientOutput};
+use crate::protocol::{BUILD_BYTES, BuildOp, Costs, FromClient, MAX_BUILD_OPS, Refusal, encoded_len, split};
+
+/// The most bytes that may wait for the server's word.
+const MAX_WAITING_BYTES: usize = 8 << 20;
+
+/// What a client has asked to be built and has no answer to, in order.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Building {
+    asked: u64,
+    waiting: BTreeMap<u64, (usize, Vec<BuildOp>)>,
+    /// The indices of the next body and the next joint, as the server said.
+    pub(super) next: (u32, u32),
+}
+
+impl Building {
+    /// Takes the server's word on a message.
+    pub(super) fn answered(&mut self, number: u64) {
+        self.waiting.remove(&number);
+    }
+
+    /// Forgets what the server has not answered: the world is another.
+    pub(super) fn clear(&mut self) {
+        self.waiting.clear();
+    }
+}
+
+impl Client {
+    /// Returns the indices of the next body and the next joint that it may build, as the server said when it joined.
+    pub fn next_built(&self) -> (u32, u32) {
+        self.building.next
+    }
+
+    /// Sends what is to be built; what waits for the server is sent once it has welcomed us.
+    pub(super) fn build(&mut self, ops: Vec<BuildOp>) {
+        let mut fitting = VecDeque::new();
+        for op in ops.into_iter().flat_map(|op| op.in_parts(BUILD_BYTES)) {
+            match encoded_len(&op) <= BUILD_BYTES {
+                true => fitting.push_back(op),
+                false => self.refuse(&op, Refusal::Costly(Costs::Bytes)),
+            }
+        }
+        for mut ops in split(fitting, BUILD_BYTES) {
+            while !ops.is_empty() {
+                let later = ops.split_off(ops.len().min(MAX_BUILD_OPS));
+                self.send_build(std::mem::replace(&mut ops, later));
+            }
+        }
+    }
+
+    fn send_build(&mut self, ops: Vec<BuildOp>) {
+        let waiting: usize = self.building.waiting.values().map(|(bytes, _)| bytes).sum();
+        let bytes = encoded_len(&ops);
+        if waiting + bytes > MAX_WAITING_BYTES {
+            return ops.iter().for_each(|op| self.refuse(op, Refusal::TooMany));
+        }
+        self.building.asked += 1;
+        let number = self.building.asked;
+        self.building.waiting.insert(number, (bytes, ops.clone()));
+        if self.server_linked && self.joined {
+            self.ask_server(FromClient::Build { number, ops });
+        }
+    }
+
+    fn refuse(&mut self, op: &BuildOp, reason: Refusal) {
+        for id in op.bodies() {
+            self.outputs.push_back(ClientOutput::Rejected { body: Some(id), reason });
+        }
+    }
+
+    /// Sends again what the server has not answered, when the world has arrived anew, unless that shows that it was done. Velocities and
+    /// pushes of before are not meant for now.
+    pub(super) fn build_again(&mut self) {
+        let waiting = std::mem::take(&mut self.building.waiting);
+        for (number, (bytes, mut ops)) in waiting {
+            ops.retain(|op| match op {
+                BuildOp::Insert { bodies, .. } => {
+                    bodies.iter().any(|body| !self.bodies.contains_key(&body.id))
+                }
+                BuildOp::Remove(id) => self.bodies.contains_key(id),
+                BuildOp::RemoveJoint(id) => self.joints.iter().any(|joint| joint.id == *id),
+                BuildOp::Alter(_) => true,
+                BuildOp::Move(_) | BuildOp::Push(_) => false,
+            });
+            if !ops.is_empty() {
+                self.building.waiting.insert(number, (bytes, ops.clone()));
+                self.ask_server(FromClient::Build { number, ops });
+            }
+        }
+    }
+}

@@ -1,0 +1,340 @@
+//! Tests what clients that may build can do, and what neither they nor others can make a server do by it.
+
+use super::*;
+use crate::protocol::{
+    Alteration, BodyKind, BodyRecord, BodyTraits, BuildOp, Costs, Input, JointRecord, Push, Velocity, WorldOp,
+};
+use crate::space::JointId;
+
+const BUILDER: ClientId = ClientId(7);
+const OTHER: ClientId = ClientId(8);
+
+/// A server whose world runs, with a client that may build, and one that may not.
+fn built_in() -> Server {
+    let mut server = server();
+    let outputs = hello(&mut server, 1, VERSION);
+    obey(&mut server, 1, outputs);
+    server.handle(NOW, ServerEvent::MayBuild(BUILDER));
+    for client in [BUILDER, OTHER] {
+        let hello = Message::Hello(Hello { version: VERSION, role: JoinAs::Client { interest: None } });
+        server.handle(NOW, ServerEvent::Message { from: Peer::Client(client), message: hello });
+    }
+    while server.poll_output().is_some() {}
+    server
+}
+
+fn asks(
+    server: &mut Server,
+    from: Peer,
+    client: ClientId,
+    number: u64,
+    ops: Vec<BuildOp>,
+) -> Vec<ServerOutput> {
+    let message = Message::FromClient(client, FromClient::Build { number, ops });
+    server.handle(server.common.now, ServerEvent::Message { from, message });
+    std::iter::from_fn(|| server.poll_output()).collect()
+}
+
+/// Why the builder is refused this, if it is.
+fn refusal(server: &mut Server, op: BuildOp) -> Option<Refusal> {
+    let outputs = asks(server, Peer::Client(BUILDER), BUILDER, 1, vec![op]);
+    let answered = |output: &ServerOutput| {
+        matches!(output, ServerOutput::Send { to, message: Message::ToClient(_, ToClient::Built(1)) }
+            if *to == Peer::Client(BUILDER))
+    };
+    assert!(outputs.iter().any(answered), "{outputs:?}");
+    refusals(&outputs).first().copied()
+}
+
+fn refusals(outputs: &[ServerOutput]) -> Vec<Refusal> {
+    let reason = |output: &ServerOutput| match output {
+        ServerOutput::Send { message: Message::ToClient(_, ToClient::Rejected { reason, .. }), .. } => {
+            Some(*reason)
+        }
+        _ => None,
+    };
+    outputs.iter().filter_map(reason).collect()
+}
+
+fn is_closed(outputs: &[ServerOutput], client: ClientId) -> bool {
+    let is = |output: &ServerOutput| matches!(output, ServerOutput::Close { peer, .. } if *peer == Peer::Client(client));
+    outputs.iter().any(is)
+}
+
+fn body(index: u32) -> BodyRecord {
+    sim_body(BodyId::built(BUILDER, index), [f64::from(index) * 3.0, 1.0, 1.0])
+}
+
+fn insert(body: BodyRecord) -> BuildOp {
+    BuildOp::Insert { bodies: vec![body], shapes: Vec::new(), joints: Vec::new() }
+}
+
+fn with(mut body: BodyRecord, change: impl FnOnce(&mut BodyTraits)) -> BodyRecord {
+    change(Arc::make_mut(&mut body.traits));
+    body
+}
+
+fn go(body: BodyId, speed: f32) -> BuildOp {
+    let velocity = Velocity::linear([speed, 0.0, 0.0]);
+    BuildOp::Move(Input { body, logical_time: 9, tick: Tick(1 << 50), velocity, pose: None, drive: None })
+}
+
+fn tied(index: u32, a: BodyId, b: BodyId) -> JointRecord {
+    JointRecord { id: JointId::built(BUILDER, index), a, b, ..vicinity::joint(0, 0, 1) }
+}
+
+#[test]
+fn a_client_that_may_build_changes_the_world_as_its_program_does_and_it_stays() {
+    let mut server = built_in();
+    let [first, second] = [body(0), body(1)];
+    let (a, b) = (first.id, second.id);
+    let joints = vec![tied(0, a, b)];
+    let op = BuildOp::Insert { bodies: vec![first, second], shapes: Vec::new(), joints };
+    let ops = vec![op.clone(), go(a, 2.0), BuildOp::Push(Push::impulse(b, [1.0; 3]))];
+    let outputs = asks(&mut server, Peer::Client(BUILDER), BUILDER, 5, ops);
+    assert_eq!(refusals(&outputs), []);
+    let position = |is: &dyn Fn(&ServerOutput) -> bool| outputs.iter().position(is).expect("it is there");
+    let stored = position(&|output| matches!(output, ServerOutput::Store(batch) if batch.durable));
+    let told = position(&|output| {
+        matches!(output, ServerOutput::Send { message: Message::ToNode(ToNode::Apply { .. }), .. })
+    });
+    let answered = position(&|output| {
+        matches!(output, ServerOutput::Send { message: Message::ToClient(_, ToClient::Built(5)), .. })
+    });
+    assert!(stored < told && told < answered, "on record before anybody hears of it");
+    let inputs = outputs.iter().filter_map(|output| match output {
+        ServerOutput::Send { message: Message::ToNode(ToNode::Apply { ops, .. }), .. } => {
+            ops.iter().find_map(|op| if let WorldOp::Input(input) = op { Some(*input) } else { None })
+        }
+        _ => None,
+    });
+    let inputs: Vec<_> = inputs.map(|input| (input.logical_time, input.tick)).collect();
+    assert_eq!(inputs, [(0, Tick(0))], "it is at once, whatever it says");
+    let next_ids = server.next_ids();
+    assert_eq!(next_ids, (3, 0), "the program numbers apart");
+    assert_eq!(server.next_built(BUILDER), (2, 1));
+
+    assert_eq!(refusal(&mut server, op), None, "who did not hear that it was done asks again");
+    let leave = Message::FromClient(BUILDER, FromClient::Leave);
+    server.handle(NOW, ServerEvent::Message { from: Peer::Client(BUILDER), message: leave });
+    assert!([a, b].into_iter().all(|id| server.record().life(id) == Some(crate::cluster::Life::Live)));
+    assert!(server.record().joint(JointId::built(BUILDER, 0)).is_some());
+}
+
+#[test]
+fn who_may_not_build_is_told_so_and_cut_off_if_it_goes_on() {
+    let mut server = built_in();
+    let own = sim_body(BodyId::built(OTHER, 0), [1.0; 3]);
+    for op in [insert(own), BuildOp::Remove(BodyId::persistent(0)), go(BodyId::persistent(0), 1.0)] {
+        let outputs = asks(&mut server, Peer::Client(OTHER), OTHER, 1, vec![op]);
+        assert_eq!(refusals(&outputs), [Refusal::MayNotBuild]);
+        assert!(!is_closed(&outputs, OTHER));
+    }
+    assert_eq!(server.record().len(), 3);
+    let flood = |server: &mut Server| {
+        (0..200).position(|_| {
+            is_closed(
+                &asks(server, Peer::Client(OTHER), OTHER, 1, vec![go(BodyId::persistent(0), 1.0)]),
+                OTHER,
+            )
+        })
+    };
+    let cut_off = flood(&mut server).expect("it is cut off");
+    assert!((30..100).contains(&cut_off), "after {cut_off}");
+    assert_eq!(refusal(&mut server, insert(body(0))), None, "others are not its judge");
+}
+
+#[test]
+fn nobody_builds_in_the_name_of_another() {
+    let mut server = built_in();
+    let before = server.stale();
+    // The leader of the client's group, who speaks for it otherwise, and another client.
+    for from in [Peer::Node(NodeId(1)), Peer::Client(OTHER)] {
+        assert_eq!(asks(&mut server, from, BUILDER, 1, vec![insert(body(0))]), []);
+    }
+    assert_eq!((server.stale(), server.record().len()), (before + 2, 3));
+}
+
+#[test]
+fn a_builder_leaves_avatars_and_names_of_others_and_what_no_program_changes() {
+    use Refusal::{Exists, NotToBeBuilt, Shape, Unknown};
+    let mut server = built_in();
+    let avatar = BodyId::avatar(OTHER, 0);
+    let spawn = FromClient::Spawn { body: sim_body(avatar, [1.0; 3]), shapes: Vec::new() };
+    server.handle(
+        NOW,
+        ServerEvent::Message { from: Peer::Client(OTHER), message: Message::FromClient(OTHER, spawn) },
+    );
+    let fixed = with(body(9), |traits| traits.kind = BodyKind::Fixed);
+    let ground = fixed.id;
+    assert_eq!(refusal(&mut server, insert(fixed)), None);
+    assert_eq!(refusal(&mut server, insert(body(1))), None);
+    let own = body(1);
+    let alter = |traits: BodyTraits| {
+        BuildOp::Alter(Alteration::Body { body: own.id, traits: Arc::new(traits), wakes: true })
+    };
+    let ball = ShapeRecord::Ball(0.5);
+    let shaped = with(own.clone(), |traits| traits.colliders.push(collider(&ball)));
+    let moved = |joint: JointRecord| BuildOp::Insert {
+        bodies: vec![body(2)],
+        shapes: Vec::new(),
+        joints: vec![joint],
+    };
+    let fast = |mut body: BodyRecord| {
+        body.state.velocity.linear = [1e6, 0.0, 0.0];
+        body
+    };
+    let mesh = ShapeRecord::TriMesh(vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], vec![[0, 1, 2]], 0);
+    let meshed = |body: BodyRecord| {
+        let body = with(body, |traits| traits.colliders.push(collider(&mesh)));
+        BuildOp::Insert { bodies: vec![body], shapes: vec![mesh.clone()], joints: Vec::new() }
+    };
+    let cone = ShapeRecord::Cone(1.0, 1.0);
+    let flat = BuildOp::Insert {
+        bodies: vec![with(body(3), |traits| traits.colliders.push(collider(&cone)))],
+        shapes: vec![cone.clone()],
+        joints: Vec::new(),
+    };
+    let cases = [
+        ("an avatar goes", BuildOp::Remove(avatar), NotToBeBuilt),
+        ("an avatar is moved", go(avatar, 1.0), NotToBeBuilt),
+        ("an avatar is pushed", BuildOp::Push(Push::impulse(avatar, [1.0; 3])), NotToBeBuilt),
+        ("nobody goes", BuildOp::Remove(BodyId::persistent(99)), Unknown),
+        ("no joint goes", BuildOp::RemoveJoint(JointId(3)), Unknown),
+        ("a name of the program", insert(sim_body(BodyId::persistent(77), [1.0; 3])), NotToBeBuilt),
+        ("a name of another", insert(sim_body(BodyId::built(OTHER, 0), [1.0; 3])), NotToBeBuilt),
+        ("an avatar's name", insert(sim_body(BodyId::avatar(BUILDER, 0), [1.0; 3])), NotToBeBuilt),
+        ("another body of this name", insert(with(body(1), |traits| traits.linear_damping = 0.5)), Exists),
+        ("the ground moves", go(ground, 1.0), NotToBeBuilt),
+        ("faster than the world", insert(fast(body(2))), NotToBeBuilt),
+        ("set faster than the world", go(own.id, 1e6), NotToBeBuilt),
+        ("other shapes", alter((*shaped.traits).clone()), NotToBeBuilt),
+        (
+            "what moves is fixed",
+            alter((*with(own.clone(), |t| t.kind = BodyKind::Fixed).traits).clone()),
+            NotToBeBuilt,
+        ),
+        ("an unknown shape", insert(with(body(2), |traits| traits.colliders.push(collider(&ball)))), Shape),
+        ("a shape that cannot be built", flat, Shape),
+        ("a mesh that moves", meshed(body(2)), Shape),
+        ("tied to what is computed", moved(tied(0, body(2).id, own.id)), NotToBeBuilt),
+        ("tied to nothing", moved(tied(0, body(2).id, BodyId::persistent(99))), Unknown),
+        (
+            "a joint of the program",
+            moved(JointRecord { id: JointId(0), ..tied(0, body(2).id, ground) }),
+            NotToBeBuilt,
+        ),
+    ];
+    let bodies = server.record().len();
+    for (what, op, reason) in cases {
+        assert_eq!(refusal(&mut server, op), Some(reason), "{what}");
+        // Time forgives what no program asks for.
+        server.common.now += Duration::from_secs(1);
+    }
+    assert_eq!(server.record().len(), bodies);
+    let still = with(body(2), |traits| traits.kind = BodyKind::Fixed);
+    assert_eq!(refusal(&mut server, meshed(still)), None, "a mesh that stands");
+    assert_eq!(
+        refusal(
+            &mut server,
+            BuildOp::Insert {
+                bodies: vec![body(4)],
+                shapes: Vec::new(),
+                joints: vec![tied(0, body(4).id, ground)],
+            }
+        ),
+        None,
+        "tied to the ground"
+    );
+    assert_eq!(refusal(&mut server, go(BodyId::persistent(0), 1.0)), None, "whoever made it");
+    assert_eq!(refusal(&mut server, BuildOp::Remove(BodyId::persistent(0))), None, "whoever made it");
+}
+
+#[test]
+fn what_a_builder_may_bring_is_bounded_and_what_it_may_ask_for() {
+    let mut server = built_in();
+    let iterations = with(body(0), |traits| traits.extra_solver_iterations = 9);
+    assert_eq!(refusal(&mut server, insert(iterations)), Some(Refusal::Costly(Costs::Iterations)));
+    let huge = |body: BodyRecord| {
+        let ball = ShapeRecord::Ball(101.0);
+        let body = with(body, |traits| traits.colliders.push(collider(&ball)));
+        BuildOp::Insert { bodies: vec![body], shapes: vec![ball], joints: Vec::new() }
+    };
+    assert_eq!(refusal(&mut server, huge(body(0))), Some(Refusal::Costly(Costs::Size)));
+    assert_eq!(refusal(&mut server, huge(with(body(0), |traits| traits.kind = BodyKind::Fixed))), None);
+
+    let ball = ShapeRecord::Ball(0.5);
+    let round = |index: u32, at: [f64; 3]| {
+        let body = sim_body(BodyId::built(BUILDER, index), at);
+        let body = with(body, |traits| traits.colliders.push(collider(&ball)));
+        BuildOp::Insert { bodies: vec![body], shapes: vec![ball.clone()], joints: Vec::new() }
+    };
+    let came = (100..200).take_while(|&i| refusal(&mut server, round(i, [0.0; 3])).is_none()).count();
+    assert_eq!(came, 65);
+    assert_eq!(refusal(&mut server, round(199, [0.0; 3])), Some(Refusal::Costly(Costs::Overlaps)));
+    server.common.now += Duration::from_secs(10);
+
+    let many = |from: u32, count: u32| BuildOp::Insert {
+        bodies: (from..from + count).map(body).collect(),
+        shapes: Vec::new(),
+        joints: Vec::new(),
+    };
+    let there = server.record().built(BUILDER).count();
+    let room = (MAX_BUILT - there) as u32;
+    assert_eq!(refusal(&mut server, many(1_000, room)), None);
+    assert_eq!(refusal(&mut server, many(9_000, 1)), Some(Refusal::TooMany), "all that it may have built");
+    assert_eq!(refusal(&mut server, BuildOp::Remove(body(1_000).id)), None);
+
+    // A flood of what is allowed: refused beyond the rate, and who goes on is cut off.
+    server.common.now += Duration::from_secs(10);
+    let moves = || (0..512).map(|_| go(BodyId::persistent(0), 1.0)).collect::<Vec<_>>();
+    let mut done = 0;
+    let cut_off = (0..400).position(|_| {
+        let outputs = asks(&mut server, Peer::Client(BUILDER), BUILDER, 1, moves());
+        done += 512 - refusals(&outputs).len();
+        is_closed(&outputs, BUILDER)
+    });
+    assert_eq!(done, 8_192, "all at once");
+    let cut_off = cut_off.expect("it is cut off");
+    assert!((60..120).contains(&cut_off), "after {cut_off}");
+    assert!(server.record().body(body(1_001).id).is_some(), "what it has built stays");
+}
+
+#[test]
+fn shapes_to_build_with_are_bounded_too() {
+    let mut server = built_in();
+    // Some 100 kB each, and no two alike.
+    let hull = |n: u32| {
+        let point = |i: usize| [n as f32 / 4.0 + 1.0 / (i + 1) as f32, (i % 97) as f32, (i % 89) as f32];
+        ShapeRecord::ConvexPolyhedron((0..8_500).map(point).collect(), Vec::new())
+    };
+    let brings = |server: &mut Server, n: u32| {
+        let fixed = with(body(n), |traits| {
+            traits.kind = BodyKind::Fixed;
+            traits.colliders.push(collider(&hull(n)));
+        });
+        server.common.now += Duration::from_secs(1);
+        refusal(server, BuildOp::Insert { bodies: vec![fixed], shapes: vec![hull(n)], joints: Vec::new() })
+    };
+    let came = (0..400).take_while(|&n| brings(&mut server, n).is_none()).count();
+    assert!((120..300).contains(&came), "{came} came within 16 MiB");
+}
+
+#[test]
+fn all_that_a_builder_moves_has_so_many_corners_at_most() {
+    let mut server = built_in();
+    let point = |i: usize| [1.0 / (i + 1) as f32, (i % 7) as f32, (i % 5) as f32];
+    let hull = ShapeRecord::ConvexPolyhedron((0..2_000).map(point).collect(), Vec::new());
+    let mut came = 0;
+    let refused = loop {
+        let at = [f64::from(came) * 50.0, 0.0, 0.0];
+        let body = sim_body(BodyId::built(BUILDER, came), at);
+        let body = with(body, |traits| traits.colliders.push(collider(&hull)));
+        let op = BuildOp::Insert { bodies: vec![body], shapes: vec![hull.clone()], joints: Vec::new() };
+        match refusal(&mut server, op) {
+            None => came += 1,
+            Some(refused) => break refused,
+        }
+    };
+    assert_eq!((came, refused), (100, Refusal::Costly(Costs::BuiltCorners)));
+}

@@ -1,0 +1,53 @@
+//! Shows the author of a client that may build what the client has heard of the world.
+
+use std::collections::BTreeSet;
+
+use super::author::Known;
+use crate::cluster::BodyView as Heard;
+use crate::protocol::{BodyRecord, EnvironmentProperties, JointRecord, ShapeHash, ShapeRecord};
+use crate::runtime::ClientWorld;
+use crate::space::{BodyId, DistributionTree};
+
+/// What was heard of the world up to the last step.
+pub(super) struct Seen<'a> {
+    /// In id order.
+    pub bodies: &'a [Heard],
+    pub world: &'a ClientWorld,
+    pub environment: &'a EnvironmentProperties,
+}
+
+impl Seen<'_> {
+    fn place(&self, id: BodyId) -> Result<usize, usize> {
+        self.bodies.binary_search_by_key(&id, |body| body.body.id)
+    }
+}
+
+impl Known for Seen<'_> {
+    fn knows(&self, id: BodyId) -> bool {
+        self.place(id).is_ok()
+    }
+
+    fn body(&self, id: BodyId) -> Option<BodyRecord> {
+        self.place(id).ok().map(|place| self.bodies[place].body.clone())
+    }
+
+    fn ids(&self) -> BTreeSet<BodyId> {
+        self.bodies.iter().map(|body| body.body.id).collect()
+    }
+
+    fn shape(&self, hash: ShapeHash) -> Option<ShapeRecord> {
+        self.world.shape(hash)
+    }
+
+    fn has_shape(&self, hash: ShapeHash) -> bool {
+        self.world.has_heard_of(hash)
+    }
+
+    fn joints(&self) -> Vec<JointRecord> {
+        self.world.joints()
+    }
+
+    fn tree(&self) -> DistributionTree {
+        self.environment.tree.clone()
+    }
+}

@@ -1,0 +1,275 @@
+//! Tests clients that may build: they change a world that nodes compute as the server's program does, within bounds: real QUIC, nodes
+//! and clients in this process.
+
+use std::time::{Duration, Instant};
+
+use dcd::network::{JoinConfig, JoinRole, ServeConfig};
+use dcd::prelude::*;
+use dcd::protocol::{BodyRecord, BuildOp, Character, Refusal, ShapeRecord};
+use dcd::runtime::ClientWorld;
+use dcd::{Axis, BodyChange, Instead, Push, Role, Tick};
+
+const LIMIT: Duration = Duration::from_secs(30);
+
+/// An empty world in two regions.
+fn serve(config: ServeConfig) -> World {
+    let cut =
+        WorldConfig { partitioning: Partitioning::Cuts(vec![(Axis::X, 0.0)]), ..WorldConfig::default() };
+    World::new(cut).unwrap().serve_copy(config).unwrap()
+}
+
+fn join(server: &World, role: JoinRole) -> JoinConfig {
+    JoinConfig::new(server.address().unwrap(), server.token(role, LIMIT).unwrap())
+}
+
+fn node(server: &World) -> World {
+    World::join_as_node(&join(server, JoinRole::Node)).unwrap()
+}
+
+fn connected(server: &World, role: JoinRole) -> World {
+    World::connect(&join(server, role)).unwrap()
+}
+
+/// Steps all until it is so.
+fn until(what: &str, worlds: &mut [&mut World], mut is_so: impl FnMut(&[&mut World]) -> bool) {
+    let deadline = Instant::now() + LIMIT;
+    while !is_so(worlds) {
+        assert!(Instant::now() < deadline, "not within {LIMIT:?}: {what}");
+        worlds[0].poll(Duration::from_millis(5));
+        for world in worlds.iter_mut() {
+            world.step().unwrap();
+        }
+    }
+}
+
+fn y(world: &World, id: BodyId) -> f64 {
+    world.pose(id).map_or(f64::NAN, |pose| pose.translation[1])
+}
+
+#[test]
+fn a_builder_changes_a_running_world_as_its_program_does_and_others_see_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut server = serve(ServeConfig { nodes: 2, ..ServeConfig::new(folder.path()) });
+    let _nodes = [node(&server), node(&server)];
+    let post = RigidBodyBuilder::fixed().translation(Vector::new(0.0, 6.0, -8.0));
+    let post = server.insert(post, ColliderBuilder::ball(0.1)).unwrap();
+    let mut builder = connected(&server, JoinRole::Builder);
+    let mut client = connected(&server, JoinRole::Client);
+    assert_eq!((builder.role(), client.role()), (Role::Builder, Role::Client));
+    let all: &mut [&mut World] = &mut [&mut server, &mut builder, &mut client];
+    until("the world runs", all, |worlds| worlds[0].tick() > Tick(0) && worlds[1].contains(post));
+
+    let ground = RigidBodyBuilder::fixed();
+    let ground = builder.insert(ground, ColliderBuilder::cuboid(20.0, 0.5, 20.0)).unwrap();
+    let cube = RigidBodyBuilder::dynamic().translation(Vector::new(-3.0, 2.0, 0.0)).user_data(7);
+    let cube = builder.insert(cube, ColliderBuilder::cuboid(0.5, 0.5, 0.5)).unwrap();
+    let bob = RigidBodyBuilder::dynamic().translation(Vector::new(3.0, 6.0, -8.0));
+    let bob = builder.insert(bob, ColliderBuilder::ball(0.3)).unwrap();
+    let rope = SphericalJointBuilder::new().local_anchor2(Vector::X * -3.0);
+    let rope = builder.insert_joint(post, bob, rope).unwrap();
+    assert_eq!(cube.builder(), builder.client());
+    assert_eq!(
+        (cube.client(), builder.user_data(cube)),
+        (None, Some(7)),
+        "it is there at once, and nobody's"
+    );
+    assert_eq!(builder.joints_of(bob), [rope]);
+    let all: &mut [&mut World] = &mut [&mut server, &mut builder, &mut client];
+    until("the cube has fallen on the ground", all, |worlds| {
+        worlds.iter().all(|world| y(world, cube) < 1.02 && world.contains(ground))
+    });
+    until("the pendulum swings across the border", all, |worlds| {
+        worlds[2].pose(bob).is_some_and(|pose| pose.translation[0] < -1.0)
+    });
+
+    // Pushed, put elsewhere, made something else.
+    builder.push(&Push::impulse(cube, [0.0, 12.0, 0.0])).unwrap();
+    until("the cube flies", &mut [&mut server, &mut builder, &mut client], |worlds| y(worlds[2], cube) > 3.0);
+    builder.update(cube, |cube| cube.set_gravity_scale(0.0, true)).unwrap();
+    builder.set_pose(cube, WorldPose::at([4.0, 9.0, 4.0])).unwrap();
+    builder.set_velocity(cube, Velocity::linear([-3.0, 0.0, 0.0])).unwrap();
+    until("it hovers across the border", &mut [&mut server, &mut builder, &mut client], |worlds| {
+        let pose = worlds[2].pose(cube).unwrap();
+        pose.translation[0] < -2.0 && (pose.translation[1] - 9.0).abs() < 0.1
+    });
+    builder.remove_joint(rope).unwrap();
+    assert_eq!(builder.joints_of(bob), []);
+    until("the bob falls off", &mut [&mut server, &mut builder, &mut client], |worlds| {
+        y(worlds[2], bob) < 1.0 && worlds[0].joints_of(bob).is_empty()
+    });
+    // What the server's program made, too.
+    builder.remove(post).unwrap();
+    builder.remove(cube).unwrap();
+    assert!(!builder.contains(post) && !builder.contains(cube));
+    until("both are gone", &mut [&mut server, &mut builder, &mut client], |worlds| {
+        worlds.iter().all(|world| !world.contains(post) && !world.contains(cube))
+    });
+    assert!(!builder.changes().iter().any(|change| matches!(change, BodyChange::Refused { .. })));
+
+    // What walks is an avatar, as any client's.
+    let (at, capsule) = (WorldPose::at([5.0, 1.5, 5.0]), ColliderBuilder::capsule_y(0.5, 0.3));
+    let body = RigidBodyBuilder::kinematic_velocity_based();
+    let person = builder.insert_character(at, &Character::default(), body, [capsule]).unwrap();
+    assert_eq!(person.client(), builder.client());
+    until("it is there", &mut [&mut server, &mut builder, &mut client], |worlds| worlds[2].contains(person));
+    let refused = client.set_velocity(person, Velocity::default()).unwrap_err().to_string();
+    assert!(refused.contains("own avatars"), "{refused}");
+    let avatar = client.insert(RigidBodyBuilder::dynamic(), ColliderBuilder::ball(0.2)).unwrap();
+    until("it is there", &mut [&mut server, &mut builder, &mut client], |worlds| worlds[1].contains(avatar));
+    let refused = builder.remove(avatar).unwrap_err().to_string();
+    assert!(refused.contains("own avatars"), "{refused}");
+    let fixed = client.insert(RigidBodyBuilder::fixed(), ColliderBuilder::ball(0.2)).unwrap_err();
+    let Error::Unsupported(unsupported) = fixed else { panic!("{fixed}") };
+    assert_eq!(unsupported.instead, Instead::FixedInScene);
+    assert!(unsupported.to_string().contains("JoinRole::Builder"), "{unsupported}");
+}
+
+#[test]
+fn what_a_builder_made_outlives_it_its_nodes_and_the_server_and_it_goes_on_under_its_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = || ServeConfig::new(folder.path().join("data"));
+    let mut server = serve(config());
+    let mut first = node(&server);
+    let identity = folder.path().join("builder.pem");
+    let rejoin = |server: &World| {
+        let config = JoinConfig { identity: Some(identity.clone()), ..join(server, JoinRole::Builder) };
+        World::connect(&config).unwrap()
+    };
+    let mut builder = rejoin(&server);
+    let ground = builder.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(20.0, 0.5, 20.0)).unwrap();
+    let place = |x: f32| RigidBodyBuilder::dynamic().translation(Vector::new(x, 2.0, 0.0));
+    let mut boxes = Vec::new();
+    for i in 0..300 {
+        let at = place((i % 20) as f32 - 10.0).translation(Vector::new(
+            (i % 20) as f32 - 10.0,
+            1.0,
+            (i / 20) as f32 - 8.0,
+        ));
+        boxes.push(builder.insert(at, ColliderBuilder::cuboid(0.25, 0.25, 0.25)).unwrap());
+    }
+    let last = *boxes.last().unwrap();
+    until("all lie", &mut [&mut builder, &mut server, &mut first], |worlds| {
+        worlds.iter().take(2).all(|world| boxes.iter().all(|&id| y(world, id) < 0.8))
+    });
+    drop(builder);
+    drop(first);
+    server.suspend().unwrap();
+    drop(server);
+
+    let mut server = serve(config());
+    assert!(boxes.iter().all(|&id| server.contains(id)) && server.contains(ground));
+    let mut second = node(&server);
+    let mut client = connected(&server, JoinRole::Client);
+    let mut builder = rejoin(&server);
+    let new = builder.insert(place(0.0), ColliderBuilder::ball(0.25)).unwrap();
+    assert_eq!((new.builder(), new.index()), (last.builder(), last.index() + 1), "no name comes twice");
+    builder.remove(last).unwrap();
+    let tick = server.tick();
+    until("others see it", &mut [&mut server, &mut second, &mut builder, &mut client], |worlds| {
+        worlds[3].contains(new) && !worlds[3].contains(last) && worlds[0].tick() > tick
+    });
+    assert!(boxes[..299].iter().all(|&id| client.contains(id)));
+    let refused = JoinConfig { identity: Some(identity.clone()), ..join(&server, JoinRole::Client) };
+    let refused = World::connect(&refused).unwrap_err().to_string();
+    assert!(refused.contains("builder"), "a client's token is no builder's: {refused}");
+}
+
+/// Joins without what keeps a client from asking.
+fn hostile(server: &World, role: JoinRole) -> ClientWorld {
+    ClientWorld::connect(&join(server, role)).unwrap()
+}
+
+/// Waits for a refusal, or the end of the link.
+fn refusal(client: &ClientWorld) -> Result<Refusal, String> {
+    let deadline = Instant::now() + LIMIT;
+    loop {
+        if let Some((_, refusal)) = client.take_events().refusals.pop() {
+            return Ok(refusal);
+        }
+        client.check().map_err(|error| error.to_string())?;
+        assert!(Instant::now() < deadline, "no answer within {LIMIT:?}");
+        client.wait_update(client.updates(), Duration::from_millis(5));
+    }
+}
+
+/// Asks until it is cut off.
+fn flood(client: &ClientWorld, ops: &[BuildOp]) -> String {
+    let deadline = Instant::now() + LIMIT;
+    while Instant::now() < deadline {
+        if let Err(error) = client.check().and_then(|()| client.build(ops.to_vec())) {
+            // The link ends a moment before its reason is known.
+            return client.check().err().unwrap_or(error).to_string();
+        }
+        client.take_events();
+    }
+    panic!("it is not cut off within {LIMIT:?}")
+}
+
+#[test]
+fn who_may_not_build_and_who_floods_is_cut_off_and_others_play_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut server = serve(ServeConfig::new(folder.path()));
+    let _node = node(&server);
+    let kept = server.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(9.0, 0.5, 9.0)).unwrap();
+    let mover = RigidBodyBuilder::kinematic_velocity_based().translation(Vector::new(0.0, 5.0, 0.0));
+    let mover = server.insert(mover, ColliderBuilder::ball(0.5)).unwrap();
+    let mut honest = connected(&server, JoinRole::Builder);
+    until("the world runs", &mut [&mut server, &mut honest], |worlds| {
+        worlds[0].tick() > Tick(0) && worlds[1].contains(kept) && worlds[1].contains(mover)
+    });
+
+    let client = hostile(&server, JoinRole::Client);
+    assert!(!client.may_build());
+    client.build(vec![BuildOp::Remove(kept)]).unwrap();
+    assert_eq!(refusal(&client), Ok(Refusal::MayNotBuild));
+    let why = flood(&client, &[BuildOp::Remove(kept)]);
+    assert!(why.contains("dcd token --role builder"), "{why}");
+
+    let builder = hostile(&server, JoinRole::Builder);
+    let push = BuildOp::Push(Push::impulse(kept, [1.0; 3]));
+    let flooded = std::thread::spawn(move || flood(&builder, &vec![push; 500]));
+    let began = server.tick();
+    let start = Instant::now();
+    until("a flood ends", &mut [&mut server, &mut honest], |_| flooded.is_finished());
+    let why = flooded.join().unwrap();
+    assert!(why.contains("went on to ask"), "{why}");
+    let ticks = (server.tick().0 - began.0) as f64;
+    assert!(ticks >= 30.0 * start.elapsed().as_secs_f64() - 60.0, "{ticks} in {:?}", start.elapsed());
+    honest.set_velocity(mover, Velocity::linear([2.0, 0.0, 0.0])).unwrap();
+    until("another builder is heard", &mut [&mut server, &mut honest], |worlds| {
+        worlds[1].pose(mover).is_some_and(|pose| pose.translation[0] > 0.5)
+    });
+    assert!(server.contains(kept));
+}
+
+#[test]
+fn a_builder_that_wants_too_much_is_told_what_of_each_body_and_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut server = serve(ServeConfig::new(folder.path()));
+    let _node = node(&server);
+    let mut builder = connected(&server, JoinRole::Builder);
+    let heavy = RigidBodyBuilder::dynamic().additional_solver_iterations(100);
+    let heavy = builder.insert(heavy, ColliderBuilder::ball(0.5)).unwrap();
+    let points: Vec<_> =
+        (0..9_000).map(|i| Vector::new((i % 97) as f32, (i % 89) as f32, (i % 83) as f32)).collect();
+    let indices = (0..2_998).map(|i| [i, i + 1, i + 2]).collect();
+    let mesh = ColliderBuilder::trimesh(points, indices).unwrap();
+    let mesh = builder.insert(RigidBodyBuilder::fixed(), mesh).unwrap();
+    let mut why = Vec::new();
+    until("both are refused", &mut [&mut builder, &mut server], |worlds| {
+        why.extend(worlds[0].changes().iter().filter_map(|change| match change {
+            BodyChange::Refused { body, why, .. } => Some((*body, why.to_string())),
+            _ => None,
+        }));
+        why.len() >= 2
+    });
+    let of = |id| why.iter().find(|(body, _)| *body == Some(id)).map(|(_, why)| why.as_str()).unwrap();
+    assert!(of(heavy).contains("at most 8 extra solver"), "{why:?}");
+    assert!(of(mesh).contains("60 KiB"), "{why:?}");
+    assert!(!builder.contains(heavy) && !builder.contains(mesh));
+    let ball = builder.insert(RigidBodyBuilder::dynamic(), ColliderBuilder::ball(0.5)).unwrap();
+    until("a usual one comes", &mut [&mut builder, &mut server], |worlds| worlds[1].contains(ball));
+    assert!(matches!(builder.record(ball), Some(BodyRecord { .. })));
+    let shape = builder.record(ball).unwrap().traits.colliders[0].shape;
+    assert_eq!(shape, ShapeRecord::Ball(0.5).hash());
+}

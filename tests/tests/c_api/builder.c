@@ -1,0 +1,146 @@
+/* Clients that may build change a world that a node computes, and others cannot: `builder FOLDER`, run by served.rs. */
+#define _POSIX_C_SOURCE 200809L
+#include "checks.h"
+
+#include <time.h>
+
+static DcdWorld server, node, builder, client;
+
+static void step(void)
+{
+    struct timespec pause = { 0, 5 * 1000 * 1000 };
+    OK(dcd_step(server));
+    OK(dcd_step(builder));
+    OK(dcd_step(client));
+    nanosleep(&pause, NULL);
+}
+
+/* The height at which the client sees a body; far below everything where it sees none. */
+static double height(DcdBodyId body)
+{
+    DcdPose pose = { { 0.0, -1e6, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } };
+    if (dcd_body_is_valid(client, body))
+        OK(dcd_body_get(client, body, &pose, NULL));
+    return pose.p[1];
+}
+
+/* Steps until the client sees it between these heights, for half a minute. */
+static bool comes(DcdBodyId body, double low, double high)
+{
+    for (int k = 0; k < 6000; k++) {
+        const double y = height(body);
+        if (y > low && y < high)
+            return true;
+        step();
+    }
+    printf("it is at %g\n", height(body));
+    return false;
+}
+
+static void token(DcdRole role, char *text, size_t cap)
+{
+    size_t needed = 0;
+    OK(dcd_token_create(server, role, 60, text, cap, &needed));
+}
+
+static DcdWorld connected(DcdRole role)
+{
+    char address[64] = "", text[512] = "";
+    size_t needed = 0;
+    DcdWorld world = { 0 };
+    DcdClientDef def = DCD_CLIENT_DEF_INIT;
+    DcdWorldInfo info = DCD_WORLD_INFO_INIT;
+    OK(dcd_address(server, address, sizeof address, &needed));
+    token(role, text, sizeof text);
+    def.server = address;
+    def.token = text;
+    OK(dcd_client_connect(&def, &world));
+    OK(dcd_world_info(world, &info));
+    HOLDS(info.role == role);
+    return world;
+}
+
+int main(int argc, char **argv)
+{
+    if (argc != 2)
+        return 2;
+    const float ground_half[3] = { 50.0f, 0.5f, 50.0f }, half[3] = { 0.25f, 0.25f, 0.25f };
+    char address[64] = "", text[512] = "";
+    size_t needed = 0;
+    DcdServerDef def = DCD_SERVER_DEF_INIT;
+    DcdNodeDef computes = DCD_NODE_DEF_INIT;
+    DcdWorldDef empty = DCD_WORLD_DEF_INIT;
+    DcdWorld local = { 0 };
+    OK(dcd_world_create(&empty, &local));
+    def.source = local;
+    def.data_path = argv[1];
+    OK(dcd_server_create(&def, &server));
+    OK(dcd_address(server, address, sizeof address, &needed));
+    token(DCD_ROLE_NODE, text, sizeof text);
+    computes.server = address;
+    computes.token = text;
+    OK(dcd_node_join(&computes, &node));
+    builder = connected(DCD_ROLE_BUILDER);
+    client = connected(DCD_ROLE_CLIENT);
+
+    /* Ground, and a bob that hangs from a post. */
+    DcdShapeId ground_shape, box;
+    DcdBodyDef ground = DCD_BODY_DEF_INIT, post = DCD_BODY_DEF_INIT, bob = DCD_BODY_DEF_INIT;
+    DcdJointDef rope = DCD_JOINT_DEF_INIT;
+    DcdBodyId on;
+    DcdJointId tied;
+    OK(dcd_shape_box(builder, ground_half, &ground_shape));
+    OK(dcd_shape_box(builder, half, &box));
+    ground.body_type = post.body_type = DCD_FIXED;
+    ground.shape = ground_shape;
+    post.shape = bob.shape = box;
+    post.pose.p[1] = 6.0;
+    bob.pose.p[1] = 4.0;
+    OK(dcd_body_create(builder, &ground, &on));
+    OK(dcd_body_create(builder, &post, &rope.a));
+    OK(dcd_body_create(builder, &bob, &rope.b));
+    rope.joint_type = DCD_JOINT_SPHERICAL;
+    rope.frame_b.p[1] = 2.0f;
+    OK(dcd_joint_create(builder, &rope, &tied));
+    HOLDS(dcd_body_is_valid(builder, rope.b) && dcd_joint_is_valid(builder, tied));
+    HOLDS(comes(rope.b, 3.9, 4.1));
+    OK(dcd_joint_destroy(builder, tied));
+    HOLDS(comes(rope.b, 0.7, 0.8));
+    const float kick[3] = { 0.0f, 1.5f, 0.0f };
+    OK(dcd_body_apply_impulse(builder, rope.b, kick, NULL));
+    HOLDS(comes(rope.b, 1.5, 20.0));
+    DcdBodyProperties light = DCD_BODY_PROPERTIES_INIT;
+    OK(dcd_body_properties(builder, rope.b, &light));
+    light.gravity_scale = 0.0f;
+    OK(dcd_body_set_properties(builder, rope.b, &light));
+    DcdPose up = { { 1.0, 9.0, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } };
+    DcdVelocity still = { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } };
+    OK(dcd_body_set_pose(builder, rope.b, &up));
+    OK(dcd_body_set_velocity(builder, rope.b, &still));
+    HOLDS(comes(rope.b, 8.9, 9.1));
+
+    /* Who may not build is told what could. */
+    DcdBodyId none;
+    DcdShapeId other;
+    OK(dcd_shape_box(client, half, &other));
+    post.shape = other;
+    FAILS(dcd_body_create(client, &post, &none), DCD_ERR_UNSUPPORTED, "DCD_ROLE_BUILDER");
+    FAILS(dcd_body_destroy(client, on), DCD_ERR_UNSUPPORTED, "own avatars");
+    FAILS(dcd_joint_create(client, &rope, &tied), DCD_ERR_UNSUPPORTED, "DCD_ROLE_BUILDER");
+
+    /* It leaves, and what it has built stays until another clears it away. */
+    OK(dcd_world_destroy(builder));
+    builder = connected(DCD_ROLE_BUILDER);
+    HOLDS(comes(rope.b, 8.9, 9.1));
+    OK(dcd_body_destroy(builder, rope.b));
+    for (int k = 0; k < 6000 && dcd_body_is_valid(client, rope.b); k++)
+        step();
+    HOLDS(!dcd_body_is_valid(client, rope.b) && dcd_body_is_valid(client, on));
+
+    OK(dcd_world_destroy(client));
+    OK(dcd_world_destroy(builder));
+    OK(dcd_world_destroy(node));
+    OK(dcd_world_destroy(server));
+    OK(dcd_world_destroy(local));
+    return checked();
+}

@@ -141,6 +141,7 @@ impl BodyId {
     }
 
     /// Returns the client that has built this body of the world, if a client has.
+    #[doc(hidden)]
     pub const fn builder(self) -> Option<ClientId> {
         builder(self.0)
     }

@@ -20,7 +20,8 @@ pub(super) const CHANGE_SURFACE: &str = "change the surface of a body";
 impl World {
     /// Inserts a body with one collider, at the body's own position: in world space, exact near the origin.
     ///
-    /// A server's program inserts any body, with its next step. A client's is an avatar, dynamic or kinematic by velocity. Its id
+    /// A server's program inserts any body, with its next step, and so does a builder: it is the world's, and stays when the builder leaves.
+    /// A client's is an avatar, dynamic or kinematic by velocity. Its id
     /// is valid at once, and it stands where it was put; [`BodyChange`](super::BodyChange) reports that it is in the world, or
     /// refused. Its speed may be limited by the server (`ServeConfig::avatar_speed_limit`). A kinematic one notices fixed bodies and sensors only with
     /// `active_collision_types(ActiveCollisionTypes::all())`, as in Rapier.
@@ -163,7 +164,7 @@ impl World {
         }
     }
 
-    /// Removes a body with its colliders and joints, for good; a server any body with its next step, a client an avatar of its own.
+    /// Removes a body with its colliders and joints, for good; a server or a builder any body with its next step, a client an avatar of its own.
     pub fn remove(&mut self, body: BodyId) -> Result<(), Error> {
         match &mut self.inner {
             Inner::Local(world) => Ok(world.remove(body)?),
@@ -306,8 +307,8 @@ impl World {
         self.remote().map_or(Ok(()), |world| world.sees(what))
     }
 
-    /// Moves a body to a pose at once, whatever is there, and wakes it; in a served world by the next step: a server any movable
-    /// body, a client an avatar of its own.
+    /// Moves a body to a pose at once, whatever is there, and wakes it; in a served world by the next step: a server or a builder
+    /// any movable body, a client an avatar of its own.
     pub fn set_pose(&mut self, body: BodyId, pose: WorldPose) -> Result<(), Error> {
         match &mut self.inner {
             Inner::Local(world) => Ok(world.set_pose(body, pose)?),
@@ -315,8 +316,8 @@ impl World {
         }
     }
 
-    /// Sets the velocity of a body, and wakes it; in a served world by the next step: a server that of any movable body, a client
-    /// that of an avatar of its own.
+    /// Sets the velocity of a body, and wakes it; in a served world by the next step: a server or a builder that of any movable
+    /// body, a client that of an avatar of its own.
     pub fn set_velocity(&mut self, body: BodyId, velocity: Velocity) -> Result<(), Error> {
         match &mut self.inner {
             Inner::Local(world) => Ok(world.set_velocity(body, velocity)?),
@@ -355,7 +356,7 @@ impl World {
         self.remote().map_or(Ok(()), |world| world.pushes_bodies())
     }
 
-    /// Pushes a dynamic body by a force or an impulse, and wakes it: in a local world at once, by a server with its next step.
+    /// Pushes a dynamic body by a force or an impulse, and wakes it: in a local world at once, by a server or a builder with its next step.
     ///
     /// ```
     /// # use dcd::prelude::*;
@@ -376,7 +377,7 @@ impl World {
     /// called more than once and must do the same each time; positions in it are in region space, so use [`World::set_pose`] to
     /// move a body. A body that becomes fixed, or movable, is inserted anew.
     ///
-    /// A server's program changes a movable body so with its next step, by setters of what no step changes (damping, gravity scale,
+    /// A server's program, or a builder, changes a movable body so with its next step, by setters of what no step changes (damping, gravity scale,
     /// locked axes, mass and the like, and to be woken); the change is made to a copy once, and is refused if it moves the body.
     ///
     /// ```
@@ -452,7 +453,7 @@ impl World {
     /// mass, its shape (which must be one that can travel), its place on the body. A [`BodyId`] stands for the body's first
     /// collider, `(body, index)` for a later one, and what a query or a contact names has its own id.
     ///
-    /// A server's program changes a collider of a movable body so with its next step, but neither its shape nor its place.
+    /// A server's program, or a builder, changes a collider of a movable body so with its next step, but neither its shape nor its place.
     ///
     /// ```
     /// # use dcd::prelude::*;

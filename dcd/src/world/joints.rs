@@ -1,4 +1,4 @@
-//! Inserts, changes and reads joints and multibody joints, in local worlds and by a server's program.
+//! Inserts, changes and reads joints and multibody joints, in local worlds, by a server's program and by builders.
 
 use rapier3d::prelude::GenericJoint;
 
@@ -11,7 +11,7 @@ use crate::space::{BodyId, JointId};
 
 const WATCH_JOINTS: &str = "watch what joints bear";
 
-/// Joints of local worlds, and of those that a server's program makes: clients see none.
+/// Joints of local worlds, and those that a server's program or a builder makes: other clients see none.
 impl World {
     /// Returns an error if bodies cannot be joined here.
     #[doc(hidden)]
@@ -19,8 +19,8 @@ impl World {
         self.remote().map_or(Ok(()), |world| world.ties_bodies())
     }
 
-    /// Inserts a joint between two bodies. The assemblies of both become one, which is owned and moved whole. A server ties bodies
-    /// that were inserted since its last step, to one another or to fixed ones.
+    /// Inserts a joint between two bodies. The assemblies of both become one, which is owned and moved whole. A server or a builder ties
+    /// bodies that were inserted since its last step, to one another or to fixed ones.
     ///
     /// ```
     /// # use dcd::prelude::*;
@@ -83,7 +83,7 @@ impl World {
         }
     }
 
-    /// Changes a joint in place: motors, limits, whether it acts; a server's program with its next step.
+    /// Changes a joint in place: motors, limits, whether it acts; a server's program or a builder with its next step.
     pub fn update_joint(
         &mut self,
         joint: JointId,

@@ -211,7 +211,7 @@
 // In DcdBodyChange.kind: a body of a served world is gone; its id is stale.
 #define DCD_BODY_REMOVED 2
 
-// In DcdBodyChange.kind: what was asked of an avatar is refused. If it had not appeared yet it never will, and its id is
+// In DcdBodyChange.kind: what was asked of an avatar, or built, is refused. If it had not appeared yet it never will, and its id is
 // stale.
 #define DCD_BODY_REFUSED 3
 
@@ -237,16 +237,24 @@
 #define DCD_REFUSED_SHAPE 7
 
 // In DcdBodyChange.reason: too many avatars, too much asked of them at a time, or more than 1 MiB of new shapes:
-// use the shapes that you have.
+// use the shapes that you have. Of a builder: more than 4,096 bodies or joints of its own, 8,192 changes at once and 1,024 more each second,
+// or 16 MiB of shapes.
 #define DCD_REFUSED_TOO_MANY 8
 
 // In DcdBodyChange.reason: the avatar would cost too much: it has more than 8 extra solver or PGS iterations, reaches farther than 100 m
-// from its origin, begins where 64 others of this client are, or all of them together have more than 20,000 corners.
+// from its origin, begins where 64 others of this client are, or all of them together have more than 20,000 corners (200,000 of
+// what a builder has built and moves); or a body that is built takes more than 60 KiB with its shapes and what joints tie to it.
 #define DCD_REFUSED_COSTLY 9
 
 // In DcdBodyChange.reason: the jump is farther than the avatar could have moved since its last one, or in a second, at the limit of
 // speed that the server sets.
 #define DCD_REFUSED_TOO_FAR 10
+
+// In DcdBodyChange.reason: the client may not build: its token was for another role than DCD_ROLE_BUILDER.
+#define DCD_REFUSED_MAY_NOT_BUILD 11
+
+// In DcdBodyChange.reason: a builder may not do that: it leaves avatars, the kind of fixed bodies, and shapes as they are.
+#define DCD_REFUSED_NOT_TO_BE_BUILT 12
 
 // In DcdEventView.flags: the link to the server is gone; dcd_step says why.
 #define DCD_EVENTS_LOST 1
@@ -417,7 +425,7 @@ typedef uint32_t DcdRole;
 typedef struct DcdWorldInfo {
     // sizeof(DcdWorldInfo).
     uint32_t struct_size;
-    // DCD_ROLE_LOCAL, _CLIENT, _PARTICIPANT, _SERVER or _NODE.
+    // DCD_ROLE_LOCAL, _CLIENT, _BUILDER, _PARTICIPANT, _SERVER or _NODE.
     DcdRole role;
     // Steps since the world began. In a served world the newest heard of: it lags by some milliseconds while bodies move, and
     // comes every 30 steps while all rest; at the server by up to 12 steps more.
@@ -447,7 +455,7 @@ typedef struct DcdClientDef {
     // Where the server is: "host:port", "192.0.2.1:port" or "[2001:db8::1]:port". Where servers stand by for one another
     // (`dcd serve --directory`) those of all, separated by commas without spaces: the one that answers is the server, now and later on.
     const char *server;
-    // What `dcd token --role client` or dcd_token_create gave; joining uses it up.
+    // What `dcd token --role client` (or `builder`) or dcd_token_create gave; joining uses it up.
     const char *token;
     // A file that keeps who you are, or null. It is written on joining; who joins with it again gets the avatars back that
     // were left behind. It holds a secret.
@@ -1442,7 +1450,7 @@ typedef struct DcdConnectionEvent {
     DcdConnectionId connection;
     // DCD_CONNECTION_CAME, _LOST, _BACK or _GONE.
     DcdConnectionState state;
-    // What is, or was, at the other end: DCD_ROLE_SERVER, _NODE, _CLIENT or _PARTICIPANT.
+    // What is, or was, at the other end: DCD_ROLE_SERVER, _NODE, _CLIENT, _PARTICIPANT or _BUILDER.
     DcdRole role;
     // The number that the server knows it by as a node, from 1; 0 if it is none.
     uint32_t node;
@@ -2024,6 +2032,9 @@ typedef struct DcdForce {
 // Computes a share of it.
 #define DCD_ROLE_NODE 4
 
+// Hosts avatars in it as a client, and may change what is the world's own as the server's program does.
+#define DCD_ROLE_BUILDER 5
+
 // Done.
 #define DCD_OK 0
 
@@ -2512,8 +2523,8 @@ DcdStatus dcd_server_create(const DcdServerDef *def,
 // Errors: DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED for a world that is not a server.
 DCD_API DcdStatus dcd_server_suspend(DcdWorld world);
 
-// Mints a token that lets one process join this server as `role`: DCD_ROLE_CLIENT, DCD_ROLE_PARTICIPANT or DCD_ROLE_NODE. It
-// can be used once, within `valid_seconds` (1 to 31,536,000). Written to `buf` of `cap` bytes with a NUL; `needed` receives the
+// Mints a token that lets one process join this server as `role`: DCD_ROLE_CLIENT, DCD_ROLE_BUILDER, DCD_ROLE_PARTICIPANT or
+// DCD_ROLE_NODE. A builder joins by dcd_client_connect, and may change what is the world's own. The token can be used once, within `valid_seconds` (1 to 31,536,000). Written to `buf` of `cap` bytes with a NUL; `needed` receives the
 // size with NUL. With `cap` 0 `buf` may be null, to ask for the size: 512 bytes are always enough, and asking mints none.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for another role or time, DCD_ERR_SMALL_BUFFER, DCD_ERR_IO for the
@@ -2636,7 +2647,8 @@ DCD_API DcdStatus dcd_body_create(DcdWorld world, const DcdBodyDef *def, DcdBody
 
 // Creates `count` bodies, all or none: `defs` and `out` have `count` entries. Bodies are in the world at once; the next step
 // moves them. Those of a client or participant are avatars, and DCD_BODY_APPEARED or DCD_BODY_REFUSED tells what became of each;
-// those of a server are the world's own, of any kind, and nodes compute them from some ticks after the next dcd_step on.
+// those of a server or a builder are the world's own, of any kind, stay when a builder leaves, and nodes compute them from some ticks
+// after the next dcd_step on. A builder is told as a client what became of each.
 //
 // `defs` is read during the call.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, more

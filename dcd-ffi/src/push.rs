@@ -97,8 +97,11 @@ pub unsafe extern "C" fn dcd_body_add_force(
             unsafe { (pointer::read(force.cast::<[f32; 3]>(), "force")?, read_point(point)?) };
         with(world, |world| {
             let id = find_dynamic(world, body)?;
-            if world.dcd.role() == Role::Server {
-                let message = "a server cannot add to a force, which it knows late: set the whole force (dcd_body_set_force)";
+            let role = world.dcd.role();
+            if matches!(role, Role::Server | Role::Builder) {
+                let message = format!(
+                    "a {role} cannot add to a force, which it knows late: set the whole force (dcd_body_set_force)"
+                );
                 return Err(Failure::new(DCD_ERR_UNSUPPORTED, message));
             }
             let force = Vector::from_array(force);

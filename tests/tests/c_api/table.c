@@ -576,6 +576,7 @@ int main(int argc, char **argv)
     settle(&scenes[BUILDER]);
     scenes[BUILDER].other = scenes[BUILDER].body = scenes[BUILDER].own;
     OK(joint(&scenes[BUILDER], &scenes[BUILDER].joint));
+    OK(try_dcd_character_create(&scenes[BUILDER]));
     settle(&scenes[PARTICIPANT]);
 
     for (size_t i = 0; i < sizeof CALLS / sizeof *CALLS; i++) {

@@ -301,7 +301,7 @@ impl Server {
             ServerEvent::Program(ops) => ops.into_iter().for_each(|op| self.obey(op)),
             ServerEvent::Replace(saved) => self.replace(*saved),
             ServerEvent::MayBuild(client) => {
-                self.common.allowances.entry(client).or_default().building.permit();
+                self.common.allowances.entry(client).or_default().building.may = true;
             }
             ServerEvent::Save => self.main_mut().saving = true,
             ServerEvent::Ask(question) => self.ask(question),

@@ -1,7 +1,7 @@
 //! Sends what a client builds to the server, and keeps it until that is on record there: a server that comes back is told again what it
 //! may not have written down.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use super::{Client, ClientOutput};
 use crate::protocol::{BUILD_BYTES, BuildOp, Costs, FromClient, MAX_BUILD_OPS, Refusal, encoded_len, split};
@@ -77,13 +77,23 @@ impl Client {
     /// pushes of before are not meant for now.
     pub(super) fn build_again(&mut self) {
         let waiting = std::mem::take(&mut self.building.waiting);
+        // What is asked for again may go again.
+        let (mut bodies_coming, mut joints_coming) = (BTreeSet::new(), BTreeSet::new());
         for (number, (bytes, mut ops)) in waiting {
+            for op in &ops {
+                if let BuildOp::Insert { bodies, joints, .. } = op {
+                    bodies_coming.extend(bodies.iter().map(|body| body.id));
+                    joints_coming.extend(joints.iter().map(|joint| joint.id));
+                }
+            }
             ops.retain(|op| match op {
                 BuildOp::Insert { bodies, .. } => {
                     bodies.iter().any(|body| !self.bodies.contains_key(&body.id))
                 }
-                BuildOp::Remove(id) => self.bodies.contains_key(id),
-                BuildOp::RemoveJoint(id) => self.joints.iter().any(|joint| joint.id == *id),
+                BuildOp::Remove(id) => self.bodies.contains_key(id) || bodies_coming.contains(id),
+                BuildOp::RemoveJoint(id) => {
+                    joints_coming.contains(id) || self.joints.iter().any(|joint| joint.id == *id)
+                }
                 BuildOp::Alter(_) => true,
                 BuildOp::Move(_) | BuildOp::Push(_) => false,
             });

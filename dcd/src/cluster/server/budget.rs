@@ -4,7 +4,6 @@
 use std::time::Duration;
 
 use super::MAX_AVATARS;
-use super::builders::Building;
 use crate::cluster::Record;
 use crate::protocol::{BodyRecord, Character, Costs, Refusal, ShapeRecord, Vehicle};
 use crate::space::ClientId;
@@ -64,6 +63,18 @@ impl Account {
         }
         may
     }
+}
+
+/// What one client may build, and has asked for.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Building {
+    /// Its certificate says so.
+    pub may: bool,
+    pub changes: Account,
+    pub misuses: Account,
+    pub shape_bytes: usize,
+    /// The indices of the next body and the next joint, as far as this server knows.
+    pub next: (u32, u32),
 }
 
 /// What one client has asked of a server, over all of its visits.

@@ -3,7 +3,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::budget::{Account, MAX_EXTRA_ITERATIONS, MAX_OVERLAPS, MAX_REACH_M, Size};
+use super::budget::{MAX_EXTRA_ITERATIONS, MAX_OVERLAPS, MAX_REACH_M, Size};
 use super::{CanBuild, Server};
 use crate::cluster::{Peer, Record};
 use crate::protocol::{
@@ -33,24 +33,6 @@ const ALTERATION: f64 = 4.0;
 const MISUSES: f64 = 64.0;
 /// How many are forgiven each second.
 const MISUSES_PER_S: f64 = 4.0;
-
-/// What one client may build, and has asked for.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Building {
-    /// Its certificate says so.
-    may: bool,
-    changes: Account,
-    misuses: Account,
-    shape_bytes: usize,
-    /// The indices of the next body and the next joint, as far as this server knows.
-    next: (u32, u32),
-}
-
-impl Building {
-    pub(super) fn permit(&mut self) {
-        self.may = true;
-    }
-}
 
 impl Server {
     /// Returns the indices of the next body and the next joint that a client may build.

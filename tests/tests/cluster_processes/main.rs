@@ -27,6 +27,7 @@ mod wrong;
 
 use std::time::{Duration, Instant};
 
+use dcd::prelude::{ColliderBuilder, RigidBodyBuilder, World};
 use dcd::protocol::WorldPose;
 use dcd::runtime::{ClientWorld, JoinConfig};
 use process::{Process, Server, dcd};
@@ -85,6 +86,21 @@ fn a_client_of_many_avatars_wanders_and_everybody_tells_what_happened() {
             assert!(computed["tick_ms"][key].as_f64().unwrap() > 0.0, "{key}: {computed}");
         }
     }
+}
+
+#[test]
+fn a_token_for_a_builder_lets_a_client_build_and_one_for_a_client_does_not() {
+    let server = Server::playground("1");
+    let _node = server.node();
+    let config = |role| JoinConfig::new(server.address.parse().unwrap(), server.token(role));
+    let [mut builder, mut client] = ["builder", "client"].map(|role| World::connect(&config(role)).unwrap());
+    let insert = |world: &mut World| world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::ball(0.5));
+    let refused = insert(&mut client).unwrap_err().to_string();
+    assert!(refused.contains("a token that lets it build"), "{refused}");
+    let ball = insert(&mut builder).unwrap();
+    builder.step().unwrap();
+    let witness = ClientWorld::connect(&config("client")).unwrap();
+    assert!(witness.wait_body(ball, process::LIMIT));
 }
 
 #[test]

@@ -51,6 +51,7 @@ fn a_server_that_cannot_start_says_why() {
     {
         error(&[&["token"], wrong].concat(), 2);
     }
+    has(&error(&["token", "--role", "server"], 2), &["node, client, participant or builder"]);
 }
 
 #[test]
@@ -61,6 +62,7 @@ fn a_process_that_is_not_let_in_says_why() {
     let good = server.token("node");
     has(&join("client", &good, 2), &["token is for a node", "dcd token --role client"]);
     has(&join("node", &server.token("client"), 2), &["token is for a client", "dcd token --role node"]);
+    has(&join("node", &server.token("builder"), 2), &["token is for a builder", "dcd token --role node"]);
     let other = if good.ends_with('a') { "b" } else { "a" };
     let mistyped = format!("{}{other}", &good[..good.len() - 1]);
     has(&join("node", &mistyped, 2), &["mistyped or cut off", "copy the whole line"]);

@@ -379,3 +379,20 @@ fn what_is_to_be_built_and_fits_no_frame_is_refused() {
     });
     assert_eq!(ops, Some(vec![inserted(vec![built_body(6)])]), "the other is sent");
 }
+
+#[test]
+fn what_waits_for_a_server_that_is_away_is_bounded() {
+    let mut client = Client::new(ClientId(1), None, None);
+    let build = |client: &mut Client, index: u32| {
+        let mut body = built_body(index);
+        let collider = sim_collider(&ShapeRecord::Ball(0.5));
+        std::sync::Arc::make_mut(&mut body.traits).colliders = vec![collider; 400];
+        client.handle(Duration::ZERO, ClientEvent::Build(vec![inserted(vec![body])]));
+        std::iter::from_fn(|| client.poll_output()).next()
+    };
+    let refused = (0..1_000).find_map(|index| Some((index, build(&mut client, index)?)));
+    let (index, output) = refused.expect("it waits for some only");
+    assert!((150..400).contains(&index), "{index} bodies of some 40 kB");
+    let body = Some(BodyId::built(ClientId(1), index));
+    assert_eq!(output, ClientOutput::Rejected { body, reason: Refusal::TooMany });
+}

@@ -2,7 +2,8 @@
 
 use super::*;
 use crate::protocol::{
-    Alteration, BodyKind, BodyRecord, BodyTraits, BuildOp, Costs, Input, JointRecord, Push, Velocity, WorldOp,
+    Alteration, BodyKind, BodyRecord, BodyTraits, BuildOp, Character, Costs, Input, JointRecord, Push,
+    Velocity, WorldOp,
 };
 use crate::space::JointId;
 
@@ -170,6 +171,9 @@ fn a_builder_leaves_avatars_and_names_of_others_and_what_no_program_changes() {
     assert_eq!(refusal(&mut server, insert(fixed)), None);
     assert_eq!(refusal(&mut server, insert(body(1))), None);
     let own = body(1);
+    let hinge = tied(5, body(5).id, ground);
+    let hinged = BuildOp::Insert { bodies: vec![body(5)], shapes: Vec::new(), joints: vec![hinge.clone()] };
+    assert_eq!(refusal(&mut server, hinged), None, "tied to the ground");
     let alter = |traits: BodyTraits| {
         BuildOp::Alter(Alteration::Body { body: own.id, traits: Arc::new(traits), wakes: true })
     };
@@ -195,6 +199,12 @@ fn a_builder_leaves_avatars_and_names_of_others_and_what_no_program_changes() {
         shapes: vec![cone.clone()],
         joints: Vec::new(),
     };
+    let walking = |body: BodyRecord| {
+        with(body, |traits| {
+            traits.kind = BodyKind::KinematicVelocity;
+            traits.character = Some(Character::default());
+        })
+    };
     let cases = [
         ("an avatar goes", BuildOp::Remove(avatar), NotToBeBuilt),
         ("an avatar is moved", go(avatar, 1.0), NotToBeBuilt),
@@ -206,6 +216,9 @@ fn a_builder_leaves_avatars_and_names_of_others_and_what_no_program_changes() {
         ("an avatar's name", insert(sim_body(BodyId::avatar(BUILDER, 0), [1.0; 3])), NotToBeBuilt),
         ("another body of this name", insert(with(body(1), |traits| traits.linear_damping = 0.5)), Exists),
         ("the ground moves", go(ground, 1.0), NotToBeBuilt),
+        ("the ground is pushed", BuildOp::Push(Push::impulse(ground, [1.0; 3])), NotToBeBuilt),
+        ("what walks is the world's", insert(walking(body(2))), NotToBeBuilt),
+        ("what is there begins to walk", alter((*walking(own.clone()).traits).clone()), NotToBeBuilt),
         ("faster than the world", insert(fast(body(2))), NotToBeBuilt),
         ("set faster than the world", go(own.id, 1e6), NotToBeBuilt),
         ("other shapes", alter((*shaped.traits).clone()), NotToBeBuilt),
@@ -219,6 +232,12 @@ fn a_builder_leaves_avatars_and_names_of_others_and_what_no_program_changes() {
         ("a mesh that moves", meshed(body(2)), Shape),
         ("tied to what is computed", moved(tied(0, body(2).id, own.id)), NotToBeBuilt),
         ("tied to nothing", moved(tied(0, body(2).id, BodyId::persistent(99))), Unknown),
+        ("another joint of this name", moved(tied(5, body(2).id, ground)), Exists),
+        (
+            "a joint ties others than before",
+            BuildOp::Alter(Alteration::Joint(Box::new(JointRecord { a: own.id, ..hinge }))),
+            NotToBeBuilt,
+        ),
         (
             "a joint of the program",
             moved(JointRecord { id: JointId(0), ..tied(0, body(2).id, ground) }),
@@ -234,18 +253,6 @@ fn a_builder_leaves_avatars_and_names_of_others_and_what_no_program_changes() {
     assert_eq!(server.record().len(), bodies);
     let still = with(body(2), |traits| traits.kind = BodyKind::Fixed);
     assert_eq!(refusal(&mut server, meshed(still)), None, "a mesh that stands");
-    assert_eq!(
-        refusal(
-            &mut server,
-            BuildOp::Insert {
-                bodies: vec![body(4)],
-                shapes: Vec::new(),
-                joints: vec![tied(0, body(4).id, ground)],
-            }
-        ),
-        None,
-        "tied to the ground"
-    );
     assert_eq!(refusal(&mut server, go(BodyId::persistent(0), 1.0)), None, "whoever made it");
     assert_eq!(refusal(&mut server, BuildOp::Remove(BodyId::persistent(0))), None, "whoever made it");
 }
@@ -272,6 +279,16 @@ fn what_a_builder_may_bring_is_bounded_and_what_it_may_ask_for() {
     let came = (100..200).take_while(|&i| refusal(&mut server, round(i, [0.0; 3])).is_none()).count();
     assert_eq!(came, 65);
     assert_eq!(refusal(&mut server, round(199, [0.0; 3])), Some(Refusal::Costly(Costs::Overlaps)));
+    server.common.now += Duration::from_secs(10);
+
+    let ties = |count: u32| {
+        let new = body(900);
+        let joints = (0..count).map(|index| tied(index, new.id, body(0).id)).collect();
+        BuildOp::Insert { bodies: vec![new], shapes: Vec::new(), joints }
+    };
+    assert_eq!(refusal(&mut server, ties(MAX_BUILT as u32 + 1)), Some(Refusal::TooMany), "joints count too");
+    server.common.now += Duration::from_secs(10);
+    assert_eq!(refusal(&mut server, ties(MAX_BUILT as u32)), None);
     server.common.now += Duration::from_secs(10);
 
     let many = |from: u32, count: u32| BuildOp::Insert {

@@ -1,7 +1,6 @@
-//! Obeys the program of the server, and clients that may build: bodies and joints that they insert, move and remove while nodes compute the
-//! world. What comes
-//! and goes is on record before anybody hears of it, so that it outlives every node, and the server; a velocity or a push is lost
-//! with a leader that dies before it has passed it on.
+//! Obeys the program of the server, and clients that may build: bodies and joints that they insert, move and remove while nodes compute
+//! the world. What comes and goes is on record before anybody hears of it, so that it outlives every node, and the server; a velocity or a
+//! push is lost with a leader that dies before it has passed it on.
 
 use std::collections::BTreeMap;
 

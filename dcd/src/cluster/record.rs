@@ -8,7 +8,7 @@ use bincode::{Decode, Encode};
 use super::{CanBuild, Key, SavedWorld};
 use crate::protocol::{
     Alteration, BodyCheckpoint, BodyKind, BodyRecord, BodyTraits, Check, Chunk, Invalid, JointRecord, Placed,
-    ShapeHash, ShapeRecord, ViewNumber, chunks, encode_value,
+    ShapeHash, ShapeRecord, ViewNumber, chunks, encode_value, encoded_len,
 };
 use crate::space::{BodyId, Burden, ClientId, DistributionTree, Epoch, Groups, JointId, RegionId, Tick};
 
@@ -287,10 +287,14 @@ impl Record {
         new
     }
 
+    /// Returns those of these shapes that are not on record.
+    pub(super) fn unknown(&self, shapes: &[ShapeRecord]) -> Vec<ShapeRecord> {
+        shapes.iter().filter(|shape| !self.shapes.contains_key(&shape.hash())).cloned().collect()
+    }
+
     /// Returns the encoded length of those of these shapes that are not on record.
     pub(super) fn bytes_of_new(&self, shapes: &[ShapeRecord]) -> usize {
-        let new = shapes.iter().filter(|shape| !self.shapes.contains_key(&shape.hash()));
-        new.map(|shape| encode_value(shape).len()).sum()
+        self.unknown(shapes).iter().map(encoded_len).sum()
     }
 
     /// Returns all shapes.
@@ -313,20 +317,18 @@ impl Record {
         body.reach_m(|hash| self.shape(hash))
     }
 
-    /// Returns a shape that is on record, or brought by a new avatar.
-    pub(super) fn shape_or<'a>(
+    /// Returns how to find a shape that is on record, or among these that are brought, each of which it hashes once.
+    pub(super) fn shapes_with<'a>(
         &'a self,
-        hash: ShapeHash,
         brought: &'a [ShapeRecord],
-    ) -> Option<&'a ShapeRecord> {
-        self.shapes.get(&hash).or_else(|| brought.iter().find(|shape| shape.hash() == hash))
+    ) -> impl Fn(ShapeHash) -> Option<&'a ShapeRecord> {
+        let brought: BTreeMap<_, _> = brought.iter().map(|shape| (shape.hash(), shape)).collect();
+        move |hash| brought.get(&hash).copied().or_else(|| self.shapes.get(&hash))
     }
 
     /// Returns whether a body can be an avatar with its shapes, some of which it brought, and whether those can be built.
     pub(super) fn admits(&self, avatar: &BodyRecord, brought: &[ShapeRecord], can_build: CanBuild) -> bool {
-        let with: BTreeMap<_, _> = brought.iter().map(|shape| (shape.hash(), shape)).collect();
-        let find = |hash| with.get(&hash).copied().or_else(|| self.shapes.get(&hash));
-        avatar.suits_clients(find) && can_build(&self.shapes, brought)
+        avatar.suits_clients(self.shapes_with(brought)) && can_build(&self.shapes, brought)
     }
 
     /// Returns how many bodies are on record, those included that are not in the world now.

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::{BodyKind, BodyRecord, JointRecord, ShapeRecord, encoded_len};
+use super::{BodyKind, BodyRecord, JointRecord, ShapeHash, ShapeRecord, encoded_len};
 use crate::space::{BodyId, Groups};
 
 /// New bodies that come together, with the shapes that nobody has yet.
@@ -82,15 +82,17 @@ pub(crate) fn gathered(assemblies: Vec<Assembly>, bytes: usize) -> Vec<Assembly>
 }
 
 /// Takes the shapes of a body, parts before compounds, out of those that are left.
-pub(crate) fn take_shapes_of(body: &BodyRecord, left: &mut Vec<ShapeRecord>) -> Vec<ShapeRecord> {
-    if left.is_empty() {
-        return Vec::new();
+pub(crate) fn take_shapes_of(
+    body: &BodyRecord,
+    left: &mut BTreeMap<ShapeHash, ShapeRecord>,
+) -> Vec<ShapeRecord> {
+    let mut own = Vec::new();
+    for collider in &body.traits.colliders {
+        let Some(shape) = left.remove(&collider.shape) else { continue };
+        own.extend(shape.parts().filter_map(|part| left.remove(&part)));
+        own.push(shape);
     }
-    let own: BTreeSet<_> = body.traits.colliders.iter().map(|collider| collider.shape).collect();
-    let compounds = left.iter().filter(|shape| shape.is_compound() && own.contains(&shape.hash()));
-    let parts: BTreeSet<_> = compounds.flat_map(ShapeRecord::parts).collect();
-    let is_of = |shape: &mut ShapeRecord| own.contains(&shape.hash()) || parts.contains(&shape.hash());
-    left.extract_if(.., is_of).collect()
+    own
 }
 
 #[cfg(test)]

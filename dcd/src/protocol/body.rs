@@ -83,6 +83,13 @@ pub struct Pose {
     pub rotation: [f32; 4],
 }
 
+impl Pose {
+    /// Returns the pose as nalgebra's f64 isometry.
+    pub(crate) fn isometry(&self) -> Isometry3<f64> {
+        WorldPose { translation: self.translation.map(f64::from), rotation: self.rotation }.isometry()
+    }
+}
+
 /// An impulse on a body: linear (N s) and angular (N m s, about its centre of mass), in world axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct Impulse {

@@ -112,54 +112,63 @@ impl ShapeRecord {
         )
     }
 
+    /// Returns whether a client that may build may fix it: Parry aborts the process where voxels meet a half-space, whoever made the one
+    /// or the other.
+    pub(crate) fn suits_builders(&self) -> bool {
+        !matches!(self, Self::HalfSpace(..) | Self::Voxels(..))
+    }
+
     /// Returns its largest dimension in metres; infinity unless it suits clients. Parts of a compound have their own.
     #[doc(hidden)]
     pub fn largest_m(&self) -> f32 {
-        let of = |points: &[[f32; 3]], more: &[f32]| {
-            points.as_flattened().iter().chain(more).fold(0.0f32, |most, v| most.max(v.abs()))
-        };
-        match self {
-            Self::Ball(radius) => *radius,
-            Self::Cuboid(half) => of(&[*half], &[]),
-            Self::Capsule(a, b, radius) => of(&[*a, *b], &[*radius]),
-            Self::Cylinder(a, b) | Self::Cone(a, b) => of(&[], &[*a, *b]),
-            Self::Segment(ends) => of(ends, &[]),
-            Self::Triangle(corners) => of(corners, &[]),
-            Self::ConvexPolyhedron(vertices, _) => of(vertices, &[]),
-            Self::RoundCuboid(half, border) => of(&[*half], &[*border]),
-            Self::RoundCylinder(a, b, border) | Self::RoundCone(a, b, border) => of(&[], &[*a, *b, *border]),
-            Self::RoundTriangle(corners, border) => of(corners, &[*border]),
-            Self::RoundConvexPolyhedron(vertices, _, border) => of(vertices, &[*border]),
-            Self::Compound(parts) => {
-                parts.iter().map(|(pose, _)| of(&[pose.translation], &[])).fold(0.0, f32::max)
-            }
-            Self::HalfSpace(..)
-            | Self::TriMesh(..)
-            | Self::Polyline(..)
-            | Self::HeightField(..)
-            | Self::Voxels(..) => f32::INFINITY,
+        match self.suits_clients() {
+            true => self.half_extents_m().into_iter().fold(0.0, f32::max),
+            false => f32::INFINITY,
         }
     }
 
     /// Returns how far it reaches from its origin at most, metres; infinity for a half-space. Parts of a compound have their own.
     #[doc(hidden)]
     pub fn reach_m(&self) -> f32 {
-        let of = |points: &[[f32; 3]]| points.as_flattened().iter().fold(0.0f32, |most, v| most.max(v.abs()));
-        let largest_m = match self {
-            Self::TriMesh(vertices, ..) | Self::Polyline(vertices, ..) => of(vertices),
+        self.half_extents_m().iter().map(|v| v * v).sum::<f32>().sqrt()
+    }
+
+    /// Returns half the edges of a box about its origin, along its own axes, that holds it, metres; infinite for a half-space. Of a
+    /// compound it holds the origins of the parts.
+    pub(crate) fn half_extents_m(&self) -> [f32; 3] {
+        let of = |points: &[[f32; 3]], border: f32| {
+            [0, 1, 2].map(|k| points.iter().fold(0.0f32, |most, point| most.max(point[k].abs())) + border)
+        };
+        match self {
+            Self::Ball(radius) => [*radius; 3],
+            Self::Cuboid(half) => *half,
+            Self::RoundCuboid(half, border) => of(&[*half], *border),
+            Self::Capsule(a, b, radius) => of(&[*a, *b], *radius),
+            Self::Cylinder(half, radius) | Self::Cone(half, radius) => [*radius, *half, *radius],
+            Self::RoundCylinder(half, radius, border) | Self::RoundCone(half, radius, border) => {
+                of(&[[*radius, *half, *radius]], *border)
+            }
+            Self::Segment(ends) => of(ends, 0.0),
+            Self::Triangle(corners) => of(corners, 0.0),
+            Self::RoundTriangle(corners, border) => of(corners, *border),
+            Self::ConvexPolyhedron(vertices, _)
+            | Self::TriMesh(vertices, ..)
+            | Self::Polyline(vertices, ..) => of(vertices, 0.0),
+            Self::RoundConvexPolyhedron(vertices, _, border) => of(vertices, *border),
             Self::HeightField(heights, _, _, scale, ..) => {
                 let height = heights.iter().fold(0.0f32, |most, v| most.max(v.abs()));
-                of(&[[0.5 * scale[0], height * scale[1], 0.5 * scale[2]]])
+                of(&[[0.5 * scale[0], height * scale[1], 0.5 * scale[2]]], 0.0)
             }
             Self::Voxels(edges, cells) => {
-                let cell = cells.as_flattened().iter().fold(0, |most, v| v.unsigned_abs().max(most)) + 1;
-                cell as f32 * of(&[*edges])
+                let cell = |k: usize| cells.iter().fold(0, |most, cell| cell[k].unsigned_abs().max(most)) + 1;
+                [0, 1, 2].map(|k| cell(k) as f32 * edges[k].abs())
             }
-            // A rounded cylinder or a cone is as far across as it is high.
-            _ => self.largest_m(),
-        };
-        // A corner is farther off than along its largest axis.
-        3f32.sqrt() * largest_m
+            Self::HalfSpace(_) => [f32::INFINITY; 3],
+            Self::Compound(parts) => {
+                let places: Vec<_> = parts.iter().map(|(pose, _)| pose.translation).collect();
+                of(&places, 0.0)
+            }
+        }
     }
 
     /// Returns how many corners it has, 1 for what is round or made of other shapes: what a contact with it costs.
@@ -189,6 +198,16 @@ impl ShapeRecord {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_has_a_border_reaches_as_far_as_that() {
+        let [a, b] = [[0.0, -1.0, 0.0], [0.0, 1.0, 0.0]];
+        assert_eq!(ShapeRecord::Capsule(a, b, 0.5).half_extents_m(), [0.5, 1.5, 0.5]);
+        assert_eq!(ShapeRecord::RoundCylinder(1.0, 2.0, 0.25).half_extents_m(), [2.25, 1.25, 2.25]);
+        assert_eq!(ShapeRecord::RoundCuboid([1.0, 2.0, 2.0], 1.0).largest_m(), 3.0);
+        assert_eq!(ShapeRecord::Cuboid([2.0, 1.0, 2.0]).reach_m(), 3.0);
+        assert!(ShapeRecord::HalfSpace(b).reach_m().is_infinite());
+    }
 
     #[test]
     fn voxels_strewn_wide_or_out_of_order_do_not_fit() {

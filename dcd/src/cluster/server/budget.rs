@@ -1,12 +1,17 @@
 //! Bounds what one client may cost others: its avatars those who compute them (iterations, corners, size, characters, vehicles,
 //! and how many share a place), its requests the server.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
+
+use nalgebra::{Isometry3, Vector3};
 
 use super::MAX_AVATARS;
 use crate::cluster::Record;
-use crate::protocol::{BodyRecord, Character, Costs, Refusal, ShapeRecord, Vehicle};
-use crate::space::ClientId;
+use crate::protocol::{
+    BodyRecord, Character, ColliderRecord, Costs, Pose, Refusal, ShapeHash, ShapeRecord, Vehicle,
+};
+use crate::space::{BodyId, Bounds, ClientId};
 
 /// The most iterations of either kind that an avatar may ask for, for itself and all that it touches.
 pub(super) const MAX_EXTRA_ITERATIONS: u32 = 8;
@@ -73,6 +78,8 @@ pub(super) struct Building {
     pub changes: Account,
     pub misuses: Account,
     pub shape_bytes: usize,
+    /// The sizes of bodies that it has built, computed once; some may be gone.
+    pub sizes: BTreeMap<BodyId, Size>,
     /// The indices of the next body and the next joint, as far as this server knows.
     pub next: (u32, u32),
 }
@@ -127,7 +134,8 @@ pub(super) fn refusal(
     if traits.vehicle.as_ref().is_some_and(|vehicle| !may_drive(vehicle)) {
         return Some(Refusal::Costly(Costs::Wheels));
     }
-    let size = |avatar: &BodyRecord| Size::of(avatar, |hash| record.shape_or(hash, brought));
+    let find = record.shapes_with(brought);
+    let size = |avatar: &BodyRecord| Size::of(avatar, &find);
     let new = size(avatar);
     if new.reach_m > MAX_REACH_M {
         return Some(Refusal::Costly(Costs::Size));
@@ -174,35 +182,65 @@ fn may_drive(vehicle: &Vehicle) -> bool {
         && vehicle.reach_m() <= MAX_WHEEL_REACH_M
 }
 
-/// The size of a body in both senses.
+/// What a body costs those who hold it.
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Size {
     pub corners: usize,
-    /// From the body's origin.
+    /// Colliders, or parts of those that are compounds.
+    pub colliders: usize,
+    /// From the body's origin, with what its colliders keep between them and others, and how far it looks ahead.
     pub reach_m: f32,
 }
 
 impl Size {
-    pub(super) fn of<'a>(
-        avatar: &BodyRecord,
-        find: impl Fn(crate::protocol::ShapeHash) -> Option<&'a ShapeRecord>,
-    ) -> Self {
-        let length = |v: [f32; 3]| v.iter().map(|v| v * v).sum::<f32>().sqrt();
-        let (mut corners, mut reach_m) = (0, 0.0f32);
-        for collider in &avatar.traits.colliders {
-            let Some(shape) = find(collider.shape) else { continue };
-            let offset_m = length(collider.pose.translation);
-            let parts = match shape {
-                ShapeRecord::Compound(parts) => parts.as_slice(),
-                _ => &[(collider.pose, collider.shape)],
-            };
-            for (pose, hash) in parts {
-                let Some(part) = find(*hash) else { continue };
-                let way_m = if shape.is_compound() { length(pose.translation) } else { 0.0 };
-                corners += part.corner_count();
-                // A corner is farther off than along its largest axis.
-                reach_m = reach_m.max(offset_m + way_m + 3f32.sqrt() * part.largest_m());
-            }
+    pub(super) fn of<'a>(body: &BodyRecord, find: impl Fn(ShapeHash) -> Option<&'a ShapeRecord>) -> Self {
+        let (mut corners, mut colliders, mut reach_m) = (0, 0, 0.0f32);
+        for (collider, at, shape) in parts_of(body, find) {
+            corners += shape.corner_count();
+            colliders += 1;
+            let way_m = at.translation.vector.norm() as f32;
+            reach_m = reach_m.max(way_m + shape.reach_m() + margin_m(body, collider));
         }
-        Self { corners, reach_m }
+        Self { corners, colliders: colliders.max(body.traits.colliders.len()), reach_m }
     }
+}
+
+/// Returns a box in the world around all colliders of a body, if it has any: what Rapier compares first.
+pub(super) fn bounds_of<'a>(
+    body: &BodyRecord,
+    find: impl Fn(ShapeHash) -> Option<&'a ShapeRecord>,
+) -> Option<Bounds> {
+    let world_from_body = body.state.pose.isometry();
+    let bounds = |(collider, at, shape): (&ColliderRecord, Isometry3<f64>, &ShapeRecord)| {
+        let place = world_from_body * at;
+        let turned = place.rotation.to_rotation_matrix().into_inner().abs();
+        let half = turned * Vector3::from(shape.half_extents_m().map(f64::from));
+        let around = Bounds::around(place.translation.vector.into(), half.into());
+        around.grown(f64::from(margin_m(body, collider)))
+    };
+    parts_of(body, find).into_iter().map(bounds).reduce(|a, b| a.union(&b))
+}
+
+fn margin_m(body: &BodyRecord, collider: &ColliderRecord) -> f32 {
+    collider.contact_skin_m + body.traits.soft_ccd_m.max(0.0)
+}
+
+/// Returns the shapes of a body, parts of compounds in their stead: each with its collider, and where it is on the body.
+fn parts_of<'a, 'b>(
+    body: &'b BodyRecord,
+    find: impl Fn(ShapeHash) -> Option<&'a ShapeRecord>,
+) -> Vec<(&'b ColliderRecord, Isometry3<f64>, &'a ShapeRecord)> {
+    let mut parts = Vec::new();
+    for collider in &body.traits.colliders {
+        let at = collider.pose.isometry();
+        match find(collider.shape) {
+            Some(ShapeRecord::Compound(of)) => {
+                let place =
+                    |(pose, hash): &(Pose, ShapeHash)| Some((collider, at * pose.isometry(), find(*hash)?));
+                parts.extend(of.iter().filter_map(place));
+            }
+            shape => parts.extend(shape.map(|shape| (collider, at, shape))),
+        }
+    }
+    parts
 }

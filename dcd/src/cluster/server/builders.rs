@@ -3,12 +3,12 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::budget::{MAX_EXTRA_ITERATIONS, MAX_OVERLAPS, MAX_REACH_M, Size};
-use super::{CanBuild, Server};
+use super::Server;
+use super::budget::{MAX_EXTRA_ITERATIONS, MAX_OVERLAPS, MAX_REACH_M, Size, bounds_of};
 use crate::cluster::{Peer, Record};
 use crate::protocol::{
     Alteration, BodyKind, BodyRecord, BodyTraits, BuildOp, ColliderRecord, Costs, Farewell, Input,
-    JointRecord, Refusal, ShapeHash, ShapeRecord, ToClient, Velocity,
+    JointRecord, Refusal, ShapeHash, ShapeRecord, ToClient, Velocity, encoded_len,
 };
 use crate::space::{BodyId, ClientId, Tick};
 
@@ -17,17 +17,25 @@ pub const MAX_BUILT: usize = 4_096;
 /// The most bytes of shapes that nobody knew before and that one client brings to build with, over all of its visits while a server
 /// runs: shapes are never forgotten.
 pub const MAX_BUILT_SHAPE_BYTES: usize = 16 << 20;
-/// The most corners of all movable bodies that one client has built.
+/// The most corners of all bodies that one client has built.
 const MAX_BUILT_CORNERS: usize = 200_000;
+/// The most colliders of them, or parts of those that are compounds: these bound the bytes of their records too, to some 3 MB.
+const MAX_BUILT_COLLIDERS: usize = 16_384;
+/// The most colliders of all those that a new body may overlap: each of its own is compared with each of them.
+const MAX_OVERLAPPED_COLLIDERS: usize = 1_024;
+/// The bit of Rapier's `ActiveCollisionTypes::FIXED_FIXED`.
+const FIXED_FIXED: u16 = 1 << 5;
 
-/// The changes that a client may ask for at once: all that it may have built comes, and goes.
-const CHANGES: f64 = 2.0 * MAX_BUILT as f64;
-/// How many more each second: of a body each in every tick, for some.
+/// The changes that a client may ask for at once: all that it may have built comes, with a collider each, and goes.
+const CHANGES: f64 = 6.0 * MAX_BUILT as f64;
+/// How many more each second.
 const CHANGES_PER_S: f64 = 1_024.0;
-/// What looking through all that a client has built counts, in changes, before more comes.
-const LOOK: f64 = 16.0;
-/// What an alteration counts: it is written down, and all clients are told.
+/// What an alteration counts: it is written down.
 const ALTERATION: f64 = 4.0;
+/// Bytes that all clients are told, in a change.
+const TOLD_BYTES: f64 = 256.0;
+/// Bodies that are looked through before more comes, in a change.
+const LOOKED_THROUGH: f64 = 256.0;
 
 /// How many messages that no honest program sends may come at once; who sends more is cut off.
 const MISUSES: f64 = 64.0;
@@ -60,8 +68,9 @@ impl Server {
         for op in ops {
             let bodies = op.bodies();
             let now = self.common.now;
-            let account = &mut self.common.allowances.entry(client).or_default().building.changes;
-            let built = match account.ask(now, cost(&op), CHANGES, CHANGES_PER_S) {
+            let building = &mut self.common.allowances.entry(client).or_default().building;
+            let cost = cost(&op, building.sizes.len());
+            let built = match building.changes.ask(now, cost, CHANGES, CHANGES_PER_S) {
                 true => self.build(client, op),
                 false => Err((Refusal::TooMany, true)),
             };
@@ -100,35 +109,54 @@ impl Server {
 
     /// Does one thing, or returns why not, and whether no honest program asks for it.
     fn build(&mut self, client: ClientId, op: BuildOp) -> Result<(), (Refusal, bool)> {
-        let record = &self.groups[&self.main].record;
         let op = match op {
             BuildOp::Insert { bodies, shapes, joints } => {
-                if is_done(record, &bodies, &joints) {
+                if is_done(self.record(), &bodies, &joints) {
                     return Ok(());
                 }
-                let building = &mut self.common.allowances.entry(client).or_default().building;
-                let brought = building.shape_bytes.saturating_add(record.bytes_of_new(&shapes));
-                let new = New { client, record, bodies: &bodies, shapes: &shapes, joints: &joints };
-                let config = &self.common.config;
-                new.check(config.world.step.speed_limit_m_s, config.can_build).map_err(as_refused)?;
-                if brought > MAX_BUILT_SHAPE_BYTES {
-                    return Err((Refusal::TooMany, false));
-                }
-                building.shape_bytes = brought;
-                for body in &bodies {
-                    building.next.0 = building.next.0.max(body.id.index().saturating_add(1));
-                }
-                for joint in &joints {
-                    building.next.1 = building.next.1.max((joint.id.0 as u32).saturating_add(1));
-                }
+                self.admit(client, &bodies, &shapes, &joints).map_err(as_refused)?;
                 BuildOp::Insert { bodies, shapes, joints }
             }
             // When it was asked is of no account: it is told as the program's.
             BuildOp::Move(input) => BuildOp::Move(Input { logical_time: 0, tick: Tick(0), ..input }),
             op => op,
         };
-        check_change(record, &op, self.common.config.world.step.speed_limit_m_s).map_err(as_refused)?;
+        let speed_limit_m_s = self.common.config.world.step.speed_limit_m_s;
+        check_change(self.record(), &op, speed_limit_m_s).map_err(as_refused)?;
         self.obey(op);
+        Ok(())
+    }
+
+    /// Checks what a client wants to come, and counts it if it may.
+    fn admit(
+        &mut self,
+        client: ClientId,
+        bodies: &[BodyRecord],
+        shapes: &[ShapeRecord],
+        joints: &[JointRecord],
+    ) -> Result<(), Refusal> {
+        let record = &self.groups[&self.main].record;
+        let config = &self.common.config;
+        let building = &mut self.common.allowances.entry(client).or_default().building;
+        let find = record.shapes_with(shapes);
+        let new = New { client, record, bodies, joints, find: &find };
+        new.check(config.world.step.speed_limit_m_s, &mut building.sizes)?;
+        let unknown = record.unknown(shapes);
+        let brought = building.shape_bytes + unknown.iter().map(encoded_len).sum::<usize>();
+        if brought > MAX_BUILT_SHAPE_BYTES {
+            return Err(Refusal::TooMany);
+        }
+        // Last, since it takes longest.
+        if !(config.can_build)(record.shapes_by_hash(), &unknown) {
+            return Err(Refusal::Shape);
+        }
+        building.shape_bytes = brought;
+        for body in bodies {
+            building.next.0 = building.next.0.max(body.id.index().saturating_add(1));
+        }
+        for joint in joints {
+            building.next.1 = building.next.1.max((joint.id.0 as u32).saturating_add(1));
+        }
         Ok(())
     }
 }
@@ -137,10 +165,17 @@ fn as_refused(reason: Refusal) -> (Refusal, bool) {
     (reason, reason == Refusal::NotToBeBuilt)
 }
 
-fn cost(op: &BuildOp) -> f64 {
+/// Returns what a change counts, by a client that has built so many bodies: what it makes others compute, keep and hear.
+fn cost(op: &BuildOp, built: usize) -> f64 {
+    let told = || encoded_len(op) as f64 / TOLD_BYTES;
     match op {
-        BuildOp::Insert { bodies, joints, .. } => LOOK + (bodies.len() + joints.len()) as f64,
-        BuildOp::Alter(_) => ALTERATION,
+        BuildOp::Insert { bodies, shapes, joints } => {
+            let colliders: usize = bodies.iter().map(|body| body.traits.colliders.len()).sum();
+            let parts: usize = shapes.iter().map(|shape| shape.parts().count()).sum();
+            let count = 1 + bodies.len() + joints.len() + colliders + parts;
+            count as f64 + built as f64 / LOOKED_THROUGH + told()
+        }
+        BuildOp::Alter(_) => ALTERATION + told(),
         BuildOp::Remove(_) | BuildOp::RemoveJoint(_) | BuildOp::Move(_) | BuildOp::Push(_) => 1.0,
     }
 }
@@ -186,7 +221,12 @@ fn check_change(record: &Record, op: &BuildOp, speed_limit_m_s: f32) -> Result<(
             let same = known.colliders.iter().map(place).eq(traits.colliders.iter().map(place));
             honest(same && traits.kind != BodyKind::Fixed)?;
             honest(known.character == traits.character && known.vehicle == traits.vehicle)?;
-            check_iterations(traits)
+            check_traits(traits)?;
+            let body = record.body(*body).ok_or(Refusal::Unknown)?;
+            let reach_m = |body: &BodyRecord| Size::of(body, |hash| record.shape(hash)).reach_m;
+            let altered = BodyRecord { traits: traits.clone(), ..body.clone() };
+            let grows = reach_m(&altered) > reach_m(body).max(MAX_REACH_M);
+            if grows { Err(Refusal::Costly(Costs::Size)) } else { Ok(()) }
         }
         BuildOp::Alter(Alteration::Joint(joint)) => {
             let known = record.joint(joint.id).ok_or(Refusal::Unknown)?;
@@ -195,24 +235,33 @@ fn check_change(record: &Record, op: &BuildOp, speed_limit_m_s: f32) -> Result<(
     }
 }
 
-fn check_iterations(traits: &BodyTraits) -> Result<(), Refusal> {
-    match traits.extra_solver_iterations.max(traits.extra_pgs_iterations) <= MAX_EXTRA_ITERATIONS {
+fn check_traits(traits: &BodyTraits) -> Result<(), Refusal> {
+    if traits.extra_solver_iterations.max(traits.extra_pgs_iterations) > MAX_EXTRA_ITERATIONS {
+        return Err(Refusal::Costly(Costs::Iterations));
+    }
+    match traits.colliders.iter().all(|collider| collider.collision_types & FIXED_FIXED == 0) {
         true => Ok(()),
-        false => Err(Refusal::Costly(Costs::Iterations)),
+        false => Err(Refusal::Costly(Costs::FixedPairs)),
     }
 }
 
+fn is_fixed(body: &BodyRecord) -> bool {
+    body.traits.kind == BodyKind::Fixed
+}
+
 /// What a client wants to come.
-struct New<'a> {
+struct New<'a, 'f> {
     client: ClientId,
     record: &'a Record,
     bodies: &'a [BodyRecord],
-    shapes: &'a [ShapeRecord],
     joints: &'a [JointRecord],
+    /// Finds shapes on record, and those that come with it.
+    find: &'f dyn Fn(ShapeHash) -> Option<&'a ShapeRecord>,
 }
 
-impl New<'_> {
-    fn check(&self, speed_limit_m_s: f32, can_build: CanBuild) -> Result<(), Refusal> {
+impl New<'_, '_> {
+    /// Checks all but whether new shapes can be built. Adds to the sizes of what its client has built.
+    fn check(&self, speed_limit_m_s: f32, sizes: &mut BTreeMap<BodyId, Size>) -> Result<(), Refusal> {
         let ids: BTreeMap<_, _> = self.bodies.iter().map(|body| (body.id, body.traits.kind)).collect();
         honest(ids.len() == self.bodies.len())?;
         honest(ids.keys().all(|id| id.builder() == Some(self.client)))?;
@@ -224,12 +273,12 @@ impl New<'_> {
             // What walks and drives is an avatar, and bounded as such.
             honest(body.traits.character.is_none() && body.traits.vehicle.is_none())?;
             honest(is_slow(body.traits.kind, &body.state.velocity, speed_limit_m_s))?;
-            check_iterations(&body.traits)?;
+            check_traits(&body.traits)?;
         }
-        if !self.shapes_fit() || !can_build(self.record.shapes_by_hash(), self.shapes) {
+        if !self.shapes_fit() {
             return Err(Refusal::Shape);
         }
-        self.check_costs()
+        self.check_costs(sizes)
     }
 
     fn check_joints(&self, new: &BTreeMap<BodyId, BodyKind>) -> Result<(), Refusal> {
@@ -252,45 +301,77 @@ impl New<'_> {
         Ok(())
     }
 
-    /// Returns whether all shapes are there, and whether what moves has none but those that clients may move.
+    /// Returns whether all shapes are there, and suit what they are for.
     fn shapes_fit(&self) -> bool {
-        let with: BTreeMap<_, _> = self.shapes.iter().map(|shape| (shape.hash(), shape)).collect();
-        let find = |hash: ShapeHash| with.get(&hash).copied().or_else(|| self.record.shape(hash));
-        let is_whole = |collider: &ColliderRecord| {
-            find(collider.shape).is_some_and(|shape| shape.parts().all(|part| find(part).is_some()))
+        let suits = |hash| (self.find)(hash).filter(|shape| shape.suits_builders());
+        let is_fine = |collider: &ColliderRecord| {
+            suits(collider.shape).is_some_and(|shape| shape.parts().all(|part| suits(part).is_some()))
         };
-        self.bodies.iter().all(|body| match body.traits.kind {
-            BodyKind::Fixed => body.traits.colliders.iter().all(is_whole),
-            _ => body.suits_clients(find),
+        self.bodies.iter().all(|body| match is_fixed(body) {
+            true => body.traits.colliders.iter().all(is_fine),
+            false => body.suits_clients(self.find),
         })
     }
 
-    /// Checks how many there are by then, and what those that move cost.
-    fn check_costs(&self) -> Result<(), Refusal> {
+    /// Checks how many there are by then, and what they cost.
+    fn check_costs(&self, sizes: &mut BTreeMap<BodyId, Size>) -> Result<(), Refusal> {
+        let colliders = self.bodies.iter().flat_map(|body| &body.traits.colliders);
+        let parts = colliders.filter_map(|collider| (self.find)(collider.shape)).map(ShapeRecord::parts);
+        // Before each of them is looked at.
+        if parts.map(Iterator::count).sum::<usize>() > MAX_BUILT_COLLIDERS {
+            return Err(Refusal::Costly(Costs::Colliders));
+        }
+        if sizes.len() > 2 * MAX_BUILT {
+            sizes.clear();
+        }
+        let mut all: Vec<(&BodyRecord, Size)> = Vec::new();
+        for body in self.record.built(self.client) {
+            let size = *sizes.entry(body.id).or_insert_with(|| Size::of(body, self.find));
+            all.push((body, size));
+        }
+        let before = all.len();
+        all.extend(self.bodies.iter().map(|body| (body, Size::of(body, self.find))));
         let joints = self.record.built_joints(self.client).count() + self.joints.len();
-        let bodies = self.record.built(self.client).count() + self.bodies.len();
-        if bodies > MAX_BUILT || joints > MAX_BUILT {
+        let sum = |of: fn(&Size) -> usize| all.iter().map(|(_, size)| of(size)).sum::<usize>();
+        if all.len().max(joints) > MAX_BUILT {
             return Err(Refusal::TooMany);
         }
-        let is_movable = |body: &&BodyRecord| body.traits.kind != BodyKind::Fixed;
-        let place = |body: &BodyRecord| {
-            (body.state.pose.translation, Size::of(body, |hash| self.record.shape_or(hash, self.shapes)))
-        };
-        let all = self.record.built(self.client).chain(self.bodies).filter(is_movable);
-        let all: Vec<_> = all.map(place).collect();
-        let new = &all[all.len() - self.bodies.iter().filter(is_movable).count()..];
-        if new.iter().any(|(_, size)| size.reach_m > MAX_REACH_M) {
-            return Err(Refusal::Costly(Costs::Size));
+        if sum(|size| size.colliders) > MAX_BUILT_COLLIDERS {
+            return Err(Refusal::Costly(Costs::Colliders));
         }
-        if all.iter().map(|(_, size)| size.corners).sum::<usize>() > MAX_BUILT_CORNERS {
+        if sum(|size| size.corners) > MAX_BUILT_CORNERS {
             return Err(Refusal::Costly(Costs::BuiltCorners));
         }
-        let overlap = |(a, of_a): &([f64; 3], Size), (b, of_b): &([f64; 3], Size)| {
+        let new = &all[before..];
+        if new.iter().any(|(body, size)| !is_fixed(body) && size.reach_m > MAX_REACH_M) {
+            return Err(Refusal::Costly(Costs::Size));
+        }
+        if new.iter().any(|one| self.is_crowded(one, &all)) {
+            return Err(Refusal::Costly(Costs::Overlaps));
+        }
+        sizes.extend(new.iter().map(|(body, size)| (body.id, *size)));
+        Ok(())
+    }
+
+    /// Returns whether a body begins where too many of its client's others are: fixed ones, if it is fixed, or those that move.
+    fn is_crowded(&self, (body, size): &(&BodyRecord, Size), all: &[(&BodyRecord, Size)]) -> bool {
+        let Some(bounds) = bounds_of(body, self.find) else { return false };
+        let (mut bodies, mut colliders) = (0, 0);
+        for (other, of) in all {
+            if other.id == body.id || is_fixed(other) != is_fixed(body) {
+                continue;
+            }
+            let (a, b) = (body.state.pose.translation, other.state.pose.translation);
             let apart_m2: f64 = (0..3).map(|k| (a[k] - b[k]).powi(2)).sum();
-            apart_m2 < f64::from(of_a.reach_m + of_b.reach_m).powi(2)
-        };
-        // Each overlaps itself.
-        let is_crowded = |new| all.iter().filter(|other| overlap(new, other)).count() > MAX_OVERLAPS + 1;
-        if new.iter().any(is_crowded) { Err(Refusal::Costly(Costs::Overlaps)) } else { Ok(()) }
+            let is_near = apart_m2 <= f64::from(size.reach_m + of.reach_m).powi(2);
+            if is_near && bounds_of(other, self.find).is_some_and(|other| bounds.touches(&other)) {
+                bodies += 1;
+                colliders += of.colliders;
+            }
+            if bodies > MAX_OVERLAPS || colliders > MAX_OVERLAPPED_COLLIDERS {
+                return true;
+            }
+        }
+        false
     }
 }

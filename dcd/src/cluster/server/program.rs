@@ -24,6 +24,12 @@ impl Server {
         self.common.next_ids
     }
 
+    /// Forgets how large a body was that a client built: it is altered.
+    fn forget_size(&mut self, id: BodyId) {
+        let builder = id.builder().and_then(|client| self.common.allowances.get_mut(&client));
+        builder.and_then(|allowance| allowance.building.sizes.remove(&id));
+    }
+
     pub(super) fn obey(&mut self, op: BuildOp) {
         match op {
             BuildOp::Insert { bodies, shapes, joints } => {
@@ -60,6 +66,9 @@ impl Server {
                 }
             }
             BuildOp::Alter(alteration) => {
+                if let Alteration::Body { body, .. } = &alteration {
+                    self.forget_size(*body);
+                }
                 for group in self.groups.values_mut() {
                     group.alter(&mut self.common, &alteration);
                 }
@@ -90,7 +99,8 @@ impl Group {
             }
         }
         joints.iter().for_each(|joint| self.record.tie(joint.clone()));
-        let mut untold = new_shapes.clone();
+        let mut untold: BTreeMap<_, _> =
+            new_shapes.iter().map(|shape| (shape.hash(), shape.clone())).collect();
         let mut of_later: BTreeMap<BodyId, Vec<JointRecord>> = BTreeMap::new();
         for joint in joints {
             of_later.entry(joint.a.max(joint.b)).or_default().push(joint.clone());

@@ -39,6 +39,7 @@ impl Server {
             group.replace(&mut self.common, &saved);
         }
         self.arbiter = Default::default();
+        self.common.allowances.values_mut().for_each(|allowance| allowance.building.sizes.clear());
         let nodes: Vec<_> = self.common.nodes.iter().map(|(&node, entry)| (node, entry.linked)).collect();
         for (node, linked) in nodes {
             match self.common.nodes.get_mut(&node).filter(|entry| entry.leaving) {

@@ -305,9 +305,10 @@ pub enum Refusal {
     /// An input with a newer logical time was there before.
     #[error("older than the last update of this avatar: let the logical time grow")]
     Late,
-    /// A collider names a shape that the world does not know, that cannot be built, or that what a client moves cannot have.
+    /// A collider names a shape that the world does not know, that cannot be built, or that what a client moves, or builds, cannot have.
     #[error(
-        "a shape is unknown, cannot be built, or is not for what clients move: send it with the body, a hull, box, ball or compound of them"
+        "a shape is unknown, cannot be built, or is not for clients: send it with the body, a hull, box, ball or compound of them, and for \
+         what a builder fixes a mesh or terrain, but neither voxels nor half-spaces"
     )]
     Shape,
     /// Too many bodies or updates at once, or too many shapes brought (`cluster::MAX_SHAPE_BYTES`).
@@ -353,14 +354,22 @@ pub enum Costs {
          m/s² and are damped by at most 60 per second"
     )]
     Wheels,
-    /// Avatars of the same client where it would begin.
-    #[error("it begins where 64 others of this client are: spread them out")]
+    /// Avatars of the same client where it would begin, or others that it has built.
+    #[error("it begins where 64 others of this client are, or others with 1,024 colliders: spread them out")]
     Overlaps,
-    /// Corners of all that moves and that the client has built.
-    #[error(
-        "at most 200,000 corners of all movable bodies that a client has built: use simpler hulls, or fewer"
-    )]
+    /// Corners of all that the client has built.
+    #[error("at most 200,000 corners of all that a client has built: use simpler hulls and meshes, or fewer")]
     BuiltCorners,
+    /// Colliders of all that the client has built.
+    #[error(
+        "at most 16,384 colliders, parts of compounds included, of all that a client has built: use fewer"
+    )]
+    Colliders,
+    /// Pairs of fixed bodies that are looked at in each step.
+    #[error(
+        "what a client builds does not ask for contacts of fixed bodies: leave out ActiveCollisionTypes::FIXED_FIXED"
+    )]
+    FixedPairs,
     /// Bytes, with its shapes and with what is tied to it.
     #[error("at most 60 KiB with its shapes and all that joints tie to it: use simpler shapes, or tie fewer")]
     Bytes,

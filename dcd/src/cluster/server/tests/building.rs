@@ -1,5 +1,7 @@
 //! Tests what clients that may build can do, and what neither they nor others can make a server do by it.
 
+mod costs;
+
 use super::*;
 use crate::protocol::{
     Alteration, BodyKind, BodyRecord, BodyTraits, BuildOp, Character, Costs, Input, JointRecord, Push,
@@ -255,103 +257,4 @@ fn a_builder_leaves_avatars_and_names_of_others_and_what_no_program_changes() {
     assert_eq!(refusal(&mut server, meshed(still)), None, "a mesh that stands");
     assert_eq!(refusal(&mut server, go(BodyId::persistent(0), 1.0)), None, "whoever made it");
     assert_eq!(refusal(&mut server, BuildOp::Remove(BodyId::persistent(0))), None, "whoever made it");
-}
-
-#[test]
-fn what_a_builder_may_bring_is_bounded_and_what_it_may_ask_for() {
-    let mut server = built_in();
-    let iterations = with(body(0), |traits| traits.extra_solver_iterations = 9);
-    assert_eq!(refusal(&mut server, insert(iterations)), Some(Refusal::Costly(Costs::Iterations)));
-    let huge = |body: BodyRecord| {
-        let ball = ShapeRecord::Ball(101.0);
-        let body = with(body, |traits| traits.colliders.push(collider(&ball)));
-        BuildOp::Insert { bodies: vec![body], shapes: vec![ball], joints: Vec::new() }
-    };
-    assert_eq!(refusal(&mut server, huge(body(0))), Some(Refusal::Costly(Costs::Size)));
-    assert_eq!(refusal(&mut server, huge(with(body(0), |traits| traits.kind = BodyKind::Fixed))), None);
-
-    let ball = ShapeRecord::Ball(0.5);
-    let round = |index: u32, at: [f64; 3]| {
-        let body = sim_body(BodyId::built(BUILDER, index), at);
-        let body = with(body, |traits| traits.colliders.push(collider(&ball)));
-        BuildOp::Insert { bodies: vec![body], shapes: vec![ball.clone()], joints: Vec::new() }
-    };
-    let came = (100..200).take_while(|&i| refusal(&mut server, round(i, [0.0; 3])).is_none()).count();
-    assert_eq!(came, 65);
-    assert_eq!(refusal(&mut server, round(199, [0.0; 3])), Some(Refusal::Costly(Costs::Overlaps)));
-    server.common.now += Duration::from_secs(10);
-
-    let ties = |count: u32| {
-        let new = body(900);
-        let joints = (0..count).map(|index| tied(index, new.id, body(0).id)).collect();
-        BuildOp::Insert { bodies: vec![new], shapes: Vec::new(), joints }
-    };
-    assert_eq!(refusal(&mut server, ties(MAX_BUILT as u32 + 1)), Some(Refusal::TooMany), "joints count too");
-    server.common.now += Duration::from_secs(10);
-    assert_eq!(refusal(&mut server, ties(MAX_BUILT as u32)), None);
-    server.common.now += Duration::from_secs(10);
-
-    let many = |from: u32, count: u32| BuildOp::Insert {
-        bodies: (from..from + count).map(body).collect(),
-        shapes: Vec::new(),
-        joints: Vec::new(),
-    };
-    let there = server.record().built(BUILDER).count();
-    let room = (MAX_BUILT - there) as u32;
-    assert_eq!(refusal(&mut server, many(1_000, room)), None);
-    assert_eq!(refusal(&mut server, many(9_000, 1)), Some(Refusal::TooMany), "all that it may have built");
-    assert_eq!(refusal(&mut server, BuildOp::Remove(body(1_000).id)), None);
-
-    // A flood of what is allowed: refused beyond the rate, and who goes on is cut off.
-    server.common.now += Duration::from_secs(10);
-    let moves = || (0..512).map(|_| go(BodyId::persistent(0), 1.0)).collect::<Vec<_>>();
-    let mut done = 0;
-    let cut_off = (0..400).position(|_| {
-        let outputs = asks(&mut server, Peer::Client(BUILDER), BUILDER, 1, moves());
-        done += 512 - refusals(&outputs).len();
-        is_closed(&outputs, BUILDER)
-    });
-    assert_eq!(done, 8_192, "all at once");
-    let cut_off = cut_off.expect("it is cut off");
-    assert!((60..120).contains(&cut_off), "after {cut_off}");
-    assert!(server.record().body(body(1_001).id).is_some(), "what it has built stays");
-}
-
-#[test]
-fn shapes_to_build_with_are_bounded_too() {
-    let mut server = built_in();
-    // Some 100 kB each, and no two alike.
-    let hull = |n: u32| {
-        let point = |i: usize| [n as f32 / 4.0 + 1.0 / (i + 1) as f32, (i % 97) as f32, (i % 89) as f32];
-        ShapeRecord::ConvexPolyhedron((0..8_500).map(point).collect(), Vec::new())
-    };
-    let brings = |server: &mut Server, n: u32| {
-        let fixed = with(body(n), |traits| {
-            traits.kind = BodyKind::Fixed;
-            traits.colliders.push(collider(&hull(n)));
-        });
-        server.common.now += Duration::from_secs(1);
-        refusal(server, BuildOp::Insert { bodies: vec![fixed], shapes: vec![hull(n)], joints: Vec::new() })
-    };
-    let came = (0..400).take_while(|&n| brings(&mut server, n).is_none()).count();
-    assert!((120..300).contains(&came), "{came} came within 16 MiB");
-}
-
-#[test]
-fn all_that_a_builder_moves_has_so_many_corners_at_most() {
-    let mut server = built_in();
-    let point = |i: usize| [1.0 / (i + 1) as f32, (i % 7) as f32, (i % 5) as f32];
-    let hull = ShapeRecord::ConvexPolyhedron((0..2_000).map(point).collect(), Vec::new());
-    let mut came = 0;
-    let refused = loop {
-        let at = [f64::from(came) * 50.0, 0.0, 0.0];
-        let body = sim_body(BodyId::built(BUILDER, came), at);
-        let body = with(body, |traits| traits.colliders.push(collider(&hull)));
-        let op = BuildOp::Insert { bodies: vec![body], shapes: vec![hull.clone()], joints: Vec::new() };
-        match refusal(&mut server, op) {
-            None => came += 1,
-            Some(refused) => break refused,
-        }
-    };
-    assert_eq!((came, refused), (100, Refusal::Costly(Costs::BuiltCorners)));
 }

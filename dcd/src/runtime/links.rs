@@ -3,7 +3,7 @@
 //! **A peer that reads slowly** costs bounded memory, and then loses its link; it can dial again. Beside what QUIC and the lanes
 //! hold ([`protocol::link`]), there waits here
 //! - for a server, a node or a participant: a whole world, since a view change may move all of it;
-//! - for a client: a whole world while it receives its first snapshot, and nothing afterwards;
+//! - for a client: a whole world while it receives its first snapshot or what comes, goes and changes in it, and nothing otherwise;
 //! - for no peer anything, once it has taken in nothing for [`STUCK`] while its link was up.
 //!
 //! States, which go in datagrams, never wait: the oldest are dropped. What a tick waits for is sent twice over links that lose packets
@@ -69,7 +69,8 @@ pub(super) struct Links {
     names: BTreeMap<PeerKey, PeerName>,
     dialled: BTreeMap<PeerKey, Peer>,
     waiting: BTreeMap<Peer, Waiting>,
-    /// Clients that are receiving the world's first snapshot, and whether its last message is among what waits for them.
+    /// Clients that are receiving the world's first snapshot, or what has changed in it since, and whether the last message of that is
+    /// among what waits for them.
     told: BTreeMap<Peer, bool>,
     given_up: Vec<LinkEvent>,
     world_bytes: usize,
@@ -184,13 +185,14 @@ impl Links {
             Lane::Control => crate::net::Lane::Admin,
             Lane::Border => crate::net::Lane::Object,
         };
-        let is_world = match message {
-            Message::ToClient(_, ToClient::Welcome { .. }) => Some(false),
-            Message::ToClient(_, ToClient::WorldEnd) => Some(true),
-            _ => None,
-        };
-        if let Some(ends) = is_world {
-            self.told.insert(to, ends);
+        match message {
+            Message::ToClient(_, ToClient::Welcome { .. }) => drop(self.told.insert(to, false)),
+            Message::ToClient(_, ToClient::WorldEnd) => drop(self.told.insert(to, true)),
+            // Another builds: that nobody can foresee, nor ask for less of it.
+            Message::ToClient(_, message) if message.changes_world() => {
+                self.told.entry(to).or_insert(true);
+            }
+            _ => {}
         }
         self.repeats.sent(Instant::now(), to, message, &bytes);
         self.send_frame(to, lane, bytes);

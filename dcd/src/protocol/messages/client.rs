@@ -235,6 +235,13 @@ pub enum ToClient {
     Built(u64),
 }
 
+impl ToClient {
+    /// Returns whether it tells of what has come, gone or become something else in the world.
+    pub(crate) fn changes_world(&self) -> bool {
+        matches!(self, Self::Inserted { .. } | Self::Removed(_) | Self::Altered(_) | Self::JointRemoved(_))
+    }
+}
+
 /// States of bodies in the format of the module `delta`: what fits a datagram of a batch, which is what a client is told at once.
 #[derive(Clone, Debug, PartialEq, Eq, Encode, Decode)]
 pub struct Part {

@@ -155,6 +155,35 @@ fn a_client_may_be_slow_while_it_is_told_of_the_world_and_not_afterwards() {
 }
 
 #[test]
+fn a_client_may_be_slow_while_it_is_told_of_what_another_builds() {
+    let mut pair = Pair::new(crate::net::JoinRole::Client);
+    pair.tell_world(1);
+    pair.read_all();
+    let insert = |pair: &mut Pair, count: u32| {
+        for id in 0..count {
+            let body = sim_body(BodyId::persistent(id), [0.0; 3]);
+            pair.tell(ToClient::Inserted { body, shapes: Vec::new(), joints: Vec::new() });
+        }
+    };
+    insert(&mut pair, 10_000);
+    assert!(pair.waiting_bytes() > 1 << 20, "{}", pair.waiting_bytes());
+    // What else there is to say keeps its place.
+    pair.tell(ToClient::Built(7));
+    assert_eq!(pair.given_up(), []);
+    pair.read_all();
+    assert_eq!((pair.waiting_bytes(), pair.links.told.len(), pair.given_up()), (0, 0, vec![]));
+    // It takes nothing in any more.
+    insert(&mut pair, 10_000);
+    let stuck = pair.fill_sockets();
+    pair.links.flush(stuck + STUCK / 2);
+    assert_eq!(pair.given_up(), []);
+    pair.links.flush(stuck + STUCK);
+    assert_eq!(pair.given_up(), [pair.peer]);
+    insert(&mut pair, 1);
+    assert_eq!((pair.waiting_bytes(), pair.links.told.len()), (0, 0), "there is no link");
+}
+
+#[test]
 fn a_node_may_be_behind_by_a_world_and_no_more() {
     let mut pair = Pair::new(crate::net::JoinRole::Node);
     pair.links.world_bytes = 8 << 20;

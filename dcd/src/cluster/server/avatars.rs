@@ -181,7 +181,10 @@ impl Group {
     /// Parks, brings back or forgets a body that no node holds any more.
     pub(super) fn rest(&mut self, common: &mut Common, id: BodyId, park: bool, back: bool) {
         match (park, back) {
-            (false, _) => self.record.remove(id),
+            (false, _) => {
+                self.record.remove(id);
+                self.owners.remove(&id);
+            }
             (true, false) => self.record.set_life(id, Life::Parked),
             (true, true) => self.revive(common, id),
         }

@@ -5,7 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::Server;
 use super::budget::{MAX_EXTRA_ITERATIONS, MAX_OVERLAPS, MAX_REACH_M, Size, bounds_of};
-use crate::cluster::{Peer, Record};
+use super::group::Group;
+use crate::cluster::{Life, Peer, Record};
 use crate::protocol::{
     Alteration, BodyKind, BodyRecord, BodyTraits, BuildOp, ColliderRecord, Costs, Farewell, Input,
     JointRecord, Refusal, ShapeHash, ShapeRecord, ToClient, Velocity, encoded_len,
@@ -111,20 +112,45 @@ impl Server {
     fn build(&mut self, client: ClientId, op: BuildOp) -> Result<(), (Refusal, bool)> {
         let op = match op {
             BuildOp::Insert { bodies, shapes, joints } => {
-                if is_done(self.record(), &bodies, &joints) {
+                // A client that did not hear so has asked again. What has come of it may be gone since, or something else.
+                let is_done = |body: &BodyRecord| body.id.builder() == Some(client) && self.is_there(body.id);
+                if bodies.iter().any(is_done) {
                     return Ok(());
+                }
+                if self.is_held(&bodies, &joints) {
+                    return Err((Refusal::Exists, false));
                 }
                 self.admit(client, &bodies, &shapes, &joints).map_err(as_refused)?;
                 BuildOp::Insert { bodies, shapes, joints }
             }
             // When it was asked is of no account: it is told as the program's.
             BuildOp::Move(input) => BuildOp::Move(Input { logical_time: 0, tick: Tick(0), ..input }),
+            BuildOp::Remove(id) if self.record().body(id).is_none() => return Ok(()),
+            BuildOp::RemoveJoint(id) if self.record().joint(id).is_none() => return Ok(()),
             op => op,
         };
         let speed_limit_m_s = self.common.config.world.step.speed_limit_m_s;
         check_change(self.record(), &op, speed_limit_m_s).map_err(as_refused)?;
         self.obey(op);
         Ok(())
+    }
+
+    fn is_there(&self, id: BodyId) -> bool {
+        matches!(self.record().life(id), Some(Life::Live | Life::Waiting))
+    }
+
+    /// Returns whether any of these is on record, be it on its way out, or gone and to be removed where it may be held still.
+    fn is_held(&self, bodies: &[BodyRecord], joints: &[JointRecord]) -> bool {
+        let is_held = |id| {
+            self.groups.values().any(|group| group.record.body(id).is_some())
+                || self.common.nodes.values().any(|node| node.stale_scenery.contains(&id))
+        };
+        let is_tied = |id| {
+            let holds =
+                |group: &Group| group.record.joint(id).is_some() || group.removed_joints.contains(&id);
+            self.groups.values().any(holds)
+        };
+        bodies.iter().any(|body| is_held(body.id)) || joints.iter().any(|joint| is_tied(joint.id))
     }
 
     /// Checks what a client wants to come, and counts it if it may.
@@ -178,12 +204,6 @@ fn cost(op: &BuildOp, built: usize) -> f64 {
         BuildOp::Alter(_) => ALTERATION + told(),
         BuildOp::Remove(_) | BuildOp::RemoveJoint(_) | BuildOp::Move(_) | BuildOp::Push(_) => 1.0,
     }
-}
-
-/// Returns whether all of this is on record: a client that did not hear so has asked again.
-fn is_done(record: &Record, bodies: &[BodyRecord], joints: &[JointRecord]) -> bool {
-    let is_there = |body: &BodyRecord| record.body(body.id).is_some_and(|known| known.traits == body.traits);
-    bodies.iter().all(is_there) && joints.iter().all(|joint| record.joint(joint.id).is_some())
 }
 
 fn honest(holds: bool) -> Result<(), Refusal> {
@@ -265,9 +285,6 @@ impl New<'_, '_> {
         let ids: BTreeMap<_, _> = self.bodies.iter().map(|body| (body.id, body.traits.kind)).collect();
         honest(ids.len() == self.bodies.len())?;
         honest(ids.keys().all(|id| id.builder() == Some(self.client)))?;
-        if ids.keys().any(|id| self.record.body(*id).is_some()) {
-            return Err(Refusal::Exists);
-        }
         self.check_joints(&ids)?;
         for body in self.bodies {
             // What walks and drives is an avatar, and bounded as such.
@@ -285,9 +302,6 @@ impl New<'_, '_> {
         let ids: BTreeSet<_> = self.joints.iter().map(|joint| joint.id).collect();
         honest(ids.len() == self.joints.len())?;
         honest(ids.iter().all(|id| id.builder() == Some(self.client)))?;
-        if ids.iter().any(|id| self.record.joint(*id).is_some()) {
-            return Err(Refusal::Exists);
-        }
         let kind = |id: BodyId| match (new.get(&id), self.record.body(id)) {
             (Some(kind), _) => Some((*kind, true)),
             (None, known) => known.map(|body| (body.traits.kind, false)),

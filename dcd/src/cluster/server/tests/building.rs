@@ -211,12 +211,10 @@ fn a_builder_leaves_avatars_and_names_of_others_and_what_no_program_changes() {
         ("an avatar goes", BuildOp::Remove(avatar), NotToBeBuilt),
         ("an avatar is moved", go(avatar, 1.0), NotToBeBuilt),
         ("an avatar is pushed", BuildOp::Push(Push::impulse(avatar, [1.0; 3])), NotToBeBuilt),
-        ("nobody goes", BuildOp::Remove(BodyId::persistent(99)), Unknown),
-        ("no joint goes", BuildOp::RemoveJoint(JointId(3)), Unknown),
+        ("nobody is moved", go(BodyId::persistent(99), 1.0), Unknown),
         ("a name of the program", insert(sim_body(BodyId::persistent(77), [1.0; 3])), NotToBeBuilt),
         ("a name of another", insert(sim_body(BodyId::built(OTHER, 0), [1.0; 3])), NotToBeBuilt),
         ("an avatar's name", insert(sim_body(BodyId::avatar(BUILDER, 0), [1.0; 3])), NotToBeBuilt),
-        ("another body of this name", insert(with(body(1), |traits| traits.linear_damping = 0.5)), Exists),
         ("the ground moves", go(ground, 1.0), NotToBeBuilt),
         ("the ground is pushed", BuildOp::Push(Push::impulse(ground, [1.0; 3])), NotToBeBuilt),
         ("what walks is the world's", insert(walking(body(2))), NotToBeBuilt),
@@ -257,4 +255,61 @@ fn a_builder_leaves_avatars_and_names_of_others_and_what_no_program_changes() {
     assert_eq!(refusal(&mut server, meshed(still)), None, "a mesh that stands");
     assert_eq!(refusal(&mut server, go(BodyId::persistent(0), 1.0)), None, "whoever made it");
     assert_eq!(refusal(&mut server, BuildOp::Remove(BodyId::persistent(0))), None, "whoever made it");
+}
+
+#[test]
+fn what_was_done_is_not_done_again_whatever_has_become_of_it() {
+    let mut server = built_in();
+    let joints = vec![tied(0, body(0).id, body(1).id)];
+    let op = BuildOp::Insert { bodies: vec![body(0), body(1)], shapes: Vec::new(), joints };
+    assert_eq!(refusal(&mut server, op.clone()), None);
+    let traits = Arc::new(BodyTraits { linear_damping: 0.5, ..(*body(0).traits).clone() });
+    let alter = BuildOp::Alter(Alteration::Body { body: body(0).id, traits: traits.clone(), wakes: false });
+    let (gone, untied) = (BuildOp::Remove(body(1).id), BuildOp::RemoveJoint(JointId::built(BUILDER, 0)));
+    for op in [alter, untied.clone(), gone.clone(), op, untied, gone] {
+        assert_eq!(refusal(&mut server, op.clone()), None, "{op:?}");
+    }
+    assert_eq!(server.record().body(body(0).id).map(|body| &body.traits), Some(&traits));
+    assert!(server.record().joint(JointId::built(BUILDER, 0)).is_none());
+    let never = [BuildOp::Remove(BodyId::persistent(99)), BuildOp::RemoveJoint(JointId(3))];
+    assert!(never.into_iter().all(|op| refusal(&mut server, op).is_none()), "it is not there, as is asked");
+}
+
+#[test]
+fn a_name_comes_again_only_once_nobody_holds_what_had_it() {
+    let mut server = built_in();
+    let fixed = || with(body(0), |traits| traits.kind = BodyKind::Fixed);
+    assert_eq!(refusal(&mut server, insert(fixed())), None);
+    assert_eq!(refusal(&mut server, BuildOp::Remove(fixed().id)), None);
+    assert_eq!(refusal(&mut server, insert(body(0))), Some(Refusal::Exists), "a node may hold the fixed one");
+    assert_eq!(refusal(&mut server, insert(body(1))), None);
+    assert_eq!(refusal(&mut server, BuildOp::Remove(body(1).id)), None);
+    assert_eq!(refusal(&mut server, insert(body(1))), Some(Refusal::Exists), "its owner has not let it go");
+    let joint = tied(0, body(2).id, body(3).id);
+    let joints = vec![joint.clone()];
+    let op = BuildOp::Insert { bodies: vec![body(2), body(3)], shapes: Vec::new(), joints };
+    assert_eq!(refusal(&mut server, op), None);
+    assert_eq!(refusal(&mut server, BuildOp::RemoveJoint(joint.id)), None);
+    let again = |server: &mut Server, index: u32| {
+        let joints = vec![tied(0, body(index).id, body(index + 1).id)];
+        let bodies = vec![body(index), body(index + 1)];
+        refusal(server, BuildOp::Insert { bodies, shapes: Vec::new(), joints })
+    };
+    assert_eq!(again(&mut server, 4), Some(Refusal::Exists), "a leader may not have heard that it is gone");
+
+    // All is passed on with the next view.
+    let view = server.view().expect("it runs").number;
+    let removed = server.record().body(body(1).id).expect("it is on its way out").clone();
+    server.main_mut().owners.insert(removed.id, crate::space::RegionId(1));
+    tell(&mut server, 1, Message::ToServer(ToServer::Removed { view, tick: Tick(1), bodies: vec![removed] }));
+    assert!(server.record().body(body(1).id).is_none());
+    assert!(server.main_mut().owners.is_empty(), "nobody owns what is gone");
+    assert_eq!(refusal(&mut server, insert(body(1))), None);
+    server.main_mut().unsure = true;
+    server.finish(0);
+    let outputs = std::iter::from_fn(|| server.poll_output()).collect();
+    obey(&mut server, 1, outputs);
+    assert_ne!(server.view().map(|now| now.number), Some(view));
+    assert_eq!(refusal(&mut server, insert(body(0))), None);
+    assert_eq!(again(&mut server, 4), None);
 }

@@ -621,8 +621,8 @@ impl Client {
                 }
                 if !std::mem::take(&mut self.replaced) {
                     self.say_again();
-                    self.build_again();
                 }
+                self.build_again();
                 self.outputs.push_back(ClientOutput::Joined);
             }
             ToClient::Regions { tree, allocation } => {

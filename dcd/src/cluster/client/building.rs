@@ -4,7 +4,9 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use super::{Client, ClientOutput};
-use crate::protocol::{BUILD_BYTES, BuildOp, Costs, FromClient, MAX_BUILD_OPS, Refusal, encoded_len, split};
+use crate::protocol::{
+    Alteration, BUILD_BYTES, BuildOp, Costs, FromClient, MAX_BUILD_OPS, Refusal, encoded_len, split,
+};
 
 /// The most bytes that may wait for the server's word.
 const MAX_WAITING_BYTES: usize = 8 << 20;
@@ -62,7 +64,8 @@ impl Client {
         self.building.asked += 1;
         let number = self.building.asked;
         self.building.waiting.insert(number, (bytes, ops.clone()));
-        if self.server_linked && self.joined {
+        // Those that wait come before it.
+        if self.server_linked && self.joined && !self.greeted {
             self.ask_server(FromClient::Build { number, ops });
         }
     }
@@ -73,34 +76,36 @@ impl Client {
         }
     }
 
-    /// Sends again what the server has not answered, when the world has arrived anew, unless that shows that it was done. Velocities and
-    /// pushes of before are not meant for now.
+    /// Sends what the server has not answered, when the world has arrived, perhaps anew, unless that shows that it was done. Velocities
+    /// and pushes of before are not meant for now, and of alterations of the same only the last.
     pub(super) fn build_again(&mut self) {
-        let waiting = std::mem::take(&mut self.building.waiting);
-        // What is asked for again may go again.
-        let (mut bodies_coming, mut joints_coming) = (BTreeSet::new(), BTreeSet::new());
-        for (number, (bytes, mut ops)) in waiting {
-            for op in &ops {
-                if let BuildOp::Insert { bodies, joints, .. } = op {
-                    bodies_coming.extend(bodies.iter().map(|body| body.id));
-                    joints_coming.extend(joints.iter().map(|joint| joint.id));
-                }
-            }
-            ops.retain(|op| match op {
+        let mut waiting = std::mem::take(&mut self.building.waiting);
+        let wakes = |op: &BuildOp| match op {
+            BuildOp::Alter(Alteration::Body { body, wakes: true, .. }) => Some(*body),
+            _ => None,
+        };
+        let woken: BTreeSet<_> = waiting.values().flat_map(|(_, ops)| ops).filter_map(wakes).collect();
+        let (mut bodies_altered, mut joints_altered) = (BTreeSet::new(), BTreeSet::new());
+        for (_, ops) in waiting.values_mut().rev() {
+            ops.reverse();
+            ops.retain_mut(|op| match op {
                 BuildOp::Insert { bodies, .. } => {
                     bodies.iter().any(|body| !self.bodies.contains_key(&body.id))
                 }
-                BuildOp::Remove(id) => self.bodies.contains_key(id) || bodies_coming.contains(id),
-                BuildOp::RemoveJoint(id) => {
-                    joints_coming.contains(id) || self.joints.iter().any(|joint| joint.id == *id)
+                // It may be where this client hears of nothing.
+                BuildOp::Remove(_) | BuildOp::RemoveJoint(_) => true,
+                BuildOp::Alter(Alteration::Body { body, wakes, .. }) => {
+                    *wakes |= woken.contains(body);
+                    bodies_altered.insert(*body)
                 }
-                BuildOp::Alter(_) => true,
+                BuildOp::Alter(Alteration::Joint(joint)) => joints_altered.insert(joint.id),
                 BuildOp::Move(_) | BuildOp::Push(_) => false,
             });
-            if !ops.is_empty() {
-                self.building.waiting.insert(number, (bytes, ops.clone()));
-                self.ask_server(FromClient::Build { number, ops });
-            }
+            ops.reverse();
+        }
+        for (number, (bytes, ops)) in waiting.into_iter().filter(|(_, (_, ops))| !ops.is_empty()) {
+            self.building.waiting.insert(number, (bytes, ops.clone()));
+            self.ask_server(FromClient::Build { number, ops });
         }
     }
 }

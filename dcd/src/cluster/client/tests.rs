@@ -3,7 +3,7 @@
 use super::*;
 use crate::protocol::link::CLIENT_FRAME_BYTES;
 use crate::protocol::{Costs, QueryParts, QueryResult, SharedState, Stamp, encode};
-use crate::sim::{sim_body, sim_collider};
+use crate::sim::{sim_body, sim_collider, sim_world};
 use crate::space::Epoch;
 
 #[test]
@@ -318,7 +318,7 @@ fn inserted(bodies: Vec<BodyRecord>) -> BuildOp {
 /// Joins, again, and is told of these bodies.
 fn joins(client: &mut Client, bodies: Vec<BodyRecord>) {
     client.handle(Duration::ZERO, ClientEvent::Connected(Peer::Server));
-    let (id, world) = (ClientId(1), crate::sim::sim_world(2));
+    let (id, world) = (ClientId(1), sim_world(2));
     tell(client, ToClient::Welcome { id, logical_time: 1, next_built: (3, 4), world });
     tell(client, ToClient::Chunk(Chunk::Bodies(bodies)));
     tell(client, ToClient::WorldEnd);
@@ -358,6 +358,56 @@ fn what_is_to_be_built_is_said_again_to_a_server_that_is_back_unless_it_shows_th
     }
     joins(&mut client, all);
     assert_eq!(built(&mut client), []);
+}
+
+#[test]
+fn what_is_to_be_built_keeps_its_order_while_a_world_arrives_and_is_said_of_a_new_one_too() {
+    let at = Duration::ZERO;
+    let mut client = Client::new(ClientId(1), None, None);
+    let build = |client: &mut Client, index| {
+        client.handle(at, ClientEvent::Build(vec![inserted(vec![built_body(index)])]));
+        built(client)
+    };
+    joins(&mut client, Vec::new());
+    client.handle(at, ClientEvent::Disconnected(Peer::Server));
+    assert_eq!(build(&mut client, 1), []);
+    client.handle(at, ClientEvent::Connected(Peer::Server));
+    assert_eq!(build(&mut client, 2), [], "it is not welcomed yet");
+    let welcome =
+        || ToClient::Welcome { id: ClientId(1), logical_time: 1, next_built: (0, 0), world: sim_world(2) };
+    tell(&mut client, welcome());
+    assert_eq!(build(&mut client, 3), []);
+    tell(&mut client, ToClient::WorldEnd);
+    let numbers = |sent: Vec<(u64, Vec<BuildOp>)>| sent.iter().map(|(number, _)| *number).collect::<Vec<_>>();
+    assert_eq!(numbers(built(&mut client)), [1, 2, 3]);
+
+    // Another world in its place.
+    tell(&mut client, welcome());
+    assert_eq!(build(&mut client, 4), []);
+    tell(&mut client, ToClient::WorldEnd);
+    assert_eq!(numbers(built(&mut client)), [4], "what was asked before was meant for the other");
+}
+
+#[test]
+fn what_is_said_again_has_all_removals_and_of_alterations_the_last() {
+    let at = Duration::ZERO;
+    let mut client = Client::new(ClientId(1), None, None);
+    let body = built_body(0);
+    joins(&mut client, vec![body.clone()]);
+    let alter = |damping: f32, wakes: bool| {
+        let mut traits = body.traits.clone();
+        std::sync::Arc::make_mut(&mut traits).linear_damping = damping;
+        BuildOp::Alter(Alteration::Body { body: body.id, traits, wakes })
+    };
+    // It never heard of these.
+    let gone = [BuildOp::Remove(BodyId::persistent(9)), BuildOp::RemoveJoint(crate::space::JointId(9))];
+    client.handle(at, ClientEvent::Build(vec![alter(0.1, true), gone[0].clone(), alter(0.2, false)]));
+    client.handle(at, ClientEvent::Build(vec![alter(0.3, false), gone[1].clone()]));
+    assert_eq!(built(&mut client).len(), 2);
+    client.handle(at, ClientEvent::Disconnected(Peer::Server));
+    joins(&mut client, vec![body.clone()]);
+    let again = [(1, vec![gone[0].clone()]), (2, vec![alter(0.3, true), gone[1].clone()])];
+    assert_eq!(built(&mut client), again);
 }
 
 #[test]

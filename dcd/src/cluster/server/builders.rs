@@ -42,6 +42,9 @@ const LOOKED_THROUGH: f64 = 256.0;
 const MISUSES: f64 = 64.0;
 /// How many are forgiven each second.
 const MISUSES_PER_S: f64 = 4.0;
+/// A message is one of them too if more than so many of its changes, and most of them, come too soon: an honest program may be somewhat
+/// too fast.
+const FLOOD: usize = 64;
 
 impl Server {
     /// Returns the indices of the next body and the next joint that a client may build.
@@ -66,19 +69,28 @@ impl Server {
             return;
         }
         let mut misuse = None;
+        let (mut asked, mut too_soon) = (0, 0);
         for op in ops {
             let bodies = op.bodies();
+            let count = bodies.len().max(1);
+            asked += count;
             let now = self.common.now;
             let building = &mut self.common.allowances.entry(client).or_default().building;
             let cost = cost(&op, building.sizes.len());
             let built = match building.changes.ask(now, cost, CHANGES, CHANGES_PER_S) {
                 true => self.build(client, op),
-                false => Err((Refusal::TooMany, true)),
+                false => {
+                    too_soon += count;
+                    Err((Refusal::TooMany, false))
+                }
             };
             if let Err((reason, is_misuse)) = built {
                 self.refuse_to_build(client, &bodies, reason);
                 misuse = misuse.or(is_misuse.then_some(reason));
             }
+        }
+        if too_soon > FLOOD && 2 * too_soon > asked {
+            misuse = misuse.or(Some(Refusal::TooMany));
         }
         match misuse {
             Some(reason) if self.misused(client, reason) => {}

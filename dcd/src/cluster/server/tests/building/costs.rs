@@ -65,6 +65,26 @@ fn what_a_builder_may_bring_is_bounded_and_what_it_may_ask_for() {
 }
 
 #[test]
+fn who_is_somewhat_too_fast_is_refused_and_not_cut_off() {
+    let mut server = built_in();
+    let moves = |count: usize| vec![go(BodyId::persistent(0), 1.0); count];
+    for _ in 0..24 {
+        asks(&mut server, Peer::Client(BUILDER), BUILDER, 1, moves(1_024));
+    }
+    let refused = |server: &mut Server, count: usize| {
+        let outputs = asks(server, Peer::Client(BUILDER), BUILDER, 1, moves(count));
+        assert!(!is_closed(&outputs, BUILDER));
+        refusals(&outputs).len()
+    };
+    assert_eq!(refused(&mut server, 1), 1, "it has asked for all that it may");
+    for _ in 0..200 {
+        assert_eq!(refused(&mut server, 60), 60, "little at a time");
+        server.common.now += Duration::from_millis(125);
+        assert!((65..125).contains(&refused(&mut server, 250)), "and less than half of much");
+    }
+}
+
+#[test]
 fn shapes_to_build_with_are_bounded_too() {
     let mut server = built_in();
     // Some 100 kB each, and no two alike.

@@ -174,6 +174,41 @@ fn what_a_builder_made_outlives_it_its_nodes_and_the_server_and_it_goes_on_under
     assert!(refused.contains("builder"), "a client's token is no builder's: {refused}");
 }
 
+#[test]
+fn a_builder_sees_a_world_that_another_replaced_or_changed_as_it_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut server = serve(ServeConfig::new(folder.path()));
+    let _node = node(&server);
+    let floats = || RigidBodyBuilder::dynamic().gravity_scale(0.0);
+    let post = server.insert(floats(), ColliderBuilder::ball(0.1)).unwrap();
+    let mut builder = connected(&server, JoinRole::Builder);
+    let mut client = connected(&server, JoinRole::Client);
+    let all: &mut [&mut World] = &mut [&mut server, &mut builder, &mut client];
+    until("the world runs", all, |worlds| worlds[0].tick() > Tick(0) && worlds[1].contains(post));
+    let mut saved = Vec::new();
+    server.save(&mut saved).unwrap();
+
+    // Both change it, one after the other: the last word counts, for both.
+    let damping = |world: &World| world.record(post).unwrap().traits.linear_damping;
+    builder.update(post, |post| post.set_linear_damping(0.25)).unwrap();
+    until("it is done", &mut [&mut server, &mut builder], |worlds| damping(worlds[0]) == 0.25);
+    server.update(post, |post| post.set_linear_damping(0.5)).unwrap();
+    until("it is done", &mut [&mut server, &mut builder], |worlds| damping(worlds[1]) == 0.5);
+    builder.update(post, |post| post.set_linear_damping(0.75)).unwrap();
+    until("it is done", &mut [&mut server, &mut builder], |worlds| damping(worlds[0]) == 0.75);
+
+    builder.remove(post).unwrap();
+    builder.step().unwrap();
+    until("it is gone", &mut [&mut server, &mut client], |worlds| {
+        worlds.iter().all(|world| !world.contains(post))
+    });
+    server.reload(&saved[..]).unwrap();
+    until("it is back", &mut [&mut client, &mut server], |worlds| worlds[0].contains(post));
+    until("the builder sees it", &mut [&mut builder, &mut server], |worlds| worlds[0].contains(post));
+    let new = builder.insert(floats(), ColliderBuilder::ball(0.1)).unwrap();
+    until("it builds on", &mut [&mut builder, &mut client], |worlds| worlds[1].contains(new));
+}
+
 /// Joins without what keeps a client from asking.
 fn hostile(server: &World, role: JoinRole) -> ClientWorld {
     ClientWorld::connect(&join(server, role)).unwrap()

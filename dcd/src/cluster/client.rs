@@ -166,8 +166,9 @@ pub struct Client {
     logical_time: u64,
     /// It has said who it is, and was not welcomed yet.
     greeted: bool,
-    /// The world that it is being told replaces the one that it knew.
+    /// The world that it is being told replaces the one that it knew; and how often that was so before.
     replaced: bool,
+    replacements: u64,
     newest: NewestInputs,
     /// What it was told of bodies, which later states are told against.
     receiver: Receiver,
@@ -226,6 +227,7 @@ impl Client {
             surroundings: Surroundings::of(area),
             greeted: false,
             replaced: false,
+            replacements: 0,
             now: Duration::ZERO,
             unanswered: Vec::new(),
             building: Building::default(),
@@ -370,6 +372,11 @@ impl Client {
     /// Returns whether the whole world has arrived.
     pub fn is_joined(&self) -> bool {
         self.joined
+    }
+
+    /// Returns how often another world has arrived in place of the one before.
+    pub(crate) fn replacements(&self) -> u64 {
+        self.replacements
     }
 
     /// Returns the leader that this process should hear from and has no link to; none where its own node tells it.
@@ -619,8 +626,9 @@ impl Client {
                     self.forget(id);
                     self.outputs.push_back(ClientOutput::Removed(id));
                 }
-                if !std::mem::take(&mut self.replaced) {
-                    self.say_again();
+                match std::mem::take(&mut self.replaced) {
+                    true => self.replacements += 1,
+                    false => self.say_again(),
                 }
                 self.build_again();
                 self.outputs.push_back(ClientOutput::Joined);

@@ -220,6 +220,16 @@ impl ClientWorld {
         self.member.submit(ClientEvent::Build(ops))
     }
 
+    /// Returns how many calls of [`ClientWorld::build`], from the first on, the server has answered.
+    pub(crate) fn answered_builds(&self) -> u64 {
+        self.member.shared.lock().client.as_ref().map_or(0, Client::answered_builds)
+    }
+
+    /// Returns how often another world has arrived in place of the one before.
+    pub(crate) fn replacements(&self) -> u64 {
+        self.member.shared.lock().client.as_ref().map_or(0, Client::replacements)
+    }
+
     /// Returns the joints of the bodies that it was told of.
     pub(crate) fn joints(&self) -> Vec<JointRecord> {
         self.member.shared.lock().client.as_ref().map(|client| client.joints().to_vec()).unwrap_or_default()

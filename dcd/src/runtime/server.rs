@@ -104,6 +104,8 @@ struct Shared {
 struct State {
     summary: ServerSummary,
     view: Option<View>,
+    /// How many times its program's changes were done.
+    changes: u64,
     /// Answers to questions of the program, by number, and contacts that it has not taken.
     answers: BTreeMap<u64, QueryResult>,
     events: WorldEvents,
@@ -321,6 +323,11 @@ impl ServerProcess {
     /// checked: nodes refuse a server that sends what may not be.
     pub fn change(&self, ops: Vec<BuildOp>) {
         let _ = self.inbox.send(Input::Program(ops));
+    }
+
+    /// Returns how many calls of [`ServerProcess::change`] were done.
+    pub(crate) fn changes_done(&self) -> u64 {
+        self.shared.lock().changes
     }
 
     /// Sends a query to the nodes; [`ServerProcess::take_answer`] has the answer some ticks later, or when there are nodes. Its number must

@@ -30,6 +30,8 @@ pub(super) trait Known {
     fn has_shape(&self, hash: ShapeHash) -> bool;
     fn joints(&self) -> Vec<JointRecord>;
     fn tree(&self) -> DistributionTree;
+    /// Returns how many of the sends of its author, from the first on, were done, as far as they may.
+    fn answered(&self) -> u64;
 }
 
 /// Who names what an author makes.
@@ -71,15 +73,17 @@ pub(super) struct Author {
     speed_limit_m_s: f32,
     /// Shapes that the server was sent.
     sent: BTreeSet<ShapeHash>,
+    /// How often something was.
+    sends: u64,
     next_body: u32,
     next_joint: u64,
     /// New bodies of this step, in id order.
     bodies: Vec<BodyRecord>,
     joints: Vec<JointRecord>,
-    /// Changes of this step, and of earlier ones that are not on record yet: what is changed next builds on them.
+    /// Changes of this step, and of earlier ones that are not answered yet: what is changed next builds on them.
     altered_bodies: BTreeMap<BodyId, Altered>,
-    /// Likewise, and whether each was sent.
-    altered_joints: BTreeMap<JointId, (JointRecord, bool)>,
+    /// Likewise, and with which send each was sent.
+    altered_joints: BTreeMap<JointId, (JointRecord, Option<u64>)>,
     moves: BTreeMap<BodyId, Move>,
     pushes: Vec<Push>,
     removed_joints: Vec<JointId>,
@@ -93,7 +97,8 @@ pub(super) struct Author {
 struct Altered {
     traits: Arc<BodyTraits>,
     wakes: bool,
-    sent: bool,
+    /// With which send.
+    sent: Option<u64>,
 }
 
 #[derive(Clone, Copy, Default)]
@@ -110,6 +115,7 @@ impl Author {
             shapes: ShapeLibrary::default(),
             speed_limit_m_s,
             sent: BTreeSet::new(),
+            sends: 0,
             next_body,
             next_joint,
             bodies: Vec::new(),
@@ -147,9 +153,9 @@ impl Author {
             Some(id) => {
                 self.awaited.remove(&id);
                 self.leaving.remove(&id);
-                self.altered_bodies.retain(|known, altered| *known != id || !altered.sent);
+                self.altered_bodies.retain(|known, altered| *known != id || altered.sent.is_none());
             }
-            None => self.altered_joints.retain(|_, (_, sent)| !*sent),
+            None => self.altered_joints.retain(|_, (_, sent)| sent.is_none()),
         }
     }
 
@@ -162,19 +168,11 @@ impl Author {
     pub(super) fn take(&mut self, world: &dyn Known) -> Vec<BuildOp> {
         self.awaited.retain(|id, _| !world.knows(*id));
         self.leaving.retain(|id| world.knows(*id));
-        let awaited = &self.awaited;
-        self.altered_bodies.retain(|id, Altered { traits, sent, .. }| {
-            let is_done = match world.body(*id) {
-                Some(body) => body.traits == *traits,
-                None => !world.knows(*id) && !awaited.contains_key(id),
-            };
-            !(*sent && is_done)
-        });
-        if !self.altered_joints.is_empty() {
-            let joints: BTreeMap<_, _> = world.joints().into_iter().map(|joint| (joint.id, joint)).collect();
-            self.altered_joints
-                .retain(|id, (joint, sent)| !(*sent && joints.get(id).is_none_or(|known| known == joint)));
-        }
+        let answered = world.answered();
+        let is_open = |sent: Option<u64>| sent.is_none_or(|send| send > answered);
+        self.altered_bodies.retain(|_, altered| is_open(altered.sent));
+        self.altered_joints.retain(|_, (_, sent)| is_open(*sent));
+        let send = self.sends + 1;
         let mut ops = Vec::new();
         let (bodies, joints) = (std::mem::take(&mut self.bodies), std::mem::take(&mut self.joints));
         if !bodies.is_empty() {
@@ -188,13 +186,15 @@ impl Author {
             ops.push(BuildOp::Insert { bodies, shapes, joints });
         }
         for (&body, Altered { traits, wakes, sent }) in &mut self.altered_bodies {
-            if !std::mem::replace(sent, true) {
+            if sent.is_none() {
+                *sent = Some(send);
                 let (traits, wakes) = (traits.clone(), std::mem::take(wakes));
                 ops.push(BuildOp::Alter(Alteration::Body { body, traits, wakes }));
             }
         }
         for (joint, sent) in self.altered_joints.values_mut() {
-            if !std::mem::replace(sent, true) {
+            if sent.is_none() {
+                *sent = Some(send);
                 ops.push(BuildOp::Alter(Alteration::Joint(Box::new(joint.clone()))));
             }
         }
@@ -218,6 +218,7 @@ impl Author {
         ops.extend(std::mem::take(&mut self.pushes).into_iter().map(BuildOp::Push));
         ops.extend(std::mem::take(&mut self.removed_joints).into_iter().map(BuildOp::RemoveJoint));
         ops.extend(std::mem::take(&mut self.removed).into_iter().map(BuildOp::Remove));
+        self.sends += u64::from(!ops.is_empty());
         ops
     }
 
@@ -356,8 +357,11 @@ impl Author {
                 body.state.sleeping &= !wakes;
             }
             None => {
+                if let Some(body) = self.awaited.get_mut(&known.id) {
+                    body.set_traits(traits.clone());
+                }
                 let woken = self.altered_bodies.get(&known.id).is_some_and(|altered| altered.wakes);
-                self.altered_bodies.insert(known.id, Altered { traits, wakes: wakes || woken, sent: false });
+                self.altered_bodies.insert(known.id, Altered { traits, wakes: wakes || woken, sent: None });
             }
         }
         Ok(())
@@ -390,7 +394,7 @@ impl Author {
         match self.joints.iter_mut().find(|known| known.id == id) {
             Some(known) => *known = joint,
             None => {
-                self.altered_joints.insert(id, (joint, false));
+                self.altered_joints.insert(id, (joint, None));
             }
         }
         Ok(())
@@ -540,4 +544,82 @@ impl Author {
 
 fn refused(Invalid { field, rule }: Invalid) -> Error {
     WorldError::Setting { what: field, value: "out of range".to_owned(), range: rule }.into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::{sim_body, sim_world};
+
+    /// A world that is told by hand.
+    struct Told {
+        body: BodyRecord,
+        joint: JointRecord,
+        answered: u64,
+    }
+
+    impl Known for Told {
+        fn knows(&self, id: BodyId) -> bool {
+            self.body.id == id
+        }
+
+        fn body(&self, id: BodyId) -> Option<BodyRecord> {
+            self.knows(id).then(|| self.body.clone())
+        }
+
+        fn ids(&self) -> BTreeSet<BodyId> {
+            [self.body.id].into()
+        }
+
+        fn shape(&self, _hash: ShapeHash) -> Option<ShapeRecord> {
+            None
+        }
+
+        fn has_shape(&self, _hash: ShapeHash) -> bool {
+            false
+        }
+
+        fn joints(&self) -> Vec<JointRecord> {
+            vec![self.joint.clone()]
+        }
+
+        fn tree(&self) -> DistributionTree {
+            sim_world(1).tree
+        }
+
+        fn answered(&self) -> u64 {
+            self.answered
+        }
+    }
+
+    #[test]
+    fn a_change_is_seen_until_it_is_answered_and_then_whatever_is_told() {
+        let body = sim_body(BodyId::persistent(0), [0.0; 3]);
+        let joint = joint_record(JointId(0), body.id, BodyId::persistent(1), &GenericJoint::default());
+        let mut told = Told { body: body.clone(), joint, answered: 0 };
+        let mut author = Author::new(Names::Builder(ClientId(1)), (0, 0), 100.0);
+        let seen = |author: &Author, told: &Told| {
+            let damping = author.known(told, body.id).map(|body| body.traits.linear_damping);
+            (damping, author.joints(told)[0].contacts_enabled)
+        };
+        let before = (Some(0.0), told.joint.contacts_enabled);
+        author.update(&told, body.id, &mut |body| body.set_linear_damping(0.5)).unwrap();
+        author
+            .update_joint(&told, JointId(0), &mut |joint| _ = joint.set_contacts_enabled(!before.1))
+            .unwrap();
+        assert_eq!(author.take(&told).len(), 2);
+        for _ in 0..3 {
+            assert_eq!(seen(&author, &told), (Some(0.5), !before.1));
+            assert!(author.take(&told).is_empty(), "it is sent once");
+        }
+        // Meanwhile another has changed both to something else.
+        told.answered = 1;
+        assert!(author.take(&told).is_empty());
+        assert_eq!(seen(&author, &told), before);
+        // What was not sent yet is not answered.
+        author.update(&told, body.id, &mut |body| body.set_linear_damping(0.25)).unwrap();
+        assert_eq!(author.take(&told).len(), 1);
+        assert!(author.take(&told).is_empty());
+        assert_eq!(seen(&author, &told).0, Some(0.25));
+    }
 }

@@ -141,6 +141,10 @@ impl Known for ServerProcess {
     fn tree(&self) -> DistributionTree {
         ServerProcess::tree(self)
     }
+
+    fn answered(&self) -> u64 {
+        self.changes_done()
+    }
 }
 
 impl Remote for Hosted {

@@ -50,4 +50,8 @@ impl Known for Seen<'_> {
     fn tree(&self) -> DistributionTree {
         self.environment.tree.clone()
     }
+
+    fn answered(&self) -> u64 {
+        self.world.answered_builds()
+    }
 }

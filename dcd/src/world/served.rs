@@ -36,6 +36,8 @@ pub(super) struct Served {
     network: Network,
     /// What it does to what is the world's own, if it may.
     author: Option<Author>,
+    /// How often another world came in place of the one before.
+    replacements: u64,
     environment: EnvironmentProperties,
     /// Bodies as received up to the last step, in id order.
     bodies: Vec<Heard>,
@@ -77,6 +79,7 @@ impl Served {
         });
         let mut served = Self {
             author,
+            replacements: 0,
             network: Network::new(world.connections().clone()),
             world,
             environment,
@@ -112,6 +115,11 @@ impl Served {
             self.environment.tree = tree;
         }
         let heard = self.world.take_events();
+        let replacements = self.world.replacements();
+        if std::mem::replace(&mut self.replacements, replacements) != replacements {
+            let (body, joint) = self.world.next_built();
+            self.author.iter_mut().for_each(|author| author.begin_anew((body, joint.into())));
+        }
         self.departed.clear();
         for &id in &heard.disappeared {
             let user_data = self.leaving.remove(&id).or_else(|| self.user_data(id));

@@ -14,10 +14,21 @@ const MAX_WAITING_BYTES: usize = 8 << 20;
 /// What a client has asked to be built and has no answer to, in order.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Building {
-    asked: u64,
-    waiting: BTreeMap<u64, (usize, Vec<BuildOp>)>,
+    /// How often its user has asked, and how many messages that took.
+    requests: u64,
+    messages: u64,
+    waiting: BTreeMap<u64, Waiting>,
     /// The indices of the next body and the next joint, as the server said.
     pub(super) next: (u32, u32),
+}
+
+/// A message that the server has not answered.
+#[derive(Clone, Debug)]
+struct Waiting {
+    /// The request of the user that it belongs to.
+    request: u64,
+    bytes: usize,
+    ops: Vec<BuildOp>,
 }
 
 impl Building {
@@ -38,8 +49,15 @@ impl Client {
         self.building.next
     }
 
+    /// Returns how many requests to build, from the first on, the server has answered.
+    pub(crate) fn answered_builds(&self) -> u64 {
+        let first = self.building.waiting.values().next();
+        first.map_or(self.building.requests, |waiting| waiting.request - 1)
+    }
+
     /// Sends what is to be built; what waits for the server is sent once it has welcomed us.
     pub(super) fn build(&mut self, ops: Vec<BuildOp>) {
+        self.building.requests += 1;
         let mut fitting = VecDeque::new();
         for op in ops.into_iter().flat_map(|op| op.in_parts(BUILD_BYTES)) {
             match encoded_len(&op) <= BUILD_BYTES {
@@ -56,14 +74,14 @@ impl Client {
     }
 
     fn send_build(&mut self, ops: Vec<BuildOp>) {
-        let waiting: usize = self.building.waiting.values().map(|(bytes, _)| bytes).sum();
+        let waiting: usize = self.building.waiting.values().map(|waiting| waiting.bytes).sum();
         let bytes = encoded_len(&ops);
         if waiting + bytes > MAX_WAITING_BYTES {
             return ops.iter().for_each(|op| self.refuse(op, Refusal::TooMany));
         }
-        self.building.asked += 1;
-        let number = self.building.asked;
-        self.building.waiting.insert(number, (bytes, ops.clone()));
+        self.building.messages += 1;
+        let (number, request) = (self.building.messages, self.building.requests);
+        self.building.waiting.insert(number, Waiting { request, bytes, ops: ops.clone() });
         // Those that wait come before it.
         if self.server_linked && self.joined && !self.greeted {
             self.ask_server(FromClient::Build { number, ops });
@@ -84,9 +102,10 @@ impl Client {
             BuildOp::Alter(Alteration::Body { body, wakes: true, .. }) => Some(*body),
             _ => None,
         };
-        let woken: BTreeSet<_> = waiting.values().flat_map(|(_, ops)| ops).filter_map(wakes).collect();
+        let woken: BTreeSet<_> =
+            waiting.values().flat_map(|waiting| &waiting.ops).filter_map(wakes).collect();
         let (mut bodies_altered, mut joints_altered) = (BTreeSet::new(), BTreeSet::new());
-        for (_, ops) in waiting.values_mut().rev() {
+        for Waiting { ops, .. } in waiting.values_mut().rev() {
             ops.reverse();
             ops.retain_mut(|op| match op {
                 BuildOp::Insert { bodies, .. } => {
@@ -103,9 +122,10 @@ impl Client {
             });
             ops.reverse();
         }
-        for (number, (bytes, ops)) in waiting.into_iter().filter(|(_, (_, ops))| !ops.is_empty()) {
-            self.building.waiting.insert(number, (bytes, ops.clone()));
-            self.ask_server(FromClient::Build { number, ops });
+        waiting.retain(|_, waiting| !waiting.ops.is_empty());
+        for (&number, Waiting { ops, .. }) in &waiting {
+            self.ask_server(FromClient::Build { number, ops: ops.clone() });
         }
+        self.building.waiting = waiting;
     }
 }

@@ -341,6 +341,7 @@ fn what_is_to_be_built_is_said_again_to_a_server_that_is_back_unless_it_shows_th
 
     // One is on record, of the next the world tells, and the others were never heard of.
     tell(&mut client, ToClient::Built(sent[0].0));
+    assert_eq!(client.answered_builds(), 0, "not all of the request");
     let velocity = Velocity::default();
     let go = Input { body: all[0].id, logical_time: 0, tick: Tick(0), velocity, pose: None, drive: None };
     client.handle(at, ClientEvent::Build(vec![BuildOp::Move(go)]));
@@ -354,8 +355,10 @@ fn what_is_to_be_built_is_said_again_to_a_server_that_is_back_unless_it_shows_th
     assert_eq!(removal.1, [BuildOp::Remove(all[0].id)], "a velocity of before is not meant for now");
     assert_eq!(others, &sent[2..]);
     for (number, _) in &again {
+        assert!(client.answered_builds() < 3);
         tell(&mut client, ToClient::Built(*number));
     }
+    assert_eq!(client.answered_builds(), 3);
     joins(&mut client, all);
     assert_eq!(built(&mut client), []);
 }
@@ -382,10 +385,13 @@ fn what_is_to_be_built_keeps_its_order_while_a_world_arrives_and_is_said_of_a_ne
     assert_eq!(numbers(built(&mut client)), [1, 2, 3]);
 
     // Another world in its place.
+    assert_eq!((client.answered_builds(), client.replacements()), (0, 0));
     tell(&mut client, welcome());
+    assert_eq!((client.answered_builds(), client.replacements()), (3, 0));
     assert_eq!(build(&mut client, 4), []);
     tell(&mut client, ToClient::WorldEnd);
     assert_eq!(numbers(built(&mut client)), [4], "what was asked before was meant for the other");
+    assert_eq!((client.answered_builds(), client.replacements()), (3, 1));
 }
 
 #[test]

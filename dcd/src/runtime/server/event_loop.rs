@@ -99,7 +99,10 @@ impl Loop {
                 }
                 Ok(Input::Stop) => self.stop(now),
                 Ok(Input::Suspend) => self.server().handle(now, ServerEvent::Suspend),
-                Ok(Input::Program(ops)) => self.server().handle(now, ServerEvent::Program(ops)),
+                Ok(Input::Program(ops)) => {
+                    self.server().handle(now, ServerEvent::Program(ops));
+                    self.shared.lock().changes += 1;
+                }
                 Ok(Input::Ask(question)) => self.server().handle(now, ServerEvent::Ask(question)),
                 Ok(Input::Forget(number)) => {
                     self.server().handle(now, ServerEvent::Forget(number));

@@ -233,17 +233,19 @@
 // In DcdBodyChange.reason: a newer input had arrived before.
 #define DCD_REFUSED_LATE 6
 
-// In DcdBodyChange.reason: the shape did not arrive with the avatar, or cannot be an avatar's.
+// In DcdBodyChange.reason: the shape did not arrive with the avatar, or cannot be an avatar's; or a builder's, which has neither voxels nor
+// half-spaces.
 #define DCD_REFUSED_SHAPE 7
 
 // In DcdBodyChange.reason: too many avatars, too much asked of them at a time, or more than 1 MiB of new shapes:
-// use the shapes that you have. Of a builder: more than 4,096 bodies or joints of its own, 8,192 changes at once and 1,024 more each second,
+// use the shapes that you have. Of a builder: more than 4,096 bodies or joints of its own, 24,576 changes at once and 1,024 more each second,
 // or 16 MiB of shapes.
 #define DCD_REFUSED_TOO_MANY 8
 
 // In DcdBodyChange.reason: the avatar would cost too much: it has more than 8 extra solver or PGS iterations, reaches farther than 100 m
-// from its origin, begins where 64 others of this client are, or all of them together have more than 20,000 corners (200,000 of
-// what a builder has built and moves); or a body that is built takes more than 60 KiB with its shapes and what joints tie to it.
+// from its origin, begins where 64 others of this client are, or all of them together have more than 20,000 corners (200,000,
+// and 16,384 colliders, of what a builder has built); or a body that is built takes more than 60 KiB with its shapes and what joints tie to
+// it, or asks for contacts of fixed bodies.
 #define DCD_REFUSED_COSTLY 9
 
 // In DcdBodyChange.reason: the jump is farther than the avatar could have moved since its last one, or in a second, at the limit of

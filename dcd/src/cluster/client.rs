@@ -375,7 +375,7 @@ impl Client {
     }
 
     /// Returns how often another world has arrived in place of the one before.
-    pub(crate) fn replacements(&self) -> u64 {
+    pub fn replacements(&self) -> u64 {
         self.replacements
     }
 

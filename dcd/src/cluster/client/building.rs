@@ -50,7 +50,7 @@ impl Client {
     }
 
     /// Returns how many requests to build, from the first on, the server has answered.
-    pub(crate) fn answered_builds(&self) -> u64 {
+    pub fn answered_builds(&self) -> u64 {
         let first = self.building.waiting.values().next();
         first.map_or(self.building.requests, |waiting| waiting.request - 1)
     }

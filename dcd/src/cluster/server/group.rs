@@ -39,7 +39,7 @@ pub(super) struct Group {
     /// Changes by the server's program that came while membership changed.
     pub postponed: Vec<WorldOp>,
     /// Joints that it removed since the present view began.
-    pub removed_joints: Vec<JointId>,
+    pub removed_joints: BTreeSet<JointId>,
     /// Bodies that it changed, and whether it woke them since the present view began.
     pub altered_bodies: BTreeMap<BodyId, bool>,
     /// Joints that it changed.
@@ -76,7 +76,7 @@ impl Group {
             at_last_tick: BTreeSet::new(),
             arriving: BTreeSet::new(),
             postponed: Vec::new(),
-            removed_joints: Vec::new(),
+            removed_joints: BTreeSet::new(),
             altered_bodies: BTreeMap::new(),
             altered_joints: BTreeSet::new(),
             owners: BTreeMap::new(),

@@ -55,7 +55,7 @@ impl Server {
                 for group in self.groups.values_mut() {
                     if group.record.remove_joint(id) {
                         self.common.send_clients(group.id, &ToClient::JointRemoved(id));
-                        group.removed_joints.push(id);
+                        group.removed_joints.insert(id);
                         group.apply_soon(&mut self.common, WorldOp::RemoveJoint(id));
                     }
                 }

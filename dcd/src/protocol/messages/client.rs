@@ -237,7 +237,8 @@ pub enum ToClient {
 
 impl ToClient {
     /// Returns whether it tells of what has come, gone or become something else in the world.
-    pub(crate) fn changes_world(&self) -> bool {
+    #[doc(hidden)]
+    pub fn changes_world(&self) -> bool {
         matches!(self, Self::Inserted { .. } | Self::Removed(_) | Self::Altered(_) | Self::JointRemoved(_))
     }
 }

@@ -9,7 +9,7 @@ use nalgebra::{Isometry3, Vector3};
 use super::MAX_AVATARS;
 use crate::cluster::Record;
 use crate::protocol::{
-    BodyRecord, Character, ColliderRecord, Costs, Pose, Refusal, ShapeHash, ShapeRecord, Vehicle,
+    BodyRecord, BodyTraits, Character, ColliderRecord, Costs, Pose, Refusal, ShapeHash, ShapeRecord, Vehicle,
 };
 use crate::space::{BodyId, Bounds, ClientId};
 
@@ -199,7 +199,7 @@ impl Size {
             corners += shape.corner_count();
             colliders += 1;
             let way_m = at.translation.vector.norm() as f32;
-            reach_m = reach_m.max(way_m + shape.reach_m() + margin_m(body, collider));
+            reach_m = reach_m.max(way_m + shape.reach_m() + margin_m(&body.traits, collider));
         }
         Self { corners, colliders: colliders.max(body.traits.colliders.len()), reach_m }
     }
@@ -216,13 +216,14 @@ pub(super) fn bounds_of<'a>(
         let turned = place.rotation.to_rotation_matrix().into_inner().abs();
         let half = turned * Vector3::from(shape.half_extents_m().map(f64::from));
         let around = Bounds::around(place.translation.vector.into(), half.into());
-        around.grown(f64::from(margin_m(body, collider)))
+        around.grown(f64::from(margin_m(&body.traits, collider)))
     };
     parts_of(body, find).into_iter().map(bounds).reduce(|a, b| a.union(&b))
 }
 
-fn margin_m(body: &BodyRecord, collider: &ColliderRecord) -> f32 {
-    collider.contact_skin_m + body.traits.soft_ccd_m.max(0.0)
+/// Returns how far around a collider its body looks.
+pub(super) fn margin_m(traits: &BodyTraits, collider: &ColliderRecord) -> f32 {
+    collider.contact_skin_m + traits.soft_ccd_m.max(0.0)
 }
 
 /// Returns the shapes of a body, parts of compounds in their stead: each with its collider, and where it is on the body.

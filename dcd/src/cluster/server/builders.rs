@@ -4,7 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::Server;
-use super::budget::{MAX_EXTRA_ITERATIONS, MAX_OVERLAPS, MAX_REACH_M, Size, bounds_of};
+use super::budget::{MAX_EXTRA_ITERATIONS, MAX_OVERLAPS, MAX_REACH_M, Size, bounds_of, margin_m};
 use super::group::Group;
 use crate::cluster::{Life, Peer, Record};
 use crate::protocol::{
@@ -24,6 +24,8 @@ const MAX_BUILT_CORNERS: usize = 200_000;
 const MAX_BUILT_COLLIDERS: usize = 16_384;
 /// The most colliders of all those that a new body may overlap: each of its own is compared with each of them.
 const MAX_OVERLAPPED_COLLIDERS: usize = 1_024;
+/// How far a body may look around its colliders, metres.
+const MAX_MARGIN_M: f32 = 10.0;
 /// The bit of Rapier's `ActiveCollisionTypes::FIXED_FIXED`.
 const FIXED_FIXED: u16 = 1 << 5;
 
@@ -253,12 +255,7 @@ fn check_change(record: &Record, op: &BuildOp, speed_limit_m_s: f32) -> Result<(
             let same = known.colliders.iter().map(place).eq(traits.colliders.iter().map(place));
             honest(same && traits.kind != BodyKind::Fixed)?;
             honest(known.character == traits.character && known.vehicle == traits.vehicle)?;
-            check_traits(traits)?;
-            let body = record.body(*body).ok_or(Refusal::Unknown)?;
-            let reach_m = |body: &BodyRecord| Size::of(body, |hash| record.shape(hash)).reach_m;
-            let altered = BodyRecord { traits: traits.clone(), ..body.clone() };
-            let grows = reach_m(&altered) > reach_m(body).max(MAX_REACH_M);
-            if grows { Err(Refusal::Costly(Costs::Size)) } else { Ok(()) }
+            check_traits(traits)
         }
         BuildOp::Alter(Alteration::Joint(joint)) => {
             let known = record.joint(joint.id).ok_or(Refusal::Unknown)?;
@@ -270,6 +267,9 @@ fn check_change(record: &Record, op: &BuildOp, speed_limit_m_s: f32) -> Result<(
 fn check_traits(traits: &BodyTraits) -> Result<(), Refusal> {
     if traits.extra_solver_iterations.max(traits.extra_pgs_iterations) > MAX_EXTRA_ITERATIONS {
         return Err(Refusal::Costly(Costs::Iterations));
+    }
+    if traits.colliders.iter().any(|collider| margin_m(traits, collider) > MAX_MARGIN_M) {
+        return Err(Refusal::Costly(Costs::Size));
     }
     match traits.colliders.iter().all(|collider| collider.collision_types & FIXED_FIXED == 0) {
         true => Ok(()),
@@ -304,6 +304,10 @@ impl New<'_, '_> {
             honest(is_slow(body.traits.kind, &body.state.velocity, speed_limit_m_s))?;
             check_traits(&body.traits)?;
         }
+        // Before each of them is looked at.
+        if self.part_count() > MAX_BUILT_COLLIDERS {
+            return Err(Refusal::Costly(Costs::Colliders));
+        }
         if !self.shapes_fit() {
             return Err(Refusal::Shape);
         }
@@ -327,6 +331,13 @@ impl New<'_, '_> {
         Ok(())
     }
 
+    /// Returns how many parts its compounds have.
+    fn part_count(&self) -> usize {
+        let colliders = self.bodies.iter().flat_map(|body| &body.traits.colliders);
+        let shapes = colliders.filter_map(|collider| (self.find)(collider.shape));
+        shapes.map(|shape| shape.parts().count()).sum()
+    }
+
     /// Returns whether all shapes are there, and suit what they are for.
     fn shapes_fit(&self) -> bool {
         let suits = |hash| (self.find)(hash).filter(|shape| shape.suits_builders());
@@ -341,12 +352,6 @@ impl New<'_, '_> {
 
     /// Checks how many there are by then, and what they cost.
     fn check_costs(&self, sizes: &mut BTreeMap<BodyId, Size>) -> Result<(), Refusal> {
-        let colliders = self.bodies.iter().flat_map(|body| &body.traits.colliders);
-        let parts = colliders.filter_map(|collider| (self.find)(collider.shape)).map(ShapeRecord::parts);
-        // Before each of them is looked at.
-        if parts.map(Iterator::count).sum::<usize>() > MAX_BUILT_COLLIDERS {
-            return Err(Refusal::Costly(Costs::Colliders));
-        }
         if sizes.len() > 2 * MAX_BUILT {
             sizes.clear();
         }

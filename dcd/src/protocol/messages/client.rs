@@ -346,7 +346,9 @@ pub enum Costs {
     #[error("at most 20,000 corners of all avatars of a client together: use simpler hulls, or fewer")]
     Corners,
     /// Reach from its origin.
-    #[error("it may reach at most 100 m from its origin")]
+    #[error(
+        "it may reach at most 100 m from its origin, and, built, look at most 10 m around its colliders (contact skin and soft CCD)"
+    )]
     Size,
     /// Characters and vehicles, with the client's other ones.
     #[error("at most 32 characters and vehicles of a client: make the others of another kind")]

@@ -146,9 +146,13 @@ fn what_is_fixed_costs_too() {
     let wall = [ShapeRecord::Cuboid([10.0, 2.0, 0.1])];
     // Walls beside each other do not overlap, though they are long.
     for index in 0..70 {
-        let wall = shaped(at(index, [0.0, 2.0, f64::from(index) * 0.5]), BodyKind::Fixed, &wall, 1);
+        let wall = shaped(at(index, [0.0, 2.0, f64::from(index) * 0.25]), BodyKind::Fixed, &wall, 1);
         assert_eq!(refusal(&mut server, wall), None, "wall {index}");
     }
+    let mut across = at(99, [0.0, 2.0, 8.5]);
+    across.state.pose.rotation = [0.0, 0.5f32.sqrt(), 0.0, 0.5f32.sqrt()];
+    let across = shaped(across, BodyKind::Fixed, &wall, 1);
+    assert_eq!(refusal(&mut server, across), costly(Costs::Overlaps), "it goes through all of them");
     let ball = [ShapeRecord::Ball(0.5)];
     let fixed = |index| shaped(at(index, [500.0; 3]), BodyKind::Fixed, &ball, 1);
     let came = (100..200).take_while(|&index| refusal(&mut server, fixed(index)).is_none()).count();

@@ -197,7 +197,8 @@ fn fixed_bodies_that_meet_each_other_and_what_looks_far_around_are_refused() {
     };
     let skin = |traits: &mut BodyTraits| traits.colliders[0].contact_skin_m = 120.0;
     let ahead = |traits: &mut BodyTraits| traits.soft_ccd_m = 120.0;
-    let cases: [(BodyKind, &dyn Fn(&mut BodyTraits), Costs); 3] = [
+    type Case<'a> = (BodyKind, &'a dyn Fn(&mut BodyTraits), Costs);
+    let cases: [Case<'_>; 3] = [
         (BodyKind::Fixed, &meets, Costs::FixedPairs),
         (BodyKind::Dynamic, &skin, Costs::Size),
         (BodyKind::Dynamic, &ahead, Costs::Size),

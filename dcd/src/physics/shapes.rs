@@ -284,12 +284,15 @@ fn recent_place(shape: &SharedShape) -> usize {
     (address.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 32) as usize % RECENT
 }
 
-/// Returns whether these shapes can be built, each after its parts, given those known already.
+/// Returns whether these shapes can be built, each after its parts, given those known already. What is known may be large: no part of a
+/// compound is built that no compound can have.
 pub(crate) fn can_build(known: &BTreeMap<ShapeHash, ShapeRecord>, shapes: &[ShapeRecord]) -> bool {
     let mut library = ShapeLibrary::default();
     shapes.iter().all(|shape| {
-        let mut parts = shape.parts().filter_map(|part| known.get(&part));
-        parts.all(|part| library.add(part.clone()).is_ok()) && library.add(shape.clone()).is_ok()
+        let parts: BTreeSet<_> = shape.parts().collect();
+        let mut parts = parts.into_iter().filter_map(|part| known.get(&part));
+        parts.all(|part| !part.is_composite() && library.add(part.clone()).is_ok())
+            && library.add(shape.clone()).is_ok()
     })
 }
 

@@ -3,7 +3,8 @@
 //! **A peer that reads slowly** costs bounded memory, and then loses its link; it can dial again. Beside what QUIC and the lanes
 //! hold ([`protocol::link`]), there waits here
 //! - for a server, a node or a participant: a whole world, since a view change may move all of it;
-//! - for a client: a whole world while it receives its first snapshot or what comes, goes and changes in it, and nothing otherwise;
+//! - for a client: a whole world while it receives its first snapshot, [`CHANGES_BYTES`] of what comes, goes and changes in it
+//!   later, but for avatars, and nothing otherwise;
 //! - for no peer anything, once it has taken in nothing for [`STUCK`] while its link was up.
 //!
 //! States, which go in datagrams, never wait: the oldest are dropped. What a tick waits for is sent twice over links that lose packets
@@ -28,6 +29,8 @@ use crate::space::{ClientId, NodeId};
 
 /// The most bytes that may wait for a peer: a world, and what happens in it meanwhile.
 const WORLD_BYTES: usize = 256 << 20;
+/// The most bytes that wait for a client of what others build.
+const CHANGES_BYTES: usize = 16 << 20;
 /// A peer that takes in nothing for this long, though something waits for it, is given up.
 const STUCK: Duration = Duration::from_secs(10);
 
@@ -39,6 +42,17 @@ const COUNT: Duration = Duration::from_millis(100);
 
 /// A message is repeated only if at most this many bytes of datagrams wait on its link.
 const REPEATS_WAITING: usize = 8 << 10;
+
+/// What a client is receiving beside what each tick brings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Told {
+    /// The world's first snapshot.
+    World,
+    /// The same, of which the last message waits for it or was sent.
+    WorldEnd,
+    /// What has changed in the world since.
+    Changes,
+}
 
 /// An event of a link, translated for the cluster's state machines.
 #[derive(Debug)]
@@ -69,9 +83,8 @@ pub(super) struct Links {
     names: BTreeMap<PeerKey, PeerName>,
     dialled: BTreeMap<PeerKey, Peer>,
     waiting: BTreeMap<Peer, Waiting>,
-    /// Clients that are receiving the world's first snapshot, or what has changed in it since, and whether the last message of that is
-    /// among what waits for them.
-    told: BTreeMap<Peer, bool>,
+    /// What clients are receiving beside what each tick brings.
+    told: BTreeMap<Peer, Told>,
     given_up: Vec<LinkEvent>,
     world_bytes: usize,
     repeats: Repeats,
@@ -186,11 +199,11 @@ impl Links {
             Lane::Border => crate::net::Lane::Object,
         };
         match message {
-            Message::ToClient(_, ToClient::Welcome { .. }) => drop(self.told.insert(to, false)),
-            Message::ToClient(_, ToClient::WorldEnd) => drop(self.told.insert(to, true)),
+            Message::ToClient(_, ToClient::Welcome { .. }) => drop(self.told.insert(to, Told::World)),
+            Message::ToClient(_, ToClient::WorldEnd) => drop(self.told.insert(to, Told::WorldEnd)),
             // Another builds: that nobody can foresee, nor ask for less of it.
             Message::ToClient(_, message) if message.changes_world() => {
-                self.told.entry(to).or_insert(true);
+                self.told.entry(to).or_insert(Told::Changes);
             }
             _ => {}
         }
@@ -199,9 +212,9 @@ impl Links {
         self.forget_told(to);
     }
 
-    /// Forgets that a client was receiving the world, once it has taken the last message in.
+    /// Forgets that a client was receiving more than ticks bring, once it has taken the last of that in.
     fn forget_told(&mut self, to: Peer) {
-        if !self.waiting.contains_key(&to) && self.told.get(&to) == Some(&true) {
+        if !self.waiting.contains_key(&to) && self.told.get(&to).is_some_and(|told| *told != Told::World) {
             self.told.remove(&to);
         }
     }
@@ -316,7 +329,11 @@ impl Links {
         let who = self.key(peer).and_then(|key| self.names.get(&key));
         let is_client =
             matches!((peer, who), (Peer::Client(_), None)) || who.is_some_and(|who| who.is_client_only());
-        if is_client && !self.told.contains_key(&peer) { 0 } else { self.world_bytes }
+        match self.told.get(&peer) {
+            None if is_client => 0,
+            Some(Told::Changes) if is_client => CHANGES_BYTES.min(self.world_bytes),
+            _ => self.world_bytes,
+        }
     }
 
     /// Ends a link after what was sent has arrived.

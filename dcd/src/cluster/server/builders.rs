@@ -1,6 +1,7 @@
 //! Obeys clients that may build, as the server's program but within bounds: what one of them brings must cost others little. What they
 //! build is the world's, and stays when they leave.
 
+use std::cell::OnceCell;
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::Server;
@@ -11,7 +12,7 @@ use crate::protocol::{
     Alteration, BodyKind, BodyRecord, BodyTraits, BuildOp, ColliderRecord, Costs, Farewell, Input,
     JointRecord, Refusal, ShapeHash, ShapeRecord, ToClient, Velocity, encoded_len,
 };
-use crate::space::{BodyId, ClientId, Tick};
+use crate::space::{BodyId, Bounds, ClientId, Tick};
 
 /// The most bodies, and the most joints, of the world that one client has built.
 pub const MAX_BUILT: usize = 4_096;
@@ -179,6 +180,7 @@ impl Server {
         let config = &self.common.config;
         let building = &mut self.common.allowances.entry(client).or_default().building;
         let find = record.shapes_with(shapes);
+        honest(are_used(shapes, bodies, &find))?;
         let new = New { client, record, bodies, joints, find: &find };
         new.check(config.world.step.speed_limit_m_s, &mut building.sizes)?;
         let unknown = record.unknown(shapes);
@@ -199,6 +201,20 @@ impl Server {
         }
         Ok(())
     }
+}
+
+/// Returns whether each of these shapes is one of a body's colliders, or a part of one: what is on record is told with the first body that has it,
+/// and once.
+fn are_used<'a>(
+    shapes: &[ShapeRecord],
+    bodies: &[BodyRecord],
+    find: impl Fn(ShapeHash) -> Option<&'a ShapeRecord>,
+) -> bool {
+    let colliders = bodies.iter().flat_map(|body| &body.traits.colliders);
+    let mut used: BTreeSet<_> = colliders.map(|collider| collider.shape).collect();
+    let parts: Vec<_> = used.iter().filter_map(|&hash| find(hash)).flat_map(ShapeRecord::parts).collect();
+    used.extend(parts);
+    shapes.iter().all(|shape| used.contains(&shape.hash()))
 }
 
 fn as_refused(reason: Refusal) -> (Refusal, bool) {
@@ -271,9 +287,11 @@ fn check_traits(traits: &BodyTraits) -> Result<(), Refusal> {
     if traits.colliders.iter().any(|collider| margin_m(traits, collider) > MAX_MARGIN_M) {
         return Err(Refusal::Costly(Costs::Size));
     }
-    match traits.colliders.iter().all(|collider| collider.collision_types & FIXED_FIXED == 0) {
-        true => Ok(()),
-        false => Err(Refusal::Costly(Costs::FixedPairs)),
+    // It does nothing on a body that moves.
+    let meets_fixed = |collider: &ColliderRecord| collider.collision_types & FIXED_FIXED != 0;
+    match traits.kind == BodyKind::Fixed && traits.colliders.iter().any(meets_fixed) {
+        true => Err(Refusal::Costly(Costs::FixedPairs)),
+        false => Ok(()),
     }
 }
 
@@ -355,15 +373,16 @@ impl New<'_, '_> {
         if sizes.len() > 2 * MAX_BUILT {
             sizes.clear();
         }
-        let mut all: Vec<(&BodyRecord, Size)> = Vec::new();
+        let mut all = Vec::new();
         for body in self.record.built(self.client) {
             let size = *sizes.entry(body.id).or_insert_with(|| Size::of(body, self.find));
-            all.push((body, size));
+            all.push(Known { body, size, bounds: OnceCell::new() });
         }
         let before = all.len();
-        all.extend(self.bodies.iter().map(|body| (body, Size::of(body, self.find))));
+        let new = |body| Known { body, size: Size::of(body, self.find), bounds: OnceCell::new() };
+        all.extend(self.bodies.iter().map(new));
         let joints = self.record.built_joints(self.client).count() + self.joints.len();
-        let sum = |of: fn(&Size) -> usize| all.iter().map(|(_, size)| of(size)).sum::<usize>();
+        let sum = |of: fn(&Size) -> usize| all.iter().map(|one| of(&one.size)).sum::<usize>();
         if all.len().max(joints) > MAX_BUILT {
             return Err(Refusal::TooMany);
         }
@@ -374,30 +393,31 @@ impl New<'_, '_> {
             return Err(Refusal::Costly(Costs::BuiltCorners));
         }
         let new = &all[before..];
-        if new.iter().any(|(body, size)| !is_fixed(body) && size.reach_m > MAX_REACH_M) {
+        if new.iter().any(|one| !is_fixed(one.body) && one.size.reach_m > MAX_REACH_M) {
             return Err(Refusal::Costly(Costs::Size));
         }
         if new.iter().any(|one| self.is_crowded(one, &all)) {
             return Err(Refusal::Costly(Costs::Overlaps));
         }
-        sizes.extend(new.iter().map(|(body, size)| (body.id, *size)));
+        sizes.extend(new.iter().map(|one| (one.body.id, one.size)));
         Ok(())
     }
 
     /// Returns whether a body begins where too many of its client's others are: fixed ones, if it is fixed, or those that move.
-    fn is_crowded(&self, (body, size): &(&BodyRecord, Size), all: &[(&BodyRecord, Size)]) -> bool {
-        let Some(bounds) = bounds_of(body, self.find) else { return false };
+    fn is_crowded<'b>(&self, one: &Known<'b>, all: &[Known<'b>]) -> bool {
+        let bounds_of = |of: &Known<'b>| *of.bounds.get_or_init(|| bounds_of(of.body, self.find));
+        let Some(bounds) = bounds_of(one) else { return false };
         let (mut bodies, mut colliders) = (0, 0);
-        for (other, of) in all {
-            if other.id == body.id || is_fixed(other) != is_fixed(body) {
+        for other in all {
+            if other.body.id == one.body.id || is_fixed(other.body) != is_fixed(one.body) {
                 continue;
             }
-            let (a, b) = (body.state.pose.translation, other.state.pose.translation);
+            let (a, b) = (one.body.state.pose.translation, other.body.state.pose.translation);
             let apart_m2: f64 = (0..3).map(|k| (a[k] - b[k]).powi(2)).sum();
-            let is_near = apart_m2 <= f64::from(size.reach_m + of.reach_m).powi(2);
-            if is_near && bounds_of(other, self.find).is_some_and(|other| bounds.touches(&other)) {
+            let is_near = apart_m2 <= f64::from(one.size.reach_m + other.size.reach_m).powi(2);
+            if is_near && bounds_of(other).is_some_and(|other| bounds.touches(&other)) {
                 bodies += 1;
-                colliders += of.colliders;
+                colliders += other.size.colliders;
             }
             if bodies > MAX_OVERLAPS || colliders > MAX_OVERLAPPED_COLLIDERS {
                 return true;
@@ -405,4 +425,11 @@ impl New<'_, '_> {
         }
         false
     }
+}
+
+/// A body with its size, and its AABB once that was asked for: to find that out takes long, and each body is compared with all others.
+struct Known<'b> {
+    body: &'b BodyRecord,
+    size: Size,
+    bounds: OnceCell<Option<Bounds>>,
 }

@@ -97,6 +97,9 @@ fn tell_copy(side: &mut Side, link: BodyRef, moment: Moment<'_>) {
     } else {
         strike::note(region, islands, link.handle, shared);
     }
+    if !asleep && shared.is_split() {
+        strike::note_shares(region, link.handle, shared);
+    }
     if !moment.is_due(pace.exchanges_among(shared.members)) {
         return;
     }
@@ -110,8 +113,11 @@ fn tell_copy(side: &mut Side, link: BodyRef, moment: Moment<'_>) {
         (islands.part(link.handle), islands.seen(link.handle), islands.size(link.handle));
     let (island, held_by) = islands.of(link.handle).map_or((link.id, shared.members), Island::view);
     let copy = shared::read(region, link.handle, shared, moment.settings.dt_s);
-    let velocity =
-        if shared.is_split() { strike::counted(region, link.handle, shared) } else { copy.velocity };
+    let dealt = std::mem::take(&mut shared.dealt);
+    let velocity = match copy.sound {
+        true => strike::counted(region, link.handle, &dealt, &copy.velocity),
+        false => copy.velocity,
+    };
     shared.own = CopyState { velocity, part, seen, size, island, held_by, ..copy };
     let hearers = match role {
         Ownership::Replica { owner } if shared.is_split() && shared.warming.contains(region.rank()) => {

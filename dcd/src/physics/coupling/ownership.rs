@@ -132,7 +132,13 @@ pub(super) fn decide(side: &mut Side, moment: Moment<'_>) {
     border.splitting.clear();
     if moment.settings.coupling.moves_islands() {
         let is_big = |handle| border.islands.of(handle).is_some_and(|island| island.big);
-        border.splitting = border.predicted.splitting(region, is_big);
+        // One that sleeps is in no island. What is split only since it will touch one splits nothing else: two that approach each other would
+        // take turns.
+        let is_split = |handle: RigidBodyHandle| {
+            let asleep = region.physics().bodies[handle].is_sleeping();
+            is_big(handle) || asleep && region.mass_split(handle).is_some_and(|split| split.is_split())
+        };
+        border.splitting = border.predicted.splitting(region, is_split, |handle| !is_big(handle));
     }
     let mut leaving = Vec::new();
     for link in candidates {
@@ -443,7 +449,7 @@ fn find_ready(region: &Region, border: &mut Border, now: u32) {
 }
 
 /// Returns whether a body's mass is to be split: with `overlap` always, else only in an island that is too large to be in one region
-/// whole, and in a body with a predicted contact to such an island or to a body whose mass is split.
+/// whole, and in a body with a predicted contact to such an island, or to a body that sleeps split.
 fn splits(border: &Border, moment: Moment<'_>, id: BodyId, handle: RigidBodyHandle) -> bool {
     let big = |handle| border.islands.of(handle).is_some_and(|island| island.big);
     let mut meetings = border.predicted.meetings_of(id);

@@ -176,17 +176,17 @@ impl PredictedContacts {
         found.into_iter().flat_map(|(one, ranks)| ranks.iter().map(move |rank| (one, rank))).collect()
     }
 
-    /// Returns those of the bodies owned here whose mass is not split yet but is to be, in order of their handles: the ones with a
-    /// predicted contact to a body held here whose mass is. All regions that hold both solve such a contact, each against a part of the mass, so
+    /// Returns those of the bodies owned here that are asked for and have a predicted contact to one held here whose mass is split, in order of
+    /// their handles: theirs is to be split too. All regions that hold both solve such a contact, each against a part of the mass, so
     /// that a body that is whole would get a part of what the other one loses.
     pub(super) fn splitting(
         &self,
         region: &Region,
         is_split: impl Fn(RigidBodyHandle) -> bool,
+        asks: impl Fn(RigidBodyHandle) -> bool,
     ) -> Vec<RigidBodyHandle> {
         let split = region.held_elsewhere().filter(|link| is_split(link.handle));
-        let split = split.map(|link| (link, RegionSet::EMPTY));
-        let found = self.met_here(region, split, |handle| !is_split(handle));
+        let found = self.met_here(region, split.map(|link| (link, RegionSet::EMPTY)), asks);
         let mut found: Vec<_> = found.into_iter().map(|(one, _)| one).collect();
         found.sort_unstable_by_key(|handle| handle.into_raw_parts());
         found.dedup();
@@ -201,13 +201,17 @@ impl PredictedContacts {
         held: impl Iterator<Item = (BodyRef, RegionSet)>,
         asks: impl Fn(RigidBodyHandle) -> bool,
     ) -> Vec<(RigidBodyHandle, RegionSet)> {
-        let nearby = |(link, goes)| NearbyBody { goes, ..near(region, link, self.ahead_s).nearby() };
-        let held: Vec<_> = held.map(nearby).collect();
-        if held.is_empty() {
+        let mut held = held.peekable();
+        if held.peek().is_none() {
             return Vec::new();
         }
         let asked = self.near.iter().filter(|near| near.awake && asks(near.link.handle));
         let asked: Vec<_> = asked.map(Near::nearby).collect();
+        if asked.is_empty() {
+            return Vec::new();
+        }
+        let nearby = |(link, goes)| NearbyBody { goes, ..near(region, link, self.ahead_s).nearby() };
+        let held: Vec<_> = held.map(nearby).collect();
         let mut found = Vec::new();
         for_each_overlap(&asked, &held, f64::from(self.ahead_s), |one, other| {
             if one.id != other.id {

@@ -4,6 +4,7 @@
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::strike::Dealt;
 use crate::physics::convert;
 use crate::physics::rank_remap::RankRemap;
 use crate::physics::region::Region;
@@ -29,6 +30,9 @@ pub(super) struct Shared {
     /// What struck copies of it since the last exchange and is not held by the same regions, with the rank of the region where.
     #[serde(skip)]
     pub strikes: Vec<(usize, Strike)>,
+    /// What whole bodies struck this copy with since the last exchange, while its mass is split.
+    #[serde(skip)]
+    pub dealt: Dealt,
     /// What happened to this copy after it was sent to a new member, to be told.
     pub owed: Option<Strike>,
     /// Ticks since its members or its warm-up ghosts changed.

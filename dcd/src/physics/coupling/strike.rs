@@ -4,10 +4,10 @@
 //!
 //! So all regions that hold both tell both bodies' holders the impulse that they found, and one of these counts for both bodies: that of the
 //! region which sees most of what touches. Each body gets it in place of the one that its own leader found, if that found any.
-//! Where a body whose mass is split strikes a whole one that several of its regions hold, each of these finds the impulse anew, and the whole
-//! body gets one of them: of a copy with a part of the mass only its share counts (`counted`). As each finds it for a lighter body than there
-//! is, such a collision is softer than it should be, and never a source of energy; it is rare, since bodies that are about to touch what is
-//! split are split before.
+//! Where a whole body strikes one whose mass is split and whose regions hold both, each of these finds the impulse anew, and the whole
+//! body gets one of them: of such an impact each copy counts one share (`counted`). As each finds it for a lighter body than there
+//! is, the impact is softer than it should be; where a copy lies so that its region sees the impact a step before the others do, its share
+//! is too small. Bodies that are about to touch a split island are split before, so that it is rare.
 //!
 //! What is not dynamic needs no such justice: one region tells its impulse to those that did not see it. The copy of a new
 //! holder is told in the same way what happened in the exchange in which it was sent.
@@ -28,6 +28,16 @@ use crate::space::RegionSet;
 
 /// The most bodies that strike one and are told of, and believed, by one region in one exchange.
 const MOST: usize = 512;
+/// A copy with a part of the mass that gains less than this is not struck, but loaded, m/s.
+const IMPACT_M_S: f32 = 0.5;
+
+/// What whole bodies struck a copy with that has a part of its body's mass, in the steps since the last exchange.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Dealt {
+    all: Impulse,
+    /// How much of that others count.
+    beyond: Impulse,
+}
 
 /// Notes what struck a copy here in the last step and is not held by the same regions; and what is owed.
 pub(super) fn note(region: &Region, islands: &Islands, handle: RigidBodyHandle, shared: &mut Shared) {
@@ -150,31 +160,55 @@ fn pushed(body: &RigidBody, rotation: Rotation, velocity: &Velocity, by: &Impuls
     is_finite.then(|| Velocity { linear: linear.to_array(), angular: angular.to_array() })
 }
 
-/// Returns the velocity with which a copy counts that has a part of its body's mass: with one share of what struck it that is whole
-/// and that others which count hold as well, since they find the same.
-pub(super) fn counted(region: &Region, handle: RigidBodyHandle, shared: &Shared) -> Velocity {
-    let body = &region.physics().bodies[handle];
-    let velocity = convert::velocity_of(body);
+/// Notes, of a copy that has a part of its body's mass, what whole bodies struck it with in the last step that others which count hold as
+/// well: each of these finds the same, and one share of it counts.
+pub(super) fn note_shares(region: &Region, handle: RigidBodyHandle, shared: &mut Shared) {
     let own = RegionSet::only(region.rank());
     let counting = shared.members.without(shared.warming);
-    if !counting.contains(region.rank()) || !body.is_dynamic() || body.is_sleeping() {
-        return velocity;
+    if !counting.contains(region.rank()) || !region.physics().bodies[handle].is_dynamic() {
+        return;
     }
-    let mut too_much = Impulse::default();
+    let Dealt { all, beyond } = &mut shared.dealt;
     region.for_each_pair(handle, |other, pair| {
         let slot = region.slot(other);
         let is_whole = slot.mass_split.as_deref().is_none_or(|split| !split.is_split());
         let Some(pair) = pair.filter(|_| is_whole && !slot.holders.is_empty()) else { return };
         let times = slot.holders.union(own).intersection(counting).len();
-        if times > 1 && region.physics().bodies[other].is_dynamic() {
-            let impulse = impulse_on(region.physics(), handle, pair);
-            too_much = too_much.plus(&impulse.scaled(-1.0 + 1.0 / times as f32));
+        let world = region.physics();
+        let yields = world.bodies[other].is_dynamic()
+            && world.bodies[other].mass_properties().effective_inv_mass != Vector::ZERO
+            && pair.solver_manifolds().iter().all(|manifold| manifold.data.relative_dominance == 0);
+        if times > 1 && yields {
+            let impulse = impulse_on(world, handle, pair);
+            *all = all.plus(&impulse);
+            *beyond = beyond.plus(&impulse.scaled(1.0 - 1.0 / times as f32));
         }
     });
-    if too_much == Impulse::default() {
-        return velocity;
+}
+
+/// Returns the velocity with which such a copy counts: after an impact, without what is beyond its share. Of what others took from it in the same
+/// steps nothing is taken again: a body that the ground holds has not moved, and what rests on it is no impact.
+pub(super) fn counted(
+    region: &Region,
+    handle: RigidBodyHandle,
+    dealt: &Dealt,
+    velocity: &Velocity,
+) -> Velocity {
+    let body = &region.physics().bodies[handle];
+    let began = region.mass_split(handle).and_then(|split| split.began_with());
+    let Some(began) = began.filter(|_| dealt.beyond != Impulse::default()) else { return *velocity };
+    let rotation = *body.rotation();
+    let still = Velocity::default();
+    let change = |impulse: &Impulse| {
+        pushed(body, rotation, &still, impulse).map_or(Vector::ZERO, |v| convert::vector(v.linear))
+    };
+    let struck = change(&dealt.all);
+    let gained_m_s = (body.linvel() - began).dot(struck.normalize_or_zero());
+    if gained_m_s < IMPACT_M_S {
+        return *velocity;
     }
-    pushed(body, *body.rotation(), &velocity, &too_much).unwrap_or(velocity)
+    let part = (gained_m_s / struck.length()).min(1.0);
+    pushed(body, rotation, velocity, &dealt.beyond.scaled(-part)).unwrap_or(*velocity)
 }
 
 /// Returns what a leader's copy lacks of the impulses that were told of one body, in parts.

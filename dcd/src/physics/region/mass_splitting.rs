@@ -67,6 +67,11 @@ impl MassSplit {
         self.among.len() > 1
     }
 
+    /// Returns the linear velocity with which the copy began the steps since the last exchange; none before the first.
+    pub(in crate::physics) fn began_with(&self) -> Option<Vector> {
+        self.start.map(|start| start.linear)
+    }
+
     /// Returns whether Rapier has quarantined the copy here.
     pub(in crate::physics) fn is_broken(&self) -> bool {
         self.broken

@@ -236,10 +236,15 @@ pub enum ToClient {
 }
 
 impl ToClient {
-    /// Returns whether it tells of what has come, gone or become something else in the world.
+    /// Returns whether it tells of what has come, gone or become something else in the world, but for avatars.
     #[doc(hidden)]
     pub fn changes_world(&self) -> bool {
-        matches!(self, Self::Inserted { .. } | Self::Removed(_) | Self::Altered(_) | Self::JointRemoved(_))
+        match self {
+            Self::Inserted { body, .. } => body.id.client().is_none(),
+            Self::Removed(body) => body.client().is_none(),
+            Self::Altered(_) | Self::JointRemoved(_) => true,
+            _ => false,
+        }
     }
 }
 

@@ -165,7 +165,7 @@ fn a_client_may_be_slow_while_it_is_told_of_what_another_builds() {
             pair.tell(ToClient::Inserted { body, shapes: Vec::new(), joints: Vec::new() });
         }
     };
-    insert(&mut pair, 10_000);
+    insert(&mut pair, 30_000);
     assert!(pair.waiting_bytes() > 1 << 20, "{}", pair.waiting_bytes());
     // What else there is to say keeps its place.
     pair.tell(ToClient::Built(7));
@@ -173,7 +173,7 @@ fn a_client_may_be_slow_while_it_is_told_of_what_another_builds() {
     pair.read_all();
     assert_eq!((pair.waiting_bytes(), pair.links.told.len(), pair.given_up()), (0, 0, vec![]));
     // It takes nothing in any more, of more than sockets take.
-    insert(&mut pair, 60_000);
+    insert(&mut pair, 40_000);
     let stuck = pair.fill_sockets();
     pair.links.flush(stuck + STUCK / 2);
     assert_eq!(pair.given_up(), []);
@@ -181,6 +181,25 @@ fn a_client_may_be_slow_while_it_is_told_of_what_another_builds() {
     assert_eq!(pair.given_up(), [pair.peer]);
     insert(&mut pair, 1);
     assert_eq!((pair.waiting_bytes(), pair.links.told.len()), (0, 0), "there is no link");
+}
+
+#[test]
+fn a_client_may_be_behind_by_some_of_what_others_build_and_by_no_avatars() {
+    let mut most = [0, 0];
+    let bodies = [BodyId::persistent(1), BodyId::avatar(ClientId(2), 0)];
+    for (most, body) in most.iter_mut().zip(bodies) {
+        let mut pair = Pair::new(crate::net::JoinRole::Client);
+        pair.tell_world(1);
+        pair.read_all();
+        while pair.links.key(pair.peer).is_some() {
+            let body = sim_body(body, [0.0; 3]);
+            pair.tell(ToClient::Inserted { body, shapes: Vec::new(), joints: Vec::new() });
+            *most = pair.waiting_bytes().max(*most);
+        }
+        assert_eq!(pair.given_up(), [pair.peer]);
+    }
+    assert!((15 << 20..=16 << 20).contains(&most[0]), "{most:?}");
+    assert_eq!(most[1], 0);
 }
 
 #[test]

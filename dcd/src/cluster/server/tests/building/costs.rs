@@ -208,10 +208,15 @@ fn fixed_bodies_that_meet_each_other_and_what_looks_far_around_are_refused() {
     }
     assert_eq!(refusal(&mut server, changed(BodyKind::Dynamic, &|_| ())), None);
     let known = server.record().body(body(0).id).expect("it came").clone();
-    for (_, change, what) in cases {
+    for (kind, change, what) in cases {
         let traits = with(known.clone(), change).traits;
         let alter = BuildOp::Alter(Alteration::Body { body: known.id, traits, wakes: false });
-        assert_eq!(refusal(&mut server, alter), Some(Refusal::Costly(what)), "altered");
+        let expected = (kind == BodyKind::Dynamic).then_some(Refusal::Costly(what));
+        assert_eq!(
+            refusal(&mut server, alter),
+            expected,
+            "altered; that it meets what is fixed moves nothing"
+        );
     }
 }
 
@@ -259,4 +264,21 @@ fn what_a_change_counts_grows_with_what_others_are_told() {
     let told = crate::protocol::encoded_len(&alter());
     let came = (0..1_000).take_while(|_| refusal(&mut server, alter()).is_none()).count();
     assert!((5 << 20..6 << 20).contains(&(came * told)), "{came} of {told} bytes");
+}
+
+#[test]
+fn shapes_that_nothing_has_and_compounds_of_what_no_compound_can_have_are_refused_before_they_are_built() {
+    let mut server = built_in();
+    let ball = ShapeRecord::Ball(0.5);
+    let unused = BuildOp::Insert { bodies: Vec::new(), shapes: vec![ball.clone()], joints: Vec::new() };
+    assert_eq!(refusal(&mut server, unused), Some(Refusal::NotToBeBuilt));
+    let corners = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]];
+    let mesh = ShapeRecord::TriMesh(corners, vec![[0, 1, 2]], 0);
+    let at_origin = Pose { translation: [0.0; 3], rotation: [0.0, 0.0, 0.0, 1.0] };
+    let of_mesh = ShapeRecord::Compound(vec![(at_origin, mesh.hash())]);
+    let known = BTreeMap::from([(mesh.hash(), mesh.clone())]);
+    assert!(!crate::physics::can_build(&known, std::slice::from_ref(&of_mesh)));
+    let of_ball = ShapeRecord::Compound(vec![(at_origin, ball.hash()); 3]);
+    let known = BTreeMap::from([(ball.hash(), ball)]);
+    assert!(crate::physics::can_build(&known, &[of_ball]));
 }

@@ -209,7 +209,8 @@ mod tests {
         for other in 1..1000 {
             let body = Mark::new(other).body(BodyId::persistent(5));
             let seen = Mark::new(other + 1).body_id(body).unwrap();
-            assert!(seen.client().is_some_and(|client| client.0 > 1_000_000), "{seen}");
+            let client = seen.client().or_else(|| seen.builder());
+            assert!(client.is_some_and(|client| client.0 > 1_000_000), "{seen}");
         }
     }
 }

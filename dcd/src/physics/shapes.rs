@@ -291,9 +291,21 @@ pub(crate) fn can_build(known: &BTreeMap<ShapeHash, ShapeRecord>, shapes: &[Shap
     shapes.iter().all(|shape| {
         let parts: BTreeSet<_> = shape.parts().collect();
         let mut parts = parts.into_iter().filter_map(|part| known.get(&part));
-        parts.all(|part| !part.is_composite() && library.add(part.clone()).is_ok())
+        parts.all(|part| !is_composite(part) && library.add(part.clone()).is_ok())
             && library.add(shape.clone()).is_ok()
     })
+}
+
+/// Returns whether a shape is made of parts, so that no compound can have it.
+fn is_composite(shape: &ShapeRecord) -> bool {
+    matches!(
+        shape,
+        ShapeRecord::TriMesh(..)
+            | ShapeRecord::HeightField(..)
+            | ShapeRecord::Polyline(..)
+            | ShapeRecord::Voxels(..)
+            | ShapeRecord::Compound(..)
+    )
 }
 
 /// Serialises the library as its records, as they travel; the reader builds the shapes anew.

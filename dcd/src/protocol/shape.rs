@@ -112,18 +112,6 @@ impl ShapeRecord {
         )
     }
 
-    /// Returns whether it is made of parts, so that no compound can have it.
-    pub(crate) fn is_composite(&self) -> bool {
-        matches!(
-            self,
-            Self::TriMesh(..)
-                | Self::HeightField(..)
-                | Self::Polyline(..)
-                | Self::Voxels(..)
-                | Self::Compound(..)
-        )
-    }
-
     /// Returns whether a client that may build may fix it: Parry aborts the process where voxels meet a half-space, whoever made the one
     /// or the other.
     pub(crate) fn suits_builders(&self) -> bool {

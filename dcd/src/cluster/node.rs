@@ -399,7 +399,11 @@ impl Node {
         self.links.insert(peer);
         match peer {
             Peer::Server => self.greet_server(now),
-            Peer::Node(node) => self.link_up(now, node),
+            Peer::Node(node) => {
+                // The link that was to be closed is replaced by this one, which would be closed in its place, unheard.
+                self.outputs.retain(|output| *output != NodeOutput::Disconnect(node));
+                self.link_up(now, node);
+            }
             Peer::Client(client) => {
                 if let Some(leader) = &mut self.leader {
                     leader.admit(client);

@@ -133,6 +133,10 @@ impl Node {
                 link.dial_at = link.dial_at.map(|at| at.min(now));
                 link.complain_at = link.complain_at.max(now + COMPLAIN_AFTER);
             }
+            if !link.up && me < member.node && link.member.address != member.address {
+                // What is under way goes to where it was.
+                link.dial_at = Some(now);
+            }
             link.member = member.clone();
         }
         if forget_others {

@@ -479,3 +479,52 @@ fn a_leader_that_opens_ticks_which_cannot_be_is_not_followed_there() {
     }
     assert_eq!((node.dispatches.len(), node.counters().stale), (1, 98), "nobody has completed the first");
 }
+
+/// A roster of nodes 1 and 2, and of node 3 at a port, if it is there.
+fn roster(port: Option<u16>) -> (Option<Member>, Message) {
+    let at = |id, port| Member { node: NodeId(id), address: ([127, 0, 0, 1], port).into(), client: None };
+    let third = port.map(|port| at(3, port));
+    let all = [at(1, 1), at(2, 1)].into_iter().chain(third.clone()).collect();
+    (third, Message::ToNode(ToNode::Roster(all)))
+}
+
+fn hears_roster(node: &mut Node, port: Option<u16>) -> Option<Member> {
+    let (third, message) = roster(port);
+    node.handle(NOW, NodeEvent::Message { from: Peer::Server, message });
+    third
+}
+
+fn dials(node: &mut Node, to: Option<Member>) -> bool {
+    node.handle_timeout(NOW);
+    to.is_some_and(|to| drain(node).contains(&NodeOutput::Connect(to)))
+}
+
+#[test]
+fn a_link_that_comes_up_while_its_peer_is_forgotten_is_not_closed_in_place_of_the_one_before() {
+    let (mut node, peer) = (member(), Peer::Node(NodeId(3)));
+    hears_roster(&mut node, Some(3));
+    node.handle(NOW, NodeEvent::Connected(peer));
+    drain(&mut node);
+    node.handle(NOW, NodeEvent::Disconnected(peer));
+    let before = roster(Some(3)).0;
+    assert!(dials(&mut node, before), "again, since its link is gone");
+    // One turn: what it says is carried out after both.
+    hears_roster(&mut node, None);
+    node.handle(NOW, NodeEvent::Connected(peer));
+    if !drain(&mut node).contains(&NodeOutput::Disconnect(NodeId(3))) {
+        node.handle(NOW, NodeEvent::Disconnected(peer));
+    }
+    let back = hears_roster(&mut node, Some(4));
+    assert!(dials(&mut node, back), "it has come back elsewhere");
+}
+
+#[test]
+fn who_comes_back_elsewhere_is_dialled_there_though_an_attempt_is_under_way() {
+    let mut node = member();
+    let first = hears_roster(&mut node, Some(3));
+    assert!(dials(&mut node, first.clone()));
+    hears_roster(&mut node, Some(3));
+    assert!(!dials(&mut node, first), "an attempt is under way");
+    let moved = hears_roster(&mut node, Some(4));
+    assert!(dials(&mut node, moved));
+}

@@ -4,11 +4,10 @@
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::strike::Dealt;
 use crate::physics::convert;
 use crate::physics::rank_remap::RankRemap;
 use crate::physics::region::Region;
-use crate::protocol::{Check, CopyState, Strike};
+use crate::protocol::{Check, CopyState, Impulse, Strike};
 use crate::space::{RegionSet, mixed};
 
 /// The members of a body that several regions hold, and the last states of its copies.
@@ -41,6 +40,14 @@ pub(super) struct Shared {
     pub joined: u32,
     /// Ticks for which some member has had no reason to be one.
     pub idle: u32,
+}
+
+/// What whole bodies struck a copy with that has a part of its body's mass, in the steps since the last exchange.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Dealt {
+    pub all: Impulse,
+    /// How much of that others count.
+    pub beyond: Impulse,
 }
 
 impl Shared {

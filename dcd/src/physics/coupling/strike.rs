@@ -19,7 +19,7 @@ use std::cmp::Reverse;
 use rapier3d::prelude::*;
 
 use super::island::Islands;
-use super::shared::{Shared, SharedBodies};
+use super::shared::{Dealt, Shared, SharedBodies};
 use crate::physics::convert;
 use crate::physics::impulse::{pair_impulse_ns, solved_points};
 use crate::physics::region::Region;
@@ -30,14 +30,6 @@ use crate::space::RegionSet;
 const MOST: usize = 512;
 /// A copy with a part of the mass that gains less than this is not struck, but loaded, m/s.
 const IMPACT_M_S: f32 = 0.5;
-
-/// What whole bodies struck a copy with that has a part of its body's mass, in the steps since the last exchange.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Dealt {
-    all: Impulse,
-    /// How much of that others count.
-    beyond: Impulse,
-}
 
 /// Notes what struck a copy here in the last step and is not held by the same regions; and what is owed.
 pub(super) fn note(region: &Region, islands: &Islands, handle: RigidBodyHandle, shared: &mut Shared) {

@@ -94,11 +94,11 @@ fn tell_copy(side: &mut Side, link: BodyRef, moment: Moment<'_>) {
     let asleep = region.physics().bodies[link.handle].is_sleeping();
     if asleep || shared.is_split() {
         shared.owed = None;
-    } else {
-        strike::note(region, islands, link.handle, shared);
     }
-    if !asleep && shared.is_split() {
-        strike::note_shares(region, link.handle, shared);
+    match shared.is_split() {
+        _ if asleep => {}
+        true => strike::note_shares(region, link.handle, shared),
+        false => strike::note(region, islands, link.handle, shared),
     }
     if !moment.is_due(pace.exchanges_among(shared.members)) {
         return;

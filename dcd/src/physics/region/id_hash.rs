@@ -3,12 +3,13 @@
 
 use std::hash::{BuildHasher, Hasher};
 
-use foldhash::fast::{FoldHasher, RandomState};
+use foldhash::quality::{FoldHasher, RandomState};
 
 /// So many ids lie together. A power of two, no more than a map of the standard library compares at once.
 const RUN: u64 = 16;
 
 /// Builds the hashers of one map, with a seed of its own: peers choose ids, and must not choose which of them share a place.
+/// The faster hasher of the same crate gives runs that follow one another few different high bits, with some seeds.
 #[derive(Clone, Default)]
 pub(super) struct IdHash(RandomState);
 
@@ -62,7 +63,8 @@ mod tests {
             places.insert(low(&hashes[0]));
             tags.extend(hashes.iter().map(|hash| hash >> 57));
         }
-        assert!(places.len() > 60, "runs share {} places of 4,096", places.len());
+        // Each bound is missed by chance once in millions of seeds.
+        assert!(places.len() > 55, "runs share {} places of 4,096", places.len());
         assert!(tags.len() > 100, "{} of 128 tags are used", tags.len());
     }
 }

@@ -20,6 +20,9 @@ const FRAME_BYTES: usize = 2 + 8;
 /// Datagrams of which is known whether they were acknowledged. What was sent before them is taken for lost.
 const REMEMBERED: usize = 2_048;
 
+/// Datagrams to a client that was given up whose acknowledgements still count: those of many seconds, since it is told little.
+const PROBES: usize = 64;
+
 /// States of a body that are kept while they wait to be acknowledged: its newest, and some before it. Others are told too, but none
 /// is told against them.
 const KEPT: usize = 4;
@@ -333,9 +336,11 @@ impl Sender {
         self.waits
     }
 
-    /// Forgets all that the client was told, but not of which bodies it may not have the newest state: when it is back, it is told anew.
+    /// Forgets all that the client was told, but not of which bodies it may not have the newest state: when it is back, it is told anew. The
+    /// newest datagrams stay known, since their acknowledgements say that it is.
     pub fn give_up(&mut self) {
-        self.flights = VecDeque::new();
+        self.flights.drain(..self.flights.len().saturating_sub(PROBES));
+        self.flights.shrink_to_fit();
         self.bodies = BTreeMap::new();
     }
 

@@ -1,4 +1,4 @@
-//! Tests what a leader holds for a client that does not acknowledge what it is told.
+//! Tests what a leader holds for a client that does not acknowledge what it is told, and tells it when it does again.
 
 use std::collections::VecDeque;
 
@@ -92,4 +92,19 @@ fn a_client_that_never_acknowledges_or_hardly_ever_costs_no_more_than_that() {
     println!("one that does so twice a second: {rarely:?}");
     assert!(rarely.0 > BODIES as usize * 200, "all bodies are told of: {rarely:?}");
     assert!(rarely.0 <= BODIES as usize * BODY_BYTES && rarely.1 <= MOST_BYTES, "{rarely:?}");
+}
+
+/// What it acknowledges while it is silent takes longer than the tick in which it is told so little.
+#[test]
+fn a_client_that_was_silent_for_long_and_hears_again_is_told_of_all_again() {
+    let mut told = Told::new();
+    let hears = |_: u64, number: u32| number % 20 != 0;
+    told.play(240, hears);
+    told.play(90, |_, _| false);
+    let silent = told.play(1, |_, _| false);
+    assert!(silent.0 < BODIES as usize * 20, "it is given up: {silent:?}");
+    told.play(240, hears);
+    let back = told.play(1, hears);
+    println!("a client that is back: {back:?}");
+    assert!(back.0 > BODIES as usize * 200, "all bodies are told of: {back:?}");
 }

@@ -10,6 +10,7 @@ mod deviation;
 mod engine;
 mod faults;
 mod fixtures;
+mod heard;
 mod host;
 mod network;
 mod physics;

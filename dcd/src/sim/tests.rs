@@ -3,6 +3,7 @@
 mod balance;
 mod builders;
 mod contact;
+mod cut_off;
 mod groups;
 mod hour;
 

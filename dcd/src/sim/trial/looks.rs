@@ -15,6 +15,8 @@ use crate::space::{BodyId, ClientId, GroupId};
 const APART: Duration = Duration::from_secs(6);
 /// Longest time until a client sees its avatar follow an input, when all is calm.
 const OBEYED: Duration = Duration::from_millis(500);
+/// The age from which on what a client knows of a body that moves is too old when all is calm, in ticks.
+const FRESH_TICKS: u64 = 60;
 /// Time after which clocks are known: once there were some pings.
 const CLOCKS_KNOWN: Duration = Duration::from_secs(10);
 
@@ -147,7 +149,8 @@ impl Trial<'_> {
         if recorded.ne(self.sim.checker.bodies(server.main_group())) {
             return Some("the record lists other bodies than the world has".into());
         }
-        self.clients.iter().find_map(|&client| self.lacks_avatar(server, client))
+        let lack = self.clients.iter().find_map(|&client| self.lacks_avatar(server, client));
+        lack.or_else(|| self.clients.iter().find_map(|&client| self.sim.lacks_body(client, FRESH_TICKS)))
     }
 
     /// Returns who has nothing to do though regions follow the load, or too much for its speed.
@@ -317,6 +320,23 @@ impl Trial<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cluster::ClientEvent;
+    use crate::protocol::{Message, ToClient};
+    use crate::sim::{FaultProfile, TrialConfig};
+
+    #[test]
+    fn all_is_well_only_while_clients_know_all_bodies() {
+        let (config, profile) = (TrialConfig::default(), FaultProfile::None);
+        let schedule = profile.schedule(1);
+        let mut trial = Trial::new(&config, profile.promise(), 1, &schedule);
+        trial.run().unwrap();
+        let since = trial.calm_since.expect("it ends in a calm");
+        assert_eq!(trial.lack(since), None);
+        let (client, body) = (trial.clients[0], BodyId::persistent(3));
+        let message = Message::ToClient(client, ToClient::Removed(body));
+        trial.sim.submit(client, ClientEvent::Message { from: Peer::Server, message });
+        assert_eq!(trial.lack(since), Some(format!("{client} does not see {body}")));
+    }
 
     #[test]
     fn a_quantile_is_the_age_that_its_share_is_not_older_than() {

@@ -97,12 +97,15 @@ pub(crate) struct Predictor {
     host: RegionHost,
     dt_s: f64,
     near: BTreeMap<BodyId, Near>,
-    scenery: BTreeSet<BodyId>,
-    joints: BTreeSet<JointId>,
+    /// Immovable bodies and joints, as they were told when they were put in.
+    scenery: BTreeMap<BodyId, BodyRecord>,
+    joints: BTreeMap<JointId, JointRecord>,
     search: Search,
     search_at: Tick,
     /// What was heard since the last frame.
     changes: Option<Changes>,
+    /// Whether anything came, went or became another since it was predicted last: checkpoints are of what was before.
+    is_changed: bool,
     told: Option<Told>,
     /// Inputs that may have to act again, in the order of the ticks that they name.
     inputs: VecDeque<Input>,
@@ -130,11 +133,12 @@ impl Predictor {
             host,
             dt_s: f64::from(world.step.dt_s),
             near: BTreeMap::new(),
-            scenery: BTreeSet::new(),
-            joints: BTreeSet::new(),
+            scenery: BTreeMap::new(),
+            joints: BTreeMap::new(),
             search: Search::default(),
             search_at: Tick(0),
             changes: None,
+            is_changed: false,
             told: None,
             inputs: VecDeque::new(),
             first_unapplied: None,
@@ -180,9 +184,9 @@ impl Predictor {
     /// Predicts up to the tick `time.predicted`; call it once per frame.
     pub(crate) fn advance(&mut self, time: &ViewTime) {
         let start = Instant::now();
-        let is_changed = self.change();
+        self.change();
         if let Some(told) = self.told.take().filter(|_| !self.near.is_empty())
-            && let Err(error) = self.predict(&told, is_changed, time)
+            && let Err(error) = self.predict(&told, time)
         {
             warn!(%error, "avatars are not predicted");
             self.near.keys().copied().collect::<Vec<_>>().into_iter().for_each(|id| self.drop_body(id));
@@ -226,22 +230,25 @@ impl Predictor {
         Some(between)
     }
 
-    /// Looks for what is near, now and then, and for bodies that have changed.
+    /// Looks for what is near, now and then, and for bodies and joints that have changed.
     fn look(&mut self, client: &Client, now: Tick) {
         let waits = now < self.search_at && now.0 + SEARCH_TICKS >= self.search_at.0;
-        if waits || self.changes.is_some() {
+        // While the world arrives, perhaps anew, not all joints are known.
+        if waits || self.changes.is_some() || !client.is_joined() {
             return;
         }
-        let present = Chosen { movable: self.near.keys().copied().collect(), scenery: self.scenery.clone() };
+        let present = Chosen {
+            movable: self.near.keys().copied().collect(),
+            scenery: self.scenery.keys().copied().collect(),
+        };
         let Some(chosen) = self.search.go_on(client, &present) else { return };
         self.search_at = Tick(now.0 + SEARCH_TICKS);
-        let traits_of = |id: &BodyId| client.body(*id).map(|view| &view.body.traits);
-        let is_other = |id: &BodyId| {
-            self.near.get(id).is_none_or(|near| traits_of(id).is_none_or(|told| !is_of(&near.traits, told)))
+        let told = |ids: &BTreeSet<BodyId>| -> Vec<&BodyRecord> {
+            ids.iter().filter_map(|id| Some(&client.body(*id)?.body)).collect()
         };
-        let absent = chosen.movable.iter().filter(|id| is_other(id));
-        let absent = absent.chain(chosen.scenery.iter().filter(|id| !self.scenery.contains(id)));
-        let bodies: Vec<_> = absent.filter_map(|id| Some(client.body(*id)?.body.clone())).collect();
+        let movable = told(&chosen.movable).into_iter().filter(|body| !self.moves_as(body));
+        let scenery = told(&chosen.scenery).into_iter().filter(|body| !self.stands_as(body));
+        let bodies: Vec<_> = movable.chain(scenery).cloned().collect();
         let named: BTreeSet<_> =
             bodies.iter().flat_map(|body| &body.traits.colliders).map(|part| part.shape).collect();
         let find = |hash: &ShapeHash| client.shapes().get(hash);
@@ -254,26 +261,51 @@ impl Predictor {
         self.changes = Some(Changes { chosen, bodies, shapes, joints });
     }
 
+    /// Returns whether a movable body is predicted as what it is told to be.
+    fn moves_as(&self, told: &BodyRecord) -> bool {
+        self.near.get(&told.id).is_some_and(|near| is_of(&near.traits, &told.traits))
+    }
+
+    /// Returns whether an immovable body is in the small world as it is told to be, and where.
+    fn stands_as(&self, told: &BodyRecord) -> bool {
+        let held = self.scenery.get(&told.id);
+        held.is_some_and(|held| held.traits == told.traits && held.state.pose == told.state.pose)
+    }
+
     fn drop_body(&mut self, id: BodyId) {
         self.host.remove(id);
         self.near.remove(&id);
         self.scenery.remove(&id);
     }
 
-    /// Changes what is predicted; returns whether there is anything new.
-    fn change(&mut self) -> bool {
-        let Some(Changes { chosen, bodies, shapes, joints }) = self.changes.take() else { return false };
-        let gone = self.near.keys().filter(|id| !chosen.movable.contains(id));
-        let gone = gone.chain(self.scenery.iter().filter(|id| !chosen.scenery.contains(id)));
-        let changed = bodies.iter().map(|body| &body.id);
-        gone.chain(changed).copied().collect::<Vec<_>>().into_iter().for_each(|id| self.drop_body(id));
-        self.joints.retain(|joint| self.host.joint(*joint).is_some());
-        let joints: Vec<_> = joints.into_iter().filter(|joint| !self.joints.contains(&joint.id)).collect();
-        let is_new = !(bodies.is_empty() && joints.is_empty());
+    /// Drops joints that are not told any more, or otherwise than when they were put in; returns whether there were any. Joints of bodies that
+    /// are gone went with these.
+    fn drop_joints(&mut self, told: &[JointRecord]) -> bool {
+        self.joints.retain(|joint, _| self.host.joint(*joint).is_some());
+        let gone: Vec<_> =
+            self.joints.values().filter(|held| !told.contains(held)).map(|held| held.id).collect();
+        for joint in &gone {
+            self.host.remove_joint(*joint);
+            self.joints.remove(joint);
+        }
+        !gone.is_empty()
+    }
+
+    /// Changes what is predicted.
+    fn change(&mut self) {
+        let Some(Changes { chosen, bodies, shapes, joints }) = self.changes.take() else { return };
+        let movable = self.near.keys().filter(|id| !chosen.movable.contains(id));
+        let scenery = self.scenery.keys().filter(|id| !chosen.scenery.contains(id));
+        let others = bodies.iter().map(|body| &body.id);
+        let gone: Vec<_> = movable.chain(scenery).chain(others).copied().collect();
+        gone.iter().for_each(|id| self.drop_body(*id));
+        let is_untied = self.drop_joints(&joints);
+        let joints: Vec<_> =
+            joints.into_iter().filter(|joint| !self.joints.contains_key(&joint.id)).collect();
+        self.is_changed |= is_untied || !gone.is_empty() || !joints.is_empty();
         if let Err(error) = self.insert(bodies, shapes, &joints) {
             warn!(%error, "what is near an avatar is not predicted");
         }
-        is_new
     }
 
     fn insert(
@@ -287,10 +319,10 @@ impl Predictor {
         }
         let bodies: Vec<_> = bodies.into_iter().map(predictable).collect();
         self.host.insert(bodies.clone(), joints)?;
-        self.joints.extend(joints.iter().map(|joint| joint.id));
+        self.joints.extend(joints.iter().map(|joint| (joint.id, joint.clone())));
         for body in bodies {
             if body.traits.kind == BodyKind::Fixed {
-                self.scenery.insert(body.id);
+                self.scenery.insert(body.id, body);
                 continue;
             }
             let is_own = body.id.client() == Some(self.client);
@@ -302,9 +334,9 @@ impl Predictor {
         Ok(())
     }
 
-    fn predict(&mut self, told: &Told, is_changed: bool, time: &ViewTime) -> Result<(), HostError> {
+    fn predict(&mut self, told: &Told, time: &ViewTime) -> Result<(), HostError> {
         let before = self.as_shown();
-        let is_wrong = self.begin_from(told, is_changed)?;
+        let is_wrong = self.begin_from(told)?;
         if let Some(stale) = self.stale.take().filter(|_| !is_wrong) {
             // The input of this frame acts on what was predicted in the last one.
             self.go_back(Tick(stale.0.max(self.base.0 + 1) - 1))?;
@@ -367,7 +399,8 @@ impl Predictor {
     }
 
     /// Begins from the newest tick told; returns whether what was predicted is to be computed again from there.
-    fn begin_from(&mut self, told: &Told, is_changed: bool) -> Result<bool, HostError> {
+    fn begin_from(&mut self, told: &Told) -> Result<bool, HostError> {
+        let is_changed = std::mem::take(&mut self.is_changed);
         let is_known = (self.base..=self.tip).contains(&told.tick);
         if is_changed || !is_known {
             self.checkpoints.clear();

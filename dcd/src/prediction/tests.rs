@@ -1,5 +1,6 @@
 //! Plays a client against a world of the same physics, tick by tick, with a delay each way.
 
+mod changes;
 mod smooth;
 
 use rapier3d::prelude::*;
@@ -59,9 +60,17 @@ fn cube(half: f32) -> [ColliderBuilder; 1] {
 }
 
 impl Game {
-    /// A floor, an avatar at x = -4 that is a kinematic box, and `bodies`, which `describe` makes.
+    /// A floor, an avatar at x = -4 that is a kinematic box, and what `describe` makes.
     fn of(
         delay: u64,
+        describe: impl FnOnce(&mut ShapeLibrary) -> (Vec<BodyRecord>, Vec<JointRecord>),
+    ) -> Self {
+        Self::with_avatar(delay, (RigidBodyBuilder::kinematic_velocity_based(), cube(0.5)), describe)
+    }
+
+    fn with_avatar(
+        delay: u64,
+        (avatar, collider): (RigidBodyBuilder, [ColliderBuilder; 1]),
         describe: impl FnOnce(&mut ShapeLibrary) -> (Vec<BodyRecord>, Vec<JointRecord>),
     ) -> Self {
         let environment = environment();
@@ -76,8 +85,8 @@ impl Game {
         bodies.push(
             shapes.describe(BodyId::persistent(1_000_000), WorldPose::at([0.0; 3]), &fixed, &floor).unwrap(),
         );
-        let avatar = RigidBodyBuilder::kinematic_velocity_based().build();
-        bodies.push(shapes.describe(AVATAR, WorldPose::at([-4.0, 1.2, 0.0]), &avatar, &cube(0.5)).unwrap());
+        let at = WorldPose::at([-4.0, 1.2, 0.0]);
+        bodies.push(shapes.describe(AVATAR, at, &avatar.build(), &collider).unwrap());
         world.insert(bodies.clone(), &joints).unwrap();
         let mut client = Client::new(ME, None, None);
         let welcome =

@@ -3,6 +3,7 @@
 
 mod body_view;
 mod building;
+mod hearing;
 mod newest;
 mod showing;
 mod surroundings;
@@ -40,9 +41,6 @@ const AGAIN: Duration = Duration::from_millis(250);
 
 /// The time after which an unanswered question is asked again, of whoever leads by then.
 const ASK_AGAIN: Duration = Duration::from_millis(500);
-
-/// An input older than this is not sent again only because the membership has changed: much may have happened since.
-const STILL_MEANT: Duration = Duration::from_secs(5);
 
 /// An event for a client: a message, a link, or a request of its user.
 #[derive(Clone, Debug, PartialEq)]
@@ -255,9 +253,7 @@ impl Client {
                 self.linked = true;
                 self.dial_leader_at = None;
                 self.receiver.reset();
-                for input in self.newest.since(Duration::ZERO) {
-                    self.send_input(input);
-                }
+                self.say_inputs_again();
                 self.send_interest();
                 self.ask_again(now, now + ASK_AGAIN);
                 self.showing.iter_mut().for_each(|showing| showing.connected(now, peer));
@@ -511,65 +507,6 @@ impl Client {
         self.leader.as_ref().is_some_and(|member| peer == Peer::Node(member.node))
     }
 
-    /// Sends an input, and keeps it for leaders to come.
-    fn send_newest(&mut self, input: Input) {
-        self.logical_time += 1;
-        let input = Input { logical_time: self.logical_time, ..input };
-        self.newest.keep(input, self.now);
-        self.showing.iter_mut().for_each(|showing| showing.sent(self.now, input.logical_time, input.tick));
-        self.send_input(input);
-    }
-
-    fn send_input(&mut self, input: Input) {
-        let input = FromClient::Input(input);
-        match &self.leader {
-            None => self.ask_server(input),
-            Some(_) if self.node.is_some() => self.outputs.push_back(ClientOutput::Node(input)),
-            Some(member) if self.linked => {
-                let to = Peer::Node(member.node);
-                self.send(to, Message::FromClient(self.id, input));
-            }
-            // The newest waits for the link.
-            Some(_) => {}
-        }
-    }
-
-    fn hearing(&self) -> Hearing {
-        let around = |view: &BodyView| Area::around_avatar(view.body.state.pose.translation);
-        let areas =
-            self.area.map(|area| std::iter::once(area).chain(self.own_avatars().map(around)).collect());
-        Hearing { client: self.id, areas }
-    }
-
-    /// Sends the area of interest, unless the one sent before stands for it.
-    fn turn_to(&mut self, area: Option<Area>) {
-        let is_known = match (&self.area, &area) {
-            (Some(known), Some(area)) => known.stands_for(area),
-            (known, area) => known.is_none() && area.is_none(),
-        };
-        if is_known {
-            return;
-        }
-        self.area = area;
-        // What comes into the area counts as outside until it is heard of.
-        let hearing = self.hearing();
-        for BodyView { body, outside, .. } in self.bodies.values_mut() {
-            *outside |= hearing.misses(body);
-            if let Some(showing) = self.showing.as_mut().filter(|_| *outside) {
-                showing.stand(body.id);
-            }
-        }
-        self.send_interest();
-        if let Some(message) = self.surroundings.turn_to(area) {
-            self.ask_server(message);
-        }
-    }
-
-    /// Sends the area of interest to the leader; the next one is sent it anew.
-    fn send_interest(&mut self) {
-        self.tell_leader(FromClient::Interest(self.area));
-    }
-
     /// Asks the questions that are due by then once more, or for the first time: before there is a link to the leader, nobody
     /// can be asked.
     fn ask_again(&mut self, now: Duration, due_by: Duration) {
@@ -651,9 +588,7 @@ impl Client {
                 // What the last leader had taken in and not passed on is gone with it.
                 if self.linked || self.node.is_some() {
                     let now = self.now;
-                    for input in self.newest.since(now.saturating_sub(STILL_MEANT)) {
-                        self.send_input(input);
-                    }
+                    self.say_inputs_again();
                     self.send_interest();
                     self.ask_again(now, now + ASK_AGAIN);
                 }
@@ -688,6 +623,9 @@ impl Client {
             ToClient::Built(number) => self.building.answered(number),
             ToClient::States { stamp, states } if self.group.is_none_or(|own| own == stamp.group) => {
                 self.tick = self.tick.max(stamp.tick);
+                if !stamp.speculative {
+                    self.newest.are_applied(stamp.applied);
+                }
                 if self.linked {
                     self.vigil.heard(self.now, !states.is_empty());
                 }
@@ -746,7 +684,10 @@ impl Client {
                 }
             }
             ToClient::Rejected { body, reason } => {
-                body.into_iter().for_each(|id| self.answered(id));
+                if let Some(id) = body {
+                    self.answered(id);
+                    self.newest.are_refused(id);
+                }
                 self.outputs.push_back(ClientOutput::Rejected { body, reason });
             }
         }
@@ -802,26 +743,6 @@ impl Client {
             self.outputs.extend(former_node.map(ClientOutput::Disconnect));
         }
         self.outputs.extend(leader.map(ClientOutput::Connect));
-    }
-}
-
-/// The area of which the leader sends a client all that moves.
-struct Hearing {
-    client: ClientId,
-    /// Its area of interest, and areas around its avatars; `None`: everywhere.
-    areas: Option<Vec<Area>>,
-}
-
-impl Hearing {
-    /// Returns whether it is sent a body at this pose whenever that moves.
-    fn follows(&self, id: BodyId, pose: &WorldPose) -> bool {
-        let Some(areas) = &self.areas else { return true };
-        id.client() == Some(self.client) || areas.iter().any(|area| area.covers(pose.translation))
-    }
-
-    /// Returns whether a body may be elsewhere than where it is known to be.
-    fn misses(&self, body: &BodyRecord) -> bool {
-        body.traits.kind != BodyKind::Fixed && !self.follows(body.id, &body.state.pose)
     }
 }
 

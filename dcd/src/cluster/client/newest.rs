@@ -1,38 +1,101 @@
-//! Keeps the newest inputs of a client's avatars, which it sends again when a link, or a leader, is new.
+//! Keeps the newest inputs of a client's avatars, and says those again to a new leader, or over a new link, that nobody may have heard.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use crate::protocol::Input;
+use super::{Client, ClientOutput};
+use crate::cluster::Peer;
+use crate::protocol::{FromClient, Input, Message};
 use crate::space::BodyId;
 
-/// The newest input of each kind for each avatar, and when it was made.
+/// An input that a leader has answered is not said again to the next one when it is older than this: much may have happened since.
+const STILL_MEANT: Duration = Duration::from_secs(5);
+
+/// The newest input of each kind for each avatar.
 #[derive(Clone, Debug, Default)]
-pub(super) struct NewestInputs(BTreeMap<(BodyId, bool), (Input, Duration)>);
+pub(super) struct NewestInputs {
+    inputs: BTreeMap<(BodyId, bool), Kept>,
+    /// The logical time of the newest input that a leader said it has applied.
+    applied: u64,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Kept {
+    input: Input,
+    made: Duration,
+    /// Whether a leader has refused it, or one for the same avatar soon before it.
+    is_refused: bool,
+}
 
 impl NewestInputs {
     /// Keeps an input in place of the one of its kind before.
     pub(super) fn keep(&mut self, input: Input, now: Duration) {
-        self.0.insert(input.slot(), (input, now));
+        self.inputs.insert(input.slot(), Kept { input, made: now, is_refused: false });
+    }
+
+    /// Notes that inputs up to this logical time are applied, or were replaced by later ones.
+    pub(super) fn are_applied(&mut self, logical_time: u64) {
+        self.applied = self.applied.max(logical_time);
+    }
+
+    /// Notes that an input for an avatar is refused: those that are kept may be the ones.
+    pub(super) fn are_refused(&mut self, avatar: BodyId) {
+        let of_it = self.inputs.range_mut((avatar, false)..=(avatar, true));
+        of_it.for_each(|(_, kept)| kept.is_refused = true);
     }
 
     /// Forgets the inputs for an avatar that is gone.
     pub(super) fn forget(&mut self, avatar: BodyId) {
-        self.0.retain(|(id, _), _| *id != avatar);
+        self.inputs.retain(|(id, _), _| *id != avatar);
     }
 
     /// Forgets all inputs.
     pub(super) fn clear(&mut self) {
-        self.0.clear();
+        self.inputs.clear();
     }
 
-    /// Returns the inputs that were made at this time or later, in the order in which they were made: leaders refuse those that are
-    /// older than one before.
-    pub(super) fn since(&self, time: Duration) -> Vec<Input> {
-        let mut inputs: Vec<_> =
-            self.0.values().filter(|(_, at)| *at >= time).map(|&(input, _)| input).collect();
+    /// Returns the inputs to say to a leader that is new, in the order in which they were made: leaders refuse those that are older than
+    /// one before. What no leader has answered nobody may have heard, however old it is; the rest may be gone with the leader before.
+    fn to_say_again(&self, now: Duration) -> Vec<Input> {
+        let is_due = |kept: &&Kept| {
+            let is_answered = kept.is_refused || kept.input.logical_time <= self.applied;
+            !is_answered || kept.made + STILL_MEANT >= now
+        };
+        let mut inputs: Vec<_> = self.inputs.values().filter(is_due).map(|kept| kept.input).collect();
         inputs.sort_unstable_by_key(|input| input.logical_time);
         inputs
+    }
+}
+
+impl Client {
+    /// Sends an input, and keeps it for leaders to come.
+    pub(super) fn send_newest(&mut self, input: Input) {
+        self.logical_time += 1;
+        let input = Input { logical_time: self.logical_time, ..input };
+        self.newest.keep(input, self.now);
+        self.showing.iter_mut().for_each(|showing| showing.sent(self.now, input.logical_time, input.tick));
+        self.send_input(input);
+    }
+
+    fn send_input(&mut self, input: Input) {
+        let input = FromClient::Input(input);
+        match &self.leader {
+            None => self.ask_server(input),
+            Some(_) if self.node.is_some() => self.outputs.push_back(ClientOutput::Node(input)),
+            Some(member) if self.linked => {
+                let to = Peer::Node(member.node);
+                self.send(to, Message::FromClient(self.id, input));
+            }
+            // The newest waits for the link.
+            Some(_) => {}
+        }
+    }
+
+    /// Says the inputs again that a new leader may not know.
+    pub(super) fn say_inputs_again(&mut self) {
+        for input in self.newest.to_say_again(self.now) {
+            self.send_input(input);
+        }
     }
 }
 
@@ -59,14 +122,21 @@ mod tests {
             newest.keep(input(body, time, drives), Duration::from_secs(time));
         }
         let times = |newest: &NewestInputs, seconds| -> Vec<_> {
-            newest.since(Duration::from_secs(seconds)).iter().map(|input| input.logical_time).collect()
+            let inputs = newest.to_say_again(Duration::from_secs(seconds));
+            inputs.iter().map(|input| input.logical_time).collect()
         };
         assert_eq!(
-            times(&newest, 0),
+            times(&newest, 900),
             [1, 3, 4],
             "how it is driven, and how fast it is put, stand side by side"
         );
-        assert_eq!(times(&newest, 4), [4]);
+        newest.are_applied(3);
+        assert_eq!(times(&newest, 6), [1, 3, 4], "the leader may have taken them with it");
+        assert_eq!(times(&newest, 7), [3, 4]);
+        newest.are_applied(2);
+        assert_eq!(times(&newest, 900), [4], "nobody may have heard it");
+        newest.are_refused(first);
+        assert_eq!((times(&newest, 9), times(&newest, 900)), (vec![4], vec![]));
         newest.forget(first);
         assert_eq!(times(&newest, 0), [1]);
     }

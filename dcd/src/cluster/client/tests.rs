@@ -91,6 +91,47 @@ fn an_interest_is_said_when_it_changes_by_more_than_a_little_and_again_to_a_new_
     assert_eq!(turn(&mut client, None), []);
 }
 
+/// Returns the logical times of the inputs that it sends.
+fn inputs_said(client: &mut Client) -> Vec<(Peer, u64)> {
+    let output = |output| match output {
+        ClientOutput::Send { to, message: Message::FromClient(_, FromClient::Input(input)) } => {
+            Some((to, input.logical_time))
+        }
+        _ => None,
+    };
+    std::iter::from_fn(|| client.poll_output()).filter_map(output).collect()
+}
+
+#[test]
+fn a_new_leader_is_told_the_inputs_that_none_has_answered_and_those_that_are_still_meant() {
+    let body = BodyId::avatar(ClientId(1), 0);
+    let applied = |logical_time, speculative| {
+        let stamp = Stamp { applied: logical_time, ..Stamp::untimed(GroupId(1), Tick(1), speculative) };
+        Some(ToClient::States { stamp, states: Vec::new() })
+    };
+    let refused = Some(ToClient::Rejected { body: Some(body), reason: Refusal::TooFar });
+    let [first, second] = [1, 2].map(|node| Peer::Node(NodeId(node)));
+    for (answer, seconds, is_told) in [
+        (None, 60, true),
+        (applied(0, false), 60, true),
+        (applied(1, true), 60, true),
+        (applied(1, false), 4, true),
+        (applied(1, false), 60, false),
+        (refused.clone(), 4, true),
+        (refused, 60, false),
+    ] {
+        let mut client = linked();
+        let (velocity, pose) = (Velocity::linear([3.0, 0.0, 0.0]), None);
+        client.handle(Duration::ZERO, ClientEvent::Input { body, tick: Tick(0), velocity, pose });
+        assert_eq!(inputs_said(&mut client), [(first, 1)]);
+        answer.clone().into_iter().for_each(|answer| tell(&mut client, answer));
+        name_leader(&mut client, 2, 1);
+        client.handle(Duration::from_secs(seconds), ClientEvent::Connected(second));
+        let again = if is_told { vec![(second, 1)] } else { Vec::new() };
+        assert_eq!(inputs_said(&mut client), again, "{answer:?}, {seconds} s later");
+    }
+}
+
 #[test]
 fn what_is_near_an_avatar_of_ones_own_is_not_outside() {
     let mut client = linked();

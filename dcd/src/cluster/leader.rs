@@ -23,8 +23,8 @@ use self::questions::Questions;
 use super::Peer;
 use super::state_replication::{Latest, ReplicationEvent, StateReplication, TickNews};
 use crate::protocol::{
-    Area, ContactLedger, Dispatch, Done, EnvironmentProperties, FromClient, Heard, Input, Pace, Query,
-    Refusal, RegionEvents, Repartition, Report, SharedState, Thresholds, ToClient, ToServer, View,
+    Area, BodyRecord, ContactLedger, Dispatch, Done, EnvironmentProperties, FromClient, Heard, Input, Pace,
+    Query, Refusal, RegionEvents, Repartition, Report, SharedState, Thresholds, ToClient, ToServer, View,
     ViewNumber, WorldOp, encoded_len,
 };
 use crate::space::{Allocation, BodyId, ClientId, NodeId, RegionId, Renaming, Tick};
@@ -67,6 +67,9 @@ pub struct Leader {
     ops: Vec<WorldOp>,
     inputs: Inputs,
     latest: Latest,
+    /// Bodies that a tick has removed which not all members have completed, and that tick, or the one in which they came again: members that
+    /// are behind report them as they were before.
+    gone: BTreeMap<BodyId, Tick>,
     /// Bodies that moved since clients were last told.
     moved: BTreeSet<BodyId>,
     contacts: ContactLedger,
@@ -115,6 +118,7 @@ impl Leader {
             ops: Vec::new(),
             inputs: Inputs::new(world),
             latest: Latest::new(),
+            gone: BTreeMap::new(),
             moved: BTreeSet::new(),
             contacts: ContactLedger::default(),
             replication: Replication::Here(Box::new(StateReplication::new(now, view, world, &clients))),
@@ -265,6 +269,7 @@ impl Leader {
         }
         let completed = self.completed();
         if completed.is_some() && completed > was_complete {
+            self.gone.retain(|_, since| Some(*since) > completed);
             self.forward_contacts();
             self.forward_states();
             self.compare_and_tell();
@@ -280,6 +285,9 @@ impl Leader {
             // Which views there are of other groups, by which bodies are placed too, the server alone knows.
             if !is_own || state.epoch.transfers() > report.tick.0 {
                 refused += 1;
+                continue;
+            }
+            if self.gone.get(&state.id).is_some_and(|since| report.tick < *since) {
                 continue;
             }
             match self.latest.entry(state.id) {
@@ -347,11 +355,7 @@ impl Leader {
         ops.extend(self.repartition().map(WorldOp::Repartition));
         for op in &ops {
             match op {
-                WorldOp::Insert { bodies, .. } => {
-                    for body in bodies.iter().filter(|body| body.id.client().is_some()) {
-                        self.inputs.see(body.id, body.state.pose.translation, self.tick);
-                    }
-                }
+                WorldOp::Insert { bodies, .. } => bodies.iter().for_each(|body| self.appears(body)),
                 WorldOp::Remove(id) => self.forget(*id),
                 _ => {}
             }
@@ -456,7 +460,19 @@ impl Leader {
         Dispatch { ops, ..*dispatch }
     }
 
+    /// Notes that a body is inserted in the present tick.
+    fn appears(&mut self, body: &BodyRecord) {
+        if body.id.client().is_some() {
+            self.inputs.see(body.id, body.state.pose.translation, self.tick);
+        }
+        if let Some(since) = self.gone.get_mut(&body.id) {
+            *since = self.tick;
+        }
+    }
+
+    /// Forgets a body that is removed in the present tick.
     fn forget(&mut self, id: BodyId) {
+        self.gone.insert(id, self.tick);
         self.inputs.forget(id);
         self.latest.remove(&id);
         self.moved.remove(&id);

@@ -58,11 +58,11 @@ impl Game {
         (x(self) - from, self.worst_m())
     }
 
-    /// Walks; nothing holds it back, and nothing is predicted to.
-    fn walks_freely(&mut self) {
+    /// Walks; nothing holds it back, and nothing is predicted to: it is within so many metres of where it was predicted to be.
+    fn walks_freely(&mut self, within_m: f64) {
         let (way_m, off_m) = self.walk();
         assert!(way_m > 3.0, "it came {way_m} m far");
-        assert!(off_m < 1e-3, "{off_m} m off");
+        assert!(off_m < within_m, "{off_m} m off");
     }
 
     /// Walks, and is stopped within so many metres.
@@ -98,26 +98,38 @@ fn what_was_removed_stands_in_nobodys_way() {
     let ahead = |shapes: &mut ShapeLibrary| (vec![heavy_box(shapes, -2.5)], Vec::new());
     sliding(ahead).is_stopped(1.0);
     let mut game = sliding(ahead);
+    // An input that is late is put right by going back, also to ticks before the body goes.
+    game.play(1, |_| Some(0.5));
+    game.to_world.iter_mut().for_each(|(at, _)| *at += 15);
+    game.play(13, |_| None);
     game.world.remove(CRATE);
+    let replays = game.predictor.stats().replays;
     game.tell(ToClient::Removed(CRATE));
-    game.walks_freely();
+    assert!(game.predictor.stats().replays > replays + 3, "it goes back");
+    // States that are this near are as told.
+    game.walks_freely(2.0 * LIKE_M);
 }
 
-/// Posts along the way: those that are left behind go.
+/// Posts along the first part of the way, which are left behind.
 #[test]
 fn the_small_world_does_not_grow_with_the_way() {
     let mut game = Game::of(6, |shapes| {
         let body = RigidBodyBuilder::fixed().build();
         let at = |i: u32| WorldPose::at([f64::from(i) - 8.0, 1.5, 3.0]);
         let post = |i: u32| shapes.describe(BodyId::persistent(i), at(i), &body, &cube(0.25)).unwrap();
-        ((0..60).map(post).collect(), Vec::new())
+        ((0..20).map(post).collect(), Vec::new())
     });
-    for _ in 0..8 {
-        game.play(60, |_| Some(5.0));
+    for i in 0..480 {
+        game.play(1, |_| Some(if i / 10 % 2 == 0 { 5.0 } else { 4.0 }));
+        // It is put right again and again by going back.
+        if let Some((at, _)) = game.to_world.back_mut().filter(|_| i % 30 == 0) {
+            *at += 15;
+        }
         game.holds_what_is_near();
-        let count = game.predictor.scenery.len();
-        assert!((10..40).contains(&count), "{count} pieces of scenery");
+        assert!(i != 60 || game.predictor.scenery.len() > 10, "posts are near");
     }
+    assert!(game.predictor.stats().replays > 60, "{:?}", game.predictor.stats());
+    assert_eq!(game.predictor.scenery.len(), 1, "the floor alone is left");
 }
 
 #[test]
@@ -126,7 +138,7 @@ fn a_rope_that_is_removed_holds_nobody() {
     let mut game = sliding(tied);
     game.world.remove_joint(ROPE);
     game.tell(ToClient::JointRemoved(ROPE));
-    game.walks_freely();
+    game.walks_freely(1e-3);
 }
 
 #[test]
@@ -135,7 +147,7 @@ fn a_rope_that_is_let_out_holds_as_far_as_it_reaches() {
     let longer = Alteration::Joint(Box::new(rope(20.0)));
     game.world.alter(&longer).unwrap();
     game.tell(ToClient::Altered(longer));
-    game.walks_freely();
+    game.walks_freely(1e-3);
 }
 
 #[test]
@@ -147,16 +159,16 @@ fn a_wall_that_becomes_a_sensor_is_walked_through() {
     let door = Alteration::Body { body: WALL, traits, wakes: false };
     game.world.alter(&door).unwrap();
     game.tell(ToClient::Altered(door));
-    game.walks_freely();
+    game.walks_freely(1e-3);
 }
 
 #[test]
 fn a_wall_that_is_elsewhere_now_stands_there_alone() {
     let mut game = sliding(wall);
     let mut moved = game.world.record(WALL).unwrap();
-    moved.state.pose = WorldPose::at([-2.0, 2.5, 30.0]);
+    moved.state.pose = WorldPose::at([-2.0, 2.5, 12.0]);
     game.world.remove(WALL);
     game.world.insert(vec![moved.clone()], &[]).unwrap();
     game.tell(ToClient::Inserted { body: moved, shapes: Vec::new(), joints: Vec::new() });
-    game.walks_freely();
+    game.walks_freely(1e-3);
 }

@@ -20,6 +20,10 @@ fn world(scene: &Scene, fidelity: Fidelity, threads: usize) -> LocalWorld {
 
 /// An empty world of so many regions along x, 20 m each.
 fn row(regions: usize, fidelity: Fidelity, gravity: [f32; 3]) -> LocalWorld {
+    row_of(regions, fidelity, gravity, Coupling::Auto)
+}
+
+fn row_of(regions: usize, fidelity: Fidelity, gravity: [f32; 3], coupling: Coupling) -> LocalWorld {
     let half_m = 10.0 * regions as f64;
     let mut config = WorldConfig {
         bounds: Bounds::around([0.0; 3], [half_m, 20.0, 20.0]),
@@ -27,6 +31,7 @@ fn row(regions: usize, fidelity: Fidelity, gravity: [f32; 3]) -> LocalWorld {
         fidelity,
         ..WorldConfig::default()
     };
+    config.step = config.step.with_coupling(coupling);
     config.step.gravity = gravity;
     LocalWorld::new(config).unwrap()
 }
@@ -390,4 +395,64 @@ fn what_cannot_be_is_refused() {
     ] {
         assert_eq!(text.parse::<Fidelity>().ok(), fidelity, "{text}");
     }
+}
+
+/// Where a point of a body is, in metres.
+fn point(world: &LocalWorld, id: BodyId, local: Vector) -> [f64; 3] {
+    let pose = world.pose(id).unwrap();
+    let arm = (Rotation::from_array(pose.rotation) * local).to_array();
+    std::array::from_fn(|i| pose.translation[i] + f64::from(arm[i]))
+}
+
+#[test]
+fn what_is_tied_over_regions_at_different_times_comes_to_be_one_in_the_same_tick() {
+    // The region of one of them is looked at, or of none.
+    for (eye_m, rates) in [(15.0, [2, 0, 1]), (28.0, [1, 0, 2])] {
+        for phase in 0..4 {
+            let mut world = row_of(3, ALL_COARSE, [0.0; 3], Coupling::Overlap);
+            world.set_viewpoints(&[Viewpoint { at: [eye_m, 0.0, 0.0], radius_m: 1.0 }]).unwrap();
+            let [left, right] = [-18.0, 0.0].map(|x: f64| {
+                let body = RigidBodyBuilder::dynamic().linvel(Vector::Z * x.signum() as f32).can_sleep(false);
+                world.insert_at(WorldPose::at([x, 0.0, 0.0]), body, [ColliderBuilder::ball(0.3)]).unwrap()
+            });
+            run(&mut world, 120 + phase);
+            assert_eq!(levels(&world), rates);
+            // They fly apart, and the rope is taut.
+            let (from, to) = (now(&world, left), now(&world, right));
+            let half: [f32; 3] = std::array::from_fn(|i| (0.5 * (to[i] - from[i])) as f32);
+            let half = Vector::from(half);
+            let rope = SphericalJointBuilder::new().local_anchor1(half).local_anchor2(-half);
+            world.insert_joint(left, right, rope).unwrap();
+            for ticks in [1, 60] {
+                run(&mut world, ticks);
+                assert_eq!(world.host().validate(), [], "{eye_m} m, phase {phase}");
+            }
+            let (a, b) = (point(&world, left, half), point(&world, right, -half));
+            let gap_m = (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>().sqrt();
+            assert!(gap_m < 0.05, "{eye_m} m, phase {phase}: the ends of the rope are {gap_m} m apart");
+        }
+    }
+}
+
+#[test]
+fn a_body_that_is_set_aside_keeps_the_iterations_that_its_user_gave_it() {
+    let mut world = row(1, Fidelity::AUTO, [0.0, -9.81, 0.0]);
+    let ground = RigidBodyBuilder::fixed().translation(Vector::Y * -0.5);
+    world.insert(ground, ColliderBuilder::cuboid(5.0, 0.5, 5.0)).unwrap();
+    let stack = [(0.5, 1.0), (1.5, 100.0)].map(|(y, mass)| {
+        let body = RigidBodyBuilder::dynamic().translation(Vector::Y * y).can_sleep(false);
+        world.insert(body, ColliderBuilder::cuboid(0.5, 0.5, 0.5).mass(mass)).unwrap()
+    });
+    // To before the tick in which loads are looked for.
+    run(&mut world, 48);
+    let iterations = |world: &LocalWorld, id| world.body(id).unwrap().additional_solver_iterations();
+    assert!(stack.iter().all(|&id| iterations(&world, id) > 0), "the load is computed finer");
+    world.update(stack[1], |body| body.add_force(Vector::X * f32::INFINITY, true)).unwrap();
+    run(&mut world, 1);
+    let region = world.regions().next().unwrap();
+    assert!(region.quarantined().contains(&stack[1]), "{:?}", region.quarantined());
+    for id in stack {
+        assert_eq!(world.host().record(id).unwrap().traits.extra_solver_iterations, 0);
+    }
+    assert_eq!(iterations(&world, stack[1]), 0);
 }

@@ -1,5 +1,6 @@
 //! Tests worlds of many kilometres: what happens far out is what happens at the origin.
 
+use dcd::physics::{BodyFilter, WorldRay};
 use dcd::protocol::WorldPose;
 use dcd::rapier3d::prelude::*;
 use dcd::runtime::{LocalWorld, Partitioning, WorldConfig};
@@ -124,4 +125,31 @@ fn a_convoy_drives_100_km_through_hundreds_of_regions_as_it_drives_at_the_origin
         assert!((far.height_m - near.height_m).abs() < 1e-4, "{far:?}, {near:?}");
         assert!(far.spread_m < near.spread_m + 1e-4, "{far:?}, {near:?}");
     }
+}
+
+#[test]
+fn a_ray_finds_the_ground_where_it_is_as_the_origin_of_its_region_follows_the_player() {
+    let mut world = LocalWorld::new(WorldConfig::default()).unwrap();
+    let slab = || vec![ColliderBuilder::cuboid(5.0, 0.5, 5.0)];
+    let at = |x: f64, y: f64| WorldPose::at([x, y, 0.0]);
+    let ground = world.insert_at(at(50_000.0, -0.5), RigidBodyBuilder::fixed(), slab()).unwrap();
+    world.step().unwrap();
+    let found = |world: &LocalWorld, x: f64, player: BodyId| {
+        let filter = BodyFilter { exclude_bodies: &[player], ..BodyFilter::default() };
+        let ray = WorldRay::new([x, 10.0, 0.0], [0.0, -1.0, 0.0]);
+        world.queries().cast_ray(&ray, &filter).unwrap().map(|hit| hit.body)
+    };
+    let spawn = |world: &mut LocalWorld, x: f64| {
+        let body = RigidBodyBuilder::dynamic();
+        let player = world.insert_at(at(x, 1.0), body, vec![ColliderBuilder::ball(0.5)]).unwrap();
+        assert_eq!(found(world, 50_000.0, player), Some(ground), "the player is at {x}");
+        let mut elsewhere = (50..=150).map(|km| 1_000.0 * f64::from(km) + 176.0);
+        assert!(elsewhere.all(|place| found(world, place, player).is_none()), "the player is at {x}");
+        world.step().unwrap();
+        assert_eq!(found(world, 50_000.0, player), Some(ground), "after a step");
+        player
+    };
+    let player = spawn(&mut world, 50_000.0);
+    world.remove(player).unwrap();
+    spawn(&mut world, 53_000.0);
 }

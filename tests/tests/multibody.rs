@@ -5,7 +5,7 @@ use dcd::protocol::WorldPose;
 use dcd::rapier3d::prelude::*;
 use dcd::runtime::{LocalWorld, Partitioning, WorldConfig};
 use dcd::scene::{Scene, SceneJoint};
-use dcd::space::{Axis, Balance, BodyId, Bounds};
+use dcd::space::{Axis, Balance, BodyId, Bounds, JointId};
 
 /// A cart with an arm of so many links upon it, in a scene of its own.
 fn cart(scene: &mut Scene, at: [f64; 3], links: usize) -> usize {
@@ -267,4 +267,82 @@ fn armature_and_friction_of_links_act_and_travel() {
         assert!((one - usual).abs() > 0.1, "it matters: {one} against {usual}");
         assert!((one - four).abs() < 0.02, "{one} against {four}, {settings:?}");
     }
+}
+
+/// An arm of so many links that hangs on a fixed post, with the joints from the top down.
+fn hanging(world: &mut LocalWorld, links: usize) -> (Vec<BodyId>, Vec<JointId>) {
+    let post = RigidBodyBuilder::fixed().translation(Vector::Y * 4.0);
+    let mut bodies = vec![world.insert(post, ColliderBuilder::ball(0.05)).unwrap()];
+    let mut joints = Vec::new();
+    for link in 0..links {
+        let body = RigidBodyBuilder::dynamic().translation(Vector::Y * (3.75 - 0.5 * link as f32));
+        let body = world.insert(body.can_sleep(false), ColliderBuilder::capsule_y(0.15, 0.08)).unwrap();
+        let anchor = if link == 0 { Vector::ZERO } else { Vector::Y * -0.25 };
+        let hinge = RevoluteJointBuilder::new(Vector::Z).local_anchor1(anchor).contacts_enabled(false);
+        let hinge = hinge.local_anchor2(Vector::Y * 0.25);
+        joints
+            .push(world.insert_multibody_joint(bodies[link], body, hinge, LinkSettings::default()).unwrap());
+        bodies.push(body);
+    }
+    (bodies, joints)
+}
+
+/// The distance between the lower end of a link and the upper end of the one below it, metres.
+fn gap(world: &LocalWorld, above: BodyId, below: BodyId) -> f64 {
+    let end = |id, y: f32| {
+        let pose = world.pose(id).unwrap();
+        let arm = Rotation::from_array(pose.rotation) * (Vector::Y * y);
+        std::array::from_fn::<_, 3, _>(|i| pose.translation[i] + f64::from(arm.to_array()[i]))
+    };
+    let (a, b) = (end(above, -0.25), end(below, 0.25));
+    (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>().sqrt()
+}
+
+#[test]
+fn what_is_left_of_a_multibody_goes_on_as_one_when_its_root_or_a_link_is_removed() {
+    for gone in 0..5 {
+        let mut scene = flat("cart");
+        let first = cart(&mut scene, [0.0, 0.25, 0.0], 4);
+        let mut world = world_of(&scene, &[], Coupling::Auto);
+        (0..10).for_each(|_| world.step().unwrap());
+        let gone = first + gone;
+        world.remove(BodyId::persistent(gone as u32)).unwrap();
+        scene.joints.retain(|joint| joint.a != gone && joint.b != gone);
+        assert!(scene.joints.len() >= 2, "some of it is left");
+        (0..60).for_each(|_| world.step().unwrap());
+        let off = apart(&scene, |body| pose_in(&world, body));
+        assert!(off < 1e-3, "body {gone} is gone: {off} m apart");
+        assert_eq!((world.stats().quarantined, world.stats().bodies), (0, 4));
+    }
+}
+
+#[test]
+fn an_arm_whose_first_joint_and_base_are_removed_at_once_falls_in_one_piece() {
+    let mut world = LocalWorld::new(WorldConfig::default()).unwrap();
+    let (bodies, joints) = hanging(&mut world, 3);
+    (0..10).for_each(|_| world.step().unwrap());
+    world.remove_joint(joints[0]).unwrap();
+    world.remove(bodies[0]).unwrap();
+    (0..30).for_each(|_| world.step().unwrap());
+    assert!(world.pose(bodies[1]).unwrap().translation[1] < 3.0, "it falls");
+    for pair in bodies[1..].windows(2) {
+        let gap = gap(&world, pair[0], pair[1]);
+        assert!(gap < 1e-3, "{gap} m apart");
+    }
+}
+
+#[test]
+fn an_arm_goes_where_its_fixed_base_is_put() {
+    let mut world = LocalWorld::new(WorldConfig::default()).unwrap();
+    let (bodies, joints) = hanging(&mut world, 3);
+    (0..10).for_each(|_| world.step().unwrap());
+    world.set_pose(bodies[0], WorldPose::at([2.0, 5.0, 0.0])).unwrap();
+    (0..10).for_each(|_| world.step().unwrap());
+    let top = world.pose(bodies[1]).unwrap().translation;
+    assert!((top[0] - 2.0).abs() < 1e-3 && (top[1] - 4.75).abs() < 1e-3, "{top:?}");
+    for pair in bodies[1..].windows(2) {
+        let gap = gap(&world, pair[0], pair[1]);
+        assert!(gap < 1e-3, "{gap} m apart");
+    }
+    assert!(joints.iter().all(|&joint| world.link_motion(joint).is_some()));
 }

@@ -13,7 +13,8 @@ impl RegionHost {
             Alteration::Joint(record) => Ok(self.update_joint(record.id, |joint| set_joint(joint, record))),
             Alteration::Body { body, traits, wakes } => {
                 let Some(known) = self.record(*body) else { return Ok(false) };
-                self.update(*body, |copy| {
+                self.check_kind(*body, traits.kind)?;
+                self.change_copies(*body, |copy| {
                     set_traits(copy, traits);
                     if *wakes {
                         copy.wake_up(true);
@@ -126,9 +127,10 @@ mod tests {
 
     use super::*;
     use crate::physics::{
-        Coupling, Partition, StepSettings, joint_record, try_on_body, try_on_collider, try_on_joint,
+        Coupling, LinkSettings, Partition, StepSettings, joint_record, try_on_body, try_on_collider,
+        try_on_joint,
     };
-    use crate::protocol::{BodyRecord, WorldPose};
+    use crate::protocol::{BodyKind, BodyRecord, WorldPose};
     use crate::space::{Axis, BodyId, Bounds, DistributionTree, JointId};
 
     const BOX: BodyId = BodyId::persistent(2);
@@ -243,7 +245,12 @@ mod tests {
                     assert!(!tried.moves, "{name}");
                     Alteration::Body { body: BOX, traits: Arc::new(tried.traits), wakes: tried.wakes }
                 };
-                compare(name, coupling, |host| host.update(BOX, |body| change(body)).unwrap(), by_record);
+                compare(
+                    name,
+                    coupling,
+                    |host| host.change_copies(BOX, |body| change(body)).unwrap(),
+                    by_record,
+                );
             }
             for (name, change) in colliders {
                 let in_place = |host: &mut RegionHost| {
@@ -268,5 +275,25 @@ mod tests {
                 compare(name, coupling, in_place, by_record);
             }
         }
+    }
+
+    #[test]
+    fn a_link_of_a_multibody_is_not_given_another_type_by_its_record() {
+        let mut host = host(Coupling::Auto);
+        let ids = [4, 5].map(BodyId::persistent);
+        host.remove_joint(HINGE);
+        let hinge: GenericJoint = RevoluteJointBuilder::new(Vector::Z).local_anchor2(-Vector::X).into();
+        let link = Some(LinkSettings::default().record());
+        host.tie(JointRecord { link, ..joint_record(JointId(8), ids[0], ids[1], &hinge) }).unwrap();
+        step(&mut host, 1);
+        let mut traits = (*host.record(ids[1]).unwrap().traits).clone();
+        traits.kind = BodyKind::KinematicVelocity;
+        let alteration = Alteration::Body { body: ids[1], traits: Arc::new(traits), wakes: true };
+        let refused = host.alter(&alteration).unwrap_err().to_string();
+        assert!(refused.contains("remove the joint first"), "{refused}");
+        step(&mut host, 10);
+        host.remove_joint(JointId(8));
+        assert!(host.alter(&alteration).unwrap());
+        step(&mut host, 10);
     }
 }

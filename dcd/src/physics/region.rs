@@ -8,6 +8,7 @@ mod contents;
 mod cow_world;
 mod floating_origin;
 mod id_hash;
+mod iterations;
 mod kinematic_targets;
 mod mass_splitting;
 mod moved;
@@ -109,6 +110,9 @@ pub struct Region {
     /// By Rapier's body index: the length of the substep in which Rapier solved the body's contacts last, in seconds.
     /// Empty as long as all substeps have had one length.
     solved_dt_s: Vec<f32>,
+    /// By Rapier's body index: the length of the solver iterations by which Rapier solved the body last, in seconds. Empty as
+    /// long as all iterations have had one length.
+    iterations_s: Vec<f32>,
     /// Whether it has loads out of proportion, as found last.
     strained: bool,
     signals: Signals,
@@ -155,6 +159,7 @@ impl Region {
             step_us: 0.0,
             mean_step_us: 0.0,
             solved_dt_s: Vec::new(),
+            iterations_s: Vec::new(),
             strained: false,
             signals: Signals::default(),
             touched: Vec::new(),
@@ -279,6 +284,11 @@ impl Region {
         let fresh = self.fresh().collect();
         self.fresh.clear();
         fresh
+    }
+
+    /// Leaves a body that was taken to the next exchange.
+    pub(super) fn keep_fresh(&mut self, link: BodyRef) {
+        self.fresh.push(link);
     }
 
     /// Returns the awake bodies that the coupling must check in a tick.

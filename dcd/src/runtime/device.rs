@@ -415,7 +415,7 @@ fn lead(host: &mut RegionHost, target: &SharedState, lag_s: f64, band_m: f64) {
         return;
     }
     let velocity = correction(&state.pose, target, lag_s, band_m);
-    host.update(target.id, |body| {
+    host.change_copies(target.id, |body| {
         body.set_linvel(Vector::from_array(velocity.linear), true);
         body.set_angvel(Vector::from_array(velocity.angular), true);
     });

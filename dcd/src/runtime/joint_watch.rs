@@ -40,6 +40,7 @@ mod tests {
     use rapier3d::prelude::*;
 
     use super::*;
+    use crate::physics::LinkSettings;
     use crate::runtime::{Partitioning, WorldConfig};
     use crate::space::{Axis, BodyId};
 
@@ -95,5 +96,62 @@ mod tests {
         assert!(there == here && here.len() == 3, "{here:?}");
         assert!(world.set_joint_strength(joint, -1.0, 0.0).is_err());
         assert!(world.set_joint_strength(joint, f32::NAN, 0.0).is_err());
+    }
+
+    #[test]
+    fn additional_solver_iterations_do_not_change_what_a_joint_is_told_to_bear() {
+        for (cuts, at) in [(vec![], 0.0), (vec![(Axis::Y, 9.5)], 0.1)] {
+            for on_the_second in [false, true] {
+                let (mut world, ball, joint) = hung(cuts.clone(), at);
+                let more = |body: &mut RigidBody| body.set_additional_solver_iterations(16);
+                if on_the_second {
+                    let below = RigidBodyBuilder::dynamic().translation(Vector::new(at, 8.0, 0.0));
+                    let below = world.insert(below, ColliderBuilder::ball(0.1).mass(1.0)).unwrap();
+                    let tie = FixedJointBuilder::new().local_anchor2(Vector::Y);
+                    world.insert_joint(ball, below, tie).unwrap();
+                    world.update(below, more).unwrap();
+                } else {
+                    world.update(ball, more).unwrap();
+                }
+                // Another one beside it is solved with as many as ever.
+                let beside = RigidBodyBuilder::dynamic().translation(Vector::new(at + 5.0, 9.0, 0.0));
+                let beside = world.insert(beside, ColliderBuilder::ball(0.3).mass(1000.0)).unwrap();
+                let nail = RigidBodyBuilder::fixed().translation(Vector::new(at + 5.0, 10.0, 0.0));
+                let nail = world.insert(nail, ColliderBuilder::ball(0.1)).unwrap();
+                let tie = FixedJointBuilder::new().local_anchor2(Vector::Y);
+                let other = world.insert_joint(nail, beside, tie).unwrap();
+                for joint in [joint, other] {
+                    world.set_joint_strength(joint, 11_000.0, f32::INFINITY).unwrap();
+                }
+                assert_eq!(steps(&mut world, 60), []);
+                for joint in [joint, other] {
+                    let load = world.joint_load(joint).unwrap();
+                    let force_n = load[..3].iter().map(|v| v * v).sum::<f32>().sqrt();
+                    assert!((force_n - 9810.0).abs() < 490.0, "{force_n} N; the second one: {on_the_second}");
+                }
+                world.set_joint_strength(joint, 9_000.0, f32::INFINITY).unwrap();
+                assert_eq!(steps(&mut world, 3).len(), 3);
+                // Asleep its joint keeps the impulse of the step in which it fell asleep.
+                steps(&mut world, 240);
+                assert!(world.body(ball).unwrap().is_sleeping());
+                assert_eq!(steps(&mut world, 3).len(), 3);
+            }
+        }
+    }
+
+    #[test]
+    fn a_multibody_beside_a_joint_does_not_change_what_that_is_told_to_bear() {
+        let (mut world, _, joint) = hung(vec![], 0.0);
+        let post = RigidBodyBuilder::fixed().translation(Vector::new(5.0, 10.0, 0.0));
+        let post = world.insert(post, ColliderBuilder::ball(0.1)).unwrap();
+        let arm = RigidBodyBuilder::dynamic().translation(Vector::new(5.0, 9.0, 0.0));
+        let arm = arm.additional_solver_iterations(16).can_sleep(false);
+        let arm = world.insert(arm, ColliderBuilder::ball(0.1)).unwrap();
+        let hinge = RevoluteJointBuilder::new(Vector::Z).local_anchor2(Vector::Y);
+        world.insert_multibody_joint(post, arm, hinge, LinkSettings::default()).unwrap();
+        steps(&mut world, 30);
+        let load = world.joint_load(joint).unwrap();
+        let force_n = load[..3].iter().map(|v| v * v).sum::<f32>().sqrt();
+        assert!((force_n - 9810.0).abs() < 490.0, "{force_n} N");
     }
 }

@@ -418,14 +418,12 @@ impl LocalWorld {
             copies.note(body);
             result
         });
-        let result = changed.ok_or(WorldError::NoBody(body))?;
-        let settled = self.host.settle_kind(body);
-        match settled {
-            Ok(_) => self.tape_update(body, copies),
+        match &changed {
+            Ok(Some(_)) => self.tape_update(body, copies),
+            Ok(None) => {}
             Err(_) => self.tape_spoilt(),
         }
-        settled?;
-        Ok(result)
+        changed?.ok_or(WorldError::NoBody(body))
     }
 
     /// Pushes a dynamic body, and wakes it.

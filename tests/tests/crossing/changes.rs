@@ -2,6 +2,7 @@
 
 use dcd::physics::StepSettings;
 use dcd::protocol::WorldPose;
+use dcd::space::RegionId;
 use rapier3d::math::IVector;
 
 use super::bare::{Setup, apart, as_in_bare_rapier};
@@ -235,4 +236,101 @@ fn parameters_that_rapier_cannot_use_are_refused_by_name() {
     assert!(error.contains("contact_softness"), "{error}");
     let error = refused(IntegrationParameters { length_unit: 0.0, ..usual });
     assert!(error.contains("length_unit"), "{error}");
+}
+
+/// A robot of three links on a fixed base, all at x below 0.
+fn robot(world: &mut LocalWorld) -> Vec<BodyId> {
+    let base = RigidBodyBuilder::fixed().translation(Vector::new(-5.0, 4.0, 0.0));
+    let mut bodies = vec![world.insert(base, ColliderBuilder::ball(0.1)).unwrap()];
+    for y in [3.0, 2.0, 1.0] {
+        let arm = world.insert(body_at(-5.0, y, 0.0), ColliderBuilder::ball(0.1)).unwrap();
+        let hinge = RevoluteJointBuilder::new(Vector::Z).local_anchor2(Vector::Y);
+        let above = *bodies.last().unwrap();
+        world.insert_multibody_joint(above, arm, hinge, dcd::physics::LinkSettings::default()).unwrap();
+        bodies.push(arm);
+    }
+    bodies
+}
+
+#[test]
+fn a_link_keeps_its_type_and_its_robot_when_colliders_change() {
+    let mut world = LocalWorld::new(halves(Coupling::Auto)).unwrap();
+    let robot = robot(&mut world);
+    steps(&mut world, 5);
+    let sweep = |body: &mut RigidBody| body.set_body_type(RigidBodyType::KinematicVelocityBased, true);
+    let refused = world.update(robot[2], sweep).unwrap_err().to_string();
+    assert!(refused.contains("remove the joint first"), "{refused}");
+    assert!(world.body(robot[2]).unwrap().is_dynamic());
+    world.insert_collider(robot[2], ColliderBuilder::ball(0.2)).unwrap();
+    world.remove_collider(robot[2], 1).unwrap();
+    world.update_collider(robot[2], 0, |collider| collider.set_shape(SharedShape::ball(0.2))).unwrap();
+    steps(&mut world, 10);
+    assert!(robot.iter().all(|&id| world.contains(id)));
+    assert!((distance(at(&world, robot[2]), at(&world, robot[3])) - 1.0).abs() < 1e-3);
+}
+
+#[test]
+fn a_body_that_is_no_number_makes_nothing_go_with_it() {
+    let mut world = LocalWorld::new(halves(Coupling::Auto)).unwrap();
+    let tied: Vec<_> = [4.0, 3.0, 2.0]
+        .map(|y| world.insert(body_at(-5.0, y, 0.0), ColliderBuilder::ball(0.1)).unwrap())
+        .into();
+    for pair in tied.windows(2) {
+        let rope = SphericalJointBuilder::new().local_anchor2(Vector::Y);
+        world.insert_joint(pair[0], pair[1], rope).unwrap();
+    }
+    let elsewhere = world.insert(body_at(5.0, 4.0, 0.0), ColliderBuilder::ball(0.1)).unwrap();
+    steps(&mut world, 5);
+    let nowhere = |body: &mut RigidBody| body.set_translation(Vector::splat(f32::NAN), true);
+    world.update(tied[2], nowhere).unwrap();
+    steps(&mut world, 1);
+    let refused =
+        |what: &str, result: Result<(), dcd::runtime::WorldError>| result.expect_err(what).to_string();
+    let rope = SphericalJointBuilder::new().local_anchor1(Vector::X * 10.0);
+    assert!(
+        refused("a joint", world.insert_joint(tied[0], elsewhere, rope).map(drop)).contains("not finite")
+    );
+    assert!(
+        refused("a collider", world.insert_collider(tied[1], ColliderBuilder::ball(0.2)))
+            .contains("not finite")
+    );
+    let fix = |body: &mut RigidBody| body.set_body_type(RigidBodyType::Fixed, true);
+    assert!(refused("another type", world.update(tied[0], fix)).contains("not finite"));
+    assert!(world.body(tied[0]).unwrap().is_dynamic(), "it stays what it was");
+    steps(&mut world, 10);
+    assert!(tied.iter().chain([&elsewhere]).all(|&id| world.contains(id)));
+}
+
+#[test]
+fn a_floor_that_a_change_moves_is_there_in_every_region_and_for_who_asks() {
+    for coupling in SHARING {
+        // The last region has nothing of a floor that lies so far from it, until its plane moves.
+        let mut world = LocalWorld::new(cut(coupling, &[(Axis::X, 0.0), (Axis::X, 60.0)])).unwrap();
+        let floor = RigidBodyBuilder::fixed().translation(Vector::new(0.0, -0.5, 0.0));
+        let floor = world.insert(floor, ColliderBuilder::cuboid(20.0, 0.5, 5.0)).unwrap();
+        let boxes = [-5.0, 5.0].map(|x| world.insert(body_at(x, 0.5, 0.0), cube()).unwrap());
+        steps(&mut world, 30);
+        let pose = *world.body(floor).unwrap().position();
+        let nowhere = |body: &mut RigidBody| body.set_translation(Vector::splat(f32::NAN), true);
+        assert!(world.update(floor, nowhere).unwrap_err().to_string().contains("not finite"));
+        assert_eq!(*world.body(floor).unwrap().position(), pose, "what is refused is taken back");
+        let up = |body: &mut RigidBody| body.set_translation(body.translation() + Vector::Y * 0.25, true);
+        world.update(floor, up).unwrap();
+        assert_eq!(at(&world, floor), [0.0, -0.25, 0.0]);
+        assert!(world.regions().nth(2).unwrap().handle_of(floor).is_none(), "{}", coupling.name());
+        let tree = world.host().partition().tree();
+        let is_last = |vertex: &RegionId| tree.cut_of(*vertex) == Some((Axis::X, 60.0));
+        let last = (0..8).map(RegionId).find(is_last).unwrap();
+        world.move_plane(last, 10.0).unwrap();
+        let late = world.insert(body_at(15.0, 1.0, 0.0), cube()).unwrap();
+        steps(&mut world, 120);
+        for region in world.regions() {
+            let handle = region.handle_of(floor).expect("it reaches into each of them");
+            assert_eq!(region.world_pose(handle).translation, [0.0, -0.25, 0.0], "{}", coupling.name());
+        }
+        for id in boxes.into_iter().chain([late]) {
+            let y = at(&world, id)[1];
+            assert!((y - 0.75).abs() < 0.01, "{}: {id} at {y}", coupling.name());
+        }
+    }
 }

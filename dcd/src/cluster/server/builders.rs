@@ -270,6 +270,9 @@ fn check_change(record: &Record, op: &BuildOp, speed_limit_m_s: f32) -> Result<(
             let place = |collider: &ColliderRecord| (collider.shape, collider.pose);
             let same = known.colliders.iter().map(place).eq(traits.colliders.iter().map(place));
             honest(same && traits.kind != BodyKind::Fixed)?;
+            // Who computes it refuses that too.
+            let is_link = || record.joints().any(|joint| joint.link.is_some() && joint.b == *body);
+            honest(traits.kind == BodyKind::Dynamic || !is_link())?;
             honest(known.character == traits.character && known.vehicle == traits.vehicle)?;
             check_traits(traits)
         }

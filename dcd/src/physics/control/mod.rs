@@ -118,7 +118,7 @@ impl Neighbourhood {
             let woke = real.is_sleeping() && !body.is_sleeping();
             if body.is_dynamic() && (woke || linear != real.linvel() || angular != real.angvel()) {
                 let wake = !body.is_sleeping();
-                host.update(id, |body| {
+                host.change_copies(id, |body| {
                     body.set_linvel(linear, wake);
                     body.set_angvel(angular, wake);
                 });

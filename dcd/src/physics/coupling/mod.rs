@@ -118,6 +118,11 @@ impl Side {
         held_with(&self.region).union(predicted.met_with()).union(neighbours.missed())
     }
 
+    /// Returns whether bodies inserted here are to be announced as soon as the region is at one time with others.
+    pub(super) fn is_awaited(&self) -> bool {
+        self.region.fresh().next().is_some() && !self.border.neighbours.missed().is_empty()
+    }
+
     /// Hears what is near it from the others, in a tick in which it stays behind.
     pub(super) fn hear<'a>(&mut self, inbox: impl Iterator<Item = &'a BorderMessage>, ground: Ground<'_>) {
         let Self { region, border, .. } = self;

@@ -128,6 +128,17 @@ impl Neighbours {
         self.missed = self.missed.union(regions.intersection(self.behind));
     }
 
+    /// Has this region come to one time with others, as soon as they are stepped: they are to hold a body together from then on.
+    pub(super) fn wait_for(&mut self, regions: RegionSet) {
+        self.want(regions);
+        self.missed = self.missed.union(regions);
+    }
+
+    /// Returns whether any of these regions is behind the present time.
+    pub(super) fn are_behind(&self, regions: RegionSet) -> bool {
+        !regions.intersection(self.behind).is_empty()
+    }
+
     /// Returns whether any of so many regions is not a neighbour for good.
     pub(super) fn has_strangers(&self, regions: usize) -> bool {
         self.beside.len() < regions

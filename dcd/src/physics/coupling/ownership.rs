@@ -191,7 +191,7 @@ pub(super) fn commit<'a>(
 
 /// Sends the bodies inserted here to all regions that they come near, since they may touch anything at once. Those of islands that are
 /// computed whole go to nobody new: after membership has changed, to the regions that held copies of them, which follow as before.
-/// Returns all of them.
+/// Those that a joint has held by regions at different times wait until these are at one. Returns all of them.
 fn share_fresh(side: &mut Side, moment: Moment<'_>) -> Vec<RigidBodyHandle> {
     let Side { region, border, outbox, .. } = side;
     let own = RegionSet::only(region.rank());
@@ -213,7 +213,11 @@ fn share_fresh(side: &mut Side, moment: Moment<'_>) -> Vec<RigidBodyHandle> {
         };
         let near = border.neighbours.reached(region.rank(), near);
         let holders = near.union(region.slot(handle).holders).without(own);
-        if !holders.is_empty() {
+        // A region that is behind takes in no body, and does not apply what it decides itself.
+        if !holders.is_empty() && border.neighbours.are_behind(holders.union(own)) {
+            border.neighbours.wait_for(holders);
+            region.keep_fresh(BodyRef { id, handle });
+        } else if !holders.is_empty() {
             let members = holders.union(own);
             let warming = if whole { holders } else { RegionSet::EMPTY };
             tell(region, outbox, handle, holders, holders, members, warming, region.rank());
@@ -255,6 +259,9 @@ fn candidates(region: &Region, border: &Border) -> Vec<BodyRef> {
     // Those inserted in this tick have been decided on already.
     let fresh = |link: &BodyRef| border.decisions.iter().any(|decision| decision.link.id == link.id);
     all.retain(|link| border.decisions.is_empty() || !fresh(link));
+    // Others of these have yet to be announced.
+    let waiting: Vec<_> = region.fresh().map(|link| link.handle).collect();
+    all.retain(|link| !waiting.contains(&link.handle));
     all
 }
 

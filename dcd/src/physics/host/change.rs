@@ -30,13 +30,44 @@ impl RegionHost {
             (body.is_dynamic() && body.is_sleeping()).then_some(id)
         };
         for id in self.owned_bodies().filter_map(sleeps).collect::<Vec<_>>() {
-            self.update(id, |body| body.wake_up(true));
+            self.change_copies(id, |body| body.wake_up(true));
         }
     }
 
+    /// Lets a user change a body: in place, but one that comes to be or ceases to be immovable is placed anew, and so is one that does
+    /// not move and was put elsewhere. Returns what [`RegionHost::change_copies`] would. A change that is refused leaves the body of the
+    /// type and in the place that it had.
+    pub fn update<R>(
+        &mut self,
+        id: BodyId,
+        change: impl FnMut(&mut RigidBody) -> R,
+    ) -> Result<Option<R>, HostError> {
+        let Some(was) = self.traits(id).map(|traits| traits.kind) else { return Ok(None) };
+        let before = self.places_of_immovable(id);
+        let result = self.change_copies(id, change);
+        let after = self.places_of_immovable(id);
+        // Each region has its own space: the first one's is that of [`RegionHost::region_pose`].
+        let moved = if after == before { None } else { after.first().copied() };
+        self.settle(id, was, moved)?;
+        Ok(result)
+    }
+
+    /// Returns where an immovable body is in each region that holds it, in world space.
+    fn places_of_immovable(&self, id: BodyId) -> Vec<WorldPose> {
+        if self.statics.body(id).is_none() {
+            return Vec::new();
+        }
+        self.regions().filter_map(|region| Some(region.world_pose(region.handle_of(id)?))).collect()
+    }
+
     /// Applies a change to every copy of a body held here, so that owner and replicas stay alike. Returns what the
-    /// change returned for the owner's copy, or for the first other copy when the owner is elsewhere.
-    pub fn update<R>(&mut self, id: BodyId, mut change: impl FnMut(&mut RigidBody) -> R) -> Option<R> {
+    /// change returned for the owner's copy, or for the first other copy when the owner is elsewhere. What does not move stays where it
+    /// is, and no body becomes movable or immovable by it.
+    pub(crate) fn change_copies<R>(
+        &mut self,
+        id: BodyId,
+        mut change: impl FnMut(&mut RigidBody) -> R,
+    ) -> Option<R> {
         let mut result = None;
         for Side { region, .. } in &mut self.sides {
             let Some(handle) = region.handle_of(id) else { continue };
@@ -72,7 +103,7 @@ impl RegionHost {
         for Side { region, .. } in &mut self.sides {
             walks |= region.set_wanted(id, velocity.linear);
         }
-        self.update(id, |body| {
+        self.change_copies(id, |body| {
             if !walks {
                 body.set_linvel(Vector::from_array(velocity.linear), true);
             }
@@ -87,7 +118,7 @@ impl RegionHost {
         for Side { region, .. } in &mut self.sides {
             drives |= region.set_drive(id, Some(*drive));
         }
-        drives && self.update(id, |body| body.wake_up(true)).is_some()
+        drives && self.change_copies(id, |body| body.wake_up(true)).is_some()
     }
 
     /// Pushes a dynamic body, in every copy held here, and wakes it. Returns whether it is held.
@@ -99,7 +130,7 @@ impl RegionHost {
         });
         let angular = Vector::from_array(push.angular) + arm.cross(linear);
         let lasts = push.lasts;
-        self.update(push.body, |body| {
+        self.change_copies(push.body, |body| {
             if lasts {
                 body.reset_forces(true);
                 body.reset_torques(true);
@@ -123,7 +154,7 @@ impl RegionHost {
     }
 
     /// Applies a change to one collider of a body, in every copy held here; `index` counts them in order of insertion.
-    /// Returns what [`RegionHost::update`] would. Bodies whose shape changed, and immovable ones whose place did, are placed
+    /// Returns what [`RegionHost::change_copies`] would. Bodies whose shape changed, and immovable ones whose place did, are placed
     /// anew: Rapier 0.36.1 does not forget all contacts of a compound that becomes something else.
     pub fn update_collider<R>(
         &mut self,
@@ -293,8 +324,7 @@ impl RegionHost {
             let mut body = body.clone();
             body.state.pose = pose;
             let joints = self.all_joints_of(id);
-            self.remove(id);
-            self.insert(vec![body], &joints.into_values().collect::<Vec<_>>())?;
+            self.reinsert(vec![body], &joints.into_values().collect::<Vec<_>>())?;
             return Ok(true);
         }
         let Some(record) = self.record(id) else { return Ok(false) };
@@ -304,8 +334,7 @@ impl RegionHost {
         let moved = BodyRecord { state, ..record };
         let owner = self.partition.rank_at(pose.translation);
         if joints.is_empty() && owner != self.present_place(id).0 {
-            self.remove(id);
-            self.insert(vec![moved], &[])?;
+            self.reinsert(vec![moved], &[])?;
             return Ok(true);
         }
         Ok(self.move_copies(id, pose))

@@ -79,7 +79,8 @@ impl RegionHost {
         let states = self.sides.iter().map(|side| RegionState {
             id: side.region.id(),
             cell: *side.region.cell(),
-            step_ms: side.region.mean_step_us() * 1e-3,
+            // What rests is not stepped: the time that its last steps took is not spent.
+            step_ms: if side.is_idle() { 0.0 } else { side.region.mean_step_us() * 1e-3 },
             signals: side.region.signals(),
         });
         let rates = governor.rates(&states.collect::<Vec<_>>(), self.settings.dt_s);
@@ -209,5 +210,45 @@ impl RegionHost {
         if let Some(governor) = &mut self.governor {
             governor.note_time(took_ms);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+    use crate::physics::{Partition, StepSettings};
+    use crate::protocol::WorldPose;
+    use crate::space::{Axis, BodyId, Bounds, DistributionTree};
+
+    #[test]
+    fn what_regions_at_rest_took_when_they_were_awake_counts_for_no_budget() {
+        let tree = DistributionTree::cut_by(Bounds::around([0.0; 3], [20.0; 3]), &[(Axis::X, 0.0)]).unwrap();
+        let partition = Partition::new(tree, None);
+        let leaves = partition.leaves().to_vec();
+        let settings = StepSettings { gravity: [0.0; 3], ..StepSettings::default() };
+        let mut host = RegionHost::new(partition, settings, 1, &leaves).unwrap();
+        host.set_fidelity(Fidelity::Budget { tick_ms: 10.0 });
+        let bodies = [-10.0, 10.0].into_iter().zip(0..).map(|(x, id)| {
+            let (body, ball) = (RigidBodyBuilder::dynamic().build(), ColliderBuilder::ball(0.5));
+            let (id, at) = (BodyId::persistent(id), WorldPose::at([x, 0.0, 0.0]));
+            host.shapes_mut().describe(id, at, &body, &[ball]).unwrap()
+        });
+        let bodies = bodies.collect();
+        host.insert(bodies, &[]).unwrap();
+        let levels_after_hard_work = |host: &mut RegionHost| {
+            for side in &mut host.sides {
+                (0..100).for_each(|_| side.region.count_time(Duration::from_secs(5), true));
+            }
+            (0..16).for_each(|_| host.step().unwrap());
+            host.fidelity_report().unwrap().levels
+        };
+        assert_eq!(levels_after_hard_work(&mut host), [0, 0, 2], "awake");
+        for _ in 0..600 {
+            host.step().unwrap();
+        }
+        assert!(host.sides.iter().all(Side::is_idle));
+        assert_eq!(levels_after_hard_work(&mut host), [2, 0, 0], "asleep");
     }
 }

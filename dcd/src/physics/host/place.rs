@@ -46,7 +46,30 @@ impl RegionHost {
             self.meet_all();
         }
         bodies.sort_by_key(|body| body.id);
+        if let Some(taken) = bodies.iter().find(|body| self.held(body.id)) {
+            return Err(HostError::Taken(taken.id));
+        }
         self.check(&bodies, joints)?;
+        self.insert_checked(bodies, joints)
+    }
+
+    /// Removes bodies and inserts them anew, as these records say, with all of their joints. When anything is refused, nothing is
+    /// removed.
+    pub(super) fn reinsert(
+        &mut self,
+        mut bodies: Vec<BodyRecord>,
+        joints: &[JointRecord],
+    ) -> Result<(), HostError> {
+        self.meet_all();
+        bodies.sort_by_key(|body| body.id);
+        self.check(&bodies, joints)?;
+        for body in &bodies {
+            self.remove(body.id);
+        }
+        self.insert_checked(bodies, joints)
+    }
+
+    fn insert_checked(&mut self, bodies: Vec<BodyRecord>, joints: &[JointRecord]) -> Result<(), HostError> {
         let placement = Placement::of(&bodies, joints, &self.shapes, &self.settings)?;
         let owners = placement.owners(&bodies, &self.partition);
         // A scene comes at once, and nothing touches it but itself.
@@ -196,14 +219,11 @@ impl RegionHost {
         if places.windows(2).all(|pair| pair[0] == pair[1]) && !(linked && shared) {
             return self.insert(Vec::new(), &[joint]);
         }
-        for &body in bodies.keys() {
-            self.remove(body);
-        }
         ties.insert(id, joint);
-        self.insert(bodies.into_values().collect(), &ties.into_values().collect::<Vec<_>>())
+        self.reinsert(bodies.into_values().collect(), &ties.into_values().collect::<Vec<_>>())
     }
 
-    /// Checks that Rapier can have these joints in multibodies, beside those that are there.
+    /// Checks that Rapier can have these joints in multibodies, beside those that are there and tie none of these bodies.
     fn check_links(&self, joints: &[JointRecord], bodies: &[BodyRecord]) -> Result<(), HostError> {
         let mut parents = BTreeMap::new();
         for joint in joints.iter().filter(|joint| joint.link.is_some()) {
@@ -213,11 +233,11 @@ impl RegionHost {
             }
             let new =
                 bodies.binary_search_by_key(&joint.b, |body| body.id).ok().map(|place| bodies[place].clone());
-            if new.or_else(|| self.record(joint.b)).is_some_and(|body| body.traits.kind != BodyKind::Dynamic)
-            {
+            let body = new.or_else(|| self.record(joint.b));
+            if body.is_some_and(|body| body.traits.kind != BodyKind::Dynamic) {
                 return Err(fault("only a dynamic body can be the second one; tie it the other way round"));
             }
-            if self.parent_of(joint.b).is_some() || parents.insert(joint.b, joint.a).is_some() {
+            if self.parent_of(joint.b, bodies).is_some() || parents.insert(joint.b, joint.a).is_some() {
                 return Err(fault("it is a link of a multibody already; close loops with impulse joints"));
             }
             let mut above = Some(joint.a);
@@ -225,16 +245,20 @@ impl RegionHost {
                 if id == joint.b {
                     return Err(fault("the joint would close a loop; close loops with impulse joints"));
                 }
-                above = parents.get(&id).copied().or_else(|| self.parent_of(id));
+                above = parents.get(&id).copied().or_else(|| self.parent_of(id, bodies));
             }
         }
         Ok(())
     }
 
-    /// Returns the parent of a link in its multibody.
-    fn parent_of(&self, id: BodyId) -> Option<BodyId> {
+    /// Returns the parent of a link in its multibody, if neither it nor the parent is among these bodies, in id order.
+    fn parent_of(&self, id: BodyId, but: &[BodyRecord]) -> Option<BodyId> {
+        let stays = |end: BodyId| but.binary_search_by_key(&end, |body| body.id).is_err();
+        if !stays(id) {
+            return None;
+        }
         let mut links = self.joints_of(id).filter(|joint| joint.link.is_some() && joint.b == id);
-        links.next().map(|joint| joint.a)
+        links.next().map(|joint| joint.a).filter(|&parent| stays(parent))
     }
 
     /// Removes a joint from every region. Returns whether any held it.
@@ -247,11 +271,9 @@ impl RegionHost {
         held
     }
 
+    /// Checks bodies, in id order, that are not held here or will be removed before they are inserted, and their joints.
     fn check(&self, bodies: &[BodyRecord], joints: &[JointRecord]) -> Result<(), HostError> {
         for body in bodies {
-            if self.held(body.id) {
-                return Err(HostError::Taken(body.id));
-            }
             if !body.state.pose.is_valid() || !body.state.velocity.is_finite() {
                 return Err(HostError::NotFinite(body.id));
             }

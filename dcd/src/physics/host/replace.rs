@@ -8,30 +8,45 @@ use rapier3d::prelude::*;
 
 use super::{HostError, RegionHost};
 use crate::physics::record;
-use crate::protocol::{BodyKind, BodyRecord};
-use crate::space::{BodyId, JointId};
+use crate::protocol::{BodyKind, BodyRecord, JointRecord, WorldPose};
+use crate::space::BodyId;
 
 impl RegionHost {
-    /// Applies a user's change of a body's type: a body that can move has an owner, an immovable one has none. A link of a
-    /// multibody keeps its type.
-    pub fn settle_kind(&mut self, id: BodyId) -> Result<(), HostError> {
+    /// Settles what a user has changed in every copy of a body: its type, which `was` another perhaps, and where an immovable body is, if
+    /// it was `moved`. What is refused is taken back.
+    pub(super) fn settle(
+        &mut self,
+        id: BodyId,
+        was: BodyKind,
+        moved: Option<WorldPose>,
+    ) -> Result<(), HostError> {
+        let settled = self.place_changed(id, moved);
+        if settled.is_err() {
+            self.change_copies(id, |body| body.set_body_type(record::body_type(was), true));
+            if let Some(known) = moved.and(self.statics.body(id)) {
+                self.move_copies(id, known.state.pose);
+            }
+        }
+        settled
+    }
+
+    /// Places a body anew that can move from now on and has an owner, or cannot and has none; or an immovable one that was moved. A link of
+    /// a multibody keeps its type.
+    fn place_changed(&mut self, id: BodyId, moved: Option<WorldPose>) -> Result<(), HostError> {
         let known = self.statics.body(id);
         let copy = self
             .owned(id)
             .or_else(|| self.regions().find_map(|region| Some((region, region.handle_of(id)?))));
         let Some((region, handle)) = copy else { return Ok(()) };
-        let mut record = region.body_record(handle);
-        if (record.traits.kind == BodyKind::Fixed) == known.is_some() {
-            return Ok(());
+        let kind = region.slot(handle).traits.kind;
+        self.check_kind(id, kind)?;
+        if (kind == BodyKind::Fixed) == known.is_some() {
+            return moved.map_or(Ok(()), |pose| self.teleport(id, pose).map(drop));
         }
+        let mut record = region.body_record(handle);
         if let Some(known) = known {
             // A copy is where its region space has it, which is coarser.
-            record.state.pose = known.state.pose;
-        }
-        if let Some(joint) = self.link_of(id) {
-            self.update(id, |body| body.set_body_type(RigidBodyType::Dynamic, true));
-            let cause = "it cannot become fixed while it is a link; remove the joint first";
-            return Err(HostError::MultibodyJoint { joint, body: id, cause });
+            record.state.pose = moved.unwrap_or(known.state.pose);
         }
         (record.state.sleeping, record.state.still_s) = (false, 0.0);
         self.replace(record)
@@ -59,9 +74,6 @@ impl RegionHost {
     /// Removes a body and all that joints tie to it, and inserts them anew with the body as recorded; contacts of all these begin
     /// anew.
     pub(super) fn replace(&mut self, body: BodyRecord) -> Result<(), HostError> {
-        if !body.state.pose.is_valid() || !body.state.velocity.is_finite() {
-            return Err(HostError::NotFinite(body.id));
-        }
         let (mut bodies, mut ties) = (BTreeMap::new(), BTreeMap::new());
         for joint in self.all_joints_of(body.id).into_values() {
             self.gather_assembly(joint.a, &mut bodies, &mut ties);
@@ -69,15 +81,18 @@ impl RegionHost {
             ties.insert(joint.id, joint);
         }
         bodies.insert(body.id, body);
-        for &id in bodies.keys() {
-            self.remove(id);
-        }
-        self.insert(bodies.into_values().collect(), &ties.into_values().collect::<Vec<_>>())
+        self.reinsert(bodies.into_values().collect(), &ties.into_values().collect::<Vec<_>>())
     }
 
-    /// Returns the joint by which a body is a link of a multibody.
-    fn link_of(&self, id: BodyId) -> Option<JointId> {
-        let mut links = self.joints_of(id).filter(|joint| joint.link.is_some() && joint.b == id);
-        links.next().map(|joint| joint.id)
+    /// Refuses any type but dynamic for a link of a multibody: Rapier would end the program in its next step.
+    pub(in crate::physics) fn check_kind(&self, id: BodyId, kind: BodyKind) -> Result<(), HostError> {
+        let link = || self.joints_of(id).find(|joint| joint.link.is_some() && joint.b == id);
+        match (kind != BodyKind::Dynamic).then(link).flatten() {
+            None => Ok(()),
+            Some(JointRecord { id: joint, .. }) => {
+                let cause = "it must be dynamic as long as it is a link; remove the joint first";
+                Err(HostError::MultibodyJoint { joint, body: id, cause })
+            }
+        }
     }
 }

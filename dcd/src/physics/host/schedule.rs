@@ -3,6 +3,7 @@
 //! compared.
 
 use super::RegionHost;
+use crate::physics::coupling::Side;
 use crate::space::{RegionId, RegionSet};
 
 /// The most ticks that any region is behind the present, and one.
@@ -33,7 +34,9 @@ impl RegionHost {
             let owed = members().map(|side| side.clock.owed).max().unwrap_or(0);
             // Groups of one rate take turns, so that ticks take alike.
             let turn = group.iter().next().expect("a group has a member") as u64;
-            let is_due = owed + 1 >= rate || (self.tick.0 + 1 + turn).is_multiple_of(rate.into());
+            let is_awaited = members().any(Side::is_awaited);
+            let is_due =
+                is_awaited || owed + 1 >= rate || (self.tick.0 + 1 + turn).is_multiple_of(rate.into());
             for rank in group.iter() {
                 let Some(place) = self.place_of[rank] else { continue };
                 let side = &mut self.sides[place];

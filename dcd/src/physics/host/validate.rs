@@ -201,7 +201,7 @@ mod tests {
         assert!(matches!(parts[..], [Inconsistency::Mass { .. }]), "{parts:?}");
 
         let spins = found(|host, id, _| {
-            host.update(id, |body| body.set_angvel(Vector::splat(f32::NAN), true));
+            host.change_copies(id, |body| body.set_angvel(Vector::splat(f32::NAN), true));
         });
         assert!(
             matches!(spins[..], [Inconsistency::NotFinite { .. }, Inconsistency::NotFinite { .. }]),

@@ -1,10 +1,10 @@
 //! Lets a user change bodies and colliders in place, and updates a region's records of them.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use rapier3d::prelude::*;
 
-use super::Region;
+use super::{Moved, Region};
 use crate::physics::outline::Outline;
 use crate::physics::shapes::{ShapeError, ShapeLibrary};
 use crate::physics::{convert, record};
@@ -24,14 +24,38 @@ impl Region {
         }
     }
 
+    /// Notes the same, where nothing else has changed since queries `found` what was moved before.
+    pub(super) fn touch_only(&mut self, handle: RigidBodyHandle, mut found: OnceLock<Moved>) {
+        self.touch(handle);
+        if let Some(found) = found.get_mut() {
+            found.add(self, handle);
+        }
+        self.moved = found;
+    }
+
     /// Lets a user change the body in place, whole even where it is shared; reads its traits anew, and lets the coupling
-    /// check it soon.
+    /// check it soon. Queries find a body that stays where it is as before: they ask Rapier for all but its place.
     pub(in crate::physics) fn change<R>(
         &mut self,
         handle: RigidBodyHandle,
         change: impl FnOnce(&mut RigidBody) -> R,
     ) -> R {
-        self.touch(handle);
+        let place = |region: &Self| {
+            let body = &region.world.bodies[handle];
+            (*body.position(), body.is_enabled())
+        };
+        let (before, found) = (place(self), std::mem::take(&mut self.moved));
+        let result = self.change_unseen(handle, change);
+        if place(self) == before {
+            self.moved = found;
+        } else {
+            self.touch_only(handle, found);
+        }
+        result
+    }
+
+    /// Does the same, but does not have queries look for the body anew.
+    fn change_unseen<R>(&mut self, handle: RigidBodyHandle, change: impl FnOnce(&mut RigidBody) -> R) -> R {
         self.unrefine(handle);
         // A dynamic body that is kinematic in Rapier is a ghost of the proxy coupling, which its user must not see.
         let ghost = self.world.bodies[handle].body_type();

@@ -26,8 +26,8 @@ impl Region {
             shapes.shape(collider.shape)?;
         }
         self.stirred = true;
+        let found = std::mem::take(&mut self.moved);
         let handle = self.world.bodies.insert(record::build_body(body, self.anchor));
-        self.touch(handle);
         for (place, record) in body.traits.colliders.iter().enumerate() {
             let collider = record::build_collider(record, shapes).expect("its shape has been looked at");
             let world = &mut *self.world;
@@ -88,6 +88,7 @@ impl Region {
         for joint in self.waiting.values().filter(|joint| tied(joint)).cloned().collect::<Vec<_>>() {
             self.insert_joint(&joint);
         }
+        self.touch_only(handle, found);
         Ok(handle)
     }
 

@@ -162,7 +162,7 @@ impl Region {
         if let Some(mass_split) = self.mass_split_mut(handle) {
             (mass_split.user_force, mass_split.user_torque) = (Vector::ZERO, Vector::ZERO);
         }
-        self.refresh(handle);
+        self.read_disabled(handle);
     }
 
     /// Notes that Rapier has quarantined a copy that was no longer finite. Where regions share the body, the other copies decide.
@@ -171,8 +171,14 @@ impl Region {
         self.quarantined.push(slot.id);
         match self.mass_split_mut(handle) {
             Some(mass_split) => mass_split.broken = true,
-            None => self.refresh(handle),
+            None => self.read_disabled(handle),
         }
+    }
+
+    /// Reads the traits of a body that Rapier has disabled, without what only the fidelity of its region gave it.
+    fn read_disabled(&mut self, handle: RigidBodyHandle) {
+        self.unrefine(handle);
+        self.refresh(handle);
     }
 
     /// Returns the smoothed force and torque of contacts and joints on a copy: measured since the last exchange as what moved it

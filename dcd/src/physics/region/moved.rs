@@ -20,6 +20,7 @@ pub(in crate::physics) struct Moved {
     pub(in crate::physics) colliders: ColliderSet,
     /// By Rapier's index of the copy.
     originals: HashMap<u32, ColliderHandle>,
+    copies: HashMap<ColliderHandle, ColliderHandle>,
     /// Rapier's indices of the bodies, ascending.
     bodies: Vec<u32>,
 }
@@ -33,36 +34,45 @@ impl Moved {
         handles.sort_unstable_by_key(|handle| handle.into_raw_parts());
         handles.dedup();
         let mut moved = Self::default();
-        for handle in handles {
-            let role = region.role_of(handle).map(|(_, role)| role);
-            if let (Some(Ownership::Owner | Ownership::Immovable), Some(body)) =
-                (role, world.bodies.get(handle))
-            {
-                moved.add(region, handle, body);
-            }
-        }
+        handles.into_iter().for_each(|handle| moved.add(region, handle));
         moved
     }
 
-    fn add(&mut self, region: &Region, handle: RigidBodyHandle, body: &RigidBody) {
-        self.bodies.push(handle.into_raw_parts().0);
+    /// Adds the colliders of a body; or moves, adds and removes what is here of it already.
+    pub(super) fn add(&mut self, region: &Region, handle: RigidBodyHandle) {
+        let role = region.role_of(handle).map(|(_, role)| role);
+        let (Some(Ownership::Owner | Ownership::Immovable), Some(body)) =
+            (role, region.physics().bodies.get(handle))
+        else {
+            return;
+        };
+        let index = handle.into_raw_parts().0;
+        if let Err(at) = self.bodies.binary_search(&index) {
+            self.bodies.insert(at, index);
+        }
         // While its body is disabled, Rapier's collider does not tell whether its user enabled it.
         let wanted = &region.slot(handle).traits.colliders;
         for (&original, record) in body.colliders().iter().zip(wanted) {
             let collider = &region.physics().colliders[original];
-            if !(body.is_enabled() && record.enabled) {
-                continue;
-            }
-            let mut copy = collider.clone();
-            copy.set_position(place(body, collider));
+            let place = place(body, collider);
             // Wider, as in Rapier's own tree: shapes may touch by rounding where their boxes do not.
-            let aabb = copy.compute_aabb().loosened(0.01);
-            if aabb.mins.is_finite() && aabb.maxs.is_finite() {
-                let index = self.colliders.insert(copy).into_raw_parts().0;
-                self.bvh.insert(aabb, index);
-                self.originals.insert(index, original);
+            let aabb = collider.shape().compute_aabb(&place).loosened(0.01);
+            if body.is_enabled() && record.enabled && aabb.mins.is_finite() && aabb.maxs.is_finite() {
+                let copy = self.copy(original, collider);
+                self.colliders[copy].set_position(place);
+                self.bvh.insert(aabb, copy.into_raw_parts().0);
+            } else if let Some(copy) = self.copies.get(&original) {
+                self.bvh.remove(copy.into_raw_parts().0);
             }
         }
+    }
+
+    fn copy(&mut self, original: ColliderHandle, collider: &Collider) -> ColliderHandle {
+        *self.copies.entry(original).or_insert_with(|| {
+            let copy = self.colliders.insert(collider.clone());
+            self.originals.insert(copy.into_raw_parts().0, original);
+            copy
+        })
     }
 
     /// Returns whether a body is among them, and not to be looked for in Rapier's own tree.
@@ -87,4 +97,62 @@ fn strayed(world: &PhysicsWorld, handle: RigidBodyHandle) -> bool {
 
 fn place(body: &RigidBody, collider: &Collider) -> Pose {
     *body.position() * collider.position_wrt_parent().copied().unwrap_or(Pose::IDENTITY)
+}
+
+#[cfg(test)]
+mod tests {
+    use rapier3d::prelude::*;
+
+    use crate::physics::{BodyFilter, Partition, RegionHost, StepSettings, WorldRay};
+    use crate::protocol::{Push, Velocity, WorldPose};
+    use crate::space::{BodyId, Bounds, DistributionTree};
+
+    #[test]
+    fn who_is_pushed_and_looks_around_again_and_again_is_looked_for_where_the_last_step_left_it() {
+        let tree = DistributionTree::halved(Bounds::around([0.0; 3], [100.0; 3]), 1).unwrap();
+        let partition = Partition::new(tree, None);
+        let leaves = partition.leaves().to_vec();
+        let mut host = RegionHost::new(partition, StepSettings::default(), 1, &leaves).unwrap();
+        let agents: Vec<_> = (0..100).map(BodyId::persistent).collect();
+        let bodies = agents.iter().zip(0_u8..).map(|(&id, place)| {
+            let at = WorldPose::at([2.0 * f64::from(place), 0.0, 0.0]);
+            let body = RigidBodyBuilder::dynamic().build();
+            host.shapes_mut().describe(id, at, &body, &[ColliderBuilder::ball(0.5)]).unwrap()
+        });
+        let bodies = bodies.collect();
+        host.insert(bodies, &[]).unwrap();
+        host.step().unwrap();
+        let copies = |host: &RegionHost| host.regions().next().unwrap().moved().colliders.len();
+        let found = |host: &RegionHost, x: f64| {
+            let down = WorldRay::new([x, 10.0, 0.0], [0.0, -1.0, 0.0]);
+            host.queries().cast_ray(&down, &BodyFilter::default()).unwrap().map(|hit| hit.body)
+        };
+        for (&agent, place) in agents.iter().zip(0_u8..) {
+            let x = 2.0 * f64::from(place);
+            assert_eq!(found(&host, x), Some(agent));
+            host.push(&Push::impulse(agent, [0.0, 0.0, 1.0]));
+            host.steer(agent, &Velocity::linear([0.0, 0.0, 1.0]));
+            host.update(agent, |body| body.set_gravity_scale(0.5, true)).unwrap();
+            assert_eq!(copies(&host), 0);
+        }
+        // One that is put elsewhere, twice; one that is no longer there; and one that comes.
+        for x in [-9.0, -7.0] {
+            host.teleport(agents[3], WorldPose::at([x, 0.0, 0.0])).unwrap();
+            host.push(&Push::impulse(agents[3], [0.0, 0.0, 1.0]));
+            assert_eq!((found(&host, 6.0), found(&host, x)), (None, Some(agents[3])));
+        }
+        host.update(agents[4], |body| body.set_enabled(false)).unwrap();
+        let new = BodyId::persistent(100);
+        let (body, ball) = (RigidBodyBuilder::dynamic().build(), ColliderBuilder::ball(0.5));
+        let record = host.shapes_mut().describe(new, WorldPose::at([-20.0, 0.0, 0.0]), &body, &[ball]);
+        host.insert(vec![record.unwrap()], &[]).unwrap();
+        assert_eq!((found(&host, -9.0), found(&host, 8.0), found(&host, -20.0)), (None, None, Some(new)));
+        assert_eq!(copies(&host), 2);
+        host.update(new, |body| body.set_enabled(false)).unwrap();
+        host.remove(agents[3]);
+        assert_eq!(
+            (found(&host, -20.0), found(&host, -7.0), found(&host, 10.0)),
+            (None, None, Some(agents[5]))
+        );
+    }
 }

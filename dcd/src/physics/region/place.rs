@@ -148,6 +148,10 @@ impl Region {
                 }
             }
         }
+        // Until the next step Rapier has all colliders where they were relative to the former anchor.
+        for link in self.links() {
+            self.touch(link.handle);
+        }
     }
 
     /// Returns whether the ball around a body that holds its colliders lies in the covered box by a margin, metres. This is said sooner than

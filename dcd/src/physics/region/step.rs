@@ -4,6 +4,7 @@ use std::time::Instant;
 
 use rapier3d::prelude::*;
 
+use super::iterations::iteration_s;
 use super::mass_splitting::MassSplit;
 use super::{Ownership, Region, kinematic_targets};
 use crate::physics::hooks::Named;
@@ -12,7 +13,7 @@ use crate::space::BodyId;
 impl Region {
     /// Steps the Rapier world by one of `steps` substeps of a tick.
     pub(in crate::physics) fn step(&mut self, parameters: &IntegrationParameters, steps: usize) {
-        let dt_before_s = std::mem::replace(&mut self.world.integration_parameters, *parameters).dt;
+        let before = std::mem::replace(&mut self.world.integration_parameters, *parameters);
         if self.targets.is_first() {
             self.quarantined.clear();
             self.walk(parameters.dt * steps as f32);
@@ -33,7 +34,8 @@ impl Region {
         }
         let (awake, joints) = (self.world.islands.num_active_bodies(), self.world.impulse_joints.len());
         self.profile.note(start.elapsed(), &self.world.physics_pipeline.counters, awake, joints);
-        self.note_solved(dt_before_s);
+        self.note_solved(before.dt);
+        self.note_iterations(iteration_s(&before, 0));
         self.listener.remind(&mut self.world.colliders);
         let heard = self.events.forces.len();
         self.listener.drain(self.anchor, 1.0 / steps as f32, &mut self.events);

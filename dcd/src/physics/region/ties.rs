@@ -52,7 +52,7 @@ impl Region {
         for handle in news.untied.drain(..) {
             match handle {
                 Solver::Impulses(handle) => drop(self.world_mut().impulse_joints.remove(handle, false)),
-                Solver::Multibody(handle) => self.world_mut().multibody_joints.remove(handle, false),
+                Solver::Multibody(handle) => self.unlink(handle),
             }
         }
         for handle in news.gone.drain(..) {
@@ -117,6 +117,15 @@ impl Region {
         }
         let joint = joints::joint_of(record);
         articulation::insert_link(&mut self.world_mut().multibody_joints, a, b, joint, &record.link?)
+    }
+
+    /// Removes a joint from its multibody. Its body may be the root of what is left of a multibody by now, since Rapier itself takes out the
+    /// joints of a removed body at once: it would take a root for a link, and forget all of that multibody.
+    fn unlink(&mut self, handle: MultibodyJointHandle) {
+        let joints = &mut self.world_mut().multibody_joints;
+        if joints.get(handle).is_some_and(|(_, index)| index > 0) {
+            joints.remove(handle, false);
+        }
     }
 
     /// Inserts or removes the multibody joints of a body whose owner has changed: only its owner solves its multibody.
@@ -371,10 +380,11 @@ impl Region {
             None => return held.record.link.is_none().then_some([0.0; 6]),
         };
         let joint = self.physics().impulse_joints.get(handle)?;
-        // Rapier keeps the impulse of the last solver iteration, each of which is a step of its own.
-        let settings = &self.physics().integration_parameters;
-        let dt_s = settings.dt / settings.num_solver_iterations as f32;
-        Some(std::array::from_fn(|axis| joint.impulses[axis] / dt_s))
+        // Rapier keeps the impulse of the last solver iteration, each of which is a step of its own: as long as those of what it moves.
+        let (a, b) = (joint.body1(), joint.body2());
+        let moved = if self.physics().bodies[a].is_dynamic() { a } else { b };
+        let iteration_s = self.iteration_s(moved);
+        Some(std::array::from_fn(|axis| joint.impulses[axis] / iteration_s))
     }
 
     /// Returns the bodies that a joint held here ties.

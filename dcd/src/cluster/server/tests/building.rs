@@ -4,8 +4,8 @@ mod costs;
 
 use super::*;
 use crate::protocol::{
-    Alteration, BodyKind, BodyRecord, BodyTraits, BuildOp, Character, Costs, Input, JointRecord, Push,
-    Velocity, WorldOp,
+    Alteration, BodyKind, BodyRecord, BodyTraits, BuildOp, Character, Costs, Input, JointRecord, LinkRecord,
+    Push, Velocity, WorldOp,
 };
 use crate::space::JointId;
 
@@ -14,7 +14,10 @@ const OTHER: ClientId = ClientId(8);
 
 /// A server whose world runs, with a client that may build, and one that may not.
 fn built_in() -> Server {
-    let mut server = server();
+    run(server())
+}
+
+fn run(mut server: Server) -> Server {
     let outputs = hello(&mut server, 1, VERSION);
     obey(&mut server, 1, outputs);
     server.handle(NOW, ServerEvent::MayBuild(BUILDER));
@@ -312,4 +315,20 @@ fn a_name_comes_again_only_once_nobody_holds_what_had_it() {
     assert_ne!(server.view().map(|now| now.number), Some(view));
     assert_eq!(refusal(&mut server, insert(body(0))), None);
     assert_eq!(again(&mut server, 4), None);
+}
+
+#[test]
+fn a_link_of_a_multibody_stays_dynamic() {
+    let bodies = [0, 1].map(|i| sim_body(BodyId::persistent(i), [f64::from(i), 1.0, 1.0]));
+    let (armature, friction, springs) = ([0.0; 6], [0.0; 6], [[0.0; 2]; 6]);
+    let link = LinkRecord { kinematic: false, damping: None, armature, friction, springs, motion: None };
+    let joint = JointRecord { link: Some(link), ..vicinity::joint(0, 0, 1) };
+    let record = Record::new(bodies.to_vec(), Vec::new(), vec![joint]);
+    let mut server = run(Server::new(config(1), record));
+    let sweep = |body: &BodyRecord| {
+        let traits = with(body.clone(), |traits| traits.kind = BodyKind::KinematicVelocity).traits;
+        BuildOp::Alter(Alteration::Body { body: body.id, traits, wakes: true })
+    };
+    assert_eq!(refusal(&mut server, sweep(&bodies[1])), Some(Refusal::NotToBeBuilt));
+    assert_eq!(refusal(&mut server, sweep(&bodies[0])), None, "the root may be");
 }

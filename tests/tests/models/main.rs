@@ -2,6 +2,7 @@
 
 mod compare;
 mod features;
+mod hostile;
 mod list;
 mod placing;
 mod real;

@@ -149,9 +149,27 @@ fn joints() -> Vec<Row> {
             arm("revolute", r#"<limit lower="1" upper="0"/>"#),
             |s| limits(s, 0, JointAxis::AngX).is_none(),
         ),
-        row("limit beyond half a turn", Warned, arm("revolute", r#"<limit lower="-4" upper="4"/>"#), |s| {
-            limits(s, 0, JointAxis::AngX).is_none()
-        }),
+        row(
+            "limit beyond half a turn",
+            Carried,
+            arm("revolute", r#"<limit lower="-0.0175" upper="3.7525"/>"#),
+            |s| limits(s, 0, JointAxis::AngX) == Some([-0.0175, 3.7525]),
+        ),
+        row(
+            "limit of a whole turn or more",
+            Warned,
+            arm("revolute", r#"<limit lower="-4" upper="4"/>"#),
+            |s| limits(s, 0, JointAxis::AngX).is_none(),
+        ),
+        Row {
+            params: "multibody=1",
+            ..row(
+                "limit of a whole turn or more (--set multibody=1)",
+                Carried,
+                arm("revolute", r#"<limit lower="-4" upper="4"/>"#),
+                |s| limits(s, 0, JointAxis::AngX) == Some([-4.0, 4.0]),
+            )
+        },
         row("axis 0 0 0", Refused, arm("continuous", r#"<axis xyz="0 0 0"/>"#), any),
         row(
             "a joint of a link that is missing",

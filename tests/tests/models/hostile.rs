@@ -148,3 +148,28 @@ fn models_that_attach_themselves_or_what_is_not_there_are_refused() {
     let error = folder.error("0.xml");
     assert!(error.contains("what it attaches have more than 16 MiB; attach less"), "{error}");
 }
+
+#[test]
+fn what_an_obj_says_of_colours_is_not_read() {
+    let tetra = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
+    let robot = |mesh: &str| {
+        format!(
+            r#"<robot name="r"><link name="a"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
+            <collision><geometry><mesh filename="{mesh}"/></geometry></collision></link></robot>"#
+        )
+    };
+    let folder = Folder::new(&[
+        ("endless.urdf", &robot("endless.obj")),
+        ("endless.obj", &format!("mtllib /dev/zero\n{tetra}")),
+        ("broken.urdf", &robot("broken.obj")),
+        ("broken.obj", &format!("mtllib broken.mtl\n{tetra}")),
+        ("broken.mtl", "newmtl a\nKd x\n"),
+        ("flat.urdf", &robot("flat.obj")),
+        ("flat.obj", &tetra.replace("v 1 0 0", "v nan 0 0")),
+    ]);
+    for name in ["endless.urdf", "broken.urdf"] {
+        assert_eq!(folder.load(name).unwrap().bodies[0].colliders.len(), 1, "{name}");
+    }
+    let error = folder.error("flat.urdf");
+    assert!(error.contains("flat.obj: a vertex of it is not finite"), "{error}");
+}

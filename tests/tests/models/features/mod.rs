@@ -116,6 +116,10 @@ const TETRA_DAE: &str = r##"<?xml version="1.0"?><COLLADA xmlns="http://www.coll
 <library_visual_scenes><visual_scene id="s"><node><instance_geometry url="#t"/></node></visual_scene></library_visual_scenes>
 <scene><instance_visual_scene url="#s"/></scene></COLLADA>"##;
 const PART_XML: &str = r#"<mujoco><body name="included"><freejoint/><geom size=".1"/></body></mujoco>"#;
+/// Turned, and moved after that, in centimetres.
+const TURNED: &str = r##"<node><rotate>0 0 1 90</rotate><node><translate>100 0 0</translate><instance_geometry url="#t"/></node></node>"##;
+const TWICE: &str = r##"<node><instance_geometry url="#t"/></node><node><translate>5 0 0</translate><instance_geometry url="#t"/></node>"##;
+const SKEWED: &str = r##"<node><skew>45 0 1 0 1 0 0</skew><instance_geometry url="#t"/></node>"##;
 /// A model whose geom has its position from its class.
 const POSED_XML: &str = r#"<mujoco><default><geom pos="0 0 1"/></default><worldbody><body name="sub"><joint/><geom size=".1" euler="0 0 90"/></body></worldbody></mujoco>"#;
 /// A model of a mesh whose hull is twice as large as what its faces enclose.
@@ -132,6 +136,10 @@ fn load(row: &Row, extension: &str) -> Result<Scene, SceneError> {
     write("tetra.stl", TETRA_STL);
     write("tetra.dae", TETRA_DAE);
     write("y_up.dae", &TETRA_DAE.replace("Z_UP", "Y_UP"));
+    let node = r##"<node><instance_geometry url="#t"/></node>"##;
+    write("turned.dae", &TETRA_DAE.replace(r#"meter="1""#, r#"meter="0.01""#).replace(node, TURNED));
+    write("twice.dae", &TETRA_DAE.replace(node, TWICE));
+    write("skewed.dae", &TETRA_DAE.replace(node, SKEWED));
     write("part.xml", PART_XML);
     write("sub.xml", SUB_XML);
     write("posed.xml", POSED_XML);

@@ -154,7 +154,8 @@ pub(super) fn record_of(multibody: &Multibody, id: usize, known: &LinkRecord) ->
     }
 }
 
-/// Returns the motion of a link from the poses of its two bodies, at rest: for a joint of which no more is recorded.
+/// Returns the motion of a link from the poses of its two bodies, at rest: for a joint of which no more is recorded. Poses do not tell
+/// whole turns: a hinge is taken to be within its limits if it can be.
 pub(crate) fn motion_between(joint: &GenericJoint, a: &WorldPose, b: &WorldPose) -> LinkMotion {
     // Relative to the first body's position, so that f32 is exact enough.
     let anchor = a.translation;
@@ -163,12 +164,43 @@ pub(crate) fn motion_between(joint: &GenericJoint, a: &WorldPose, b: &WorldPose)
     let mut coordinates = [0.0; 6];
     coordinates[..3].copy_from_slice(&between.translation.to_array());
     coordinates[3..].copy_from_slice(&between.rotation.to_scaled_axis().to_array());
+    let turning = JointAxesMask::ANG_AXES.difference(joint.locked_axes);
+    if turning.bits().count_ones() == 1 && joint.limit_axes.contains(turning) {
+        let axis = turning.bits().trailing_zeros() as usize;
+        coordinates[axis] = nearest_turn(coordinates[axis], &joint.limits[axis]);
+    }
     LinkMotion { coordinates, rotation: between.rotation.to_array(), ..LinkMotion::default() }
+}
+
+/// Returns the angle, or that of a turn more or less, whichever is nearest to being within the limits.
+fn nearest_turn(angle: f32, limits: &JointLimits<f32>) -> f32 {
+    const TURN: f32 = std::f32::consts::TAU;
+    let beyond = |angle: &f32| (limits.min - angle).max(angle - limits.max).max(0.0);
+    let angles = [angle, angle + TURN, angle - TURN].into_iter();
+    angles.min_by(|a, b| beyond(a).total_cmp(&beyond(b))).unwrap_or(angle)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_hinge_is_taken_to_be_within_its_limits_also_beyond_half_a_turn() {
+        let found = |angle: f32, limits: [f32; 2]| {
+            let hinge = GenericJointBuilder::new(JointAxesMask::LOCKED_REVOLUTE_AXES);
+            let hinge = hinge.limits(JointAxis::AngX, limits).build();
+            let at = WorldPose::at([0.0; 3]);
+            let turned = WorldPose { rotation: Rotation::from_rotation_x(angle).to_array(), ..at };
+            motion_between(&hinge, &at, &turned).coordinates[3]
+        };
+        let near = |a: f32, b: f32| (a - b).abs() < 1e-5;
+        for (angle, limits) in
+            [(3.5, [-0.0175, 3.7525]), (3.75251, [-0.0175, 3.7525]), (-4.0, [-5.0, 0.0]), (1.0, [-9.0, 9.0])]
+        {
+            assert!(near(found(angle, limits), angle), "{angle}: {}", found(angle, limits));
+        }
+        assert!(near(found(2.0, [-1.0, 0.5]), 2.0), "what is beyond them by less stays so");
+    }
 
     #[test]
     fn a_ball_joint_that_has_tumbled_points_where_it_did_and_knows_how_far_it_turned() {

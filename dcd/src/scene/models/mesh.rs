@@ -1,12 +1,14 @@
 //! Reads meshes from files, and builds hulls, triangle shapes and masses of them.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::io;
 use std::path::{Path, PathBuf};
 
 use rapier3d::glamx::glam::{DMat3, DVec3};
 use rapier3d::prelude::*;
 use rapier3d_meshloader::mesh_loader;
 
+use super::collada::{self, Corners};
 use super::source::Fault;
 use crate::scene::bounded::read_bounded;
 
@@ -17,7 +19,7 @@ pub(super) type Triangles = (Vec<Vector>, Vec<[u32; 3]>);
 #[derive(Default)]
 pub(super) struct Meshes {
     files: BTreeMap<PathBuf, Vec<Triangles>>,
-    /// Collada files whose own axes are not z-up, which the reader ignores.
+    /// Collada files whose own axes are not z-up: their numbers are taken as they stand, as ROS does.
     pub(super) not_z_up: Vec<String>,
 }
 
@@ -27,8 +29,12 @@ impl Meshes {
     /// Returns the meshes of a file, unscaled.
     pub(super) fn read(&mut self, path: &Path) -> Result<&[Triangles], Fault> {
         if !self.files.contains_key(path) {
-            let (bytes, meshes) = read(path)?;
-            if has_other_axes(&bytes) {
+            let (meshes, z_up) = read(path).map_err(|Fault { line, cause, remedy }| {
+                // The line is one of the mesh's file, not of the model's.
+                let line = line.map(|line| format!(":{line}")).unwrap_or_default();
+                Fault::new(format!("mesh {}{line}: {cause}", path.display()), remedy)
+            })?;
+            if !z_up {
                 self.not_z_up.push(path.file_name().unwrap_or_default().to_string_lossy().into_owned());
             }
             self.files.insert(path.to_owned(), meshes);
@@ -37,36 +43,49 @@ impl Meshes {
     }
 }
 
-fn has_other_axes(bytes: &[u8]) -> bool {
-    let head = String::from_utf8_lossy(&bytes[..bytes.len().min(4096)]);
-    head.contains("<up_axis>") && !head.contains("<up_axis>Z_UP")
-}
-
-fn read(path: &Path) -> Result<(Vec<u8>, Vec<Triangles>), Fault> {
-    let named = |cause: String| format!("mesh {}: {cause}", path.display());
+/// Returns the meshes of a file, and whether their axes are z-up as far as it says.
+fn read(path: &Path) -> Result<(Vec<Triangles>, bool), Fault> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     if !["obj", "stl", "dae"].contains(&extension.as_str()) {
-        let cause = named(format!("meshes of type `{extension}` cannot be read"));
+        let cause = format!("meshes of type `{extension}` cannot be read");
         return Err(Fault::new(cause, format!("convert it to {FORMATS}")));
     }
-    // The loader tells formats by lower-case extensions only.
     let bytes = read_bounded(path).map_err(|error| {
-        Fault::new(named(error.to_string()), "put the mesh there, or correct the path in the file")
+        Fault::new(error.to_string(), "put the mesh there, or correct the path in the file")
     })?;
-    let loader = mesh_loader::Loader::default();
-    let scene = loader.load_from_slice(&bytes, path.with_extension(extension)).map_err(|error| {
-        Fault::new(named(error.to_string()), format!("check that it is a whole {FORMATS} file"))
-    })?;
-    let meshes: Vec<Triangles> = scene
-        .meshes
-        .into_iter()
-        .filter(|mesh| !mesh.vertices.is_empty() && !mesh.faces.is_empty())
-        .map(|mesh| (mesh.vertices.into_iter().map(Vector::from).collect(), mesh.faces))
-        .collect();
+    let (meshes, z_up) = match &*extension {
+        "dae" => {
+            let text =
+                str::from_utf8(&bytes).map_err(|error| Fault::new(error.to_string(), "save it as UTF-8"))?;
+            let scene = collada::read(text)?;
+            (scene.instances.into_iter().map(indexed).collect(), scene.z_up)
+        }
+        // The loader tells formats by lower-case extensions only.
+        _ => (load(&bytes, &path.with_extension(&extension))?, true),
+    };
     if meshes.is_empty() {
-        return Err(Fault::new(named("it has no triangle".into()), "check that it is the right file"));
+        return Err(Fault::new("it has no triangle", "check that it is the right file"));
     }
-    Ok((bytes, meshes))
+    if meshes.iter().any(|(points, _)| points.iter().any(|point| !point.is_finite())) {
+        return Err(Fault::new("a vertex of it is not finite", "repair the mesh"));
+    }
+    Ok((meshes, z_up))
+}
+
+/// Reads an obj or stl file, without the materials that an obj names: they may be any file, of any size, and nothing collides
+/// with a colour.
+fn load(bytes: &[u8], path: &Path) -> Result<Vec<Triangles>, Fault> {
+    let no_materials = |_: &Path| -> io::Result<Vec<u8>> { Err(io::ErrorKind::NotFound.into()) };
+    let scene = mesh_loader::Loader::default().load_from_slice_with_reader(bytes, path, no_materials);
+    let scene = scene
+        .map_err(|error| Fault::new(error.to_string(), format!("check that it is a whole {FORMATS} file")))?;
+    let meshes = scene.meshes.into_iter().filter(|mesh| !mesh.vertices.is_empty() && !mesh.faces.is_empty());
+    Ok(meshes.map(|mesh| (mesh.vertices.into_iter().map(Vector::from).collect(), mesh.faces)).collect())
+}
+
+fn indexed(corners: Corners) -> Triangles {
+    let faces = (0..corners.len() as u32).map(|face| [3 * face, 3 * face + 1, 3 * face + 2]).collect();
+    (corners.into_flattened(), faces)
 }
 
 /// Returns the convex hull, if it has a volume and can be sent. Parry fails at some rings of many points in a plane; the hull of the

@@ -4,6 +4,7 @@
 //! [`mjcf`] and [`urdf`] read a file into a [`Model`]; [`weights`] gives mass to bodies that the formats leave without;
 //! [`placing`] makes a scene of copies of it.
 
+mod collada;
 mod mesh;
 mod mjcf;
 mod model;

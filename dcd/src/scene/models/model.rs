@@ -86,16 +86,12 @@ impl Part {
     /// Builds a part from what a loader built and did not insert. Its joints' hooks are left out: they cannot be sent, and a collider
     /// that has one computes all its contacts anew in every step.
     pub(super) fn of(name: String, body: &RigidBody, colliders: Vec<ColliderBuilder>) -> Self {
-        let mass = match body.mass_properties().additional_local_mprops.as_deref() {
-            Some(RigidBodyAdditionalMassProps::MassProps(mass)) => *mass,
-            Some(RigidBodyAdditionalMassProps::Mass(_)) | None => MassProperties::default(),
-        };
         let builder = RigidBodyBuilder::new(body.body_type())
             .linvel(body.linvel())
             .angvel(body.angvel())
             .gravity_scale(body.gravity_scale())
             .soft_ccd_prediction(body.soft_ccd_prediction());
-        Self { name, pose: *body.position(), body: builder, mass, colliders }
+        Self { name, pose: *body.position(), body: builder, mass: mass_of(body), colliders }
     }
 
     pub(super) fn is_fixed(&self) -> bool {
@@ -104,6 +100,14 @@ impl Part {
 
     pub(super) fn is_dynamic(&self) -> bool {
         self.body.body_type == RigidBodyType::Dynamic
+    }
+}
+
+/// Returns the mass of a loader's body, which has none from its colliders.
+pub(super) fn mass_of(body: &RigidBody) -> MassProperties {
+    match body.mass_properties().additional_local_mprops.as_deref() {
+        Some(RigidBodyAdditionalMassProps::MassProps(mass)) => *mass,
+        Some(RigidBodyAdditionalMassProps::Mass(_)) | None => MassProperties::default(),
     }
 }
 
@@ -121,12 +125,12 @@ pub(super) fn is_weld(joint: &GenericJoint) -> bool {
     joint.locked_axes == JointAxesMask::LOCKED_FIXED_AXES
 }
 
-/// Removes a hinge's limits if they reach beyond half a turn, and returns whether it did: Rapier knows angles up to there.
+/// Removes limits of a whole turn or more from a hinge that is an impulse joint, and returns whether it did. Rapier reads such a
+/// hinge's angle off the poses, within one turn about the middle of its limits; it then has no limits either.
 pub(super) fn drop_wide_limits(joint: &mut GenericJoint) -> bool {
     let limits = &joint.limits[JointAxis::AngX as usize];
-    let half_turn = std::f32::consts::PI + 1e-3;
-    let wide = joint.limit_axes.contains(JointAxesMask::ANG_X)
-        && (limits.max > half_turn || limits.min < -half_turn);
+    let wide =
+        joint.limit_axes.contains(JointAxesMask::ANG_X) && limits.max - limits.min >= std::f32::consts::TAU;
     if wide {
         joint.limit_axes.remove(JointAxesMask::ANG_X);
     }

@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use roxmltree::{Document, Node};
+
 use crate::scene::SceneError;
 use crate::scene::bounded::read_text;
 
@@ -12,6 +14,8 @@ const MAX_LEVELS: usize = 256;
 pub(super) struct Source {
     pub(super) path: PathBuf,
     pub(super) text: String,
+    /// Whether the lines of the text are those of the file: they are not where it includes others.
+    pub(super) own_lines: bool,
 }
 
 /// An error in a file, before its path is added.
@@ -29,20 +33,15 @@ impl Fault {
     }
 
     /// Creates an error at a node of the document.
-    pub(super) fn at(
-        node: roxmltree::Node<'_, '_>,
-        cause: impl Into<String>,
-        remedy: impl Into<String>,
-    ) -> Self {
-        let line = node.document().text_pos_at(node.range().start).row as usize;
-        Self { line: Some(line), ..Self::new(cause, remedy) }
+    pub(super) fn at(node: Node<'_, '_>, cause: impl Into<String>, remedy: impl Into<String>) -> Self {
+        Self { line: Some(line_of(node)), ..Self::new(cause, remedy) }
     }
 }
 
 impl Source {
     pub(super) fn read(path: &Path) -> Result<Self, SceneError> {
         let text = read_text(path).map_err(|source| SceneError::Read { path: path.to_owned(), source })?;
-        Ok(Self { path: path.to_owned(), text: without_declaration(text) })
+        Ok(Self { path: path.to_owned(), text: without_declaration(text), own_lines: true })
     }
 
     pub(super) fn folder(&self) -> &Path {
@@ -56,25 +55,26 @@ impl Source {
 
     pub(super) fn fault(&self, fault: Fault) -> SceneError {
         let Fault { line, cause, remedy } = fault;
-        SceneError::File { path: self.path.clone(), line, cause, remedy }
+        SceneError::File { path: self.path.clone(), line: line.filter(|_| self.own_lines), cause, remedy }
+    }
+
+    /// Returns the element's name, or its kind and line.
+    pub(super) fn named(&self, node: Node<'_, '_>) -> String {
+        let kind = node.tag_name().name();
+        match node.attribute("name") {
+            Some(name) => name.to_owned(),
+            None if self.own_lines => format!("<{kind}> at line {}", line_of(node)),
+            None => format!("a <{kind}>"),
+        }
     }
 
     /// Returns the document, whatever its root.
-    pub(super) fn parsed(&self) -> Result<roxmltree::Document<'_>, SceneError> {
-        let document = roxmltree::Document::parse(&self.text).map_err(|error| {
-            let line = Some(error.pos().row as usize);
-            let cause = format!("this is not XML: {error}");
-            self.fault(Fault { line, cause, remedy: "correct this line".into() })
-        })?;
-        if let Some(node) = too_deep(&document) {
-            let cause = format!("more than {MAX_LEVELS} elements lie in one another");
-            return Err(self.fault(Fault::at(node, cause, "nest them less")));
-        }
-        Ok(document)
+    pub(super) fn parsed(&self) -> Result<Document<'_>, SceneError> {
+        parsed(&self.text).map_err(|fault| self.fault(fault))
     }
 
     /// Returns the document, whose root must have this name.
-    pub(super) fn document(&self, root: &str) -> Result<roxmltree::Document<'_>, SceneError> {
+    pub(super) fn document(&self, root: &str) -> Result<Document<'_>, SceneError> {
         let document = self.parsed()?;
         let found = document.root_element().tag_name().name();
         if found != root {
@@ -84,6 +84,41 @@ impl Source {
         }
         Ok(document)
     }
+}
+
+/// Parses a document, whatever its root.
+pub(super) fn parsed(text: &str) -> Result<Document<'_>, Fault> {
+    let document = Document::parse(text).map_err(|error| {
+        let line = Some(error.pos().row as usize);
+        Fault { line, ..Fault::new(format!("this is not XML: {error}"), "correct this line") }
+    })?;
+    if let Some(node) = too_deep(&document) {
+        let cause = format!("more than {MAX_LEVELS} elements lie in one another");
+        return Err(Fault::at(node, cause, "nest them less"));
+    }
+    Ok(document)
+}
+
+/// Returns the children that are elements.
+pub(super) fn elements<'a, 'd>(node: Node<'a, 'd>) -> impl Iterator<Item = Node<'a, 'd>> {
+    node.children().filter(Node::is_element)
+}
+
+/// Returns the first child that is an element of this name.
+pub(super) fn child<'a, 'd>(node: Node<'a, 'd>, name: &str) -> Option<Node<'a, 'd>> {
+    elements(node).find(|child| child.has_tag_name(name))
+}
+
+/// Returns the value of an attribute without which the element means nothing.
+pub(super) fn required<'a>(node: Node<'a, '_>, attribute: &str) -> Result<&'a str, Fault> {
+    node.attribute(attribute).ok_or_else(|| {
+        let cause = format!("<{}> without {attribute}", node.tag_name().name());
+        Fault::at(node, cause, format!("give it {attribute}=\"..\""))
+    })
+}
+
+fn line_of(node: Node<'_, '_>) -> usize {
+    node.document().text_pos_at(node.range().start).row as usize
 }
 
 /// Removes the XML declaration, and zeros at the end: many files have something before the one or end with the others, which XML
@@ -99,12 +134,11 @@ fn without_declaration(mut text: String) -> String {
 }
 
 /// Returns the first element that lies too deep in others.
-fn too_deep<'a, 'input>(document: &'a roxmltree::Document<'input>) -> Option<roxmltree::Node<'a, 'input>> {
+fn too_deep<'a, 'input>(document: &'a Document<'input>) -> Option<Node<'a, 'input>> {
     // By node; a parent comes before its children.
     let mut levels = Vec::new();
     document.descendants().find(|node| {
-        let level =
-            node.parent().map_or(0, |parent: roxmltree::Node<'_, '_>| levels[parent.id().get_usize()] + 1);
+        let level = node.parent().map_or(0, |parent: Node<'_, '_>| levels[parent.id().get_usize()] + 1);
         levels.push(level);
         level > MAX_LEVELS
     })

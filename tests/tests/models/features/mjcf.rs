@@ -4,7 +4,7 @@ use dcd::scene::Scene;
 use rapier3d::prelude::*;
 
 use super::Fate::{Carried, Refused, Unused, Warned};
-use super::{Row, any, apart, at, joint, limits, mass, motor, near, near3, only, row};
+use super::{Row, any, apart, at, ends, joint, limits, mass, motor, near, near3, only, row};
 
 /// A file with a world of these bodies.
 fn world(bodies: &str) -> String {
@@ -24,6 +24,22 @@ fn arm(attributes: &str, sections: &str) -> String {
         r#"<mujoco>{sections}<worldbody><body name="b" pos="0 0 1"><joint name="j" {attributes}/>
         <geom name="g" pos=".5 0 0" size=".1"/></body></worldbody></mujoco>"#
     )
+}
+
+/// A body that another file has, in one that stands.
+fn attach(file: &str, body: &str) -> String {
+    format!(
+        r#"<mujoco><asset><model name="m" file="{file}"/></asset><worldbody><body pos="0 0 5"><attach model="m" body="{body}" prefix="p"/></body></worldbody></mujoco>"#
+    )
+}
+
+/// Three geoms that have the one of position and orientation, and of their classes the other.
+fn classes() -> String {
+    let classes = r#"<default>
+        <default class="wheel"><geom type="cylinder" size=".1 .02" zaxis="0 1 0"/><default class="high"><geom pos="0 0 1"/></default></default>
+        <default class="foot"><geom type="box" size=".1 .2 .3" pos="1 0 0"/></default></default>"#;
+    let body = r#"<body childclass="high"><freejoint/><geom class="wheel" pos=".2 .3 0"/><geom class="foot" euler="0 0 90"/><geom/></body>"#;
+    format!("<mujoco>{classes}<worldbody>{body}</worldbody></mujoco>")
 }
 
 /// A body that flies, of this geom.
@@ -76,8 +92,12 @@ fn bodies() -> Vec<Row> {
         row("inertial fullinertia", Carried, inertial(r#"mass="2" fullinertia="1 2 2.5 .1 0 0""#), |s| near(mass(s, 0).reconstruct_inertia_matrix().to_cols_array_2d()[0][1], 0.1)),
         row("inertial without inertia", Warned, inertial(r#"mass="2""#), |s| s.warnings[0].starts_with("inertia")),
         row("default, class, childclass", Carried, "<mujoco><default><geom mass=\"3\"/><default class=\"c\"><geom type=\"box\" size=\".1 .1 .1\"/></default></default><worldbody><body childclass=\"c\"><freejoint/><geom/></body></worldbody></mujoco>".into(), |s| near(mass(s, 0).mass(), 3.0) && shape(s).as_cuboid().is_some()),
+        row("default pos and orientation, each by itself", Carried, classes(), |s| near3(ends(s, 0)[1], [0.3, 0.32, 0.1]) && near3(ends(s, 1)[1], [1.2, 0.1, 0.3]) && near3(ends(s, 2)[1], [0.1, 0.02, 1.1])),
         row("include", Carried, world(r#"<include file="part.xml"/>"#), |s| s.bodies.len() == 1 && mass(s, 0).mass() > 0.0),
-        row("attach", Carried, "<mujoco><asset><model name=\"m\" file=\"sub.xml\"/></asset><worldbody><body pos=\"0 0 5\"><attach model=\"m\" body=\"sub\" prefix=\"p\"/></body></worldbody></mujoco>".into(), |s| s.bodies.len() == 2 && at(s, 1, [0.0, 0.0, 5.0])),
+        row("attach", Carried, attach("sub.xml", "sub"), |s| s.bodies.len() == 2 && at(s, 1, [0.0, 0.0, 5.0])),
+        row("attach of a body or a model that is missing", Refused, attach("sub.xml", "sup"), any),
+        row("pos or orientation of a class alone, in an attached model", Refused, attach("posed.xml", "sub"), any),
+        row("mesh inertia convex, in an attached model", Carried, attach("dented.xml", "sub"), |s| near(mass(s, 1).mass(), 1000.0 / 3.0)),
         row("replicate", Refused, world(r#"<replicate count="3" offset="1 0 0"><body/></replicate>"#), any),
         row("composite, flexcomp, deformable", Refused, world(r#"<body><flexcomp name="f" type="grid"/></body>"#), any),
         row("plugin", Warned, ball(r#"<extension><plugin plugin="mujoco.pid"/></extension>"#), any),
@@ -129,9 +149,22 @@ fn joints() -> Vec<Row> {
         row("joint ref", Carried, arm(r#"type="slide" ref=".1" range="0 1""#, ""), |s| {
             limits(s, 0, JointAxis::LinX).is_some_and(|[a, b]| near(a, -0.1) && near(b, 0.9))
         }),
-        row("range beyond half a turn", Warned, arm(r#"range="-270 270""#, ""), |s| {
+        row("range beyond half a turn", Carried, arm(r#"range="-1 215""#, ""), |s| {
+            limits(s, 0, JointAxis::AngX)
+                .is_some_and(|[a, b]| near(a, -(1f32.to_radians())) && near(b, 215f32.to_radians()))
+        }),
+        row("range of a whole turn or more", Warned, arm(r#"range="-270 270""#, ""), |s| {
             limits(s, 0, JointAxis::AngX).is_none()
         }),
+        Row {
+            params: "multibody=1",
+            ..row(
+                "range of a whole turn or more (--set multibody=1)",
+                Carried,
+                arm(r#"range="-270 270""#, ""),
+                |s| limits(s, 0, JointAxis::AngX).is_some_and(|[a, b]| near(a, -b) && near(b, 3.0 * PI_2)),
+            )
+        },
         row("range of a ball joint", Warned, arm(r#"type="ball" range="0 45""#, ""), any),
         row(
             "joint stiffness, damping, springref",
@@ -223,8 +256,10 @@ fn geoms() -> Vec<Row> {
         row("geom ellipsoid", Carried, geom(r#"type="ellipsoid" size=".1 .2 .3""#), |s| near(mass(s, 0).mass(), 25.1327) && near(shape(s).mass_properties(1000.0).mass(), 25.1327)),
         row("geom plane", Carried, world(r#"<geom type="plane" size="1 1 1" euler="90 0 0"/>"#), |s| shape(s).as_halfspace().is_some() && near3(s.bodies[0].colliders[0].position.rotation * Vector::Z, [0.0, -1.0, 0.0])),
         row("geom fromto", Carried, geom(r#"type="capsule" size=".1" fromto="0 0 0 2 0 0""#), |s| near3(shape(s).compute_aabb(&s.bodies[0].colliders[0].position).maxs, [2.1, 0.1, 0.1])),
+        row("geom fromto of a box", Carried, geom(r#"type="box" size=".05" fromto="0 0 0 0 0 1""#), |s| near3(shape(s).as_cuboid().unwrap().half_extents, [0.05, 0.05, 0.5])),
         row("geom mesh, obj and stl", Carried, mesh(r#"file="tetra.stl" scale="2 2 2""#), |s| near(shape(s).mass_properties(1.0).mass(), 8.0 / 6.0)),
         row("mesh vertex", Carried, mesh(r#"vertex="0 0 0 1 0 0 0 1 0 0 0 1""#), |s| near(shape(s).mass_properties(1.0).mass(), 1.0 / 6.0)),
+        row("mesh face of no vertex", Refused, weighed(r#"vertex="0 0 0 1 0 0 0 1 0 0 0 1" face="0 1 9 0 1 3 0 3 2 1 2 3""#), any),
         row("mesh inertia legacy (the default), exact, convex", Carried, weighed(r#"file="cube.obj""#), |s| near(mass(s, 0).mass(), 1000.0)),
         row("mesh inertia shell", Warned, weighed(r#"file="cube.obj" inertia="shell""#), any),
         row("mesh refpos, refquat", Warned, mesh(r#"file="cube.obj" refpos="1 0 0""#), any),
@@ -240,12 +275,15 @@ fn geoms() -> Vec<Row> {
             // The first row of numbers is the far one.
             ray(0.99, 1.99).is_some_and(|z| z > 0.45) && ray(0.99, -1.99).is_some_and(|z| z < 0.05) && ray(-0.99, 1.99).is_some_and(|z| z < 0.05)
         }),
+        row("hfield of more than 16 million heights", Refused, field(r#"nrow="65536" ncol="65536""#), any),
         row("hfield file", Refused, field(r#"file="terrain.png""#), any),
         row("geom sdf", Refused, geom(r#"type="sdf" mesh="m""#).replace(r#" mesh="m""#, ""), any),
         row("geom mass, density", Carried, geom(r#"size=".1" mass="7""#), |s| near(mass(s, 0).mass(), 7.0)),
         row("compiler inertiafromgeom", Carried, world(r#"<body><freejoint/><inertial pos="0 0 0" mass="9" diaginertia="1 1 1"/><geom size=".1" mass="1"/></body>"#).replace("<mujoco>", r#"<mujoco><compiler inertiafromgeom="true"/>"#), |s| near(mass(s, 0).mass(), 1.0)),
         row("compiler settotalmass", Carried, ball(r#"<compiler settotalmass="5"/>"#), |s| near(mass(s, 0).mass(), 5.0)),
         row("compiler boundmass, boundinertia", Carried, ball(r#"<compiler boundmass="50"/>"#), |s| near(mass(s, 0).mass(), 50.0)),
+        row("compiler eulerseq", Carried, world(r#"<body euler="90 0 90"><geom size=".1"/></body>"#).replace("<mujoco>", r#"<mujoco><compiler eulerseq="XYZ"/>"#), |s| near3(Rotation::from_array(s.bodies[0].pose.rotation) * Vector::Z, [1.0, 0.0, 0.0])),
+        row("compiler eulerseq of other than three axes", Refused, world(r#"<body euler="90 0 0"><geom size=".1"/></body>"#).replace("<mujoco>", r#"<mujoco><compiler eulerseq="xyzx"/>"#), any),
         row("compiler coordinate global", Refused, ball(r#"<compiler coordinate="global"/>"#), any),
         row("compiler inertiagrouprange", Warned, ball(r#"<compiler inertiagrouprange="1 2"/>"#), any),
         row("geom shellinertia", Warned, geom(r#"size=".1" shellinertia="true""#), any),
@@ -310,6 +348,11 @@ fn rest() -> Vec<Row> {
         world(TWO).replace("<worldbody>", &format!("<equality>{element}</equality><worldbody>"))
     };
     let tendon = r#"<tendon><fixed name="t"><joint joint="j" coef="1"/></fixed></tendon>"#;
+    // A quarter of a turn about z, and its weight above its origin: its own x is the world's y.
+    let flying = geom(r#"size=".1" pos="0 0 1""#).replace(
+        "<worldbody>",
+        r#"<keyframe><key qpos="0 0 0 .70710678 0 0 .70710678" qvel="0 0 3 2 0 0"/></keyframe><worldbody>"#,
+    );
     let key = r#"<keyframe><key qpos="1.5" ctrl=".25"/></keyframe><actuator><position joint="j" kp="2"/></actuator>"#;
     vec![
         row("option gravity", Carried, ball(r#"<option gravity="0 1 -2"/>"#), |s| {
@@ -417,6 +460,22 @@ fn rest() -> Vec<Row> {
         row("tendon fixed, spatial", Warned, arm("", tendon), any),
         Row {
             params: "key=1",
+            ..row("keyframe qvel of a free joint", Carried, flying, |s| {
+                let body = s.bodies[0].body.build();
+                near3(body.angvel(), [0.0, 2.0, 0.0]) && near3(body.linvel(), [2.0, 0.0, 3.0])
+            })
+        },
+        Row {
+            params: "key=1",
+            ..row(
+                "keyframe qvel of other joints",
+                Warned,
+                arm("", r#"<keyframe><key qvel="1"/></keyframe>"#),
+                any,
+            )
+        },
+        Row {
+            params: "key=1",
             ..row("keyframe (--set key=1)", Carried, arm("", key), |s| {
                 hinge(s) == Some([2.0, 0.0, 0.25])
                     && near3(
@@ -440,6 +499,12 @@ fn rest() -> Vec<Row> {
                 r#"<asset><texture name="t" type="2d" builtin="flat" width="8" height="8"/><material name="m" texture="t"/></asset>"#,
             ),
             only,
+        ),
+        row(
+            "a number that is not finite",
+            Refused,
+            world(r#"<body><freejoint/><inertial pos="0 0 0" mass="nan" diaginertia="1 1 1"/></body>"#),
+            any,
         ),
         row("an unknown element", Refused, ball("<wheels/>"), any),
         row("XML that is none", Refused, "<mujoco><worldbody></mujoco>".into(), any),

@@ -3,7 +3,7 @@
 use rapier3d::prelude::*;
 
 use super::Fate::{Carried, Refused, Unused, Warned};
-use super::{Row, any, apart, at, joint, limits, mass, motor, near, near3, only, row};
+use super::{Row, any, apart, at, ends, joint, limits, mass, motor, near, near3, only, row};
 
 /// A robot of these elements.
 fn robot(elements: &str) -> String {
@@ -58,6 +58,9 @@ fn links() -> Vec<Row> {
         row("collision origin rpy", Carried, shape(r#"<box size="1 2 3"/>"#).replace(r#"xyz="0 0 1""#, r#"rpy="0 0 1.5707963""#), |s| near(s.bodies[0].colliders[0].shape.compute_aabb(&s.bodies[0].colliders[0].position).maxs.x, 1.0)),
         row("mesh obj, stl, with scale", Carried, shape(r#"<mesh filename="cube.obj" scale="2 1 1"/>"#), |s| near(s.bodies[0].colliders[0].shape.mass_properties(1.0).mass(), 2.0)),
         row("mesh dae (Collada)", Carried, shape(r#"<mesh filename="tetra.dae"/>"#), |s| near(s.bodies[0].colliders[0].shape.mass_properties(1.0).mass(), 1.0 / 6.0)),
+        row("mesh dae, unit and nodes", Carried, shape(r#"<mesh filename="turned.dae"/>"#), |s| near3(ends(s, 0)[0], [-0.01, 1.0, 1.0]) && near3(ends(s, 0)[1], [0.0, 1.01, 1.01])),
+        row("mesh dae, several instances", Carried, shape(r#"<mesh filename="twice.dae"/>"#), |s| s.bodies[0].colliders.len() == 2 && near(ends(s, 0)[0].x, 0.0) && near(ends(s, 1)[0].x, 5.0)),
+        row("mesh dae, skew, skeleton, polygons with holes", Refused, shape(r#"<mesh filename="skewed.dae"/>"#), any),
         row("mesh dae, up_axis other than Z_UP", Warned, shape(r#"<mesh filename="y_up.dae"/>"#), any),
         row("mesh of a moving link (its hull)", Carried, shape(r#"<mesh filename="tetra.stl"/>"#), |s| s.bodies[0].colliders[0].shape.as_convex_polyhedron().is_some()),
         Row { params: "fixed=1", ..row("mesh of a fixed link (its triangles)", Carried, shape(r#"<mesh filename="tetra.stl"/>"#), |s| s.bodies[0].colliders[0].shape.as_trimesh().is_some()) },
@@ -149,9 +152,27 @@ fn joints() -> Vec<Row> {
             arm("revolute", r#"<limit lower="1" upper="0"/>"#),
             |s| limits(s, 0, JointAxis::AngX).is_none(),
         ),
-        row("limit beyond half a turn", Warned, arm("revolute", r#"<limit lower="-4" upper="4"/>"#), |s| {
-            limits(s, 0, JointAxis::AngX).is_none()
-        }),
+        row(
+            "limit beyond half a turn",
+            Carried,
+            arm("revolute", r#"<limit lower="-0.0175" upper="3.7525"/>"#),
+            |s| limits(s, 0, JointAxis::AngX) == Some([-0.0175, 3.7525]),
+        ),
+        row(
+            "limit of a whole turn or more",
+            Warned,
+            arm("revolute", r#"<limit lower="-4" upper="4"/>"#),
+            |s| limits(s, 0, JointAxis::AngX).is_none(),
+        ),
+        Row {
+            params: "multibody=1",
+            ..row(
+                "limit of a whole turn or more (--set multibody=1)",
+                Carried,
+                arm("revolute", r#"<limit lower="-4" upper="4"/>"#),
+                |s| limits(s, 0, JointAxis::AngX) == Some([-4.0, 4.0]),
+            )
+        },
         row("axis 0 0 0", Refused, arm("continuous", r#"<axis xyz="0 0 0"/>"#), any),
         row(
             "a joint of a link that is missing",

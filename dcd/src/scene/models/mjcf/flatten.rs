@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::scene::SceneError;
-use crate::scene::models::source::{Fault, Source};
+use crate::scene::models::source::{Fault, Source, required};
 
 /// The most bytes of a model's text with all that it includes, and the most files that it includes, counted as often as they are.
 const MAX_TEXT: usize = 16 << 20;
@@ -18,11 +18,11 @@ struct Open {
     included: usize,
 }
 
-/// Returns the file with everything that it includes; its lines are its own if it includes nothing.
+/// Returns the file with everything that it includes.
 pub(super) fn flatten(source: &Source) -> Result<Source, SceneError> {
     let mut open = Open { paths: vec![source.path.clone()], included: 0 };
     let text = expanded(source, source.folder(), &mut open)?;
-    Ok(Source { path: source.path.clone(), text })
+    Ok(Source { path: source.path.clone(), text, own_lines: open.included == 0 })
 }
 
 fn expanded(source: &Source, main: &Path, open: &mut Open) -> Result<String, SceneError> {
@@ -30,10 +30,11 @@ fn expanded(source: &Source, main: &Path, open: &mut Open) -> Result<String, Sce
     let mut text = String::with_capacity(source.text.len());
     let mut done = 0;
     for node in document.descendants().filter(|node| node.has_tag_name("include")) {
-        let Some(file) = node.attribute("file") else {
-            let fault = Fault::at(node, "<include> without a file", "give it file=\"..\"");
-            return Err(source.fault(fault));
-        };
+        if node.range().start < done {
+            // What lies in an <include> gives way to the file, as the element does.
+            continue;
+        }
+        let file = required(node, "file").map_err(|fault| source.fault(fault))?;
         // Relative to the main file as MuJoCo has it, or to the including file as many have it.
         let path = [main, source.folder()].map(|folder| folder.join(file));
         let path = path.iter().find(|path| path.is_file()).unwrap_or(&path[0]);
@@ -55,7 +56,10 @@ fn expanded(source: &Source, main: &Path, open: &mut Open) -> Result<String, Sce
         let inner = expanded(&inner, main, open)?;
         open.paths.pop();
         text.push_str(&source.text[done..node.range().start]);
-        text.push_str(&content(&inner));
+        text.push_str(content(&inner).map_err(|error| {
+            let cause = format!("{file} cannot be put here: {error}");
+            source.fault(Fault::at(node, cause, "give it one root, without namespaces"))
+        })?);
         if text.len() > MAX_TEXT {
             let cause = "the file and what it includes have more than 16 MiB";
             return Err(source.fault(Fault::at(node, cause, "include less, or less often")));
@@ -66,11 +70,13 @@ fn expanded(source: &Source, main: &Path, open: &mut Open) -> Result<String, Sce
     Ok(text)
 }
 
-/// Returns the text between the root's tags.
-fn content(text: &str) -> String {
-    let document = roxmltree::Document::parse(text).expect("it was parsed before it was expanded");
+/// Returns the text between the root's tags, which may stand in another document.
+fn content(text: &str) -> Result<&str, roxmltree::Error> {
+    let document = roxmltree::Document::parse(text)?;
     let root = document.root_element();
-    let start = root.first_child().map(|child| child.range().start);
-    let end = root.last_child().map(|child| child.range().end);
-    start.zip(end).map_or(String::new(), |(start, end)| text[start..end].to_owned())
+    let ends = root.first_child().zip(root.last_child());
+    let content = ends.map_or("", |(first, last)| &text[first.range().start..last.range().end]);
+    // Without what the root declares.
+    roxmltree::Document::parse(&format!("<mujoco>{content}</mujoco>"))?;
+    Ok(content)
 }

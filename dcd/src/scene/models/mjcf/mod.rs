@@ -1,8 +1,10 @@
 //! Reads MJCF files through rapier3d-mjcf.
 
+mod attach;
 mod contacts;
 mod drives;
 mod flatten;
+mod poses;
 mod scan;
 mod shapes;
 
@@ -13,7 +15,7 @@ use rapier3d_mjcf::mjcf_rs::{self as mjcf, ParseError};
 use rapier3d_mjcf::{MjcfBody, MjcfLoaderOptions, MjcfRobot};
 
 use super::ModelParams;
-use super::model::{Model, ModelJoint, Part, collider_builder, drop_wide_limits};
+use super::model::{Model, ModelJoint, Part, collider_builder, drop_wide_limits, mass_of};
 use super::source::{Fault, Source};
 use super::warnings::Warnings;
 use crate::physics::LinkSettings;
@@ -26,9 +28,10 @@ pub(super) fn read(source: &Source, params: &ModelParams) -> Result<Model, Scene
     let source = &flatten::flatten(source)?;
     let document = source.document("mujoco")?;
     let mut warnings = Warnings::default();
-    let flags = scan::check(&document, &mut warnings).map_err(|fault| source.fault(fault))?;
-    let file =
-        mjcf::Model::from_str(&source.text, source.folder()).map_err(|error| source.fault(fault(&error)))?;
+    let mut flags = scan::check(source, &document, &mut warnings).map_err(|fault| source.fault(fault))?;
+    attach::check(source, &document, &mut flags, &mut warnings)?;
+    let file = mjcf::Model::from_str(&poses::complete(&document), source.folder())
+        .map_err(|error| source.fault(fault(&error)))?;
     convert(source, file, &flags, warnings, params).map_err(|fault| source.fault(fault))
 }
 
@@ -49,7 +52,7 @@ fn convert(
         ..MjcfLoaderOptions::default()
     };
     let mut robot = MjcfRobot::from_model(&file, options, source.folder());
-    let controls = start(&mut robot, params.key)?;
+    let controls = start(&mut robot, params.key, &mut warnings)?;
     let used = world_is_used(&robot);
     // Without the world, which the loader counts as body 0, all others move down by one.
     let part_of = |body: usize| body - usize::from(!used);
@@ -121,7 +124,7 @@ fn check_references(file: &mut mjcf::Model) -> Result<(), Fault> {
 }
 
 /// Puts the robot in the keyframe that is asked for, and returns its actuators' controls.
-fn start(robot: &mut MjcfRobot, key: usize) -> Result<Vec<f64>, Fault> {
+fn start(robot: &mut MjcfRobot, key: usize, warnings: &mut Warnings) -> Result<Vec<f64>, Fault> {
     if key == 0 {
         return Ok(vec![0.0; robot.actuators.len()]);
     }
@@ -135,9 +138,21 @@ fn start(robot: &mut MjcfRobot, key: usize) -> Result<Vec<f64>, Fault> {
     handles.apply_keyframe(&mut bodies, robot, &frame);
     for (body, handle) in robot.bodies.iter_mut().zip(&handles.bodies) {
         if let Some(placed) = handle.as_ref().map(|handle| &bodies[handle.body]) {
+            // MuJoCo's velocity of a free joint is that of the body's origin, and turns about the body's own axes.
+            let angular = *placed.rotation() * placed.angvel();
+            let arm = *placed.rotation() * mass_of(&body.body).local_com;
             body.body.set_position(*placed.position(), false);
-            body.body.set_linvel(placed.linvel(), false);
-            body.body.set_angvel(placed.angvel(), false);
+            body.body.set_linvel(placed.linvel() + angular.cross(arm), false);
+            body.body.set_angvel(angular, false);
+        }
+    }
+    let mut speeds = &frame.qvel[..];
+    for dof in &robot.qpos_dofs {
+        let (own, rest) = speeds.split_at(dof.kind.qvel_width().min(speeds.len()));
+        speeds = rest;
+        if let Some(joint) = dof.joint.filter(|_| own.iter().any(|speed| *speed != 0.0)) {
+            let name = robot.joints[joint].name.as_deref().unwrap_or("a joint without a name");
+            warnings.add("velocity of a joint in a keyframe", name, "starts at rest");
         }
     }
     Ok((0..robot.actuators.len()).map(|index| frame.ctrl.get(index).copied().unwrap_or(0.0)).collect())
@@ -198,8 +213,8 @@ fn add_joints(
             });
             let mine: Vec<_> = mine.map(|(actuator, &control)| (&actuator.actuator, control)).collect();
             drives::drive(&mut joint, link.as_mut(), from, &name, &mine, &mut model.warnings);
-            if drop_wide_limits(&mut joint) {
-                model.warnings.add("range beyond half a turn", &*name, "is not limited");
+            if link.is_none() && drop_wide_limits(&mut joint) {
+                model.warnings.add("range of a whole turn or more", &*name, "is not limited");
             }
         }
         model.joints.push(ModelJoint { a, b, joint, tree: true, link });

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use roxmltree::{Document, Node};
 
-use crate::scene::models::source::Fault;
+use crate::scene::models::source::{Fault, Source, elements};
 use crate::scene::models::warnings::Warnings;
 
 /// Settings that are applied here though the reader ignores them: switches of `<option><flag>`, and more.
@@ -55,6 +55,26 @@ const HARMLESS_FLAGS: [&str; 13] = [
     "refsafe",
     "eulerdamp",
 ];
+/// Attributes that hold a name of something, some of them with a number behind.
+const NAMES: [&str; 17] = [
+    "name",
+    "class",
+    "childclass",
+    "model",
+    "prefix",
+    "body",
+    "joint",
+    "geom",
+    "site",
+    "tendon",
+    "mesh",
+    "hfield",
+    "material",
+    "texture",
+    "objname",
+    "refname",
+    "target",
+];
 /// Attributes that the reader ignores: element, attribute, the value without effect, the consequence of another.
 const ATTRIBUTES: [(&str, &str, &str, &str, &str); 18] = [
     ("option", "density", "0", "fluid (option density)", "there is no fluid here"),
@@ -84,23 +104,28 @@ const ATTRIBUTES: [(&str, &str, &str, &str, &str); 18] = [
 ];
 
 /// Refuses what would leave the scene without something that the file describes; warns of differences.
-pub(super) fn check(document: &Document<'_>, warnings: &mut Warnings) -> Result<Flags, Fault> {
+pub(super) fn check(
+    source: &Source,
+    document: &Document<'_>,
+    warnings: &mut Warnings,
+) -> Result<Flags, Fault> {
+    values(document)?;
     for section in elements(document.root_element()) {
         let name = section.tag_name().name();
         if !SECTIONS.contains(&name) {
             return Err(unknown(section, "the model"));
         }
         match name {
-            "worldbody" => bodies(section)?,
+            "worldbody" => bodies(source, section)?,
             "tendon" => {
                 for tendon in elements(section) {
-                    let what = "tendon";
-                    warnings.add(what, named(tendon), "has no effect: impulse joints do not know tendons");
+                    let how = "has no effect: impulse joints do not know tendons";
+                    warnings.add("tendon", source.named(tendon), how);
                 }
             }
             "extension" => {
                 for plugin in elements(section) {
-                    warnings.add("plugin", named(plugin), "has no effect");
+                    warnings.add("plugin", source.named(plugin), "has no effect");
                 }
             }
             _ => {}
@@ -113,14 +138,39 @@ pub(super) fn check(document: &Document<'_>, warnings: &mut Warnings) -> Result<
                 .attribute(attribute)
                 .is_some_and(|value| value.split_whitespace().ne(neutral.split_whitespace()))
             {
-                warnings.add(what, named(node), how);
+                warnings.add(what, source.named(node), how);
             }
         }
     }
     flags(document, warnings)
 }
 
-fn bodies(parent: Node<'_, '_>) -> Result<(), Fault> {
+/// Refuses values that the reader takes though nothing can be computed of them.
+fn values(document: &Document<'_>) -> Result<(), Fault> {
+    for node in document.descendants() {
+        for attribute in node.attributes().filter(|attribute| !is_name(attribute.name())) {
+            let (name, value) = (attribute.name(), attribute.value());
+            let numbers: Result<Vec<f64>, _> = value.split_ascii_whitespace().map(str::parse).collect();
+            if numbers.is_ok_and(|numbers| numbers.iter().any(|number| !number.is_finite())) {
+                let cause = format!("{name}=\"{value}\" is not finite");
+                return Err(Fault::at(node, cause, "write decimal numbers"));
+            }
+            let sequence = value.len() == 3 && value.chars().all(|axis| "xyzXYZ".contains(axis));
+            if name == "eulerseq" && !sequence {
+                let cause = format!("eulerseq=\"{value}\" is not three axes");
+                return Err(Fault::at(node, cause, "write three of x, y, z, X, Y and Z"));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Returns whether an attribute holds a name, which may be `nan` or `inf`.
+fn is_name(attribute: &str) -> bool {
+    NAMES.contains(&attribute.trim_end_matches(['1', '2']))
+}
+
+fn bodies(source: &Source, parent: Node<'_, '_>) -> Result<(), Fault> {
     let in_frame = parent.has_tag_name("frame");
     for node in elements(parent) {
         let name = node.tag_name().name();
@@ -136,11 +186,11 @@ fn bodies(parent: Node<'_, '_>) -> Result<(), Fault> {
         }
         if name == "geom" && node.has_attribute("mesh") && node.attribute("type").is_some_and(|t| t != "mesh")
         {
-            let cause =
-                format!("`{}` is a primitive fitted to a mesh, which cannot be computed", named(node));
+            let name = source.named(node);
+            let cause = format!("`{name}` is a primitive fitted to a mesh, which cannot be computed");
             return Err(Fault::at(node, cause, "give type=\"mesh\", or the primitive's own size"));
         }
-        bodies(node)?;
+        bodies(source, node)?;
     }
     Ok(())
 }
@@ -172,21 +222,6 @@ fn flags(document: &Document<'_>, warnings: &mut Warnings) -> Result<Flags, Faul
         }
     }
     Ok(flags)
-}
-
-pub(super) fn elements<'a, 'd>(node: Node<'a, 'd>) -> impl Iterator<Item = Node<'a, 'd>> {
-    node.children().filter(Node::is_element)
-}
-
-/// Returns the element's name, or its kind and line.
-fn named(node: Node<'_, '_>) -> String {
-    node.attribute("name").map_or_else(
-        || {
-            let line = node.document().text_pos_at(node.range().start).row;
-            format!("<{}> at line {line}", node.tag_name().name())
-        },
-        str::to_owned,
-    )
 }
 
 fn unknown(node: Node<'_, '_>, place: &str) -> Fault {

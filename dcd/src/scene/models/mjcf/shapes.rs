@@ -15,6 +15,9 @@ use crate::scene::models::mesh::{self, Meshes};
 use crate::scene::models::source::Fault;
 use crate::scene::models::warnings::Warnings;
 
+/// The most heights of a height field: without elevations the file says how many with a few characters.
+const MAX_HEIGHTS: usize = 1 << 24;
+
 /// A geom's shape in the space of its body.
 pub(super) type Placed = (SharedShape, Pose);
 
@@ -193,10 +196,17 @@ impl Maker<'_> {
         let asset = asset(file, geom)?;
         let scale = Vector::from(asset.scale.map(|v| v as f32));
         if let Some(numbers) = &asset.inline_vertices {
-            let points =
-                numbers.chunks_exact(3).map(|p| Vector::new(p[0] as f32, p[1] as f32, p[2] as f32) * scale);
-            let faces = asset.inline_faces.iter().flatten().copied().collect::<Vec<_>>();
-            return Ok((points.collect(), faces.as_chunks::<3>().0.to_vec()));
+            let (points, odd) = numbers.as_chunks::<3>();
+            let indices = asset.inline_faces.as_deref().unwrap_or_default();
+            let (faces, rest) = indices.as_chunks::<3>();
+            let there = indices.iter().all(|&index| (index as usize) < points.len());
+            if !odd.is_empty() || !rest.is_empty() || !there {
+                let name = geom.mesh.as_deref().unwrap_or_default();
+                let cause = format!("mesh `{name}` has a face of no vertex, or not three numbers for each");
+                return Err(Fault::new(cause, "correct vertex and face; vertices are counted from 0"));
+            }
+            let points = points.iter().map(|point| Vector::from(point.map(|v| v as f32)) * scale);
+            return Ok((points.collect(), faces.to_vec()));
         }
         let Some(path) = file.resolve_mesh_file(asset, self.folder) else {
             let cause =
@@ -240,6 +250,10 @@ fn height_field(file: &mjcf::Model, geom: &Geom) -> Result<SharedShape, Fault> {
         return Err(Fault::new(cause, "add it to <asset>, or correct its name"));
     };
     let (rows, columns) = (asset.nrow as usize, asset.ncol as usize);
+    if rows.saturating_mul(columns) > MAX_HEIGHTS {
+        let cause = format!("height field `{name}` has {rows} times {columns} heights");
+        return Err(Fault::new(cause, "make it 16 million at most"));
+    }
     // Without heights, MuJoCo has a flat one, for a program to fill in.
     let flat = (asset.elevation.is_none() && asset.file.is_none()).then(|| vec![0.0; rows * columns]);
     let heights = asset.elevation.as_ref().or(flat.as_ref());

@@ -179,11 +179,11 @@ fn add_joints(
         if unlimited.contains(&name) {
             joint.limit_axes = JointAxesMask::empty();
         }
-        if drop_wide_limits(&mut joint) {
-            model.warnings.add("limit beyond half a turn", &*name, "is not limited");
-        }
         let mut link = (multibody && model.links(made.link1, made.link2, &joint))
             .then(|| LinkSettings { damping: Some([0.0; 6]), ..LinkSettings::default() });
+        if link.is_none() && drop_wide_limits(&mut joint) {
+            model.warnings.add("limit of a whole turn or more", &*name, "is not limited");
+        }
         if let (Some(axis), Some(dynamics)) = (axis, &from.dynamics) {
             match &mut link {
                 Some(link) => {

@@ -7,7 +7,7 @@ use std::str::FromStr;
 use rapier3d_urdf::urdf_rs::{self, Geometry, JointType, Pose, Vec3};
 use roxmltree::{Document, Node};
 
-use crate::scene::models::source::Fault;
+use crate::scene::models::source::{Fault, child, elements, required};
 use crate::scene::models::warnings::Warnings;
 
 /// The parsed robot for the loader, and the properties that the loader has no place for.
@@ -323,21 +323,6 @@ fn pose(node: Node<'_, '_>) -> Result<Pose, Fault> {
     let Some(origin) = child(node, "origin") else { return Ok(Pose::default()) };
     let of = |what| vector(origin, what).map(|value| Vec3(value.unwrap_or_default()));
     Ok(Pose { xyz: of("xyz")?, rpy: of("rpy")? })
-}
-
-fn elements<'a, 'd>(node: Node<'a, 'd>) -> impl Iterator<Item = Node<'a, 'd>> {
-    node.children().filter(Node::is_element)
-}
-
-fn child<'a, 'd>(node: Node<'a, 'd>, name: &str) -> Option<Node<'a, 'd>> {
-    elements(node).find(|child| child.has_tag_name(name))
-}
-
-fn required<'a>(node: Node<'a, '_>, attribute: &str) -> Result<&'a str, Fault> {
-    node.attribute(attribute).ok_or_else(|| {
-        let cause = format!("<{}> without {attribute}", node.tag_name().name());
-        Fault::at(node, cause, format!("give it {attribute}=\"..\""))
-    })
 }
 
 fn number(node: Node<'_, '_>, attribute: &str) -> Result<Option<f64>, Fault> {

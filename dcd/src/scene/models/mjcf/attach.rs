@@ -1,0 +1,123 @@
+//! Checks the models that a file attaches. Rapier's reader opens them itself, whatever they are, and leaves out what it cannot
+//! read with a line in a log: here each is read before, within bounds, and refused by name.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use rapier3d_mjcf::mjcf_rs as mjcf;
+use roxmltree::{Document, Node};
+
+use super::scan::{self, Flags};
+use super::{fault, poses};
+use crate::scene::SceneError;
+use crate::scene::models::source::{Fault, Source, required};
+use crate::scene::models::warnings::Warnings;
+
+/// The most bytes of a model with all that it attaches, counted as often as it does.
+const MAX_TEXT: usize = 16 << 20;
+/// The most models of which each is attached by the one before.
+const MAX_CHAIN: usize = 64;
+
+/// A model that is there to be attached.
+struct Attachable {
+    file: mjcf::Model,
+    flags: Flags,
+    /// With all that it attaches.
+    bytes: usize,
+}
+
+/// Checks the models that the file attaches, and that those attach, and adds their flags to the file's.
+pub(super) fn check(
+    source: &Source,
+    document: &Document<'_>,
+    flags: &mut Flags,
+    warnings: &mut Warnings,
+) -> Result<(), SceneError> {
+    let mut chain = vec![canonical(&source.path)];
+    attached(source, document, flags, warnings, &mut chain).map(drop)
+}
+
+/// Returns the bytes of the file with all that it attaches; `chain` are the files that attach it, and itself.
+fn attached(
+    source: &Source,
+    document: &Document<'_>,
+    flags: &mut Flags,
+    warnings: &mut Warnings,
+    chain: &mut Vec<PathBuf>,
+) -> Result<usize, SceneError> {
+    let mut bytes = source.text.len();
+    let mut grow = |node: Node<'_, '_>, by: usize| {
+        bytes += by;
+        let cause = "the file and what it attaches have more than 16 MiB";
+        let fault = || source.fault(Fault::at(node, cause, "attach less, or less often"));
+        if bytes > MAX_TEXT { Err(fault()) } else { Ok(()) }
+    };
+    let mut models = BTreeMap::new();
+    for node in document.descendants().filter(is_model) {
+        let attribute = |name| required(node, name).map_err(|fault| source.fault(fault));
+        let (name, file) = (attribute("name")?, attribute("file")?);
+        let path = source.folder().join(file);
+        let own = canonical(&path);
+        if chain.contains(&own) {
+            let fault = Fault::at(node, format!("{file} attaches itself"), "drop one of the two <model>s");
+            return Err(source.fault(fault));
+        }
+        if chain.len() > MAX_CHAIN {
+            let cause = format!("more than {MAX_CHAIN} files attach one another in a chain");
+            return Err(source.fault(Fault::at(node, cause, "attach less deep")));
+        }
+        chain.push(own);
+        let model = read(&path, warnings, chain)?;
+        chain.pop();
+        grow(node, model.bytes)?;
+        models.insert(name, model);
+    }
+    for node in document.descendants().filter(|node| node.has_tag_name("attach")) {
+        let attribute = |name| required(node, name).map_err(|fault| source.fault(fault));
+        let (name, body) = (attribute("model")?, attribute("body")?);
+        let Some(model) = models.get(name) else {
+            let cause = format!("<attach> of model `{name}`, which <asset> does not have");
+            return Err(source.fault(Fault::at(
+                node,
+                cause,
+                "add the model to <asset>, or correct its name",
+            )));
+        };
+        if model.file.body_id_by_name(body).is_none() {
+            let cause = format!("<attach> of body `{body}`, which model `{name}` does not have");
+            return Err(source.fault(Fault::at(node, cause, "correct the name of the body")));
+        }
+        grow(node, model.bytes)?;
+        let prefix = node.attribute("prefix").unwrap_or_default();
+        flags.convex.extend(model.flags.convex.iter().map(|mesh| format!("{prefix}{mesh}")));
+    }
+    Ok(bytes)
+}
+
+/// Reads a model that is to be attached, as the reader will: its text cannot be changed before.
+fn read(path: &Path, warnings: &mut Warnings, chain: &mut Vec<PathBuf>) -> Result<Attachable, SceneError> {
+    let source = Source::read(path)?;
+    let document = source.document("mujoco")?;
+    if let Some(node) = document.descendants().find(|node| node.has_tag_name("include")) {
+        let cause = "<include> in a model that is attached cannot be read";
+        return Err(source.fault(Fault::at(node, cause, "write the content of the file in its place")));
+    }
+    let mut flags = scan::check(&source, &document, warnings).map_err(|fault| source.fault(fault))?;
+    if let Some((geom, attribute)) = poses::missing(&document).first() {
+        let cause = format!("{} of a geom's class, in a model that is attached, is lost", attribute.name());
+        let remedy = format!("write {}=\"{}\" into the geom", attribute.name(), attribute.value());
+        return Err(source.fault(Fault::at(*geom, cause, remedy)));
+    }
+    let bytes = attached(&source, &document, &mut flags, warnings, chain)?;
+    let file = mjcf::Model::from_file(path).map_err(|error| source.fault(fault(&error)))?;
+    Ok(Attachable { file, flags, bytes })
+}
+
+fn is_model(node: &Node<'_, '_>) -> bool {
+    node.has_tag_name("model") && node.parent().is_some_and(|parent| parent.has_tag_name("asset"))
+}
+
+/// Returns the path by which a file is known again.
+fn canonical(path: &Path) -> PathBuf {
+    path.canonicalize().unwrap_or_else(|_| path.to_owned())
+}

@@ -1,0 +1,175 @@
+//! Tests that files that are broken, or made to do harm, are refused by name: none ends the process, hangs it or is read in part.
+
+use std::fs;
+
+use dcd::scene::{Params, Scene, SceneError};
+
+/// Files of one folder.
+struct Folder(tempfile::TempDir);
+
+impl Folder {
+    fn new(files: &[(&str, &str)]) -> Self {
+        let folder = Self(tempfile::tempdir().unwrap());
+        files.iter().for_each(|(name, text)| folder.write(name, text));
+        folder
+    }
+
+    fn write(&self, name: &str, text: &str) {
+        fs::write(self.0.path().join(name), text).unwrap();
+    }
+
+    fn load(&self, name: &str) -> Result<Scene, SceneError> {
+        Scene::load(self.0.path().join(name), &Params::new())
+    }
+
+    /// The error of a file that is refused.
+    fn error(&self, name: &str) -> String {
+        self.load(name).map(|scene| scene.bodies.len()).unwrap_err().to_string()
+    }
+}
+
+#[test]
+fn files_that_nest_or_include_without_end_and_files_that_are_none_are_refused() {
+    let folder = Folder::new(&[]);
+    let refused = |name: &str, text: String| {
+        folder.write(name, &text);
+        folder.error(name)
+    };
+    for levels in [300, 3_000, 300_000] {
+        let nested = |tag: &str| format!("<{tag}>").repeat(levels) + &format!("</{tag}>").repeat(levels);
+        let model = format!("<mujoco>\n<worldbody>\n{}</worldbody></mujoco>", nested("body"));
+        let error = refused("deep.xml", model);
+        assert!(error.contains("deep.xml:3: more than 256 elements lie in one another"), "{error}");
+        let error = refused("deep.urdf", format!("<robot>{}</robot>", nested("link")));
+        assert!(error.contains("deep.urdf:1: more than 256 elements"), "{error}");
+    }
+    let robot = |file: &str| {
+        format!(
+            "<mujoco><worldbody><include file=\"{file}\"/><include file=\"{file}\"/></worldbody></mujoco>"
+        )
+    };
+    let error = refused("endless.xml", robot("/dev/zero"));
+    assert!(error.contains("/dev/zero: it is not a regular file"), "{error}");
+    // Each includes the next twice: thirty files of a hundred bytes are 2^30 geoms.
+    for level in 0..30 {
+        let inner = robot(&format!("{}.xml", level + 1));
+        folder.write(&format!("{level}.xml"), &inner);
+    }
+    for (geoms, cause) in [(0, "more than 4096 files are included"), (3_000, "have more than 16 MiB")] {
+        let last = format!("<mujoco>{}</mujoco>", "<geom size=\"1\"/>".repeat(geoms));
+        folder.write("30.xml", &last);
+        let error = folder.error("0.xml");
+        assert!(error.contains(cause) && error.contains("include less"), "{error}");
+    }
+}
+
+#[test]
+fn what_cannot_be_included_is_refused_by_name_and_what_is_in_an_include_gives_way() {
+    let main = |include: &str| format!("<mujoco>\n<worldbody>\n{include}\n</worldbody></mujoco>");
+    let folder = Folder::new(&[
+        ("both.xml", &main(r#"<include file="body.xml"><include file="none.xml"/></include>"#)),
+        ("body.xml", r#"<mujoco><body><freejoint/><geom size="1"/></body></mujoco>"#),
+        ("rootless.xml", &main(r#"<include file="other.xml"/>"#)),
+        ("rooted_twice.xml", &main(r#"<include file="other_twice.xml"/>"#)),
+        ("other.xml", r#"<include file="empty.xml"/>"#),
+        ("other_twice.xml", r#"<include file="twice.xml"/>"#),
+        ("empty.xml", "<mujoco/>"),
+        ("twice.xml", "<mujoco><body/><body/></mujoco>"),
+        ("spaced.xml", &main(r#"<include file="through.xml"/>"#)),
+        ("through.xml", r#"<mujoco><include file="space.xml"/></mujoco>"#),
+        ("space.xml", r#"<mujoco xmlns:x="u"><x:body/></mujoco>"#),
+        ("late.xml", &main("<include file=\"body.xml\"/>\n<replicate/>")),
+    ]);
+    assert_eq!(folder.load("both.xml").unwrap().bodies.len(), 1);
+    for (name, cause) in [
+        ("rootless.xml", "rootless.xml:3: other.xml cannot be put here"),
+        ("rooted_twice.xml", "rooted_twice.xml:3: other_twice.xml cannot be put here"),
+        ("spaced.xml", "through.xml:1: space.xml cannot be put here"),
+        // Its lines are not those of the text with all that it includes.
+        ("late.xml", "late.xml: <replicate> in a body"),
+    ] {
+        let error = folder.error(name);
+        assert!(error.contains(cause), "{name}: {error}");
+    }
+}
+
+#[test]
+fn models_that_attach_themselves_or_what_is_not_there_are_refused() {
+    let attaching = |file: &str, body: &str| {
+        format!(
+            r#"<mujoco><asset><model name="m" file="{file}"/></asset><worldbody><body name="b">
+            <attach model="m" body="{body}" prefix="p"/></body></worldbody></mujoco>"#
+        )
+    };
+    let arm =
+        |inside: &str| format!(r#"<mujoco><worldbody><body name="arm">{inside}</body></worldbody></mujoco>"#);
+    let folder = Folder::new(&[
+        ("itself.xml", &attaching("itself.xml", "b")),
+        ("each.xml", &attaching("other.xml", "b")),
+        ("other.xml", &attaching("each.xml", "b")),
+        ("endless.xml", &attaching("/dev/zero", "b")),
+        ("missing.xml", &attaching("none.xml", "b")),
+        ("arm.xml", &arm("")),
+        ("misspelt.xml", &attaching("arm.xml", "amr")),
+        ("unknown.xml", &attaching("arm.xml", "arm").replace(r#"model="m""#, r#"model="n""#)),
+        ("whole.xml", &attaching("arm.xml", "arm").replace(r#"body="arm""#, "")),
+        ("broken_arm.xml", &arm(r#"<geom size="x"/>"#)),
+        ("broken.xml", &attaching("broken_arm.xml", "arm")),
+        ("many_arms.xml", &arm(r#"<replicate count="3"><geom size="1"/></replicate>"#)),
+        ("many.xml", &attaching("many_arms.xml", "arm")),
+        ("including_arm.xml", &arm(r#"<include file="/dev/zero"/>"#)),
+        ("including.xml", &attaching("including_arm.xml", "arm")),
+        ("turned_arm.xml", &arm("").replace("<worldbody>", r#"<compiler eulerseq="xyzx"/><worldbody>"#)),
+        ("turned.xml", &attaching("turned_arm.xml", "arm")),
+    ]);
+    for (name, cause) in [
+        ("itself.xml", "itself.xml:1: itself.xml attaches itself"),
+        ("each.xml", "other.xml:1: each.xml attaches itself"),
+        ("endless.xml", "/dev/zero: it is not a regular file"),
+        ("missing.xml", "none.xml: No such file"),
+        ("misspelt.xml", "misspelt.xml:2: <attach> of body `amr`, which model `m` does not have"),
+        ("unknown.xml", "unknown.xml:2: <attach> of model `n`, which <asset> does not have"),
+        ("whole.xml", "whole.xml:2: <attach> without body"),
+        ("broken.xml", "broken_arm.xml"),
+        ("many.xml", "many_arms.xml:1: <replicate> in a body"),
+        ("including.xml", "including_arm.xml:1: <include> in a model that is attached"),
+        ("turned.xml", "turned_arm.xml:1: eulerseq=\"xyzx\" is not three axes"),
+    ] {
+        let error = folder.error(name);
+        assert!(error.contains(cause), "{name}: {error}");
+    }
+    // Each attaches the next twice: thirty files of two hundred bytes are 2^30 bodies.
+    for level in 0..30 {
+        let twice = attaching(&format!("{}.xml", level + 1), "b");
+        let twice = twice.replace("</body>", "<attach model=\"m\" body=\"b\" prefix=\"q\"/></body>");
+        folder.write(&format!("{level}.xml"), &twice);
+    }
+    folder.write("30.xml", &arm("").replace("arm", "b"));
+    let error = folder.error("0.xml");
+    assert!(error.contains("what it attaches have more than 16 MiB; attach less"), "{error}");
+}
+
+#[test]
+fn what_an_obj_says_of_colours_is_not_read() {
+    let tetra = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
+    let robot = |mesh: &str| {
+        format!(
+            r#"<robot name="r"><link name="a"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
+            <collision><geometry><mesh filename="{mesh}"/></geometry></collision></link></robot>"#
+        )
+    };
+    let folder = Folder::new(&[
+        ("endless.urdf", &robot("endless.obj")),
+        ("endless.obj", &format!("mtllib /dev/zero\n{tetra}")),
+        ("broken.urdf", &robot("broken.obj")),
+        ("broken.obj", &format!("mtllib broken.mtl\n{tetra}")),
+        ("broken.mtl", "newmtl a\nKd x\n"),
+        ("flat.urdf", &robot("flat.obj")),
+        ("flat.obj", &tetra.replace("v 1 0 0", "v nan 0 0")),
+    ]);
+    for name in ["endless.urdf", "broken.urdf"] {
+        assert_eq!(folder.load(name).unwrap().bodies[0].colliders.len(), 1, "{name}");
+    }
+    let error = folder.error("flat.urdf");
+    assert!(error.contains("flat.obj: a vertex of it is not finite"), "{error}");
+}

@@ -13,7 +13,7 @@ use rapier3d::prelude::Vector;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error};
 
 use super::convert;
-use crate::protocol::{SHAPE_LEAST_M, SHAPE_REACH_M, ShapeHash, ShapeRecord, voxels_fit};
+use crate::protocol::{BodyRecord, SHAPE_LEAST_M, SHAPE_REACH_M, ShapeHash, ShapeRecord, voxels_fit};
 
 /// An error: a shape cannot be recorded or built.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -55,6 +55,16 @@ pub enum ShapeError {
         "an avatar cannot be a mesh, terrain, voxels or a half-space; take a hull, a box, or a compound of such"
     )]
     Avatar,
+    /// More than one message holds.
+    #[error(
+        "a shape of a served world is longer than 16 MiB, in which it is sent: some 600,000 triangles, 1.3 million voxels or four million heights; divide it into several colliders"
+    )]
+    TooLong,
+    /// More than a link holds.
+    #[error(
+        "the shapes of a served world take {0} MiB to send, and may take 256: share equal ones, and make meshes and terrain coarser"
+    )]
+    TooMany(usize),
     /// A record refers to a shape that is not in the library.
     #[error("shape {0} is not known here; it must be sent before the bodies that use it")]
     Unknown(ShapeHash),
@@ -115,6 +125,24 @@ impl ShapeLibrary {
     /// Returns the record with this hash, to send it on.
     pub fn record_of(&self, hash: ShapeHash) -> Option<&ShapeRecord> {
         self.shapes.get(&hash).map(|(record, _)| record)
+    }
+
+    /// Returns the shapes that bodies have, each once, and parts before what they make up.
+    pub(crate) fn records_of<'a>(
+        &self,
+        bodies: impl IntoIterator<Item = &'a BodyRecord>,
+    ) -> Vec<(ShapeHash, &ShapeRecord)> {
+        let (mut found, mut listed) = (Vec::new(), BTreeSet::new());
+        let of_bodies = bodies.into_iter().flat_map(|body| &body.traits.colliders);
+        for hash in of_bodies.map(|collider| collider.shape) {
+            let parts = self.record_of(hash).into_iter().flat_map(ShapeRecord::parts);
+            for hash in parts.chain([hash]) {
+                if listed.insert(hash) {
+                    found.extend(self.record_of(hash).map(|shape| (hash, shape)));
+                }
+            }
+        }
+        found
     }
 
     /// Returns how many shapes there are.

@@ -20,7 +20,8 @@ use crate::protocol::SharedState;
 /// Version of the protocol. It grows with every change of the message set; peers of unequal versions refuse each other.
 pub const VERSION: u32 = 24;
 
-/// The most bytes of a message. A single shape (a height field of 2,000 × 2,000) is what needs most.
+/// The most bytes of a message. A single shape (a height field of 2,000 × 2,000) is what needs most; what is longer is refused
+/// before it is sent (`ShapeRecord::can_travel`).
 pub const MAX_MESSAGE_BYTES: usize = 16 << 20;
 
 /// The target size of one chunk of a world: small enough not to hold up other traffic of its link.

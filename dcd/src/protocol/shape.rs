@@ -6,7 +6,7 @@ use std::fmt;
 use bincode::{Decode, Encode};
 use serde::{Deserialize, Serialize};
 
-use super::Pose;
+use super::{MAX_MESSAGE_BYTES, Pose, encoded_len};
 
 /// The name of a shape: BLAKE3 of its encoding, cut to 128 bits.
 #[derive(
@@ -82,7 +82,26 @@ pub(crate) fn voxels_fit(voxels: &[[i32; 3]]) -> bool {
         && voxels.iter().map(block).collect::<BTreeSet<_>>().len() <= MAX_BLOCKS
 }
 
+/// The most bytes of one shape: as many as fit into a message, with what is around them.
+const MAX_SHAPE_BYTES: usize = MAX_MESSAGE_BYTES - (4 << 10);
+
 impl ShapeRecord {
+    /// Returns whether it fits into one message. Who reads it counts lists by what they take in memory, before they are read.
+    #[doc(hidden)]
+    pub fn can_travel(&self) -> bool {
+        let points = |points: &Vec<[f32; 3]>| encoded_len(points);
+        let triangles = |triangles: &Vec<[u32; 3]>| encoded_len(triangles).max(size_of_val(&triangles[..]));
+        let bytes = match self {
+            Self::ConvexPolyhedron(p, t) | Self::TriMesh(p, t, _) | Self::RoundConvexPolyhedron(p, t, _) => {
+                points(p) + triangles(t)
+            }
+            Self::Polyline(p, edges) => points(p) + encoded_len(edges).max(size_of_val(&edges[..])),
+            Self::Voxels(_, voxels) => encoded_len(voxels).max(size_of_val(&voxels[..])),
+            _ => encoded_len(self),
+        };
+        bytes <= MAX_SHAPE_BYTES
+    }
+
     /// Returns the name of this shape.
     pub fn hash(&self) -> ShapeHash {
         // Encoding plain numbers into memory cannot fail.
@@ -198,6 +217,7 @@ impl ShapeRecord {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::protocol::{Chunk, Message, ToNode, decode, encode};
 
     #[test]
     fn what_has_a_border_reaches_as_far_as_that() {
@@ -217,5 +237,23 @@ mod tests {
         assert!(!voxels_fit(&[[0, MAX_VOXEL + 1, 0]]) && !voxels_fit(&[[i32::MIN; 3]]));
         let line = |apart: i32| (0..=MAX_BLOCKS as i32).map(|i| [i * apart, 0, 0]).collect::<Vec<_>>();
         assert!(voxels_fit(&line(1)) && !voxels_fit(&line(BLOCK)));
+    }
+
+    #[test]
+    fn what_can_travel_is_read_as_it_was_sent_and_one_more_is_not_sent() {
+        // An edge of 128, so that they lie in few of Parry's blocks; short where they are encoded, long where they are read.
+        let voxels = |count: i32| {
+            let all = (0..count).map(|i| [i >> 14, i >> 7 & 127, i & 127]).collect();
+            ShapeRecord::Voxels([0.5; 3], all)
+        };
+        let most = (MAX_SHAPE_BYTES / 12) as i32;
+        assert!(!voxels(most + 1).can_travel());
+        let shape = voxels(most);
+        assert!(shape.can_travel());
+        let message = Message::ToNode(ToNode::Chunk(Chunk::Shapes(vec![shape])));
+        assert!(decode(&encode(&message)).unwrap() == message);
+        let field = |cells| ShapeRecord::HeightField(vec![0.5; 4_000_000], 2_000, 2_000, [1.0; 3], 0, cells);
+        assert!(field(Vec::new()).can_travel());
+        assert!(!field(vec![0; 1_999 * 1_999]).can_travel());
     }
 }

@@ -21,7 +21,7 @@ use crate::protocol::{
     Query, QueryResult, Refusal, ShapeHash, ShapeRecord, Touch, Velocity, WorldPose,
 };
 use crate::recording::Background;
-use crate::space::{BodyId, ClientId, DistributionTree, NodeId, RegionId, Tick};
+use crate::space::{BodyId, ClientId, DistributionTree, JointId, NodeId, RegionId, Tick};
 
 /// The settings with which a process joins a served world.
 #[derive(Clone, Debug)]
@@ -179,7 +179,7 @@ impl ClientWorld {
             standbys: config.standbys.clone(),
             threads: config.threads,
             give_up: config.give_up,
-            listen: config.listen.unwrap_or(usual.listen),
+            listen: config.listen,
             advertise: config.advertise,
             record: config.record.clone(),
             metrics: config.metrics,
@@ -230,9 +230,16 @@ impl ClientWorld {
         self.member.shared.lock().client.as_ref().map_or(0, Client::replacements)
     }
 
-    /// Returns the joints of the bodies that it was told of.
-    pub(crate) fn joints(&self) -> Vec<JointRecord> {
-        self.member.shared.lock().client.as_ref().map(|client| client.joints().to_vec()).unwrap_or_default()
+    /// Returns a joint of bodies that it was told of.
+    pub(crate) fn joint(&self, id: JointId) -> Option<JointRecord> {
+        self.member.shared.lock().client.as_ref()?.joints().iter().find(|joint| joint.id == id).cloned()
+    }
+
+    /// Returns the joints of the bodies that it was told of, of which this holds.
+    pub(crate) fn joints(&self, holds: &dyn Fn(&JointRecord) -> bool) -> Vec<JointRecord> {
+        let state = self.member.shared.lock();
+        let joints = state.client.iter().flat_map(|client| client.joints());
+        joints.filter(|joint| holds(joint)).cloned().collect()
     }
 
     /// Returns this process's id as a node, for a participant.
@@ -253,6 +260,11 @@ impl ClientWorld {
     /// Returns the address at which a participant's node listens.
     pub fn address(&self) -> Option<SocketAddr> {
         self.node().map(|_| self.member.address)
+    }
+
+    /// Returns where a participant's node answers with its metrics, if it does.
+    pub fn metrics_address(&self) -> Option<SocketAddr> {
+        self.member.metrics_address()
     }
 
     /// Returns the connections of this process.
@@ -312,7 +324,8 @@ impl ClientWorld {
         if !body.suits_clients(|hash| self.shapes.record_of(hash)) {
             return Err(ShapeError::Avatar.into());
         }
-        self.member.submit(ClientEvent::Spawn { body, shapes: self.shapes.records() })?;
+        let shapes = self.shapes.records_of([&body]).into_iter().map(|(_, shape)| shape.clone()).collect();
+        self.member.submit(ClientEvent::Spawn { body, shapes })?;
         self.next_avatar += 1;
         Ok(id)
     }

@@ -3,12 +3,14 @@
 use tracing::warn;
 
 use super::config::check_speed;
+use super::links::WORLD_BYTES;
 use super::saved::contents;
 use super::{LocalWorld, Partitioning, ProcessError, ServeConfig, Why, WorldConfig, WorldError};
 use crate::cluster::Record;
-use crate::physics::{Coupling, Fidelity, Partition, RegionHost, ShapeLibrary, StepSettings};
+use crate::physics::{Coupling, Fidelity, Partition, RegionHost, ShapeError, ShapeLibrary, StepSettings};
 use crate::protocol::{
     BodyKind, BodyRecord, EnvironmentProperties, JointRecord, MAX_STATE_TICKS, ShapeRecord, SyncProtocol,
+    encoded_len,
 };
 use crate::scene::Scene;
 use crate::space::{Balance, DistributionTree, Epoch};
@@ -66,7 +68,7 @@ impl Beginning {
                     balance: host.balance().copied().or_else(|| (!is_cut).then(Balance::by_nodes)),
                     // An empty world has none, unless it was given.
                     halo_m: Some(host.partition().halo_m()).filter(|halo_m| *halo_m > 0.0),
-                    step: *host.settings(),
+                    step: host.asked_settings(),
                     shapes,
                     bodies,
                     joints,
@@ -95,7 +97,14 @@ pub(super) fn world_of(
     bodies.iter().try_for_each(|body| check_speed(body, step.speed_limit_m_s()))?;
     let mut host = RegionHost::new(Partition::new(tree.clone(), halo_m), step, 1, &[])?;
     for record in &shapes {
+        if !record.can_travel() {
+            return Err(ShapeError::TooLong.into());
+        }
         host.shapes_mut().add(record.clone())?;
+    }
+    let shape_bytes: usize = shapes.iter().map(encoded_len).sum();
+    if shape_bytes > WORLD_BYTES {
+        return Err(ShapeError::TooMany(shape_bytes >> 20).into());
     }
     host.insert(bodies.clone(), &joints)?;
     let record = Record::new(bodies, shapes, joints);
@@ -126,4 +135,37 @@ pub(super) fn world_of(
         last_tick: config.last_tick,
     };
     Ok((environment, record))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::sim_world;
+
+    #[test]
+    fn shapes_that_cannot_be_sent_are_refused_before_a_server_runs() {
+        let field = |size: u32| {
+            let heights = vec![0.0; (size * size) as usize];
+            ShapeRecord::HeightField(heights, size, size, [100.0, 1.0, 100.0], 0, Vec::new())
+        };
+        let begin = |shapes: Vec<ShapeRecord>| {
+            let beginning = Beginning {
+                tree: sim_world(2).tree,
+                balance: None,
+                halo_m: None,
+                step: StepSettings::default(),
+                shapes,
+                bodies: Vec::new(),
+                joints: Vec::new(),
+            };
+            world_of(beginning, &ServeConfig::new("unused")).map(drop)
+        };
+        begin(vec![field(600)]).unwrap();
+        let refused = begin(vec![field(2_049)]).unwrap_err().to_string();
+        assert!(refused.contains("16 MiB") && refused.contains("several colliders"), "{refused}");
+        // Short when it is sent, and counted by what it takes in memory where it is read.
+        let voxels = (0..1_500_000).map(|i| [i / 15_000, i / 150 % 100, i % 150]).collect();
+        let refused = begin(vec![ShapeRecord::Voxels([1.0; 3], voxels)]).unwrap_err().to_string();
+        assert!(refused.contains("16 MiB"), "{refused}");
+    }
 }

@@ -8,7 +8,7 @@ use super::choice::Why;
 use super::local::LocalWorld;
 use super::{ProcessError, WorldError};
 use crate::cluster::SavedWorld;
-use crate::physics::{HostError, Partition, RegionHost};
+use crate::physics::{HostError, Partition, RegionHost, ShapeError};
 use crate::protocol::{
     BodyRecord, Check, ContactLedger, EnvironmentProperties, Invalid, JointRecord, ShapeRecord, WorldEvents,
 };
@@ -77,6 +77,9 @@ pub(super) fn saved_of(
         .and_then(|()| shapes.iter().try_for_each(Check::check))
         .and_then(|()| joints.iter().try_for_each(Check::check));
     checked.map_err(|Invalid { field, rule }| ProcessError::Unservable { field, rule })?;
+    if !shapes.iter().all(ShapeRecord::can_travel) {
+        return Err(ShapeError::TooLong.into());
+    }
     Ok(SavedWorld {
         tick: world.tick(),
         next_ids: (world.next_body, world.next_joint),

@@ -51,14 +51,9 @@ impl Tape {
 
     /// Records bodies that came, with their new shapes.
     pub(super) fn note_bodies(&mut self, bodies: Vec<BodyRecord>, shapes: &ShapeLibrary) {
-        let used = bodies.iter().flat_map(|body| &body.traits.colliders).map(|collider| collider.shape);
-        let new = if used.into_iter().all(|shape| self.known.contains(&shape)) {
-            Vec::new()
-        } else {
-            let mut records = shapes.records();
-            records.retain(|record| self.known.insert(record.hash()));
-            records
-        };
+        let used = shapes.records_of(&bodies).into_iter();
+        let new = used.filter(|(hash, _)| self.known.insert(*hash));
+        let new: Vec<_> = new.map(|(_, shape)| shape.clone()).collect();
         // A snapshot is written in parts, an entry is not.
         if new.iter().map(encoded_len).sum::<usize>() > LARGE {
             return self.spoil();

@@ -9,7 +9,7 @@ use super::error::Error;
 use super::remote::check_vehicle;
 use super::role::{Instead, Role, Unsupported};
 use super::view::{Body, MovableBody};
-use crate::physics::{ShapeLibrary, joint_record, try_on_body, try_on_collider, try_on_joint};
+use crate::physics::{ShapeError, ShapeLibrary, joint_record, try_on_body, try_on_collider, try_on_joint};
 use crate::protocol::{
     Alteration, BodyKind, BodyRecord, BodyTraits, BuildOp, Check, Controller, Drive, Input, Invalid,
     JointRecord, Push, ShapeHash, ShapeRecord, Velocity, WorldPose,
@@ -28,7 +28,9 @@ pub(super) trait Known {
     fn shape(&self, hash: ShapeHash) -> Option<ShapeRecord>;
     /// Returns whether the world is known to have a shape.
     fn has_shape(&self, hash: ShapeHash) -> bool;
-    fn joints(&self) -> Vec<JointRecord>;
+    fn joint(&self, id: JointId) -> Option<JointRecord>;
+    /// Returns the joints of which this holds.
+    fn joints(&self, holds: &dyn Fn(&JointRecord) -> bool) -> Vec<JointRecord>;
     fn tree(&self) -> DistributionTree;
     /// Returns how many of the sends of its author, from the first on, were done, as far as they may.
     fn answered(&self) -> u64;
@@ -73,6 +75,8 @@ pub(super) struct Author {
     speed_limit_m_s: f32,
     /// Shapes that the server was sent.
     sent: BTreeSet<ShapeHash>,
+    /// Shapes of which each is known to fit into a message.
+    fitting: BTreeSet<ShapeHash>,
     /// How often something was.
     sends: u64,
     next_body: u32,
@@ -88,10 +92,12 @@ pub(super) struct Author {
     pushes: Vec<Push>,
     removed_joints: Vec<JointId>,
     removed: Vec<BodyId>,
-    /// Bodies of earlier steps that are not on record yet.
+    /// Bodies and joints of earlier steps that are not on record yet.
     awaited: BTreeMap<BodyId, BodyRecord>,
-    /// Bodies that were removed and are on record still.
-    leaving: BTreeSet<BodyId>,
+    awaited_joints: BTreeMap<JointId, JointRecord>,
+    /// Bodies and joints that were removed, and with which send: they are on record still, or may yet come onto it.
+    leaving: BTreeMap<BodyId, u64>,
+    leaving_joints: BTreeMap<JointId, u64>,
 }
 
 struct Altered {
@@ -115,6 +121,7 @@ impl Author {
             shapes: ShapeLibrary::default(),
             speed_limit_m_s,
             sent: BTreeSet::new(),
+            fitting: BTreeSet::new(),
             sends: 0,
             next_body,
             next_joint,
@@ -127,7 +134,9 @@ impl Author {
             removed_joints: Vec::new(),
             removed: Vec::new(),
             awaited: BTreeMap::new(),
-            leaving: BTreeSet::new(),
+            awaited_joints: BTreeMap::new(),
+            leaving: BTreeMap::new(),
+            leaving_joints: BTreeMap::new(),
         }
     }
 
@@ -144,7 +153,9 @@ impl Author {
         self.removed_joints.clear();
         self.removed.clear();
         self.awaited.clear();
+        self.awaited_joints.clear();
         self.leaving.clear();
+        self.leaving_joints.clear();
     }
 
     /// Forgets what was refused: of a body, or of joints.
@@ -152,23 +163,30 @@ impl Author {
         match id {
             Some(id) => {
                 self.awaited.remove(&id);
+                self.awaited_joints.retain(|_, joint| joint.a != id && joint.b != id);
                 self.leaving.remove(&id);
                 self.altered_bodies.retain(|known, altered| *known != id || altered.sent.is_none());
             }
-            None => self.altered_joints.retain(|_, (_, sent)| sent.is_none()),
+            None => {
+                let sends = self.sends;
+                self.altered_joints.retain(|_, (_, sent)| sent.is_none());
+                self.leaving_joints.retain(|_, sent| *sent > sends);
+            }
         }
     }
 
     /// Returns whether a body was removed and is there still.
     pub(super) fn is_leaving(&self, id: BodyId) -> bool {
-        self.leaving.contains(&id)
+        self.leaving.contains_key(&id)
     }
 
     /// Returns what was done since the last step.
     pub(super) fn take(&mut self, world: &dyn Known) -> Vec<BuildOp> {
-        self.awaited.retain(|id, _| !world.knows(*id));
-        self.leaving.retain(|id| world.knows(*id));
         let answered = world.answered();
+        self.awaited.retain(|id, _| !world.knows(*id));
+        self.awaited_joints.retain(|id, _| world.joint(*id).is_none());
+        self.leaving.retain(|id, sent| *sent > answered || world.knows(*id));
+        self.leaving_joints.retain(|id, sent| *sent > answered || world.joint(*id).is_some());
         let is_open = |sent: Option<u64>| sent.is_none_or(|send| send > answered);
         self.altered_bodies.retain(|_, altered| is_open(altered.sent));
         self.altered_joints.retain(|_, (_, sent)| is_open(*sent));
@@ -176,13 +194,15 @@ impl Author {
         let mut ops = Vec::new();
         let (bodies, joints) = (std::mem::take(&mut self.bodies), std::mem::take(&mut self.joints));
         if !bodies.is_empty() {
-            let new = |shape: &ShapeRecord| match self.names {
-                Names::Program => self.sent.insert(shape.hash()),
+            let new = |(hash, _): &(ShapeHash, _)| match self.names {
+                Names::Program => self.sent.insert(*hash),
                 // Who brought it may have been refused.
-                Names::Builder(_) => !world.has_shape(shape.hash()),
+                Names::Builder(_) => !world.has_shape(*hash),
             };
-            let shapes = self.shapes.records().into_iter().filter(new).collect();
+            let shapes = self.shapes.records_of(&bodies).into_iter().filter(new);
+            let shapes = shapes.map(|(_, shape)| shape.clone()).collect();
             self.awaited.extend(bodies.iter().map(|body| (body.id, body.clone())));
+            self.awaited_joints.extend(joints.iter().map(|joint| (joint.id, joint.clone())));
             ops.push(BuildOp::Insert { bodies, shapes, joints });
         }
         for (&body, Altered { traits, wakes, sent }) in &mut self.altered_bodies {
@@ -233,9 +253,26 @@ impl Author {
         let record = self.shapes.describe(id, pose, body, colliders)?.with_controller(controller);
         record.check().map_err(refused)?;
         check_speed(&record, self.speed_limit_m_s)?;
+        self.check_shapes(&record)?;
         self.next_body = self.next_body.checked_add(1).ok_or(WorldError::Full)?;
         self.bodies.push(record);
         Ok(id)
+    }
+
+    /// Returns an error if a shape is too long to be sent.
+    fn check_shapes(&mut self, body: &BodyRecord) -> Result<(), Error> {
+        for hash in body.traits.colliders.iter().map(|collider| collider.shape) {
+            if self.sent.contains(&hash) || self.fitting.contains(&hash) {
+                continue;
+            }
+            let Some(shape) = self.shapes.record_of(hash) else { continue };
+            let parts: Vec<_> = shape.parts().filter_map(|part| self.shapes.record_of(part)).collect();
+            if !parts.into_iter().chain([shape]).all(ShapeRecord::can_travel) {
+                return Err(ShapeError::TooLong.into());
+            }
+            self.fitting.insert(hash);
+        }
+        Ok(())
     }
 
     pub(super) fn remove(&mut self, world: &dyn Known, id: BodyId) -> Result<(), Error> {
@@ -250,8 +287,10 @@ impl Author {
             }
             None => {
                 self.removed.push(id);
-                self.leaving.insert(id);
+                self.leaving.insert(id, self.sends + 1);
                 self.awaited.remove(&id);
+                self.awaited_joints.retain(|_, joint| joint.a != id && joint.b != id);
+                self.joints.retain(|joint| joint.a != id && joint.b != id);
             }
         }
         Ok(())
@@ -319,6 +358,11 @@ impl Author {
         }
         if tried.traits.kind == BodyKind::Fixed {
             return Err(self.unsupported("fix what moves", Instead::InsertAnew));
+        }
+        let is_link = |joint: &JointRecord| joint.link.is_some() && joint.b == id;
+        if tried.traits.kind != BodyKind::Dynamic && !self.joints(world, &is_link).is_empty() {
+            let what = "make a link of a multibody other than dynamic";
+            return Err(self.unsupported(what, Instead::InsertAnew));
         }
         self.alter(&known, tried.traits, tried.wakes)
     }
@@ -388,11 +432,11 @@ impl Author {
         id: JointId,
         change: &mut dyn FnMut(&mut GenericJoint),
     ) -> Result<(), Error> {
-        let known = self.joints(world).into_iter().find(|joint| joint.id == id);
-        let joint = try_on_joint(&known.ok_or(WorldError::NoJoint(id))?, change);
+        let known = self.joint(world, id).ok_or(WorldError::NoJoint(id))?;
+        let joint = try_on_joint(&known, change);
         joint.check().map_err(refused)?;
-        match self.joints.iter_mut().find(|known| known.id == id) {
-            Some(known) => *known = joint,
+        match self.fresh_joint(id) {
+            Some(place) => self.joints[place] = joint,
             None => {
                 self.altered_joints.insert(id, (joint, None));
             }
@@ -427,34 +471,53 @@ impl Author {
     }
 
     pub(super) fn remove_joint(&mut self, world: &dyn Known, id: JointId) -> Result<(), Error> {
-        if let Some(place) = self.joints.iter().position(|joint| joint.id == id) {
-            self.joints.remove(place);
-            return Ok(());
+        self.joint(world, id).ok_or(WorldError::NoJoint(id))?;
+        match self.fresh_joint(id) {
+            Some(place) => drop(self.joints.remove(place)),
+            None => {
+                self.altered_joints.remove(&id);
+                self.awaited_joints.remove(&id);
+                self.removed_joints.push(id);
+                self.leaving_joints.insert(id, self.sends + 1);
+            }
         }
-        let is_there = !self.removed_joints.contains(&id);
-        if !is_there || world.joints().iter().all(|joint| joint.id != id) {
-            return Err(WorldError::NoJoint(id).into());
-        }
-        self.altered_joints.remove(&id);
-        self.removed_joints.push(id);
         Ok(())
     }
 
-    /// Returns the joints on record and those of this step.
-    pub(super) fn joints(&self, world: &dyn Known) -> Vec<JointRecord> {
-        let is_left = |joint: &JointRecord| !self.removed_joints.contains(&joint.id);
-        let now = |joint: JointRecord| match self.altered_joints.get(&joint.id) {
-            Some((altered, _)) => altered.clone(),
-            None => joint,
-        };
-        let mut joints: Vec<_> = world.joints().into_iter().filter(is_left).map(now).collect();
-        joints.extend(self.joints.iter().cloned());
+    /// Returns a joint as it is on record, or as it was made, with what was done to it since.
+    pub(super) fn joint(&self, world: &dyn Known, id: JointId) -> Option<JointRecord> {
+        if let Some(place) = self.fresh_joint(id) {
+            return Some(self.joints[place].clone());
+        }
+        let joint = world.joint(id).or_else(|| self.awaited_joints.get(&id).cloned())?;
+        self.is_left(&joint).then(|| self.as_altered(joint))
+    }
+
+    /// Returns the joints of which this holds, in id order, as [`Author::joint`].
+    pub(super) fn joints(&self, world: &dyn Known, holds: &dyn Fn(&JointRecord) -> bool) -> Vec<JointRecord> {
+        let named = |joint: JointRecord| (joint.id, joint);
+        let awaited = self.awaited_joints.values().filter(|joint| holds(joint)).cloned();
+        let mut joints: BTreeMap<_, _> = awaited.map(named).collect();
+        joints.extend(world.joints(holds).into_iter().map(named));
+        let of_before = joints.into_values().filter(|joint| self.is_left(joint));
+        let mut joints: Vec<_> = of_before.map(|joint| self.as_altered(joint)).collect();
+        joints.extend(self.joints.iter().filter(|joint| holds(joint)).cloned());
         joints
+    }
+
+    /// Returns whether neither a joint nor what it holds was removed.
+    fn is_left(&self, joint: &JointRecord) -> bool {
+        let is_leaving = [joint.a, joint.b].iter().any(|id| self.leaving.contains_key(id));
+        !is_leaving && !self.leaving_joints.contains_key(&joint.id)
+    }
+
+    fn as_altered(&self, joint: JointRecord) -> JointRecord {
+        self.altered_joints.get(&joint.id).map_or(joint, |(altered, _)| altered.clone())
     }
 
     /// Returns a body as the nodes last told, or as it was inserted, with what was done to it since.
     pub(super) fn known(&self, world: &dyn Known, id: BodyId) -> Option<BodyRecord> {
-        if self.leaving.contains(&id) {
+        if self.leaving.contains_key(&id) {
             return None;
         }
         let fresh = self.fresh(id).map(|place| self.bodies[place].clone());
@@ -529,6 +592,11 @@ impl Author {
         self.bodies.binary_search_by_key(&id, |body| body.id).ok()
     }
 
+    /// Does the same for a joint.
+    fn fresh_joint(&self, id: JointId) -> Option<usize> {
+        self.joints.binary_search_by_key(&id, |joint| joint.id).ok()
+    }
+
     fn found(&self, world: &dyn Known, id: BodyId) -> Result<BodyRecord, Error> {
         self.known(world, id).ok_or_else(|| WorldError::NoBody(id).into())
     }
@@ -554,7 +622,7 @@ mod tests {
     /// A world that is told by hand.
     struct Told {
         body: BodyRecord,
-        joint: JointRecord,
+        joint: Option<JointRecord>,
         answered: u64,
     }
 
@@ -579,8 +647,12 @@ mod tests {
             false
         }
 
-        fn joints(&self) -> Vec<JointRecord> {
-            vec![self.joint.clone()]
+        fn joint(&self, id: JointId) -> Option<JointRecord> {
+            self.joint.clone().filter(|joint| joint.id == id)
+        }
+
+        fn joints(&self, holds: &dyn Fn(&JointRecord) -> bool) -> Vec<JointRecord> {
+            self.joint.iter().filter(|joint| holds(joint)).cloned().collect()
         }
 
         fn tree(&self) -> DistributionTree {
@@ -596,13 +668,13 @@ mod tests {
     fn a_change_is_seen_until_it_is_answered_and_then_whatever_is_told() {
         let body = sim_body(BodyId::persistent(0), [0.0; 3]);
         let joint = joint_record(JointId(0), body.id, BodyId::persistent(1), &GenericJoint::default());
-        let mut told = Told { body: body.clone(), joint, answered: 0 };
+        let mut told = Told { body: body.clone(), joint: Some(joint.clone()), answered: 0 };
         let mut author = Author::new(Names::Builder(ClientId(1)), (0, 0), 100.0);
         let seen = |author: &Author, told: &Told| {
             let damping = author.known(told, body.id).map(|body| body.traits.linear_damping);
-            (damping, author.joints(told)[0].contacts_enabled)
+            (damping, author.joints(told, &|_| true)[0].contacts_enabled)
         };
-        let before = (Some(0.0), told.joint.contacts_enabled);
+        let before = (Some(0.0), joint.contacts_enabled);
         author.update(&told, body.id, &mut |body| body.set_linear_damping(0.5)).unwrap();
         author
             .update_joint(&told, JointId(0), &mut |joint| _ = joint.set_contacts_enabled(!before.1))
@@ -621,5 +693,56 @@ mod tests {
         assert_eq!(author.take(&told).len(), 1);
         assert!(author.take(&told).is_empty());
         assert_eq!(seen(&author, &told).0, Some(0.25));
+    }
+
+    #[test]
+    fn joints_are_there_once_made_and_gone_once_removed_whatever_is_on_record_yet() {
+        let mut told = Told { body: sim_body(BodyId::persistent(0), [0.0; 3]), joint: None, answered: 0 };
+        let mut author = Author::new(Names::Program, (1, 0), 100.0);
+        let (body, ball) = (RigidBodyBuilder::dynamic().build(), [ColliderBuilder::ball(0.5)]);
+        let [a, b, c] =
+            [0.0, 2.0, 4.0].map(|x| author.insert(WorldPose::at([x, 0.0, 0.0]), &body, &ball, None).unwrap());
+        let [first, second] =
+            [[a, b], [b, c]].map(|ends| author.insert_joint(&told, ends, &GenericJoint::default()).unwrap());
+        let there = |author: &Author, told: &Told| author.joints(told, &|_| true).len();
+        assert_eq!(author.take(&told).len(), 1);
+        assert!(author.take(&told).is_empty());
+        assert_eq!(there(&author, &told), 2);
+        author.update_joint(&told, first, &mut |joint| _ = joint.set_contacts_enabled(false)).unwrap();
+        let record = author.joint(&told, first).unwrap();
+        assert!(!record.contacts_enabled);
+        author.remove_joint(&told, first).unwrap();
+        assert!(author.joint(&told, first).is_none() && there(&author, &told) == 1);
+        assert_eq!(author.take(&told).len(), 1);
+        // The record is behind: what was made and removed comes onto it, and goes.
+        told.joint = Some(record);
+        for _ in 0..2 {
+            assert!(author.take(&told).is_empty());
+            assert!(author.joint(&told, first).is_none() && there(&author, &told) == 1);
+            assert!(author.remove_joint(&told, first).is_err(), "it is gone already");
+            assert!(author.update_joint(&told, first, &mut |_| {}).is_err());
+        }
+        (told.joint, told.answered) = (None, 2);
+        assert!(author.take(&told).is_empty());
+        assert!(author.joint(&told, first).is_none());
+        // A joint goes with either of its bodies.
+        author.remove(&told, c).unwrap();
+        assert!(author.joint(&told, second).is_none() && there(&author, &told) == 0);
+    }
+
+    #[test]
+    fn a_shape_that_no_message_holds_is_refused_before_it_has_a_body() {
+        let mut author = Author::new(Names::Program, (1, 0), 100.0);
+        let field = |size: usize| {
+            let heights = rapier3d::parry::utils::Array2::new(size, size, vec![0.0; size * size]);
+            [ColliderBuilder::heightfield(heights, Vector::new(100.0, 1.0, 100.0))]
+        };
+        let ground = RigidBodyBuilder::fixed().build();
+        let refused = author.insert(WorldPose::at([0.0; 3]), &ground, &field(2_049), None);
+        assert!(refused.unwrap_err().to_string().contains("16 MiB"));
+        author.insert(WorldPose::at([0.0; 3]), &ground, &field(1_000), None).unwrap();
+        let told = Told { body: sim_body(BodyId::persistent(0), [0.0; 3]), joint: None, answered: 0 };
+        let [BuildOp::Insert { shapes, .. }] = &author.take(&told)[..] else { panic!("one insertion") };
+        assert_eq!(shapes.len(), 1, "what was refused is not sent either");
     }
 }

@@ -172,6 +172,12 @@ impl World {
         }
     }
 
+    /// Returns an error if this process may not remove a body that is there: who removes many asks before the first is gone.
+    #[doc(hidden)]
+    pub fn can_remove(&self, body: BodyId) -> Result<(), Error> {
+        self.remote().map_or(Ok(()), |world| world.can_remove(body))
+    }
+
     /// Returns whether the world has a body, as far as this process knows.
     #[must_use]
     pub fn contains(&self, body: BodyId) -> bool {

@@ -134,8 +134,12 @@ impl Known for ServerProcess {
         self.read(|record| record.shape(hash).is_some())
     }
 
-    fn joints(&self) -> Vec<JointRecord> {
-        self.read(|record| record.joints().cloned().collect())
+    fn joint(&self, id: JointId) -> Option<JointRecord> {
+        self.read(|record| record.joint(id).cloned())
+    }
+
+    fn joints(&self, holds: &dyn Fn(&JointRecord) -> bool) -> Vec<JointRecord> {
+        self.read(|record| record.joints().filter(|joint| holds(joint)).cloned().collect())
     }
 
     fn tree(&self) -> DistributionTree {
@@ -207,6 +211,14 @@ impl Remote for Hosted {
         controller: Option<Controller<'_>>,
     ) -> Result<BodyId, Error> {
         self.written("make bodies")?.1.insert(pose, body, colliders, controller)
+    }
+
+    fn can_remove(&self, _id: BodyId) -> Result<(), Error> {
+        self.look()?;
+        match &self.process {
+            Process::Server(_) => Ok(()),
+            Process::Node(_) => Err(self.unsupported("destroy bodies", Instead::JoinAsClient)),
+        }
     }
 
     fn remove(&mut self, id: BodyId) -> Result<(), Error> {
@@ -318,13 +330,13 @@ impl Remote for Hosted {
 
     fn joint(&self, id: JointId) -> Option<JointRecord> {
         let (server, author) = self.read()?;
-        author.joints(server).into_iter().find(|joint| joint.id == id)
+        author.joint(server, id)
     }
 
     fn joints_of(&self, body: BodyId) -> Vec<JointId> {
         let Some((server, author)) = self.read() else { return Vec::new() };
         let of = |joint: &JointRecord| joint.a == body || joint.b == body;
-        author.joints(server).into_iter().filter(of).map(|joint| joint.id).collect()
+        author.joints(server, &of).into_iter().map(|joint| joint.id).collect()
     }
 
     fn submit(&mut self, question: Query) -> Result<u64, Error> {
@@ -377,7 +389,7 @@ impl Remote for Hosted {
     }
 
     fn joints(&self) -> Vec<JointRecord> {
-        self.read().map(|(server, author)| author.joints(server)).unwrap_or_default()
+        self.read().map(|(server, author)| author.joints(server, &|_| true)).unwrap_or_default()
     }
 
     fn tree(&self) -> Option<DistributionTree> {
@@ -411,7 +423,10 @@ impl Remote for Hosted {
     }
 
     fn is_lost(&self) -> bool {
-        self.look().is_err()
+        match &self.process {
+            Process::Server(server) => server.is_gone(),
+            Process::Node(node) => node.ended().is_some(),
+        }
     }
 
     fn network(&self) -> &Network {
@@ -430,6 +445,13 @@ impl Remote for Hosted {
             Process::Server(server) => server.address,
             Process::Node(node) => node.address,
         })
+    }
+
+    fn metrics_address(&self) -> Option<SocketAddr> {
+        match &self.process {
+            Process::Server(server) => server.metrics_address(),
+            Process::Node(node) => node.metrics_address(),
+        }
     }
 
     fn tick(&self) -> Tick {

@@ -38,7 +38,7 @@ impl World {
         member.standbys.clone_from(&config.standbys);
         member.threads = config.threads;
         member.give_up = config.give_up;
-        member.listen = config.listen.unwrap_or(member.listen);
+        member.listen = config.listen;
         member.advertise = config.advertise;
         member.record.clone_from(&config.record);
         member.metrics = config.metrics;
@@ -95,6 +95,12 @@ impl World {
         let what = "be listened to";
         let Some(world) = self.remote() else { return Err(self.refuse(what, Instead::Serve)) };
         world.address().ok_or_else(|| self.refuse(what, Instead::AskListener))
+    }
+
+    /// Returns the address at which a server, a node or a participant tells of itself ([`ServeConfig::metrics`], [`JoinConfig::metrics`]): where
+    /// port 0 was asked for, with the port that it was given. `None` if it does not.
+    pub fn metrics_address(&self) -> Option<SocketAddr> {
+        self.remote()?.metrics_address()
     }
 
     fn of(world: impl Remote + 'static) -> Self {

@@ -220,7 +220,7 @@ impl World {
     /// ```
     pub fn settings(&self) -> Result<StepSettings, Error> {
         match &self.inner {
-            Inner::Local(world) => Ok(*world.host().settings()),
+            Inner::Local(world) => Ok(world.host().asked_settings()),
             Inner::Remote(world) => world.settings(),
         }
     }

@@ -78,6 +78,11 @@ pub(super) trait Remote: Send + Sync {
         Err(self.unsupported("make bodies", Instead::JoinAsClient))
     }
 
+    /// Returns an error if this process may not remove a body that is there.
+    fn can_remove(&self, _id: BodyId) -> Result<(), Error> {
+        Err(self.unsupported("destroy bodies", Instead::JoinAsClient))
+    }
+
     fn remove(&mut self, _id: BodyId) -> Result<(), Error> {
         Err(self.unsupported("destroy bodies", Instead::JoinAsClient))
     }
@@ -301,6 +306,12 @@ pub(super) trait Remote: Send + Sync {
     /// Returns the address at which it listens.
     #[cfg(feature = "net")]
     fn address(&self) -> Option<std::net::SocketAddr> {
+        None
+    }
+
+    /// Returns the address at which it tells of itself.
+    #[cfg(feature = "net")]
+    fn metrics_address(&self) -> Option<std::net::SocketAddr> {
         None
     }
 }

@@ -6,7 +6,7 @@ use super::author::Known;
 use crate::cluster::BodyView as Heard;
 use crate::protocol::{BodyRecord, EnvironmentProperties, JointRecord, ShapeHash, ShapeRecord};
 use crate::runtime::ClientWorld;
-use crate::space::{BodyId, DistributionTree};
+use crate::space::{BodyId, DistributionTree, JointId};
 
 /// What was heard of the world up to the last step.
 pub(super) struct Seen<'a> {
@@ -43,8 +43,12 @@ impl Known for Seen<'_> {
         self.world.has_heard_of(hash)
     }
 
-    fn joints(&self) -> Vec<JointRecord> {
-        self.world.joints()
+    fn joint(&self, id: JointId) -> Option<JointRecord> {
+        self.world.joint(id)
+    }
+
+    fn joints(&self, holds: &dyn Fn(&JointRecord) -> bool) -> Vec<JointRecord> {
+        self.world.joints(holds)
     }
 
     fn tree(&self) -> DistributionTree {

@@ -25,7 +25,7 @@ use crate::playback::{Motion, ViewTime};
 use crate::prediction::Prediction;
 use crate::protocol::{
     Area, BodyKind, BodyRecord, Controller, Drive, EnvironmentProperties, Handover, JointRecord, Push, Query,
-    QueryResult, ShapeHash, ShapeRecord, Velocity, WorldEvents, WorldPose,
+    QueryResult, Refusal, ShapeHash, ShapeRecord, Velocity, WorldEvents, WorldPose,
 };
 use crate::runtime::{ClientWorld, ProcessError, Stats};
 use crate::space::{BodyId, ClientId, DistributionTree, JointId, RegionId, Tick};
@@ -126,8 +126,11 @@ impl Served {
             self.departed.insert(id, user_data.unwrap_or(0));
             self.driven.remove(&id);
         }
-        for id in heard.refusals.iter().filter_map(|(id, _)| *id) {
-            self.leaving.remove(&id);
+        // Who is to be destroyed is refused for these; inputs of before for others, too.
+        for (id, why) in &heard.refusals {
+            if let (Some(id), Refusal::NotYours | Refusal::Unknown) = (id, why) {
+                self.leaving.remove(id);
+            }
         }
         // Before the bodies: what comes in between is of a later tick.
         self.tick = self.tick.max(self.world.tick());
@@ -271,6 +274,10 @@ impl Remote for Served {
         &self.network
     }
 
+    fn metrics_address(&self) -> Option<std::net::SocketAddr> {
+        self.world.metrics_address()
+    }
+
     fn tick(&self) -> Tick {
         self.tick
     }
@@ -350,6 +357,14 @@ impl Remote for Served {
         let awaited = ShapeLibrary::default().describe(id, pose, body, colliders)?;
         self.awaited.insert(id, awaited.with_controller(controller));
         Ok(id)
+    }
+
+    fn can_remove(&self, id: BodyId) -> Result<(), Error> {
+        self.check_link()?;
+        match self.is_own(id) || self.author.is_some() && id.client().is_none() {
+            true => Ok(()),
+            false => Err(self.unsupported("destroy bodies of others", Instead::MakeAvatars)),
+        }
     }
 
     fn remove(&mut self, id: BodyId) -> Result<(), Error> {
@@ -464,16 +479,17 @@ impl Remote for Served {
     }
 
     fn joint(&self, id: JointId) -> Option<JointRecord> {
-        self.joints().into_iter().find(|joint| joint.id == id)
+        self.author.as_ref()?.joint(&self.seen(), id)
     }
 
     fn joints_of(&self, body: BodyId) -> Vec<JointId> {
         let of = |joint: &JointRecord| joint.a == body || joint.b == body;
-        self.joints().into_iter().filter(of).map(|joint| joint.id).collect()
+        let joints = self.author.as_ref().map(|author| author.joints(&self.seen(), &of));
+        joints.unwrap_or_default().into_iter().map(|joint| joint.id).collect()
     }
 
     fn joints(&self) -> Vec<JointRecord> {
-        self.author.as_ref().map(|author| author.joints(&self.seen())).unwrap_or_default()
+        self.author.as_ref().map(|author| author.joints(&self.seen(), &|_| true)).unwrap_or_default()
     }
 
     fn contains(&self, id: BodyId) -> bool {

@@ -42,11 +42,11 @@ pub struct Authority {
 
 /// How long certificates of nodes and clients last unless [`Authority::with_certificate_life`] says otherwise.
 const CERTIFICATE_LIFE: Duration = Duration::from_secs(24 * 3600);
-/// How much the clocks of machines may differ before a fresh certificate seems not yet valid.
+/// How much longer than its life a certificate is accepted, as clocks differ.
 const CLOCK_SKEW: Duration = Duration::from_secs(600);
 /// Lifetime of the server's own certificate, which is made anew at each start. Whoever steals its key has the folder and so the
-/// authority's key; a short life would only stop servers that run long.
-const SERVER_CERTIFICATE_LIFE: Duration = Duration::from_secs(10 * 365 * 24 * 3600);
+/// authority's key; a short life would only stop servers that run long, or began while their clock was decades behind.
+const SERVER_CERTIFICATE_LIFE: Duration = Duration::from_secs(200 * 365 * 24 * 3600);
 
 impl Authority {
     /// Loads the authority of the folder, or makes it on first use.
@@ -285,7 +285,8 @@ impl Authority {
         params.distinguished_name = named(&who.to_string());
         let epoch = rcgen::date_time_ymd(1970, 1, 1);
         let now = now.duration_since(UNIX_EPOCH).unwrap_or_default();
-        params.not_before = epoch + now.saturating_sub(CLOCK_SKEW);
+        // Whoever's clock is behind, or is set back later, takes it as well: it cannot be used before there is one.
+        params.not_before = epoch;
         params.not_after = epoch + now + life + CLOCK_SKEW;
         params.key_usages = vec![KeyUsagePurpose::DigitalSignature];
         // Everyone dials and is dialled.

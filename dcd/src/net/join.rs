@@ -332,10 +332,18 @@ pub(super) async fn answer(
         }
     }
     decided(answer.is_ok());
-    if send.write_all(&encode_reply(&answer)).await.is_ok() && send.finish().is_ok() {
-        // The joiner closes when it has read the answer.
-        let _ = tokio::time::timeout_at(deadline, connection.closed()).await;
-    }
+    // Who was refused gives way to others while it reads why.
+    let place = answer.is_err().then(|| unasked.enter(connection));
+    let read = async {
+        if send.write_all(&encode_reply(&answer)).await.is_ok() && send.finish().is_ok() {
+            // The joiner closes when it has read the answer.
+            connection.closed().await;
+        }
+    };
+    // However long it took to decide, there is time to read.
+    let until = deadline.max(tokio::time::Instant::now() + limits.linger);
+    let _ = tokio::time::timeout_at(until, read).await;
+    drop(place);
     connection.close(CloseCode::DONE.into(), b"answered");
 }
 

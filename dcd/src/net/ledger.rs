@@ -13,7 +13,7 @@ type Nonce = [u8; NONCE_BYTES];
 /// The record of joins: one line of the journal each, kept before the joiner gets its answer. Minting tokens needs no ledger.
 pub(super) struct Ledger {
     journal: Box<dyn Journal>,
-    /// Used tokens by their nonces, each until it would have expired anyway.
+    /// Used tokens by their nonces, each until some time after it has expired.
     used: BTreeMap<Nonce, Used>,
     last_node: u32,
     last_client: u32,
@@ -24,6 +24,12 @@ pub(super) struct Ledger {
 struct Used {
     until_s: u64,
     times: u32,
+}
+
+/// Returns whether a used token is remembered: for a week after it has expired, as a clock may be ahead and be set right.
+fn is_kept(until_s: u64, now_s: u64) -> bool {
+    const WEEK_S: u64 = 7 * 24 * 3600;
+    until_s.saturating_add(WEEK_S) >= now_s
 }
 
 /// A line of the record: a token was used so many times, and these ids were given for it last; 0 is none.
@@ -41,7 +47,7 @@ impl Ledger {
     #[cfg(feature = "physics")]
     const AHEAD: u32 = 1 << 20;
 
-    /// Reads the record back, and forgets tokens that have expired.
+    /// Reads the record back, and forgets tokens that have long expired.
     pub(super) fn open(mut journal: Box<dyn Journal>, now_s: u64) -> Result<Self, NetError> {
         let content = journal.read()?;
         let mut used: BTreeMap<Nonce, Used> = BTreeMap::new();
@@ -54,7 +60,7 @@ impl Ledger {
             })?;
             last_node = last_node.max(node);
             last_client = last_client.max(client);
-            if until_s >= now_s {
+            if is_kept(until_s, now_s) {
                 let used = used.entry(nonce).or_insert(Used { until_s, times: 0 });
                 // A line without ids is of a compact record, and says all: the lines before it may still be there.
                 used.times = if (node, client) == (0, 0) { times } else { used.times + times };
@@ -114,7 +120,7 @@ impl Ledger {
         });
         let (node, client) = (who.node().unwrap_or_default().0, who.client().unwrap_or_default().0);
         self.journal.append(&Line { nonce, until_s, node, client, times: 1 }.to_string())?;
-        self.used.retain(|_, used| used.until_s >= now_s);
+        self.used.retain(|_, used| is_kept(used.until_s, now_s));
         self.used.entry(nonce).or_insert(Used { until_s, times: 0 }).times += 1;
         self.last_node = self.last_node.max(node);
         self.last_client = self.last_client.max(client);
@@ -166,10 +172,15 @@ mod tests {
         assert_eq!(second, PeerName::Participant(NodeId(2), ClientId(1)));
         drop(ledger);
 
-        let mut ledger = open(folder.path(), 150).unwrap();
+        // The clock was two days ahead, and is set right.
+        drop(open(folder.path(), 2 * 24 * 3600).unwrap());
+        assert_eq!(open(folder.path(), 50).unwrap().uses(&[1; 16]), 1, "it is not good again");
+
+        let later = 150 + 7 * 24 * 3600;
+        let mut ledger = open(folder.path(), later).unwrap();
         assert_eq!(ledger.uses(&[1; 16]), 0, "its token has expired, which is reason enough to refuse it");
         assert_eq!(ledger.uses(&[2; 16]), 1);
-        let third = ledger.record([3; 16], 300, JoinRole::Node, None, 150).unwrap();
+        let third = ledger.record([3; 16], later + 100, JoinRole::Node, None, later).unwrap();
         assert_eq!(third, PeerName::Node(NodeId(3)));
     }
 

@@ -1,5 +1,5 @@
-//! Keeps the connections without a name that have not asked for anything yet: the one that has waited longest gives way where there is
-//! no room for another, so that who only occupies a place does not keep others from joining.
+//! Keeps the connections without a name that have not asked for anything yet, or were refused: the one that has waited longest gives way
+//! where there is no room for another, so that who only occupies a place does not keep others from joining.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -25,7 +25,7 @@ pub(super) struct Place<'a> {
 }
 
 impl Unasked {
-    /// Notes a connection that may ask now.
+    /// Notes a connection that may ask now, or read why it was refused.
     pub(super) fn enter(&self, connection: &Connection) -> Place<'_> {
         let mut waiting = self.lock();
         let number = waiting.next;
@@ -42,7 +42,7 @@ impl Unasked {
     /// Closes the connection that has waited longest; returns whether there was one. Its handshake slot is free soon.
     pub(super) fn give_way(&self) -> bool {
         let oldest = self.lock().connections.pop_first();
-        let reason = b"others wait to join, and nothing was asked here; try again";
+        let reason = b"others wait to join, and nothing was asked here that waits for an answer; try again";
         oldest.map(|(_, connection)| connection.close(CloseCode::REFUSED.into(), reason)).is_some()
     }
 

@@ -207,6 +207,40 @@ fn who_has_no_name_and_asks_nothing_keeps_nobody_from_joining() {
 }
 
 #[test]
+fn who_is_refused_and_does_not_read_why_keeps_nobody_from_joining() {
+    let (handshakes, handshake_timeout) = (8, HOUR);
+    let server = Server::with_limits(Limits { handshakes, handshake_timeout, ..Limits::default() });
+    let token = server.token(JoinRole::Node);
+    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
+    let crypto = crate::net::verify::joining(token.fingerprint).unwrap();
+    let crypto = quinn::crypto::rustls::QuicClientConfig::try_from(crypto).unwrap();
+    let mut config = quinn::ClientConfig::new(Arc::new(crypto));
+    let mut transport = quinn::TransportConfig::default();
+    // No byte of an answer can be sent.
+    transport.stream_receive_window(0_u32.into());
+    config.transport_config(Arc::new(transport));
+    let deaf = || async {
+        let local = std::net::SocketAddr::from((std::net::Ipv4Addr::LOCALHOST, 0));
+        let endpoint = quinn::Endpoint::client(local).unwrap();
+        let name = &PeerName::Server.dns_names()[0];
+        let connection = endpoint.connect_with(config.clone(), server.addr(), name).unwrap().await.unwrap();
+        let (mut send, receive) = connection.open_bi().await.unwrap();
+        send.write_all(b"x").await.unwrap();
+        send.finish().unwrap();
+        (endpoint, connection, receive)
+    };
+    let deaf: Vec<_> = (0..handshakes).map(|_| runtime.block_on(deaf())).collect();
+    let begun = Instant::now();
+    while server.process.net.totals().joins_refused < handshakes as u64 {
+        assert!(begun.elapsed() < PATIENCE, "not all were refused");
+        std::thread::yield_now();
+    }
+    join(&[server.addr()], &token, None, PATIENCE).unwrap();
+    server.join(JoinRole::Client);
+    assert!(deaf[handshakes - 1].1.close_reason().is_none(), "the newest may read yet");
+}
+
+#[test]
 fn a_node_does_not_talk_to_anonymous_peers_at_all() {
     let server = Server::start();
     let node = server.process(JoinRole::Node);

@@ -193,6 +193,14 @@ fn an_identity_is_saved_for_its_owner_only_and_still_proves_the_name() {
 }
 
 #[test]
+fn a_certificate_of_a_server_whose_clock_was_ahead_is_accepted() {
+    let server = Server::start();
+    let mut node = server.join(JoinRole::Node);
+    node.certificate = server.authority.issued(&node, SystemTime::now() + 2 * HOUR);
+    Process::start(node, None, Limits::default()).connect_to(&server.process);
+}
+
+#[test]
 fn an_expired_certificate_proves_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let authority = Authority::load_or_create(folder.path()).unwrap();

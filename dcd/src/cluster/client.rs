@@ -473,10 +473,13 @@ impl Client {
         self.ask_server(message);
     }
 
-    fn answered(&mut self, id: BodyId) {
+    /// Forgets what was asked about an avatar, as it is in the world or gone, or was refused for this.
+    fn answered(&mut self, id: BodyId, refusal: Option<Refusal>) {
+        // Others are of inputs: that it is to go was not refused.
+        let is_known = matches!(refusal, None | Some(Refusal::NotYours | Refusal::Unknown));
         let is_of = |message: &FromClient| match message {
             FromClient::Spawn { body, .. } => body.id == id,
-            FromClient::Despawn(body) => *body == id,
+            FromClient::Despawn(body) => *body == id && is_known,
             _ => false,
         };
         if let Some(at) = self.unanswered.iter().position(is_of) {
@@ -597,12 +600,12 @@ impl Client {
                 self.learn(shapes);
                 self.joints.extend(joints);
                 let id = body.id;
-                self.answered(id);
+                self.answered(id, None);
                 self.know(body);
                 self.outputs.push_back(ClientOutput::Inserted(id));
             }
             ToClient::Removed(id) => {
-                self.answered(id);
+                self.answered(id, None);
                 self.bodies.remove(&id);
                 self.newest.forget(id);
                 self.forget(id);
@@ -685,7 +688,7 @@ impl Client {
             }
             ToClient::Rejected { body, reason } => {
                 if let Some(id) = body {
-                    self.answered(id);
+                    self.answered(id, Some(reason));
                     self.newest.are_refused(id);
                 }
                 self.outputs.push_back(ClientOutput::Rejected { body, reason });

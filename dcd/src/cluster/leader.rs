@@ -43,6 +43,14 @@ enum Replication {
     Elsewhere(Vec<ReplicationEvent>),
 }
 
+/// What a leader knows that leads the next view, too.
+#[derive(Clone, Debug)]
+pub struct Legacy {
+    ops: Vec<WorldOp>,
+    contacts: ContactLedger,
+    allocation: Allocation,
+}
+
 /// The state of a leader: it begins and ends with a view.
 #[derive(Clone, Debug)]
 pub struct Leader {
@@ -269,8 +277,8 @@ impl Leader {
         }
         let completed = self.completed();
         if completed.is_some() && completed > was_complete {
-            self.gone.retain(|_, since| Some(*since) > completed);
             self.forward_contacts();
+            self.forget_contacts(completed);
             self.forward_states();
             self.compare_and_tell();
         }
@@ -477,9 +485,23 @@ impl Leader {
         self.latest.remove(&id);
         self.moved.remove(&id);
         self.news.is_gone(id);
-        self.contacts.forget_body(id);
         self.holders.forget(id);
         self.forget_in_other_groups(id);
+    }
+
+    /// Forgets the contacts of bodies that were gone by then: their ends are told.
+    fn forget_contacts(&mut self, completed: Option<Tick>) {
+        let mut over = BTreeSet::new();
+        self.gone.retain(|&id, since| {
+            let is_over = Some(*since) <= completed;
+            if is_over {
+                over.insert(id);
+            }
+            !is_over
+        });
+        if !over.is_empty() {
+            self.contacts.forget_bodies(&over);
+        }
     }
 
     /// Returns the inputs that the next tick is to apply, for speculative ticks.
@@ -487,14 +509,33 @@ impl Leader {
         self.inputs.due(self.tick.next())
     }
 
-    /// Returns what another leader must know of clients: inputs that are not dispatched yet, and their interests.
-    pub fn into_inputs(self) -> Vec<(ClientId, FromClient)> {
+    /// Returns what another leader must know of clients (inputs that are not dispatched yet, and their interests), and what this one knows if
+    /// it leads on.
+    pub fn into_legacy(self) -> (Vec<(ClientId, FromClient)>, Legacy) {
         let inputs = self
             .inputs
             .into_untaken()
             .filter_map(|input| Some((input.body.client()?, FromClient::Input(input))));
         let interests = self.interests.into_iter().map(|(client, area)| (client, FromClient::Interest(area)));
-        inputs.chain(interests).collect()
+        // Of all else the server's record is told again.
+        let is_of_program = |op: &WorldOp| matches!(op, WorldOp::Input(_) | WorldOp::Push(_));
+        let ops = self.ops.into_iter().filter(is_of_program).collect();
+        let allocation =
+            self.computed_by.back().map(|(_, allocation)| allocation.clone()).unwrap_or_default();
+        (inputs.chain(interests).collect(), Legacy { ops, contacts: self.contacts, allocation })
+    }
+
+    /// Goes on from the view before, which it led too: with what the server's program did and was not dispatched, and with the contacts of regions
+    /// that are computed where they were.
+    pub fn inherit(&mut self, legacy: Legacy) {
+        let Legacy { ops, mut contacts, allocation } = legacy;
+        self.ops.splice(..0, ops);
+        if let Some((_, now)) = self.computed_by.back() {
+            contacts.keep_regions(|region| {
+                now.get(&region).is_some_and(|node| allocation.get(&region) == Some(node))
+            });
+        }
+        self.contacts = contacts;
     }
 
     /// Returns whether there are clients to send states to.

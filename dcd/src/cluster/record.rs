@@ -257,7 +257,7 @@ impl Record {
     }
 
     /// Returns a joint.
-    pub(super) fn joint(&self, id: JointId) -> Option<&JointRecord> {
+    pub(crate) fn joint(&self, id: JointId) -> Option<&JointRecord> {
         self.joints.get(&id)
     }
 

@@ -9,6 +9,7 @@ mod common;
 mod drain;
 mod group;
 mod nodes;
+mod postponed;
 mod program;
 mod questions;
 mod regroup;
@@ -148,8 +149,13 @@ pub enum ServerOutput {
         /// Its view as it is now.
         view: View,
     },
-    /// No node of a group is left, or none is heard of; the record holds the world.
-    Held(Tick),
+    /// No node of a group is left, or none is heard of; the record holds its world.
+    Held {
+        /// The group.
+        group: GroupId,
+        /// The last tick on record.
+        tick: Tick,
+    },
     /// A group without members was dissolved.
     Dissolved(GroupId),
     /// A node was expelled from its view: it could not be reached, or is to be in another group.
@@ -584,6 +590,10 @@ impl Server {
         let world = self.common.config.world.clone();
         // Room for 2^28 inputs a stay, for 2^16 stays a view.
         self.welcomes = (self.welcomes + 1) & 0xffff;
+        if self.welcomes == 0 {
+            self.common.number = self.common.number.next();
+            self.common.world_changed = true;
+        }
         let logical_time = self.common.number.0 << 44 | self.welcomes << 28;
         let next_built = self.next_built(client);
         self.common.send_client(client, ToClient::Welcome { id: client, logical_time, next_built, world });

@@ -1,6 +1,6 @@
 //! Merges the contact events of all regions into those of the world: a pair held by several regions is reported once.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use bincode::{Decode, Encode};
 use serde::{Deserialize, Serialize};
@@ -82,9 +82,17 @@ impl ContactLedger {
         }
     }
 
-    /// Forgets the contacts of a body that is no longer in the world.
-    pub fn forget_body(&mut self, body: BodyId) {
-        self.seen_by.retain(|key, _| key.a != body && key.b != body);
+    /// Forgets what other regions than these see.
+    pub fn keep_regions(&mut self, mut is_kept: impl FnMut(RegionId) -> bool) {
+        self.seen_by.retain(|_, seen_by| {
+            seen_by.retain(|&region| is_kept(region));
+            !seen_by.is_empty()
+        });
+    }
+
+    /// Forgets the contacts of bodies that are no longer in the world.
+    pub fn forget_bodies(&mut self, bodies: &BTreeSet<BodyId>) {
+        self.seen_by.retain(|key, _| !bodies.contains(&key.a) && !bodies.contains(&key.b));
     }
 }
 

@@ -299,7 +299,9 @@ impl Sim {
                     let nodes = owners.collect::<std::collections::BTreeSet<_>>().len();
                     format!("{group} has {regions} regions at {nodes} nodes")
                 }),
-                ServerOutput::Held(tick) => self.note(|| format!("the record holds the world after {tick}")),
+                ServerOutput::Held { group, tick } => {
+                    self.note(|| format!("the record holds the world of {group} after {tick}"));
+                }
                 ServerOutput::Dissolved(group) => {
                     self.leaders.remove(&group);
                     self.note(|| format!("{group} is no more"));

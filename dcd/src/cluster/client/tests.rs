@@ -61,6 +61,27 @@ fn name_leader(client: &mut Client, node: u32, port: u16) {
     );
 }
 
+#[test]
+fn an_input_that_is_refused_does_not_undo_the_end_of_its_avatar() {
+    for (reason, is_undone) in [(Refusal::TooFast, false), (Refusal::TooFar, false), (Refusal::Unknown, true)]
+    {
+        let mut client = Client::new(ClientId(1), None, None);
+        let body = sim_body(BodyId::avatar(ClientId(1), 0), [1.0; 3]);
+        let id = body.id;
+        tell(&mut client, ToClient::Inserted { body, shapes: Vec::new(), joints: Vec::new() });
+        client.handle(Duration::ZERO, ClientEvent::Despawn(id));
+        tell(&mut client, ToClient::Rejected { body: Some(id), reason });
+        while client.poll_output().is_some() {}
+        // The server was away, and is told again what it has not done.
+        client.say_again();
+        let says = std::iter::from_fn(|| client.poll_output()).any(|output| {
+            let said = FromClient::Despawn(id);
+            matches!(output, ClientOutput::Send { message: Message::FromClient(_, message), .. } if message == said)
+        });
+        assert_eq!(says, !is_undone, "{reason:?}");
+    }
+}
+
 /// Returns the interests that it sends to its leaders.
 fn said(client: &mut Client) -> Vec<(Peer, Option<Area>)> {
     let output = |output| match output {

@@ -275,7 +275,7 @@ fn of_two_inputs_for_an_avatar_not_heard_of_yet_the_newer_counts_whichever_came_
         let input = Input { body: early, ..input(time, time as f32) };
         assert_eq!(leader.accept_input(CLIENT, input), Ok(()));
     }
-    let told = leader.into_inputs();
+    let told = leader.into_legacy().0;
     let inputs: Vec<_> = told.into_iter().filter(|(_, told)| matches!(told, FromClient::Input(_))).collect();
     assert_eq!(inputs, [(CLIENT, FromClient::Input(Input { body: early, ..input(6, 6.0) }))]);
 }
@@ -305,7 +305,7 @@ fn an_interest_counts_from_the_tick_on_is_handed_on_and_goes_with_the_link() {
     leader.take_interest(ClientId(6), Some(area));
     assert_eq!(told_at(&mut leader, 3, 51.0), [(other, 1)]);
     assert_eq!(told_at(&mut leader, 4, 5.0), [(CLIENT, 1), (other, 1)]);
-    let handed_on = leader.clone().into_inputs();
+    let handed_on = leader.clone().into_legacy().0;
     let interests = [(CLIENT, FromClient::Interest(Some(area))), (other, FromClient::Interest(None))];
     assert_eq!(handed_on, interests);
     leader.take_interest(CLIENT, None);
@@ -314,7 +314,7 @@ fn an_interest_counts_from_the_tick_on_is_handed_on_and_goes_with_the_link() {
     told_at(&mut leader, 6, 70.0);
     leader.admit(CLIENT);
     assert_eq!(told_at(&mut leader, 7, 71.0), [(other, 1)], "it has not said it again yet");
-    let handed_on = leader.clone().into_inputs();
+    let handed_on = leader.clone().into_legacy().0;
     assert_eq!(handed_on, [(other, FromClient::Interest(None))], "nor is it known to another");
 }
 
@@ -629,4 +629,58 @@ fn a_contact_seen_by_two_regions_begins_and_ends_once() {
         }
     }
     assert_eq!(told, [(CLIENT, Tick(1), true), (CLIENT, Tick(4), false), (CLIENT, Tick(5), true)]);
+}
+
+/// Returns what clients are told of beginnings and ends.
+fn told_touches(leader: &mut Leader) -> Vec<bool> {
+    let touches = |(_, message)| match message {
+        ToClient::Contacts { touches, .. } => touches,
+        _ => Vec::new(),
+    };
+    leader.take_messages().into_iter().flat_map(touches).map(|touch| touch.began).collect()
+}
+
+fn touch(began: bool) -> Touch {
+    let key = ContactKey { a: BodyId::persistent(1), b: AVATAR, collider_a: 0, collider_b: 0 };
+    Touch { key, began, sensor: true, point: [0.0; 3], normal: [0.0; 3], speed: 0.0 }
+}
+
+#[test]
+fn what_a_removed_body_touched_is_told_that_this_ends() {
+    let mut leader = leader();
+    leader.dispatch(Duration::ZERO).unwrap();
+    both_done(&mut leader, 1, vec![touch(true)], vec![]);
+    assert_eq!(told_touches(&mut leader), [true]);
+    leader.apply(vec![WorldOp::Remove(BodyId::persistent(1))]);
+    leader.dispatch(Duration::from_secs(1)).unwrap();
+    both_done(&mut leader, 2, vec![touch(false)], vec![]);
+    assert_eq!(told_touches(&mut leader), [false]);
+    // A body of the same name begins anew.
+    leader.dispatch(Duration::from_secs(2)).unwrap();
+    both_done(&mut leader, 3, vec![], vec![touch(true)]);
+    assert_eq!(told_touches(&mut leader), [true]);
+}
+
+#[test]
+fn who_leads_on_knows_what_touches_and_does_what_the_program_asked_for() {
+    for (moves, expected) in [(false, vec![false]), (true, vec![])] {
+        let mut former = leader();
+        former.dispatch(Duration::ZERO).unwrap();
+        both_done(&mut former, 1, vec![touch(true)], vec![]);
+        let body = BodyId::persistent(7);
+        let push = crate::protocol::Push::impulse(body, [1.0; 3]);
+        let asked = [WorldOp::Input(Input { body, ..input(0, 1.0) }), WorldOp::Push(push)];
+        former.apply([&asked[..], &[WorldOp::Remove(body)]].concat());
+        let mut leader = leader();
+        leader.inherit(former.into_legacy().1);
+        leader.apply(vec![WorldOp::Remove(BodyId::persistent(8))]);
+        let mut ops = leader.dispatch(Duration::ZERO).unwrap().ops;
+        ops.retain(|op| !matches!(op, WorldOp::Insert { .. }));
+        // What is on the server's record comes from there.
+        assert_eq!(ops, [&asked[..], &[WorldOp::Remove(BodyId::persistent(8))]].concat());
+        // A region that another computes now says all anew.
+        let (one, two) = if moves { (vec![], vec![touch(false)]) } else { (vec![touch(false)], vec![]) };
+        both_done(&mut leader, 1, one, two);
+        assert_eq!(told_touches(&mut leader), expected);
+    }
 }

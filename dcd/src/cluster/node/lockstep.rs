@@ -349,14 +349,17 @@ impl Node {
             !queue.is_empty()
         });
         // What clients sent and was not dispatched yet is not lost with the view.
-        let pending = self.end_leading().map(Leader::into_inputs).unwrap_or_default();
-        self.inputs.splice(..0, pending);
+        let (pending, legacy) = self.end_leading().map(Leader::into_legacy).unzip();
+        self.inputs.splice(..0, pending.unwrap_or_default());
         let leader =
             self.world.as_ref().filter(|_| view.leader == me).map(|world| Leader::new(now, &view, world));
         self.leader = match self.replication {
             Some(_) => leader.map(Leader::with_replication_elsewhere),
             None => leader,
         };
+        if let (Some(leader), Some(legacy)) = (&mut self.leader, legacy) {
+            leader.inherit(legacy);
+        }
         for peer in &self.links {
             if let (Peer::Client(client), Some(leader)) = (peer, &mut self.leader) {
                 leader.admit(*client);

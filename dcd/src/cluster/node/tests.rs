@@ -439,7 +439,7 @@ fn the_interest_of_a_participant_that_begins_the_view_before_its_leader_is_not_l
     let view = View { number: view, leader: NodeId(2), members, ..present };
     server(&mut node, ToNode::Adopt { view, drop: vec![] });
     assert_eq!(node.counters().refused, 1);
-    let handed_on = node.leader.clone().unwrap().into_inputs();
+    let handed_on = node.leader.clone().unwrap().into_legacy().0;
     assert_eq!(handed_on, [(client, FromClient::Interest(Some(area)))]);
 }
 

@@ -151,6 +151,8 @@ impl Common {
 
     /// Tells every node of every other.
     pub(super) fn tell_roster(&mut self) {
+        let here: BTreeSet<_> = self.nodes.keys().copied().collect();
+        self.nodes.values_mut().for_each(|entry| entry.delays.retain(|node, _| here.contains(node)));
         let roster: Vec<_> = self.nodes.values().map(|entry| entry.member.clone()).collect();
         for node in self.nodes.keys().copied().collect::<Vec<_>>() {
             self.send_node(node, ToNode::Roster(roster.clone()));

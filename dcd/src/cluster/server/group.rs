@@ -12,6 +12,7 @@ use self::change::ViewChange;
 use self::divisions::Divisions;
 use super::ServerOutput;
 use super::common::{Common, NodeEntry};
+use super::postponed::Postponed;
 use crate::cluster::{Life, Record};
 use crate::protocol::{BodyRecord, ToClient, ToNode, ToServer, View, WorldOp};
 use crate::space::{Allocation, BodyId, DistributionTree, GroupId, JointId, NodeId, RegionId, Tick};
@@ -36,8 +37,7 @@ pub(super) struct Group {
     pub at_last_tick: BTreeSet<NodeId>,
     /// Bodies that the leader was told to insert and that no node has spoken of yet.
     pub arriving: BTreeSet<BodyId>,
-    /// Changes by the server's program that came while membership changed.
-    pub postponed: Vec<WorldOp>,
+    pub postponed: Postponed,
     /// Joints that it removed since the present view began.
     pub removed_joints: BTreeSet<JointId>,
     /// Bodies that it changed, and whether it woke them since the present view began.
@@ -75,7 +75,7 @@ impl Group {
             divisions: Divisions::default(),
             at_last_tick: BTreeSet::new(),
             arriving: BTreeSet::new(),
-            postponed: Vec::new(),
+            postponed: Postponed::default(),
             removed_joints: BTreeSet::new(),
             altered_bodies: BTreeMap::new(),
             altered_joints: BTreeSet::new(),
@@ -335,7 +335,7 @@ impl Group {
         self.silent_since.get_or_insert(common.now);
         if !self.held {
             self.held = true;
-            common.outputs.push_back(ServerOutput::Held(self.tick));
+            common.outputs.push_back(ServerOutput::Held { group: self.id, tick: self.tick });
             let leader = self.leader_is();
             common.send_clients(self.id, &leader);
         }

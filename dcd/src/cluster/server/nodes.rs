@@ -319,6 +319,7 @@ impl Server {
                 group.held = false;
                 group.begin_change(&mut self.common);
             }
+            self.common.tell_roster();
         }
     }
 

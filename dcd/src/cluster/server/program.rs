@@ -177,25 +177,7 @@ impl Group {
         let hears = |view: &View| common.nodes.get(&view.leader).is_some_and(|leader| leader.linked);
         match &self.view {
             Some(view) if self.change.is_none() && !self.held && hears(view) => self.apply(common, vec![op]),
-            _ => self.postpone(op),
-        }
-    }
-
-    /// Keeps what counts when somebody computes the world again: of each body the newest velocity and the newest lasting force.
-    /// Impulses of a time in which nobody computes it would act all at once, and are dropped.
-    fn postpone(&mut self, op: WorldOp) {
-        match op {
-            WorldOp::Input(input) => {
-                let of = |op: &WorldOp| matches!(op, WorldOp::Input(known) if known.slot() == input.slot());
-                self.postponed.retain(|op| !of(op));
-                self.postponed.push(op);
-            }
-            WorldOp::Push(push) if push.lasts => {
-                let of = |op: &WorldOp| matches!(op, WorldOp::Push(known) if known.body == push.body);
-                self.postponed.retain(|op| !of(op));
-                self.postponed.push(op);
-            }
-            _ => {}
+            _ => self.postponed.add(op),
         }
     }
 
@@ -203,12 +185,7 @@ impl Group {
     /// last leader had not passed on is gone with it.
     pub(super) fn catch_up(&mut self, common: &mut Common) {
         let joints = std::mem::take(&mut self.removed_joints).into_iter().map(WorldOp::RemoveJoint);
-        let is_there = |op: &WorldOp| match op {
-            WorldOp::Input(input) => self.record.body(input.body).is_some(),
-            WorldOp::Push(push) => self.record.body(push.body).is_some(),
-            _ => true,
-        };
-        let postponed: Vec<_> = std::mem::take(&mut self.postponed).into_iter().filter(is_there).collect();
+        let postponed = std::mem::take(&mut self.postponed).ops(|id| self.record.body(id).is_some());
         let altered = self.altered();
         for ops in split(joints.chain(altered).chain(postponed), INSERT_BYTES) {
             self.apply(common, ops);

@@ -283,6 +283,7 @@ impl Server {
         let lives = |group: &Group| group.view.is_some() && !group.held;
         let empty: Vec<_> =
             self.groups.values().filter(|group| is_empty(group)).map(|group| group.id).collect();
+        let was_one = self.groups.len() == 1;
         for id in empty {
             if id == self.main {
                 let size = |group: &Group| group.view.as_ref().map_or(0, |view| view.members.len());
@@ -297,7 +298,10 @@ impl Server {
             self.common.groups_changed.insert(id);
             self.common.outputs.push_back(ServerOutput::Dissolved(id));
         }
-        self.settle_clients();
+        // Where there is one group and was no other, all play with it.
+        if !was_one {
+            self.settle_clients();
+        }
     }
 
     /// Returns the group that a client is to play with: that of its own node, the one it has, or the main one.

@@ -46,7 +46,7 @@ impl Server {
     }
 
     /// Returns what operators are told.
-    fn status(&self) -> Status {
+    pub(super) fn status(&self) -> Status {
         let node = |(&node, entry): (&NodeId, &NodeEntry)| NodeStatus {
             node,
             address: entry.member.address,

@@ -563,3 +563,24 @@ fn a_node_is_drained_where_another_can_take_over_and_goes_at_once_if_it_fails_to
     server.handle(NOW, ServerEvent::Disconnected(Peer::Node(NodeId(1))));
     assert_eq!(server.check_drain(NodeId(1)), Err(DrainError::Unlinked(NodeId(1))));
 }
+
+#[test]
+fn what_a_client_says_after_it_came_back_is_newer_than_before_however_many_came_meanwhile() {
+    let mut server = server();
+    let outputs = hello(&mut server, 1, VERSION);
+    obey(&mut server, 1, outputs);
+    let hello = Message::Hello(Hello { version: VERSION, role: JoinAs::Client { interest: None } });
+    let client = ClientId(9);
+    server.handle(NOW, ServerEvent::Message { from: Peer::Client(client), message: hello });
+    let mut newest = 0;
+    for _ in 0..(1 << 16) + 2 {
+        server.tell_world(client, None);
+        while let Some(output) = server.poll_output() {
+            let ServerOutput::Send { message: Message::ToClient(_, told), .. } = output else { continue };
+            let ToClient::Welcome { logical_time, .. } = told else { continue };
+            assert!(logical_time > newest, "{logical_time:x} after {newest:x}");
+            newest = logical_time;
+        }
+    }
+    assert!(newest > 0);
+}

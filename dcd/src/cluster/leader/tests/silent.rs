@@ -69,7 +69,7 @@ impl Told {
 #[test]
 fn a_client_that_stops_reading_costs_its_leader_no_more_than_one_that_reads() {
     let mut told = Told::new();
-    let reads = told.play(240, |_, number| number % 20 != 0);
+    let reads = told.play(240, |_, number| !number.is_multiple_of(20));
     println!("a client that reads: {reads:?}");
     assert!(reads.0 > BODIES as usize * 200, "all bodies are told of: {reads:?}");
     assert!(reads.0 <= BODIES as usize * BODY_BYTES && reads.1 <= MOST_BYTES, "{reads:?}");
@@ -98,7 +98,7 @@ fn a_client_that_never_acknowledges_or_hardly_ever_costs_no_more_than_that() {
 #[test]
 fn a_client_that_was_silent_for_long_and_hears_again_is_told_of_all_again() {
     let mut told = Told::new();
-    let hears = |_: u64, number: u32| number % 20 != 0;
+    let hears = |_: u64, number: u32| !number.is_multiple_of(20);
     told.play(240, hears);
     told.play(90, |_, _| false);
     let silent = told.play(1, |_, _| false);

@@ -363,7 +363,7 @@ impl Group {
         }
         common.groups_changed.insert(self.id);
         if members.is_empty() {
-            common.outputs.push_back(ServerOutput::Held(self.tick));
+            common.outputs.push_back(ServerOutput::Held { group: self.id, tick: self.tick });
         } else {
             let mut placed = Vec::new();
             for &id in homeless.iter().chain(moved.keys()) {

@@ -37,3 +37,28 @@ fn who_floods_with_questions_for_the_status_is_answered_ten_times_per_second_and
     server.handle(now, ServerEvent::Disconnected(other));
     assert!(ask(&mut server, now, other).is_some());
 }
+
+#[test]
+fn who_has_left_counts_in_no_delay() {
+    let mut server = server();
+    for node in [1, 2, 3] {
+        let outputs = hello(&mut server, node, VERSION);
+        obey(&mut server, node, outputs);
+    }
+    let delays = [(2, Some(300.0)), (3, None)].map(|(node, delay_ms)| Delay { node: NodeId(node), delay_ms });
+    tell(&mut server, 1, Message::ToServer(ToServer::Delays(delays.to_vec())));
+    let of_first = |server: &Server| {
+        let node = &server.status().nodes[0];
+        (node.node, node.delay_ms, node.unreached)
+    };
+    let now = server.common.now;
+    assert_eq!(of_first(&server), (NodeId(1), Some(300.0), 1));
+    for node in [2, 3] {
+        server.handle(now, ServerEvent::Disconnected(Peer::Node(NodeId(node))));
+    }
+    // One that was a member may come back for a while.
+    let later = now + 2 * ABSENCE;
+    server.handle_timeout(later);
+    while server.poll_output().is_some() {}
+    assert_eq!(of_first(&server), (NodeId(1), None, 0));
+}

@@ -355,3 +355,82 @@ fn the_ground_goes_with_the_plane() {
     let after = tiles(&world);
     assert!(after[0] > 85 && after[1] < 30, "each has the ground of its own cell: {after:?}");
 }
+
+#[test]
+fn settings_that_were_read_can_be_given_back_while_regions_follow_the_load() {
+    let balance = Some(Balance { every_ticks: 10, ..Balance::keeping(4) });
+    let config = WorldConfig { partitioning: Partitioning::Regions(4), balance, ..WorldConfig::default() };
+    let mut world = dcd::World::new(config).unwrap();
+    let before = world.settings().unwrap();
+    assert_eq!(before.island_limit, StepSettings::default().island_limit);
+    for i in 0..400 {
+        let at = Vector::new((i % 20) as f32 * 2.0 - 20.0, 1.0, (i / 20) as f32 * 2.0 - 20.0);
+        world.insert(RigidBodyBuilder::dynamic().translation(at), ColliderBuilder::ball(0.4)).unwrap();
+    }
+    for _ in 0..30 {
+        world.step().unwrap();
+    }
+    assert_eq!(world.settings().unwrap().island_limit, before.island_limit);
+    world.set_settings(StepSettings { gravity: [0.0; 3], ..before }).unwrap();
+}
+
+/// Returns Rapier's body.
+fn body_of(world: &LocalWorld, id: BodyId) -> &RigidBody {
+    let of = |region: &'_ dcd::physics::Region| region.handle_of(id).is_some();
+    let region = world.regions().find(|region| of(region)).unwrap();
+    &region.physics().bodies[region.handle_of(id).unwrap()]
+}
+
+/// Both regions hold their own; nothing asks for a change.
+fn two_regions(balance: Balance) -> LocalWorld {
+    let config = WorldConfig {
+        bounds: Bounds::around([0.0; 3], [40.0; 3]),
+        partitioning: Partitioning::Cuts(vec![(Axis::X, 0.0)]),
+        balance: Some(balance),
+        ..WorldConfig::default()
+    };
+    let mut world = LocalWorld::new(config).unwrap();
+    let floor = ColliderBuilder::cuboid(60.0, 0.5, 60.0).translation(Vector::Y * -0.5);
+    world.insert(RigidBodyBuilder::fixed(), floor).unwrap();
+    world
+}
+
+#[test]
+fn an_island_that_lies_over_a_plane_sleeps_while_regions_follow_the_load() {
+    let mut world = two_regions(Balance { every_ticks: 10, tolerance: 1e9, ..Balance::keeping(2) });
+    let row: Vec<_> = (0..10)
+        .map(|i| {
+            let body = RigidBodyBuilder::dynamic().translation(Vector::new(i as f32 * 4.0 - 23.99, 2.0, 0.0));
+            world.insert(body, ColliderBuilder::cuboid(2.0, 2.0, 2.0)).unwrap()
+        })
+        .collect();
+    (0..300).for_each(|_| world.step().unwrap());
+    assert_eq!(owned(&world), [10, 0], "it is the left one's, which reaches far into the right one's cell");
+    for tick in 0..60 {
+        world.step().unwrap();
+        for &id in &row {
+            assert!(body_of(&world, id).is_sleeping(), "{id} is awake {tick} ticks later");
+        }
+    }
+}
+
+#[test]
+fn a_disabled_body_does_not_keep_a_region_from_being_given_up() {
+    let merge_below = 1_000.0;
+    let mut world = two_regions(Balance { every_ticks: 10, merge_below, ..Balance::default() });
+    let disabled = [-20.0, 20.0].map(|x| {
+        let body = RigidBodyBuilder::dynamic().translation(Vector::new(x, 0.5, 0.0)).enabled(false);
+        world.insert(body, ColliderBuilder::ball(0.5)).unwrap()
+    });
+    for x in [-10.0, 10.0] {
+        let body = RigidBodyBuilder::dynamic().translation(Vector::new(x, 0.5, 0.0)).can_sleep(false);
+        world.insert(body, ColliderBuilder::ball(0.5)).unwrap();
+    }
+    assert_eq!(world.regions().len(), 2);
+    (0..200).for_each(|_| world.step().unwrap());
+    assert_eq!(world.regions().len(), 1);
+    for id in disabled {
+        assert!(!body_of(&world, id).is_enabled());
+        assert_eq!(world.owners_of(id), 1);
+    }
+}

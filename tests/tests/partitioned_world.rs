@@ -705,6 +705,43 @@ fn a_joint_waits_while_it_has_nothing_to_move() {
     assert!(world.joint_load(tie).unwrap()[1].abs() > 0.01, "and weighs on it");
 }
 
+/// Rapier asks only the end that is enabled, and stops the process at a joint whose other end is not.
+#[test]
+fn a_joint_waits_while_an_end_is_disabled_however_it_came_to_that() {
+    for by_joint in [true, false] {
+        let mut world = LocalWorld::new(WorldConfig::default()).unwrap();
+        let mut insert = |body: RigidBodyBuilder, x: f32| {
+            world.insert(body.translation(Vector::X * x), ColliderBuilder::ball(0.1)).unwrap()
+        };
+        let nail = insert(RigidBodyBuilder::fixed(), 0.0);
+        let bob = insert(RigidBodyBuilder::dynamic(), 1.0);
+        for x in 3..7 {
+            insert(RigidBodyBuilder::dynamic(), x as f32);
+        }
+        let rope = SphericalJointBuilder::new().local_anchor1(Vector::X);
+        let tie = world.insert_joint(nail, bob, rope).unwrap();
+        let enable = |world: &mut LocalWorld, body, on| {
+            world.update(body, |body| body.set_enabled(on)).unwrap();
+            world.step().unwrap();
+        };
+        world.step().unwrap();
+        if by_joint {
+            world.update_joint(tie, |joint| joint.set_enabled(false)).unwrap();
+            enable(&mut world, bob, false);
+            world.update_joint(tie, |joint| joint.set_enabled(true)).unwrap();
+        } else {
+            enable(&mut world, bob, false);
+            enable(&mut world, nail, false);
+            enable(&mut world, nail, true);
+        }
+        (0..10).for_each(|_| world.step().unwrap());
+        enable(&mut world, bob, true);
+        (0..60).for_each(|_| world.step().unwrap());
+        let at = world.pose(bob).unwrap().translation;
+        assert!((at[0] - 1.0).abs() < 0.01 && at[1].abs() < 0.01, "it hangs at its anchor: {at:?}");
+    }
+}
+
 /// What another process says may be wrong, and must not end this one.
 #[test]
 fn a_transfer_of_what_is_owned_here_or_is_newer_here_is_refused() {

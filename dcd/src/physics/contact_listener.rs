@@ -24,7 +24,6 @@ pub(super) struct ContactListener {
     /// Contacts whose bodies left the region since the last step, each with whether one of the two is a sensor.
     lost: Vec<(ContactKey, bool)>,
     /// Colliders already in the region whose force events the user turned on or off since the last step.
-    #[serde(skip)]
     turned: Vec<ColliderHandle>,
 }
 

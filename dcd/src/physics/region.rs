@@ -95,6 +95,8 @@ pub struct Region {
     events: RegionEvents,
     /// Whether anything was changed here, or received from other regions, since the last step.
     stirred: bool,
+    /// Whether its cell has changed since it last looked for sleepers that lie in another's.
+    passed_over: bool,
     /// Whether it rests in the present tick.
     rests: bool,
     /// Bodies inserted here as its own that no exchange has announced yet; some may be gone again.
@@ -153,6 +155,7 @@ impl Region {
             hooks: None,
             events: RegionEvents { region: id, ..RegionEvents::default() },
             stirred: true,
+            passed_over: false,
             rests: false,
             fresh: Vec::new(),
             due: Vec::new(),

@@ -458,8 +458,7 @@ fn split_of(
     let busy = |leaf: &Weighed<'_>| leaf.load / leaf.capacity;
     by_load.sort_by(|a, b| busy(b).total_cmp(&busy(a)).then(a.leaf.cmp(&b.leaf)));
     by_load.into_iter().find_map(|Weighed { leaf, load, burdens, .. }| {
-        let boxes = burdens.iter().map(|burden| Bounds::new(burden.place, burden.place));
-        let around = boxes.reduce(|a, b| a.union(&b))?;
+        let around = middle_of(burdens, &tree.part(*leaf))?;
         let axis = around.longest_axis();
         let (i, edge) = (axis.index(), settings.smallest_edge_m);
         let (least, most) = (around.min[i] + edge, around.max[i] - edge);
@@ -472,6 +471,27 @@ fn split_of(
         let pays = settings.tolerance * below.max(load - below) < *load;
         (must || pays).then_some(TreeChange::Split { leaf: *leaf, axis, at })
     })
+}
+
+/// Returns a box around the load of a region, within the bounds of the world and less a sixty-fourth at each side: what has fallen off the
+/// ground, or left the bounds, does not say how the rest is cut. `None` if nothing is left.
+fn middle_of(burdens: &[&Burden], part: &Bounds) -> Option<Bounds> {
+    const LEFT_OUT: f64 = 1.0 / 64.0;
+    let least = LEFT_OUT * burdens.iter().map(|burden| burden.weight).sum::<f64>();
+    let (mut min, mut max) = (part.min, part.max);
+    for i in 0..3 {
+        let mut places: Vec<_> = burdens.iter().map(|burden| (burden.place[i], burden.weight)).collect();
+        places.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        // The first one beyond what is left out.
+        let first = |passed: &mut f64, &(_, weight): &(f64, f64)| {
+            *passed += weight;
+            *passed > least
+        };
+        let (mut below, mut above) = (0.0, 0.0);
+        min[i] = min[i].max(places.iter().find(|place| first(&mut below, place))?.0);
+        max[i] = max[i].min(places.iter().rev().find(|place| first(&mut above, place))?.0);
+    }
+    (0..3).all(|i| min[i] <= max[i]).then(|| Bounds::new(min, max))
 }
 
 fn parted(burdens: Vec<&Burden>, axis: Axis, at: f64) -> (Vec<&Burden>, Vec<&Burden>) {
@@ -644,6 +664,28 @@ mod tests {
         }
         assert_eq!(tree.leaf_count(), 4, "none of them is empty yet");
         assert_eq!(planned(&tree, &crowd, &[], &settings), []);
+    }
+
+    #[test]
+    fn what_fell_off_the_ground_or_left_the_bounds_does_not_say_how_the_rest_is_cut() {
+        let burden = |place| Burden { place, ..crowd(0.0, 1.0, 1)[0] };
+        let ground =
+            |x0: f64| (0..200).map(move |i| [x0 + f64::from(i % 20) * 5.0, 0.5, f64::from(i / 20) * 5.0]);
+        // By how deep the bounds are; in one case with a crowd that has left them.
+        for (depth, strays) in [(-1.0, 1), (-64.0, 1), (-64.0, 3), (-1.0, 0)] {
+            let bounds = Bounds::new([0.0, depth, 0.0], [100.0, 8.0, 60.0]);
+            let tree = DistributionTree::halved(bounds, 1).unwrap();
+            let mut burdens: Vec<_> = ground(0.0).map(burden).collect();
+            burdens.extend((0..strays).map(|i| burden([50.0, -5_000.0 - f64::from(i), 30.0])));
+            for settings in [Balance::keeping(2), Balance { split_above: 100.0, ..Balance::default() }] {
+                let changes = planned(&tree, &burdens, &[], &settings);
+                let [TreeChange::Split { axis: Axis::X, at, .. }] = changes[..] else {
+                    panic!("{changes:?}")
+                };
+                assert!((20.0..80.0).contains(&at), "{at}");
+                tree.clone().change(&changes).unwrap();
+            }
+        }
     }
 
     #[test]

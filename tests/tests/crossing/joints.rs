@@ -270,3 +270,41 @@ fn small_assemblies_move_whole_under_island() {
         }
     }
 }
+
+/// By `owner` and `proxy` an assembly is one region's however long it is, and so is the ground under it.
+#[test]
+fn a_train_that_is_longer_than_what_a_region_knows_rides_on_tiles() {
+    for coupling in [Coupling::Owner, Coupling::Proxy] {
+        let config = WorldConfig {
+            bounds: dcd::space::Bounds::around([0.0; 3], [100.0, 20.0, 20.0]),
+            partitioning: Partitioning::Cuts(vec![(Axis::X, 0.0)]),
+            step: StepSettings::default().with_coupling(coupling),
+            ..WorldConfig::default()
+        };
+        let mut world = LocalWorld::new(config).unwrap();
+        for i in 0..50 {
+            let at = Vector::new(i as f32 * 4.0 - 98.0, -0.5, 0.0);
+            let tile = ColliderBuilder::cuboid(2.0, 0.5, 2.0).friction(0.0);
+            world.insert(RigidBodyBuilder::fixed().translation(at), tile).unwrap();
+        }
+        // The rearmost first: its region owns all.
+        let cars: Vec<_> = (0..16)
+            .map(|i| {
+                let at = Vector::new(i as f32 * 3.5 - 70.0, 0.5, 0.0);
+                let car = RigidBodyBuilder::dynamic().translation(at).linvel(Vector::X * 10.0);
+                let upright = car.lock_rotations().can_sleep(false);
+                world.insert(upright, ColliderBuilder::cuboid(1.5, 0.5, 0.5).friction(0.0)).unwrap()
+            })
+            .collect();
+        for pair in cars.windows(2) {
+            world.insert_joint(pair[0], pair[1], RopeJointBuilder::new(3.5)).unwrap();
+        }
+        for tick in 0..540 {
+            world.step().unwrap();
+            for (place, &car) in cars.iter().enumerate() {
+                let y = world.pose(car).unwrap().translation[1];
+                assert!(y > 0.2, "{}: car {place} at {y} m in tick {tick}", coupling.name());
+            }
+        }
+    }
+}

@@ -26,6 +26,7 @@ mod proxy;
 mod reach;
 mod shared;
 mod strike;
+mod sweep;
 
 use rapier3d::prelude::RigidBodyHandle;
 use serde::{Deserialize, Serialize};

@@ -10,6 +10,7 @@ use super::{HostError, RegionHost};
 use crate::physics::coupling::Side;
 use crate::physics::rank_remap::RankRemap;
 use crate::physics::region::Region;
+use crate::physics::settings::StepSettings;
 use crate::space::{
     Balance, Bounds, Burden, DistributionTree, Load, Loads, RegionId, Renaming, TreeChange, plan,
 };
@@ -41,6 +42,12 @@ impl RegionHost {
         if self.balancer.is_some() {
             self.limit_islands(island_limit);
         }
+    }
+
+    /// Returns the settings as they were asked for: those by which it is stepped, but for the limit of islands that load balancing sets.
+    pub(crate) fn asked_settings(&self) -> StepSettings {
+        let island_limit = self.balancer.as_ref().map_or(self.settings.island_limit, |own| own.island_limit);
+        StepSettings { island_limit, ..self.settings }
     }
 
     /// Limits the islands that stay whole to such as leave their region in balance.
@@ -117,9 +124,11 @@ impl RegionHost {
             Giants::default()
         };
         let mut burdens = Vec::new();
-        for region in self.regions() {
+        for Side { region, clock, .. } in &self.sides {
             let awake: Vec<_> = region.awake_places().collect();
-            let weight = self.load_of(region, load) / awake.len() as f64;
+            // A step of a region at a lower rate is one of several ticks.
+            let ticks = if load == Load::Times { f64::from(clock.rate) } else { 1.0 };
+            let weight = self.load_of(region, load) / ticks / awake.len() as f64;
             burdens.extend(awake.into_iter().map(|(id, place)| Burden {
                 place,
                 weight,
@@ -205,8 +214,8 @@ impl RegionHost {
             let cell = *self.partition.cell(region.rank());
             if *region.cell() != cell {
                 region.set_cell(cell);
-                // Sleeping bodies too are looked at anew.
-                border.overlook(region.own_sleepers());
+                // Bodies that sleep or are disabled too are looked at anew.
+                border.overlook(region.own_resting());
                 self.statics.recover(region, &self.shapes)?;
             }
         }

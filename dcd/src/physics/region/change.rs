@@ -46,6 +46,9 @@ impl Region {
         };
         let (before, found) = (place(self), std::mem::take(&mut self.moved));
         let result = self.change_unseen(handle, change);
+        if self.world.bodies[handle].is_enabled() != before.1 {
+            self.tie_anew(handle);
+        }
         if place(self) == before {
             self.moved = found;
         } else {

@@ -179,6 +179,7 @@ impl Region {
     fn read_disabled(&mut self, handle: RigidBodyHandle) {
         self.unrefine(handle);
         self.refresh(handle);
+        self.tie_anew(handle);
     }
 
     /// Returns the smoothed force and torque of contacts and joints on a copy: measured since the last exchange as what moved it

@@ -21,6 +21,7 @@ impl Region {
     /// Sets the cell, after a plane has moved: the coupling checks all bodies here anew.
     pub(in crate::physics) fn set_cell(&mut self, cell: Cell) {
         self.cell = cell;
+        self.passed_over = true;
         self.stirred = true;
         self.due.fill(0);
     }
@@ -52,26 +53,32 @@ impl Region {
         self.listener.owes_word()
     }
 
-    /// Wakes bodies that sleep far outside the cell, after a plane has passed over them, so that they move to their region. Those
-    /// that lie nearer stay this region's, unless a region that is being emptied holds them too.
+    /// Wakes bodies that sleep far outside the cell, once after a plane has passed over them, so that they move to their region. Those
+    /// that lie nearer stay this region's, unless a region that is being emptied holds them too; so do islands that lie in this one by
+    /// a part that is large enough.
     pub(in crate::physics) fn wake_left_behind(&mut self, leaving: RegionSet) {
-        for handle in self.own_sleepers() {
+        let was_passed_over = std::mem::take(&mut self.passed_over) || leaving.contains(self.rank);
+        for handle in self.own_resting() {
             let centre = convert::world_point(self.anchor, self.world.bodies[handle].center_of_mass());
             let is_held_there = !self.slot(handle).holders.intersection(leaving).is_empty();
-            if is_held_there || self.cell.excess_m(centre) > LEFT_BEHIND_M {
+            let is_far = was_passed_over && self.cell.excess_m(centre) > LEFT_BEHIND_M;
+            if self.world.bodies[handle].is_sleeping() && (is_held_there || is_far) {
                 self.world_mut().wake_up(handle, true);
             }
         }
     }
 
-    /// Returns its own bodies that sleep, in id order.
-    pub(in crate::physics) fn own_sleepers(&self) -> Vec<RigidBodyHandle> {
+    /// Returns its own bodies that do not move by themselves, in id order: they sleep, or are disabled.
+    pub(in crate::physics) fn own_resting(&self) -> Vec<RigidBodyHandle> {
         let owned = self.slots.iter().flatten().filter(|slot| slot.role == Ownership::Owner);
-        let mut asleep: Vec<_> =
+        let mut resting: Vec<_> =
             owned.map(|slot| BodyRef { id: slot.id, handle: self.by_id[&slot.id] }).collect();
-        asleep.retain(|link| self.world.bodies[link.handle].is_sleeping());
-        asleep.sort_unstable_by_key(|link| link.id);
-        asleep.into_iter().map(|link| link.handle).collect()
+        resting.retain(|link| {
+            let body = &self.world.bodies[link.handle];
+            body.is_sleeping() || !body.is_enabled()
+        });
+        resting.sort_unstable_by_key(|link| link.id);
+        resting.into_iter().map(|link| link.handle).collect()
     }
 
     /// Returns the load as a count: its own bodies that are awake, and their contacts. Copies of others' bodies are left out, since

@@ -98,6 +98,21 @@ impl Region {
         self.joint_news = news;
     }
 
+    /// Takes the joints of a body out of Rapier after it was enabled or disabled, and lets them wait until they can be solved: Rapier itself does not
+    /// look at the other end.
+    pub(super) fn tie_anew(&mut self, handle: RigidBodyHandle) {
+        for id in self.slot(handle).joints.clone() {
+            let Some(mut held) = self.joints.remove(&id) else { continue };
+            if let Some(solver @ Solver::Impulses(_)) = held.handle {
+                held.record = self.whole_record(&held);
+                held.handle = None;
+                self.joint_news.untied.push(solver);
+                self.joint_news.tied.push(id);
+            }
+            self.joints.insert(id, held);
+        }
+    }
+
     /// Returns whether a joint between two bodies has anything to move. Rapier would panic at one that has not, or whose end is
     /// disabled: such joints wait.
     fn is_solvable(&self, a: RigidBodyHandle, b: RigidBodyHandle) -> bool {

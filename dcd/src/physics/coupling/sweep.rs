@@ -1,0 +1,175 @@
+//! Finds which of two lists of moving boxes and balls will touch within some time, by sweep and prune.
+
+use crate::protocol::NearbyBody;
+use crate::space::Bounds;
+
+/// Returns the swept AABB of a box that moves at a velocity for some time.
+pub(super) fn swept(bounds: &Bounds, velocity: [f32; 3], ahead_s: f64) -> Bounds {
+    let way = velocity.map(|v| f64::from(v) * ahead_s);
+    bounds.union(&Bounds {
+        min: std::array::from_fn(|i| bounds.min[i] + way[i]),
+        max: std::array::from_fn(|i| bounds.max[i] + way[i]),
+    })
+}
+
+/// Visits every pair of boxes that will overlap within `ahead_s`, found by sweep and prune along the axis on which the second list
+/// is widest.
+pub(super) fn for_each_overlap(
+    first: &[NearbyBody],
+    second: &[NearbyBody],
+    ahead_s: f64,
+    mut visit: impl FnMut(&NearbyBody, &NearbyBody),
+) {
+    let boxes = |list: &[NearbyBody]| -> Vec<_> {
+        list.iter().map(|nearby| (swept(&nearby.bounds, nearby.velocity, ahead_s), *nearby)).collect()
+    };
+    let (mut first, mut second) = (boxes(first), boxes(second));
+    let Some(around) = second.iter().map(|(bounds, _)| *bounds).reduce(|a, b| a.union(&b)) else { return };
+    let axis = around.longest_axis().index();
+    for list in [&mut first, &mut second] {
+        list.sort_unstable_by(|(a, _), (b, _)| a.min[axis].total_cmp(&b.min[axis]));
+    }
+    let longest = second.iter().map(|(bounds, _)| bounds.max[axis] - bounds.min[axis]).fold(0.0, f64::max);
+    let mut from = 0;
+    for (bounds, own) in &first {
+        while second.get(from).is_some_and(|(other, _)| other.min[axis] < bounds.min[axis] - longest) {
+            from += 1;
+        }
+        for (others, other) in &second[from..] {
+            if others.min[axis] > bounds.max[axis] {
+                break;
+            }
+            if bounds.touches(others) && meet_after(own, other).is_some_and(|after_s| after_s <= ahead_s) {
+                visit(own, other);
+            }
+        }
+    }
+}
+
+/// Returns in how many seconds two bodies may begin to touch; 0 if they may now, none if they never will.
+fn meet_after(a: &NearbyBody, b: &NearbyBody) -> Option<f64> {
+    let (boxes, balls) = (boxes_overlap(a, b)?, balls_overlap(a, b)?);
+    let (enter, leave) = (boxes.0.max(balls.0), boxes.1.min(balls.1));
+    (enter <= leave).then_some(enter)
+}
+
+/// Returns from when until when two moving boxes overlap, seconds from now; none if they never will.
+fn boxes_overlap(a: &NearbyBody, b: &NearbyBody) -> Option<(f64, f64)> {
+    let (mut enter, mut leave) = (0.0f64, f64::INFINITY);
+    for axis in 0..3 {
+        let speed = f64::from(b.velocity[axis]) - f64::from(a.velocity[axis]);
+        // The gaps to be closed by b's coming up, and by its coming down.
+        let below = a.bounds.min[axis] - b.bounds.max[axis];
+        let above = a.bounds.max[axis] - b.bounds.min[axis];
+        if speed == 0.0 {
+            if below > 0.0 || above < 0.0 {
+                return None;
+            }
+            continue;
+        }
+        let (one, other) = (below / speed, above / speed);
+        enter = enter.max(one.min(other));
+        leave = leave.min(one.max(other));
+    }
+    (enter <= leave).then_some((enter, leave))
+}
+
+/// Returns from when until when the balls around the middles of two moving boxes overlap, seconds from now; none if they never will.
+fn balls_overlap(a: &NearbyBody, b: &NearbyBody) -> Option<(f64, f64)> {
+    let sum_m = f64::from(a.radius_m) + f64::from(b.radius_m);
+    if sum_m.is_infinite() {
+        return Some((0.0, f64::INFINITY));
+    }
+    let (from, to) = (a.bounds.centre(), b.bounds.centre());
+    let apart: [f64; 3] = std::array::from_fn(|i| to[i] - from[i]);
+    let velocity: [f64; 3] = std::array::from_fn(|i| f64::from(b.velocity[i]) - f64::from(a.velocity[i]));
+    let dot = |a: &[f64; 3], b: &[f64; 3]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    // |apart + velocity t| = the sum of the radii.
+    let (square, half, rest) =
+        (dot(&velocity, &velocity), dot(&apart, &velocity), dot(&apart, &apart) - sum_m * sum_m);
+    if square == 0.0 {
+        return (rest <= 0.0).then_some((0.0, f64::INFINITY));
+    }
+    let root = (half * half - square * rest).sqrt();
+    let (enter, leave) = ((-half - root) / square, (root - half) / square);
+    // Of a root of what is negative, no comparison holds.
+    (leave >= 0.0).then_some((enter.max(0.0), leave))
+}
+
+#[cfg(test)]
+mod tests {
+    use rand_chacha::ChaCha8Rng;
+    use rand_chacha::rand_core::{Rng, SeedableRng};
+
+    use super::*;
+    use crate::space::{BodyId, RegionSet};
+
+    fn nearby(id: u32, at: [f64; 3], velocity: [f32; 3]) -> NearbyBody {
+        let bounds = Bounds::around(at, [0.5; 3]);
+        let (radius_m, goes) = (0.87, RegionSet::EMPTY);
+        NearbyBody { id: BodyId::persistent(id), bounds, radius_m, velocity, awake: true, island: 1, goes }
+    }
+
+    #[test]
+    fn boxes_meet_when_the_gap_closes_on_every_axis_at_once() {
+        let meet = |b: NearbyBody| {
+            let a = nearby(0, [0.0; 3], [1.0, 0.0, 0.0]);
+            meet_after(&a, &b)
+        };
+        assert_eq!(meet(nearby(1, [3.0, 0.0, 0.0], [-1.0, 0.0, 0.0])), Some(1.0));
+        assert_eq!(meet(nearby(1, [3.0, 0.0, 0.0], [1.0, 0.0, 0.0])), None, "as fast, it is never reached");
+        assert_eq!(meet(nearby(1, [3.0, 0.0, 0.0], [2.0, 0.0, 0.0])), None, "it flees");
+        assert_eq!(meet(nearby(1, [3.0, 4.0, 0.0], [-1.0, 0.0, 0.0])), None, "they pass");
+        assert_eq!(meet(nearby(1, [0.5, 0.5, 0.0], [9.0, 9.0, 9.0])), Some(0.0), "they overlap");
+    }
+
+    #[test]
+    fn balls_that_pass_each_other_do_not_meet_where_their_boxes_do() {
+        let ball = |at, velocity| NearbyBody { radius_m: 0.5, ..nearby(0, at, velocity) };
+        let meet = |at, velocity| meet_after(&ball([0.0; 3], [0.0; 3]), &ball(at, velocity));
+        assert_eq!(meet([0.9, 0.9, 0.0], [0.0; 3]), None, "corner to corner");
+        assert_eq!(meet([0.7, 0.7, 0.0], [0.0; 3]), Some(0.0));
+        let above = meet([0.9, 3.0, 0.0], [0.0, -1.0, 0.0]).unwrap();
+        assert!((above - (3.0 - 0.19f64.sqrt())).abs() < 1e-12, "{above}: from above, beside the middle");
+        assert_eq!(meet([0.9, 3.0, 0.9], [0.0, -1.0, 0.0]), None, "past the edge");
+        assert_eq!(meet([0.9, 3.0, 0.0], [0.0, 1.0, 0.0]), None, "it flees");
+        let endless = NearbyBody {
+            bounds: Bounds::new([f64::NEG_INFINITY; 3], [f64::INFINITY, 0.0, f64::INFINITY]),
+            radius_m: f32::INFINITY,
+            ..ball([0.0; 3], [0.0; 3])
+        };
+        assert_eq!(meet_after(&endless, &ball([9.0, 2.0, 9.0], [0.0, -1.0, 0.0])), Some(1.5), "a half-space");
+    }
+
+    #[test]
+    fn both_sides_find_the_meetings_that_a_look_at_every_pair_finds() {
+        let mut dice = ChaCha8Rng::seed_from_u64(3);
+        let mut roll = |from: f32, to: f32| from + (to - from) * (dice.next_u32() as f32 / u32::MAX as f32);
+        let mut list = |first: u32| -> Vec<_> {
+            (first..first + 60)
+                .map(|id| {
+                    let at = std::array::from_fn(|_| f64::from(roll(-6.0, 6.0)));
+                    nearby(id, at, std::array::from_fn(|_| roll(-5.0, 5.0)))
+                })
+                .collect()
+        };
+        let (ours, theirs) = (list(0), list(100));
+        let pairs = |a: &[NearbyBody], b: &[NearbyBody], swapped: bool| {
+            let mut found = Vec::new();
+            for_each_overlap(a, b, 0.1, |a, b| {
+                found.push(if swapped { (b.id, a.id) } else { (a.id, b.id) });
+            });
+            found.sort_unstable();
+            found
+        };
+        let found = pairs(&ours, &theirs, false);
+        assert_eq!(found, pairs(&theirs, &ours, true));
+        let all = ours.iter().flat_map(|a| theirs.iter().map(move |b| (a, b)));
+        let soon = all.filter(|(a, b)| {
+            let after_s = meet_after(a, b);
+            after_s.is_some_and(|after_s| after_s <= 0.1)
+        });
+        assert_eq!(found.len(), soon.count());
+        assert!(found.len() > 20, "{}", found.len());
+    }
+}

@@ -547,7 +547,27 @@ fn a_node_that_others_cannot_reach_stops_nobody() {
         assert_eq!(server.summary().views, views);
         assert!(server.view().unwrap().members.iter().all(|member| member.node != alone));
     }
-    assert_eq!(server.stop().lost, 0);
+    // Its group is gone with it, and the world is not.
+    stranger.leave();
     drop(stranger.finish());
+    let (tick, mut fewest) = (server.summary().tick.0, 2);
+    assert!(server.wait(LIMIT, |summary, view| {
+        fewest = fewest.min(summary.nodes).min(view.map_or(0, |view| view.members.len()));
+        summary.tick.0 >= tick + 60
+    }));
+    assert_eq!(fewest, 2, "members that the server shows");
+    assert_eq!(server.stop().lost, 0);
     nodes.into_iter().for_each(|node| drop(node.finish().unwrap()));
+}
+
+#[test]
+fn a_recording_of_what_went_wrong_is_not_recorded_over() {
+    let data = tempfile::tempdir().unwrap();
+    let record = data.path().join("before.dcdr");
+    std::fs::write(&record, "what went wrong").unwrap();
+    let config = ServeConfig { record: Some(record.clone()), ..ServeConfig::new(data.path().join("world")) };
+    let scene = rain();
+    let refused = dcd::World::serve(&scene, &WorldConfig::for_scene(&scene), config).err().unwrap();
+    assert!(refused.to_string().contains("record to another file"), "{refused}");
+    assert_eq!(std::fs::read_to_string(&record).unwrap(), "what went wrong");
 }

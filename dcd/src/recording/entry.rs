@@ -100,10 +100,31 @@ pub(super) fn put(to: &mut Vec<u8>, entry: &impl Encode) {
     bincode::encode_into_std_write(entry, to, CONFIG).expect("plain values in memory encode");
 }
 
+/// Decodes a value that was recorded in parts, however long it is: who replays a recording trusts it.
+pub(super) fn take_whole<T: Decode<()>>(bytes: &[u8]) -> Result<T, RecordingError> {
+    let decoded = bincode::decode_from_slice(bytes, bincode::config::standard());
+    decoded.map(|(value, _)| value).map_err(|error| RecordingError::Undecodable(error.to_string()))
+}
+
 /// Takes the next entry of a chunk.
 pub(super) fn take<T: Decode<()>>(from: &mut &[u8]) -> Result<T, RecordingError> {
     let (entry, read) = bincode::decode_from_slice(from, CONFIG)
         .map_err(|error| RecordingError::Undecodable(error.to_string()))?;
     *from = &from[read..];
     Ok(entry)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_recorded_in_parts_is_read_whole_however_long_it_is() {
+        // Short in the file, and more in memory than an entry may take.
+        let world = vec![0_u64; 5 << 20];
+        let mut bytes = Vec::new();
+        put(&mut bytes, &world);
+        assert!(take::<Vec<u64>>(&mut &bytes[..]).is_err(), "it fits an entry: this says nothing");
+        assert!(take_whole::<Vec<u64>>(&bytes).unwrap() == world);
+    }
 }

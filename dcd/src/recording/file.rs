@@ -138,9 +138,16 @@ pub struct Background {
 }
 
 impl Background {
-    /// Checks that a file can be written, and leaves it as it is.
+    /// Checks that a file can be written, and leaves it as it is: one with something in it is no other's to empty.
     pub fn check(path: &Path) -> io::Result<()> {
-        OpenOptions::new().append(true).create(true).open(path).map(drop)
+        let file = OpenOptions::new().append(true).create(true).open(path)?;
+        match file.metadata()?.len() {
+            0 => Ok(()),
+            _ => Err(io::Error::new(
+                io::ErrorKind::AlreadyExists,
+                "it is there already, perhaps the recording of what went wrong: move it, or record to another file",
+            )),
+        }
     }
 
     /// Creates a file, or empties it.

@@ -5,7 +5,7 @@ use std::time::Duration;
 use bincode::{Decode, Encode};
 
 use super::entries::Entries;
-use super::entry::{put, take};
+use super::entry::{put, take_whole};
 use super::replayed::{Flip, Replayed, Settled, Who};
 use super::{BodyBits, Maker, Readout, RecordingError};
 use crate::cluster::{
@@ -116,7 +116,7 @@ impl ServerReplay {
                 _ => return Err(RecordingError::Undecodable("it has no seed".into())),
             }
         }
-        let ServerSeed { world, min_nodes, grouping, avatar_expiry, events, origin } = take(&mut &parts[..])?;
+        let ServerSeed { world, min_nodes, grouping, avatar_expiry, events, origin } = take_whole(&parts)?;
         let min_nodes = (min_nodes as usize).max(1);
         let config = ServerConfig { world, min_nodes, grouping, avatar_expiry, events, can_build };
         let server = Server::of(config, origin);
@@ -179,11 +179,9 @@ impl Replayed for ServerReplay {
                     self.drain();
                     continue;
                 }
-                ServerEntry::Program => {
-                    ServerEvent::Program(take(&mut &std::mem::take(&mut self.parts)[..])?)
-                }
+                ServerEntry::Program => ServerEvent::Program(take_whole(&std::mem::take(&mut self.parts))?),
                 ServerEntry::Replace => {
-                    ServerEvent::Replace(Box::new(take(&mut &std::mem::take(&mut self.parts)[..])?))
+                    ServerEvent::Replace(Box::new(take_whole(&std::mem::take(&mut self.parts))?))
                 }
                 ServerEntry::MayBuild(client) => ServerEvent::MayBuild(client),
                 ServerEntry::Disconnected(peer) => ServerEvent::Disconnected(peer),

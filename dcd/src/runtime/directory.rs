@@ -16,7 +16,7 @@ use crate::cluster::directory::DirectoryError;
 use crate::net::Authority;
 
 pub(super) use self::lock::FolderLock;
-pub(crate) use self::lock::is_served;
+pub(crate) use self::lock::{is_served, is_there};
 pub use self::redb::RedbDirectory;
 
 /// What a server holds for as long as it serves a world.

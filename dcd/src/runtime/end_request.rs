@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use super::RedbDirectory;
-use super::directory::is_served;
+use super::directory::{is_served, is_there};
 use crate::cluster::directory::{Batch, Directory, DirectoryError};
 
 /// The file that asks the server of a data folder to end its world.
@@ -89,7 +89,7 @@ pub fn end_world(folder: &Path, timeout: Duration) -> Result<WorldEnd, Directory
 
 /// Removes the world that is stored in a folder; returns whether there was one, as where its server died meanwhile.
 fn remove(folder: &Path) -> Result<bool, DirectoryError> {
-    if !folder.join("world.redb").exists() {
+    if !is_there(&folder.join("world.redb"))? {
         return Ok(false);
     }
     let mut directory = RedbDirectory::open(folder)?;

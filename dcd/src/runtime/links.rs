@@ -28,7 +28,7 @@ use crate::protocol::{self, CodecError, JoinAs, Lane, Message, ToClient};
 use crate::space::{ClientId, NodeId};
 
 /// The most bytes that may wait for a peer: a world, and what happens in it meanwhile.
-const WORLD_BYTES: usize = 256 << 20;
+pub(super) const WORLD_BYTES: usize = 256 << 20;
 /// The most bytes that wait for a client of what others build.
 const CHANGES_BYTES: usize = 16 << 20;
 /// A peer that takes in nothing for this long, though something waits for it, is given up.

@@ -539,7 +539,7 @@ impl LocalWorld {
             return Err(WorldError::Setting { what, value, range });
         }
         let of = |all: &StepSettings| (all.coupling, all.exchanges, all.depth, all.island_limit);
-        let (asked, present) = (of(&settings), of(self.host.settings()));
+        let (asked, present) = (of(&settings), of(&self.host.asked_settings()));
         if asked != present {
             let range = "the coupling, exchanges, depth and island limit that the world has";
             return Err(WorldError::Setting { what: "coupling", value: format!("{asked:?}"), range });

@@ -45,8 +45,9 @@ pub struct MemberConfig {
     pub standbys: Vec<SocketAddr>,
     /// Who the process is; its role decides what it does.
     pub identity: Identity,
-    /// Where it listens for others; port 0 takes any free one.
-    pub listen: SocketAddr,
+    /// Where it listens for others; port 0 takes any free one. `None`: any free port, of this machine alone if all servers are on it and cannot be
+    /// reached from elsewhere.
+    pub listen: Option<SocketAddr>,
     /// The address to give to others, if it is not the one listened on.
     pub advertise: Option<SocketAddr>,
     /// Regions stepped at a time.
@@ -77,7 +78,7 @@ impl MemberConfig {
             server,
             standbys: Vec::new(),
             identity,
-            listen: SocketAddr::new(interface_towards(server.ip().to_canonical()), 0),
+            listen: None,
             advertise: None,
             threads: 1,
             checkpoint_every: 12,
@@ -187,7 +188,7 @@ impl Member {
         let who = config.identity.who();
         let servers = [&[config.server], &config.standbys[..]].concat();
         let net = NetConfig {
-            listen: config.listen,
+            listen: config.listen.unwrap_or_else(|| SocketAddr::new(interface_towards(&servers), 0)),
             identity: config.identity,
             authority: None,
             renewed_by: servers.clone(),
@@ -195,7 +196,7 @@ impl Member {
         };
         let (net, events) = Net::start(net)?;
         let address = net.local_addr();
-        let advertised = config.advertise.unwrap_or_else(|| reachable(address, config.server));
+        let advertised = config.advertise.unwrap_or_else(|| reachable(address, &servers));
         let client = who.client().map(|client| Client::new(client, who.node(), config.interest));
         let node = who.node().map(|id| NodeConfig {
             id,
@@ -387,22 +388,29 @@ fn limits(servers: usize) -> Limits {
     }
 }
 
-/// Returns the address to listen on: of this machine alone if the server is on it and cannot be reached from elsewhere.
-fn interface_towards(server: IpAddr) -> IpAddr {
-    match server {
+/// Returns the address to listen on: of this machine alone if all servers are on it and cannot be reached from elsewhere. What is bound to that
+/// one reaches no other machine.
+pub(super) fn interface_towards(servers: &[SocketAddr]) -> IpAddr {
+    match farthest(servers).ip().to_canonical() {
         server if server.is_loopback() => server,
         IpAddr::V4(_) => Ipv4Addr::UNSPECIFIED.into(),
         IpAddr::V6(_) => Ipv6Addr::UNSPECIFIED.into(),
     }
 }
 
-/// Returns the address that others can use: one on the interface that leads to the server, if all are listened on.
-fn reachable(bound: SocketAddr, server: SocketAddr) -> SocketAddr {
+/// Returns the first server that is on another machine, if any is.
+fn farthest(servers: &[SocketAddr]) -> SocketAddr {
+    let is_far = |server: &&SocketAddr| !server.ip().to_canonical().is_loopback();
+    *servers.iter().find(is_far).unwrap_or(&servers[0])
+}
+
+/// Returns the address that others can use: one on the interface that leads to the servers, if all are listened on.
+fn reachable(bound: SocketAddr, servers: &[SocketAddr]) -> SocketAddr {
     if !bound.ip().is_unspecified() {
         return bound;
     }
     let towards = std::net::UdpSocket::bind(SocketAddr::new(bound.ip(), 0)).and_then(|socket| {
-        socket.connect(server)?;
+        socket.connect(farthest(servers))?;
         socket.local_addr()
     });
     towards.map_or(bound, |local| SocketAddr::new(local.ip(), bound.port()))
@@ -436,12 +444,19 @@ mod tests {
 
     #[test]
     fn a_node_of_a_far_server_listens_where_that_server_and_others_reach_it() {
-        for (server, listens) in
-            [("127.0.0.1", "127.0.0.1"), ("192.0.2.7", "0.0.0.0"), ("::1", "::1"), ("2001:db8::7", "::")]
-        {
-            assert_eq!(interface_towards(server.parse().unwrap()), listens.parse::<IpAddr>().unwrap());
+        for (servers, listens) in [
+            (&["127.0.0.1:1"][..], "127.0.0.1"),
+            (&["192.0.2.7:1"], "0.0.0.0"),
+            (&["[::1]:1"], "::1"),
+            (&["[2001:db8::7]:1"], "::"),
+            // The one that stands by is elsewhere.
+            (&["127.0.0.1:1", "192.0.2.7:1"], "0.0.0.0"),
+            (&["127.0.0.1:1", "127.0.0.1:2"], "127.0.0.1"),
+        ] {
+            let servers: Vec<SocketAddr> = servers.iter().map(|server| server.parse().unwrap()).collect();
+            assert_eq!(interface_towards(&servers), listens.parse::<IpAddr>().unwrap());
         }
-        let loopback = reachable("0.0.0.0:7".parse().unwrap(), "127.0.0.1:9".parse().unwrap());
+        let loopback = reachable("0.0.0.0:7".parse().unwrap(), &["127.0.0.1:9".parse().unwrap()]);
         assert_eq!(loopback, "127.0.0.1:7".parse().unwrap());
     }
 }

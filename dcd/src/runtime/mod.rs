@@ -13,6 +13,7 @@ mod control;
 mod device;
 #[cfg(feature = "net")]
 mod directory;
+mod durable;
 #[cfg(feature = "net")]
 mod end_request;
 #[cfg(feature = "net")]
@@ -69,7 +70,7 @@ pub use device::{DeviceError, PhysicsDevice};
 #[cfg(feature = "net")]
 pub use directory::RedbDirectory;
 #[cfg(feature = "cli")]
-pub(crate) use directory::is_served;
+pub(crate) use directory::{is_served, is_there};
 #[cfg(feature = "net")]
 pub use end_request::{WorldEnd, end_world};
 #[cfg(feature = "net")]

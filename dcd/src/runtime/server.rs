@@ -117,6 +117,20 @@ struct State {
     failure: Option<ProcessError>,
 }
 
+impl State {
+    /// Shows the membership of the main group, while nodes compute the world.
+    fn show(&mut self, view: Option<&View>) {
+        if self.view.as_ref() == view {
+            return;
+        }
+        self.summary.nodes = view.map_or(0, |view| view.members.len());
+        if let Some(view) = view {
+            self.summary.regions = view.allocation.len();
+        }
+        self.view = view.cloned();
+    }
+}
+
 enum Input {
     Net(NetEvent),
     Stop,
@@ -162,6 +176,9 @@ impl ServerProcess {
         goes_on: GoesOn<'_>,
     ) -> Result<Option<Self>, ProcessError> {
         let (environment, record) = world_of(Beginning::of(origin)?, &config)?;
+        if let Some(path) = &config.record {
+            Background::check(path).map_err(|cause| ProcessError::Record { path: path.clone(), cause })?;
+        }
         // A port that is taken leaves no new folder behind.
         check_address(config.listen)?;
         let Some(opened) = directory::open(&config, goes_on)? else { return Ok(None) };
@@ -219,6 +236,7 @@ impl ServerProcess {
             shared: shared.clone(),
             metrics,
             began: None,
+            count_at: Instant::now(),
             savers: Vec::new(),
             drains: Vec::new(),
             end_by: None,
@@ -309,9 +327,19 @@ impl ServerProcess {
         !timed_out.timed_out()
     }
 
-    /// Takes the error with which the server had to stop, if it had to.
+    /// Takes the error with which the server had to stop, if it had to; later calls return its words as [`ProcessError::Ended`].
     pub fn failure(&self) -> Option<ProcessError> {
-        self.shared.lock().failure.take()
+        let mut state = self.shared.lock();
+        let failure = state.failure.take()?;
+        // Who asks once more hears the same words.
+        state.failure = Some(ProcessError::Ended(failure.to_string()));
+        Some(failure)
+    }
+
+    /// Returns whether the server computes and keeps its world no more: it has failed, was suspended, or has ended.
+    pub(crate) fn is_gone(&self) -> bool {
+        let state = self.shared.lock();
+        state.failure.is_some() || state.suspended || state.over
     }
 
     /// Returns whether the world has ended.

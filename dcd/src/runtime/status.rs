@@ -3,7 +3,8 @@
 use std::net::SocketAddr;
 use std::time::{Duration, Instant};
 
-use super::{JoinConfig, MemberConfig, ProcessError};
+use super::member::interface_towards;
+use super::{JoinConfig, ProcessError};
 use crate::net::{JoinRole, Lane, Limits, Net, NetConfig, NetEvent, NetEvents, PeerKey, PeerName};
 use crate::protocol::{self, Message, Status};
 
@@ -21,10 +22,9 @@ impl StatusLink {
     pub fn connect(config: &JoinConfig) -> Result<Self, ProcessError> {
         let until = Instant::now() + config.timeout;
         let identity = config.join(JoinRole::Client)?;
-        let usual = MemberConfig::new(config.server, identity);
         let net = NetConfig {
-            listen: usual.listen,
-            identity: usual.identity,
+            listen: SocketAddr::new(interface_towards(&config.servers()), 0),
+            identity,
             authority: None,
             renewed_by: config.servers(),
             limits: Limits::default(),

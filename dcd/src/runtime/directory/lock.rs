@@ -37,7 +37,7 @@ impl Drop for FolderLock {
 
 /// Returns whether a server uses this data folder now.
 pub(crate) fn is_served(folder: &Path) -> Result<bool, DirectoryError> {
-    if !folder.join("world.lock").exists() {
+    if !is_there(&folder.join("world.lock"))? {
         return Ok(false);
     }
     match FolderLock::take(folder, folder) {
@@ -45,6 +45,14 @@ pub(crate) fn is_served(folder: &Path) -> Result<bool, DirectoryError> {
         Err(DirectoryError::Taken { .. }) => Ok(true),
         Err(error) => Err(error),
     }
+}
+
+/// Returns whether a file is there, or why that cannot be said: who may not look into the folder of another user.
+pub(crate) fn is_there(path: &Path) -> Result<bool, DirectoryError> {
+    path.try_exists().map_err(|error| DirectoryError::Unreadable {
+        place: path.display().to_string(),
+        cause: error.to_string(),
+    })
 }
 
 /// Returns the system's message, without the words that [`DirectoryError`] adds itself.

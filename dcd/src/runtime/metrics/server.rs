@@ -53,9 +53,14 @@ impl ServerMetrics {
         write(&mut self.numbers.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Notes that the loop turns, and what its links have counted.
-    pub(in crate::runtime) fn turned(&self, now: Instant, links: LinkTotals) {
-        self.write(|numbers| (numbers.turned, numbers.links) = (Some(now), links));
+    /// Notes that the loop turns.
+    pub(in crate::runtime) fn turned(&self, now: Instant) {
+        self.write(|numbers| numbers.turned = Some(now));
+    }
+
+    /// Notes what its links counted.
+    pub(in crate::runtime) fn counted(&self, links: LinkTotals) {
+        self.write(|numbers| numbers.links = links);
     }
 
     /// Notes what the server's state machine wants done.

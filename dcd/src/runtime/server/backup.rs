@@ -6,6 +6,7 @@ use std::path::Path;
 
 use crate::cluster::directory::{Batch, Directory, DirectoryError, Entry};
 use crate::net::{Authority, NetError};
+use crate::runtime::durable::sync_name;
 use crate::runtime::{ProcessError, RedbDirectory};
 
 /// Writes a backup beside its place first, so that nobody takes a part of one for the whole. What is stored of the world has been read
@@ -21,7 +22,7 @@ pub(super) fn write(folder: &Path, entries: Vec<Entry>, authority: &Authority) -
     let _ = fs::remove_dir_all(&part);
     create_private(&part).map_err(|error| refused(error.to_string()))?;
     let written = fill(&part, entries, authority).and_then(|()| {
-        fs::rename(&part, folder).and_then(|()| sync_parent(folder)).map_err(|error| error.to_string())
+        fs::rename(&part, folder).and_then(|()| sync_name(folder)).map_err(|error| error.to_string())
     });
     if written.is_err() {
         let _ = fs::remove_dir_all(&part);
@@ -41,17 +42,6 @@ fn fill(folder: &Path, entries: Vec<Entry>, authority: &Authority) -> Result<(),
         NetError::File { source, .. } => source.to_string(),
         other => other.to_string(),
     })
-}
-
-/// Makes the name of a new folder durable.
-fn sync_parent(folder: &Path) -> io::Result<()> {
-    #[cfg(unix)]
-    if let Some(parent) = folder.parent().filter(|parent| !parent.as_os_str().is_empty()) {
-        fs::File::open(parent)?.sync_all()?;
-    }
-    #[cfg(not(unix))]
-    let _ = folder;
-    Ok(())
 }
 
 /// Makes a folder for its owner alone.

@@ -25,6 +25,8 @@ use crate::space::NodeId;
 const RETRY: Duration = Duration::from_millis(2);
 /// How long the loop sleeps when nothing is due.
 const IDLE: Duration = Duration::from_millis(500);
+/// How often traffic is counted: each link is asked for that.
+const COUNT: Duration = Duration::from_millis(100);
 /// Time-out of the last audit: dead members are found much sooner.
 const AUDIT: Duration = Duration::from_secs(10);
 /// The most contacts, and forces, kept for a program that does not fetch them; the oldest go first.
@@ -48,6 +50,8 @@ pub(super) struct Loop {
     /// If somebody wants to know how the server is.
     pub(super) metrics: Option<Arc<ServerMetrics>>,
     pub(super) began: Option<Instant>,
+    /// When traffic is counted next.
+    pub(super) count_at: Instant,
     /// Who waits for the world to be saved.
     pub(super) savers: Vec<SyncSender<SavedWorld>>,
     /// Who waits for nodes to be drained.
@@ -121,10 +125,6 @@ impl Loop {
                         "the world is replaced by a saved one"
                     );
                     self.server().handle(now, ServerEvent::Replace(saved));
-                    {
-                        let mut state = self.shared.lock();
-                        (state.view, state.summary.nodes) = (None, 0);
-                    }
                     // It is on record before its program hears of it.
                     self.pump();
                     let next_ids = self.server().next_ids();
@@ -256,27 +256,26 @@ impl Loop {
                 ServerOutput::Began { view, .. } => {
                     self.began.get_or_insert_with(Instant::now);
                     info!(view = view.number.0, members = view.members.len(), "a view begins");
+                    let bodies = movable(&self.server()).count();
                     let mut state = self.shared.lock();
                     state.summary.views += 1;
-                    state.summary.bodies = movable(&self.server()).count();
-                    state.summary.nodes = view.members.len();
-                    state.summary.regions = view.allocation.len();
-                    state.view = Some(view);
+                    state.summary.bodies = bodies;
+                    state.show(Some(&view));
                 }
                 ServerOutput::Repartitioned { group, view } => {
                     debug!(%group, view = view.number.0, regions = view.allocation.len(), "regions follow the load");
                     if group == self.server().main_group() {
                         let mut state = self.shared.lock();
                         state.summary.repartitions += 1;
-                        state.summary.regions = view.allocation.len();
-                        state.view = Some(view);
+                        state.show(Some(&view));
                     }
                 }
-                ServerOutput::Held(tick) => {
-                    warn!(tick = tick.0, "no node is left; the world waits for one");
-                    let mut state = self.shared.lock();
-                    state.summary.nodes = 0;
-                    state.view = None;
+                // Where it was the main one, another may be that by now.
+                ServerOutput::Held { group, tick } if self.server().view().is_some() => {
+                    info!(%group, tick = tick.0, "a group has lost its nodes; others compute the world");
+                }
+                ServerOutput::Held { tick, .. } => {
+                    warn!(tick = tick.0, "no node is heard of; the world waits for one");
                 }
                 ServerOutput::Audited { lost, doubled } => {
                     let mut state = self.shared.lock();
@@ -350,20 +349,35 @@ impl Loop {
     }
 
     fn publish(&mut self) {
+        let now = Instant::now();
+        let server = self.server();
         let mut state = self.shared.lock();
-        state.turned = Some(Instant::now());
-        state.summary.tick = self.server().tick();
-        state.summary.seconds = self.began.map_or(0.0, |began| began.elapsed().as_secs_f64());
-        if let Some(links) = &self.links {
-            let traffic = links.totals().traffic;
-            state.traffic = traffic;
-            state.summary.bytes = traffic.bytes_in + traffic.bytes_out;
+        state.turned = Some(now);
+        state.summary.tick = server.tick();
+        // Links that come back end a silence without a new view. Of a world that has ended the last is shown.
+        if !self.over {
+            state.show(server.view());
         }
+        drop(server);
+        state.summary.seconds = self.began.map_or(0.0, |began| began.elapsed().as_secs_f64());
         drop(state);
-        if let (Some(links), Some(metrics)) = (&self.links, &self.metrics) {
-            metrics.turned(Instant::now(), links.all_totals());
+        self.metrics.iter().for_each(|metrics| metrics.turned(now));
+        if self.count_at <= now || self.over {
+            self.count_at = now + COUNT;
+            self.count();
         }
         self.shared.changed.notify_all();
+    }
+
+    /// Counts the traffic of all links.
+    fn count(&self) {
+        let Some(links) = &self.links else { return };
+        let traffic = links.totals().traffic;
+        let mut state = self.shared.lock();
+        state.traffic = traffic;
+        state.summary.bytes = traffic.bytes_in + traffic.bytes_out;
+        drop(state);
+        self.metrics.iter().for_each(|metrics| metrics.counted(links.all_totals()));
     }
 
     fn finish(self, totals: Option<NetTotals>) {

@@ -21,6 +21,7 @@ use serde::{Deserialize, Serialize};
 
 use super::choice::Why;
 use super::config::check_threads;
+use super::durable::sync_name;
 use super::joint_strength::Strengths;
 use super::{LocalWorld, WorldError};
 use crate::physics::RegionHost;
@@ -30,7 +31,7 @@ pub use checkpoint::Checkpoint;
 pub use error::SnapshotError;
 
 /// Grows with every change of what is saved, the order of fields too.
-const FORMAT: u32 = 9;
+const FORMAT: u32 = 10;
 
 impl LocalWorld {
     /// Writes the whole world: [`LocalWorld::restore`] gives one that goes on from here to the same bits. The number of threads
@@ -118,10 +119,13 @@ impl LocalWorld {
         let path = &place_of(path)?;
         let mut part = path.as_os_str().to_owned();
         part.push(".part");
-        let written = File::create(&part)
-            .map_err(SnapshotError::from)
-            .and_then(|file| self.save(BufWriter::new(file)))
-            .and_then(|()| Ok(fs::rename(&part, path)?));
+        let written = File::create(&part).map_err(SnapshotError::from).and_then(|file| {
+            self.save(BufWriter::new(&file))?;
+            // What is not on the disk yet may be lost, and the new name be there: an empty file would be all that is left.
+            file.sync_all()?;
+            fs::rename(&part, path)?;
+            Ok(sync_name(path)?)
+        });
         if written.is_err() {
             let _ = fs::remove_file(&part);
         }

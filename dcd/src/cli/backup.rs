@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use super::common::{Common, print};
 use super::failure::Failure;
 use super::requests::{Verb, ask_about_file};
+use super::values::is_used;
 use crate::runtime::{ProcessError, is_served};
 
 /// Copies the data folder of a server that runs: world, keys and joins
@@ -30,7 +31,7 @@ pub(super) struct Backup {
 
 impl Backup {
     pub(super) fn execute(self, _common: &Common) -> Result<ExitCode, Failure> {
-        if self.data.join("authority.pem").exists() && !is_served(&self.data).map_err(ProcessError::from)? {
+        if is_used(&self.data)? && !is_served(&self.data).map_err(ProcessError::from)? {
             return Err(Failure::usage(format!(
                 "no server serves the world of {}: copy the folder as it is (cp -a), or ask beside the server that has the world in etcd",
                 self.data.display()

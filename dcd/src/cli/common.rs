@@ -100,11 +100,17 @@ impl Common {
 
 /// Writes to standard output. A reader that has gone away is not an error.
 pub(super) fn print(text: &str) -> Result<(), Failure> {
+    print_to_reader(text).map(drop)
+}
+
+/// Does the same; returns whether there is a reader still.
+pub(super) fn print_to_reader(text: &str) -> Result<bool, Failure> {
     let mut out = std::io::stdout().lock();
     match writeln!(out, "{text}").and_then(|()| out.flush()) {
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => Err(Failure::run(format!(
+        Err(error) if error.kind() == std::io::ErrorKind::BrokenPipe => Ok(false),
+        Err(error) => Err(Failure::run(format!(
             "cannot write to standard output: {error}; give it a place that can be written to"
         ))),
-        _ => Ok(()),
+        Ok(()) => Ok(true),
     }
 }

@@ -89,7 +89,7 @@ impl Node {
             JoinConfig { identity, record, ..joining(&self.server, self.token.read(is_token_needed)?) };
         let mut config = MemberConfig::new(join.server, join.join(JoinRole::Node)?);
         config.standbys = join.standbys;
-        config.listen = self.listen.unwrap_or(config.listen);
+        config.listen = self.listen;
         config.advertise = self.advertise;
         config.give_up = self.give_up;
         config.record = self.record;

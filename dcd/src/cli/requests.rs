@@ -92,8 +92,11 @@ pub(super) fn ask(data: &Path, verb: Verb, about: &str) -> Result<String, Failur
     }
 }
 
-/// Forgets requests to a former server of this folder.
+/// Forgets requests to a former server of this folder; those to one that runs are its own.
 pub(super) fn forget(data: &Path) {
+    if is_served(data).is_ok_and(|served| served) {
+        return;
+    }
     for path in files(data, REQUEST).into_iter().chain(files(data, ANSWER)) {
         let _ = fs::remove_file(path);
     }

@@ -391,7 +391,7 @@ fn after_help() -> String {
     format!(
         "Prints `listening ADDR` first, with --metrics `metrics URL`, then `going on with the world at tick N` if --data holds one that has not ended, a line\n\
          `view NUMBER at tick T: n1 r1, n2 r2; n1 leads` whenever the nodes or their shares change, and the summary last; with\n\
-         --json as an object with the keys tick bodies regions nodes views repartitions lost doubled state_hash bytes seconds kept (state_hash\n\
+         --json as an object with the keys tick bodies regions nodes views repartitions lost doubled audited state_hash bytes seconds kept (state_hash\n\
          with --ticks only; views, repartitions and seconds since this start; kept: whether the world goes on). Exits with 3, and is not to be\n\
          started again by itself, when the world has ended and the last look at it finds bodies lost or doubled or finds nodes that do not\n\
          say what they own, and when it has ended while this server stood by.\n\n\

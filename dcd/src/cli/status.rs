@@ -9,10 +9,10 @@ use std::time::{Duration, Instant, SystemTime};
 
 use serde::Serialize;
 
-use super::common::{Common, print};
+use super::common::{Common, print_to_reader};
 use super::failure::Failure;
 use super::interrupt::Interrupt;
-use super::values::{SERVER, address, joining};
+use super::values::{SERVER, address, is_used, joining};
 use crate::net::{Authority, JoinRole};
 use crate::protocol::{NodeStatus, Status as Told};
 use crate::runtime::StatusLink;
@@ -78,8 +78,8 @@ impl Status {
             let report = Report::of(&before, &now, at.duration_since(asked));
             let text = if self.json { report.json()? } else { report.table() };
             let is_screen = self.watch && !self.json && std::io::stdout().is_terminal();
-            print(&if is_screen { format!("{CLEAR}{text}") } else { text })?;
-            if !self.watch {
+            let is_read = print_to_reader(&if is_screen { format!("{CLEAR}{text}") } else { text })?;
+            if !is_read || !self.watch {
                 return Ok(ExitCode::SUCCESS);
             }
             (before, asked) = (now, at);
@@ -88,7 +88,7 @@ impl Status {
 
     fn token(&self) -> Result<String, Failure> {
         let Some(data) = &self.data else { return Ok(self.token.clone().unwrap_or_default()) };
-        if !data.join("authority.pem").exists() {
+        if !is_used(data)? {
             return Err(Failure::usage(format!(
                 "no server has used {}; name the folder that its server was started with (--data)",
                 data.display()

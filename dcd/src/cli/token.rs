@@ -6,7 +6,7 @@ use std::time::{Duration, SystemTime};
 
 use super::common::{Common, print};
 use super::failure::Failure;
-use super::values::duration;
+use super::values::{duration, is_used};
 use crate::net::{Authority, JoinRole};
 
 /// Prints tokens, one a line, each of which lets one process join the server of a data folder, or as many as --uses says
@@ -42,7 +42,7 @@ pub(super) struct Token {
 impl Token {
     pub(super) fn execute(self, _common: &Common) -> Result<ExitCode, Failure> {
         let Self { data, role, valid, count, uses, new } = self;
-        if !new && !data.join("authority.pem").exists() {
+        if !new && !is_used(&data)? {
             return Err(Failure::usage(format!(
                 "no server has used {}; name the folder that its server was started with (--data), or give --new to make \
                  one for a server to come",

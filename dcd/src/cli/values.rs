@@ -5,7 +5,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use super::failure::Failure;
-use crate::runtime::JoinConfig;
+use crate::runtime::{JoinConfig, is_there};
 
 /// Default address of servers.
 pub(super) const SERVER: &str = "127.0.0.1:7420";
@@ -78,6 +78,13 @@ pub(super) fn positive(text: &str) -> Result<f32, String> {
     let wrong = || "write a number above 0 and up to 100000".to_owned();
     let value: f32 = text.parse().map_err(|_| wrong())?;
     if value > 0.0 && value <= 1e5 { Ok(value) } else { Err(wrong()) }
+}
+
+/// Returns whether a server has used a data folder.
+pub(super) fn is_used(data: &Path) -> Result<bool, Failure> {
+    is_there(&data.join("authority.pem")).map_err(|error| {
+        Failure::usage(format!("{error}. Ask as the user that the server runs as: runuser -u dcd -- dcd ..."))
+    })
 }
 
 /// Checks that a recording is no other's.

@@ -75,15 +75,16 @@ fn judge(
     }
 }
 
-/// Returns whether a request that names this host was meant for us: by an address in numbers, or by `localhost`.
+/// Returns whether a request that names this host was meant for us: by an address in numbers, or by `localhost`, whatever the port: a tunnel
+/// has one of its own. Names of others may stand for this address by now.
 fn is_ours(host: &str, here: SocketAddr) -> bool {
-    let (name, port) = match host.rsplit_once(':') {
-        Some((name, port)) if !port.ends_with(']') => (name, port.parse().ok()),
-        _ => (host, Some(80)),
+    let name = match host.rsplit_once(':') {
+        Some((name, port)) if !port.ends_with(']') => name,
+        _ => host,
     };
     let name = name.trim_start_matches('[').trim_end_matches(']');
     let is_name = name.eq_ignore_ascii_case("localhost") && here.ip().is_loopback();
-    port == Some(here.port()) && (is_name || name.parse::<IpAddr>().is_ok())
+    is_name || name.parse::<IpAddr>().is_ok()
 }
 
 /// Answers the key of a WebSocket's handshake (RFC 6455, 4.2.2).
@@ -140,10 +141,8 @@ mod tests {
             refused("rebound.example:4000", "http://rebound.example:4000", "key=secret"),
             "421 Misdirected Request"
         );
-        assert_eq!(
-            refused("127.0.0.1:4001", "http://127.0.0.1:4001", "key=secret"),
-            "421 Misdirected Request"
-        );
+        assert!(stream("localhost:8080", "http://localhost:8080", "key=secret").is_ok(), "by a tunnel");
+        assert_eq!(refused("localhost:4000", "http://localhost:9999", "key=secret"), "403 Forbidden");
         assert_eq!(refused("127.0.0.1:4000", "http://evil.example", "key=secret"), "403 Forbidden");
         assert_eq!(refused("127.0.0.1:4000", "null", "key=secret"), "403 Forbidden");
         assert_eq!(refused("127.0.0.1:4000", "http://127.0.0.1:4000", "key=other"), "403 Forbidden");

@@ -83,3 +83,16 @@ fn a_status_needs_a_token_that_was_not_used() {
     assert!(nowhere.code() == Some(2) && nowhere.errors.contains("no server has used"), "{nowhere:?}");
     server.stop();
 }
+
+#[test]
+fn a_status_that_is_watched_ends_with_who_reads_it() {
+    use std::io::{BufRead, BufReader};
+    use std::process::Stdio;
+    let server = Server::start(&["tower"]);
+    let mut watch = dcd(&["status", "--watch", "--json", "--server", &server.address, "--data"]);
+    let mut watch = watch.arg(server.data()).stdout(Stdio::piped()).spawn().unwrap();
+    let mut lines = BufReader::new(watch.stdout.take().unwrap()).lines();
+    assert!(lines.next().unwrap().unwrap().starts_with('{'));
+    drop(lines);
+    metrics::wait("it ends", || watch.try_wait().unwrap().map(|status| assert!(status.success())));
+}

@@ -36,8 +36,11 @@ fn a_server_that_cannot_start_says_why() {
     assert!(!fresh.exists(), "a server that cannot listen leaves no folder behind");
     let server = Server::start(&["tower"]);
     let data = server.data();
+    let answer = data.join("answer-1");
+    std::fs::write(&answer, "done\nsaved").unwrap();
     let said = error(&["serve", "tower", "--listen", "127.0.0.1:0", "--data", data.to_str().unwrap()], 1);
     has(&said, &["another server is running with the data folder", "choose another folder"]);
+    assert!(answer.exists(), "what the running server has answered is not forgotten");
     let file = folder.path().join("file");
     std::fs::write(&file, "").unwrap();
     let new = ["token", "--role", "node", "--new", "--data", file.to_str().unwrap()];
@@ -52,6 +55,30 @@ fn a_server_that_cannot_start_says_why() {
         error(&[&["token"], wrong].concat(), 2);
     }
     has(&error(&["token", "--role", "server"], 2), &["node, client, participant or builder"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_folder_that_cannot_be_looked_into_is_not_taken_for_an_empty_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("loop");
+    // As that of another user: whether something is in it cannot be said.
+    std::os::unix::fs::symlink(&data, &data).unwrap();
+    for args in [
+        &["end"][..],
+        &["token", "--role", "node"],
+        &["status"],
+        &["save", "x.dcd"],
+        &["restore", "x.dcd"],
+        &["backup", "copy"],
+        &["drain", "n1"],
+    ] {
+        let ended = Process::start(dcd(args).arg("--data").arg(&data)).end();
+        assert!(ended.code() != Some(0) && ended.errors.contains("cannot use"), "{args:?}: {ended:?}");
+        for wrong in ["keeps no world", "no server runs", "no server has used", "no server serves"] {
+            assert!(!ended.errors.contains(wrong), "{args:?}: {ended:?}");
+        }
+    }
 }
 
 #[test]

@@ -95,6 +95,11 @@ impl Played {
             let value: Option<f64> = value.and_then(|value| value.parse().ok());
             value.ok_or_else(|| Failure::run(format!("the C program did not say `{key}=`, but: {joined}")))
         };
+        if served["audited"] != true {
+            return Err(Failure::run(
+                "the nodes did not say at the end what they own, so nobody knows whether bodies are lost; run with -vv to see why",
+            ));
+        }
         let count = |key: &str| served[key].as_u64().unwrap_or_default();
         let slowest = |key: &str| {
             computed.iter().filter_map(|node| node["tick_ms"][key].as_f64()).max_by(f64::total_cmp)
@@ -180,7 +185,7 @@ mod tests {
             takeover: None,
             restart: None,
         };
-        let served = json!({"tick": 60, "bodies": 9, "regions": 2, "lost": 0, "doubled": 1, "bytes": 100, "seconds": 2.0});
+        let served = json!({"tick": 60, "bodies": 9, "regions": 2, "lost": 0, "doubled": 1, "audited": true, "bytes": 100, "seconds": 2.0});
         let node = |p50, transfers| {
             json!({"tick_ms": {"p50": p50, "p99": null}, "transfers": transfers,
             "replicas_mean": 1.5, "bytes_per_s": 10.0})
@@ -206,5 +211,9 @@ mod tests {
         assert_eq!(played.result, expected);
         assert!(told(&played).contains("doubled     1"));
         assert!(Played::new(cast(), "join: updates=7", &served, &nodes).is_err());
+        let unaudited = json!({"lost": 0, "doubled": 0, "audited": false});
+        let said =
+            Played::new(cast(), "join: updates=7 contacts=2 moved_m=3.5 bodies=10", &unaudited, &nodes);
+        assert!(said.is_err(), "nobody looked");
     }
 }

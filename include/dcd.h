@@ -497,6 +497,8 @@ typedef struct DcdParticipantDef {
     // A file to record to all that its share of the world is given, and a digest of each region after each tick, for `dcd replay`; or
     // null.
     const char *record_path;
+    // As in DcdServerDef, of the participant's node.
+    const char *metrics;
 } DcdParticipantDef;
 
 // A body. 0 is null. An id is never given again, so that of a destroyed body stays stale for ever, unless dcd_checkpoint_restore
@@ -561,6 +563,14 @@ typedef struct DcdServerDef {
     uint32_t state_every;
     // 0.
     uint32_t reserved;
+    // Where the server answers over HTTP with its metrics (/metrics, in Prometheus' text format) and whether it is well (/healthz, /readyz), as
+    // "127.0.0.1:9420"; port 0 takes any free one (dcd_metrics_address). Whoever reaches it may read that. Null: nowhere, and nothing is measured.
+    const char *metrics;
+    // Keeps the world in etcd instead of in the folder: "etcd://HOST:PORT[,HOST:PORT...]/NAME", in a library that is built with its feature etcd.
+    // Servers with the same one, scene and settings stand by for one another: dcd_server_create waits until none of the others serves. Null: in the folder.
+    const char *directory;
+    // A file to record to all that the server is given, for `dcd replay`; or null. One that holds something is refused: it may say what went wrong before.
+    const char *record_path;
 } DcdServerDef;
 
 // The definition of a node that joins a served world. Start from DCD_NODE_DEF_INIT and give at least server and token.
@@ -583,8 +593,12 @@ typedef struct DcdNodeDef {
     uint32_t threads;
     // 0.
     uint32_t reserved;
-    // A file to record to all that the node is given, and a digest of each region after each tick, for `dcd replay`; or null.
+    // A file to record to all that the node is given, and a digest of each region after each tick, for `dcd replay`; or null. As in DcdServerDef.
     const char *record_path;
+    // As in DcdServerDef, of the node.
+    const char *metrics;
+    // The address to give to other nodes and clients, where it is not the one listened on, as behind a NAT; or null.
+    const char *advertise;
 } DcdNodeDef;
 
 // A shape of one world. 0 is null.
@@ -2513,7 +2527,7 @@ DCD_API DcdStatus dcd_own_avatars(DcdWorld world, DcdBodyId *out, size_t cap, si
 // `def` and what it points to are read during the call.
 // Errors: DCD_ERR_NULL, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, an unknown scene, or a stored world that
 // is another one, DCD_ERR_IO for the scene's file and the folder, also while another server uses it, DCD_ERR_NETWORK when
-// the address cannot be listened on, DCD_ERR_LIMIT without threads.
+// an address cannot be listened on, DCD_ERR_LIMIT without threads.
 DCD_API
 DcdStatus dcd_server_create(const DcdServerDef *def,
                             DcdWorld *out);
@@ -2546,12 +2560,23 @@ DcdStatus dcd_token_create(DcdWorld world,
 // DCD_ERR_UNSUPPORTED for a world of another role.
 DCD_API DcdStatus dcd_address(DcdWorld world, char *buf, size_t cap, size_t *needed);
 
+// Writes the address at which a server, a node or a participant answers with its metrics, as "127.0.0.1:9420": into `buf` of `cap` bytes with a NUL;
+// `needed` receives the size with NUL. With `cap` 0 `buf` may be null, to ask for the size.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `needed` is written all the same and `buf` is not),
+// DCD_ERR_UNSUPPORTED for a world that was not told to (`metrics` of its definition).
+DCD_API
+DcdStatus dcd_metrics_address(DcdWorld world,
+                              char *buf,
+                              size_t cap,
+                              size_t *needed);
+
 // Joins as a node: this process computes a share of the world, on threads of the library, whether or not you call dcd_step,
 // which does what it does for a server. Returns once the server has let it in; the share comes when the server gives it one.
 //
 // The handle serves the calls that a server's does, but for tokens and dcd_disconnect; to see the world too, use dcd_participant_join.
 // dcd_world_destroy first hands the share to other nodes, which may take some seconds.
-// Errors: as dcd_participant_join, and DCD_ERR_ARGUMENT for a malformed `listen`.
+// Errors: as dcd_participant_join, and DCD_ERR_ARGUMENT for a malformed `listen` or `advertise`.
 DCD_API
 DcdStatus dcd_node_join(const DcdNodeDef *def,
                         DcdWorld *out);
@@ -2766,8 +2791,10 @@ DcdStatus dcd_body_set_target(DcdWorld world,
 
 // Wakes a body. Bodies wake by themselves when something that moves touches them.
 //
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED in a served world but for its server, which wakes movable bodies.
-DCD_API DcdStatus dcd_body_wake(DcdWorld world, DcdBodyId body);
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED in a served world but for its server and builders, which wake movable bodies.
+DCD_API
+DcdStatus dcd_body_wake(DcdWorld world,
+                        DcdBodyId body);
 
 // Puts a body to sleep: it stops, and costs nothing until something wakes it.
 //
@@ -2866,7 +2893,7 @@ DCD_API DcdStatus dcd_body_properties(DcdWorld world, DcdBodyId body, DcdBodyPro
 //
 // `properties` is read during the call.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, to fix a link of a
-// multibody, or to make a body dynamic that has no mass; DCD_ERR_UNSUPPORTED in a served world but for its server, which changes movable bodies and lets them be movable.
+// multibody, or to make a body dynamic that has no mass; DCD_ERR_UNSUPPORTED in a served world but for its server and builders, which change movable bodies and let them be movable.
 DCD_API
 DcdStatus dcd_body_set_properties(DcdWorld world,
                                   DcdBodyId body,
@@ -2886,7 +2913,7 @@ DcdStatus dcd_collider_properties(DcdWorld world,
 //
 // `properties` is read during the call.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a collider that is not there or a member out of
-// range, DCD_ERR_UNSUPPORTED in a served world but for its server, which changes movable bodies.
+// range, DCD_ERR_UNSUPPORTED in a served world but for its server and builders, which change movable bodies.
 DCD_API
 DcdStatus dcd_collider_set_properties(DcdWorld world,
                                       DcdBodyId body,
@@ -2928,7 +2955,7 @@ DcdStatus dcd_collider_set_shape(DcdWorld world,
 //
 // Of a contact that is there already, the end is told only if the beginning was.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a collider that is not there, unknown bits or a threshold below 0,
-// DCD_ERR_UNSUPPORTED in a served world but for its server, which changes movable bodies.
+// DCD_ERR_UNSUPPORTED in a served world but for its server and builders, which change movable bodies.
 DCD_API
 DcdStatus dcd_body_set_events(DcdWorld world,
                               DcdBodyId body,
@@ -2940,7 +2967,7 @@ DcdStatus dcd_body_set_events(DcdWorld world,
 // dcd_body_set_events.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a collider that is not there or a coefficient out of range,
-// DCD_ERR_UNSUPPORTED in a served world but for its server, which changes movable bodies.
+// DCD_ERR_UNSUPPORTED in a served world but for its server and builders, which change movable bodies.
 DCD_API
 DcdStatus dcd_body_set_material(DcdWorld world,
                                 DcdBodyId body,
@@ -2952,7 +2979,7 @@ DcdStatus dcd_body_set_material(DcdWorld world,
 // dcd_body_set_events.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a collider that is not there, DCD_ERR_UNSUPPORTED in a served
-// world but for its server, which changes movable bodies.
+// world but for its server and builders, which change movable bodies.
 DCD_API
 DcdStatus dcd_body_set_groups(DcdWorld world,
                               DcdBodyId body,
@@ -3040,7 +3067,7 @@ DcdStatus dcd_shape_part(DcdWorld world,
                          DcdFrame *frame);
 
 // Creates a joint between two bodies of a local world, or of a server's own: those that it made since its last dcd_step, or one of
-// them and a fixed one. Clients and nodes have no joints (DCD_ERR_UNSUPPORTED); a server may drive and destroy any. What
+// them and a fixed one. Clients that may not build, and nodes, have no joints (DCD_ERR_UNSUPPORTED); a server and builders may drive and destroy any. What
 // joints tie together is owned and moved whole by one region, so keep it small against a region.
 //
 // `def` is read during the call. The joint is gone when either body is destroyed.
@@ -3219,8 +3246,8 @@ DCD_API DcdStatus dcd_gravity_set(DcdWorld world, const float *gravity);
 //
 // The arrays are the library's: do not write or free them. They keep their content until the step after next begins; then
 // they are overwritten, and the memory stays readable until the world is destroyed. So another thread may read them while
-// this one makes one step. The first call makes every later dcd_step fill the arrays, some 30 ns a body.
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED for a server or a node.
+// this one makes one step. To go back (dcd_checkpoint_restore, dcd_snapshot_load) counts as a step; before the first step every call overwrites them. The first call makes every later dcd_step fill the arrays, some 30 ns a body.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED for a node.
 DCD_API
 DcdStatus dcd_state_view(DcdWorld world,
                          DcdStateView *out);
@@ -3653,10 +3680,14 @@ DcdStatus dcd_query_poll_overlaps(DcdWorld world,
 DCD_API DcdStatus dcd_query_cancel(DcdWorld world, DcdQueryId query);
 
 // Lists the regions into `out`, which has `cap` entries, and their number into `count`. With `cap` 0 `out` may be null, to
-// ask for the number. A server and a node list none: dcd_world_info has their number. In a served world boxes never change.
+// ask for the number. A server and a node list none: dcd_world_info has their number. In a served world that follows its load they change as it runs: ask again now and then.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not).
-DCD_API DcdStatus dcd_regions(DcdWorld world, DcdRegionInfo *out, size_t cap, size_t *count);
+DCD_API
+DcdStatus dcd_regions(DcdWorld world,
+                      DcdRegionInfo *out,
+                      size_t cap,
+                      size_t *count);
 
 // Lists the borders into `out`, which has `cap` entries, and their number into `count`, in order of (a, b): of each two
 // regions that have a face in common or hold the same body. With `cap` 0 `out` may be null, to ask for the number.
@@ -3775,7 +3806,7 @@ DCD_API DcdStatus dcd_fidelity_report(DcdWorld world, DcdFidelityReport *out);
 // Begins to record a local world to a file: a snapshot of it as it is now, what is done to it from now on, and a digest of each region
 // after each step. `dcd replay FILE` computes it again from that, bit for bit, `dcd diff` finds where two recordings differ. A thread
 // of the library writes the file; what a crash loses is the last tenth of a second. A recording that was going on ends. Nodes and
-// participants are recorded from their beginning: `record_path` of DcdNodeDef and DcdParticipantDef.
+// participants are recorded from their beginning, and servers too: `record_path` of DcdServerDef, DcdNodeDef and DcdParticipantDef.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_IO, DCD_ERR_UNSUPPORTED in a served world.
 DCD_API
@@ -3928,7 +3959,7 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
 #define DCD_CLIENT_DEF_INIT \
     { (uint32_t)sizeof(DcdClientDef), 10000, NULL, NULL, NULL, 0, { 0.0, 0.0, 0.0 }, 0.0 }
 #define DCD_PARTICIPANT_DEF_INIT \
-    { (uint32_t)sizeof(DcdParticipantDef), 10000, NULL, NULL, NULL, 0, 0, 0, { 0.0, 0.0, 0.0 }, 0.0, NULL }
+    { (uint32_t)sizeof(DcdParticipantDef), 10000, NULL, NULL, NULL, 0, 0, 0, { 0.0, 0.0, 0.0 }, 0.0, NULL, NULL }
 
 /* All nodes in one group and in step; a server in real time that waits for one node, on a free port of this machine, and tells states
  * of every third step. */
@@ -3936,9 +3967,9 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
     { (uint32_t)sizeof(DcdGroupDef), 0, 0.0f, 0.0f, 0.1f, 32 }
 #define DCD_SERVER_DEF_INIT \
     { (uint32_t)sizeof(DcdServerDef), 1, NULL, NULL, 0, NULL, { 0 }, NULL, "127.0.0.1:0", NULL, 0, \
-      20.0f, 0, 0, 3, 0 }
+      20.0f, 0, 0, 3, 0, NULL, NULL, NULL }
 #define DCD_NODE_DEF_INIT \
-    { (uint32_t)sizeof(DcdNodeDef), 10000, NULL, NULL, NULL, NULL, 0, 0, 0, NULL }
+    { (uint32_t)sizeof(DcdNodeDef), 10000, NULL, NULL, NULL, NULL, 0, 0, 0, NULL, NULL, NULL }
 
 /* Structs that are written by the library. */
 #define DCD_WORLD_INFO_INIT \
@@ -4056,7 +4087,7 @@ DCD_ASSERT_(offsetof(DcdClientDef, identity_path) == 24);
 DCD_ASSERT_(offsetof(DcdClientDef, user_data) == 32);
 DCD_ASSERT_(offsetof(DcdClientDef, interest_centre) == 40);
 DCD_ASSERT_(offsetof(DcdClientDef, interest_radius) == 64);
-DCD_ASSERT_(sizeof(DcdParticipantDef) == 88);
+DCD_ASSERT_(sizeof(DcdParticipantDef) == 96);
 DCD_ASSERT_(offsetof(DcdParticipantDef, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdParticipantDef, timeout_ms) == 4);
 DCD_ASSERT_(offsetof(DcdParticipantDef, server) == 8);
@@ -4068,6 +4099,7 @@ DCD_ASSERT_(offsetof(DcdParticipantDef, reserved) == 44);
 DCD_ASSERT_(offsetof(DcdParticipantDef, interest_centre) == 48);
 DCD_ASSERT_(offsetof(DcdParticipantDef, interest_radius) == 72);
 DCD_ASSERT_(offsetof(DcdParticipantDef, record_path) == 80);
+DCD_ASSERT_(offsetof(DcdParticipantDef, metrics) == 88);
 DCD_ASSERT_(sizeof(DcdGroupDef) == 24);
 DCD_ASSERT_(offsetof(DcdGroupDef, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdGroupDef, lag_ticks) == 4);
@@ -4075,7 +4107,7 @@ DCD_ASSERT_(offsetof(DcdGroupDef, near_ms) == 8);
 DCD_ASSERT_(offsetof(DcdGroupDef, far_ms) == 12);
 DCD_ASSERT_(offsetof(DcdGroupDef, agree) == 16);
 DCD_ASSERT_(offsetof(DcdGroupDef, size) == 20);
-DCD_ASSERT_(sizeof(DcdServerDef) == 104);
+DCD_ASSERT_(sizeof(DcdServerDef) == 128);
 DCD_ASSERT_(offsetof(DcdServerDef, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdServerDef, nodes) == 4);
 DCD_ASSERT_(offsetof(DcdServerDef, scene) == 8);
@@ -4092,7 +4124,10 @@ DCD_ASSERT_(offsetof(DcdServerDef, flags) == 84);
 DCD_ASSERT_(offsetof(DcdServerDef, user_data) == 88);
 DCD_ASSERT_(offsetof(DcdServerDef, state_every) == 96);
 DCD_ASSERT_(offsetof(DcdServerDef, reserved) == 100);
-DCD_ASSERT_(sizeof(DcdNodeDef) == 64);
+DCD_ASSERT_(offsetof(DcdServerDef, metrics) == 104);
+DCD_ASSERT_(offsetof(DcdServerDef, directory) == 112);
+DCD_ASSERT_(offsetof(DcdServerDef, record_path) == 120);
+DCD_ASSERT_(sizeof(DcdNodeDef) == 80);
 DCD_ASSERT_(offsetof(DcdNodeDef, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdNodeDef, timeout_ms) == 4);
 DCD_ASSERT_(offsetof(DcdNodeDef, server) == 8);
@@ -4103,6 +4138,8 @@ DCD_ASSERT_(offsetof(DcdNodeDef, user_data) == 40);
 DCD_ASSERT_(offsetof(DcdNodeDef, threads) == 48);
 DCD_ASSERT_(offsetof(DcdNodeDef, reserved) == 52);
 DCD_ASSERT_(offsetof(DcdNodeDef, record_path) == 56);
+DCD_ASSERT_(offsetof(DcdNodeDef, metrics) == 64);
+DCD_ASSERT_(offsetof(DcdNodeDef, advertise) == 72);
 DCD_ASSERT_(sizeof(DcdBodyDef) == 232);
 DCD_ASSERT_(offsetof(DcdBodyDef, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdBodyDef, body_type) == 4);

@@ -351,11 +351,13 @@ public:
     DcdWorld handle() const noexcept { return world_; }
     /* Gives the handle away; the world lives on. */
     DcdWorld release() noexcept { return std::exchange(world_, DcdWorld{ 0 }); }
-    /* Destroys the world now. To hear whether that went well, call dcd_world_destroy(world.release()). */
+    /* Destroys the world now. To hear whether that went well, call dcd_world_destroy(world.release()). In a function that the library
+     * calls (of a query, a hook, the log) nothing can be destroyed: the handle is kept then, to be reset later; a destructor that runs
+     * there leaves the world behind. */
     void reset() noexcept
     {
-        if (world_.v != 0) {
-            dcd_world_destroy(release());
+        if (world_.v != 0 && dcd_world_destroy(world_) != DCD_ERR_BUSY) {
+            world_ = DcdWorld{ 0 };
         }
     }
 
@@ -394,6 +396,10 @@ public:
     Result<std::string> address() const
     {
         return text([&](char *out, std::size_t cap, std::size_t *needed) { return dcd_address(world_, out, cap, needed); });
+    }
+    Result<std::string> metrics_address() const
+    {
+        return text([&](char *out, std::size_t cap, std::size_t *needed) { return dcd_metrics_address(world_, out, cap, needed); });
     }
     Result<std::string> token_create(DcdRole role, std::uint32_t valid_seconds)
     {
@@ -1113,11 +1119,11 @@ public:
     operator Id() const noexcept { return id_; }
     /* Gives the id away; what it names lives on. */
     Id release() noexcept { return std::exchange(id_, Id{ 0 }); }
-    /* Destroys it now. */
+    /* Destroys it now, or, in a function that the library calls, not yet: as World::reset. */
     void reset() noexcept
     {
-        if (id_.v != 0) {
-            destroy(world_, release());
+        if (id_.v != 0 && destroy(world_, id_) != DCD_ERR_BUSY) {
+            id_ = Id{ 0 };
         }
     }
 
@@ -1125,9 +1131,9 @@ private:
     DcdWorld world_{ 0 };
     Id id_{ 0 };
 
-    static void destroy(DcdWorld world, BodyId id) noexcept { dcd_body_destroy(world, id); }
-    static void destroy(DcdWorld world, ShapeId id) noexcept { dcd_shape_destroy(world, id); }
-    static void destroy(DcdWorld world, JointId id) noexcept { dcd_joint_destroy(world, id); }
+    static DcdStatus destroy(DcdWorld world, BodyId id) noexcept { return dcd_body_destroy(world, id); }
+    static DcdStatus destroy(DcdWorld world, ShapeId id) noexcept { return dcd_shape_destroy(world, id); }
+    static DcdStatus destroy(DcdWorld world, JointId id) noexcept { return dcd_joint_destroy(world, id); }
 };
 
 inline Status version_check()

@@ -309,6 +309,7 @@ fn destroy(world: DcdWorld, bodies: &[DcdBodyId]) -> Result<(), Failure> {
         if let Some(twice) = ids.windows(2).find(|pair| pair[0] == pair[1]) {
             return Err(stale("body", world.mark.body(twice[0]).v));
         }
+        ids.iter().try_for_each(|&id| world.dcd.can_remove(id))?;
         for id in ids {
             world.events.departs(id, world.dcd.user_data(id).unwrap_or(0) as u64);
             world.dcd.remove(id)?;

@@ -298,7 +298,7 @@ pub unsafe extern "C" fn dcd_collider_properties(
 ///
 /// `properties` is read during the call.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a collider that is not there or a member out of
-/// range, DCD_ERR_UNSUPPORTED in a served world but for its server, which changes movable bodies.
+/// range, DCD_ERR_UNSUPPORTED in a served world but for its server and builders, which change movable bodies.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_collider_set_properties(
     world: DcdWorld,
@@ -411,7 +411,7 @@ pub extern "C" fn dcd_collider_set_shape(
 ///
 /// Of a contact that is there already, the end is told only if the beginning was.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a collider that is not there, unknown bits or a threshold below 0,
-/// DCD_ERR_UNSUPPORTED in a served world but for its server, which changes movable bodies.
+/// DCD_ERR_UNSUPPORTED in a served world but for its server and builders, which change movable bodies.
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_body_set_events(
     world: DcdWorld,
@@ -434,7 +434,7 @@ pub extern "C" fn dcd_body_set_events(
 /// dcd_body_set_events.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a collider that is not there or a coefficient out of range,
-/// DCD_ERR_UNSUPPORTED in a served world but for its server, which changes movable bodies.
+/// DCD_ERR_UNSUPPORTED in a served world but for its server and builders, which change movable bodies.
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_body_set_material(
     world: DcdWorld,
@@ -457,7 +457,7 @@ pub extern "C" fn dcd_body_set_material(
 /// dcd_body_set_events.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a collider that is not there, DCD_ERR_UNSUPPORTED in a served
-/// world but for its server, which changes movable bodies.
+/// world but for its server and builders, which change movable bodies.
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_body_set_groups(
     world: DcdWorld,

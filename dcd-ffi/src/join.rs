@@ -69,6 +69,8 @@ pub struct DcdParticipantDef {
     /// A file to record to all that its share of the world is given, and a digest of each region after each tick, for `dcd replay`; or
     /// null.
     pub record_path: *const c_char,
+    /// As in DcdServerDef, of the participant's node.
+    pub metrics: *const c_char,
 }
 
 // SAFETY: begins with `struct_size`; every other member is a number or a raw pointer.
@@ -136,7 +138,7 @@ pub unsafe extern "C" fn dcd_participant_join(
             pointer::check_reserved(def.reserved)?;
             let entry = Entry::read(def.server, def.token, def.identity_path, def.timeout_ms, def.user_data)?;
             let entry = entry.near(&def.interest_centre, def.interest_radius)?;
-            let entry = entry.recorded(def.record_path)?;
+            let entry = entry.recorded(def.record_path)?.measured(def.metrics)?;
             (entry, def.threads, Out::new(out, "out")?)
         };
         let threads = world::asked_threads(threads)?;
@@ -175,6 +177,7 @@ pub(crate) struct Entry {
     user_data: u64,
     interest: Option<Area>,
     record: Option<PathBuf>,
+    metrics: Option<SocketAddr>,
 }
 
 impl Entry {
@@ -201,6 +204,7 @@ impl Entry {
                 user_data,
                 interest: None,
                 record: None,
+                metrics: None,
             })
         }
     }
@@ -211,8 +215,17 @@ impl Entry {
     /// The text is null or NUL-terminated.
     pub(crate) unsafe fn recorded(self, path: *const c_char) -> Result<Self, Failure> {
         // SAFETY: passed on.
-        let path = if path.is_null() { None } else { Some(unsafe { pointer::text(path, "record_path")? }) };
+        let path = unsafe { pointer::optional(path, "record_path")? };
         Ok(Self { record: path.map(PathBuf::from), ..self })
+    }
+
+    /// Answers with metrics at this address, unless it is null.
+    ///
+    /// # Safety
+    /// The text is null or NUL-terminated.
+    pub(crate) unsafe fn measured(self, metrics: *const c_char) -> Result<Self, Failure> {
+        // SAFETY: passed on.
+        Ok(Self { metrics: unsafe { pointer::optional_address(metrics, "metrics")? }, ..self })
     }
 
     /// Joins with an area of interest, unless the radius is 0.
@@ -270,6 +283,7 @@ impl Entry {
                 threads,
                 interest: self.interest,
                 record: self.record.clone(),
+                metrics: self.metrics,
                 ..JoinConfig::new(server, self.token.clone())
             };
             match join(&config).map_err(Failure::from) {

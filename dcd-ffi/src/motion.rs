@@ -209,7 +209,7 @@ pub unsafe extern "C" fn dcd_body_set_target(
 
 /// Wakes a body. Bodies wake by themselves when something that moves touches them.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED in a served world but for its server, which wakes movable bodies.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED in a served world but for its server and builders, which wake movable bodies.
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_body_wake(world: DcdWorld, body: DcdBodyId) -> DcdStatus {
     guard("dcd_body_wake", || {

@@ -1,6 +1,7 @@
 //! Checks pointers and numbers from C before anything is done with them.
 
 use std::ffi::{CStr, c_char};
+use std::net::SocketAddr;
 
 use crate::limits::{DCD_MAX_COORDINATE, DCD_MAX_ITEMS, DCD_MAX_NUMBER};
 use crate::status::{DCD_ERR_NULL, DCD_ERR_STRUCT, Failure};
@@ -86,6 +87,34 @@ pub(crate) unsafe fn text<'a>(pointer: *const c_char, name: &str) -> Result<&'a 
     // SAFETY: not null; the caller vouches for the NUL.
     let bytes = unsafe { CStr::from_ptr(pointer) };
     bytes.to_str().map_err(|_| Failure::argument(format!("{name} is not UTF-8; convert it first")))
+}
+
+/// A text that need not be there.
+///
+/// # Safety
+/// As for [`text`].
+pub(crate) unsafe fn optional<'a>(pointer: *const c_char, name: &str) -> Result<Option<&'a str>, Failure> {
+    // SAFETY: passed on.
+    if pointer.is_null() { Ok(None) } else { unsafe { text(pointer, name).map(Some) } }
+}
+
+/// Reads where to listen.
+pub(crate) fn address(text: &str, name: &str) -> Result<SocketAddr, Failure> {
+    text.parse().map_err(|_| {
+        Failure::argument(format!("{name} is \"{text}\"; give an address and a port, as \"0.0.0.0:7420\""))
+    })
+}
+
+/// Reads where to listen, if anywhere.
+///
+/// # Safety
+/// As for [`text`].
+pub(crate) unsafe fn optional_address(
+    pointer: *const c_char,
+    name: &str,
+) -> Result<Option<SocketAddr>, Failure> {
+    // SAFETY: passed on.
+    unsafe { optional(pointer, name)? }.map(|text| address(text, name)).transpose()
 }
 
 /// The caller's memory for a list whose length only the call will know.

@@ -308,7 +308,7 @@ pub unsafe extern "C" fn dcd_body_properties(
 ///
 /// `properties` is read during the call.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, to fix a link of a
-/// multibody, or to make a body dynamic that has no mass; DCD_ERR_UNSUPPORTED in a served world but for its server, which changes movable bodies and lets them be movable.
+/// multibody, or to make a body dynamic that has no mass; DCD_ERR_UNSUPPORTED in a served world but for its server and builders, which change movable bodies and let them be movable.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_body_set_properties(
     world: DcdWorld,

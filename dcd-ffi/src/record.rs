@@ -12,7 +12,7 @@ use crate::status::{DCD_ERR_IO, DcdStatus, Failure};
 /// Begins to record a local world to a file: a snapshot of it as it is now, what is done to it from now on, and a digest of each region
 /// after each step. `dcd replay FILE` computes it again from that, bit for bit, `dcd diff` finds where two recordings differ. A thread
 /// of the library writes the file; what a crash loses is the last tenth of a second. A recording that was going on ends. Nodes and
-/// participants are recorded from their beginning: `record_path` of DcdNodeDef and DcdParticipantDef.
+/// participants are recorded from their beginning, and servers too: `record_path` of DcdServerDef, DcdNodeDef and DcdParticipantDef.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_IO, DCD_ERR_UNSUPPORTED in a served world.
 #[unsafe(no_mangle)]

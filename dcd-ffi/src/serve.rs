@@ -1,7 +1,7 @@
 //! Creates servers, which hold a world for other processes, mints join tokens, and joins worlds as a node.
 
 use std::ffi::c_char;
-use std::net::SocketAddr;
+use std::path::PathBuf;
 use std::time::Duration;
 
 use dcd::cluster::Grouping;
@@ -16,7 +16,7 @@ use crate::join::Entry;
 use crate::pointer::{self, Out, Room, Sized32};
 use crate::registry::{self, with};
 use crate::role::{DCD_ROLE_BUILDER, DCD_ROLE_CLIENT, DCD_ROLE_NODE, DCD_ROLE_PARTICIPANT, DcdRole};
-use crate::status::{DCD_ERR_NULL, DcdStatus, Failure};
+use crate::status::{DCD_ERR_NULL, DCD_ERR_UNSUPPORTED, DcdStatus, Failure};
 use crate::world::{self, DcdWorldDef, Opened};
 
 /// In DcdServerDef.flags: begin anew, and forget a world that the data folder holds.
@@ -82,6 +82,14 @@ pub struct DcdServerDef {
     pub state_every: u32,
     /// 0.
     pub reserved: u32,
+    /// Where the server answers over HTTP with its metrics (/metrics, in Prometheus' text format) and whether it is well (/healthz, /readyz), as
+    /// "127.0.0.1:9420"; port 0 takes any free one (dcd_metrics_address). Whoever reaches it may read that. Null: nowhere, and nothing is measured.
+    pub metrics: *const c_char,
+    /// Keeps the world in etcd instead of in the folder: "etcd://HOST:PORT[,HOST:PORT...]/NAME", in a library that is built with its feature etcd.
+    /// Servers with the same one, scene and settings stand by for one another: dcd_server_create waits until none of the others serves. Null: in the folder.
+    pub directory: *const c_char,
+    /// A file to record to all that the server is given, for `dcd replay`; or null. One that holds something is refused: it may say what went wrong before.
+    pub record_path: *const c_char,
 }
 
 /// The definition of a node that joins a served world. Start from DCD_NODE_DEF_INIT and give at least server and token.
@@ -106,8 +114,12 @@ pub struct DcdNodeDef {
     pub threads: u32,
     /// 0.
     pub reserved: u32,
-    /// A file to record to all that the node is given, and a digest of each region after each tick, for `dcd replay`; or null.
+    /// A file to record to all that the node is given, and a digest of each region after each tick, for `dcd replay`; or null. As in DcdServerDef.
     pub record_path: *const c_char,
+    /// As in DcdServerDef, of the node.
+    pub metrics: *const c_char,
+    /// The address to give to other nodes and clients, where it is not the one listened on, as behind a NAT; or null.
+    pub advertise: *const c_char,
 }
 
 // SAFETY: begins with `struct_size`; every other member is a number.
@@ -139,12 +151,12 @@ unsafe impl Sized32 for DcdNodeDef {
 /// `def` and what it points to are read during the call.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, an unknown scene, or a stored world that
 /// is another one, DCD_ERR_IO for the scene's file and the folder, also while another server uses it, DCD_ERR_NETWORK when
-/// the address cannot be listened on, DCD_ERR_LIMIT without threads.
+/// an address cannot be listened on, DCD_ERR_LIMIT without threads.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_server_create(def: *const DcdServerDef, out: *mut DcdWorld) -> DcdStatus {
     guard("dcd_server_create", || {
         // SAFETY: the caller vouches for all pointers and texts.
-        let (def, out, opened, groups, listen, data) = unsafe {
+        let (def, out, opened, groups, listen, data, metrics, directory, record) = unsafe {
             let def = pointer::read_sized(def, "def")?;
             let opened = if def.source.v == 0 {
                 if def.scene.is_null() {
@@ -165,9 +177,12 @@ pub unsafe extern "C" fn dcd_server_create(def: *const DcdServerDef, out: *mut D
             } else {
                 groups(&pointer::read_sized(def.groups, "def->groups")?)?
             };
-            let listen = address(pointer::text(def.listen, "listen")?, "listen")?;
+            let listen = pointer::address(pointer::text(def.listen, "listen")?, "listen")?;
             let data = pointer::text(def.data_path, "data_path")?;
-            (def, Out::new(out, "out")?, opened, groups, listen, data)
+            let metrics = pointer::optional_address(def.metrics, "metrics")?;
+            let directory = pointer::optional(def.directory, "directory")?.map(str::to_owned);
+            let record = pointer::optional(def.record_path, "record_path")?.map(PathBuf::from);
+            (def, Out::new(out, "out")?, opened, groups, listen, data, metrics, directory, record)
         };
         if !(1..=1024).contains(&def.nodes) {
             return Err(Failure::argument(format!("nodes is {}; give 1 to 1024", def.nodes)));
@@ -199,6 +214,9 @@ pub unsafe extern "C" fn dcd_server_create(def: *const DcdServerDef, out: *mut D
             avatar_speed_limit: def.avatar_speed,
             state_every: def.state_every,
             groups,
+            metrics,
+            directory,
+            record,
             ..ServeConfig::new("")
         };
         let server = match opened {
@@ -281,29 +299,52 @@ pub unsafe extern "C" fn dcd_address(
     })
 }
 
+/// Writes the address at which a server, a node or a participant answers with its metrics, as "127.0.0.1:9420": into `buf` of `cap` bytes with a NUL;
+/// `needed` receives the size with NUL. With `cap` 0 `buf` may be null, to ask for the size.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `needed` is written all the same and `buf` is not),
+/// DCD_ERR_UNSUPPORTED for a world that was not told to (`metrics` of its definition).
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_metrics_address(
+    world: DcdWorld,
+    buf: *mut c_char,
+    cap: usize,
+    needed: *mut usize,
+) -> DcdStatus {
+    guard("dcd_metrics_address", || {
+        // SAFETY: the caller vouches for `cap` bytes and for `needed`.
+        let room = unsafe { Room::new(buf, cap, needed, ["buf", "needed"])? };
+        with(world, |world| {
+            let message = "this world answers nowhere with metrics; give `metrics` in the definition of the server, node or participant";
+            let found = world.dcd.metrics_address();
+            fill_text(room, &found.ok_or_else(|| Failure::new(DCD_ERR_UNSUPPORTED, message))?.to_string())
+        })
+    })
+}
+
 /// Joins as a node: this process computes a share of the world, on threads of the library, whether or not you call dcd_step,
 /// which does what it does for a server. Returns once the server has let it in; the share comes when the server gives it one.
 ///
 /// The handle serves the calls that a server's does, but for tokens and dcd_disconnect; to see the world too, use dcd_participant_join.
 /// dcd_world_destroy first hands the share to other nodes, which may take some seconds.
-/// Errors: as dcd_participant_join, and DCD_ERR_ARGUMENT for a malformed `listen`.
+/// Errors: as dcd_participant_join, and DCD_ERR_ARGUMENT for a malformed `listen` or `advertise`.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_node_join(def: *const DcdNodeDef, out: *mut DcdWorld) -> DcdStatus {
     guard("dcd_node_join", || {
         // SAFETY: the caller vouches for both pointers and for the texts.
-        let (entry, listen, threads, out) = unsafe {
+        let (entry, (listen, advertise), threads, out) = unsafe {
             let def = pointer::read_sized(def, "def")?;
             pointer::check_reserved(def.reserved)?;
             let entry = Entry::read(def.server, def.token, def.identity_path, def.timeout_ms, def.user_data)?;
-            let listen = match def.listen.is_null() {
-                true => None,
-                false => Some(address(pointer::text(def.listen, "listen")?, "listen")?),
-            };
-            let entry = entry.recorded(def.record_path)?;
-            (entry, listen, def.threads, Out::new(out, "out")?)
+            let listen = pointer::optional_address(def.listen, "listen")?;
+            let advertise = pointer::optional_address(def.advertise, "advertise")?;
+            let entry = entry.recorded(def.record_path)?.measured(def.metrics)?;
+            (entry, (listen, advertise), def.threads, Out::new(out, "out")?)
         };
         let threads = world::asked_threads(threads)?;
-        entry.enter(threads, out, |config| Dcd::join_as_node(&JoinConfig { listen, ..config.clone() }))
+        entry.enter(threads, out, |config| {
+            Dcd::join_as_node(&JoinConfig { listen, advertise, ..config.clone() })
+        })
     })
 }
 
@@ -313,12 +354,6 @@ const TOKEN_ROOM: usize = 512;
 fn fill_text(room: Room<c_char>, text: &str) -> Result<(), Failure> {
     let bytes: Vec<_> = text.bytes().chain([0]).map(|byte| byte as c_char).collect();
     room.fill(bytes.into_iter())
-}
-
-fn address(text: &str, name: &str) -> Result<SocketAddr, Failure> {
-    text.parse().map_err(|_| {
-        Failure::argument(format!("{name} is \"{text}\"; give an address and a port, as \"0.0.0.0:7420\""))
-    })
 }
 
 fn groups(def: &DcdGroupDef) -> Result<GroupConfig, Failure> {

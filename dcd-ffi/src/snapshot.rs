@@ -4,6 +4,7 @@ use std::ffi::{c_char, c_void};
 use std::io::Read;
 use std::path::Path;
 
+use dcd::Role;
 use dcd::runtime::{LocalWorld, SnapshotError};
 
 use crate::guard::guard;
@@ -107,7 +108,11 @@ fn load<R: Read>(world: DcdWorld, open: impl FnOnce() -> Result<R, SnapshotError
     with(world, |world| {
         world.dcd.can_be_saved()?;
         world.dcd.reload(open()?)?;
-        world.show();
+        match world.dcd.role() {
+            Role::Local => world.show(),
+            // What a server heard with its last step it has told.
+            _ => world.show_states(),
+        }
         Ok(())
     })
 }

@@ -181,7 +181,6 @@ impl From<ProcessError> for Failure {
             )
             | ProcessError::Directory(_)
             | ProcessError::Record { .. }
-            | ProcessError::Metrics { .. }
             | ProcessError::Backup { .. }
             | ProcessError::Restore(_) => DCD_ERR_IO,
             ProcessError::Fault => DCD_ERR_PANIC,
@@ -197,6 +196,7 @@ impl From<ProcessError> for Failure {
             | ProcessError::Shape(_)
             | ProcessError::Host(_) => DCD_ERR_ARGUMENT,
             ProcessError::Net(_)
+            | ProcessError::Metrics { .. }
             | ProcessError::Device(_)
             | ProcessError::ServerGone { .. }
             | ProcessError::GivenUp { .. }

@@ -84,7 +84,7 @@ pub struct DcdBorderInfo {
 }
 
 /// Lists the regions into `out`, which has `cap` entries, and their number into `count`. With `cap` 0 `out` may be null, to
-/// ask for the number. A server and a node list none: dcd_world_info has their number. In a served world boxes never change.
+/// ask for the number. A server and a node list none: dcd_world_info has their number. In a served world that follows its load they change as it runs: ask again now and then.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not).
 #[unsafe(no_mangle)]

@@ -75,15 +75,16 @@ fn layouts() -> Vec<Layout> {
         }
         DcdParticipantDef {
             struct_size, timeout_ms, server, token, identity_path, user_data, threads, reserved, interest_centre,
-            interest_radius, record_path
+            interest_radius, record_path, metrics
         }
         DcdGroupDef { struct_size, lag_ticks, near_ms, far_ms, agree, size }
         DcdServerDef {
             struct_size, nodes, scene, params, param_count, world, source, groups, listen, data_path, last_tick, avatar_speed,
-            flags, user_data, state_every, reserved
+            flags, user_data, state_every, reserved, metrics, directory, record_path
         }
         DcdNodeDef {
-            struct_size, timeout_ms, server, token, identity_path, listen, user_data, threads, reserved, record_path
+            struct_size, timeout_ms, server, token, identity_path, listen, user_data, threads, reserved, record_path, metrics,
+            advertise
         }
         DcdBodyDef {
             struct_size, body_type, pose, velocity, shape, density, mass, friction, restitution, friction_rule,
@@ -282,7 +283,7 @@ const MACROS: &str = "
 #define DCD_CLIENT_DEF_INIT \\
     { (uint32_t)sizeof(DcdClientDef), 10000, NULL, NULL, NULL, 0, { 0.0, 0.0, 0.0 }, 0.0 }
 #define DCD_PARTICIPANT_DEF_INIT \\
-    { (uint32_t)sizeof(DcdParticipantDef), 10000, NULL, NULL, NULL, 0, 0, 0, { 0.0, 0.0, 0.0 }, 0.0, NULL }
+    { (uint32_t)sizeof(DcdParticipantDef), 10000, NULL, NULL, NULL, 0, 0, 0, { 0.0, 0.0, 0.0 }, 0.0, NULL, NULL }
 
 /* All nodes in one group and in step; a server in real time that waits for one node, on a free port of this machine, and tells states
  * of every third step. */
@@ -290,9 +291,9 @@ const MACROS: &str = "
     { (uint32_t)sizeof(DcdGroupDef), 0, 0.0f, 0.0f, 0.1f, 32 }
 #define DCD_SERVER_DEF_INIT \\
     { (uint32_t)sizeof(DcdServerDef), 1, NULL, NULL, 0, NULL, { 0 }, NULL, \"127.0.0.1:0\", NULL, 0, \\
-      20.0f, 0, 0, 3, 0 }
+      20.0f, 0, 0, 3, 0, NULL, NULL, NULL }
 #define DCD_NODE_DEF_INIT \\
-    { (uint32_t)sizeof(DcdNodeDef), 10000, NULL, NULL, NULL, NULL, 0, 0, 0, NULL }
+    { (uint32_t)sizeof(DcdNodeDef), 10000, NULL, NULL, NULL, NULL, 0, 0, 0, NULL, NULL, NULL }
 
 /* Structs that are written by the library. */
 #define DCD_WORLD_INFO_INIT \\

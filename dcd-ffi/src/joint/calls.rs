@@ -14,7 +14,7 @@ use crate::status::{DcdStatus, Failure};
 use crate::types::DcdFrame;
 
 /// Creates a joint between two bodies of a local world, or of a server's own: those that it made since its last dcd_step, or one of
-/// them and a fixed one. Clients and nodes have no joints (DCD_ERR_UNSUPPORTED); a server may drive and destroy any. What
+/// them and a fixed one. Clients that may not build, and nodes, have no joints (DCD_ERR_UNSUPPORTED); a server and builders may drive and destroy any. What
 /// joints tie together is owned and moved whole by one region, so keep it small against a region.
 ///
 /// `def` is read during the call. The joint is gone when either body is destroyed.

@@ -42,6 +42,11 @@ impl World {
     /// Takes down state and events of the last step for those who look.
     pub(crate) fn show(&mut self) {
         self.events.fill(&self.dcd, self.mark);
+        self.show_states();
+    }
+
+    /// Takes down the state alone.
+    pub(crate) fn show_states(&mut self) {
         self.states.after_step(&self.dcd, self.mark);
     }
 }
@@ -76,16 +81,22 @@ pub(crate) fn ask<R>(world: DcdWorld, work: impl FnOnce(&World) -> Result<R, Fai
 fn in_cell<R>(world: DcdWorld, work: impl FnOnce(&Cell) -> Option<Result<R, Failure>>) -> Result<R, Failure> {
     check_outside()?;
     not_null(world.v, "world")?;
-    LAST.with(|last| {
+    let mut work = Some(work);
+    let done = LAST.try_with(|last| -> Result<_, Failure> {
         if last.borrow().as_ref().is_none_or(|(handle, _)| *handle != world.v) {
             let found = cell(world)?;
             last.replace(Some((world.v, found)));
         }
         // No call is made within another on this thread, so nobody replaces it meanwhile.
         let last = last.borrow();
-        let done = last.as_ref().and_then(|(_, cell)| work(cell));
-        done.unwrap_or_else(|| Err(stale("world", world.v)))
-    })
+        Ok(last.as_ref().zip(work.take()).and_then(|((_, cell), work)| work(cell)))
+    });
+    let done = match done {
+        Ok(done) => done?,
+        // The thread ends: this is an exit handler, or the destructor of a static or thread-local object.
+        Err(_) => work.take().zip(Some(cell(world)?)).and_then(|(work, cell)| work(&cell)),
+    };
+    done.unwrap_or_else(|| Err(stale("world", world.v)))
 }
 
 thread_local! {

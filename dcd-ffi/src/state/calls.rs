@@ -22,8 +22,8 @@ use crate::types::{DcdPose, DcdVelocity};
 ///
 /// The arrays are the library's: do not write or free them. They keep their content until the step after next begins; then
 /// they are overwritten, and the memory stays readable until the world is destroyed. So another thread may read them while
-/// this one makes one step. The first call makes every later dcd_step fill the arrays, some 30 ns a body.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED for a server or a node.
+/// this one makes one step. To go back (dcd_checkpoint_restore, dcd_snapshot_load) counts as a step; before the first step every call overwrites them. The first call makes every later dcd_step fill the arrays, some 30 ns a body.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED for a node.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_state_view(world: DcdWorld, out: *mut DcdStateView) -> DcdStatus {
     guard("dcd_state_view", || {

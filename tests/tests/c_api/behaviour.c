@@ -1897,8 +1897,24 @@ static void millimetres_count_far_out(void)
     OK(dcd_world_destroy(world));
 }
 
+static DcdWorld last_world;
+static DcdBodyId last_body;
+
+/* What a game does as it ends: the library's own objects of this thread are gone by then. */
+static void save_at_exit(void)
+{
+    DcdPose pose;
+    DcdVelocity velocity;
+    if (dcd_body_get(last_world, last_body, &pose, &velocity) != DCD_OK || dcd_world_destroy(last_world) != DCD_OK ||
+        dcd_body_get(last_world, last_body, &pose, &velocity) != DCD_ERR_STALE_ID)
+        _Exit(3);
+}
+
 int main(int count, char **texts)
 {
+    HOLDS(atexit(save_at_exit) == 0);
+    last_world = make_world(1, 1, 0.0f);
+    last_body = add(last_world, crate(last_world, 0.0, 0.0));
     members_of_a_body_count();
     pushes_push();
     events_tell();

@@ -137,6 +137,14 @@ int main(int argc, char **argv)
     FAILS(dcd_body_create(client, &post, &none), DCD_ERR_UNSUPPORTED, "DCD_ROLE_BUILDER");
     HOLDS(find(client, &seen, &at));
     FAILS(dcd_body_destroy(client, seen), DCD_ERR_UNSUPPORTED, "own avatars");
+    DcdBodyDef avatar = DCD_BODY_DEF_INIT;
+    DcdBodyId both[2] = { { 0 }, seen };
+    avatar.shape = other;
+    avatar.pose.p[0] = 20.0;
+    OK(dcd_body_create(client, &avatar, &both[0]));
+    FAILS(dcd_bodies_destroy(client, both, 2), DCD_ERR_UNSUPPORTED, "own avatars");
+    HOLDS(dcd_body_is_valid(client, both[0]));
+    OK(dcd_body_destroy(client, both[0]));
     FAILS(dcd_body_apply_impulse(client, seen, kick, NULL), DCD_ERR_UNSUPPORTED, "own avatars");
     rope.a = rope.b = seen;
     FAILS(dcd_joint_create(client, &rope, &tied), DCD_ERR_UNSUPPORTED, "DCD_ROLE_BUILDER");

@@ -321,11 +321,16 @@ int main(int argc, char **argv)
     OK(dcd_joint_create(server, &rope, &tied));
     HOLDS(dcd_joint_is_valid(server, tied));
     step();
+    HOLDS(dcd_joint_is_valid(server, tied));
     OK(dcd_body_set_velocity(server, rope.a, &up));
     HOLDS(comes(BOXES + 2, 6.0, 30.0));
     rope.a = bodies[1];
     FAILS(dcd_joint_create(server, &rope, &tied), DCD_ERR_UNSUPPORTED, "before the next step");
     OK(dcd_joint_destroy(server, tied));
+    HOLDS(!dcd_joint_is_valid(server, tied));
+    step();
+    HOLDS(!dcd_joint_is_valid(server, tied));
+    FAILS(dcd_joint_destroy(server, tied), DCD_ERR_STALE_ID, "");
     HOLDS(comes(BOXES + 2, 0.7, 0.8));
 
     /* A push throws a box up: 1 m/s for each N s and kilogram. */

@@ -53,6 +53,14 @@ static void bad_definitions(const char *folder)
     def.listen = "here";
     FAILS(dcd_server_create(&def, &world), DCD_ERR_ARGUMENT, "0.0.0.0:7420");
     def.listen = "127.0.0.1:0";
+    def.metrics = "there";
+    FAILS(dcd_server_create(&def, &world), DCD_ERR_ARGUMENT, "metrics");
+    def.metrics = "\xff";
+    FAILS(dcd_server_create(&def, &world), DCD_ERR_ARGUMENT, "UTF-8");
+    def.metrics = NULL;
+    def.directory = "somewhere else";
+    FAILS(dcd_server_create(&def, &world), DCD_ERR_ARGUMENT, "etcd");
+    def.directory = NULL;
     def.scene = "no such scene";
     FAILS(dcd_server_create(&def, &world), DCD_ERR_ARGUMENT, "no such scene");
     def.scene = "pile";
@@ -231,11 +239,24 @@ int main(int argc, char **argv)
     def.nodes = 2;
     def.data_path = argv[1];
     def.user_data = 7;
+    def.metrics = "127.0.0.1:0";
     OK(dcd_server_create(&def, &server));
+    def.metrics = NULL;
     FAILS(dcd_server_create(&def, &other), DCD_ERR_IO, "");
 
-    char address[64] = "", token[512] = "", small[4] = "";
+    char address[64] = "", token[512] = "", small[4] = "", metrics[64] = "";
     size_t needed = 0;
+    FAILS(dcd_metrics_address(server, small, sizeof small, NULL), DCD_ERR_NULL, "needed");
+    FAILS(dcd_metrics_address(server, small, sizeof small, &needed), DCD_ERR_SMALL_BUFFER, "room");
+    OK(dcd_metrics_address(server, metrics, sizeof metrics, &needed));
+    HOLDS(strncmp(metrics, "127.0.0.1:", 10) == 0 && strcmp(metrics, "127.0.0.1:0") != 0 && strlen(metrics) + 1 == needed);
+    /* Of two, the second finds it taken. */
+    def.metrics = metrics;
+    snprintf(folder, sizeof folder, "%s-taken", argv[1]);
+    def.data_path = folder;
+    FAILS(dcd_server_create(&def, &other), DCD_ERR_NETWORK, metrics);
+    def.metrics = NULL;
+    def.data_path = argv[1];
     FAILS(dcd_address(server, small, sizeof small, NULL), DCD_ERR_NULL, "needed");
     FAILS(dcd_address(server, small, sizeof small, &needed), DCD_ERR_SMALL_BUFFER, "room");
     HOLDS(needed > sizeof "127.0.0.1:" && needed <= sizeof address && small[0] == 0);
@@ -256,8 +277,16 @@ int main(int argc, char **argv)
         if (i > 0)
             FAILS(dcd_node_join(&node, &nodes[i]), DCD_ERR_ARGUMENT, "listen");
         node.listen = NULL;
+        node.advertise = "elsewhere";
+        FAILS(dcd_node_join(&node, &nodes[i]), DCD_ERR_ARGUMENT, "advertise");
+        node.advertise = NULL;
         node.user_data = 100 + (uint64_t)i;
+        node.metrics = i == 0 ? "127.0.0.1:0" : NULL;
         OK(dcd_node_join(&node, &nodes[i]));
+        if (i == 0)
+            FAILS(dcd_metrics_address(nodes[i], small, 0, &needed), DCD_ERR_SMALL_BUFFER, "");
+        else
+            FAILS(dcd_metrics_address(nodes[i], metrics, sizeof metrics, &needed), DCD_ERR_UNSUPPORTED, "metrics");
     }
     FAILS(dcd_node_join(&node, &other), DCD_ERR_NETWORK, "");
 

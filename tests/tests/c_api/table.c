@@ -57,6 +57,7 @@ CALL(dcd_token_create) {
     return dcd_token_create(s->world, DCD_ROLE_CLIENT, 60, token, sizeof token, &count);
 }
 CALL(dcd_server_suspend) { return dcd_server_suspend(s->world); }
+CALL(dcd_metrics_address) { char text[64]; return dcd_metrics_address(s->world, text, sizeof text, &count); }
 CALL(dcd_address) { char text[64]; return dcd_address(s->world, text, sizeof text, &count); }
 
 CALL(dcd_shape_box) { DcdShapeId id; return dcd_shape_box(s->world, ONE, &id); }
@@ -452,7 +453,7 @@ CALL(dcd_world_destroy) {
 }
 
 #define ALL(of) \
-    of(dcd_world_info) of(dcd_world_is_valid) of(dcd_own_avatars) of(dcd_token_create) of(dcd_address) \
+    of(dcd_world_info) of(dcd_world_is_valid) of(dcd_own_avatars) of(dcd_token_create) of(dcd_address) of(dcd_metrics_address) \
     of(dcd_shape_box) of(dcd_shape_sphere) of(dcd_shape_capsule) of(dcd_shape_cylinder) of(dcd_shape_cone) \
     of(dcd_shape_hull) of(dcd_shape_mesh) of(dcd_shape_heightfield) of(dcd_shape_compound) of(dcd_shape_scale) of(dcd_shape_destroy) \
     of(dcd_body_create) of(dcd_bodies_create) of(dcd_character_create) of(dcd_vehicle_create) of(dcd_vehicle_drive) \
@@ -509,6 +510,7 @@ static DcdWorld joined(DcdWorld server, DcdRole role)
     DcdWorld world = { 0 };
     client.server = participant.server = node.server = address;
     client.token = participant.token = node.token = token;
+    participant.metrics = node.metrics = "127.0.0.1:0";
     OK(dcd_address(server, address, sizeof address, &count));
     OK(dcd_token_create(server, role, 60, token, sizeof token, &count));
     OK(role == DCD_ROLE_CLIENT || role == DCD_ROLE_BUILDER ? dcd_client_connect(&client, &world)
@@ -552,6 +554,7 @@ int main(int argc, char **argv)
     def.params = params;
     def.param_count = 1;
     def.data_path = argv[1];
+    def.metrics = "127.0.0.1:0";
     OK(dcd_world_open_scene("pile", params, 1, &cut, &scenes[LOCAL].world));
     OK(dcd_server_create(&def, &scenes[SERVER].world));
     scenes[NODE].world = joined(scenes[SERVER].world, DCD_ROLE_NODE);

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 pub(crate) const NATIVE_LIBS: [&str; 7] = ["-lgcc_s", "-lutil", "-lrt", "-lpthread", "-lm", "-ldl", "-lc"];
 
 /// Longer than any program of ours takes on a busy machine, valgrind included.
-const PATIENCE: Duration = Duration::from_secs(300);
+const PATIENCE: Duration = Duration::from_secs(600);
 
 /// The root of the repository.
 pub(crate) fn root() -> PathBuf {

@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <unordered_map>
 #if __cplusplus >= 202002L
@@ -221,6 +222,7 @@ static void a_ball_breaks_a_tower()
     HOLDS(world.checkpoint_save(checkpoint) && world.checkpoint_destroy(checkpoint));
     HOLDS(world.checkpoint_restore(checkpoint).code() == DCD_ERR_STALE_ID);
     HOLDS(!world.address() && world.address().status().code() == DCD_ERR_UNSUPPORTED);
+    HOLDS(!world.metrics_address() && world.metrics_address().status().code() == DCD_ERR_UNSUPPORTED);
 
     HOLDS(world.interest_set({ 0.0, 0.0, 0.0 }, 10.0));
     HOLDS(world.bandwidth_set(16000));
@@ -395,6 +397,39 @@ static void what_is_set_counts()
     HOLDS(world.bodies_destroy(rest) && !world.body_is_valid(body));
 }
 
+/* A handle that goes where nothing can be destroyed is kept. */
+static void what_cannot_be_destroyed_yet_is_kept()
+{
+    dcd::World world = make_world(), other = make_world();
+    dcd::BodyDef def;
+    def.shape = *world.shape_sphere(0.5f);
+    dcd::Owned<dcd::BodyId> ball(world, *world.body_create(def));
+    const dcd::BodyId id = ball.id();
+    dcd::BoxQuery around;
+    around.min[0] = around.min[1] = around.min[2] = -1e9;
+    around.max[0] = around.max[1] = around.max[2] = 1e9;
+    const auto note = [&](const dcd::Overlap &) { return other.reset(), ball.reset(), false; };
+    world.overlap_box_each(around, note).expect();
+    HOLDS(other.handle().v != 0 && ball.id().v == id.v);
+    HOLDS(other.step());
+    other.reset();
+    ball.reset();
+    HOLDS(other.handle().v == 0 && ball.id().v == 0 && !world.body_is_valid(id));
+}
+
+/* Destroyed after main, when the thread has lost what it keeps. */
+static dcd::World level;
+static dcd::Owned<dcd::BodyId> player;
+
+static void static_objects_go_at_the_end()
+{
+    level = make_world();
+    dcd::BodyDef def;
+    def.shape = *level.shape_sphere(0.5f);
+    player = dcd::Owned<dcd::BodyId>(level, *level.body_create(def));
+    HOLDS(dcd::bug_set([](void *, const char *, const char *, std::uint32_t) { std::_Exit(3); }, nullptr));
+}
+
 int main()
 {
     HOLDS(dcd::log_set(nullptr, nullptr, DCD_LOG_OFF));
@@ -403,6 +438,8 @@ int main()
     handles_clean_up();
     failures_say_why();
     what_is_set_counts();
+    what_cannot_be_destroyed_yet_is_kept();
+    static_objects_go_at_the_end();
     failures += throwing_failures();
     std::printf("%d checks, %d failures\n", checks, failures);
     return failures == 0 ? 0 : 1;

@@ -85,7 +85,7 @@ impl Fleet {
     /// Changes a body in place wherever it is held.
     pub(crate) fn update(&mut self, body: BodyId, change: impl Fn(&mut RigidBody)) {
         for host in &mut self.hosts {
-            host.update(body, |copy| change(copy));
+            host.update(body, |copy| change(copy)).expect("what is dynamic stays so");
         }
     }
 

@@ -7,7 +7,7 @@ use super::{Border, Ground};
 use crate::physics::ShapeError;
 use crate::physics::convert;
 use crate::physics::partition::HUB_REACH_M;
-use crate::physics::region::{BodyRef, Ownership, Region, Slot};
+use crate::physics::region::{BodyRef, Ownership, Region};
 use crate::protocol::{BodyKind, BodyRecord, BorderMessage, Transfer};
 use crate::space::RegionSet;
 
@@ -57,22 +57,9 @@ pub(super) fn depart(region: &mut Region, message: &BorderMessage, sender: usize
 
 /// Inserts the immovable bodies under large shared bodies, which reach far out of the cell.
 pub(super) fn cover_hubs(region: &mut Region, ground: Ground<'_>) -> Result<(), ShapeError> {
-    cover_where(region, ground, |slot| slot.reach_m > HUB_REACH_M)
-}
-
-/// Inserts those under shared assemblies, which are one region's however far they reach.
-pub(super) fn cover_assemblies(region: &mut Region, ground: Ground<'_>) -> Result<(), ShapeError> {
-    cover_where(region, ground, |slot| slot.assembly.is_some())
-}
-
-fn cover_where(
-    region: &mut Region,
-    ground: Ground<'_>,
-    reaches_far: impl Fn(&Slot) -> bool,
-) -> Result<(), ShapeError> {
     for place in 0..region.held_elsewhere_count() {
         let link = region.held_elsewhere_at(place);
-        if reaches_far(region.slot(link.handle)) {
+        if region.slot(link.handle).reach_m > HUB_REACH_M {
             ground.statics.cover(region, link.handle, ground.shapes)?;
         }
     }

@@ -37,7 +37,6 @@ pub(super) fn apply<'a>(
 ) -> Result<(), ShapeError> {
     let Side { region, border, .. } = side;
     ghosts::cover_hubs(region, ground)?;
-    ghosts::cover_assemblies(region, ground)?;
     for message in inbox {
         let sender = ground.rank_of(message);
         ghosts::arrive(region, border, message, sender, ground, false)?;

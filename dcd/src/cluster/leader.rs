@@ -43,7 +43,7 @@ enum Replication {
     Elsewhere(Vec<ReplicationEvent>),
 }
 
-/// What a leader knows that leads the next view, too.
+/// Holds what a leader knows that leads the next view, too.
 #[derive(Clone, Debug)]
 pub struct Legacy {
     ops: Vec<WorldOp>,

@@ -42,7 +42,7 @@ pub struct Authority {
 
 /// How long certificates of nodes and clients last unless [`Authority::with_certificate_life`] says otherwise.
 const CERTIFICATE_LIFE: Duration = Duration::from_secs(24 * 3600);
-/// How much longer than its life a certificate is accepted, as clocks differ.
+/// The time that a certificate is accepted beyond its life, as clocks differ.
 const CLOCK_SKEW: Duration = Duration::from_secs(600);
 /// Lifetime of the server's own certificate, which is made anew at each start. Whoever steals its key has the folder and so the
 /// authority's key; a short life would only stop servers that run long, or began while their clock was decades behind.

@@ -23,7 +23,7 @@ pub(super) struct NewestInputs {
 struct Kept {
     input: Input,
     made: Duration,
-    /// Whether a leader has refused it, or one for the same avatar soon before it.
+    /// Says whether a leader has refused it, or one for the same avatar soon before it.
     is_refused: bool,
 }
 

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use crate::protocol::{Input, Push, WorldOp};
 use crate::space::BodyId;
 
-/// What counts when somebody computes the world again: of each body the newest velocity, the last jump and the newest lasting force. Impulses
+/// Keeps what counts when somebody computes the world again: of each body the newest velocity, the last jump and the newest lasting force. Impulses
 /// of that time would act all at once, and are dropped.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Postponed {

@@ -191,7 +191,7 @@ pub(super) fn commit<'a>(
 
 /// Sends the bodies inserted here to all regions that they come near, since they may touch anything at once. Those of islands that are
 /// computed whole go to nobody new: after membership has changed, to the regions that held copies of them, which follow as before.
-/// Those that a joint has held by regions at different times wait until these are at one. Returns all of them.
+/// Lets those wait that a joint has held by regions at different times, until these are at one. Returns all of them.
 fn share_fresh(side: &mut Side, moment: Moment<'_>) -> Vec<RigidBodyHandle> {
     let Side { region, border, outbox, .. } = side;
     let own = RegionSet::only(region.rank());

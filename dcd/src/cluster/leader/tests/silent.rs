@@ -94,7 +94,7 @@ fn a_client_that_never_acknowledges_or_hardly_ever_costs_no_more_than_that() {
     assert!(rarely.0 <= BODIES as usize * BODY_BYTES && rarely.1 <= MOST_BYTES, "{rarely:?}");
 }
 
-/// What it acknowledges while it is silent takes longer than the tick in which it is told so little.
+/// Checks that what a client acknowledges while it is silent, later than the tick in which it is told so little, counts.
 #[test]
 fn a_client_that_was_silent_for_long_and_hears_again_is_told_of_all_again() {
     let mut told = Told::new();

@@ -46,7 +46,6 @@ enum Replication {
 /// Holds what a leader knows that leads the next view, too.
 #[derive(Clone, Debug)]
 pub struct Legacy {
-    ops: Vec<WorldOp>,
     contacts: ContactLedger,
     allocation: Allocation,
 }
@@ -517,19 +516,19 @@ impl Leader {
             .into_untaken()
             .filter_map(|input| Some((input.body.client()?, FromClient::Input(input))));
         let interests = self.interests.into_iter().map(|(client, area)| (client, FromClient::Interest(area)));
-        // Of all else the server's record is told again.
-        let is_of_program = |op: &WorldOp| matches!(op, WorldOp::Input(_) | WorldOp::Push(_));
-        let ops = self.ops.into_iter().filter(is_of_program).collect();
         let allocation =
             self.computed_by.back().map(|(_, allocation)| allocation.clone()).unwrap_or_default();
-        (inputs.chain(interests).collect(), Legacy { ops, contacts: self.contacts, allocation })
+        (inputs.chain(interests).collect(), Legacy { contacts: self.contacts, allocation })
     }
 
-    /// Goes on from the view before, which it led too: with what the server's program did and was not dispatched, and with the contacts of regions
-    /// that are computed where they were.
+    /// Returns what the server's program did to moving bodies and no tick has done yet. Of all else the server's record is told again.
+    pub fn undone(&self) -> Vec<WorldOp> {
+        self.ops.iter().filter(|op| op.moves().is_some()).cloned().collect()
+    }
+
+    /// Goes on from the view before, which it led too: with the contacts of regions that are computed where they were.
     pub fn inherit(&mut self, legacy: Legacy) {
-        let Legacy { ops, mut contacts, allocation } = legacy;
-        self.ops.splice(..0, ops);
+        let Legacy { mut contacts, allocation } = legacy;
         if let Some((_, now)) = self.computed_by.back() {
             contacts.keep_regions(|region| {
                 now.get(&region).is_some_and(|node| allocation.get(&region) == Some(node))

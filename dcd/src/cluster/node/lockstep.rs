@@ -48,7 +48,8 @@ impl Node {
                     self.placed.clear();
                     self.joints.clear();
                     let dispatches = self.dispatches.iter().cloned().collect();
-                    self.send_server(ToServer::Settling { view, dispatches });
+                    let undone = self.leader.as_ref().map(Leader::undone).unwrap_or_default();
+                    self.send_server(ToServer::Settling { view, dispatches, undone });
                 }
             }
             ToNode::Finish { view, dispatches, survivors } => {

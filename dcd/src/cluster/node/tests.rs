@@ -235,7 +235,7 @@ fn who_was_told_to_finish_a_tick_tells_of_it_when_the_view_changes_again() {
     server(&mut node, ToNode::Finish { view: ViewNumber(2), dispatches: dispatches.clone(), survivors });
     drain(&mut node);
     server(&mut node, ToNode::Settle { view: ViewNumber(3) });
-    let settling = ToServer::Settling { view: ViewNumber(3), dispatches };
+    let settling = ToServer::Settling { view: ViewNumber(3), dispatches, undone: Vec::new() };
     assert_eq!(
         drain(&mut node),
         [NodeOutput::Send { to: Peer::Server, message: Message::ToServer(settling) }]
@@ -253,7 +253,8 @@ fn the_newest_tick_is_told_even_when_completed_as_others_may_not_have_heard_of_i
         settle(&mut node);
     }
     server(&mut node, ToNode::Settle { view: ViewNumber(2) });
-    let settling = ToServer::Settling { view: ViewNumber(2), dispatches: vec![dispatch(2, vec![])] };
+    let settling =
+        ToServer::Settling { view: ViewNumber(2), dispatches: vec![dispatch(2, vec![])], undone: Vec::new() };
     assert_eq!(
         drain(&mut node),
         [NodeOutput::Send { to: Peer::Server, message: Message::ToServer(settling) }]
@@ -441,6 +442,29 @@ fn the_interest_of_a_participant_that_begins_the_view_before_its_leader_is_not_l
     assert_eq!(node.counters().refused, 1);
     let handed_on = node.leader.clone().unwrap().into_legacy().0;
     assert_eq!(handed_on, [(client, FromClient::Interest(Some(area)))]);
+}
+
+#[test]
+fn a_leader_that_stops_tells_what_it_had_not_passed_on() {
+    let mut node = member();
+    border(&mut node, 1, 0, vec![]);
+    settle(&mut node);
+    change_view(&mut node, 2);
+    node.handle(NOW, NodeEvent::Physics(PhysicsEvent::Surveyed(vec![])));
+    let view = View { number: ViewNumber(2), leader: NodeId(2), ..node.view().unwrap().clone() };
+    server(&mut node, ToNode::Adopt { view, drop: vec![] });
+    let push = WorldOp::Push(crate::protocol::Push::impulse(OTHER, [1.0; 3]));
+    server(&mut node, ToNode::Apply { view: ViewNumber(2), ops: vec![push.clone(), WorldOp::Remove(OTHER)] });
+    drain(&mut node);
+    server(&mut node, ToNode::Settle { view: ViewNumber(3) });
+    let said = drain(&mut node);
+    let told = said.iter().find_map(|output| match output {
+        NodeOutput::Send { message: Message::ToServer(ToServer::Settling { undone, .. }), .. } => {
+            Some(undone)
+        }
+        _ => None,
+    });
+    assert_eq!(told, Some(&vec![push]), "{said:?}");
 }
 
 #[test]

@@ -171,8 +171,8 @@ impl Group {
         let present = self.view.as_ref().map(|view| view.number);
         let coming = self.change.as_ref().map(|change| change.number);
         match message {
-            ToServer::Settling { view, dispatches } if Some(view) == coming => {
-                return self.settling(common, node, dispatches);
+            ToServer::Settling { view, dispatches, undone } if Some(view) == coming => {
+                return self.settling(common, node, dispatches, undone);
             }
             ToServer::Survey { view, tick, division, claims } if Some(view) == coming => {
                 return self.surveyed(common, node, tick, division, claims);

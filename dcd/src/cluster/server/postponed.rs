@@ -25,6 +25,11 @@ impl Postponed {
         }
     }
 
+    /// Returns how bodies are still to move, each once.
+    pub(super) fn take_inputs(&mut self) -> impl Iterator<Item = Input> + use<> {
+        std::mem::take(&mut self.inputs).into_values()
+    }
+
     /// Returns what is still to be done, with bodies that are there.
     pub(super) fn ops(self, is_there: impl Fn(BodyId) -> bool) -> Vec<WorldOp> {
         let inputs = self.inputs.into_values().filter(|input| is_there(input.body)).map(WorldOp::Input);

@@ -181,13 +181,24 @@ impl Group {
         }
     }
 
-    /// Tells the leader of a view that has begun what was to be done meanwhile, and once more which joints are gone: what the
-    /// last leader had not passed on is gone with it.
-    pub(super) fn catch_up(&mut self, common: &mut Common) {
+    /// Moves bodies on record as they were to move when the last node went: by what its leader had not passed on, and by what came after.
+    pub(super) fn steer_record(&mut self, common: &mut Common, undone: Vec<WorldOp>) {
+        let later = std::mem::take(&mut self.postponed).ops(|_| true);
+        undone.into_iter().chain(later).for_each(|op| self.postponed.add(op));
+        for input in self.postponed.take_inputs() {
+            self.steer(common, input);
+        }
+    }
+
+    /// Tells the leader of a view that has begun what the last one had not passed on, what was to be done meanwhile, and once more which joints
+    /// are gone: of that a leader that has died tells nothing.
+    pub(super) fn catch_up(&mut self, common: &mut Common, undone: Vec<WorldOp>) {
         let joints = std::mem::take(&mut self.removed_joints).into_iter().map(WorldOp::RemoveJoint);
-        let postponed = std::mem::take(&mut self.postponed).ops(|id| self.record.body(id).is_some());
+        let is_there = |id| self.record.body(id).is_some();
+        let undone: Vec<_> = undone.into_iter().filter(|op| op.moves().is_some_and(is_there)).collect();
+        let postponed = std::mem::take(&mut self.postponed).ops(is_there);
         let altered = self.altered();
-        for ops in split(joints.chain(altered).chain(postponed), INSERT_BYTES) {
+        for ops in split(joints.chain(altered).chain(undone).chain(postponed), INSERT_BYTES) {
             self.apply(common, ops);
         }
     }

@@ -94,22 +94,41 @@ fn survey(server: &Server, view: ViewNumber, tick: u64, claims: Vec<Claim>) -> T
 }
 
 /// Answers of a node that computes nothing, until it is asked no more; what else was wanted.
-fn obey(server: &mut Server, node: u32, mut outputs: Vec<ServerOutput>) -> Vec<ServerOutput> {
+fn obey(server: &mut Server, node: u32, outputs: Vec<ServerOutput>) -> Vec<ServerOutput> {
+    obey_by(server, outputs, |server, to, message| {
+        let is_meant = to == NodeId(node);
+        is_meant.then(|| answer(server, message)).flatten()
+    })
+}
+
+/// Returns what a node that computes nothing answers.
+fn answer(server: &Server, message: ToNode) -> Option<ToServer> {
+    match message {
+        ToNode::WorldEnd => Some(ToServer::Loaded),
+        ToNode::Settle { view } => {
+            Some(ToServer::Settling { view, dispatches: Vec::new(), undone: Vec::new() })
+        }
+        ToNode::Finish { view, .. } => Some(survey(server, view, 0, Vec::new())),
+        ToNode::Fetch { view, .. } => Some(ToServer::Found { view, bodies: Vec::new(), last: true }),
+        _ => None,
+    }
+}
+
+/// Has nodes answer like this, until they are asked no more; returns all that the server wanted.
+fn obey_by(
+    server: &mut Server,
+    mut outputs: Vec<ServerOutput>,
+    mut answer: impl FnMut(&Server, NodeId, ToNode) -> Option<ToServer>,
+) -> Vec<ServerOutput> {
     let mut seen = 0;
     while let Some(output) = outputs.get(seen).cloned() {
         seen += 1;
-        let ServerOutput::Send { to, message: Message::ToNode(message) } = output else { continue };
-        if to != Peer::Node(NodeId(node)) {
+        let ServerOutput::Send { to: Peer::Node(to), message: Message::ToNode(message) } = output else {
             continue;
-        }
-        let answer = match message {
-            ToNode::WorldEnd => ToServer::Loaded,
-            ToNode::Settle { view } => ToServer::Settling { view, dispatches: Vec::new() },
-            ToNode::Finish { view, .. } => survey(server, view, 0, Vec::new()),
-            ToNode::Fetch { view, .. } => ToServer::Found { view, bodies: Vec::new(), last: true },
-            _ => continue,
         };
-        outputs.extend(tell(server, node, Message::ToServer(answer)));
+        if let Some(answer) = answer(server, to, message) {
+            outputs.extend(tell(server, to.0, Message::ToServer(answer)));
+        }
     }
     outputs
 }
@@ -282,7 +301,11 @@ fn a_node_that_dies_in_the_last_audit_is_taken_over_before_it() {
     wait(&mut server);
     let answer = |server: &mut Server, claims| {
         let view = server.common.number;
-        tell(server, 1, Message::ToServer(ToServer::Settling { view, dispatches: Vec::new() }));
+        tell(
+            server,
+            1,
+            Message::ToServer(ToServer::Settling { view, dispatches: Vec::new(), undone: Vec::new() }),
+        );
         let survey = survey(server, view, 0, claims);
         tell(server, 1, Message::ToServer(survey))
     };
@@ -399,7 +422,11 @@ fn what_was_placed_in_a_view_that_nobody_came_to_compute_is_placed_again_from_wh
     server.finish(0);
     while server.poll_output().is_some() {}
     let view = server.common.number;
-    tell(&mut server, 1, Message::ToServer(ToServer::Settling { view, dispatches: Vec::new() }));
+    tell(
+        &mut server,
+        1,
+        Message::ToServer(ToServer::Settling { view, dispatches: Vec::new(), undone: Vec::new() }),
+    );
     let survey = survey(&server, view, 9, claims);
     let outputs = tell(&mut server, 1, Message::ToServer(survey));
     let fetch = Message::ToNode(ToNode::Fetch { view, bodies: vec![id] });

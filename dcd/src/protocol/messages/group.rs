@@ -132,6 +132,8 @@ pub enum ToServer {
         view: ViewNumber,
         /// Dispatches received in the present view that another member may not have completed, in order.
         dispatches: Vec<Dispatch>,
+        /// From the leader: what the server's program did to moving bodies and no tick has done yet. The leader to come does it.
+        undone: Vec<WorldOp>,
     },
     /// Answer to [`ToNode::Finish`]: the bodies that the node owns after its last tick.
     Survey {
@@ -409,6 +411,15 @@ impl WorldOp {
     pub const fn repartition(&self) -> Option<&Repartition> {
         match self {
             Self::Repartition(change) => Some(change),
+            _ => None,
+        }
+    }
+
+    /// Returns the body that it moves, of whose motion the server's record knows nothing.
+    pub(crate) fn moves(&self) -> Option<BodyId> {
+        match self {
+            Self::Input(input) => Some(input.body),
+            Self::Push(push) => Some(push.body),
             _ => None,
         }
     }

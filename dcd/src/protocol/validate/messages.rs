@@ -274,7 +274,10 @@ impl Check for ToNode {
 impl Check for ToServer {
     fn check(&self) -> Result<(), Invalid> {
         match self {
-            Self::Settling { dispatches, .. } => all(dispatches),
+            Self::Settling { dispatches, undone, .. } => {
+                all(dispatches)?;
+                all(undone)
+            }
             Self::Survey { tick, claims, division, .. } => {
                 tick.check()?;
                 claims.iter().try_for_each(|claim| claim.epoch.check())?;

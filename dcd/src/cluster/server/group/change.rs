@@ -10,7 +10,9 @@ use super::divisions::Divisions;
 use crate::cluster::Life;
 use crate::cluster::server::ServerOutput;
 use crate::cluster::server::common::Common;
-use crate::protocol::{BodyRecord, Chunk, Claim, Dispatch, Member, Placed, ToNode, View, ViewNumber, chunks};
+use crate::protocol::{
+    BodyRecord, Chunk, Claim, Dispatch, Member, Placed, ToNode, View, ViewNumber, WorldOp, chunks,
+};
 use crate::space::{
     Allocation, BodyId, DistributionTree, Epoch, NodeId, RegionId, Tick, allocate, balanced, reallocate,
 };
@@ -27,6 +29,8 @@ pub(in crate::cluster::server) struct ViewChange {
     /// Members of the last view that live, those who are leaving included.
     survivors: BTreeSet<NodeId>,
     settled: BTreeMap<NodeId, Vec<Dispatch>>,
+    /// What the server's program did to moving bodies and the last leader had not passed on when it stopped.
+    undone: Vec<WorldOp>,
     /// The last tick that the survivors complete.
     last: Tick,
     surveys: BTreeMap<NodeId, Vec<Claim>>,
@@ -72,6 +76,7 @@ impl Group {
             at: common.now,
             survivors,
             settled,
+            undone: Vec::new(),
             last: Tick(0),
             surveys,
             divisions: BTreeMap::new(),
@@ -105,10 +110,15 @@ impl Group {
         common: &mut Common,
         node: NodeId,
         dispatches: Vec<Dispatch>,
+        undone: Vec<WorldOp>,
     ) -> bool {
+        let leads = self.leads(node);
         match &mut self.change {
             Some(change) if change.survivors.contains(&node) && !change.settled.contains_key(&node) => {
                 change.at = common.now;
+                if leads {
+                    change.undone = undone.into_iter().filter(|op| op.moves().is_some()).collect();
+                }
                 change.settled.insert(node, dispatches);
                 self.finish(common);
                 true
@@ -363,6 +373,7 @@ impl Group {
         }
         common.groups_changed.insert(self.id);
         if members.is_empty() {
+            self.steer_record(common, change.undone);
             common.outputs.push_back(ServerOutput::Held { group: self.id, tick: self.tick });
         } else {
             let mut placed = Vec::new();
@@ -387,6 +398,7 @@ impl Group {
                 events: common.config.events,
             };
             self.adopt(common, view, placed, &drop, &owners, &change.surveys);
+            self.catch_up(common, change.undone);
             self.former = former;
         }
         if saves {
@@ -433,7 +445,6 @@ impl Group {
         self.divisions = Divisions::of_view(view.allocation.clone());
         common.outputs.push_back(ServerOutput::Began { group: self.id, view: view.clone() });
         self.view = Some(view);
-        self.catch_up(common);
     }
 }
 

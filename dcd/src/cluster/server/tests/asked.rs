@@ -1,6 +1,7 @@
 //! Tests what the server does with what clients ask for avatars, and its program for bodies.
 
 use super::*;
+use crate::protocol::{Alteration, BuildOp, Input, Push, Velocity, WorldOp, WorldPose};
 
 #[test]
 fn an_avatar_of_a_shape_that_nodes_cannot_have_is_refused_and_not_on_record() {
@@ -75,7 +76,6 @@ fn avatars_wait_for_their_client_and_not_for_ever() {
 
 #[test]
 fn what_the_program_does_while_no_leader_hears_it_is_told_to_the_next_but_for_impulses() {
-    use crate::protocol::{BuildOp, Input, Push, Velocity, WorldOp};
     let mut server = server();
     let outputs = hello(&mut server, 1, VERSION);
     obey(&mut server, 1, outputs);
@@ -113,12 +113,66 @@ fn what_the_program_does_while_no_leader_hears_it_is_told_to_the_next_but_for_im
     does(&mut server, BuildOp::Remove(gone.body));
     let outputs = hello(&mut server, 1, VERSION);
     let outputs = obey(&mut server, 1, outputs);
-    assert_eq!(applied(outputs), [WorldOp::Input(to(999.0)), WorldOp::Push(force(999.0))]);
+    // It has begun anew, and is given the bodies as they were to move.
+    assert_eq!(server.record().body(body).unwrap().state.velocity.linear, [999.0, 0.0, 0.0]);
+    assert_eq!(applied(outputs), [WorldOp::Push(force(999.0))]);
+}
+
+#[test]
+fn what_a_leader_that_goes_had_not_passed_on_the_next_one_does() {
+    let body = BodyId::persistent(0);
+    let push = |body, x| WorldOp::Push(Push::impulse(body, [x, 0.0, 0.0]));
+    let mut server = server_of_two();
+    let outputs = tell(&mut server, 1, Message::ToServer(ToServer::Leave));
+    let outputs = obey_by(&mut server, outputs, |server, to, message| match message {
+        ToNode::Settle { view } => {
+            let gone = push(BodyId::persistent(9), 1.0);
+            let undone = vec![push(body, to.0 as f32), WorldOp::Remove(body), gone];
+            Some(ToServer::Settling { view, dispatches: Vec::new(), undone })
+        }
+        message => answer(server, message),
+    });
+    assert_eq!(server.view().unwrap().leader, NodeId(2));
+    let applied = outputs.into_iter().filter_map(|output| match output {
+        ServerOutput::Send { to, message: Message::ToNode(ToNode::Apply { ops, .. }) } => Some((to, ops)),
+        _ => None,
+    });
+    // What others than the leader say of that does not count, nor of bodies that are gone.
+    assert_eq!(applied.collect::<Vec<_>>(), [(Peer::Node(NodeId(2)), vec![push(body, 1.0)])]);
+}
+
+#[test]
+fn when_the_last_node_goes_the_record_moves_as_its_leader_was_to_pass_on() {
+    let body = BodyId::persistent(0);
+    let mut server = server();
+    let outputs = hello(&mut server, 1, VERSION);
+    obey(&mut server, 1, outputs);
+    let moved = |speed, pose: Option<f64>| Input {
+        body,
+        logical_time: 0,
+        tick: Tick(0),
+        velocity: Velocity::linear([speed, 0.0, 0.0]),
+        pose: pose.map(|x| WorldPose::at([x, 0.0, 0.0])),
+        drive: None,
+    };
+    let mut outputs = tell(&mut server, 1, Message::ToServer(ToServer::Leave));
+    let meanwhile = BuildOp::Move(moved(2.0, None));
+    server.handle(server.common.now, ServerEvent::Program(vec![meanwhile]));
+    outputs.extend(std::iter::from_fn(|| server.poll_output()));
+    obey_by(&mut server, outputs, |server, _, message| match message {
+        ToNode::Settle { view } => {
+            let undone = vec![WorldOp::Input(moved(1.0, Some(5.0)))];
+            Some(ToServer::Settling { view, dispatches: Vec::new(), undone })
+        }
+        message => answer(server, message),
+    });
+    assert!(server.view().is_none());
+    let state = &server.record().body(body).unwrap().state;
+    assert_eq!((state.pose.translation[0], state.velocity.linear[0]), (5.0, 2.0));
 }
 
 #[test]
 fn every_leader_is_told_what_the_program_has_changed() {
-    use crate::protocol::{Alteration, BuildOp, WorldOp};
     let mut server = server();
     let outputs = hello(&mut server, 1, VERSION);
     obey(&mut server, 1, outputs);

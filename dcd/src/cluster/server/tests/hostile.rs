@@ -295,7 +295,11 @@ fn a_body_that_is_claimed_in_a_region_that_is_not_there_is_placed_by_where_it_is
     let body = server.record().body(id).unwrap().clone();
     let claims = vec![Claim { id, epoch: body.epoch, region: RegionId(77) }];
     for node in [1, 2] {
-        tell(&mut server, node, Message::ToServer(ToServer::Settling { view, dispatches: Vec::new() }));
+        tell(
+            &mut server,
+            node,
+            Message::ToServer(ToServer::Settling { view, dispatches: Vec::new(), undone: Vec::new() }),
+        );
     }
     let claiming = survey(&server, view, 9, claims);
     tell(&mut server, 1, Message::ToServer(claiming));

@@ -235,6 +235,33 @@ fn a_wall_in_bond_is_the_same_wall_to_the_bit_in_any_number_of_regions() {
 }
 
 /// Boxes fall on what is one region's whole though it lies in several cells, and come to lie as deep in one another as in one world.
+/// Heaps of more boxes than move at once: of two the regions know all, and of four that merge each knows less than half.
+#[test]
+fn heaps_of_different_regions_stop_each_other() {
+    const COUNT: usize = 343;
+    for rows in [vec![(0.0, 0.0)], vec![(-9.0, -4.5), (0.0, 4.5)]] {
+        let mut world = LocalWorld::new(weightless(2, 60.0)).unwrap();
+        let mut heap = |x: f32, z: f32| -> Vec<BodyId> {
+            let at = |i: usize| Vector::new((i % 7) as f32, (i / 7 % 7) as f32, (i / 49) as f32) - 3.0;
+            let place = |i| at(i) + Vector::new(x, 0.0, z);
+            let body = |i| RigidBodyBuilder::dynamic().translation(place(i)).can_sleep(false);
+            let body = |i| body(i).linvel(-2.0 * x.signum() * Vector::X);
+            let cube = ColliderBuilder::cuboid(0.5, 0.5, 0.5).density(1.0);
+            (0..COUNT).map(|i| world.insert(body(i), cube.clone()).unwrap()).collect()
+        };
+        let left: Vec<_> = rows.iter().flat_map(|(z, _)| heap(-6.0, *z)).collect();
+        let right: Vec<_> = rows.iter().flat_map(|(_, z)| heap(6.0, *z)).collect();
+        steps(&mut world, 150);
+        let at = |body: &BodyId| world.pose(*body).unwrap().translation;
+        let meet = |a: &[f64; 3], b: &[f64; 3]| (0..3).all(|i| (a[i] - b[i]).abs() < 0.8);
+        let inside = left.iter().map(at).filter(|a| right.iter().map(at).any(|b| meet(a, &b))).count();
+        assert_eq!(inside, 0, "boxes inside those of another heap");
+        let speed: f64 = left.iter().map(|body| f64::from(world.velocity(*body).unwrap().linear[0])).sum();
+        let speed = speed / left.len() as f64;
+        assert!(speed < 1.0, "the heaps of the left go on at {speed:.2} m/s");
+    }
+}
+
 #[test]
 fn what_falls_on_an_island_of_another_region_does_not_sink_into_it() {
     let sunk_m = |regions| {

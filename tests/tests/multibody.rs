@@ -133,6 +133,53 @@ fn multibodies_that_fall_on_boxes_at_a_border_stay_in_one_piece() {
 }
 
 #[test]
+fn carts_of_different_regions_do_not_drive_through_one_another() {
+    let mut scene = flat("carts");
+    let carts = [-3.0, 3.0].map(|x| {
+        let first = cart(&mut scene, [x, 0.25, 0.0], 3);
+        let speed = -x.signum() as f32 * 2.0;
+        for body in &mut scene.bodies[first..] {
+            body.body.linvel = Vector::X * speed;
+        }
+        first
+    });
+    for coupling in [Coupling::Auto, Coupling::Island, Coupling::Overlap, Coupling::Owner] {
+        for cut in [0.0, 0.4] {
+            let mut world = world_of(&scene, &[cut], coupling);
+            for tick in 0..180 {
+                world.step().unwrap();
+                let [left, right] = carts.map(|cart| pose_in(&world, cart).translation.x);
+                assert!(right - left > 0.95, "{coupling:?}: {:.2} m apart at {tick}", right - left);
+            }
+            let owners = carts.map(|cart| world.owner_of(BodyId::persistent(cart as u32)));
+            println!("{coupling:?} {owners:?}");
+        }
+    }
+}
+
+#[test]
+fn a_cart_stops_at_a_heap_that_its_region_does_not_own() {
+    let mut scene = flat("heap and cart");
+    for i in 0..343 {
+        let (x, y, z) = (f64::from(i % 7), f64::from(i / 7 % 7), f64::from(i / 49));
+        let body = RigidBodyBuilder::dynamic().can_sleep(false);
+        scene.push(WorldPose::at([x + 0.6, y + 0.5, z - 3.0]), body, ColliderBuilder::cuboid(0.5, 0.5, 0.5));
+    }
+    let first = cart(&mut scene, [-3.0, 0.25, 0.0], 3);
+    for body in &mut scene.bodies[first..] {
+        body.body.linvel = Vector::X * 3.0;
+    }
+    for coupling in [Coupling::Auto, Coupling::Island, Coupling::Overlap] {
+        let mut world = world_of(&scene, &[-0.5], coupling);
+        for tick in 0..180 {
+            world.step().unwrap();
+            let x = pose_in(&world, first).translation.x;
+            assert!(x < -0.3, "{coupling:?}: at {x:.2} m after {tick} ticks");
+        }
+    }
+}
+
+#[test]
 fn a_multibody_is_carried_by_planes_that_move_and_by_snapshots() {
     let mut scene = flat("carried");
     for index in 0..12 {

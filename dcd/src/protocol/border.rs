@@ -122,6 +122,10 @@ pub struct NearbyBody {
     pub awake: bool,
     /// How many bodies of its island the sender owns; [`BIG_ISLAND`] when it is too large to move, 0 for what no contact moves.
     pub island: u16,
+    /// Whether the sender keeps it to itself: who meets it must send it what meets it.
+    pub stays: bool,
+    /// Whether it is a part of a multibody, which is never held by two regions.
+    pub articulated: bool,
     /// Regions that hold it, or may own it in the ticks that the sender looks ahead: bodies that carry it must be there.
     pub goes: RegionSet,
 }

@@ -1,6 +1,6 @@
 //! Tests what a user changes of a living body at a border: another type, another shape, more colliders, other parameters of the solver.
 
-use dcd::physics::StepSettings;
+use dcd::physics::{Region, StepSettings};
 use dcd::protocol::WorldPose;
 use dcd::space::RegionId;
 use rapier3d::math::IVector;
@@ -118,6 +118,34 @@ fn a_shape_that_changes_at_a_border_changes_in_every_copy_and_stays_so() {
         assert!(refused.is_err(), "{coupling:?}");
         steps(&mut world, 10);
         assert!((at(&world, beside)[1] - 0.5).abs() < 0.02, "{coupling:?}: it keeps the shape that it had");
+    }
+}
+
+#[test]
+fn what_a_refused_shape_comes_with_changes_in_all_copies_or_in_none() {
+    let mut tied = Voxels::new(Vector::ONE, &[IVector::ZERO]);
+    let mut other = Voxels::new(Vector::ONE, &[IVector::X]);
+    tied.combine_voxel_states(&mut other, IVector::ZERO);
+    let tied = SharedShape::new(tied);
+    for coupling in Coupling::ALL {
+        let mut world = LocalWorld::new(halves(coupling)).unwrap();
+        let floor = insert_floor(&mut world);
+        let body = world.insert(body_at(-0.1, 0.5, 0.0).can_sleep(false), cube()).unwrap();
+        steps(&mut world, 10);
+        for id in [floor, body] {
+            let refused = world.update_collider(id, 0, |collider| {
+                collider.set_friction(0.125);
+                collider.set_shape(tied.clone());
+            });
+            assert!(refused.is_err());
+            let friction = |region: &Region| {
+                let handle = region.handle_of(id)?;
+                let physics = region.physics();
+                Some(physics.colliders[physics.bodies[handle].colliders()[0]].friction())
+            };
+            let copies: Vec<_> = world.regions().filter_map(friction).collect();
+            assert_eq!(copies, [0.125; 2], "{coupling:?}: {id}");
+        }
     }
 }
 

@@ -13,6 +13,8 @@ use crate::space::{BodyId, GroupId, NodeId, Tick};
 pub(super) struct Arbiter {
     /// The group whose avatar last touched a body, and how often that has changed.
     touched: BTreeMap<BodyId, (u32, GroupId)>,
+    /// The groups that were there when all of these were last looked at, the main one first.
+    looked_at: Vec<GroupId>,
     /// What leaders were last told: in which view, whether there is nobody else, and whether they are the main group.
     told: BTreeMap<GroupId, (ViewNumber, bool, bool)>,
 }
@@ -88,27 +90,41 @@ impl Server {
 
     /// Tells new leaders which bodies their group is authoritative for, and all leaders when groups come and go.
     pub(super) fn tell_leaders(&mut self) {
-        let alone = self.groups.values().filter(|group| lives(group)).count() <= 1;
+        let living: Vec<_> =
+            self.groups.values().filter(|group| lives(group)).map(|group| group.id).collect();
+        let alone = living.len() <= 1;
         self.arbiter.told.retain(|id, _| self.groups.contains_key(id));
-        // The main group becomes authoritative for bodies whose group is gone, at a number that leaders have not heard.
-        let mut orphans = Vec::new();
-        for (&body, (number, group)) in &mut self.arbiter.touched {
-            if *group != self.main && !self.groups.get(group).is_some_and(lives) {
-                (*number, *group) = (*number + 1, self.main);
-                orphans.push(body);
-            }
-        }
-        let bodies: Vec<_> = self.arbiter.touched.keys().copied().collect();
-        for id in self.groups.values().filter(|group| lives(group)).map(|group| group.id).collect::<Vec<_>>()
-        {
+        let orphans = self.take_over_orphans(&living);
+        for id in living {
             let Some(view) = &self.groups[&id].view else { continue };
             let state = (view.number, alone, id == self.main);
             if self.arbiter.told.insert(id, state) != Some(state) {
+                let bodies: Vec<_> = self.arbiter.touched.keys().copied().collect();
                 self.tell_authority(id, &bodies);
             } else if !orphans.is_empty() {
                 self.tell_authority(id, &orphans);
             }
         }
+    }
+
+    /// Makes the main group authoritative for bodies whose group is gone, at a number that leaders have not heard, and returns these; forgets
+    /// bodies that are gone themselves. Looks at them only when groups have come or gone.
+    fn take_over_orphans(&mut self, living: &[GroupId]) -> Vec<BodyId> {
+        let groups: Vec<_> = [self.main].into_iter().chain(living.iter().copied()).collect();
+        if groups == self.arbiter.looked_at {
+            return Vec::new();
+        }
+        self.arbiter.looked_at = groups;
+        let record = &self.groups[&self.main].record;
+        self.arbiter.touched.retain(|&body, _| record.body(body).is_some());
+        let mut orphans = Vec::new();
+        for (&body, (number, group)) in &mut self.arbiter.touched {
+            if *group != self.main && !living.contains(group) {
+                (*number, *group) = (*number + 1, self.main);
+                orphans.push(body);
+            }
+        }
+        orphans
     }
 
     fn tell_authority(&mut self, id: GroupId, bodies: &[BodyId]) {

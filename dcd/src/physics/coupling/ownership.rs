@@ -12,12 +12,12 @@
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::island::Island;
-use super::predicted_contacts::{self, Near, PredictedContacts};
+use super::island::{Island, Islands};
+use super::predicted_contacts::{self, Meeting, Near, PredictedContacts};
 use super::shared::SharedBodies;
 use super::{Border, Moment, Side, strike};
 use crate::physics::outbox::Outbox;
-use crate::physics::region::{BodyRef, Ownership, Region, Slot};
+use crate::physics::region::{Assembly, BodyRef, Ownership, Region, Slot};
 use crate::protocol::{BIG_ISLAND, BodyKind, BodyRecord, Membership, Transfer};
 use crate::space::{BodyId, Bounds, RegionSet};
 
@@ -39,6 +39,8 @@ const LONGEST_AWAY_TICKS: u32 = 60;
 /// A body of a large island that is faster than this, in m/s, moves without being held there first, once it has been due for
 /// [`SETTLE_TICKS`]: the warm start of its contacts is of impacts, and worth nothing in the next tick.
 const LIVELY_M_S: f32 = 1.0;
+/// What it touches is held there so many ticks before, so that it goes on touching that in the first tick.
+const HELD_AHEAD_TICKS: u32 = 2;
 
 /// A decision on the members of a body from the end of this exchange on.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
@@ -96,7 +98,8 @@ pub(super) fn survey(side: &mut Side, moment: Moment<'_>) {
         let Border { islands, predicted, shared, .. } = border;
         let seeds = island_seeds(region, predicted);
         islands.find(region, shared, moment, seeds.into_iter());
-        predicted.set_islands(|handle| islands.size(handle));
+        let draws = |handle| islands.of(handle).is_some_and(|island| island.draws);
+        predicted.set_islands(|handle| (islands.size(handle), draws(handle)));
     }
 }
 
@@ -105,9 +108,15 @@ pub(super) fn decide(side: &mut Side, moment: Moment<'_>) {
     let Side { region, border, outbox, .. } = side;
     predicted_contacts::show(region, &mut border.predicted, &mut border.neighbours, outbox, moment);
     let Border { reach, islands, pace, predicted, .. } = border;
-    let joining = predicted.joining(region);
-    let met = predicted.meetings.iter().filter(|meeting| meeting.island > 0);
-    let met = met.filter_map(|meeting| Some((region.handle_of(meeting.own)?, meeting.rank))).chain(joining);
+    let draws = |handle| islands.of(handle).is_some_and(|island| island.draws);
+    let joining = predicted.joining(region).into_iter().filter(|(handle, _)| !draws(*handle));
+    // Of two that would both be kept at home each is sent to the other.
+    let is_sent = |meeting: &Meeting, handle| meeting.island > 0 && (meeting.stays || !draws(handle));
+    let met = predicted.meetings.iter().filter_map(|meeting| {
+        let handle = region.handle_of(meeting.own)?;
+        is_sent(meeting, handle).then_some((handle, meeting.rank))
+    });
+    let met = met.chain(joining);
     let depth = moment.settings.depth + pace.extra_depth();
     let small = |handle| islands.of(handle).is_some_and(|island| !island.big);
     let out = predicted.near.iter().filter(|near| !region.cell().contains_box(&near.swept));
@@ -116,7 +125,7 @@ pub(super) fn decide(side: &mut Side, moment: Moment<'_>) {
         let home = moment.home_of(region, handle);
         (home != region.rank() && !region.physics().bodies[handle].is_sleeping()).then_some((handle, home))
     });
-    reach.spread(region, islands, depth, leaving, met);
+    reach.spread(region, islands, depth, leaving.chain(flying(region, islands, moment)), met);
     reach.complete(region, islands);
     reach.carry(region, predicted.carriers(region, moment.partition));
     let candidates = candidates(region, border);
@@ -236,6 +245,24 @@ fn island_seeds(region: &Region, predicted: &PredictedContacts) -> Vec<RigidBody
         !here || predicted.meetings_of(near.link.id).next().is_some() || region.is_pressed(handle)
     });
     near.map(|near| near.link).chain(region.held_elsewhere()).map(|link| link.handle).collect()
+}
+
+/// Returns the bodies that will soon move without being held there first, with where: what they touch must be there by then.
+fn flying(
+    region: &Region,
+    islands: &Islands,
+    moment: Moment<'_>,
+) -> impl Iterator<Item = (RigidBodyHandle, usize)> {
+    let now = moment.tick.0 as u32;
+    let own = region.rank();
+    let moving = islands.found.iter().filter(move |island| !island.big && island.target != own);
+    moving.flat_map(move |island| {
+        let soon = move |link: &&BodyRef| {
+            let away = away_ticks(region.slot(link.handle), now);
+            away + HELD_AHEAD_TICKS >= SETTLE_TICKS && is_lively(region, Some(island), link.handle)
+        };
+        island.members.iter().filter(soon).map(|link| (link.handle, island.target))
+    })
 }
 
 /// Returns every body owned here whose membership or owner may have to change, in id order.
@@ -381,9 +408,7 @@ fn desired_membership(
     let all = border.reach.of(handle).union(met).without(own);
     let reached = all.intersection(neighbours);
     let wanted = all.union(RegionSet::only(goal));
-    let lively = island.is_some_and(|island| island.large)
-        && region.slot(handle).assembly.is_none()
-        && body.linvel().length() > LIVELY_M_S;
+    let lively = is_lively(region, island, handle);
     let there = if lively { RegionSet::EMPTY } else { RegionSet::only(owner) };
     let holders = reached.union(there).without(own);
     let split = splits(border, moment, id, handle);
@@ -466,6 +491,13 @@ fn splits(border: &Border, moment: Moment<'_>, id: BodyId, handle: RigidBodyHand
         || border.splitting.binary_search_by_key(&handle.into_raw_parts(), |one| one.into_raw_parts()).is_ok()
 }
 
+/// Returns whether a body may move with its island without having been held there.
+fn is_lively(region: &Region, island: Option<&Island>, handle: RigidBodyHandle) -> bool {
+    island.is_some_and(|island| island.large)
+        && region.slot(handle).assembly.is_none()
+        && region.physics().bodies[handle].linvel().length() > LIVELY_M_S
+}
+
 /// Returns whether the body touches or is tied to one that can move.
 fn touches_any(region: &Region, handle: RigidBodyHandle) -> bool {
     let mut any = false;
@@ -494,27 +526,58 @@ fn hand_over(region: &Region, outbox: &mut Outbox, link: BodyRef, owner: usize) 
 /// Returns the multibodies that move elsewhere, with all that is tied to them: they are never shared, so that they move in one piece,
 /// at the cost of the warm start of their contacts.
 fn articulated_leaving(region: &Region, border: &mut Border, moment: Moment<'_>) -> Vec<(BodyRef, usize)> {
+    let own = region.rank();
+    let is_owned = |assembly: &&Assembly| region.slot(assembly.members[0].handle).role == Ownership::Owner;
+    let mut goals = Vec::new();
+    for assembly in region.assemblies().iter().filter(|assembly| assembly.articulated).filter(is_owned) {
+        let goal = articulated_goal(region, border, moment, assembly);
+        let is_reached = !border.neighbours.reached(own, RegionSet::only(goal)).is_empty();
+        goals.push((assembly, if is_reached { goal } else { own }));
+    }
+    if goals.iter().all(|(_, goal)| *goal == own) {
+        return Vec::new();
+    }
+    let swept = goals.iter().map(|(assembly, _)| swept_bounds(region, moment, assembly));
+    let swept: Vec<_> = swept.collect();
+    // What it may touch and goes elsewhere, or stays, it would not see any more.
+    let is_kept = |place: usize, goal: usize| {
+        let mut others = goals.iter().zip(&swept).filter(|((_, other), _)| *other != goal);
+        others.any(|(_, other)| other.touches(&swept[place]))
+    };
     let mut leaving = Vec::new();
-    for assembly in region.assemblies().iter().filter(|assembly| assembly.articulated) {
-        let lead = assembly.members[0].handle;
-        let body = &region.physics().bodies[lead];
-        if region.slot(lead).role != Ownership::Owner || body.is_sleeping() {
-            continue;
-        }
-        let island = border.islands.of(lead).filter(|island| !island.big);
-        let goal = match island {
-            Some(island) if island.ready => island.target,
-            Some(_) => region.rank(),
-            None => moment.home_of(region, lead),
-        };
-        let is_reached = !border.neighbours.reached(region.rank(), RegionSet::only(goal)).is_empty();
-        let owner = if is_reached { goal } else { region.rank() };
-        if owner != region.rank() {
-            leaving.extend(assembly.members.iter().map(|&link| (link, owner)));
+    for (place, &(assembly, goal)) in goals.iter().enumerate() {
+        if goal != own && !is_kept(place, goal) {
+            leaving.extend(assembly.members.iter().map(|&link| (link, goal)));
         }
     }
     leaving.sort_unstable_by_key(|(link, _)| link.id);
     leaving
+}
+
+/// Returns the region that is to compute a multibody: that of its island, or, as no two regions can hold both, that of another multibody
+/// which it is about to meet, if that is of lower rank.
+fn articulated_goal(region: &Region, border: &Border, moment: Moment<'_>, assembly: &Assembly) -> usize {
+    let lead = assembly.members[0].handle;
+    if region.physics().bodies[lead].is_sleeping() {
+        return region.rank();
+    }
+    let island = border.islands.of(lead).filter(|island| !island.big);
+    let meetings = assembly.members.iter().flat_map(|link| border.predicted.meetings_of(link.id));
+    let met = meetings.filter(|meeting| meeting.articulated).map(|meeting| meeting.rank).min();
+    let met = met.filter(|&rank| rank < region.rank() && !island.is_some_and(Island::spans));
+    match (met, island) {
+        (Some(met), _) => met,
+        (None, Some(island)) if island.ready => island.target,
+        (None, Some(_)) => region.rank(),
+        (None, None) => moment.home_of(region, lead),
+    }
+}
+
+/// Returns a box around all that an assembly may reach in the ticks that contacts are predicted for.
+fn swept_bounds(region: &Region, moment: Moment<'_>, assembly: &Assembly) -> Bounds {
+    let swept = |link: &BodyRef| predicted_contacts::swept_bounds(region, link.handle, moment.settings.dt_s);
+    let all = assembly.members.iter().map(swept).reduce(|all, one| all.union(&one));
+    all.expect("an assembly has members")
 }
 
 /// Sends a membership to all members, new, remaining and former, and the body to the new ones.

@@ -63,6 +63,10 @@ pub(super) struct Near {
     awake: bool,
     /// The size of its island as sent, in bodies owned here.
     pub island: u16,
+    /// Whether this region keeps it to itself.
+    stays: bool,
+    /// Whether it is a part of a multibody.
+    articulated: bool,
 }
 
 impl Near {
@@ -74,6 +78,8 @@ impl Near {
             velocity: self.velocity.to_array(),
             awake: self.awake,
             island: self.island,
+            stays: self.stays || self.articulated,
+            articulated: self.articulated,
             goes: RegionSet::EMPTY,
         }
     }
@@ -93,6 +99,10 @@ pub(super) struct Meeting {
     pub rank: usize,
     /// Size of the other's island in bodies owned there, 1 for a character; 0 for a body that what it meets does not concern.
     pub island: u16,
+    /// Whether the other's region keeps it to itself.
+    pub stays: bool,
+    /// Whether the other is a part of a multibody.
+    pub articulated: bool,
     /// Regions that hold the other, or may come to own it soon.
     pub goes: RegionSet,
 }
@@ -128,10 +138,10 @@ impl PredictedContacts {
         }
     }
 
-    /// Notes the size of the island of every body near the border, to be sent.
-    pub(super) fn set_islands(&mut self, of: impl Fn(RigidBodyHandle) -> u16) {
+    /// Notes the size of the island of every body near the border, and whether that is kept here, to be sent.
+    pub(super) fn set_islands(&mut self, of: impl Fn(RigidBodyHandle) -> (u16, bool)) {
         for near in &mut self.near {
-            near.island = of(near.link.handle);
+            (near.island, near.stays) = of(near.link.handle);
         }
     }
 
@@ -143,8 +153,8 @@ impl PredictedContacts {
             let ahead_s = f64::from(self.ahead_s);
             for_each_overlap(&self.shown[rank].bodies, &self.seen[rank].bodies, ahead_s, |own, other| {
                 if own.awake || other.awake {
-                    let NearbyBody { island, goes, .. } = *other;
-                    meetings.push(Meeting { own: own.id, rank, island, goes });
+                    let NearbyBody { island, stays, articulated, goes, .. } = *other;
+                    meetings.push(Meeting { own: own.id, rank, island, stays, articulated, goes });
                 }
             });
             meetings.sort_unstable_by_key(|meeting| (meeting.own, meeting.rank, meeting.island));
@@ -424,6 +434,8 @@ fn near(region: &Region, link: BodyRef, ahead_s: f32) -> Near {
         swept,
         awake: true,
         island: 1,
+        stays: false,
+        articulated: region.is_articulated(link.handle),
     }
 }
 

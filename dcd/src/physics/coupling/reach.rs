@@ -41,7 +41,7 @@ impl Reach {
         leaving: impl Iterator<Item = (RigidBodyHandle, usize)>,
         met: impl Iterator<Item = (RigidBodyHandle, usize)>,
     ) {
-        let draws = |handle| islands.of(handle).is_some_and(|island| island.draws(region.rank()));
+        let draws = |handle| islands.of(handle).is_some_and(|island| island.draws);
         for handle in self.reached.drain(..) {
             self.marks[handle.into_raw_parts().0 as usize] = RegionSet::EMPTY;
         }
@@ -71,8 +71,7 @@ impl Reach {
                 }
             }
             let met = met.take().into_iter().flatten();
-            for (handle, rank) in met.filter(|(handle, _)| !region.is_articulated(*handle) && !draws(*handle))
-            {
+            for (handle, rank) in met.filter(|(handle, _)| !region.is_articulated(*handle)) {
                 self.mark(handle, RegionSet::only(rank));
             }
             std::mem::swap(&mut self.frontier, &mut self.next);

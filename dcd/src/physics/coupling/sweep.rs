@@ -107,7 +107,17 @@ mod tests {
     fn nearby(id: u32, at: [f64; 3], velocity: [f32; 3]) -> NearbyBody {
         let bounds = Bounds::around(at, [0.5; 3]);
         let (radius_m, goes) = (0.87, RegionSet::EMPTY);
-        NearbyBody { id: BodyId::persistent(id), bounds, radius_m, velocity, awake: true, island: 1, goes }
+        NearbyBody {
+            id: BodyId::persistent(id),
+            bounds,
+            radius_m,
+            velocity,
+            awake: true,
+            island: 1,
+            stays: false,
+            articulated: false,
+            goes,
+        }
     }
 
     #[test]

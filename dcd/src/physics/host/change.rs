@@ -155,7 +155,8 @@ impl RegionHost {
 
     /// Applies a change to one collider of a body, in every copy held here; `index` counts them in order of insertion.
     /// Returns what [`RegionHost::change_copies`] would. Bodies whose shape changed, and immovable ones whose place did, are placed
-    /// anew: Rapier 0.36.1 does not forget all contacts of a compound that becomes something else.
+    /// anew: Rapier 0.36.1 does not forget all contacts of a compound that becomes something else. A shape that is refused is not taken; what
+    /// else was changed is.
     pub fn update_collider<R>(
         &mut self,
         id: BodyId,
@@ -164,17 +165,19 @@ impl RegionHost {
     ) -> Result<Option<R>, HostError> {
         let shape_of = |body: &BodyRecord| body.traits.colliders.get(index).map(|collider| collider.shape);
         let shape = self.record(id).as_ref().and_then(shape_of);
-        let (mut result, mut reach_m) = (None, 0.0f32);
+        let (mut result, mut refused, mut reach_m) = (None, None, 0.0f32);
         for Side { region, .. } in &mut self.sides {
             let Some(handle) = region.handle_of(id) else { continue };
             let role = region.slot(handle).role;
             let Some(returned) = region.update_collider(handle, index, &mut self.shapes, &mut change) else {
                 return Ok(None);
             };
-            let returned = returned?;
             reach_m = reach_m.max(region.slot(handle).reach_m);
-            if role == Ownership::Owner || result.is_none() {
-                result = Some(returned);
+            match returned {
+                Ok(returned) if role == Ownership::Owner || result.is_none() => result = Some(returned),
+                Ok(_) => {}
+                // What else was changed is so in all copies.
+                Err(error) => refused = Some(error),
             }
         }
         match self.statics.body(id).cloned() {
@@ -182,7 +185,7 @@ impl RegionHost {
                 let copies = self.regions().filter_map(|region| Some((region, region.handle_of(id)?)));
                 let Some(traits) = copies.map(|(region, handle)| region.slot(handle).traits.clone()).next()
                 else {
-                    return Ok(result);
+                    return Ok(None);
                 };
                 let (old, new) = (&known.traits.colliders[index], &traits.colliders[index]);
                 if (old.shape, old.pose) == (new.shape, new.pose) {
@@ -198,7 +201,7 @@ impl RegionHost {
                 }
             }
         }
-        Ok(result)
+        refused.map_or(Ok(result), |error| Err(error.into()))
     }
 
     /// Applies a change to every copy of a joint held here.

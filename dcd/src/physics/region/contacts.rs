@@ -4,6 +4,7 @@ use rapier3d::prelude::*;
 
 use super::mass_splitting::MassSplit;
 use super::{Ownership, Region, Slot};
+use crate::space::RegionSet;
 
 impl Region {
     /// Visits every movable body that is near enough to touch this one or to overlap it as a sensor, or that is tied to it; some may
@@ -34,19 +35,43 @@ impl Region {
     }
 
     /// Returns whether the contacts here of a body with another one, or with what is fixed, are those that moved the body: in the region that leads
-    /// it, if that holds the other one, else at its owner.
+    /// it, if that holds the other one, else in that which tells of them.
     pub(in crate::physics) fn solves(&self, handle: RigidBodyHandle, other: Option<RigidBodyHandle>) -> bool {
         let Some(slot) = self.slot_at(handle) else { return false };
         let other = other.and_then(|other| self.slot_at(other));
         // Who led may have dropped the body since.
-        let holds = |slot: &Slot, rank: usize| match slot.role {
-            Ownership::Immovable => true,
-            Ownership::Replica { owner } if owner == rank => true,
-            _ => rank == self.rank || slot.holders.contains(rank),
-        };
-        let leader =
-            slot.led_by.filter(|&rank| holds(slot, rank) && other.is_none_or(|other| holds(other, rank)));
-        leader.map_or(slot.role == Ownership::Owner, |leader| leader == self.rank)
+        let leader = slot.led_by.filter(|&rank| self.holders_of_both(slot, other).contains(rank));
+        leader.or_else(|| self.teller(slot, other)) == Some(self.rank)
+    }
+
+    /// Returns the region that tells of what happens between a body and another one, or what is fixed: the owner of the first, if that holds the
+    /// other, or of the other, if that holds the first, else the lowest that holds both. `None` for what does not move.
+    pub(super) fn teller(&self, slot: &Slot, other: Option<&Slot>) -> Option<usize> {
+        let both = self.holders_of_both(slot, other);
+        let owner = self.owner_of(slot)?;
+        let owners = [Some(owner), other.and_then(|other| self.owner_of(other))];
+        owners.into_iter().flatten().find(|&rank| both.contains(rank)).or_else(|| both.iter().next())
+    }
+
+    fn holders_of_both(&self, slot: &Slot, other: Option<&Slot>) -> RegionSet {
+        other.map_or(RegionSet::ALL, |other| self.holders_of(other)).intersection(self.holders_of(slot))
+    }
+
+    /// Returns the regions that hold a body, as far as this one knows: of copies in couplings without consensus it does not.
+    fn holders_of(&self, slot: &Slot) -> RegionSet {
+        match self.owner_of(slot) {
+            None => RegionSet::ALL,
+            Some(owner) if owner != self.rank && slot.holders.is_empty() => RegionSet::ALL,
+            Some(owner) => slot.holders.union([owner, self.rank].into_iter().collect()),
+        }
+    }
+
+    fn owner_of(&self, slot: &Slot) -> Option<usize> {
+        match slot.role {
+            Ownership::Immovable => None,
+            Ownership::Owner => Some(self.rank),
+            Ownership::Replica { owner } => Some(owner),
+        }
     }
 
     /// Visits the same bodies as [`Region::for_each_contact`], with the pair of colliders unless a joint ties the two.

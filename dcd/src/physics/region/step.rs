@@ -6,7 +6,7 @@ use rapier3d::prelude::*;
 
 use super::iterations::iteration_s;
 use super::mass_splitting::MassSplit;
-use super::{Ownership, Region, kinematic_targets};
+use super::{Region, kinematic_targets};
 use crate::physics::hooks::Named;
 use crate::space::BodyId;
 
@@ -69,17 +69,17 @@ impl Region {
     }
 
     /// Returns whether this region tells of a force between two bodies, of which the first has the lower id. Where each copy has all of the
-    /// mass, the owner of the first movable body does; where masses are split, all regions whose copies have a part.
+    /// mass, one of those that hold both does; where masses are split, all regions whose copies have a part.
     pub(in crate::physics) fn answers_for(&self, a: BodyId, b: BodyId) -> bool {
-        let role = |id| self.handle_of(id).map_or(Ownership::Immovable, |handle| self.slot(handle).role);
-        let copy = |id| self.handle_of(id);
-        let splits =
-            |id| copy(id).and_then(|handle| self.mass_split(handle)).is_some_and(MassSplit::is_split);
-        let counts = |id| copy(id).is_none_or(|handle| self.counts(handle));
-        match role(a) {
-            _ if splits(a) || splits(b) => counts(a) && counts(b),
-            Ownership::Immovable => role(b) == Ownership::Owner,
-            role => role == Ownership::Owner,
+        let [a, b] = [a, b].map(|id| self.handle_of(id));
+        let splits = |copy: Option<_>| {
+            copy.and_then(|handle| self.mass_split(handle)).is_some_and(MassSplit::is_split)
+        };
+        if splits(a) || splits(b) {
+            return [a, b].into_iter().flatten().all(|handle| self.counts(handle));
         }
+        let [a, b] = [a, b].map(|copy| copy.map(|handle| self.slot(handle)));
+        let teller = |slot: Option<_>, other| slot.and_then(|slot| self.teller(slot, other));
+        teller(a, b).or_else(|| teller(b, a)) == Some(self.rank)
     }
 }

@@ -280,7 +280,7 @@ impl Region {
     /// Splits the forces of a joint anew, after the holders of its ends have changed.
     pub(in crate::physics) fn share_joint(&mut self, id: JointId) {
         let Some(mut held) = self.joints.remove(&id) else { return };
-        let both = self.holders_of(held.record.a).intersection(self.holders_of(held.record.b));
+        let both = self.bearers_of(held.record.a).intersection(self.bearers_of(held.record.b));
         let parts = both.len().max(1);
         if parts != held.parts {
             held.parts = parts;
@@ -298,7 +298,7 @@ impl Region {
     }
 
     /// Returns all regions whose copies of a body have a part of its mass; all regions for an immovable one.
-    fn holders_of(&self, id: BodyId) -> RegionSet {
+    fn bearers_of(&self, id: BodyId) -> RegionSet {
         let own = RegionSet::only(self.rank());
         let Some(handle) = self.handle_of(id) else { return own };
         let slot = self.slot(handle);

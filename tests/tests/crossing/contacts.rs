@@ -159,7 +159,7 @@ fn the_blow_on_what_its_region_keeps_to_itself_is_told() {
     let blow = |mut config: WorldConfig| {
         config.step.island_limit = StepSettings::default().island_limit;
         let mut world = LocalWorld::new(config).unwrap();
-        let ball = body_at(0.3, 2.0, 0.0).linvel(-Vector::Y * 5.0).can_sleep(false);
+        let ball = body_at(0.3, 5.5, 0.0).linvel(-Vector::Y * 5.0).can_sleep(false);
         let shape = ColliderBuilder::ball(0.5).contact_force_event_threshold(100.0);
         let ball = world.insert(ball, shape.active_events(ActiveEvents::CONTACT_FORCE_EVENTS)).unwrap();
         insert_floor(&mut world);
@@ -167,7 +167,7 @@ fn the_blow_on_what_its_region_keeps_to_itself_is_told() {
             let (row, column) = ((i % 18) as f32, (i / 18) as f32);
             world.insert(body_at(-0.5 - row, 0.5, column - 8.5).can_sleep(false), cube()).unwrap();
         }
-        let told = forces(&mut world, 30);
+        let told = forces(&mut world, 60);
         told.into_iter().filter(|(_, force)| force.key.a == ball).map(|(tick, _)| tick).collect::<Vec<_>>()
     };
     let alone = blow(cut(Coupling::Island, &[]));

@@ -84,8 +84,6 @@ pub(super) struct Island {
     pub target: usize,
     /// Whether all of it may move there.
     pub ready: bool,
-    /// Whether this region keeps its bodies to itself.
-    pub draws: bool,
 }
 
 impl Islands {
@@ -208,7 +206,6 @@ impl Islands {
         }
         for island in &mut self.found {
             island.settle(region, moment);
-            island.draws = island.is_kept(region.rank());
         }
         for &handle in &self.touched {
             let island = &self.found[self.of[handle.into_raw_parts().0 as usize] as usize - 1];
@@ -400,17 +397,10 @@ impl Island {
         self.ghosts > 0 || !self.beside.is_empty()
     }
 
-    /// Returns whether this region keeps what it owns of it to itself, as regions with less of it need not hold that: this one leads, and what
-    /// they own of it moves here. Parts at second hand count for where it moves but are late, so that of two that touch only the
-    /// greater one stays.
-    fn is_kept(&self, own: usize) -> bool {
-        let strength = |size, rank| (size, std::cmp::Reverse(rank));
-        let mut beside = self.parts.iter().filter(|part| part.hops == 1 && usize::from(part.rank) != own);
-        let here = strength(self.own_size(), own);
-        self.large
-            && !self.big
-            && self.target == own
-            && beside.all(|part| strength(part.size, part.rank.into()) < here)
+    /// Returns whether regions with less of it need not hold any of its bodies owned here: this region leads, and the bodies that they
+    /// own of it move here.
+    pub(super) fn draws(&self, own: usize) -> bool {
+        self.large && !self.big && self.target == own
     }
 
     /// Returns the lowest id in it, and the regions that hold all of it.

@@ -12,7 +12,7 @@
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::island::{Island, Islands};
+use super::island::Island;
 use super::predicted_contacts::{self, Meeting, Near, PredictedContacts};
 use super::shared::SharedBodies;
 use super::{Border, Moment, Side, strike};
@@ -39,8 +39,6 @@ const LONGEST_AWAY_TICKS: u32 = 60;
 /// A body of a large island that is faster than this, in m/s, moves without being held there first, once it has been due for
 /// [`SETTLE_TICKS`]: the warm start of its contacts is of impacts, and worth nothing in the next tick.
 const LIVELY_M_S: f32 = 1.0;
-/// What it touches is held there so many ticks before, so that it goes on touching that in the first tick.
-const HELD_AHEAD_TICKS: u32 = 2;
 
 /// A decision on the members of a body from the end of this exchange on.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
@@ -98,7 +96,7 @@ pub(super) fn survey(side: &mut Side, moment: Moment<'_>) {
         let Border { islands, predicted, shared, .. } = border;
         let seeds = island_seeds(region, predicted);
         islands.find(region, shared, moment, seeds.into_iter());
-        let draws = |handle| islands.of(handle).is_some_and(|island| island.draws);
+        let draws = |handle| islands.of(handle).is_some_and(|island| island.draws(region.rank()));
         predicted.set_islands(|handle| (islands.size(handle), draws(handle)));
     }
 }
@@ -108,7 +106,7 @@ pub(super) fn decide(side: &mut Side, moment: Moment<'_>) {
     let Side { region, border, outbox, .. } = side;
     predicted_contacts::show(region, &mut border.predicted, &mut border.neighbours, outbox, moment);
     let Border { reach, islands, pace, predicted, .. } = border;
-    let draws = |handle| islands.of(handle).is_some_and(|island| island.draws);
+    let draws = |handle| islands.of(handle).is_some_and(|island| island.draws(region.rank()));
     let joining = predicted.joining(region).into_iter().filter(|(handle, _)| !draws(*handle));
     // Of two that would both be kept at home each is sent to the other.
     let is_sent = |meeting: &Meeting, handle| meeting.island > 0 && (meeting.stays || !draws(handle));
@@ -125,7 +123,7 @@ pub(super) fn decide(side: &mut Side, moment: Moment<'_>) {
         let home = moment.home_of(region, handle);
         (home != region.rank() && !region.physics().bodies[handle].is_sleeping()).then_some((handle, home))
     });
-    reach.spread(region, islands, depth, leaving.chain(flying(region, islands, moment)), met);
+    reach.spread(region, islands, depth, leaving, met);
     reach.complete(region, islands);
     reach.carry(region, predicted.carriers(region, moment.partition));
     let candidates = candidates(region, border);
@@ -245,24 +243,6 @@ fn island_seeds(region: &Region, predicted: &PredictedContacts) -> Vec<RigidBody
         !here || predicted.meetings_of(near.link.id).next().is_some() || region.is_pressed(handle)
     });
     near.map(|near| near.link).chain(region.held_elsewhere()).map(|link| link.handle).collect()
-}
-
-/// Returns the bodies that will soon move without being held there first, with where: what they touch must be there by then.
-fn flying(
-    region: &Region,
-    islands: &Islands,
-    moment: Moment<'_>,
-) -> impl Iterator<Item = (RigidBodyHandle, usize)> {
-    let now = moment.tick.0 as u32;
-    let own = region.rank();
-    let moving = islands.found.iter().filter(move |island| !island.big && island.target != own);
-    moving.flat_map(move |island| {
-        let soon = move |link: &&BodyRef| {
-            let away = away_ticks(region.slot(link.handle), now);
-            away + HELD_AHEAD_TICKS >= SETTLE_TICKS && is_lively(region, Some(island), link.handle)
-        };
-        island.members.iter().filter(soon).map(|link| (link.handle, island.target))
-    })
 }
 
 /// Returns every body owned here whose membership or owner may have to change, in id order.
@@ -408,7 +388,9 @@ fn desired_membership(
     let all = border.reach.of(handle).union(met).without(own);
     let reached = all.intersection(neighbours);
     let wanted = all.union(RegionSet::only(goal));
-    let lively = is_lively(region, island, handle);
+    let lively = island.is_some_and(|island| island.large)
+        && region.slot(handle).assembly.is_none()
+        && body.linvel().length() > LIVELY_M_S;
     let there = if lively { RegionSet::EMPTY } else { RegionSet::only(owner) };
     let holders = reached.union(there).without(own);
     let split = splits(border, moment, id, handle);
@@ -489,13 +471,6 @@ fn splits(border: &Border, moment: Moment<'_>, id: BodyId, handle: RigidBodyHand
         || big(handle)
         || meetings.any(|meeting| meeting.island == BIG_ISLAND)
         || border.splitting.binary_search_by_key(&handle.into_raw_parts(), |one| one.into_raw_parts()).is_ok()
-}
-
-/// Returns whether a body may move with its island without having been held there.
-fn is_lively(region: &Region, island: Option<&Island>, handle: RigidBodyHandle) -> bool {
-    island.is_some_and(|island| island.large)
-        && region.slot(handle).assembly.is_none()
-        && region.physics().bodies[handle].linvel().length() > LIVELY_M_S
 }
 
 /// Returns whether the body touches or is tied to one that can move.

@@ -41,7 +41,7 @@ impl Reach {
         leaving: impl Iterator<Item = (RigidBodyHandle, usize)>,
         met: impl Iterator<Item = (RigidBodyHandle, usize)>,
     ) {
-        let draws = |handle| islands.of(handle).is_some_and(|island| island.draws);
+        let draws = |handle| islands.of(handle).is_some_and(|island| island.draws(region.rank()));
         for handle in self.reached.drain(..) {
             self.marks[handle.into_raw_parts().0 as usize] = RegionSet::EMPTY;
         }

@@ -46,7 +46,7 @@ unsafe impl Sized32 for DcdCharacterDef {
 /// comes.
 ///
 /// In a served world it is walked by the node that computes it, also that of a client: it stops at a wall without a delay, and
-/// its client cannot put it elsewhere (dcd_body_set_pose). A client may have 32, which take steps of at most 1 m.
+/// its client cannot put it elsewhere (dcd_body_set_pose). A client may have 32 characters and vehicles together; its characters take steps (step_height, step_depth, snap) of at most 1 m, keep a gap of at most 0.1 m, and weigh at most 10,000 kg.
 /// Errors: as dcd_bodies_create, and DCD_ERR_ARGUMENT for another body_type, a sensor, or a setting out of range.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_character_create(

@@ -131,7 +131,7 @@ pub const DCD_REFUSED_TOO_MANY: u32 = 8;
 /// In DcdBodyChange.reason: the avatar would cost too much: it has more than 8 extra solver or PGS iterations, reaches farther than 100 m
 /// from its origin, begins where 64 others of this client are, or all of them together have more than 20,000 corners (200,000,
 /// and 16,384 colliders, of what a builder has built); or a body that is built takes more than 60 KiB with its shapes and what joints tie to
-/// it, or asks for contacts of fixed bodies.
+/// it, or asks for contacts of fixed bodies; of a client's characters and vehicles see dcd_character_create and dcd_vehicle_create; what is built begins among 1,024 colliders at most and looks 10 m around (contact_skin, soft_ccd).
 pub const DCD_REFUSED_COSTLY: u32 = 9;
 /// In DcdBodyChange.reason: the jump is farther than the avatar could have moved since its last one, or in a second, at the limit of
 /// speed that the server sets.

@@ -83,7 +83,7 @@ unsafe impl Sized32 for DcdParticipantDef {
 }
 
 /// Joins a world that a server holds and nodes compute, as a client, and waits until the server has told the
-/// whole world, or what is near of it, as it is on its record: up to two seconds old, of tick 0, and without who computes what, until the first states
+/// whole world, or what is near of it, as it is on its record: up to half a second old (two seconds more where its server has just gone on with a stored world), of tick 0, and without who computes what, until the first states
 /// have come from the nodes. It need not have nodes yet: the world stands still until it has.
 ///
 /// The handle is used like that of a local world; what differs:

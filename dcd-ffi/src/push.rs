@@ -83,7 +83,7 @@ pub unsafe extern "C" fn dcd_body_set_force(
 /// of mass. Its torque is computed now and stays when the body moves on: for a thruster, set no force and add those of all
 /// thrusters before each step.
 ///
-/// Errors: as dcd_body_apply_impulse.
+/// Errors: as dcd_body_apply_impulse, and DCD_ERR_UNSUPPORTED for servers and builders too, which set the whole force (dcd_body_set_force).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_body_add_force(
     world: DcdWorld,

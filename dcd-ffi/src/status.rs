@@ -25,7 +25,7 @@ pub const DCD_ERR_STRUCT: DcdStatus = -3;
 pub const DCD_ERR_ARGUMENT: DcdStatus = -4;
 /// The caller's memory is too small; the size needed was written. Who asks for the size, by null with room for 0, gets it with DCD_OK.
 pub const DCD_ERR_SMALL_BUFFER: DcdStatus = -5;
-/// Not now: called from within the log callback or one of dcd_debug_draw, where worlds may not be used, while a step that was begun is
+/// Not now: called from within a function that the library calls (see Threads), where worlds may not be used, while a step that was begun is
 /// not waited for, or for messages while too many wait to be sent.
 pub const DCD_ERR_BUSY: DcdStatus = -6;
 /// Nobody answered in time.

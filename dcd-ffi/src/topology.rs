@@ -143,7 +143,7 @@ fn borders(world: &Dcd) -> Result<Vec<DcdBorderInfo>, Failure> {
 
 /// Reads who owns a body: nobody, if it is fixed (DCD_NO_REGION, DCD_NO_NODE, without DCD_OWNER_HERE).
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED for a server or a node.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED for a node. A server is told no owner: DCD_NO_REGION.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_body_owner(world: DcdWorld, body: DcdBodyId, out: *mut DcdOwner) -> DcdStatus {
     guard("dcd_body_owner", || {

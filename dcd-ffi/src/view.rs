@@ -99,7 +99,7 @@ pub unsafe extern "C" fn dcd_view_body(
 }
 
 /// Lends every movable body as it is shown, as dcd_state_view lends them as they are: own avatars, with what they touch, at
-/// time->predicted, all others at time->shown; what comes near goes from the one to the other within about half a second. Set both to
+/// time->predicted, all others at time->shown; what comes near goes from the one to the other within a second. Set both to
 /// the same where an own avatar is to be shown with the others. `tick` of the view is that of the newest state.
 ///
 /// The arrays are the library's: do not write or free them. They keep their content until the next dcd_view_state of this world; the

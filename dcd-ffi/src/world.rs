@@ -114,7 +114,7 @@ pub struct DcdWorldInfo {
     /// DCD_ROLE_LOCAL, _CLIENT, _BUILDER, _PARTICIPANT, _SERVER or _NODE.
     pub role: DcdRole,
     /// Steps since the world began. In a served world the newest heard of: it lags by some milliseconds while bodies move, and
-    /// comes every 30 steps while all rest; at the server by up to 12 steps more.
+    /// comes every 30 steps, then every 5 s while all rest (dcd_view_time tells the tick meanwhile); at the server every 30, and by up to 12 steps more.
     pub tick: u64,
     /// Your own.
     pub user_data: u64,

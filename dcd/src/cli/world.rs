@@ -32,8 +32,8 @@ pub(super) struct CutArgs {
     /// Contact hops across a border within which bodies live in both regions [default: 2]
     #[arg(long, value_name = "HOPS", value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_DEPTH)))]
     depth: Option<u32>,
-    /// The most bodies of an island that moves whole to one region; 0 moves none [default: 65534, that is any; 256 in a
-    /// world that is served or balanced]
+    /// The most bodies of an island that moves whole to one region; 0 moves none [default: 65534, that is any; 256 by
+    /// `dcd serve`; balanced by `dcd run` at most 16 to 256]
     #[arg(long, value_name = "BODIES", value_parser = clap::value_parser!(u16).range(..=i64::from(BIG_ISLAND) - 1))]
     island_limit: Option<u16>,
     /// The disagreement of replicas that `auto` tolerates, in metres per second [default: 0.03]

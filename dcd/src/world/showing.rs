@@ -127,7 +127,7 @@ impl World {
     }
 
     /// Returns [`World::movable_bodies`] as they are shown: own avatars, with what they touch, at [`ViewTime::predicted`], all others at
-    /// [`ViewTime::shown`]. What comes near goes from the one to the other within about half a second.
+    /// [`ViewTime::shown`]. What comes near goes from the one to the other within a second.
     #[must_use]
     pub fn movable_bodies_at(&self, time: &ViewTime) -> Box<dyn Iterator<Item = MovableBody> + '_> {
         let world = match &self.inner {

@@ -1,6 +1,8 @@
 //! Reads the heads of HTTP requests and writes short answers, for the viewer and for metrics.
 
 use std::io::{self, Read, Write};
+use std::net::TcpStream;
+use std::time::{Duration, Instant};
 
 /// The longest head of a request, and the most headers.
 const MOST_HEAD: usize = 16 << 10;
@@ -26,6 +28,43 @@ pub(crate) fn read_head<T>(
             Ok(httparse::Status::Partial) if head.len() < MOST_HEAD => {}
             _ => return Ok(None),
         }
+    }
+}
+
+/// A stream whose bytes must all have come, or gone, by a time, however few do at once.
+pub(crate) struct Timely<'a> {
+    stream: &'a TcpStream,
+    until: Instant,
+}
+
+impl<'a> Timely<'a> {
+    pub(crate) fn within(timeout: Duration, stream: &'a TcpStream) -> Self {
+        Self { stream, until: Instant::now() + timeout }
+    }
+
+    fn left(&self) -> io::Result<Duration> {
+        let left = self.until.saturating_duration_since(Instant::now());
+        if left.is_zero() { Err(io::ErrorKind::TimedOut.into()) } else { Ok(left) }
+    }
+}
+
+impl Read for Timely<'_> {
+    fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
+        self.stream.set_read_timeout(Some(self.left()?))?;
+        let mut stream = self.stream;
+        stream.read(into)
+    }
+}
+
+impl Write for Timely<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.stream.set_write_timeout(Some(self.left()?))?;
+        let mut stream = self.stream;
+        stream.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::source::{Details, RegionSeen, Seen, Source};
+use super::source::{Details, RegionSeen, Seen, Source, appearance_of};
 use crate::playback::ViewTime;
 use crate::protocol::{BodyKind, BodyRecord, ShapeHash, ShapeRecord, WorldPose};
 use crate::runtime::ClientWorld;
@@ -48,6 +48,7 @@ impl Source for Told<'_> {
                     owner: self.places.get(&owner).copied().unwrap_or(0),
                     sleeping: state.sleeping,
                     outside: view.outside,
+                    appearance: appearance_of(&view.body.traits),
                 };
                 known.push((view.body.id, seen));
             }
@@ -68,10 +69,10 @@ impl Source for Told<'_> {
         }
     }
 
-    fn for_each_fixed(&self, mut look: impl FnMut(BodyId, &WorldPose)) {
+    fn for_each_fixed(&self, mut look: impl FnMut(BodyId, &WorldPose, u64)) {
         self.world.with_bodies(|view| {
             if view.body.traits.kind == BodyKind::Fixed {
-                look(view.body.id, &view.body.state.pose);
+                look(view.body.id, &view.body.state.pose, appearance_of(&view.body.traits));
             }
             None::<()>
         });

@@ -4,10 +4,12 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use rapier3d::prelude::*;
 
-use super::source::{BorderSeen, ContactSeen, Details, Extent, Ghost, RegionSeen, Seen, Source};
-use crate::physics::{Ownership, Region, RegionHost, pair_force_n};
-use crate::protocol::{BodyRecord, JointRecord, ShapeHash, ShapeRecord, WorldPose};
-use crate::space::{BodyId, Bounds, RegionId};
+use super::source::{
+    BorderSeen, ContactSeen, Details, Extent, Ghost, RegionSeen, Seen, Source, Tie, appearance_of,
+};
+use crate::physics::{Ownership, Region, RegionHost, drawn_force_n};
+use crate::protocol::{BodyRecord, ShapeHash, ShapeRecord, WorldPose};
+use crate::space::{BodyId, Bounds, JointId, RegionId};
 
 impl Source for RegionHost {
     fn tick(&self) -> u64 {
@@ -29,8 +31,8 @@ impl Source for RegionHost {
         guests.for_each(|(guest, seen)| look(guest, seen));
     }
 
-    fn for_each_fixed(&self, mut look: impl FnMut(BodyId, &WorldPose)) {
-        self.scenery().for_each(|body| look(body.id, &body.state.pose));
+    fn for_each_fixed(&self, mut look: impl FnMut(BodyId, &WorldPose, u64)) {
+        self.scenery().for_each(|body| look(body.id, &body.state.pose, appearance_of(&body.traits)));
     }
 
     fn record(&self, id: BodyId) -> Option<BodyRecord> {
@@ -41,8 +43,8 @@ impl Source for RegionHost {
         self.shapes().record_of(hash).cloned()
     }
 
-    fn joints_of(&self, id: BodyId) -> Vec<JointRecord> {
-        self.joints_of(id).collect()
+    fn joints(&self) -> BTreeMap<JointId, Tie> {
+        self.regions().flat_map(Region::joints).map(Tie::of).collect()
     }
 
     fn regions(&self) -> Vec<RegionSeen> {
@@ -128,6 +130,7 @@ pub(super) fn seen(region: &Region, handle: RigidBodyHandle, owner: usize) -> Se
         owner: owner as u16,
         sleeping: body.is_sleeping(),
         outside: false,
+        appearance: appearance_of(region.traits_of(handle)),
     }
 }
 
@@ -148,23 +151,19 @@ pub(super) fn guests(host: &RegionHost) -> Vec<(BodyId, Seen)> {
     guests
 }
 
-/// Returns what touches in a region, each pair where the movable body of the lower place is owned, so that none comes twice.
+/// Returns what touches in a region, each pair where that answers for it, so that none comes twice.
 fn contacts_in(region: &Region) -> impl Iterator<Item = ContactSeen> {
     let world = region.physics();
     world.contact_pairs().filter(|pair| pair.has_any_active_contact()).filter_map(move |pair| {
         let colliders = [pair.collider1, pair.collider2].map(|collider| world.colliders.get(collider));
-        let [Some(first), Some(second)] = colliders else { return None };
-        let roles = [first, second].map(|collider| Some(region.role_of(collider.parent()?)?.1));
-        let moves = |role: &Option<Ownership>| role.is_some_and(|role| role != Ownership::Immovable);
-        if roles.iter().find(|role| moves(role)) != Some(&Some(Ownership::Owner)) {
-            return None;
-        }
+        let [Some(first), Some(_)] = colliders else { return None };
+        let force_n = drawn_force_n(region, pair)?.map(|v| v as f32);
         let manifold = pair.solver_manifolds().first()?;
         let point = manifold.points.first()?;
         let anchor = region.anchor();
         let place = *first.position() * manifold.subshape_pos1().copied().unwrap_or(Pose::IDENTITY);
         let place = place.transform_point(point.local_p1);
         let at = std::array::from_fn(|i| anchor[i] + f64::from(place[i]));
-        Some(ContactSeen { at, force_n: pair_force_n(world, pair).map(|v| v as f32) })
+        Some(ContactSeen { at, force_n })
     })
 }

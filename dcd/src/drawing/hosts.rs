@@ -3,10 +3,10 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::host::{guests, seen};
-use super::source::{BorderSeen, ContactSeen, Details, Extent, Ghost, RegionSeen, Seen, Source};
+use super::source::{BorderSeen, ContactSeen, Details, Extent, Ghost, RegionSeen, Seen, Source, Tie};
 use crate::physics::{Region, RegionHost};
-use crate::protocol::{BodyRecord, JointRecord, ShapeHash, ShapeRecord, WorldPose};
-use crate::space::{BodyId, Bounds, NodeId, RegionId};
+use crate::protocol::{BodyRecord, ShapeHash, ShapeRecord, WorldPose};
+use crate::space::{BodyId, Bounds, JointId, NodeId, RegionId};
 
 /// The regions of several nodes, or those of a local world, after the same tick. Of a body that two groups of nodes own, the first node's
 /// counts.
@@ -123,7 +123,7 @@ impl Source for Hosts<'_> {
         all.into_iter().for_each(|(id, seen)| look(id, seen));
     }
 
-    fn for_each_fixed(&self, look: impl FnMut(BodyId, &WorldPose)) {
+    fn for_each_fixed(&self, look: impl FnMut(BodyId, &WorldPose, u64)) {
         if let Some(host) = self.hosts.first() {
             host.regions.for_each_fixed(look);
         }
@@ -137,8 +137,8 @@ impl Source for Hosts<'_> {
         self.hosts.iter().find_map(|host| host.regions.shape(hash))
     }
 
-    fn joints_of(&self, id: BodyId) -> Vec<JointRecord> {
-        self.host_of(id).map_or_else(Vec::new, |host| host.joints_of(id).collect())
+    fn joints(&self) -> BTreeMap<JointId, Tie> {
+        self.hosts.iter().flat_map(|host| Source::joints(host.regions)).collect()
     }
 
     fn regions(&self) -> Vec<RegionSeen> {

@@ -30,4 +30,4 @@ pub(crate) use hosts::Hosts;
 pub(crate) use moment::{Arrival, JointSeen, KEPT_FRAMES, Looker, Moment, Wishes};
 #[cfg(feature = "view")]
 pub(crate) use source::Details;
-pub(crate) use source::{ContactSeen, Extent, RegionSeen, Seen, Source};
+pub(crate) use source::{ContactSeen, Extent, RegionSeen, Seen, Source, Tie};

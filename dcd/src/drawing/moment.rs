@@ -1,13 +1,12 @@
 //! Copies what is shown of a world out of it, between two of its steps.
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::geometry::{Geometries, Mesh, Part};
 use super::slots::Slots;
-use super::source::{BorderSeen, ContactSeen, Details, Ghost, RegionSeen, Seen, Source};
+use super::source::{BorderSeen, ContactSeen, Details, Ghost, RegionSeen, Seen, Source, Tie};
 use crate::protocol::{BodyKind, WorldPose};
-use crate::space::{BodyId, JointId};
+use crate::space::BodyId;
 
 /// The most contacts of one picture.
 const MOST_CONTACTS: usize = 8192;
@@ -27,7 +26,7 @@ pub(crate) struct Arrival {
 }
 
 /// A joint: the slots of its bodies, whether these are fixed, and where it is on each.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct JointSeen {
     pub(crate) slots: [(u32, bool); 2],
     pub(crate) anchors: [[f32; 3]; 2],
@@ -58,7 +57,7 @@ pub(crate) struct Moment {
     /// Slots that are empty now, and whether they are of fixed bodies.
     pub(crate) departures: Vec<(u32, bool)>,
     pub(crate) meshes: Vec<Mesh>,
-    /// All joints, if any came or went with bodies.
+    /// All joints, if any came, went, or is on a fixed body that was moved.
     pub(crate) joints: Option<Vec<JointSeen>>,
     pub(crate) details: Vec<Details>,
 }
@@ -78,11 +77,11 @@ pub(crate) struct Looker {
     fixed: Slots,
     /// Where fixed bodies are, in id order.
     places: Vec<WorldPose>,
-    joints: BTreeMap<JointId, (BodyId, BodyId, [[f32; 3]; 2])>,
+    joints: Vec<JointSeen>,
     geometries: Geometries,
     number: u64,
     /// Ids of the last look: memory to use again.
-    ids: Vec<BodyId>,
+    ids: Vec<(BodyId, u64)>,
 }
 
 impl Looker {
@@ -94,21 +93,21 @@ impl Looker {
         let mut ids = std::mem::take(&mut self.ids);
         ids.clear();
         world.for_each_movable(|id, seen| {
-            ids.push(id);
+            ids.push((id, seen.appearance));
             rows.push(seen);
         });
         let mut moment = Moment { number: self.number, tick: world.tick(), rows, ..Moment::default() };
         let change = self.movable.update(&ids, self.number, KEPT_FRAMES);
         self.ids = ids;
-        let mut tied = !change.went.is_empty();
         moment.departures.extend(change.went.into_iter().map(|slot| (slot, false)));
         for (id, slot) in change.came {
-            tied |= self.arrive(world, id, slot, None, &mut moment);
+            self.arrive(world, id, slot, None, &mut moment);
         }
-        tied |= self.look_at_fixed(world, &mut moment);
-        if tied {
-            self.joints.retain(|_, (a, b, _)| [*a, *b].iter().all(|&id| world.record(id).is_some()));
-            moment.joints = Some(self.joints.values().filter_map(|joint| self.tie(joint)).collect());
+        let are_moved = self.look_at_fixed(world, &mut moment);
+        let joints: Vec<_> = world.joints().values().filter_map(|joint| self.tie(joint)).collect();
+        if are_moved || joints != self.joints {
+            self.joints.clone_from(&joints);
+            moment.joints = Some(joints);
         }
         moment.slots = Arc::clone(self.movable.in_order());
         moment.slot_count = self.movable.count();
@@ -127,10 +126,11 @@ impl Looker {
         moment
     }
 
+    /// Looks at the fixed bodies; returns whether any came, went or was moved.
     fn look_at_fixed(&mut self, world: &impl Source, moment: &mut Moment) -> bool {
         let (mut ids, mut places) = (Vec::new(), Vec::new());
-        world.for_each_fixed(|id, &pose| {
-            ids.push(id);
+        world.for_each_fixed(|id, &pose, appearance| {
+            ids.push((id, appearance));
             places.push(pose);
         });
         if places == self.places && self.fixed.are(&ids) {
@@ -140,15 +140,14 @@ impl Looker {
         moment.departures.extend(change.went.iter().map(|&slot| (slot, true)));
         // All of them: which of many were moved, and were not there before, matters to nobody.
         let slots = Arc::clone(self.fixed.in_order());
-        let mut tied = true;
-        for ((&id, &slot), &pose) in ids.iter().zip(slots.iter()).zip(&places) {
-            tied |= self.arrive(world, id, slot, Some(pose), moment);
+        for ((&(id, _), &slot), &pose) in ids.iter().zip(slots.iter()).zip(&places) {
+            self.arrive(world, id, slot, Some(pose), moment);
         }
         self.places = places;
-        tied
+        true
     }
 
-    /// Notes a body that came; returns whether it has joints.
+    /// Notes a body that came.
     fn arrive(
         &mut self,
         world: &impl Source,
@@ -156,8 +155,8 @@ impl Looker {
         slot: u32,
         fixed: Option<WorldPose>,
         moment: &mut Moment,
-    ) -> bool {
-        let Some(record) = world.record(id) else { return false };
+    ) {
+        let Some(record) = world.record(id) else { return };
         let parts = self.geometries.of_body(&record, |hash| world.shape(hash));
         let kind = match record.traits.kind {
             BodyKind::Dynamic => 0,
@@ -165,21 +164,92 @@ impl Looker {
             BodyKind::KinematicPosition | BodyKind::KinematicVelocity => 2,
         };
         moment.arrivals.push(Arrival { slot, id, kind, own: world.is_own(id), fixed, parts });
-        let joints = world.joints_of(id);
-        let has_joints = !joints.is_empty();
-        let anchors = joints.into_iter().map(|joint| {
-            let anchors = [joint.frame_a.translation, joint.frame_b.translation];
-            (joint.id, (joint.a, joint.b, anchors))
-        });
-        self.joints.extend(anchors);
-        has_joints
     }
 
-    fn tie(&self, (a, b, anchors): &(BodyId, BodyId, [[f32; 3]; 2])) -> Option<JointSeen> {
+    fn tie(&self, Tie { bodies: [a, b], anchors }: &Tie) -> Option<JointSeen> {
         let slot = |id: BodyId| {
             let movable = self.movable.of(id).map(|slot| (slot, false));
             movable.or_else(|| self.fixed.of(id).map(|slot| (slot, true)))
         };
         Some(JointSeen { slots: [slot(*a)?, slot(*b)?], anchors: *anchors })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rapier3d::prelude::*;
+
+    use super::*;
+    use crate::drawing::geometry::{BALL, BOX};
+    use crate::runtime::{LocalWorld, WorldConfig};
+
+    fn world() -> LocalWorld {
+        LocalWorld::new(WorldConfig::default()).unwrap()
+    }
+
+    fn insert(world: &mut LocalWorld, body: RigidBodyBuilder, collider: ColliderBuilder) -> BodyId {
+        world.insert(body, collider).unwrap()
+    }
+
+    fn look(looker: &mut Looker, world: &LocalWorld) -> Moment {
+        looker.look(world.host(), &Wishes::default(), Moment::default())
+    }
+
+    /// The bodies that came, with their geometries.
+    fn came(moment: &Moment) -> Vec<(BodyId, Vec<u16>)> {
+        let of = |arrival: &Arrival| arrival.parts.iter().map(|part| part.geometry).collect();
+        moment.arrivals.iter().map(|arrival| (arrival.id, of(arrival))).collect()
+    }
+
+    #[test]
+    fn joints_are_shown_from_when_they_are_made_until_they_are_removed() {
+        let mut world = world();
+        let ball = ColliderBuilder::ball(0.5);
+        let a = insert(&mut world, RigidBodyBuilder::fixed(), ball.clone());
+        let b = insert(&mut world, RigidBodyBuilder::dynamic().translation(Vector::X), ball);
+        let mut looker = Looker::default();
+        look(&mut looker, &world);
+        assert_eq!(look(&mut looker, &world).joints, None);
+        let joint = world.insert_joint(a, b, RopeJointBuilder::new(2.0)).unwrap();
+        let shown = look(&mut looker, &world).joints.expect("it is new");
+        assert_eq!((shown.len(), shown[0].slots), (1, [(0, true), (0, false)]));
+        assert_eq!(look(&mut looker, &world).joints, None);
+        world.remove_joint(joint).unwrap();
+        assert_eq!(look(&mut looker, &world).joints, Some(Vec::new()));
+    }
+
+    #[test]
+    fn a_body_is_shown_anew_where_a_world_that_went_back_gives_its_id_again() {
+        let mut world = world();
+        let (ball, cube) = (ColliderBuilder::ball(0.5), ColliderBuilder::cuboid(0.5, 0.5, 0.5));
+        let stays =
+            insert(&mut world, RigidBodyBuilder::dynamic().translation(9.0 * Vector::X), ball.clone());
+        let checkpoint = world.checkpoint();
+        let mut looker = Looker::default();
+        let mut play = |kind: &RigidBodyBuilder, collider: &ColliderBuilder| {
+            world.rewind(&checkpoint).unwrap();
+            let id = insert(&mut world, kind.clone(), collider.clone());
+            world.step().unwrap();
+            (id, look(&mut looker, &world))
+        };
+        for kind in [RigidBodyBuilder::dynamic(), RigidBodyBuilder::fixed()] {
+            let (id, first) = play(&kind, &ball);
+            assert_eq!(came(&first).last(), Some(&(id, vec![BALL])));
+            let (again, second) = play(&kind, &cube);
+            assert_eq!((again, came(&second)), (id, vec![(id, vec![BOX])]), "{stays} is as it was");
+            assert_eq!(second.departures.len(), 1);
+            assert!(came(&play(&kind, &cube).1).is_empty(), "it is like the one before");
+        }
+    }
+
+    #[test]
+    fn a_body_is_shown_anew_once_it_has_another_collider() {
+        let mut world = world();
+        let id = insert(&mut world, RigidBodyBuilder::dynamic(), ColliderBuilder::ball(0.5));
+        let mut looker = Looker::default();
+        look(&mut looker, &world);
+        world.insert_collider(id, ColliderBuilder::cuboid(0.1, 0.1, 2.0)).unwrap();
+        let moment = look(&mut looker, &world);
+        assert_eq!((came(&moment), moment.departures), (vec![(id, vec![BALL, BOX])], vec![(0, false)]));
     }
 }

@@ -5,10 +5,11 @@ use std::sync::Arc;
 
 use crate::space::BodyId;
 
-/// The slots of bodies, in id order.
+/// The slots of bodies, in id order. A body that looks otherwise than before is another one here.
 #[derive(Default)]
 pub(crate) struct Slots {
-    ids: Vec<BodyId>,
+    /// With what they look like.
+    ids: Vec<(BodyId, u64)>,
     slots: Arc<Vec<u32>>,
     /// Slots of bodies that went, and the frames in which they did, the oldest first.
     free: VecDeque<(u64, u32)>,
@@ -36,18 +37,18 @@ impl Slots {
     }
 
     /// Returns whether these are the bodies that have slots.
-    pub(crate) fn are(&self, ids: &[BodyId]) -> bool {
+    pub(crate) fn are(&self, ids: &[(BodyId, u64)]) -> bool {
         self.ids == ids
     }
 
     /// Returns the slot of a body.
     pub(crate) fn of(&self, id: BodyId) -> Option<u32> {
-        Some(self.slots[self.ids.binary_search(&id).ok()?])
+        Some(self.slots[self.ids.binary_search_by_key(&id, |(id, _)| *id).ok()?])
     }
 
-    /// Takes in which bodies there are at a frame, in id order. A slot that became empty less than `kept` frames before is not
+    /// Takes in which bodies there are at a frame, in id order, and what they look like. A slot that became empty less than `kept` frames before is not
     /// given again: pictures of what was in it are kept.
-    pub(crate) fn update(&mut self, now: &[BodyId], frame: u64, kept: u64) -> Change {
+    pub(crate) fn update(&mut self, now: &[(BodyId, u64)], frame: u64, kept: u64) -> Change {
         let mut change = Change::default();
         if self.are(now) {
             return change;
@@ -73,7 +74,7 @@ impl Slots {
                 }
             };
             slots.push(slot);
-            change.came.push((id, slot));
+            change.came.push((id.0, slot));
         }
         change.went.extend(before.map(|(_, &slot)| slot));
         self.free.extend(change.went.iter().map(|&slot| (frame, slot)));
@@ -87,8 +88,8 @@ impl Slots {
 mod tests {
     use super::*;
 
-    fn ids(numbers: &[u32]) -> Vec<BodyId> {
-        numbers.iter().map(|&number| BodyId::persistent(number)).collect()
+    fn ids(numbers: &[u32]) -> Vec<(BodyId, u64)> {
+        numbers.iter().map(|&number| (BodyId::persistent(number), 0)).collect()
     }
 
     #[test]
@@ -100,6 +101,16 @@ mod tests {
         assert_eq!(change.came, [(BodyId::persistent(1), 2), (BodyId::persistent(9), 3)]);
         assert_eq!((change.went, &slots.in_order()[..]), (vec![0], &[2, 1, 3][..]));
         assert_eq!((slots.of(BodyId::persistent(5)), slots.of(BodyId::persistent(3))), (Some(1), None));
+    }
+
+    #[test]
+    fn a_body_that_looks_otherwise_has_another_slot() {
+        let mut slots = Slots::default();
+        let body = BodyId::persistent(3);
+        for (appearance, slot, went) in [(5, 0, vec![]), (7, 2, vec![0]), (4, 3, vec![2])] {
+            let change = slots.update(&[(body, appearance), (BodyId::persistent(4), 6)], slot.into(), 10);
+            assert_eq!((change.came[0], change.went, slots.of(body)), ((body, slot), went, Some(slot)));
+        }
     }
 
     #[test]

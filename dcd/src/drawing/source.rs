@@ -1,8 +1,9 @@
 //! Defines the trait `Source`: what a world tells those who draw it, and the values in which it does.
 
 use std::collections::BTreeMap;
+use std::hash::{DefaultHasher, Hash, Hasher};
 
-use crate::protocol::{BodyRecord, JointRecord, ShapeHash, ShapeRecord, WorldPose};
+use crate::protocol::{BodyRecord, BodyTraits, JointRecord, ShapeHash, ShapeRecord, WorldPose};
 use crate::space::{BodyId, Bounds, Cell, Epoch, JointId};
 
 /// A movable body as it is drawn.
@@ -20,6 +21,38 @@ pub(crate) struct Seen {
     pub(crate) sleeping: bool,
     /// Whether it was last heard of some time ago.
     pub(crate) outside: bool,
+    /// What it looks like, by [`appearance_of`]; 0 where nobody looks twice.
+    pub(crate) appearance: u64,
+}
+
+/// Returns a number that tells bodies apart that do not look alike: by their kinds and colliders. A body may get other colliders, and an id may
+/// be given again after a world went back to a checkpoint.
+pub(crate) fn appearance_of(traits: &BodyTraits) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    (traits.kind as u8).hash(&mut hasher);
+    for collider in &traits.colliders {
+        (collider.shape, collider.sensor, collider.enabled).hash(&mut hasher);
+        collider.pose.translation.map(f32::to_bits).hash(&mut hasher);
+        collider.pose.rotation.map(f32::to_bits).hash(&mut hasher);
+    }
+    hasher.finish()
+}
+
+/// A joint as it is drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Tie {
+    /// Its bodies.
+    pub(crate) bodies: [BodyId; 2],
+    /// Where it is on each, metres.
+    pub(crate) anchors: [[f32; 3]; 2],
+}
+
+impl Tie {
+    /// Returns the joint by its id.
+    pub(crate) fn of(joint: &JointRecord) -> (JointId, Self) {
+        let anchors = [joint.frame_a.translation, joint.frame_b.translation];
+        (joint.id, Self { bodies: [joint.a, joint.b], anchors })
+    }
 }
 
 /// A region as it is drawn.
@@ -107,8 +140,8 @@ pub(crate) trait Source {
     /// Visits every movable body in id order.
     fn for_each_movable(&self, look: impl FnMut(BodyId, Seen));
 
-    /// Visits every fixed body in id order.
-    fn for_each_fixed(&self, look: impl FnMut(BodyId, &WorldPose));
+    /// Visits every fixed body in id order, with what it looks like, as [`Seen::appearance`].
+    fn for_each_fixed(&self, look: impl FnMut(BodyId, &WorldPose, u64));
 
     /// Returns the whole record of a body.
     fn record(&self, id: BodyId) -> Option<BodyRecord>;
@@ -116,18 +149,9 @@ pub(crate) trait Source {
     /// Returns a shape by its name.
     fn shape(&self, hash: ShapeHash) -> Option<ShapeRecord>;
 
-    /// Returns the joints of a body, as far as they are known.
-    fn joints_of(&self, _id: BodyId) -> Vec<JointRecord> {
-        Vec::new()
-    }
-
     /// Returns all joints, as far as they are known.
-    fn joints(&self) -> BTreeMap<JointId, JointRecord> {
-        let mut joints = BTreeMap::new();
-        self.for_each_movable(|id, _| {
-            joints.extend(self.joints_of(id).into_iter().map(|joint| (joint.id, joint)));
-        });
-        joints
+    fn joints(&self) -> BTreeMap<JointId, Tie> {
+        BTreeMap::new()
     }
 
     /// Returns the regions in the order of their ids.

@@ -1,12 +1,12 @@
 //! Serves `/metrics`, `/healthz` and `/readyz`: a thread that listens, and one for each connection.
 
-use std::io::{self, Read, Write};
+use std::io;
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use crate::http::{read_head, write_answer};
+use crate::http::{Timely, read_head, write_answer};
 
 /// The most connections at a time: each is for one request.
 const MOST_CONNECTIONS: usize = 16;
@@ -96,14 +96,14 @@ impl Drop for Place {
 }
 
 fn serve(stream: TcpStream, source: &dyn Source) -> io::Result<()> {
-    let mut request = Timely { stream: &stream, until: Instant::now() + TIMEOUT };
+    let mut request = Timely::within(TIMEOUT, &stream);
     let (status, kind, content) =
         read_head(&mut request, |request, _| answer(request.method, request.path, source))?.unwrap_or((
             "400 Bad Request",
             PLAIN,
             "this is no request of HTTP\n".to_owned(),
         ));
-    let mut to = Timely { stream: &stream, until: Instant::now() + TIMEOUT };
+    let mut to = Timely::within(TIMEOUT, &stream);
     write_answer(&mut to, status, kind, "Cache-Control: no-store\r\n", content.as_bytes())
 }
 
@@ -126,41 +126,11 @@ fn answer(
     }
 }
 
-/// A stream whose bytes must all have come, or gone, by a time, however few do at once.
-struct Timely<'a> {
-    stream: &'a TcpStream,
-    until: Instant,
-}
-
-impl Timely<'_> {
-    fn left(&self) -> io::Result<Duration> {
-        let left = self.until.saturating_duration_since(Instant::now());
-        if left.is_zero() { Err(io::ErrorKind::TimedOut.into()) } else { Ok(left) }
-    }
-}
-
-impl Read for Timely<'_> {
-    fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
-        self.stream.set_read_timeout(Some(self.left()?))?;
-        let mut stream = self.stream;
-        stream.read(into)
-    }
-}
-
-impl Write for Timely<'_> {
-    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        self.stream.set_write_timeout(Some(self.left()?))?;
-        let mut stream = self.stream;
-        stream.write(bytes)
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        Ok(())
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use std::io::{Read, Write};
+    use std::time::Instant;
+
     use super::*;
 
     struct Late;

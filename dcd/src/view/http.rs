@@ -1,7 +1,7 @@
 //! Reads requests of browsers, checks that they come from the viewer's own page, and writes answers.
 
 use std::io::{self, Read, Write};
-use std::net::{IpAddr, SocketAddr};
+use std::net::IpAddr;
 
 use ring::digest::{SHA1_FOR_LEGACY_USE_ONLY, digest};
 
@@ -23,21 +23,12 @@ pub(super) struct Refused(pub(super) &'static str, pub(super) &'static str);
 const MALFORMED: Refused = Refused("400 Bad Request", "this is no request of a browser");
 
 /// Reads the head of a request, and decides what it is for. `key` is the secret of the viewer, which the stream takes.
-pub(super) fn read(
-    from: &mut impl Read,
-    here: SocketAddr,
-    key: &str,
-) -> io::Result<Result<Request, Refused>> {
-    let judged = read_head(from, |request, rest| judge(request, rest, here, key))?;
+pub(super) fn read(from: &mut impl Read, key: &str) -> io::Result<Result<Request, Refused>> {
+    let judged = read_head(from, |request, rest| judge(request, rest, key))?;
     Ok(judged.unwrap_or(Err(MALFORMED)))
 }
 
-fn judge(
-    request: &httparse::Request<'_, '_>,
-    rest: &[u8],
-    here: SocketAddr,
-    key: &str,
-) -> Result<Request, Refused> {
+fn judge(request: &httparse::Request<'_, '_>, rest: &[u8], key: &str) -> Result<Request, Refused> {
     let header = |name: &str| {
         let found = request.headers.iter().find(|header| header.name.eq_ignore_ascii_case(name));
         found.and_then(|header| std::str::from_utf8(header.value).ok()).map(str::trim)
@@ -45,7 +36,7 @@ fn judge(
     let (Some("GET"), Some(path), Some(host)) = (request.method, request.path, header("host")) else {
         return Err(MALFORMED);
     };
-    if !is_ours(host, here) {
+    if !is_ours(host) {
         // A name of another's may be made to lead here, and its page would then be of the same origin.
         return Err(Refused("421 Misdirected Request", "open the viewer by the address that it printed"));
     }
@@ -75,16 +66,16 @@ fn judge(
     }
 }
 
-/// Returns whether a request that names this host was meant for us: by an address in numbers, or by `localhost`, whatever the port: a tunnel
-/// has one of its own. Names of others may stand for this address by now.
-fn is_ours(host: &str, here: SocketAddr) -> bool {
+/// Returns whether a request that names this host was meant for us: by an address in numbers, or by `localhost`, whatever the port and wherever
+/// it listens: a tunnel has a port of its own, and browsers take `localhost` for nothing but their own machine. Names of others may stand for
+/// this address by now.
+fn is_ours(host: &str) -> bool {
     let name = match host.rsplit_once(':') {
         Some((name, port)) if !port.ends_with(']') => name,
         _ => host,
     };
     let name = name.trim_start_matches('[').trim_end_matches(']');
-    let is_name = name.eq_ignore_ascii_case("localhost") && here.ip().is_loopback();
-    is_name || name.parse::<IpAddr>().is_ok()
+    name.eq_ignore_ascii_case("localhost") || name.parse::<IpAddr>().is_ok()
 }
 
 /// Answers the key of a WebSocket's handshake (RFC 6455, 4.2.2).
@@ -118,8 +109,7 @@ mod tests {
     use super::*;
 
     fn answer(request: &str) -> Result<Request, Refused> {
-        let here = "127.0.0.1:4000".parse().unwrap();
-        read(&mut request.as_bytes(), here, "secret").unwrap()
+        read(&mut request.as_bytes(), "secret").unwrap()
     }
 
     fn stream(host: &str, origin: &str, query: &str) -> Result<Request, Refused> {

@@ -33,6 +33,8 @@ pub(super) struct Hub {
     news: Condvar,
     /// Told when viewers want something of the world.
     wish: Condvar,
+    /// Whether pages may pause the world and step it.
+    has_controls: AtomicBool,
     viewers: AtomicUsize,
     wanted: AtomicBool,
     closed: AtomicBool,
@@ -91,6 +93,13 @@ pub(super) struct Progress {
     details: Option<Details>,
 }
 
+impl Progress {
+    /// Forgets what it was told of the body that it had chosen: a page that chooses, be it the same one, knows nothing of it.
+    pub(super) fn forget_chosen(&mut self) {
+        self.details = None;
+    }
+}
+
 /// What a viewer wants to see.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Want {
@@ -107,6 +116,7 @@ impl Hub {
             inner: Mutex::default(),
             news: Condvar::new(),
             wish: Condvar::new(),
+            has_controls: AtomicBool::new(false),
             viewers: AtomicUsize::new(0),
             wanted: AtomicBool::new(false),
             closed: AtomicBool::new(false),
@@ -159,6 +169,23 @@ impl Hub {
             inner.frames.clear();
             inner.frame_bytes = 0;
             self.wanted.store(false, Ordering::Relaxed);
+        }
+    }
+
+    /// Lets pages pause the world and step it.
+    pub(super) fn give_controls(&self) {
+        self.has_controls.store(true, Ordering::Relaxed);
+    }
+
+    /// Returns whether pages may pause the world and step it.
+    pub(super) fn has_controls(&self) -> bool {
+        self.has_controls.load(Ordering::Relaxed)
+    }
+
+    /// Changes the control as a page asks, if pages may: what others step goes on, whatever they ask.
+    pub(super) fn control_by_page(&self, change: impl FnOnce(&mut Control)) {
+        if self.has_controls() {
+            self.control(change);
         }
     }
 

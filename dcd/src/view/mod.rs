@@ -71,8 +71,6 @@ pub struct Viewer {
     hub: Arc<Hub>,
     server: Server,
     name: String,
-    /// Whether the page may pause the world and step it.
-    controls: bool,
     /// The first and the last tick of a recording.
     recorded: Option<[u64; 2]>,
     looker: Looker,
@@ -111,7 +109,6 @@ impl Viewer {
             hub,
             server,
             name: name.to_owned(),
-            controls: false,
             recorded: None,
             looker: Looker::default(),
             encoder,
@@ -139,7 +136,8 @@ impl Viewer {
     #[doc(hidden)]
     #[must_use]
     pub fn with_controls(self) -> Self {
-        Self { controls: true, ..self }
+        self.hub.give_controls();
+        self
     }
 
     /// Shows a local world, as [`Viewer::show`].
@@ -262,7 +260,7 @@ impl Viewer {
         let mean = |i: usize| (moment.rows.iter().map(|row| row.at[i]).sum::<f64>() / count).round();
         let origin = std::array::from_fn(|i| Some(mean(i)).filter(|v| v.is_finite()).unwrap_or(0.0));
         let bounds = [bounds.min, bounds.max];
-        let (name, controls, recorded) = (self.name.clone(), self.controls, self.recorded);
+        let (name, controls, recorded) = (self.name.clone(), self.hub.has_controls(), self.recorded);
         Hello { name, controls, recorded, dt_s, origin, bounds }
     }
 }

@@ -7,18 +7,19 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use tungstenite::protocol::{Role, WebSocketConfig};
-use tungstenite::{Message, WebSocket};
+use tungstenite::{Bytes, Error, Message, WebSocket};
 
 use super::http::{self, Refused, Request};
 use super::hub::{Hub, Progress, Want};
 use super::page;
+use crate::http::Timely;
 use crate::space::BodyId;
 
 /// The most connections at a time; browsers open some for the files of the page.
 const MOST_CONNECTIONS: usize = 64;
-/// How long a request may take to come.
+/// How long a request may take to come, and its answer to be taken.
 const REQUEST_TIMEOUT: Duration = Duration::from_secs(5);
-/// How long a browser may take nothing of what it is sent, or ask for nothing, before it is let go.
+/// How long a browser may take nothing of what it is sent, or ask for nothing, before it is asked whether it is there; and then to answer.
 const STREAM_TIMEOUT: Duration = Duration::from_secs(60);
 /// How long an answer waits for a newer picture.
 const NEWS: Duration = Duration::from_millis(40);
@@ -33,18 +34,28 @@ pub(super) struct Server {
 
 struct Shared {
     hub: Arc<Hub>,
-    here: SocketAddr,
+    timeouts: Timeouts,
     open: AtomicUsize,
     /// The streams, to be ended when the server is.
     streams: Mutex<Vec<(u64, TcpStream)>>,
 }
 
+/// How long is waited for browsers.
+struct Timeouts {
+    request: Duration,
+    stream: Duration,
+}
+
 impl Server {
     pub(super) fn start(address: SocketAddr, hub: Arc<Hub>) -> io::Result<Self> {
+        Self::start_with(address, hub, Timeouts { request: REQUEST_TIMEOUT, stream: STREAM_TIMEOUT })
+    }
+
+    fn start_with(address: SocketAddr, hub: Arc<Hub>, timeouts: Timeouts) -> io::Result<Self> {
         let listener = TcpListener::bind(address)?;
-        let here = listener.local_addr()?;
-        let shared = Arc::new(Shared { hub, here, open: AtomicUsize::new(0), streams: Mutex::default() });
-        let server = Self { address: here, shared: Arc::clone(&shared) };
+        let address = listener.local_addr()?;
+        let shared = Arc::new(Shared { hub, timeouts, open: AtomicUsize::new(0), streams: Mutex::default() });
+        let server = Self { address, shared: Arc::clone(&shared) };
         std::thread::Builder::new().name("dcd-view".into()).spawn(move || shared.listen(&listener))?;
         Ok(server)
     }
@@ -75,7 +86,11 @@ impl Shared {
             if self.hub.is_closed() {
                 return;
             }
-            let Ok(stream) = stream else { continue };
+            let Ok(stream) = stream else {
+                // Out of descriptors, perhaps: they come back as others close theirs.
+                std::thread::sleep(Duration::from_millis(50));
+                continue;
+            };
             if self.open.fetch_add(1, Ordering::SeqCst) >= MOST_CONNECTIONS {
                 self.open.fetch_sub(1, Ordering::SeqCst);
                 continue;
@@ -92,21 +107,22 @@ impl Shared {
         }
     }
 
-    fn serve(&self, number: u64, mut stream: TcpStream) -> io::Result<()> {
+    fn serve(&self, number: u64, stream: TcpStream) -> io::Result<()> {
         stream.set_nodelay(true)?;
-        stream.set_read_timeout(Some(REQUEST_TIMEOUT))?;
-        stream.set_write_timeout(Some(REQUEST_TIMEOUT))?;
-        let request = http::read(&mut stream, self.here, &self.hub.key)?;
+        let timely = || Timely::within(self.timeouts.request, &stream);
+        let request = http::read(&mut timely(), &self.hub.key)?;
         match request {
-            Err(refused) => http::write_refusal(&mut stream, &refused),
+            Err(refused) => http::write_refusal(&mut timely(), &refused),
             Ok(Request::File(path)) => match page::file(&path) {
-                Some((kind, content)) => http::write_file(&mut stream, kind, content),
-                None => http::write_refusal(&mut stream, &Refused("404 Not Found", "there is no such file")),
+                Some((kind, content)) => http::write_file(&mut timely(), kind, content),
+                None => {
+                    http::write_refusal(&mut timely(), &Refused("404 Not Found", "there is no such file"))
+                }
             },
             Ok(Request::Stream { accept, rest }) => {
                 if !self.hub.enter(number) {
                     let full = Refused("503 Service Unavailable", "too many pages look on; close another");
-                    return http::write_refusal(&mut stream, &full);
+                    return http::write_refusal(&mut timely(), &full);
                 }
                 let done = self.stream(number, stream, &accept, rest);
                 self.streams().retain(|(other, _)| *other != number);
@@ -118,8 +134,8 @@ impl Shared {
 
     fn stream(&self, number: u64, mut stream: TcpStream, accept: &str, rest: Vec<u8>) -> io::Result<()> {
         http::write_upgrade(&mut stream, accept)?;
-        stream.set_read_timeout(Some(STREAM_TIMEOUT))?;
-        stream.set_write_timeout(Some(STREAM_TIMEOUT))?;
+        stream.set_read_timeout(Some(self.timeouts.stream))?;
+        stream.set_write_timeout(Some(self.timeouts.stream))?;
         self.streams().push((number, stream.try_clone()?));
         let config = WebSocketConfig::default()
             .max_message_size(Some(MOST_MESSAGE))
@@ -127,14 +143,11 @@ impl Shared {
             .read_buffer_size(4 << 10);
         let mut socket = WebSocket::from_partially_read(stream, rest, Role::Server, Some(config));
         let mut progress = Progress::default();
-        while !self.hub.is_closed() {
-            let message = match socket.read() {
-                Ok(Message::Binary(message)) => message,
-                Ok(Message::Close(_)) => continue,
-                Ok(_) => continue,
-                Err(_) => break,
-            };
+        while let Some(message) = self.hear(&mut socket) {
             let Some(request) = Asked::parse(&message) else { break };
+            if let Asked::Choose(_) = request {
+                progress.forget_chosen();
+            }
             let Some(want) = self.obey(number, request) else { continue };
             // In frames: what comes in one must fit together.
             for bytes in self.hub.answer(number, &mut progress, want, NEWS) {
@@ -149,19 +162,42 @@ impl Shared {
         Ok(())
     }
 
+    /// Waits for the next message of a page; `None` once it is gone. A page in a background tab draws nothing and so asks for nothing, but its
+    /// browser answers pings.
+    fn hear(&self, socket: &mut WebSocket<TcpStream>) -> Option<Bytes> {
+        let mut is_asked = false;
+        while !self.hub.is_closed() {
+            match socket.read() {
+                Ok(Message::Binary(message)) => return Some(message),
+                Ok(_) => is_asked = false,
+                Err(Error::Io(error)) if is_late(&error) && !is_asked => {
+                    socket.send(Message::Ping(Bytes::new())).ok()?;
+                    is_asked = true;
+                }
+                Err(_) => return None,
+            }
+        }
+        None
+    }
+
     /// Does what a page asks; returns what it wants to see, if it waits for an answer.
     fn obey(&self, viewer: u64, asked: Asked) -> Option<Want> {
         match asked {
             Asked::See(want) => return Some(want),
-            Asked::Pause(paused) => self.hub.control(|control| control.pause(paused)),
-            Asked::Step(count) => self.hub.control(|control| control.step(count)),
-            Asked::Speed(speed) => self.hub.control(|control| control.set_speed(speed)),
+            Asked::Pause(paused) => self.hub.control_by_page(|control| control.pause(paused)),
+            Asked::Step(count) => self.hub.control_by_page(|control| control.step(count)),
+            Asked::Speed(speed) => self.hub.control_by_page(|control| control.set_speed(speed)),
             Asked::Contacts(contacts) => self.hub.wish(viewer, |wishes| wishes.contacts = contacts),
             Asked::Go(tick) => self.hub.go(tick),
             Asked::Choose(body) => self.hub.wish(viewer, |wishes| wishes.chosen = Vec::from_iter(body)),
         }
         None
     }
+}
+
+/// Returns whether nothing came in time: systems have two names for that.
+fn is_late(error: &io::Error) -> bool {
+    matches!(error.kind(), io::ErrorKind::WouldBlock | io::ErrorKind::TimedOut)
 }
 
 /// What a page asks for.
@@ -201,7 +237,83 @@ impl Asked {
 
 #[cfg(test)]
 mod tests {
+    use std::io::{Read, Write};
+    use std::time::Instant;
+
     use super::*;
+
+    /// Longer than anything here takes, even on a busy machine.
+    const LIMIT: Duration = Duration::from_secs(30);
+
+    fn server(address: &str, timeouts: Timeouts) -> Server {
+        let hub = Arc::new(Hub::new("secret".to_owned()));
+        Server::start_with(address.parse().unwrap(), hub, timeouts).unwrap()
+    }
+
+    fn connect(server: &Server) -> TcpStream {
+        let stream = TcpStream::connect(("127.0.0.1", server.address().port())).unwrap();
+        stream.set_read_timeout(Some(LIMIT)).unwrap();
+        stream
+    }
+
+    /// Opens a stream as a page does that was reached by this name; returns the status if that is refused.
+    fn open(server: &Server, host: &str) -> Result<WebSocket<TcpStream>, String> {
+        let mut stream = connect(server);
+        write!(
+            stream,
+            "GET /stream?key=secret HTTP/1.1\r\nHost: {host}\r\nOrigin: http://{host}\r\nUpgrade: websocket\r\n\
+             Connection: Upgrade\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n"
+        )
+        .unwrap();
+        let mut head = Vec::new();
+        while !head.ends_with(b"\r\n\r\n") {
+            let mut byte = [0];
+            stream.read_exact(&mut byte).unwrap();
+            head.push(byte[0]);
+        }
+        let status = String::from_utf8_lossy(&head[9..12]).into_owned();
+        if status == "101" { Ok(WebSocket::from_raw_socket(stream, Role::Client, None)) } else { Err(status) }
+    }
+
+    #[test]
+    fn a_page_that_asks_nothing_is_kept_as_long_as_its_browser_is_there() {
+        let server =
+            server("127.0.0.1:0", Timeouts { request: REQUEST_TIMEOUT, stream: Duration::from_millis(50) });
+        let mut hidden = open(&server, "127.0.0.1:0").unwrap();
+        // To read is to answer pings, as a browser does.
+        for _ in 0..4 {
+            assert_eq!(hidden.read().unwrap(), Message::Ping(Bytes::new()));
+        }
+        hidden.send(Message::binary([&[1][..], &[0; 8]].concat())).unwrap();
+        while !hidden.read().unwrap().is_binary() {}
+        let mut gone = open(&server, "127.0.0.1:0").unwrap();
+        let raw = gone.get_mut();
+        assert!(raw.read_to_end(&mut Vec::new()).is_ok(), "who answers no ping is let go");
+    }
+
+    #[test]
+    fn a_viewer_that_listens_on_every_address_is_reached_as_localhost() {
+        let server = server("0.0.0.0:0", Timeouts { request: REQUEST_TIMEOUT, stream: STREAM_TIMEOUT });
+        assert!(open(&server, "localhost:8080").is_ok());
+        assert_eq!(open(&server, "rebound.example:8080").err().as_deref(), Some("421"));
+    }
+
+    #[test]
+    fn a_request_must_have_come_in_time_however_few_bytes_come_at_once() {
+        let request = Duration::from_millis(300);
+        let server = server("127.0.0.1:0", Timeouts { request, stream: STREAM_TIMEOUT });
+        let mut slow = connect(&server);
+        let start = Instant::now();
+        // Each byte comes well in time; the reads in between wait a while for an answer, and tell when the stream ends.
+        slow.set_read_timeout(Some(request / 10)).unwrap();
+        let ends = |slow: &mut TcpStream| match slow.read(&mut [0]) {
+            Ok(_) => true,
+            Err(error) => !is_late(&error),
+        };
+        while slow.write_all(b"G").is_ok() && !ends(&mut slow) {
+            assert!(start.elapsed() < LIMIT, "it is still read");
+        }
+    }
 
     #[test]
     fn messages_that_are_none_are_not_obeyed() {

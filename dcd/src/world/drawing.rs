@@ -5,10 +5,12 @@ use std::path::Path;
 
 use super::World;
 use super::error::Error;
-use crate::drawing::{ContactSeen, DebugDraw, DebugDrawSettings, Extent, Film, RegionSeen, Seen, Source};
+use crate::drawing::{
+    ContactSeen, DebugDraw, DebugDrawSettings, Extent, Film, RegionSeen, Seen, Source, Tie,
+};
 use crate::physics::RegionHost;
 use crate::playback::ViewTime;
-use crate::protocol::{BodyRecord, JointRecord, ShapeHash, ShapeRecord, WorldPose};
+use crate::protocol::{BodyRecord, ShapeHash, ShapeRecord, WorldPose};
 use crate::space::{BodyId, Bounds, Cell, DistributionTree, JointId, RegionId};
 
 /// Drawing.
@@ -124,15 +126,16 @@ impl Source for Shown<'_> {
                 owner: self.places.get(&body.region).copied().unwrap_or(0),
                 sleeping: body.sleeping,
                 outside: body.outside,
+                appearance: 0,
             };
             look(body.id, seen);
         }
     }
 
-    fn for_each_fixed(&self, mut look: impl FnMut(BodyId, &WorldPose)) {
+    fn for_each_fixed(&self, mut look: impl FnMut(BodyId, &WorldPose, u64)) {
         match (self.host, self.world.remote()) {
             (Some(host), _) => host.for_each_fixed(look),
-            (None, Some(remote)) => remote.for_each_fixed(&mut look),
+            (None, Some(remote)) => remote.for_each_fixed(&mut |id, pose| look(id, pose, 0)),
             (None, None) => {}
         }
     }
@@ -151,10 +154,10 @@ impl Source for Shown<'_> {
         }
     }
 
-    fn joints(&self) -> BTreeMap<JointId, JointRecord> {
+    fn joints(&self) -> BTreeMap<JointId, Tie> {
         match (self.host, self.world.remote()) {
             (Some(host), _) => host.joints(),
-            (None, Some(remote)) => remote.joints().into_iter().map(|joint| (joint.id, joint)).collect(),
+            (None, Some(remote)) => remote.joints().iter().map(Tie::of).collect(),
             (None, None) => BTreeMap::new(),
         }
     }
@@ -334,6 +337,25 @@ mod tests {
         let centres = drawn(&mut world, Flag::CENTRES_OF_MASS).points;
         let at = world.pose(standing).unwrap().translation;
         assert!((0..3).all(|i| (centres[0].0[i] - at[i]).abs() < 1e-5), "{centres:?}");
+    }
+
+    #[test]
+    fn a_contact_over_a_border_is_drawn_once() {
+        let cuts = Partitioning::Cuts(vec![(Axis::X, 0.0)]);
+        let mut world =
+            World::new(WorldConfig { partitioning: cuts, threads: 1, ..WorldConfig::default() }).unwrap();
+        for side in [-1.0, 1.0] {
+            let body = RigidBodyBuilder::dynamic()
+                .translation(Vector::new(0.499 * side, 0.0, 0.0))
+                .linvel(Vector::new(-0.1 * side, 0.0, 0.0))
+                .gravity_scale(0.0);
+            world.insert(body, ColliderBuilder::cuboid(0.5, 0.5, 0.5)).unwrap();
+        }
+        for _ in 0..3 {
+            world.step().unwrap();
+            let drawn = drawn(&mut world, Flag::CONTACTS);
+            assert_eq!(drawn.points.len(), 1, "{drawn:?}");
+        }
     }
 
     #[test]

@@ -156,6 +156,112 @@ fn every_kind_of_shape_is_drawn() {
     browser.keep_picture(&kept("compound.png"));
 }
 
+#[test]
+fn a_page_comes_back_after_its_link_was_lost_with_the_body_that_was_chosen() {
+    let Some(mut browser) = browser() else { return };
+    let mut process = Process::start(&["run", "pile", "--set", "n=8", "--threads", "1", "--view"]);
+    browser.open(&process.line("view "), "light");
+    browser.until("window.dcd.counters.tick >= 5");
+    browser.eval("window.dcd.choose(3); 0");
+    browser.until("document.getElementById('chosen-facts').textContent.includes('epoch')");
+    // The page's socket is that which sends.
+    browser.eval(
+        "(() => { const { send } = WebSocket.prototype; WebSocket.prototype.send = function (...what) { \
+         WebSocket.prototype.send = send; window.link = this; send.apply(this, what); }; return 0; })()",
+    );
+    browser.until("window.link !== undefined");
+    browser.eval("window.link.close(); 0");
+    browser.until("!window.dcd.counters.connected");
+    browser.until("window.dcd.counters.connected");
+    let before = browser.eval("window.dcd.counters.tick").as_f64().unwrap();
+    browser.until(&format!("window.dcd.counters.tick >= {before} + 5"));
+    browser.until("document.getElementById('chosen-facts').textContent.includes('epoch')");
+}
+
+#[test]
+fn a_followed_body_that_is_gone_leaves_the_camera_where_it_is_and_the_panel_without_facts() {
+    let Some(mut browser) = browser() else { return };
+    let mut process = Process::start(&["run", "pile", "--set", "n=8", "--threads", "1", "--view"]);
+    browser.open(&process.line("view "), "light");
+    browser.until("window.dcd.counters.tick >= 5");
+    browser.press(" ");
+    browser.until("window.dcd.counters.paused");
+    browser.until("window.dcd.scene.frame.tick === Number(document.getElementById('scrub').max)");
+    browser.eval("window.dcd.choose(3); document.getElementById('follow').click(); 0");
+    let place = browser.eval("window.dcd.scene.place(3, 1)");
+    browser.until("String(window.dcd.camera.target) === String(window.dcd.scene.place(3, 1))");
+    // A picture in which it, and all else, is gone.
+    browser.eval(
+        "(() => { const { scene } = window.dcd, { frame } = scene; \
+         scene.show({ ...frame, places: frame.places.map(() => 0), marks: frame.marks.map(() => 0) }, true); \
+         window.dcd.choose(3); window.drawn = window.dcd.counters.drawn; window.dcd.camera.moved = true; return 0; })()",
+    );
+    browser.until("window.dcd.counters.drawn > window.drawn");
+    assert_eq!(browser.eval("window.dcd.camera.target"), place);
+    assert_eq!(
+        browser.eval("document.getElementById('chosen-facts').textContent"),
+        json!("placenot in this picture")
+    );
+}
+
+#[test]
+fn a_joint_on_a_fixed_body_that_is_turned_is_drawn_where_it_is() {
+    let Some(mut browser) = browser() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let scene = folder.path().join("pendulum.toml");
+    let text = r#"
+        [world]
+        name = "pendulum"
+        [[body]]
+        name = "post"
+        kind = "fixed"
+        euler_deg = [0.0, 0.0, 90.0]
+        [[body.collider]]
+        shape = "box"
+        half_size = [0.2, 0.2, 0.2]
+        [[body]]
+        name = "bob"
+        position = [0.0, 1.0, 0.0]
+        [[body.collider]]
+        shape = "sphere"
+        radius = 0.2
+        [[joint]]
+        kind = "revolute"
+        a = "post"
+        b = "bob"
+        axis = [0.0, 0.0, 1.0]
+        anchor_a = [2.0, 0.0, 0.0]
+        anchor_b = [0.0, 1.0, 0.0]
+    "#;
+    std::fs::write(&scene, text).unwrap();
+    let mut process = Process::start(&["run", scene.to_str().unwrap(), "--threads", "1", "--view"]);
+    browser.open(&process.line("view "), "light");
+    browser.until("window.dcd.scene.flats.joints.count === 2");
+    let place = browser.eval(
+        "(() => { const { gl, flats } = window.dcd.scene, vertex = new Float32Array(8); \
+         gl.bindBuffer(gl.ARRAY_BUFFER, flats.joints.buffer); gl.getBufferSubData(gl.ARRAY_BUFFER, 0, vertex); \
+         return [...vertex.subarray(0, 3)]; })()",
+    );
+    // The middle of the bodies, which is the bob, is the origin of the page.
+    let near = |axis: usize, v: f64| (place[axis].as_f64().unwrap() - v).abs() < 1e-3;
+    assert!(near(0, 0.0) && near(1, 1.0) && near(2, 0.0), "{place}");
+}
+
+#[test]
+fn what_comes_with_each_picture_of_a_tick_is_counted() {
+    let Some(mut browser) = browser() else { return };
+    let mut process = Process::start(&["run", "tower", "--threads", "1", "--view"]);
+    browser.open(&process.line("view "), "light");
+    browser.until("window.dcd.counters.tick >= 1");
+    let told = browser.eval(
+        "import('/timeline.js').then(({ Timeline }) => { const timeline = new Timeline(null); \
+         const sample = (tick, bytes, transfers) => timeline.add([{ tick, bytes, transfers }]); \
+         sample(4, 100, 0); sample(5, 900, 1); sample(5, 0, 0); sample(5, 50, 2); \
+         const { samples } = timeline; return samples.map(({ tick, bytes, transfers }) => [tick, bytes, transfers]); })",
+    );
+    assert_eq!(told, json!([[4, 100, 0], [5, 950, 3]]));
+}
+
 /// 20,000 bodies in software: said, and bounded only where nothing else runs (`cargo test -p dcd-tests --test view -- --ignored`).
 #[test]
 #[ignore = "measures"]

@@ -79,6 +79,16 @@ fn a_body_that_is_chosen_is_told_of_and_contacts_are_shown_when_asked_for() {
     assert_eq!(page.seen.contacts, 0);
     page.ask(CONTACTS, 1);
     page.until("contacts are shown", |seen| seen.contacts > 50);
+    page.ask(PAUSE, 1);
+    page.until("it pauses", |seen| seen.paused);
+    // What was under way when it was paused.
+    page.look(SEE, 0);
+    page.look(SEE, 0);
+    page.seen.details = None;
+    page.look(SEE, 0);
+    assert!(page.seen.details.is_none(), "there is no news of it");
+    page.ask(CHOOSE, 7);
+    page.until("it is told of again", |seen| seen.details.is_some());
 }
 
 #[test]
@@ -171,6 +181,11 @@ fn a_served_world_is_shown_as_a_client_is_told_of_it() {
     let mut page = Page::open(&url).unwrap();
     page.until("the world goes", |seen| seen.tick >= 30.0 && seen.movable > 5);
     assert!(!page.seen.controls && page.seen.fixed >= 1);
+    page.ask(PAUSE, 1);
+    page.ask(STEP, 1);
+    let now = page.seen.tick;
+    page.until("it goes on", |seen| seen.tick >= now + 10.0);
+    assert!(!page.seen.paused, "it is not said to be paused");
     let before = page.seen.movable;
     let client_token = dcd1(token("client"));
     let mut client = Process::start(&["client", "--server", &address, "--token", &client_token, "--view"]);

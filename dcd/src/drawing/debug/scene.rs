@@ -9,8 +9,8 @@ use crate::drawing::colour;
 use crate::drawing::geometry::{
     BALL, BOX, CAPSULE, CONE, CYLINDER, FIRST_MESH, Geometries, Mesh, PLANE, Part,
 };
-use crate::drawing::source::{Seen, Source};
-use crate::protocol::{JointRecord, WorldPose};
+use crate::drawing::source::{Seen, Source, Tie};
+use crate::protocol::WorldPose;
 use crate::space::{BodyId, Bounds};
 
 /// The most contacts that are drawn.
@@ -44,7 +44,7 @@ impl Canvas {
             draw_regions(world, to);
         }
         if what.has(Flag::SHAPES) {
-            world.for_each_fixed(|id, pose| self.draw_body(world, id, pose, colour::of_fixed(), to));
+            world.for_each_fixed(|id, pose, _| self.draw_body(world, id, pose, colour::of_fixed(), to));
         }
         let of_movable = [
             Flag::SHAPES,
@@ -168,19 +168,19 @@ fn draw_regions(world: &impl Source, to: &mut (impl DebugDraw + ?Sized)) {
 
 fn draw_joints(world: &impl Source, is_near: impl Fn(&[f64; 3]) -> bool, to: &mut (impl DebugDraw + ?Sized)) {
     let mut places = BTreeMap::new();
-    world.for_each_fixed(|id, &pose| {
+    world.for_each_fixed(|id, &pose, _| {
         places.insert(id, pose);
     });
     world.for_each_movable(|id, seen| {
         places.insert(id, WorldPose { translation: seen.at, rotation: seen.turn });
     });
     let joints = world.joints();
-    for JointRecord { a, b, frame_a, frame_b, .. } in joints.values() {
-        let [Some(a), Some(b)] = [a, b].map(|id| places.get(id)) else { continue };
+    for Tie { bodies, anchors } in joints.values() {
+        let [Some(a), Some(b)] = bodies.map(|id| places.get(&id)) else { continue };
         if !is_near(&a.translation) && !is_near(&b.translation) {
             continue;
         }
-        let [on_a, on_b] = [(a, frame_a), (b, frame_b)].map(|(pose, frame)| at(pose, frame.translation));
+        let [on_a, on_b] = [(a, anchors[0]), (b, anchors[1])].map(|(pose, anchor)| at(pose, anchor));
         to.line(a.translation, on_a, JOINT);
         to.line(on_a, on_b, FORCE);
         to.line(on_b, b.translation, JOINT);

@@ -9,6 +9,7 @@ use rapier3d::prelude::*;
 
 use super::View;
 use crate::physics::impulse::pair_impulse_ns;
+use crate::physics::region::{Ownership, Region};
 use crate::space::BodyId;
 
 /// A summary of all contacts of a world in its last step.
@@ -41,18 +42,37 @@ impl ContactSample {
     }
 }
 
-/// Returns the mean force of a contact pair on its second body over the last step, in newtons: normals and friction.
+/// Returns the force of a contact pair, as a drawing shows it, in newtons; `None` where another region answers for the pair.
+pub(crate) fn drawn_force_n(region: &Region, pair: &ContactPair) -> Option<[f64; 3]> {
+    let view = View::Region(region);
+    let is_told = answers(Side::of_pair(view, pair)) || is_pushed(region, pair);
+    is_told.then(|| force_over_n(region.physics(), pair, solved_dt_s(view, pair)))
+}
+
+/// Returns whether no end of a pair is dynamic, and this region owns the first that is kinematic.
+pub(super) fn is_pushed(region: &Region, pair: &ContactPair) -> bool {
+    let world = region.physics();
+    let parents = [pair.collider1, pair.collider2].map(|collider| world.colliders.get(collider)?.parent());
+    let dynamic = |handle: &RigidBodyHandle| world.bodies.get(*handle).is_some_and(RigidBody::is_dynamic);
+    let mut movable: Vec<_> = parents
+        .into_iter()
+        .flatten()
+        .filter_map(|handle| region.role_of(handle))
+        .filter(|(_, role)| *role != Ownership::Immovable)
+        .collect();
+    movable.sort_unstable_by_key(|(id, _)| *id);
+    !parents.iter().flatten().any(dynamic)
+        && movable.first().is_some_and(|(_, role)| *role == Ownership::Owner)
+}
+
+/// Returns the mean force of a contact pair on its second body over the step in which it was solved, whose length it is given, in newtons:
+/// normals and friction.
 ///
 /// Of a normal, Rapier keeps the impulse of the whole step. Of friction, its default model keeps only what the last of the
 /// solver's iterations applied (`warmstart_tangent_world`, the same for all points of a manifold), so the step's friction
 /// is taken to be to that as the step's normals are to the last iteration's. That is exact at rest, and never above the
 /// coefficient of friction times the normal force.
-pub fn pair_force_n(world: &PhysicsWorld, pair: &ContactPair) -> [f64; 3] {
-    force_over_n(world, pair, world.integration_parameters.dt)
-}
-
-/// Returns the same for a pair that was solved in a step of this length.
-fn force_over_n(world: &PhysicsWorld, pair: &ContactPair, dt_s: f32) -> [f64; 3] {
+pub(super) fn force_over_n(world: &PhysicsWorld, pair: &ContactPair, dt_s: f32) -> [f64; 3] {
     pair_impulse_ns(world, pair).map(|v| v / f64::from(dt_s))
 }
 

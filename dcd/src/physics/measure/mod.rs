@@ -17,7 +17,8 @@ use crate::protocol::{StateHasher, Velocity, WorldPose};
 use crate::space::{BodyId, RegionId};
 
 pub use census::Census;
-pub use contacts::{ContactSample, pair_force_n};
+pub use contacts::ContactSample;
+pub(crate) use contacts::drawn_force_n;
 pub use points::ContactPoint;
 
 /// One Rapier world, and which of its bodies it answers for.

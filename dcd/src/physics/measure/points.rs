@@ -6,10 +6,10 @@ use rapier3d::geometry::ContactManifold;
 use rapier3d::prelude::*;
 
 use super::View;
-use super::contacts::{Side, answers, has_part, solved_dt_s};
+use super::contacts::{Side, answers, has_part, is_pushed, solved_dt_s};
 use crate::physics::convert;
 use crate::physics::host::RegionHost;
-use crate::physics::region::{Ownership, Region};
+use crate::physics::region::Region;
 use crate::protocol::ContactKey;
 use crate::space::BodyId;
 
@@ -80,22 +80,6 @@ fn key_of(region: &Region, pair: &ContactPair) -> Option<(ContactKey, bool)> {
     let swapped = second < first;
     let (a, b) = if swapped { (second, first) } else { (first, second) };
     Some((ContactKey { a: a.0, b: b.0, collider_a: a.1, collider_b: b.1 }, swapped))
-}
-
-/// Returns whether no end of a pair is dynamic, and this region owns the first that is kinematic.
-fn is_pushed(region: &Region, pair: &ContactPair) -> bool {
-    let world = region.physics();
-    let parents = [pair.collider1, pair.collider2].map(|collider| world.colliders.get(collider)?.parent());
-    let dynamic = |handle: &RigidBodyHandle| world.bodies.get(*handle).is_some_and(RigidBody::is_dynamic);
-    let mut movable: Vec<_> = parents
-        .into_iter()
-        .flatten()
-        .filter_map(|handle| region.role_of(handle))
-        .filter(|(_, role)| *role != Ownership::Immovable)
-        .collect();
-    movable.sort_unstable_by_key(|(id, _)| *id);
-    !parents.iter().flatten().any(dynamic)
-        && movable.first().is_some_and(|(_, role)| *role == Ownership::Owner)
 }
 
 fn points_of(

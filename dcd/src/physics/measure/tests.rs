@@ -208,7 +208,9 @@ fn across_a_border_each_contact_is_counted_once_and_forces_add_up() {
             };
             [pair.collider1, pair.collider2].map(named) == [below, below + 1].map(BodyId::persistent)
         };
-        pair_force_n(lower.physics(), lower.physics().contact_pairs().find(pair_of).unwrap())[1]
+        let world = lower.physics();
+        let pair = world.contact_pairs().find(pair_of).unwrap();
+        contacts::force_over_n(world, pair, world.integration_parameters.dt)[1]
     };
     let sample = world.host().contacts();
     assert_eq!(sample.pairs, 10);

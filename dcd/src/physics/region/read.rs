@@ -4,7 +4,7 @@ use rapier3d::prelude::*;
 
 use super::Region;
 use crate::physics::{convert, record};
-use crate::protocol::{BodyRecord, BodyState, SharedState, Velocity, WorldPose};
+use crate::protocol::{BodyRecord, BodyState, BodyTraits, SharedState, Velocity, WorldPose};
 use crate::space::{BodyId, Bounds, Epoch};
 
 impl Region {
@@ -48,6 +48,11 @@ impl Region {
             state: self.body_state(handle),
             traits: slot.traits.clone(),
         }
+    }
+
+    /// Returns what is fixed of a body held here.
+    pub(crate) fn traits_of(&self, handle: RigidBodyHandle) -> &BodyTraits {
+        &self.slot(handle).traits
     }
 
     /// Returns the epoch of a body held here.

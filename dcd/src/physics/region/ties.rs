@@ -424,6 +424,11 @@ impl Region {
         self.joints.contains_key(&id) || self.waiting.contains_key(&id)
     }
 
+    /// Returns all joints held here, waiting ones too, without what a step changes of them.
+    pub(crate) fn joints(&self) -> impl Iterator<Item = &JointRecord> {
+        self.joints.values().map(|held| &held.record).chain(self.waiting.values())
+    }
+
     /// Returns the joints of a body, whole, waiting ones too.
     pub(in crate::physics) fn joints_of(&self, handle: RigidBodyHandle) -> impl Iterator<Item = JointRecord> {
         let slot = self.slot(handle);

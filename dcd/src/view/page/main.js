@@ -1,7 +1,7 @@
 // The page: joins the stream, the scene, the camera and the controls.
 
 import { Camera } from "/camera.js";
-import { Scene } from "/scene.js";
+import { Scene, turned } from "/scene.js";
 import { Timeline } from "/timeline.js";
 import { ASK, FIXED, PRESENT, SLEEPING, ask, read } from "/wire.js";
 
@@ -34,7 +34,7 @@ const camera = new Camera();
 const timeline = new Timeline(get("timeline"));
 let scene, hello = null, state = null, regions = [], borders = null, bounds = null;
 let between = 1, interval = 50, arrived = 0, painting = true, fitted = false;
-let chosen = null, details = null, following = false, past = null;
+let chosen = null, chosenId = 0n, details = null, following = false, past = null;
 
 // The stream. One question is under way at a time, so a slow page is sent fewer pictures.
 let socket = null, pending = false;
@@ -45,9 +45,14 @@ function connect() {
     counters.connected = true;
     pending = false;
     if (options.contacts) send(ASK.contacts, 1n);
+    // After a link that was lost all is told anew, and what was shown of the past is kept no longer.
+    timeline.samples = [];
+    goTo(Infinity);
+    if (chosen !== null) send(ASK.choose, chosenId);
   };
   socket.onclose = () => {
     counters.connected = false;
+    setTimeout(connect, 1000);
     get("status").textContent = hello ? "the world is gone: its program has ended, or the link is lost" : "refused: open the address that the program printed";
   };
   socket.onmessage = ({ data }) => {
@@ -71,7 +76,7 @@ const take = {
   joints(message) {
     const joints = message.joints.flatMap(({ slots, anchors }) => [0, 1].map((end) => {
       const at = [...anchors.subarray(3 * end, 3 * end + 3)], slot = slots[end], fixed = slot >= FIXED && scene.bodies.get(slot);
-      const place = fixed ? at.map((v, i) => v + fixed.at[i]) : at;
+      const place = fixed ? turned(fixed.turn, at).map((v, i) => v + fixed.at[i]) : at;
       return [place, [0.95, 0.35, 0.55, 0.9], fixed ? undefined : slot];
     }));
     scene.setFlat("joints", joints);
@@ -82,6 +87,7 @@ const take = {
     arrived = now;
     between = jump || scene.slow ? 1 : 0;
     scene.show(frame, jump);
+    findChosen();
     counters.frames++;
     counters.tick = frame.tick;
     regions = frame.regions;
@@ -231,14 +237,22 @@ get("now").addEventListener("click", () => goTo(Infinity));
 
 // The chosen body.
 function choose(slot) {
-  chosen = slot;
-  details = null;
-  following &&= slot !== null;
   const body = slot === null ? null : scene.bodies.get(slot);
+  [chosen, chosenId, details] = body ? [slot, body.id, null] : [null, 0n, null];
+  following &&= chosen !== null;
   get("chosen").hidden = !body;
-  send(body ? ASK.choose : ASK.leave, body ? body.id : 0n);
+  send(body ? ASK.choose : ASK.leave, chosenId);
   painting = true;
   tellChosen();
+}
+// Whether the chosen body is in a slot now.
+function isChosen(slot) {
+  return scene.bodies.get(slot)?.id === chosenId && (slot >= FIXED || scene.place(slot, 1) !== null);
+}
+// With another shape a body has another slot, and in pictures of the past its former one.
+function findChosen() {
+  if (chosen === null || isChosen(chosen)) return;
+  for (const slot of scene.bodies.keys()) if (isChosen(slot)) chosen = slot;
 }
 function follow(on) {
   following = on && chosen !== null && chosen < FIXED;
@@ -248,26 +262,28 @@ function follow(on) {
 get("follow").addEventListener("click", () => follow(!following));
 get("leave").addEventListener("click", () => choose(null));
 function tellChosen() {
-  const body = chosen === null ? null : scene.bodies.get(chosen), frame = scene.frame;
-  if (!body || !frame) return;
+  const frame = scene.frame;
+  if (chosen === null || !frame) return;
+  get("chosen-id").textContent = details ? `body ${details.id}` : "body";
+  if (!isChosen(chosen)) return tellFacts([["place", "not in this picture"]]);
+  const body = scene.bodies.get(chosen), place = scene.place(chosen, 1);
   const facts = [["kind", ["dynamic", "fixed", "kinematic"][body.sort] + (body.own ? ", own avatar" : "")]];
-  if (chosen < FIXED && chosen < frame.count) {
+  if (place) {
     const [owner, mark, , speed] = frame.marks.subarray(4 * chosen, 4 * chosen + 4), region = regions[owner];
     if (region) facts.push(["owner", `r${region.id}` + (region.node === null ? "" : ` on n${region.node}`)]);
     facts.push(["speed", `${(speed / 8).toFixed(1)}${speed === 255 ? " or more" : ""} m/s${mark & SLEEPING ? ", asleep" : ""}`]);
-    const at = scene.place(chosen, 1).map((v, k) => (v + hello.origin[k]).toFixed(2));
-    facts.push(["place", at.join("  ")]);
+    facts.push(["place", place.map((v, k) => (v + hello.origin[k]).toFixed(2)).join("  ")]);
   }
   if (details) {
-    get("chosen-id").textContent = `body ${details.id}`;
     if (details.holders) facts.push(["held by", `${details.holders} region${details.holders > 1 ? "s" : ""}`]);
     facts.push(["epoch", details.epoch]);
     if (details.mass_kg !== null) facts.push(["mass", `${Number(details.mass_kg.toPrecision(4))} kg`]);
     if (details.user_data !== "0") facts.push(["user data", details.user_data]);
     for (const [tick, from, to] of details.owners.slice(0, 6)) facts.push([`tick ${tick}`, `${from} → ${to}`]);
-  } else {
-    get("chosen-id").textContent = "body";
   }
+  tellFacts(facts);
+}
+function tellFacts(facts) {
   get("chosen-facts").replaceChildren(...facts.flatMap(([name, value]) => {
     const [term, fact] = [document.createElement("dt"), document.createElement("dd")];
     term.textContent = name;
@@ -295,7 +311,7 @@ function tellRegions() {
 }
 
 function tellStatus() {
-  if (!hello || !scene.frame) return;
+  if (!hello || !scene.frame || !counters.connected) return;
   const tick = scene.frame.tick, words = [`tick ${tick}`, `${(tick * hello.dt).toFixed(1)} s`, `${counters.bodies} bodies`];
   if (counters.asleep) words.push(`${counters.asleep} asleep`);
   const sample = timeline.last();
@@ -322,7 +338,7 @@ addEventListener("keydown", (event) => {
   const toggle = (name) => () => get(name).click();
   const onButton = event.target.matches("button");
   const keys = {
-    " ": onButton ? null : pause, ".": step, f: () => follow(!following), h: () => { fitted = false; }, Escape: () => choose(null), End: () => goTo(Infinity),
+    " ": onButton || !hello?.controls ? null : pause, ".": hello?.controls ? step : null, f: () => follow(!following), h: () => { fitted = false; }, Escape: () => choose(null), End: () => goTo(Infinity),
     b: toggle("borders"), g: toggle("ghosts"), c: toggle("contacts"), j: toggle("joints"),
     "[": () => goTo((past ?? state?.newest ?? 0) - 1), "]": () => goTo((past ?? state?.newest ?? 0) + 1),
   };
@@ -345,7 +361,7 @@ function paint(now) {
   last = now;
   if (between < 1) { between = Math.min(1, between + spent / interval); painting = true; }
   if (following) {
-    const place = scene.place(chosen, between);
+    const place = isChosen(chosen) && scene.place(chosen, between);
     if (place) camera.target = place;
   }
   if (canvas.clientWidth !== wide || canvas.clientHeight !== high) {

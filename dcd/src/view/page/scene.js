@@ -2,7 +2,7 @@
 // instance of a geometry that reads its pose there.
 
 import { BOX, CAPSULE, FIRST_MESH, PLANE, custom, primitive } from "/shapes.js";
-import { FIXED, parts } from "/wire.js";
+import { FIXED, PRESENT, parts } from "/wire.js";
 
 const WIDE = 1024;
 const NOBODY = 0xffffffff;
@@ -191,7 +191,7 @@ function program(gl, vertex, fragment) {
 }
 
 // v turned by q.
-function turned(q, v) {
+export function turned(q, v) {
   const c = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
   const i = c(q, v).map((x, k) => x + q[3] * v[k]), o = c(q, i);
   return [0, 1, 2].map((k) => v[k] + 2 * o[k]);
@@ -531,12 +531,12 @@ export class Scene {
     return slot & 0x800000 ? (slot & 0x7fffff | FIXED) >>> 0 : slot;
   }
 
-  // The place of a movable body, between two frames.
+  // The place of a movable body, between two frames; null where it is not there.
   place(slot, between) {
-    const { frame, then } = this;
-    if (!frame || slot >= frame.count) return null;
+    const { frame, then } = this, isIn = (picture) => picture && slot < picture.count && picture.marks[4 * slot + 1] & PRESENT;
+    if (!isIn(frame)) return null;
     const now = frame.places.subarray(3 * slot, 3 * slot + 3);
-    if (!then || between >= 1 || slot >= then.count) return [...now];
+    if (between >= 1 || !isIn(then)) return [...now];
     return [0, 1, 2].map((i) => then.places[3 * slot + i] + between * (now[i] - then.places[3 * slot + i]));
   }
 }

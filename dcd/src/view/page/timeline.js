@@ -11,6 +11,12 @@ export class Timeline {
 
   add(samples) {
     for (const sample of samples) {
+      // A client's page is shown several pictures between two ticks: what came with each counts.
+      const same = this.last();
+      if (same?.tick === sample.tick) {
+        sample.transfers += same.transfers;
+        sample.bytes += same.bytes;
+      }
       // A recording goes back.
       while (this.last()?.tick >= sample.tick) this.samples.pop();
       this.samples.push(sample);

@@ -3,9 +3,9 @@
 
 use std::time::{Duration, Instant};
 
-use dcd::network::{JoinConfig, JoinRole, ServeConfig};
+use dcd::network::{ConnectionChange, JoinConfig, JoinRole, ServeConfig};
 use dcd::prelude::*;
-use dcd::protocol::{BodyRecord, BuildOp, Character, Refusal, ShapeRecord};
+use dcd::protocol::{Area, BodyRecord, BuildOp, Character, Query, RayQuery, Refusal, ShapeRecord};
 use dcd::runtime::ClientWorld;
 use dcd::{Axis, BodyChange, Instead, Push, Role, Tick};
 
@@ -122,6 +122,48 @@ fn a_builder_changes_a_running_world_as_its_program_does_and_others_see_it() {
     let Error::Unsupported(unsupported) = fixed else { panic!("{fixed}") };
     assert_eq!(unsupported.instead, Instead::FixedInScene);
     assert!(unsupported.to_string().contains("JoinRole::Builder"), "{unsupported}");
+}
+
+/// What nobody takes is refused where it is said: told to others, it would break the link again and again.
+#[test]
+fn what_cannot_be_is_refused_at_the_call_in_every_role() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut server = serve(ServeConfig::new(folder.path().join("data")));
+    let mut node = node(&server);
+    let mut client = connected(&server, JoinRole::Client);
+    let avatar = client.insert(RigidBodyBuilder::dynamic(), ColliderBuilder::ball(0.2)).unwrap();
+    until("it is there", &mut [&mut server, &mut node, &mut client], |worlds| worlds[2].contains(avatar));
+    let nowhere = WorldPose { rotation: [0.0; 4], ..WorldPose::at([1.0; 3]) };
+    let ray = |direction| RayQuery::new([0.0; 3], direction);
+    let aimless = || Query::rays([ray([0.0; 3])]);
+    let many = || Query::rays(vec![ray([1.0, 0.0, 0.0]); 1_025]);
+    let area = |radius_m| Some(Area { centre: [0.0; 3], radius_m });
+    let refusals = [
+        client.set_pose(avatar, nowhere).unwrap_err(),
+        client.set_velocity(avatar, Velocity::linear([f32::NAN, 0.0, 0.0])).unwrap_err(),
+        client.insert_at(nowhere, RigidBodyBuilder::dynamic(), [ColliderBuilder::ball(0.2)]).unwrap_err(),
+        client.insert(RigidBodyBuilder::dynamic(), ColliderBuilder::ball(0.2).friction(-1.0)).unwrap_err(),
+        client.submit(aimless()).unwrap_err(),
+        client.submit(many()).unwrap_err(),
+        client.set_interest(area(0.0)).unwrap_err(),
+        client.set_interest(area(f64::NAN)).unwrap_err(),
+        server.submit(aimless()).unwrap_err(),
+        server.submit(many()).unwrap_err(),
+    ];
+    for refused in refusals {
+        assert!(!refused.to_string().is_empty(), "{refused:?}");
+    }
+    client.remove(avatar).unwrap();
+    assert!(client.remove(avatar).unwrap_err().to_string().contains(&avatar.to_string()));
+    // All are still there, over the links that they had.
+    let tick = client.tick();
+    let mut broken = 0;
+    until("time goes on", &mut [&mut server, &mut node, &mut client], |worlds| {
+        let events = worlds.iter().flat_map(|world| world.connection_events());
+        broken += events.filter(|event| !matches!(event.change, ConnectionChange::Came)).count();
+        worlds[2].tick().0 > tick.0 + 60
+    });
+    assert_eq!(broken, 0);
 }
 
 #[test]

@@ -164,6 +164,10 @@ pub struct Client {
     logical_time: u64,
     /// It has said who it is, and was not welcomed yet.
     greeted: bool,
+    /// Its link to the server is new, and what went down with the one before was not said again.
+    relinked: bool,
+    /// It has had a whole world, so that what it is told of since has appeared.
+    has_arrived: bool,
     /// The world that it is being told replaces the one that it knew; and how often that was so before.
     replaced: bool,
     replacements: u64,
@@ -224,6 +228,8 @@ impl Client {
             area,
             surroundings: Surroundings::of(area),
             greeted: false,
+            relinked: false,
+            has_arrived: false,
             replaced: false,
             replacements: 0,
             now: Duration::ZERO,
@@ -242,7 +248,7 @@ impl Client {
         match event {
             ClientEvent::Connected(Peer::Server) => {
                 self.server_linked = true;
-                self.greeted = true;
+                (self.greeted, self.relinked) = (true, true);
                 self.dial_server_at = None;
                 let interest = self.area.filter(|_| !self.surroundings.is_whole());
                 self.surroundings = Surroundings::of(interest);
@@ -285,7 +291,7 @@ impl Client {
             }
             ClientEvent::Message { .. } => {}
             ClientEvent::Node(message) => self.told(message),
-            ClientEvent::Spawn { body, shapes } => self.want(FromClient::Spawn { body, shapes }),
+            ClientEvent::Spawn { body, shapes } => self.spawn(body, shapes),
             ClientEvent::Input { body, tick, velocity, pose } => {
                 self.send_newest(Input { body, logical_time: 0, tick, velocity, pose, drive: None });
             }
@@ -487,6 +493,12 @@ impl Client {
         }
     }
 
+    fn has_asked_for(&self, id: BodyId) -> bool {
+        self.unanswered
+            .iter()
+            .any(|message| matches!(message, FromClient::Spawn { body, .. } if body.id == id))
+    }
+
     /// Sends unanswered requests again when the world has arrived, perhaps anew, unless it shows that they were done.
     fn say_again(&mut self) {
         for message in std::mem::take(&mut self.unanswered) {
@@ -497,9 +509,6 @@ impl Client {
             };
             match (is_done, &message) {
                 (false, _) => self.want(message),
-                (true, FromClient::Spawn { body, .. }) => {
-                    self.outputs.push_back(ClientOutput::Inserted(body.id))
-                }
                 (true, FromClient::Despawn(id)) => self.outputs.push_back(ClientOutput::Removed(*id)),
                 _ => {}
             }
@@ -554,21 +563,26 @@ impl Client {
             ToClient::Chunk(Chunk::Bodies(bodies)) => {
                 for body in bodies {
                     self.unspoken.remove(&body.id);
+                    let id = body.id;
+                    let is_new =
+                        !self.bodies.contains_key(&id) && (self.has_arrived || self.has_asked_for(id));
                     self.know(body);
+                    self.outputs.extend(is_new.then_some(ClientOutput::Inserted(id)));
                 }
             }
             ToClient::Chunk(Chunk::Joints(joints)) => self.joints.extend(joints),
             ToClient::Chunk(Chunk::Placed(_)) => {}
             ToClient::WorldEnd => {
-                self.joined = true;
+                (self.joined, self.has_arrived) = (true, true);
                 for id in std::mem::take(&mut self.unspoken) {
                     self.bodies.remove(&id);
                     self.forget(id);
                     self.outputs.push_back(ClientOutput::Removed(id));
                 }
-                match std::mem::take(&mut self.replaced) {
-                    true => self.replacements += 1,
-                    false => self.say_again(),
+                self.replacements += u64::from(std::mem::take(&mut self.replaced));
+                // Over a link that lost nothing, what was asked of another world is not meant for this one.
+                if std::mem::take(&mut self.relinked) {
+                    self.say_again();
                 }
                 self.build_again();
                 self.outputs.push_back(ClientOutput::Joined);

@@ -128,15 +128,20 @@ async fn receive_when_free(shared: Arc<Shared>, incoming: Incoming) {
 async fn receive(shared: Arc<Shared>, incoming: Incoming, handshake: OwnedSemaphorePermit) {
     let timeout = shared.limits.handshake_timeout;
     let addr = incoming.remote_address();
-    let connected = tokio::time::timeout(timeout, async { incoming.accept()?.await }).await;
+    let place = shared.unasked.enter(None);
+    let connected = tokio::select! {
+        connected = tokio::time::timeout(timeout, async { incoming.accept()?.await }) => connected.ok(),
+        () = place.gives_way() => None,
+    };
+    drop(place);
     let connection = match connected {
-        Ok(Ok(connection)) => connection,
-        Ok(Err(error)) => {
+        Some(Ok(connection)) => connection,
+        Some(Err(error)) => {
             tracing::debug!(%addr, "handshake failed: {error}");
             shared.totals().handshakes_refused += 1;
             return;
         }
-        Err(_) => {
+        None => {
             shared.totals().handshakes_refused += 1;
             return;
         }
@@ -160,7 +165,10 @@ async fn receive(shared: Arc<Shared>, incoming: Incoming, handshake: OwnedSemaph
         connection.close(CloseCode::REFUSED.into(), b"there is no room for more peers; try again later");
         return;
     };
-    match tokio::time::timeout(timeout, greet(&connection)).await {
+    let place = shared.unasked.enter(Some(&connection));
+    let greeted = tokio::time::timeout(timeout, greet(&connection)).await;
+    drop(place);
+    match greeted {
         Ok(Ok(lanes)) => {
             drop(handshake);
             carry(&shared, shared.new_key(), who, connection, lanes, Some(slot)).await;

@@ -25,10 +25,7 @@ const RENEW_AFTER: f64 = 2.0 / 3.0;
 /// Renews the identity of a process at its server, for as long as the process runs.
 pub(super) async fn renew_in_time(shared: Arc<Shared>, mut identity: Identity, servers: Vec<SocketAddr>) {
     let left = |identity: &Identity, now| identity.expires().duration_since(now).unwrap_or_default();
-    let due_of = |identity: &Identity| {
-        let now = SystemTime::now();
-        now + left(identity, now).mul_f64(RENEW_AFTER)
-    };
+    let due_of = |identity: &Identity| due(identity.expires(), SystemTime::now());
     let mut due = due_of(&identity);
     let mut is_expiry_told = false;
     loop {
@@ -56,6 +53,12 @@ pub(super) async fn renew_in_time(shared: Arc<Shared>, mut identity: Identity, s
         }
         tokio::time::sleep(LOOK).await;
     }
+}
+
+/// Returns when a certificate is due that is new now. Counted from its expiry: by a clock that is ahead, and is set right later, it is due then.
+fn due(expires: SystemTime, now: SystemTime) -> SystemTime {
+    let left = expires.duration_since(now).unwrap_or_default();
+    expires - left.mul_f64(1.0 - RENEW_AFTER)
 }
 
 /// Returns an identity with a new certificate, for a process that begins anew under the name that it had: it needs no token.
@@ -99,4 +102,19 @@ fn fresh(identity: &Identity, server: SocketAddr, reply: &[u8]) -> Result<Identi
         expires_unix_s: admission.expires_unix_s,
         resume: identity.resume.clone(),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_certificate_is_due_before_it_expires_however_wrong_the_clock_is() {
+        const HOUR: Duration = Duration::from_secs(3_600);
+        let begins = SystemTime::UNIX_EPOCH + 100_000 * HOUR;
+        let expires = begins + 24 * HOUR;
+        assert_eq!(due(expires, begins), begins + 16 * HOUR);
+        assert_eq!(due(expires, begins + 9_000 * HOUR), expires, "it is ahead");
+        assert!(due(expires, begins - 9_000 * HOUR) < expires, "it is behind");
+    }
 }

@@ -1,10 +1,11 @@
-//! Keeps the connections without a name that have not asked for anything yet, or were refused: the one that has waited longest gives way
-//! where there is no room for another, so that who only occupies a place does not keep others from joining.
+//! Keeps who begins a handshake and does not finish it, connections that have not greeted or asked for anything yet, and those that were refused:
+//! what has waited longest gives way where there is no room for another, so that who only occupies a place does not keep others from joining.
 
 use std::collections::BTreeMap;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use quinn::Connection;
+use tokio::sync::Notify;
 
 use super::CloseCode;
 
@@ -15,35 +16,41 @@ pub(super) struct Unasked(Mutex<Waiting>);
 #[derive(Default)]
 struct Waiting {
     next: u64,
-    connections: BTreeMap<u64, Connection>,
+    places: BTreeMap<u64, (Arc<Notify>, Option<Connection>)>,
 }
 
 /// A connection's place among them, until it is dropped.
 pub(super) struct Place<'a> {
     of: &'a Unasked,
     number: u64,
+    gives_way: Arc<Notify>,
 }
 
 impl Unasked {
-    /// Notes a connection that may ask now, or read why it was refused.
-    pub(super) fn enter(&self, connection: &Connection) -> Place<'_> {
+    /// Notes who begins a handshake, which has no connection yet; or a connection that may ask now, or read why it was refused.
+    pub(super) fn enter(&self, connection: Option<&Connection>) -> Place<'_> {
         let mut waiting = self.lock();
         let number = waiting.next;
         waiting.next += 1;
-        waiting.connections.insert(number, connection.clone());
-        Place { of: self, number }
+        let gives_way = Arc::new(Notify::new());
+        waiting.places.insert(number, (gives_way.clone(), connection.cloned()));
+        Place { of: self, number, gives_way }
     }
 
     /// Returns how many there are.
     pub(super) fn count(&self) -> usize {
-        self.lock().connections.len()
+        self.lock().places.len()
     }
 
-    /// Closes the connection that has waited longest; returns whether there was one. Its handshake slot is free soon.
+    /// Ends what has waited longest; returns whether there was anything. Its handshake slot is free soon.
     pub(super) fn give_way(&self) -> bool {
-        let oldest = self.lock().connections.pop_first();
+        let Some((_, (gives_way, connection))) = self.lock().places.pop_first() else { return false };
+        gives_way.notify_one();
         let reason = b"others wait to join, and nothing was asked here that waits for an answer; try again";
-        oldest.map(|(_, connection)| connection.close(CloseCode::REFUSED.into(), reason)).is_some()
+        if let Some(connection) = connection {
+            connection.close(CloseCode::REFUSED.into(), reason);
+        }
+        true
     }
 
     fn lock(&self) -> MutexGuard<'_, Waiting> {
@@ -51,8 +58,15 @@ impl Unasked {
     }
 }
 
+impl Place<'_> {
+    /// Returns once it has to give way.
+    pub(super) async fn gives_way(&self) {
+        self.gives_way.notified().await;
+    }
+}
+
 impl Drop for Place<'_> {
     fn drop(&mut self) {
-        self.of.lock().connections.remove(&self.number);
+        self.of.lock().places.remove(&self.number);
     }
 }

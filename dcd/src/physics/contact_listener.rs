@@ -184,8 +184,10 @@ impl EventHandler for ContactListener {
         let (first, second, flags) = match event {
             CollisionEvent::Started(a, b, flags) | CollisionEvent::Stopped(a, b, flags) => (a, b, flags),
         };
-        if flags.contains(CollisionEventFlags::REMOVED) {
-            return; // `forget` has said so already.
+        // `forget` has said so already. What is disabled is removed for Rapier, but there.
+        let is_gone = |collider| colliders.get(collider).is_none();
+        if flags.contains(CollisionEventFlags::REMOVED) && (is_gone(first) || is_gone(second)) {
+            return;
         }
         let mut touch = RawTouch {
             colliders: [first, second],

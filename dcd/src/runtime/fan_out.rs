@@ -211,7 +211,8 @@ impl<T: Fn(Told)> Teller<T> {
         let Some(to) = replication.route(client) else { return };
         let key = self.outlet.keys.read().unwrap_or_else(PoisonError::into_inner).get(&to).copied();
         let Some(key) = key else { return (self.tell)(Told { to, client, message }) };
-        if *self.links.entry(client).or_insert(key) != key {
+        // A client's own link is made anew with it, and begins anew; that of the node whose user it is breaks and comes back in the same view.
+        if matches!(to, Peer::Client(_)) && *self.links.entry(client).or_insert(key) != key {
             return;
         }
         if let ToClient::CompactStates { part, .. } = &message

@@ -24,7 +24,7 @@ use super::fan_out::{Keys, Outlet};
 use super::repeats::Repeats;
 use crate::cluster::Peer;
 use crate::net::{CloseCause, CloseCode, Net, NetError, NetEvent, NetTotals, PeerKey, PeerName, SendError};
-use crate::protocol::{self, CodecError, JoinAs, Lane, Message, ToClient};
+use crate::protocol::{self, CodecError, Hello, JoinAs, Lane, Message, ToClient};
 use crate::space::{ClientId, NodeId};
 
 /// The most bytes that may wait for a peer: a world, and what happens in it meanwhile.
@@ -414,6 +414,10 @@ impl Links {
                         Ok(()) => return Vec::new(),
                         Err(rule) => Err((Ending::BrokeRule, rule.to_owned())),
                     },
+                    Ok(message) if speaks_for_another(who, &message) => Err((
+                        Ending::BrokeRule,
+                        "a node's greeting names a client that is not its own".to_owned(),
+                    )),
                     Ok(message) => Ok(message),
                     Err(error @ CodecError::Version { .. }) => Err((Ending::Refused, error.to_string())),
                     Err(error) => Err((Ending::BrokeRule, error.to_string())),
@@ -471,6 +475,10 @@ impl Links {
             match self.net.send(key, lane, &bytes) {
                 Ok(()) => return,
                 Err(SendError::Full { .. }) => {}
+                Err(error @ SendError::FrameTooLong { .. }) => {
+                    warn!(?to, %error, "a frame is lost");
+                    return;
+                }
                 Err(error) => {
                     debug!(?to, %error, "a frame is not sent");
                     return;
@@ -517,6 +525,12 @@ impl Links {
             PeerName::Participant(id, _) => node(id),
         }
     }
+}
+
+/// Returns whether a node greets for a client that its certificate does not name: whatever that client asked would be believed of it.
+fn speaks_for_another(who: PeerName, message: &Message) -> bool {
+    let Message::Hello(Hello { role: JoinAs::Node { client, .. }, .. }) = message else { return false };
+    who.node().is_some() && *client != who.client()
 }
 
 /// Returns the events that the end of a link means for the peers behind it.

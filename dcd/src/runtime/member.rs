@@ -113,8 +113,10 @@ pub struct NodeSummary {
     pub speculative: u64,
     /// Largest disagreement of copies of bodies held here in any tick, m/s.
     pub disagreement_max_m_s: f32,
-    /// Microseconds of computing of each tick.
+    /// Microseconds of computing of each of the first million ticks.
     pub compute_us: Vec<u32>,
+    /// The same of the last tick.
+    pub last_us: u32,
     /// Bytes received and sent.
     pub bytes: u64,
     /// Seconds since its start.

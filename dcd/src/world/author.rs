@@ -610,7 +610,8 @@ impl Author {
     }
 }
 
-fn refused(Invalid { field, rule }: Invalid) -> Error {
+/// Says what cannot be told to others.
+pub(super) fn refused(Invalid { field, rule }: Invalid) -> Error {
     WorldError::Setting { what: field, value: "out of range".to_owned(), range: rule }.into()
 }
 

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use rapier3d::prelude::*;
 
-use super::author::{Author, Known, Names};
+use super::author::{Author, Known, Names, refused};
 use super::bodies::{CHANGE_BODY, CHANGE_SURFACE};
 use super::error::Error;
 use super::network::Network;
@@ -18,8 +18,8 @@ use crate::cluster::{Life, Record};
 use crate::net::PeerStats;
 use crate::physics::StepSettings;
 use crate::protocol::{
-    BodyRecord, Controller, Drive, JointRecord, Push, Query, QueryResult, ShapeHash, ShapeRecord, Velocity,
-    WorldEvents, WorldPose,
+    BodyRecord, Check, Controller, Drive, JointRecord, Push, Query, QueryResult, ShapeHash, ShapeRecord,
+    Velocity, WorldEvents, WorldPose,
 };
 use crate::runtime::{LocalWorld, Member, SUSPENDED, ServerProcess, Stats};
 use crate::space::{BodyId, DistributionTree, JointId, Tick};
@@ -341,10 +341,12 @@ impl Remote for Hosted {
 
     fn submit(&mut self, question: Query) -> Result<u64, Error> {
         let number = self.questions + 1;
+        let question = Query { number, ..question };
+        question.check().map_err(refused)?;
         let (server, author) = self.written("ask by rays, shapes and points")?;
         // What the program did before is there for its question.
         flush(author, server);
-        server.ask(Query { number, ..question });
+        server.ask(question);
         self.questions = number;
         Ok(number)
     }
@@ -476,12 +478,11 @@ impl Remote for Hosted {
             }
             Process::Node(node) => {
                 let summary = node.summary();
-                let last_us = summary.compute_us.last().copied().unwrap_or_default();
                 Stats {
                     ticks: summary.tick.0,
                     bodies: summary.bodies as usize,
                     transfers: summary.transfers,
-                    last_step: Duration::from_micros(last_us.into()),
+                    last_step: Duration::from_micros(summary.last_us.into()),
                     ..Stats::default()
                 }
             }

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use rapier3d::prelude::*;
 
-use super::author::{Author, Names};
+use super::author::{Author, Names, refused};
 use super::bodies::{CHANGE_BODY, CHANGE_SURFACE};
 use super::error::Error;
 use super::network::Network;
@@ -24,10 +24,10 @@ use crate::physics::{ShapeLibrary, StepSettings};
 use crate::playback::{Motion, ViewTime};
 use crate::prediction::Prediction;
 use crate::protocol::{
-    Area, BodyKind, BodyRecord, Controller, Drive, EnvironmentProperties, Handover, JointRecord, Push, Query,
-    QueryResult, Refusal, ShapeHash, ShapeRecord, Velocity, WorldEvents, WorldPose,
+    Area, BodyKind, BodyRecord, Check, Controller, Drive, EnvironmentProperties, Handover, JointRecord, Push,
+    Query, QueryResult, Refusal, ShapeHash, ShapeRecord, Velocity, WorldEvents, WorldPose,
 };
-use crate::runtime::{ClientWorld, ProcessError, Stats};
+use crate::runtime::{ClientWorld, ProcessError, Stats, WorldError};
 use crate::space::{BodyId, ClientId, DistributionTree, JointId, RegionId, Tick};
 
 /// A client's or participant's world.
@@ -122,7 +122,10 @@ impl Served {
         }
         self.departed.clear();
         for &id in &heard.disappeared {
-            let user_data = self.leaving.remove(&id).or_else(|| self.user_data(id));
+            // A builder's own author knows no more of what it has removed.
+            let heard = || self.heard(id).map(|heard| heard.body.traits.user_data);
+            let user_data = heard().or_else(|| self.user_data(id));
+            let user_data = self.leaving.remove(&id).or(user_data);
             self.departed.insert(id, user_data.unwrap_or(0));
             self.driven.remove(&id);
         }
@@ -339,7 +342,7 @@ impl Remote for Served {
             let (author, _) = self.builder(None, "make bodies", Instead::MakeAvatars)?;
             return author.insert(pose, body, colliders, None);
         }
-        let refused = match body.body_type() {
+        let unsupported = match body.body_type() {
             _ if has_own_sleep(body.activation()) => {
                 Some(("set when its avatars fall asleep", Instead::UsualSleep))
             }
@@ -349,13 +352,15 @@ impl Remote for Served {
             }
             _ => None,
         };
-        if let Some((what, instead)) = refused {
+        if let Some((what, instead)) = unsupported {
             return Err(self.unsupported(what, instead));
         }
         self.check_link()?;
+        let awaited = ShapeLibrary::default().describe(BodyId::default(), pose, body, colliders)?;
+        let awaited = awaited.with_controller(controller);
+        awaited.check().map_err(refused)?;
         let id = self.world.spawn_as(controller, pose, body, colliders)?;
-        let awaited = ShapeLibrary::default().describe(id, pose, body, colliders)?;
-        self.awaited.insert(id, awaited.with_controller(controller));
+        self.awaited.insert(id, BodyRecord { id, ..awaited });
         Ok(id)
     }
 
@@ -373,8 +378,10 @@ impl Remote for Served {
             return author.remove(&seen, id);
         }
         self.check_link()?;
+        let known = self.known(id).filter(|_| !self.leaving.contains_key(&id));
+        let user_data = known.map(|body| body.traits.user_data).ok_or(WorldError::NoBody(id))?;
         self.world.despawn(id)?;
-        self.leaving.insert(id, self.user_data(id).unwrap_or(0));
+        self.leaving.insert(id, user_data);
         self.awaited.remove(&id);
         self.inputs.remove(&id);
         self.driven.remove(&id);
@@ -390,6 +397,7 @@ impl Remote for Served {
             return author.set_velocity(&seen, id, velocity);
         }
         self.check_link()?;
+        velocity.check().map_err(refused)?;
         self.inputs.entry(id).or_default().velocity = Some(velocity);
         if let Some(awaited) = self.awaited.get_mut(&id) {
             awaited.steer(velocity);
@@ -403,6 +411,7 @@ impl Remote for Served {
             return author.drive(&seen, id, drive);
         }
         self.check_link()?;
+        drive.check().map_err(refused)?;
         check_vehicle(id, self.known(id).as_deref())?;
         self.inputs.entry(id).or_default().drive = Some(drive);
         if let Some(awaited) = self.awaited.get_mut(&id) {
@@ -417,6 +426,7 @@ impl Remote for Served {
             return author.set_pose(&seen, id, pose);
         }
         self.check_link()?;
+        pose.check().map_err(refused)?;
         if self.known(id).is_some_and(|body| body.traits.character.is_some()) {
             return Err(self.unsupported("put its characters elsewhere", Instead::DriveAvatars));
         }
@@ -589,8 +599,10 @@ impl Remote for Served {
 
     fn submit(&mut self, question: Query) -> Result<u64, Error> {
         self.check_link()?;
-        self.questions += 1;
-        self.world.ask(Query { number: self.questions, ..question })?;
+        let question = Query { number: self.questions + 1, ..question };
+        question.check().map_err(refused)?;
+        self.questions = question.number;
+        self.world.ask(question)?;
         Ok(self.questions)
     }
 
@@ -608,6 +620,7 @@ impl Remote for Served {
 
     fn set_interest(&mut self, area: Option<Area>) -> Result<(), Error> {
         self.check_link()?;
+        area.iter().try_for_each(Area::check).map_err(refused)?;
         Ok(self.world.turn_to(area)?)
     }
 

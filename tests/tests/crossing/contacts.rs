@@ -176,6 +176,31 @@ fn the_blow_on_what_its_region_keeps_to_itself_is_told() {
 }
 
 #[test]
+fn contacts_of_what_is_disabled_end_and_begin_again() {
+    let watched = ActiveEvents::COLLISION_EVENTS;
+    for config in [one_world(), halves(Coupling::Auto)] {
+        for (sensor, by_body) in [(true, false), (true, true), (false, false), (false, true)] {
+            let mut world = LocalWorld::new(weightless(config.clone())).unwrap();
+            let zone = ColliderBuilder::cuboid(2.0, 2.0, 2.0).sensor(sensor).active_events(watched);
+            let zone = world.insert(RigidBodyBuilder::fixed(), zone).unwrap();
+            let ball = body_at(-2.45, 0.0, 0.0).can_sleep(false);
+            world.insert(ball, ColliderBuilder::ball(0.5)).unwrap();
+            let began =
+                |world: &mut LocalWorld| touches(world, 3).iter().map(|touch| touch.3).collect::<Vec<_>>();
+            assert_eq!(began(&mut world), [true]);
+            let enable = |world: &mut LocalWorld, on: bool| match by_body {
+                true => _ = world.update(zone, |body| body.set_enabled(on)).unwrap(),
+                false => _ = world.update_collider(zone, 0, |collider| collider.set_enabled(on)).unwrap(),
+            };
+            enable(&mut world, false);
+            assert_eq!(began(&mut world), [false], "sensor {sensor}, by body {by_body}");
+            enable(&mut world, true);
+            assert_eq!(began(&mut world), [true], "sensor {sensor}, by body {by_body}");
+        }
+    }
+}
+
+#[test]
 fn owner_and_proxy_tell_each_force_once() {
     for coupling in [Coupling::Owner, Coupling::Proxy] {
         let (mut world, floor, boxes) = stack(cut(coupling, &[(Axis::Y, 2.0)]), 1.0);

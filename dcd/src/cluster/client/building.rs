@@ -5,7 +5,8 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use super::{Client, ClientOutput};
 use crate::protocol::{
-    Alteration, BUILD_BYTES, BuildOp, Costs, FromClient, MAX_BUILD_OPS, Refusal, encoded_len, split,
+    Alteration, BUILD_BYTES, BodyRecord, BuildOp, Costs, FromClient, MAX_BUILD_OPS, Refusal, ShapeRecord,
+    encoded_len, split,
 };
 
 /// The most bytes that may wait for the server's word.
@@ -73,6 +74,19 @@ impl Client {
         }
     }
 
+    /// Asks for an avatar. Of a client alone nothing longer than a frame is read.
+    pub(super) fn spawn(&mut self, body: BodyRecord, shapes: Vec<ShapeRecord>) {
+        let id = body.id;
+        let message = FromClient::Spawn { body, shapes };
+        match self.node.is_some() || encoded_len(&message) <= BUILD_BYTES {
+            true => self.want(message),
+            false => {
+                let reason = Refusal::Costly(Costs::Bytes);
+                self.outputs.push_back(ClientOutput::Rejected { body: Some(id), reason });
+            }
+        }
+    }
+
     fn send_build(&mut self, ops: Vec<BuildOp>) {
         let waiting: usize = self.building.waiting.values().map(|waiting| waiting.bytes).sum();
         let bytes = encoded_len(&ops);
@@ -89,7 +103,11 @@ impl Client {
     }
 
     fn refuse(&mut self, op: &BuildOp, reason: Refusal) {
-        for id in op.bodies() {
+        let bodies = op.bodies();
+        if bodies.is_empty() {
+            self.outputs.push_back(ClientOutput::Rejected { body: None, reason });
+        }
+        for id in bodies {
             self.outputs.push_back(ClientOutput::Rejected { body: Some(id), reason });
         }
     }

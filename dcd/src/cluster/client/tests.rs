@@ -390,6 +390,78 @@ fn built_body(index: u32) -> BodyRecord {
     sim_body(BodyId::built(ClientId(1), index), [0.0; 3])
 }
 
+fn appeared(client: &mut Client) -> Vec<BodyId> {
+    let outputs = std::iter::from_fn(|| client.poll_output());
+    let inserted = outputs.filter_map(|output| match output {
+        ClientOutput::Inserted(id) => Some(id),
+        _ => None,
+    });
+    inserted.collect()
+}
+
+#[test]
+fn what_came_while_the_server_was_away_or_with_another_world_appears() {
+    let mut client = Client::new(ClientId(1), None, None);
+    let body = |index| sim_body(BodyId::persistent(index), [1.0; 3]);
+    joins(&mut client, vec![body(0)]);
+    assert_eq!(appeared(&mut client), [], "who joins looks for itself");
+    client.handle(Duration::ZERO, ClientEvent::Disconnected(Peer::Server));
+    joins(&mut client, vec![body(0), body(1)]);
+    assert_eq!(appeared(&mut client), [BodyId::persistent(1)]);
+    // Over the same link: a save comes in place of the world.
+    let (id, world) = (ClientId(1), sim_world(2));
+    tell(&mut client, ToClient::Welcome { id, logical_time: 1, next_built: (3, 4), world });
+    tell(&mut client, ToClient::Chunk(Chunk::Bodies(vec![body(1), body(2)])));
+    tell(&mut client, ToClient::WorldEnd);
+    assert_eq!(appeared(&mut client), [BodyId::persistent(2)]);
+}
+
+#[test]
+fn an_avatar_that_was_made_while_the_server_was_away_appears_once() {
+    let mut client = Client::new(ClientId(1), None, None);
+    joins(&mut client, Vec::new());
+    let body = sim_body(BodyId::avatar(ClientId(1), 0), [1.0; 3]);
+    client.handle(Duration::ZERO, ClientEvent::Spawn { body: body.clone(), shapes: Vec::new() });
+    client.handle(Duration::ZERO, ClientEvent::Disconnected(Peer::Server));
+    joins(&mut client, vec![body.clone()]);
+    assert_eq!(appeared(&mut client), [body.id]);
+}
+
+#[test]
+fn what_was_asked_is_said_again_though_another_world_came_as_the_link_broke() {
+    let mut client = Client::new(ClientId(1), None, None);
+    joins(&mut client, Vec::new());
+    let body = sim_body(BodyId::avatar(ClientId(1), 0), [1.0; 3]);
+    let (id, world) = (ClientId(1), sim_world(2));
+    tell(&mut client, ToClient::Welcome { id, logical_time: 1, next_built: (3, 4), world });
+    client.handle(Duration::ZERO, ClientEvent::Disconnected(Peer::Server));
+    client.handle(Duration::ZERO, ClientEvent::Spawn { body, shapes: Vec::new() });
+    while client.poll_output().is_some() {}
+    joins(&mut client, Vec::new());
+    let is_asked = |output| {
+        let ClientOutput::Send { message, .. } = output else { return false };
+        matches!(message, Message::FromClient(_, FromClient::Spawn { .. }))
+    };
+    assert_eq!(
+        std::iter::from_fn(|| client.poll_output()).filter(|output| is_asked(output.clone())).count(),
+        1
+    );
+}
+
+#[test]
+fn an_avatar_that_fits_no_frame_is_refused() {
+    let mut client = Client::new(ClientId(1), None, None);
+    joins(&mut client, Vec::new());
+    let mut body = sim_body(BodyId::avatar(ClientId(1), 0), [1.0; 3]);
+    let collider = sim_collider(&ShapeRecord::Ball(0.5));
+    std::sync::Arc::make_mut(&mut body.traits).colliders = vec![collider; 1_000];
+    while client.poll_output().is_some() {}
+    client.handle(Duration::ZERO, ClientEvent::Spawn { body: body.clone(), shapes: Vec::new() });
+    let outputs: Vec<_> = std::iter::from_fn(|| client.poll_output()).collect();
+    let reason = Refusal::Costly(Costs::Bytes);
+    assert_eq!(outputs, [ClientOutput::Rejected { body: Some(body.id), reason }]);
+}
+
 #[test]
 fn what_is_to_be_built_is_said_again_to_a_server_that_is_back_unless_it_shows_that_it_was_done() {
     let at = Duration::ZERO;

@@ -3,7 +3,8 @@
 use std::time::Instant;
 
 use super::*;
-use crate::net::join::anonymous;
+use crate::net::join::{JoinRequest, anonymous};
+use crate::net::key::Key;
 use crate::space::{ClientId, NodeId};
 
 #[test]
@@ -163,12 +164,93 @@ fn under_load_callers_prove_their_address_first_and_get_in_all_the_same() {
     node.connect_to(&server.process);
 }
 
+/// Asks for something and reads no byte of the answer.
+async fn deaf(server: &Server, request: &[u8]) -> (quinn::Endpoint, quinn::Connection, quinn::RecvStream) {
+    let crypto = crate::net::verify::joining(server.token(JoinRole::Node).fingerprint).unwrap();
+    let crypto = quinn::crypto::rustls::QuicClientConfig::try_from(crypto).unwrap();
+    let mut config = quinn::ClientConfig::new(Arc::new(crypto));
+    let mut transport = quinn::TransportConfig::default();
+    transport.stream_receive_window(0_u32.into());
+    config.transport_config(Arc::new(transport));
+    let local = std::net::SocketAddr::from((std::net::Ipv4Addr::LOCALHOST, 0));
+    let endpoint = quinn::Endpoint::client(local).unwrap();
+    let name = &PeerName::Server.dns_names()[0];
+    let connection = endpoint.connect_with(config, server.addr(), name).unwrap().await.unwrap();
+    let (mut send, receive) = connection.open_bi().await.unwrap();
+    send.write_all(request).await.unwrap();
+    send.finish().unwrap();
+    (endpoint, connection, receive)
+}
+
+fn of_one_thread() -> tokio::runtime::Runtime {
+    tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap()
+}
+
 #[test]
 fn handshakes_beyond_the_limit_are_not_answered() {
-    let server = Server::with_limits(Limits { handshakes: 1, ..Limits::default() });
-    let (token, identity) = (server.token(JoinRole::Node), server.join(JoinRole::Node));
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
-    // It has a name, and may greet yet.
+    let (handshakes, linger) = (1, HOUR);
+    let server = Server::with_limits(Limits { handshakes, linger, ..Limits::default() });
+    let (token, key, used) =
+        (server.token(JoinRole::Node), Key::generate().unwrap(), server.token(JoinRole::Node));
+    let text = used.to_string();
+    let request = JoinRequest { key: key.public(), proof: key.prove(&text), token: text, resume: None };
+    let runtime = of_one_thread();
+    // Its token is used up: it keeps its place.
+    let asked = runtime.block_on(deaf(&server, &request.encode(crate::protocol::VERSION)));
+    let begun = Instant::now();
+    while server.process.net.totals().joins_granted == 0 {
+        assert!(begun.elapsed() < PATIENCE, "it is not let in");
+        std::thread::yield_now();
+    }
+    let error = join(&[server.addr()], &token, None, Duration::from_millis(300)).unwrap_err();
+    assert!(matches!(error, NetError::Unreachable { .. }), "{error}");
+    drop((asked, runtime));
+    join(&[server.addr()], &token, None, PATIENCE).unwrap();
+    // A handshake that is over makes room although the peer stays.
+    let (one, two) = (server.process(JoinRole::Node), server.process(JoinRole::Node));
+    one.connect_to(&server.process);
+    two.connect_to(&server.process);
+}
+
+#[test]
+fn who_begins_handshakes_and_does_not_finish_them_keeps_nobody_from_joining() {
+    let (handshakes, handshake_timeout) = (8, HOUR);
+    let limits =
+        Limits { handshakes, handshakes_before_retry: handshakes, handshake_timeout, ..Limits::default() };
+    let server = Server::with_limits(limits);
+    let token = server.token(JoinRole::Node);
+    // What it says goes on to the server, and nothing comes back.
+    let way = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+    let (at, to) = (way.local_addr().unwrap(), server.addr());
+    let (passed, arrived) = std::sync::mpsc::channel();
+    std::thread::spawn(move || {
+        let mut packet = [0; 2_048];
+        while let Ok((length, from)) = way.recv_from(&mut packet) {
+            let is_end = from != to && passed.send(from).is_err();
+            if is_end || from != to && way.send_to(&packet[..length], to).is_err() {
+                break;
+            }
+        }
+    });
+    let runtime = of_one_thread();
+    let dial = || async { anonymous(at, token.fingerprint, HOUR).unwrap() };
+    let dialling: Vec<_> = (0..handshakes).map(|_| runtime.block_on(dial())).collect();
+    let mut heard = std::collections::BTreeSet::new();
+    while heard.len() < handshakes {
+        heard.insert(arrived.recv_timeout(PATIENCE).unwrap());
+    }
+    for _ in 0..2 * handshakes {
+        server.join(JoinRole::Client);
+    }
+    drop((dialling, arrived));
+}
+
+#[test]
+fn who_is_named_and_does_not_greet_keeps_nobody_from_joining() {
+    let server = Server::with_limits(Limits { handshakes: 1, handshake_timeout: HOUR, ..Limits::default() });
+    let token = server.token(JoinRole::Node);
+    let identity = server.join(JoinRole::Node);
+    let runtime = of_one_thread();
     let idle = runtime.block_on(async {
         let endpoint = quinn::Endpoint::client(anywhere()).unwrap();
         let crypto = crate::net::verify::dialling(&identity).unwrap();
@@ -177,14 +259,8 @@ fn handshakes_beyond_the_limit_are_not_answered() {
         let connecting = endpoint.connect_with(config, server.addr(), "server.dcd").unwrap();
         (connecting.await.unwrap(), endpoint)
     });
-    let error = join(&[server.addr()], &token, None, Duration::from_millis(300)).unwrap_err();
-    assert!(matches!(error, NetError::Unreachable { .. }), "{error}");
-    drop((idle, runtime));
     join(&[server.addr()], &token, None, PATIENCE).unwrap();
-    // A handshake that is over makes room although the peer stays.
-    let (one, two) = (server.process(JoinRole::Node), server.process(JoinRole::Node));
-    one.connect_to(&server.process);
-    two.connect_to(&server.process);
+    drop((idle, runtime));
 }
 
 #[test]
@@ -211,25 +287,8 @@ fn who_is_refused_and_does_not_read_why_keeps_nobody_from_joining() {
     let (handshakes, handshake_timeout) = (8, HOUR);
     let server = Server::with_limits(Limits { handshakes, handshake_timeout, ..Limits::default() });
     let token = server.token(JoinRole::Node);
-    let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build().unwrap();
-    let crypto = crate::net::verify::joining(token.fingerprint).unwrap();
-    let crypto = quinn::crypto::rustls::QuicClientConfig::try_from(crypto).unwrap();
-    let mut config = quinn::ClientConfig::new(Arc::new(crypto));
-    let mut transport = quinn::TransportConfig::default();
-    // No byte of an answer can be sent.
-    transport.stream_receive_window(0_u32.into());
-    config.transport_config(Arc::new(transport));
-    let deaf = || async {
-        let local = std::net::SocketAddr::from((std::net::Ipv4Addr::LOCALHOST, 0));
-        let endpoint = quinn::Endpoint::client(local).unwrap();
-        let name = &PeerName::Server.dns_names()[0];
-        let connection = endpoint.connect_with(config.clone(), server.addr(), name).unwrap().await.unwrap();
-        let (mut send, receive) = connection.open_bi().await.unwrap();
-        send.write_all(b"x").await.unwrap();
-        send.finish().unwrap();
-        (endpoint, connection, receive)
-    };
-    let deaf: Vec<_> = (0..handshakes).map(|_| runtime.block_on(deaf())).collect();
+    let runtime = of_one_thread();
+    let deaf: Vec<_> = (0..handshakes).map(|_| runtime.block_on(deaf(&server, b"x"))).collect();
     let begun = Instant::now();
     while server.process.net.totals().joins_refused < handshakes as u64 {
         assert!(begun.elapsed() < PATIENCE, "not all were refused");

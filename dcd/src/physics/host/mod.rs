@@ -306,8 +306,10 @@ impl RegionHost {
             let moment = Moment::new(&partition, &settings, tick, rounds, round, coarsest);
             let (steps, clock) = (side.steps(), side.clock);
             let region = &mut side.region;
-            if round == 1 {
-                region.shift_origin(tick);
+            // A region with fewer substeps than the rest of the world begins its tick in a later round.
+            let begins = region.begins_tick();
+            if begins {
+                region.shift_origin(tick, clock.span);
             }
             let moment = Moment { dt_s: settings.dt_s * f32::from(clock.span) / steps as f32, ..moment };
             settings.coupling.prepare(region, moment.dt_s);
@@ -318,7 +320,7 @@ impl RegionHost {
             });
             region.step(&parameters, steps);
             settings.coupling.gather(side, moment);
-            side.region.count_time(start.elapsed(), round == 1);
+            side.region.count_time(start.elapsed(), begins);
         };
         if self.threads.are_entered() {
             let heaviest = self.heaviest();

@@ -329,16 +329,15 @@ impl RegionHost {
         // Region by region: what Rapier allocates for the bodies of one world then lies together. Filled in turns, two
         // worlds share cache lines, which cost a tenth of the step (40,000 free boxes in two regions).
         for Side { region, .. } in &mut self.sides {
-            if !region.owns_any() {
-                let movable = |body: &BodyRecord| body.traits.kind != BodyKind::Fixed;
-                let own = bodies
-                    .iter()
-                    .zip(owners)
-                    .filter(|(body, owner)| **owner == region.rank() && movable(body));
-                let places = own.map(|(body, _)| body.state.pose.translation);
-                if let Some(anchor) = better_anchor(region.anchor(), places) {
-                    region.set_anchor(anchor);
-                }
+            let movable = |body: &BodyRecord| body.traits.kind != BodyKind::Fixed;
+            let rank = region.rank();
+            let own = bodies.iter().zip(owners).filter(|(body, owner)| **owner == rank && movable(body));
+            let mut places = own.map(|(body, _)| body.state.pose.translation).peekable();
+            if places.peek().is_some()
+                && !region.owns_any()
+                && let Some(anchor) = better_anchor(region.anchor(), places)
+            {
+                region.set_anchor(anchor);
             }
             for ((body, &owner), &whole) in bodies.iter().zip(owners).zip(whole) {
                 if body.traits.kind == BodyKind::Fixed {

@@ -15,9 +15,9 @@ const FAR_M: f64 = 1024.0;
 
 impl Region {
     /// Moves the anchor to the middle of the region's own awake bodies when that brings all of them much nearer to it. Must be called
-    /// before the first step of a tick.
-    pub(in crate::physics) fn shift_origin(&mut self, tick: Tick) {
-        if !tick.0.is_multiple_of(EVERY_TICKS) {
+    /// before the first step of a tick, which is for so many ticks.
+    pub(in crate::physics) fn shift_origin(&mut self, tick: Tick, span: u8) {
+        if tick.0 % EVERY_TICKS >= u64::from(span) {
             return;
         }
         let awake = self.world.islands.active_bodies();

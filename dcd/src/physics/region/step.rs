@@ -11,6 +11,11 @@ use crate::physics::hooks::Named;
 use crate::space::BodyId;
 
 impl Region {
+    /// Returns whether its next substep is the first of a tick.
+    pub(in crate::physics) fn begins_tick(&self) -> bool {
+        self.targets.is_first()
+    }
+
     /// Steps the Rapier world by one of `steps` substeps of a tick.
     pub(in crate::physics) fn step(&mut self, parameters: &IntegrationParameters, steps: usize) {
         let before = std::mem::replace(&mut self.world.integration_parameters, *parameters);

@@ -5,7 +5,7 @@ use bincode::{Decode, Encode};
 use super::{BuildOp, Chunk, EnvironmentProperties, Member, Query, QueryResult, ViewNumber};
 use crate::protocol::{
     Alteration, BodyRecord, BodyTraits, ContactForce, Drive, JointRecord, ShapeRecord, SharedState, Touch,
-    Velocity, WorldPose,
+    Velocity, WORLD_REACH_M, WorldPose,
 };
 use crate::space::{Allocation, BodyId, ClientId, DistributionTree, GroupId, JointId, Tick};
 
@@ -86,7 +86,7 @@ impl Area {
     #[must_use]
     #[doc(hidden)]
     pub fn with_surroundings(&self) -> Self {
-        Self { radius_m: 1.5 * self.radius_m + 8.0, ..*self }
+        Self { radius_m: (1.5 * self.radius_m + 8.0).min(WORLD_REACH_M), ..*self }
     }
 
     /// Returns whether a body at this point, which reaches so far, is in it or at its edge.
@@ -434,6 +434,10 @@ mod tests {
         }
         for radius_m in [0.0, -1.0, f64::NAN, f64::INFINITY] {
             assert!(area([0.0; 3], radius_m).is_err());
+        }
+        for radius_m in [1e-3, 1e9] {
+            let all = Area { centre: [0.0; 3], radius_m }.with_surroundings();
+            assert_eq!(FromClient::Interest(Some(all)).check(), Ok(()), "{radius_m}");
         }
     }
 

@@ -445,7 +445,11 @@ impl Check for Message {
             Self::ToClient(_, message) => message.check(),
             Self::Program(program) => program.check(),
             Self::Status(status) => status.check(),
-            Self::Hello(_) | Self::Waiting(_) | Self::Ping(_) | Self::Pong(_) | Self::AskStatus => Ok(()),
+            Self::Hello(hello) => match &hello.role {
+                JoinAs::Client { interest: Some(area), .. } => area.check(),
+                _ => Ok(()),
+            },
+            Self::Waiting(_) | Self::Ping(_) | Self::Pong(_) | Self::AskStatus => Ok(()),
         }
     }
 }

@@ -16,11 +16,17 @@ const BODIES: u32 = 100;
 /// A leader that computes alone, and has one client, to which no link leads.
 struct Stage {
     leader: Leader,
+    nodes: Vec<NodeId>,
     tick: u64,
 }
 
 impl Stage {
     fn new() -> Self {
+        Self::with(None)
+    }
+
+    /// Returns the same, where the client is the user of another member or linked by itself.
+    fn with(participant: Option<NodeId>) -> Self {
         let node = NodeId(1);
         let world = sim_world(1);
         let view = View {
@@ -29,14 +35,21 @@ impl Stage {
             number: ViewNumber(1),
             tick: Tick(0),
             leader: node,
-            members: vec![Member { node, address: ([127, 0, 0, 1], 1).into(), client: None }],
+            members: [Some((node, None)), participant.map(|node| (node, Some(CLIENT)))]
+                .into_iter()
+                .flatten()
+                .map(|(node, client)| Member { node, address: ([127, 0, 0, 1], 1).into(), client })
+                .collect(),
             tree: world.tree.clone(),
             allocation: [(RegionId(1), node)].into(),
         };
         let mut leader = Leader::new(Duration::ZERO, &view, &world).with_replication_elsewhere();
-        leader.admit(CLIENT);
+        if participant.is_none() {
+            leader.admit(CLIENT);
+        }
         leader.take_interest(CLIENT, None);
-        let mut stage = Self { leader, tick: 0 };
+        let nodes = [Some(node), participant].into_iter().flatten().collect();
+        let mut stage = Self { leader, nodes, tick: 0 };
         stage.done();
         stage
     }
@@ -45,7 +58,7 @@ impl Stage {
         let (view, tick) = (ViewNumber(1), Tick(self.tick));
         let done =
             Done { view, tick, rounds_wanted: 1, holds: None, events: vec![], answers: vec![], load: None };
-        self.leader.done(NodeId(1), done);
+        self.nodes.iter().for_each(|&node| self.leader.done(node, done.clone()));
     }
 
     /// Completes a tick in which all bodies move, and the client acknowledges something; returns what follows from that.
@@ -122,6 +135,26 @@ fn a_thread_that_is_held_up_keeps_no_tick_waiting_and_tells_the_newest_states_wh
             .try_iter()
             .all(|told| matches!(told.message, ToClient::CompactStates { stamp, .. } if stamp.tick == last))
     );
+}
+
+#[test]
+fn a_participant_whose_link_is_made_anew_is_told_on() {
+    let (net, outlet, _folder) = outlet();
+    let (keys, sent) = (outlet.keys.clone(), outlet.sent.clone());
+    let fan_out = FanOut::start(outlet, |_| ()).unwrap();
+    let mut stage = Stage::with(Some(NodeId(2)));
+    for link in 1..=2 {
+        // Nobody answers there: it is a key of its own all the same.
+        let key = net.connect(([127, 0, 0, 1], 1).into(), crate::net::PeerName::Server);
+        keys.write().unwrap().insert(Peer::Node(NodeId(2)), key);
+        let before = sent.lock().unwrap().clone();
+        let begun = Instant::now();
+        while *sent.lock().unwrap() == before {
+            assert!(begun.elapsed() < PATIENCE, "nothing more is sent over link {link}");
+            fan_out.handle(stage.tick());
+            std::thread::yield_now();
+        }
+    }
 }
 
 #[test]

@@ -126,6 +126,30 @@ impl Pair {
 }
 
 #[test]
+fn a_node_greets_for_its_own_client_alone() {
+    for own in [true, false] {
+        let mut pair = Pair::new(crate::net::JoinRole::Participant);
+        let NetEvent::Connected { peer: server, .. } = pair.other_events.recv_timeout(PATIENCE).unwrap()
+        else {
+            panic!("it is linked")
+        };
+        let client = match own {
+            true => pair.other.who().client(),
+            false => Some(ClientId(99)),
+        };
+        let role = JoinAs::Node { address: ([127, 0, 0, 1], 1).into(), client, resume: None };
+        let hello = protocol::encode(&Message::Hello(Hello { version: protocol::VERSION, role }));
+        pair.other.send(server, crate::net::Lane::Admin, &hello).unwrap();
+        let events = pair.hear();
+        let is_heard = matches!(events[..], [LinkEvent::Message { .. }]);
+        let is_ended = |event: &LinkEvent| {
+            matches!(event, LinkEvent::Disconnected { ending: Some(Ending::BrokeRule), .. })
+        };
+        assert_eq!((is_heard, events.iter().all(is_ended)), (own, !own));
+    }
+}
+
+#[test]
 fn a_client_may_be_slow_while_it_is_told_of_the_world_and_not_afterwards() {
     let mut pair = Pair::new(crate::net::JoinRole::Client);
     pair.tell_world(60);

@@ -442,6 +442,7 @@ impl Loop {
                     summary.replicas_sum += u64::from(stats.replicas);
                     summary.exchanges_sum += u64::from(stats.exchanges);
                     summary.disagreement_max_m_s = summary.disagreement_max_m_s.max(stats.disagreement_m_s);
+                    summary.last_us = stats.compute_us;
                     if summary.compute_us.len() < TIMES {
                         summary.compute_us.push(stats.compute_us);
                     }

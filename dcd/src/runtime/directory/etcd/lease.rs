@@ -43,7 +43,13 @@ pub(super) fn hold(
             Ok(None) => {
                 let create = Op::Put(key.clone(), holder.as_bytes().to_vec());
                 // Whose it is then is seen by reading it.
-                let _ = keys.gateway.transact(&[Compare::Created(key.clone(), 0)], &[create]);
+                let created = keys.gateway.transact(&[Compare::Created(key.clone(), 0)], &[create]);
+                if let Err(GatewayError::Away(cause) | GatewayError::Refused(cause)) = created {
+                    if !goes_on(&format!("nobody, but etcd takes no writes: {cause}")) {
+                        return Ok(None);
+                    }
+                    std::thread::sleep(LOOK);
+                }
             }
             Ok(Some(found)) if found.value == holder.as_bytes() => {
                 return Ok(Some(Hold::new(keys, holder.to_owned(), found.created)));

@@ -44,6 +44,8 @@ fn unit_box() -> (RigidBodyBuilder, ColliderBuilder) {
 
 fn bare() -> PhysicsWorld {
     let mut world = PhysicsWorld { gravity: Vector::new(0.0, -9.81, 0.0), ..PhysicsWorld::new() };
+    // By itself it would step on all cores.
+    world.configure_thread_pool(1).expect("the system has one more thread");
     world.insert(RigidBodyBuilder::fixed().translation(Vector::new(0.0, -1.0, 0.0)), floor());
     for place in boxes(0) {
         let (body, collider) = unit_box();

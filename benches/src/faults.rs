@@ -59,8 +59,7 @@ impl Faults {
         let rows = self.output.fill(&SHOWN, |rows| measure_all(rows, 0..seeds))?;
         let contact = self.output.fill(&contact::SHOWN, |rows| contact::measure(rows, 0..contact_seeds))?;
         drop(std::panic::take_hook());
-        let holds =
-            rows.iter().all(|row| row.row.violations == 0) && contact.iter().all(|row| row.row.holds());
+        let holds = rows.iter().all(|row| row.row.holds()) && contact.iter().all(|row| row.row.holds());
         Ok(if holds { ExitCode::SUCCESS } else { ExitCode::FAILURE })
     }
 }
@@ -110,6 +109,12 @@ impl Row {
             mb: row.traffic.bytes / 1_000_000,
         }
     }
+
+    /// Returns whether nothing was violated, and clients saw nothing that is older than promised.
+    fn holds(&self) -> bool {
+        let is_fresh = |profile: FaultProfile| profile.promise().is_fresh(self.p99_stale_ms);
+        self.violations == 0 && self.faults.parse().is_ok_and(is_fresh)
+    }
 }
 
 fn table(rows: &[Measured<Row>]) -> String {
@@ -141,4 +146,18 @@ fn table(rows: &[Measured<Row>]) -> String {
         ]
     };
     page::table(&head, rows.iter().map(cells))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_row_holds_only_if_what_clients_saw_is_as_young_as_promised() {
+        let config = TrialConfig::default();
+        let row = simulate(&config, FaultProfile::Loss5, 0..1, 1, &|| false);
+        let of = |staleness_ms| Row::of(&sim::Row { staleness_ms, ..row.clone() }).holds();
+        assert!(of(None) && of(Some(249)) && !of(Some(250)));
+        assert!(!Row { violations: 1, ..Row::of(&row) }.holds());
+    }
 }

@@ -160,27 +160,42 @@ impl Played {
         self.prediction.corrections as f64 / self.prediction.ticks.max(1) as f64
     }
 
-    /// Returns by how much more than its speed says each body moves from frame to frame, metres: jumps.
+    /// Returns by how much more than its speed says each body that moves does so from frame to frame, metres: jumps.
     pub fn jumps_m(&self) -> Vec<f64> {
         let mut jumps = Vec::new();
         for pair in self.frames.windows(2) {
             let ticks = pair[1].time.predicted - pair[0].time.predicted;
-            for (id, (to, after)) in &pair[1].bodies {
-                let Some((from, before)) = pair[0].bodies.get(id) else { continue };
-                let off = (0..3).map(|i| {
-                    let way = to.translation[i] - from.translation[i];
-                    // An impact is between the two; what comes near, or goes, is shown faster or slower for a while.
-                    let ends = [before, after].map(|v| f64::from(v.linear[i]) * ticks / 60.0);
-                    let low = ends[0].min(ends[1]).min(0.0) * 1.6;
-                    let high = ends[0].max(ends[1]).max(0.0) * 1.6;
-                    (way - way.clamp(low, high)).powi(2)
-                });
-                jumps.push(off.sum::<f64>().sqrt());
+            for (id, to) in &pair[1].bodies {
+                jumps.extend(pair[0].bodies.get(id).and_then(|from| jump_m(from, to, ticks)));
             }
         }
         jumps.sort_unstable_by(f64::total_cmp);
         jumps
     }
+}
+
+/// Returns by how much more than its speed says a body has moved in so many ticks, metres; `None` of one at rest.
+fn jump_m(
+    (from, before): &(WorldPose, Velocity),
+    (to, after): &(WorldPose, Velocity),
+    ticks: f64,
+) -> Option<f64> {
+    /// What is slower, and stays nearer, is at rest: shown where it is, it would hide what jumps.
+    const MOVES_M_S: f64 = 0.01;
+    const MOVES_M: f64 = 0.001;
+    let norm = |v: [f64; 3]| v.into_iter().map(|v| v * v).sum::<f64>().sqrt();
+    let way: [f64; 3] = std::array::from_fn(|i| to.translation[i] - from.translation[i]);
+    let is_slow = |velocity: &Velocity| norm(velocity.linear.map(f64::from)) <= MOVES_M_S;
+    if is_slow(before) && is_slow(after) && norm(way) <= MOVES_M {
+        return None;
+    }
+    Some(norm(std::array::from_fn(|i| {
+        // An impact is between the two; what comes near, or goes, is shown faster or slower for a while.
+        let ends = [before, after].map(|v| f64::from(v.linear[i]) * ticks / 60.0);
+        let low = ends[0].min(ends[1]).min(0.0) * 1.6;
+        let high = ends[0].max(ends[1]).max(0.0) * 1.6;
+        way[i] - way[i].clamp(low, high)
+    })))
 }
 
 /// Plays so many frames of a course.
@@ -225,4 +240,23 @@ pub fn play(stage: &mut Stage, course: Course, frames: u32) -> Played {
     prediction.replays -= before.replays;
     prediction.corrections -= before.corrections;
     Played { avatar, frames: played, prediction }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::truth::Quantiles;
+
+    #[test]
+    fn what_rests_hides_no_jump() {
+        let at = |x: f64| (WorldPose::at([x, 0.0, 0.0]), Velocity::default());
+        let played: Vec<_> = [0.0, 0.1]
+            .map(|jump| {
+                (0..1_000).map(|i| if i == 0 { at(jump) } else { at(f64::from(i)) }).collect::<Vec<_>>()
+            })
+            .into();
+        let pairs = played[0].iter().zip(&played[1]);
+        let jumps: Vec<_> = pairs.filter_map(|(from, to)| jump_m(from, to, 1.0)).collect();
+        assert!((Quantiles::from(jumps).at(0.99) - 0.1).abs() < 1e-9);
+    }
 }

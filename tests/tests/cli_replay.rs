@@ -146,4 +146,8 @@ fn a_simulated_run_is_recorded_by_node() {
     let replayed = json(folder, "replay runs/kill-node-3 --check", 0);
     assert_eq!(replayed["mismatch"], Value::Null);
     assert!(replayed["ticks"].as_u64().unwrap() > 60, "{replayed}");
+    let again = dcd(folder, "simulate --seeds 0..9 --faults stop,kill-node --record runs");
+    assert_eq!(again.status.code(), Some(2), "{again:?}");
+    let error = String::from_utf8_lossy(&again.stderr);
+    assert!(error.contains("runs/kill-node-3 is there already"), "{error}");
 }

@@ -9,6 +9,7 @@ fn run(course: Course, weather: Weather) -> Played {
     let mut stage = Stage::of(course.world(0), weather);
     let played = play(&mut stage, course, 240);
     let jumps = played.jumps_m();
+    assert!(!jumps.is_empty(), "nothing moved");
     let at = |share: f64| 1e3 * jumps[(share * (jumps.len() - 1) as f64) as usize];
     println!(
         "{} {:?} ± {:?}, {} lost: {:?}; jumps of {:.1} mm (p99), {:.1} (max)",

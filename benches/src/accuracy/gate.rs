@@ -19,6 +19,8 @@ pub(crate) struct Verdict {
     pub limit: f64,
     /// What is wrong, in words; nothing when it passes.
     pub failures: Vec<String>,
+    /// Whether more than the error is wrong, which no limit excuses.
+    pub broken: bool,
 }
 
 impl Verdict {
@@ -31,9 +33,10 @@ impl Verdict {
 /// Holds a reading against that of one bare world.
 pub(crate) fn judge(case: &Case, reading: &Reading, r1: &Reading) -> Verdict {
     let limit = (case.slack * reading.r1_error + case.floor).max(reading.threshold);
+    let is_off = reading.error > limit;
     let mut failures = Vec::new();
     let mut fail = |failed: bool, words: String| failures.extend(failed.then_some(words));
-    fail(reading.error > limit, format!("error {:.3e} {} > {limit:.3e}", reading.error, case.unit));
+    fail(is_off, format!("error {:.3e} {} > {limit:.3e}", reading.error, case.unit));
     fail(reading.lost > 0, format!("{} bodies lost", reading.lost));
     fail(reading.doubled > 0, format!("{} bodies with several owners", reading.doubled));
     fail(reading.quarantined > 0, format!("{} bodies quarantined", reading.quarantined));
@@ -48,7 +51,8 @@ pub(crate) fn judge(case: &Case, reading: &Reading, r1: &Reading) -> Verdict {
     if let Some(pairs) = case.pairs {
         fail(reading.pairs != pairs, format!("{} pairs touch instead of {pairs}", reading.pairs));
     }
-    Verdict { limit, failures }
+    let broken = failures.len() > usize::from(is_off);
+    Verdict { limit, failures, broken }
 }
 
 #[cfg(test)]
@@ -95,8 +99,10 @@ mod tests {
             Reading { momentum_error: Some(2e-5), ..good.clone() },
             Reading { ground_error: Some(0.011), ..good.clone() },
         ] {
-            assert!(!passes(&case(), &bad), "{bad:?}");
+            let verdict = judge(&case(), &bad, &reading(0.0, 0.0));
+            assert!(!verdict.pass() && verdict.broken, "{bad:?}");
         }
+        assert!(!judge(&case(), &reading(0.5, 0.1), &good).broken, "it is off, and nothing else");
         let near = Reading { momentum_error: Some(0.9e-5), ground_error: Some(0.009), ..good.clone() };
         assert!(passes(&case(), &near));
         assert!(!passes(&Case { pairs: Some(2), ..case() }, &good));

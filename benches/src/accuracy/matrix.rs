@@ -62,7 +62,8 @@ fn cell(records: &[&Record], causes: &[&'static str]) -> String {
 }
 
 fn cause_of(record: &Record) -> Option<&'static str> {
-    limits::cause(&record.name, &record.case, &record.method)
+    let is_whole = record.lost + record.doubled + record.quarantined == 0;
+    limits::cause(&record.name, &record.case, &record.method, record.of_gate().filter(|_| is_whole)?)
 }
 
 /// Returns the causes that show in the records, in the order of their list.

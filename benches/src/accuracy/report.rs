@@ -47,6 +47,12 @@ impl Line {
         self.verdict.as_ref().map_or(f64::NAN, |verdict| verdict.limit)
     }
 
+    /// Returns the cause, if this case of an experiment is off and no more than is known of the method.
+    fn known_limit(&self, experiment: &str, method: &str) -> Option<&'static str> {
+        let verdict = self.verdict.as_ref().filter(|verdict| !verdict.broken)?;
+        limits::cause(experiment, &self.case, method, self.reading.error / verdict.limit)
+    }
+
     /// Failures first, then by error in parts of what is allowed.
     fn badness(&self) -> (bool, f64) {
         (!self.pass(), self.reading.error / self.limit())
@@ -77,8 +83,7 @@ impl Row {
     /// The cause, if every case that fails has a known one.
     pub(crate) fn known_limit(&self) -> Option<&'static str> {
         let failing = self.lines.iter().filter(|line| !line.pass());
-        let causes: Option<Vec<_>> =
-            failing.map(|line| limits::cause(self.name, &line.case, self.method)).collect();
+        let causes: Option<Vec<_>> = failing.map(|line| line.known_limit(self.name, self.method)).collect();
         causes?.first().copied()
     }
 
@@ -171,12 +176,16 @@ impl Row {
 
 #[cfg(test)]
 pub(super) mod tests {
+    use dcd::scene::{Params, Scene};
+
+    use super::super::gate::judge;
     use super::*;
 
     fn line(case: &str, error: f64, limit: f64) -> Line {
         let reading = Reading::plain(error, 0.5 * limit);
         let failures = if error > limit { vec!["too far".to_owned()] } else { Vec::new() };
-        Line { case: case.to_owned(), unit: "m", reading, verdict: Some(Verdict { limit, failures }) }
+        let verdict = Some(Verdict { limit, failures, broken: false });
+        Line { case: case.to_owned(), unit: "m", reading, verdict }
     }
 
     fn row(lines: Vec<Line>) -> Row {
@@ -190,6 +199,22 @@ pub(super) mod tests {
         let bad = row(vec![line("a", 0.9, 1.0), line("b", 0.2, 0.1)]);
         assert_eq!((bad.json()["error"].as_f64(), bad.pass()), (Some(0.2), false));
         assert!(bad.table().contains("b: too far") && !bad.table().contains("a: too far"));
+    }
+
+    #[test]
+    fn a_known_limit_excuses_an_error_but_not_a_body_that_is_lost() {
+        let crowd = |reading: Reading| {
+            let scene = Scene::named("tower", &Params::new()).unwrap();
+            let case = Case::new("0.5 s", scene, 1.0, |_| Vec::new(), |_, _| 0.0);
+            let verdict = judge(&case, &reading, &Reading::plain(0.0, 0.0));
+            let lines = vec![Line::new(&case, reading, Some(verdict))];
+            Row { number: 23, name: "spheres_1000", method: "auto", regions: 2, lines }
+        };
+        let off = Reading::plain(0.002, 0.0);
+        assert!(!crowd(off.clone()).pass());
+        assert!(crowd(off.clone()).known_limit().is_some());
+        assert_eq!(crowd(Reading { lost: 1, ..off.clone() }).known_limit(), None);
+        assert_eq!(crowd(Reading { error: 1e9, ..off }).known_limit(), None);
     }
 
     #[test]

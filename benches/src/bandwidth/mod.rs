@@ -235,10 +235,10 @@ impl Way {
         tells.extend(moved.iter().map(|state| (state.id, *state)));
         let states: Vec<_> = tells.into_values().collect();
         self.states += states.len() as u64;
-        self.sent.insert(now, states.iter().map(|state| (state.id, state.pose.translation)).collect());
-        self.sent.retain(|of, _| of.0 + 60 > tick);
         let parts = self.sender.pack(now, now, &states, false, STATES_BYTES);
         self.code += start.elapsed();
+        self.sent.insert(now, states.iter().map(|state| (state.id, state.pose.translation)).collect());
+        self.sent.retain(|of, _| of.0 + 60 > tick);
         for part in parts {
             self.bytes += part.states.len() as u64;
             self.datagrams += 1;

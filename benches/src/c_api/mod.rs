@@ -71,8 +71,7 @@ impl CApi {
             if self.output.quick { (2_000, 5, 60, 1, 1) } else { (100_000, 50, 600, 7, 9) };
         let work = std::env::temp_dir().join(format!("dcd-benches-c-api-{}", std::process::id()));
         std::fs::create_dir_all(&work)?;
-        let library = library()?;
-        let calls = Calls(compile(&library, &root().join("benches/src/c_api/calls.c"), &work)?);
+        let calls = Calls(compile(&library(ALIKE)?, &root().join("benches/src/c_api/calls.c"), &work)?);
 
         let mut rows = Vec::new();
         let read = calls.said(&["read", &bodies.to_string(), &repeats.to_string()])?;
@@ -118,7 +117,7 @@ impl CApi {
         let joined = join_ms(&calls, joins, &work)?;
         rows.push(Row::new("from dcd_client_connect to the first state", joined, "ms", 50.0));
 
-        let game = compile(&library, &root().join("examples-c/game_loop.c"), &work)?;
+        let game = compile(&library(&[])?, &root().join("examples-c/game_loop.c"), &work)?;
         let stripped = Command::new("strip").arg(&game).status()?;
         if !stripped.success() {
             return Err("strip failed".into());
@@ -143,8 +142,11 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the package lies in the workspace")
 }
 
-/// Returns the static library: built as users build it; for a quick try, as it came with this program.
-fn library() -> Result<PathBuf, Box<dyn Error>> {
+/// What gives the C library this program's allocator: allocators alone make steps differ by more than calls cost.
+const ALIKE: &[&str] = &["--features", "mimalloc"];
+
+/// Returns the static library: built as users build it, with these options; for a quick try, as it came with this program.
+fn library(options: &[&str]) -> Result<PathBuf, Box<dyn Error>> {
     let program = std::env::current_exe()?;
     let profile = program.parent().ok_or("this program lies in no folder")?;
     if cfg!(debug_assertions) {
@@ -152,8 +154,8 @@ fn library() -> Result<PathBuf, Box<dyn Error>> {
     }
     let target = profile.parent().ok_or("this program lies in no target folder")?;
     let mut cargo = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
-    cargo.args(["build", "--quiet", "--release", "--package", "dcd-ffi", "--target-dir"]);
-    cargo.arg(target).current_dir(root());
+    cargo.args(["build", "--quiet", "--release", "--package", "dcd-ffi"]).args(options);
+    cargo.arg("--target-dir").arg(target).current_dir(root());
     if !cargo.status()?.success() {
         return Err("the C library does not build".into());
     }
@@ -271,10 +273,17 @@ fn bare_boxes(world: &mut PhysicsWorld, bodies: usize) -> Vec<RigidBodyHandle> {
     (0..bodies).map(make).collect()
 }
 
+/// A bare Rapier world on one thread, as the worlds of `calls.c` are.
+fn bare_world() -> PhysicsWorld {
+    let mut world = PhysicsWorld::new();
+    world.configure_thread_pool(1).expect("the system has one more thread");
+    world
+}
+
 /// Nanoseconds a box to make it, of the first step after that, and to remove it then, in a bare Rapier world, as `calls made` does: each
 /// the least of three rounds.
 fn bare_making_ns(bodies: usize) -> [f64; 3] {
-    let (mut world, mut best) = (PhysicsWorld::new(), [f64::INFINITY; 3]);
+    let (mut world, mut best) = (bare_world(), [f64::INFINITY; 3]);
     for _ in 0..3 {
         let start = Instant::now();
         let handles = bare_boxes(&mut world, bodies);
@@ -295,7 +304,7 @@ fn bare_making_ns(bodies: usize) -> [f64; 3] {
 
 /// Nanoseconds a ray in a bare Rapier world, as `calls rays` casts them.
 fn bare_ray_ns(bodies: usize, count: usize) -> f64 {
-    let mut world = PhysicsWorld::new();
+    let mut world = bare_world();
     world.gravity = Vector::ZERO;
     bare_boxes(&mut world, bodies);
     for _ in 0..timing::WARM_UP {
@@ -343,4 +352,15 @@ fn join_ms(calls: &Calls, joins: usize, work: &Path) -> Result<f64, Box<dyn Erro
     let times = &mut times[1..];
     times.sort_by(f64::total_cmp);
     Ok(times[times.len() / 2])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bare_worlds_have_one_thread_as_those_of_c_programs() {
+        let pool = bare_world().thread_pool().expect("without one, Rapier takes all cores");
+        assert_eq!(pool.current_num_threads(), 1);
+    }
 }

@@ -12,11 +12,11 @@ mod setting;
 mod statistic;
 mod time;
 
+use std::collections::BTreeMap;
 use std::error::Error;
 use std::time::Instant;
 
 use clap::Args;
-use dcd::physics::Coupling;
 use dcd::runtime::measure::{Cast, Plan};
 use dcd::scene::Scene;
 use serde_json::json;
@@ -58,8 +58,8 @@ pub(crate) struct Scale {
     /// How often each setting is timed; the fastest counts [default: 6, with `--quick` 1].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     repeats: Option<u16>,
-    /// Counts, with the errors, instructions of two regions over one bare world, of the scenes' small sizes on one thread; needs
-    /// valgrind. Fails where they are more than they were.
+    /// Counts, before the errors, instructions of two regions over one bare world, of the small sizes of all scenes of which they are
+    /// held, or of those asked for, on one thread; needs valgrind. Fails where they are more than they were.
     #[arg(long, conflicts_with = "times")]
     instructions: bool,
 }
@@ -69,18 +69,38 @@ impl Scale {
         if self.instructions && !instructions::can_count() {
             eprintln!("note: valgrind is not installed, so instructions are not counted");
         }
-        let mut fresh = Vec::new();
-        self.output.fill(&SHOWN, |sheet| self.measure_all(sheet, &mut fresh))?;
+        let (mut fresh, mut ratios) = (Vec::new(), BTreeMap::new());
+        self.output.fill(&SHOWN, |sheet| {
+            ratios = self.instructions_over_bare()?;
+            self.measure_all(sheet, &ratios, &mut fresh)
+        })?;
         if self.json {
             println!("{}", json!({ "rows": fresh }));
         }
-        let auto = fresh.iter().filter(|row| row.setting == Coupling::Auto.name());
-        let above = auto.filter_map(|row| instructions::above(&row.scene, row.instructions_over_bare?));
+        let above = ratios.iter().filter_map(|(scene, ratio)| instructions::above(scene, *ratio));
         let above: Vec<_> = above.collect();
         if above.is_empty() { Ok(()) } else { Err(above.join("; ").into()) }
     }
 
-    fn measure_all(&self, sheet: &mut Sheet<Row>, fresh: &mut Vec<Row>) -> Result<(), Box<dyn Error>> {
+    /// Counts the instructions of two regions over one bare world, by scene.
+    fn instructions_over_bare(&self) -> Result<BTreeMap<&'static str, f64>, Box<dyn Error>> {
+        let mut ratios = BTreeMap::new();
+        if self.instructions && instructions::can_count() {
+            for case in instructions::counted(&self.scene)? {
+                let ratio = instructions::over_bare(case)?;
+                println!("{}: {ratio:.2} times the instructions of one bare world", case.name);
+                ratios.insert(case.name, ratio);
+            }
+        }
+        Ok(ratios)
+    }
+
+    fn measure_all(
+        &self,
+        sheet: &mut Sheet<Row>,
+        ratios: &BTreeMap<&str, f64>,
+        fresh: &mut Vec<Row>,
+    ) -> Result<(), Box<dyn Error>> {
         sheet.recall()?;
         let cases = self.cases()?;
         if !self.output.quick {
@@ -88,7 +108,11 @@ impl Scale {
             eprintln!("{} scenes, about {minutes:.0} minutes", cases.len());
         }
         for case in cases {
-            let rows = self.measure(case, sheet)?;
+            let mut rows = self.measure(case, sheet)?;
+            if let Some(ratio) = ratios.get(case.name) {
+                let of_two = rows.iter_mut().filter(|row| row.row.label() == Setting::Auto(2).label());
+                of_two.for_each(|row| row.row.instructions_over_bare = Some(*ratio));
+            }
             print(&rows);
             fresh.extend(rows.iter().map(|row| row.row.clone()));
             sheet.replace(|old| old.scene == case.name, rows)?;
@@ -182,17 +206,9 @@ impl Scale {
         let here = Machine::here();
         progress.tell(format_args!("errors, one bare world by {} seeds", self.seeds()));
         let reference = Reference::of(case, scene, self.output.quick, self.seeds())?;
-        for (setting, row) in settings.iter().zip(rows.iter_mut()) {
+        for (setting, row) in settings.iter().zip(rows) {
             progress.tell(format_args!("errors, {}", setting.label()));
             row.row.set_error(reference.read(*setting, self.threads.into())?, &here);
-        }
-        if self.instructions && instructions::can_count() {
-            progress.tell(format_args!("instructions"));
-            let bare = instructions::count(case, Setting::Bare)? as f64;
-            let of_two = |setting: &Setting| setting.asked_regions() == Some(2);
-            for (setting, row) in settings.iter().zip(rows).filter(|(setting, _)| of_two(setting)) {
-                row.row.instructions_over_bare = Some(instructions::count(case, *setting)? as f64 / bare);
-            }
         }
         Ok(())
     }

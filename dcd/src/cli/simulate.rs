@@ -13,7 +13,9 @@ use super::common::{Common, print};
 use super::failure::Failure;
 use super::interrupt::Interrupt;
 use super::replay::RECORDING;
-use crate::sim::{ContactScene, FaultProfile, Quantity, Row, Tape, TrialConfig, run_trial, simulate};
+use crate::sim::{
+    ContactScene, FaultProfile, Quantity, Row, Schedule, Tape, TrialConfig, run_trial, simulate,
+};
 
 /// Runs whole clusters in virtual time, under faults, and checks that nothing is lost, doubled or thrown about
 ///
@@ -80,6 +82,9 @@ impl Simulate {
             let range = format!("{0}..{1}", self.seeds.start, self.seeds.start + 1);
             return Err(Failure::usage(format!("--timeline is of one seed; write --seeds {range}")));
         }
+        if let Some(folder) = &self.record {
+            check_new(folder, &rows, &self.seeds)?;
+        }
         let bar = common.progress(count * rows.len() as u64, "runs", self.json);
         // A machine that panics is a violation, which is reported with its seed.
         std::panic::set_hook(Box::new(|_| {}));
@@ -87,6 +92,7 @@ impl Simulate {
             print(&heading())?;
         }
         let mut holds = true;
+        let single = (count == 1).then_some(self.seeds.start);
         for (profile, scene) in rows {
             let config = TrialConfig { begin: scene.map_or(config.begin, ContactScene::begin), ..config };
             let began = Instant::now();
@@ -102,13 +108,10 @@ impl Simulate {
                 print(&run_trial(&config, profile, seed, &profile.schedule(seed)).timeline.to_string())?;
             }
             if let Some(folder) = &self.record {
-                let failed = row.failures.iter().map(|failure| (failure.seed, failure.schedule.clone()));
-                let single = || (count == 1).then(|| (self.seeds.start, profile.schedule(self.seeds.start)));
-                for (seed, schedule) in failed.collect::<Vec<_>>().into_iter().chain(single()) {
+                for (seed, schedule) in kept(&row, single) {
                     let config = TrialConfig { record: true, ..config };
                     let tapes = run_trial(&config, profile, seed, &schedule).tapes;
-                    let scene = scene.map(|scene| format!("-{scene}")).unwrap_or_default();
-                    let folder = folder.join(format!("{profile}{scene}-{seed}"));
+                    let folder = folder.join(format!("{}{seed}", prefix((profile, scene))));
                     keep(&folder, &tapes)?;
                     common.say(&format!("recorded: dcd replay {} --check", folder.display()));
                 }
@@ -132,8 +135,56 @@ impl Simulate {
         for failure in &row.failures {
             print(&format!("\n{} fails, {failure}", row.profile))?;
         }
+        let promise = row.profile.promise();
+        if let Some((bound, ms)) = promise.staleness.zip(row.staleness_ms)
+            && !promise.is_fresh(row.staleness_ms)
+        {
+            let (profile, bound_ms) = (row.profile, bound.as_millis());
+            print(&format!(
+                "\n{profile} fails: p99 of what clients saw is {ms} ms old, where {bound_ms} is the most"
+            ))?;
+        }
         Ok(())
     }
+}
+
+/// Returns the name of the folder for the recordings of a run, without its seed.
+fn prefix((profile, scene): (FaultProfile, Option<ContactScene>)) -> String {
+    let scene = scene.map(|scene| format!("-{scene}")).unwrap_or_default();
+    format!("{profile}{scene}-")
+}
+
+/// Refuses a folder that has recordings of one of these runs: recordings of two runs in one folder are of neither.
+fn check_new(
+    record: &Path,
+    rows: &[(FaultProfile, Option<ContactScene>)],
+    seeds: &Range<u64>,
+) -> Result<(), Failure> {
+    let prefixes: Vec<_> = rows.iter().copied().map(prefix).collect();
+    let is_of = |name: &str| {
+        let seed = |prefix: &String| name.strip_prefix(prefix)?.parse().ok();
+        prefixes.iter().filter_map(seed).any(|seed: u64| seeds.contains(&seed))
+    };
+    // What is not there, or cannot be read, is told of when it is written to.
+    let entries = fs::read_dir(record).into_iter().flatten().flatten();
+    match entries
+        .map(|entry| entry.path())
+        .find(|path| path.file_name().and_then(|name| name.to_str()).is_some_and(is_of))
+    {
+        Some(path) => Err(Failure::usage(format!(
+            "{} is there already, perhaps the recording of what went wrong; move it, or record to another folder",
+            path.display()
+        ))),
+        None => Ok(()),
+    }
+}
+
+/// Returns the runs that are to be recorded: those that failed, as they were printed, and a single one in any case.
+fn kept(row: &Row, single: Option<u64>) -> Vec<(u64, Schedule)> {
+    let failed = row.failures.iter().map(|failure| (failure.seed, failure.schedule.clone()));
+    let is_new = |seed: &u64| row.failures.iter().all(|failure| failure.seed != *seed);
+    let single = single.filter(is_new).map(|seed| (seed, row.profile.schedule(seed)));
+    failed.chain(single).collect()
 }
 
 /// Writes the recordings of a run.
@@ -170,6 +221,8 @@ struct Told {
     bytes: u64,
     /// The worst of each quantity of bodies that touch, as a share of its gate.
     of_gate: BTreeMap<&'static str, f64>,
+    #[serde(skip)]
+    greatest: Option<f64>,
     simulated_s: f64,
     wall_s: f64,
     holds: bool,
@@ -216,6 +269,7 @@ impl Told {
                 .filter(|_| scene.is_some())
                 .map(|quantity| (quantity.name(), row.strain.of(quantity)))
                 .collect(),
+            greatest: scene.map(|_| row.strain.greatest()),
             simulated_s: row.simulated.as_secs_f64(),
             wall_s: wall.as_secs_f64(),
             holds: row.holds(),
@@ -246,7 +300,6 @@ fn heading() -> String {
 }
 
 fn line(row: &Told) -> String {
-    let of_gate = row.of_gate.values().copied().reduce(f64::max);
     format!(
         "{:<13}{:>7}{:>6}{:>11}{:>13}{:>10}{:>11}{:>11}{:>10}{:>10}{:>10}{:>11}{:>8}{:>9}{:>8.1}",
         row.faults,
@@ -262,7 +315,7 @@ fn line(row: &Told) -> String {
         row.elections,
         row.messages,
         row.bytes / 1_000_000,
-        of_gate.map_or("-".to_owned(), |share| format!("{:.0} %", 100.0 * share)),
+        row.greatest.map_or("-".to_owned(), |share| format!("{:.0} %", 100.0 * share)),
         row.wall_s
     )
 }
@@ -307,9 +360,10 @@ fn profiles() -> String {
          recovery ms: the longest time from a fault, or its end, until the group computed on; pause ms: the longest without a \
          tick;\nrewind ms: the most that a group went back, as none was left who had computed it; stale ms: 99 % of what clients saw of their avatars was younger. Exit code 1 if anything was violated.\n\n\
          Scenes:\n  {FLYING:<13} bodies that fly straight on, without any physics\n{}\n  contact: the last three\n\n\
-         Those are computed by Rapier. What stands has to stand once all is well, joints to hold, bodies to overlap no more; and \
-         nothing gets energy or momentum\nfrom nowhere, at any time. Gates are twice what one undisturbed world of the same bodies \
-         shows in 20 s, and what borders may add; of gate: how near the worst came.",
+         Those are computed by Rapier. Once all is well, what stands has to stand, joints to hold, bodies to overlap no more, and the world \
+         to have no more energy\nthan at its beginning. A crowd has to keep its momentum at all times, and what touches nothing to fly on, \
+         as without Rapier. Gates are three times what\none undisturbed world of the same bodies, cut into the same regions, shows in 20 s (of a stack \
+         in 60 s), and what borders may add; of gate: how near\nthe worst came.",
         rows.join("\n"),
         scenes.join("\n")
     )
@@ -318,6 +372,7 @@ fn profiles() -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sim::{self, Timeline, Violation};
 
     #[test]
     fn seeds_are_a_range_that_holds_some() {
@@ -325,6 +380,21 @@ mod tests {
         for wrong in ["", "5", "5..5", "6..5", "a..b", "-1..3"] {
             assert!(seeds(wrong).unwrap_err().contains("0..1000"), "{wrong}");
         }
+    }
+
+    #[test]
+    fn a_single_run_that_failed_is_recorded_as_it_was_printed_and_one_that_did_not_as_it_was() {
+        let profile = FaultProfile::KillNode;
+        let row = simulate(&TrialConfig::default(), profile, 7..8, 1, &|| false);
+        let seeds = |row: &Row| -> Vec<_> {
+            let faults = |(seed, schedule): (u64, Schedule)| (seed, schedule.faults.len());
+            kept(row, Some(7)).into_iter().map(faults).collect()
+        };
+        assert_eq!(seeds(&row), [(7, 3)]);
+        let shrunk = Schedule { faults: Vec::new(), ..profile.schedule(7) };
+        let violation = Violation::Panicked("say".to_owned());
+        let failure = sim::Failure { seed: 7, violation, schedule: shrunk, timeline: Timeline::default() };
+        assert_eq!(seeds(&Row { failures: vec![failure], ..row }), [(7, 0)]);
     }
 
     #[test]

@@ -73,12 +73,22 @@ pub enum FaultProfile {
 pub struct Promise {
     /// Longest time after the end of the last fault until the group computes on in one membership of live nodes.
     pub recovery: Duration,
+    /// Longest time without a tick of the main group while nothing has gone wrong that it has not recovered from.
+    pub pause: Duration,
     /// Whether no live member may be evicted, since all live members reach one another.
     pub no_eviction: bool,
     /// Largest error of the server's clock estimate, if that is checked.
     pub clock_error: Option<Duration>,
     /// Bound on the age of clients' states of their avatars, kept in 99 of 100 samples over all seeds.
     pub staleness: Option<Duration>,
+}
+
+impl Promise {
+    /// Returns whether what 99 of 100 samples of clients did not exceed is young enough; where nobody looked, nothing was too old.
+    pub fn is_fresh(&self, staleness_ms: Option<u32>) -> bool {
+        let age = staleness_ms.map(|ms| Duration::from_millis(ms.into()));
+        self.staleness.zip(age).is_none_or(|(bound, age)| age < bound)
+    }
 }
 
 impl FaultProfile {
@@ -198,6 +208,8 @@ impl FaultProfile {
         let has_faults = self >= Self::Partition1 && self != Self::ClockSkew;
         Promise {
             recovery: Duration::from_secs(recovery_s),
+            // Where a fifth is lost, an exchange may need several attempts, each twice as late as the one before.
+            pause: Duration::from_secs(if self == Self::Loss20 { 8 } else { 3 }),
             // At a loss of a fifth, five in a row are lost sooner or later, and a process that is silent for seconds seems to hang.
             no_eviction: !has_faults && self != Self::Loss20,
             clock_error: (self == Self::ClockSkew).then_some(Duration::from_millis(5)),

@@ -29,6 +29,8 @@ pub struct Row {
     pub seeds: u64,
     /// How many of them violated something.
     pub violations: u64,
+    /// How many of those only by what their bodies did.
+    pub strained: u64,
     /// The longest recovery.
     pub worst_recovery: Duration,
     /// The longest time without a tick.
@@ -52,10 +54,7 @@ pub struct Row {
 impl Row {
     /// Returns whether all that the row promises holds.
     pub fn holds(&self) -> bool {
-        let bound = self.profile.promise().staleness;
-        let is_stale =
-            |bound: Duration| self.staleness_ms.is_none_or(|ms| u128::from(ms) >= bound.as_millis());
-        self.violations == 0 && !bound.is_some_and(is_stale)
+        self.violations == 0 && self.profile.promise().is_fresh(self.staleness_ms)
     }
 }
 
@@ -95,6 +94,7 @@ pub fn simulate(
         profile,
         seeds: 0,
         violations: 0,
+        strained: 0,
         worst_recovery: Duration::ZERO,
         worst_pause: Duration::ZERO,
         worst_rewind: Duration::ZERO,
@@ -144,6 +144,7 @@ impl Row {
         self.strain = self.strain.or_worse(outcome.strain);
         if let Some(violation) = outcome.violation {
             self.violations += 1;
+            self.strained += u64::from(matches!(violation, Violation::Strained { .. }));
             let at = self.failures.partition_point(|failure| failure.seed < seed);
             self.failures.insert(at, Failure { seed, violation, schedule, timeline: outcome.timeline });
             self.failures.truncate(KEPT_FAILURES);

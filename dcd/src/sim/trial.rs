@@ -11,8 +11,8 @@ use self::groups::Lately;
 pub use self::looks::Staleness;
 use super::faults::{FaultProfile, Moment, Planned, Promise, Schedule};
 use super::{
-    Comparer, Flipped, NetworkConditions, Path, Random, Sim, SimConfig, Spoilt, Strain, Tally, Tape,
-    Timeline, Traffic, Violation, Watch,
+    Bounds, Comparer, Flipped, NetworkConditions, Path, Random, Ruler, Sim, SimConfig, Spoilt, Strain, Tally,
+    Tape, Timeline, Traffic, Violation, Watch, sim_world,
 };
 use crate::cluster::Peer;
 use crate::protocol::{DelayThresholds, MAX_STATE_TICKS, SyncProtocol, Thresholds, Velocity};
@@ -36,6 +36,10 @@ const DELAYS: DelayThresholds =
 const SLOW_M_S: f64 = 2.0;
 /// How many times slower a slow node is.
 const SLOWER: f64 = 10.0;
+/// Time that a world of one node has besides: nobody goes on without that one until the server has given it up.
+const ALONE: Duration = Duration::from_secs(5);
+/// By how much bodies that fly straight on may be off, metres and metres per second.
+const ROUNDING: f64 = 1e-3;
 /// Ticks between comparisons of groups.
 const SAMPLES: u64 = 3;
 /// Interval of checks of conditions that no event reports; out of step with ticks.
@@ -74,7 +78,7 @@ impl Default for TrialConfig {
             nodes: 4,
             clients: 2,
             regions: 8,
-            begin: Sim::new,
+            begin: fly,
             bodies: 30,
             rate: 30,
             lag_ticks: 0,
@@ -84,6 +88,19 @@ impl Default for TrialConfig {
             record: false,
         }
     }
+}
+
+/// Starts a cluster of bodies that fly straight on, and somebody who watches that they do.
+fn fly(config: SimConfig) -> Sim {
+    let mut sim = Sim::new(config);
+    // What comes late, or is corrected by another group, does not fly straight.
+    if sim.config.protocol.lag_ticks() == 0 && sim.config.thresholds.delay.is_none() {
+        let bodies: Vec<_> = sim.server().record().present().cloned().collect();
+        let room = sim_world(sim.config.regions).tree.bounds();
+        let ruler = Ruler::new(sim.config.dt_s, &bodies, &[]).flying(room, 0.0);
+        sim.watch(Watch::new(ruler, Strain::each(|_| ROUNDING)));
+    }
+    sim
 }
 
 /// The outcome of a trial.
@@ -221,6 +238,9 @@ struct Trial<'a> {
 
 impl<'a> Trial<'a> {
     fn new(config: &'a TrialConfig, promise: Promise, seed: u64, schedule: &Schedule) -> Self {
+        let is_alone = config.nodes == 1 && schedule.sites == 1;
+        let recovery = promise.recovery + if is_alone { ALONE } else { Duration::ZERO };
+        let promise = Promise { recovery, ..promise };
         // 100 ms are three ticks of half the rate of a real world, or a sixth of what it does.
         let (rate, state_every) = match schedule.rate {
             Some(rate) => (rate, 1),
@@ -242,6 +262,7 @@ impl<'a> Trial<'a> {
             speed_m_s: if sites > 1 { SLOW_M_S } else { SimConfig::default().speed_m_s },
             dt_s: 1.0 / rate as f32,
             network: schedule.network.clone(),
+            bounds: if promise.no_eviction { narrow() } else { Bounds::default() },
             skew: schedule.skew,
             protocol: match schedule.lag_ticks.unwrap_or(config.lag_ticks) {
                 0 => SyncProtocol::Synchronised,
@@ -353,41 +374,49 @@ impl<'a> Trial<'a> {
 
     /// Runs until all has been well for a while after the calm has begun.
     fn run(&mut self) -> Result<(), Violation> {
-        loop {
-            let next = self.agenda.keys().next().map(|&(time, _)| time).expect("there is always a next look");
-            let stepped = self.sim.step(next);
-            if let Some(violation) = self.sim.violation.take() {
-                return Err(violation);
-            }
-            if stepped {
-                if std::mem::take(&mut self.sim.server_crashed)
-                    && let Some(back_after) = self.doomed.take()
-                {
-                    self.died(Peer::Server, back_after);
-                }
-                self.moments();
-                if self.sim.checker.checked() != self.checked {
-                    self.progressed();
-                }
-                continue;
-            }
-            while let Some(entry) = self.agenda.first_entry().filter(|entry| entry.key().0 <= self.sim.now) {
-                let action = entry.remove();
-                self.act(action)?;
-            }
-            if self.healed_at.is_some_and(|at| at + AFTERMATH <= self.sim.now) {
-                return Ok(());
-            }
+        while !self.is_over() {
+            self.step()?;
         }
+        Ok(())
+    }
+
+    fn is_over(&self) -> bool {
+        self.healed_at.is_some_and(|at| at + AFTERMATH <= self.sim.now)
+    }
+
+    /// Executes the next event, or the actions that are due.
+    fn step(&mut self) -> Result<(), Violation> {
+        let next = self.agenda.keys().next().map(|&(time, _)| time).expect("there is always a next look");
+        let stepped = self.sim.step(next);
+        if let Some(violation) = self.sim.violation.take() {
+            return Err(violation);
+        }
+        if stepped {
+            if std::mem::take(&mut self.sim.server_crashed)
+                && let Some(back_after) = self.doomed.take()
+            {
+                self.died(Peer::Server, back_after);
+            }
+            self.moments();
+            if self.sim.checker.checked() != self.checked {
+                self.progressed();
+            }
+            return Ok(());
+        }
+        while let Some(entry) = self.agenda.first_entry().filter(|entry| entry.key().0 <= self.sim.now) {
+            let action = entry.remove();
+            self.act(action)?;
+        }
+        Ok(())
     }
 
     /// Executes faults whose moment has come.
     fn moments(&mut self) {
+        let transferred = std::mem::replace(&mut self.transfers, self.sim.tally.transfers);
+        let transfers = transferred != self.sim.tally.transfers;
         if self.armed.is_empty() {
             return;
         }
-        let transferred = std::mem::replace(&mut self.transfers, self.sim.tally.transfers);
-        let transfers = transferred != self.sim.tally.transfers;
         let changes = self.sim.server.as_ref().is_some_and(|server| server.is_changing());
         let now = self.sim.now;
         let mut due = Vec::new();
@@ -435,6 +464,12 @@ impl<'a> Trial<'a> {
     }
 }
 
+/// Returns the bounds of queues where no link is to break: some seconds of what such small worlds say.
+fn narrow() -> Bounds {
+    const MOST: usize = 1 << 16;
+    Bounds { inbox_bytes: MOST, queue_bytes: MOST, client_queue_bytes: MOST, ..Bounds::default() }
+}
+
 /// Returns the network conditions of a calm time.
 fn calm() -> NetworkConditions {
     NetworkConditions::calm(Path::up_to(2_000))
@@ -442,3 +477,30 @@ fn calm() -> NetworkConditions {
 
 /// Processes that cannot all be reached from one another.
 type Island = BTreeSet<Peer>;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sim::{Fault, ProcessKind, Victim};
+
+    #[test]
+    fn a_fault_in_the_middle_of_a_transfer_waits_for_one() {
+        let victim = Victim { role: ProcessKind::Member, pick: 0 };
+        let fault = Fault::Kill { victim, back_after: Duration::from_secs(1) };
+        let at = Duration::from_secs(5);
+        let planned = Planned { at, moment: Moment::Transferring(0), fault };
+        let (config, profile) = (TrialConfig::default(), FaultProfile::KillNode);
+        for seed in 0..4 {
+            let schedule = Schedule { faults: vec![planned], ..FaultProfile::None.schedule(seed) };
+            let mut trial = Trial::new(&config, profile.promise(), seed, &schedule);
+            while trial.armed.is_empty() {
+                trial.step().unwrap();
+            }
+            let before = trial.sim.tally.transfers;
+            while !trial.armed.is_empty() {
+                trial.step().unwrap();
+            }
+            assert!(trial.sim.tally.transfers > before, "seed {seed}");
+        }
+    }
+}

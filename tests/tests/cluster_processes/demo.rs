@@ -85,6 +85,20 @@ fn lives(id: &str) -> bool {
     Command::new("kill").args(["-0", id]).stderr(Stdio::null()).status().unwrap().success()
 }
 
+/// Returns the processes that any thread of a process has begun.
+fn children(of: u32) -> Vec<String> {
+    let tasks = std::fs::read_dir(format!("/proc/{of}/task")).unwrap();
+    let of_task = |task: std::fs::DirEntry| std::fs::read_to_string(task.path().join("children")).unwrap();
+    let ids: Vec<_> = tasks.map(|task| of_task(task.unwrap())).collect();
+    ids.iter().flat_map(|ids| ids.split_whitespace()).map(str::to_owned).collect()
+}
+
+/// Returns whether a process runs: one that has ended stays until its parent, or who took it over, has asked how.
+fn runs(id: &str) -> bool {
+    let stat = std::fs::read_to_string(format!("/proc/{id}/stat")).unwrap_or_default();
+    stat.rsplit_once(") ").is_some_and(|(_, state)| !state.starts_with(['Z', 'X']))
+}
+
 #[test]
 fn ctrl_c_ends_the_demo_with_all_its_processes_and_files() {
     let folder = tempfile::tempdir().unwrap();
@@ -101,9 +115,12 @@ fn ctrl_c_ends_the_demo_with_all_its_processes_and_files() {
 fn a_killed_demo_leaves_no_server_and_no_node_behind() {
     let folder = tempfile::tempdir().unwrap();
     let (mut demo, program, address) = endless(folder.path());
+    let children: Vec<_> = children(demo.id()).into_iter().filter(|id| *id != program).collect();
+    assert!(children.len() >= 3, "a server and two nodes: {children:?}");
     demo.kill().unwrap();
     demo.wait().unwrap();
     soon("the server ends", || UdpSocket::bind(&address).is_ok());
+    soon("the nodes end", || !children.iter().any(|id| runs(id)));
     let _ = Command::new("kill").args(["-KILL", &program]).status();
 }
 

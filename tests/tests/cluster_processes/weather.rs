@@ -62,6 +62,12 @@ impl Cluster {
         self.proxy.cut(None, Some(address));
     }
 
+    /// All is reached again; something was not.
+    fn heal(&self) {
+        assert!(self.proxy.traffic().cut > 0, "nothing was cut off: {:?}", self.proxy.traffic());
+        self.proxy.heal();
+    }
+
     /// Clear weather again, and the end: nothing lost, nothing doubled; so many views.
     fn end(self, views: Option<u64>) {
         self.proxy.set(Weather::default());
@@ -120,6 +126,14 @@ fn goes_on(seed: u64, weather: Weather, pace: Pace, time: Duration) {
         "{ticks_per_s:.1} ticks a second; the world stood still for {stood:.2?} at most, the picture for {frozen:.2?} ({guesses} \
          speculative, {back_m:.2} m put back)"
     );
+    let traffic = cluster.proxy.traffic();
+    for (share, count) in [
+        (weather.loss, traffic.lost),
+        (weather.reorder, traffic.reordered),
+        (weather.duplicate, traffic.doubled),
+    ] {
+        assert!(share == 0.0 || count > 0, "it was no such weather: {traffic:?}");
+    }
     assert!(ticks_per_s >= pace.least_ticks_per_s, "{ticks_per_s}");
     assert!(stood < pace.longest_stop, "{stood:?}");
     assert!(!pace.is_guessed || guesses > 10 && frozen < stood, "{guesses} {frozen:?}");
@@ -200,7 +214,7 @@ fn a_cut_of_a_second_is_waited_for() {
     let mut cluster = Cluster::start(5);
     cluster.isolate(cluster.nodes[1].address);
     cluster.witness.watch_for(Duration::from_secs(1));
-    cluster.proxy.heal();
+    cluster.heal();
     let stood = cluster.witness.watch_for(Duration::from_secs(2));
     println!("the world stood still for {stood:.2?} after the cut");
     assert!(stood < TAKEOVER, "{stood:?}");
@@ -217,7 +231,7 @@ fn is_back_after(cut: impl Fn(&Cluster, SocketAddr)) {
     cut(&cluster, cluster.nodes[1].address);
     let stood = cluster.witness.watch_for(Duration::from_secs(5));
     assert!(stood < TAKEOVER, "{stood:?}");
-    cluster.proxy.heal();
+    cluster.heal();
     let start = Instant::now();
     loop {
         let view = cluster.server.view();
@@ -250,7 +264,7 @@ fn two_nodes_that_reach_the_server_but_not_one_another_do_not_stop_the_world() {
     let stood = cluster.witness.watch_for(Duration::from_secs(5));
     println!("the world stood still for {stood:.2?}");
     assert!(stood < TAKEOVER, "{stood:?}");
-    cluster.proxy.heal();
+    cluster.heal();
     cluster.end(None);
 }
 
@@ -260,7 +274,7 @@ fn a_server_that_is_cut_off_is_not_missed() {
     let cluster = Cluster::start(8);
     cluster.isolate(cluster.server.address.parse().unwrap());
     let stood = cluster.witness.watch_for(Duration::from_secs(5));
-    cluster.proxy.heal();
+    cluster.heal();
     let after = cluster.witness.watch_for(Duration::from_secs(3));
     println!("the world stood still for {stood:.2?}, then for {after:.2?}");
     assert!(stood < Duration::from_secs(1) && after < Duration::from_secs(1), "{stood:?} {after:?}");

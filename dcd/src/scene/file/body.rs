@@ -74,12 +74,18 @@ impl BodyDef {
     pub(super) fn build(&self) -> Result<SceneBody, Fault> {
         let turn = rotation(self.rotation, self.euler_deg)?;
         let colliders = self.collider.iter().map(ColliderDef::build).collect::<Result<Vec<_>, _>>()?;
-        let mass_kg: f32 = colliders.iter().map(|collider| collider.build().mass()).sum();
-        if self.kind == Kind::Dynamic && self.extra_mass.is_none() && (mass_kg <= 0.0 || !mass_kg.is_finite())
-        {
+        let enabled = colliders.iter().filter(|collider| collider.enabled);
+        let mass_kg: f32 = enabled.map(|collider| collider.build().mass()).sum();
+        if self.kind == Kind::Dynamic && !mass_kg.is_finite() {
+            return Err(Fault::new(
+                "the mass of a dynamic body is beyond single precision",
+                "make it smaller or lighter",
+            ));
+        }
+        if self.kind == Kind::Dynamic && self.extra_mass.is_none() && mass_kg <= 0.0 {
             return Err(Fault::new(
                 "a dynamic body has no mass",
-                "give it a [[body.collider]] with a density or mass, or an extra_mass",
+                "give it a [[body.collider]] that is enabled, with a density or mass, or an extra_mass",
             ));
         }
         Ok(SceneBody { pose: world_pose(self.position.0, turn), body: self.builder(), colliders })

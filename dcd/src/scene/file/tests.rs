@@ -271,6 +271,21 @@ fn a_file_may_start_from_the_library_and_parameters_change_it() {
 }
 
 #[test]
+fn a_file_may_cut_a_library_scene_otherwise() {
+    let cut = |line: &str| {
+        let text = format!("[library]\nscene = \"town\"\nparams = {{ n = 600 }}\n[world]\n{line}\n");
+        let scene = read(&text).unwrap();
+        (scene.regions, scene.cuts.len())
+    };
+    assert_eq!(cut(""), (None, 8));
+    assert_eq!(cut("regions = 4"), (Some(4), 0), "cuts would win");
+    assert_eq!(cut("cuts = []"), (None, 0));
+    assert_eq!(cut("regions = 4\ncuts = [{ axis = \"x\", at = 0 }]"), (Some(4), 1));
+    let middle = "bounds = { min = [-70, 0, -50], max = [70, 30, 50] }";
+    assert_eq!(cut(middle), (None, 4), "the other planes are beside it");
+}
+
+#[test]
 fn parameters_of_a_file_without_a_library_scene_are_refused() {
     let source = Source { path: Path::new("test.toml"), text: FLOOR };
     let error = parse(&source, &Params::new().with("n", 9)).unwrap_err().to_string();
@@ -314,6 +329,11 @@ fn what_does_not_fit_together_is_refused_at_its_table() {
     refused("[world]\nname = \"empty\"\n", 1, &["no finite body"]);
     refused("[[body]]\nname = \"x\"\n", 1, &["no mass", "extra_mass"]);
     refused("[[body]]\n[[body.collider]]\nshape = \"halfspace\"\nnormal = [0, 1, 0]\n", 1, &["no mass"]);
+    let cube = "[[body]]\n[[body.collider]]\nshape = \"box\"\n";
+    refused(&format!("{cube}half_size = [1, 1, 1]\nenabled = false\n"), 1, &["no mass", "enabled"]);
+    let heavy = format!("{cube}half_size = [1, 1, 1]\nmass = 3e38\n");
+    let twice = format!("{heavy}{}", &heavy["[[body]]\n".len()..]);
+    refused(&twice, 1, &["beyond single precision", "lighter"]);
     let box_with_radius = format!("\n{FLOOR}radius = 1\n");
     refused(&box_with_radius, 2, &["shape `box` has no `radius`", "half_size, border"]);
     refused("[[body]]\n[[body.collider]]\nshape = \"cone\"\nradius = 1\n", 1, &["lacks `half_height`"]);

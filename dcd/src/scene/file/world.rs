@@ -27,8 +27,7 @@ pub(super) struct WorldDef {
     solver_iterations: Option<usize>,
     speed_limit: Option<Positive>,
     regions: Option<usize>,
-    #[serde(default)]
-    cuts: Vec<CutDef>,
+    cuts: Option<Vec<CutDef>>,
     balance: Option<Balance>,
     fidelity: Option<String>,
     #[serde(default)]
@@ -97,8 +96,11 @@ impl WorldDef {
         scene.solver_iterations = self.solver_iterations.unwrap_or(scene.solver_iterations);
         scene.speed_limit_m_s = self.speed_limit.map_or(scene.speed_limit_m_s, |limit| limit.0);
         scene.regions = within("regions", self.regions, 1..=MAX_REGIONS)?.or(scene.regions);
-        if !self.cuts.is_empty() {
-            scene.cuts = self.cuts.iter().map(|cut| (cut.axis, f64::from(cut.at.0))).collect();
+        if let Some(cuts) = &self.cuts {
+            scene.cuts = cuts.iter().map(|cut| (cut.axis, f64::from(cut.at.0))).collect();
+        } else if self.regions.is_some() {
+            // Cuts win over a number, so those of the library go.
+            scene.cuts.clear();
         }
         if let Some(balance) = self.balance {
             if let Some((what, value, range)) = balance.fault() {
@@ -144,6 +146,10 @@ impl WorldDef {
                 }
             },
         };
+        if self.cuts.is_none() {
+            let Bounds { min, max } = scene.bounds;
+            scene.cuts.retain(|&(axis, at)| min[axis.index()] < at && at < max[axis.index()]);
+        }
         Ok(())
     }
 }

@@ -3,6 +3,7 @@
 use rapier3d::prelude::*;
 
 use super::*;
+use crate::space::Bounds;
 
 /// A second set of parameters of every scene, small enough for tests.
 fn small(name: &str) -> Params {
@@ -356,6 +357,25 @@ fn a_net_hangs_over_its_pole_in_one_piece() {
     assert!(longest_m < 0.6, "{longest_m} m");
     let lowest = dynamic(&world).map(|ball| ball.translation().y).fold(f32::INFINITY, f32::min);
     assert!((-8.0..-3.0).contains(&lowest), "{lowest} m in {:?}", scene.bounds);
+}
+
+#[test]
+fn all_of_a_town_begins_within_it_and_beside_one_another() {
+    for (n, cars) in [(600, 0), (600, 28), (150_000, 0), (150_000, 28)] {
+        let scene = build("town", &Params::new().with("n", n).with("cars", cars)).unwrap();
+        let dynamic = scene.bodies.iter().filter(|body| body.body.body_type == RigidBodyType::Dynamic);
+        let mut places: Vec<_> = dynamic.map(|body| body.pose.translation).collect();
+        let Bounds { min, max } = scene.bounds;
+        let is_inside = |place: &[f64; 3]| (0..3).all(|i| min[i] < place[i] && place[i] < max[i]);
+        assert_eq!(places.iter().find(|place| !is_inside(place)), None, "n={n} cars={cars}");
+        places.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        for (i, a) in places.iter().enumerate() {
+            let near = places[i + 1..].iter().take_while(|b| b[0] - a[0] < 0.1);
+            let distance_m = |b: &[f64; 3]| (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>().sqrt();
+            let twin = near.into_iter().find(|b| distance_m(b) < 0.1);
+            assert_eq!(twin, None, "n={n} cars={cars}: at {a:?} too");
+        }
+    }
 }
 
 #[test]

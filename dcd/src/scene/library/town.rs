@@ -17,8 +17,8 @@ pub(super) const TOWN: SceneInfo = SceneInfo {
     summary: "24 districts, 60 m each: a third asleep, the others drums of balls, boxes and ragdolls, a wall that is shot, cars; \
               one viewpoint at the corner of four of them",
     params: &[
-        count("n", "20000", 600, super::MOST, "bodies, about"),
-        count("cars", "20", 0, 1_000, "cars with trailers (8 bodies each) that drive through it along x"),
+        count("n", "20000", 600, 150_000, "bodies, about"),
+        count("cars", "20", 0, 28, "cars with trailers (8 bodies each) that drive through it along x"),
         SEED,
     ],
     build: town,
@@ -71,7 +71,8 @@ fn town(values: &Values) -> Result<Scene, SceneError> {
     scene.cuts = planes(Axis::X, COLUMNS, half[0]);
     scene.cuts.extend(planes(Axis::Z, ROWS, half[1]));
     scene.viewpoints = vec![Viewpoint { at: [PITCH_M - half[0], 2.0, PITCH_M - half[1]], radius_m: SIGHT_M }];
-    scene.bounds = Bounds::new([-half[0], 0.0, -half[1]], [half[0], 30.0, half[1]]);
+    let highest_m = scene.bodies.iter().map(|body| body.pose.translation[1]).fold(0.0, f64::max);
+    scene.bounds = Bounds::new([-half[0], 0.0, -half[1]], [half[0], (highest_m + 2.0).max(30.0), half[1]]);
     Ok(scene)
 }
 
@@ -147,9 +148,11 @@ fn turning(scene: &mut Scene, centre: [f64; 3], radius_m: f64) {
     });
 }
 
-/// A wall of two bricks' depth across z, and a heavy ball that flies at it.
+/// A wall across z, and a heavy ball that flies at it.
 fn wall(scene: &mut Scene, [x, z]: [f64; 2], count: usize) {
-    let width = ((count as f64).sqrt() as usize).max(2);
+    /// What fits into a district.
+    const WIDEST: usize = 50;
+    let width = ((count as f64).sqrt() as usize).clamp(2, WIDEST);
     let brick = ColliderBuilder::cuboid(0.49, 0.25, 0.25);
     for i in 0..count.saturating_sub(1) {
         let (course, at) = (i / width, i % width);

@@ -138,6 +138,12 @@ pub enum Violation {
         /// What it may hold.
         bound: usize,
     },
+    /// Links broke because their readers did not read, though none was dead, stopped or cut off.
+    #[error("{links} links broke because their readers did not read, though nobody was dead or cut off")]
+    Overflow {
+        /// How many.
+        links: u64,
+    },
     /// Bodies did what bodies do not do.
     #[error("{what}, after {tick}")]
     Strained {
@@ -147,7 +153,7 @@ pub enum Violation {
         what: String,
     },
     /// Recovery took too long.
-    #[error("the group had not recovered {} ms after the last fault: {lack}", after.as_millis())]
+    #[error("the group had not recovered after {} ms: {lack}", after.as_millis())]
     Slow {
         /// Time after which it was given up.
         after: Duration,

@@ -1,6 +1,7 @@
 //! Tests the fault table by a few seeds of each row, and that violations are found.
 
 use super::*;
+use crate::sim::Spoilt;
 
 fn few(config: &TrialConfig, profile: FaultProfile, seeds: Range<u64>) -> Row {
     simulate(config, profile, seeds, 2, &|| true)
@@ -88,4 +89,41 @@ fn a_row_that_is_interrupted_says_how_far_it_came() {
     let goes_on = || asked.fetch_add(1, Ordering::Relaxed) < 3;
     let row = simulate(&TrialConfig::default(), FaultProfile::None, 0..100, 1, &goes_on);
     assert_eq!(row.seeds, 3);
+}
+
+/// Runs a seed in which nothing goes wrong but what is planted.
+fn planted(spoilt: Option<Spoilt>) -> Option<Violation> {
+    let config = TrialConfig { spoilt, ..TrialConfig::default() };
+    let profile = FaultProfile::None;
+    run_trial(&config, profile, 1, &profile.schedule(1)).violation
+}
+
+#[test]
+fn what_flies_straight_on_is_watched() {
+    assert_eq!(planted(None), None);
+    for spoilt in [Spoilt::Halted, Spoilt::Stale] {
+        let found = planted(Some(spoilt));
+        assert!(matches!(found, Some(Violation::Strained { .. })), "{spoilt:?}: {found:?}");
+    }
+}
+
+#[test]
+fn what_nobody_saw_is_not_too_old() {
+    let config = TrialConfig { clients: 0, ..TrialConfig::default() };
+    let row = few(&config, FaultProfile::Loss5, 0..1);
+    assert_eq!(row.staleness_ms, None);
+    assert!(row.holds(), "{:?}", row.failures);
+    let stale = Row { staleness_ms: Some(250), ..row };
+    assert!(!stale.holds());
+}
+
+#[test]
+fn a_world_of_one_node_goes_on_when_that_is_back() {
+    use FaultProfile::{KillLeader, KillNode, Stop};
+    let config = TrialConfig { nodes: 1, ..TrialConfig::default() };
+    for profile in [KillNode, KillLeader, Stop] {
+        let row = few(&config, profile, 0..4);
+        let failures: String = row.failures.iter().map(|failure| format!("{profile}: {failure}")).collect();
+        assert_eq!(row.violations, 0, "{failures}");
+    }
 }

@@ -20,6 +20,9 @@ impl Trial<'_> {
             }
             Action::Begin(Peer::Node(_)) => {
                 self.expected_nodes -= 1;
+                if !self.has_nodes() {
+                    self.disturbed();
+                }
                 let node = self.begin_node();
                 self.sim.note(|| format!("{node} begins"));
             }
@@ -273,6 +276,11 @@ impl Trial<'_> {
     pub(super) fn reach(&self, a: Peer, b: Peer) -> bool {
         let network = &self.sim.network;
         network.passes(self.sim.now, a, b) && network.passes(self.sim.now, b, a)
+    }
+
+    /// Returns whether any node lives and is not stopped: without one nothing recovers.
+    pub(super) fn has_nodes(&self) -> bool {
+        self.sim.nodes.keys().any(|&node| self.runs(Peer::Node(node)))
     }
 
     /// Returns whether a process lives and is not stopped.

@@ -69,10 +69,18 @@ impl Trial<'_> {
         let now = self.sim.now;
         if let Some(since) = self.watch
             && self.hindered == 0
+            && self.has_nodes()
             && since + self.promise.recovery < now
         {
             let lack = self.lacks_steadiness(since).unwrap_or_else(|| "no tick since".into());
             return Err(Violation::Slow { after: now - since, lack });
+        }
+        if self.watch.is_none() && self.hindered == 0 {
+            let pause = now - self.ticked_at();
+            if pause > self.promise.pause {
+                let lack = "no tick since, though nothing had gone wrong".to_owned();
+                return Err(Violation::Slow { after: pause, lack });
+            }
         }
         let calm = if self.sites > 1 { CALM_APART } else { CALM };
         if let Some(since) = self.calm_since {
@@ -92,6 +100,13 @@ impl Trial<'_> {
         let is_calm = self.healed_at.is_some();
         self.sim.watch.iter_mut().for_each(|watch| watch.set_calm(is_calm));
         Ok(())
+    }
+
+    /// Returns when a tick of the main group was last checked; of any, where there is one at a time.
+    fn ticked_at(&self) -> Duration {
+        let main = self.sim.server.as_ref().filter(|_| self.sites > 1).map(|server| server.main_group());
+        let of_main = main.and_then(|group| self.sim.checked_at.get(&group).copied());
+        of_main.unwrap_or(self.progressed_at)
     }
 
     /// Returns what has kept the main group, or with several sites any that has a live member, from computing on, all members live,
@@ -305,9 +320,13 @@ impl Trial<'_> {
 
     fn check_queues(&self) -> Result<(), Violation> {
         let (traffic, bounds) = (self.sim.traffic(), self.sim.config.bounds);
+        if self.promise.no_eviction && traffic.overflows > 0 {
+            return Err(Violation::Overflow { links: traffic.overflows });
+        }
         for (queue, held, bound) in [
             ("what a sender keeps", traffic.most_queued, bounds.queue_bytes),
             ("what a sender keeps for a client", traffic.most_queued_for_client, bounds.client_queue_bytes),
+            ("what waits for a link", traffic.most_waiting, bounds.queue_bytes),
         ] {
             if held > bound {
                 return Err(Violation::Queue { queue, held, bound });
@@ -322,7 +341,7 @@ mod tests {
     use super::*;
     use crate::cluster::ClientEvent;
     use crate::protocol::{Message, ToClient};
-    use crate::sim::{FaultProfile, TrialConfig};
+    use crate::sim::{Bounds, FaultProfile, Sim, SimConfig, TrialConfig};
 
     #[test]
     fn all_is_well_only_while_clients_know_all_bodies() {
@@ -336,6 +355,31 @@ mod tests {
         let message = Message::ToClient(client, ToClient::Removed(body));
         trial.sim.submit(client, ClientEvent::Message { from: Peer::Server, message });
         assert_eq!(trial.lack(since), Some(format!("{client} does not see {body}")));
+    }
+
+    #[test]
+    fn a_world_that_stands_still_without_a_fault_is_found() {
+        let (config, profile) = (TrialConfig::default(), FaultProfile::None);
+        let mut trial = Trial::new(&config, profile.promise(), 1, &profile.schedule(1));
+        while trial.sim.now() < Duration::from_secs(5) {
+            trial.step().unwrap();
+        }
+        let nodes: Vec<_> = trial.sim.nodes.keys().copied().collect();
+        nodes.into_iter().for_each(|node| trial.sim.hang(Peer::Node(node)));
+        let found = trial.run().unwrap_err();
+        assert!(matches!(found, Violation::Slow { .. }), "{found}");
+    }
+
+    #[test]
+    fn a_queue_that_is_too_small_is_found() {
+        fn narrow(config: SimConfig) -> Sim {
+            let bounds = Bounds { inbox_bytes: 256, client_queue_bytes: 256, ..config.bounds };
+            Sim::new(SimConfig { bounds, ..config })
+        }
+        let config = TrialConfig { begin: narrow, ..TrialConfig::default() };
+        let profile = FaultProfile::None;
+        let found = Trial::new(&config, profile.promise(), 1, &profile.schedule(1)).run().unwrap_err();
+        assert!(matches!(found, Violation::Overflow { .. }), "{found}");
     }
 
     #[test]

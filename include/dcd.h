@@ -2697,7 +2697,8 @@ DCD_API DcdStatus dcd_bodies_destroy(DcdWorld world, const DcdBodyId *bodies, si
 // Destroys one body. As dcd_bodies_destroy.
 DCD_API DcdStatus dcd_body_destroy(DcdWorld world, DcdBodyId body);
 
-// Returns whether the id names a body of this world.
+// Returns whether the id names a body of this world. False too from within a function that the library calls, and once the
+// world answers DCD_ERR_PANIC.
 DCD_API bool dcd_body_is_valid(DcdWorld world, DcdBodyId body);
 
 // Finds the body that the world numbered `index` when it was made: body i of a scene, or the i-th that was created.
@@ -3083,7 +3084,8 @@ DcdStatus dcd_joint_create(DcdWorld world,
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (also when destroyed twice, or when one of its bodies was destroyed).
 DCD_API DcdStatus dcd_joint_destroy(DcdWorld world, DcdJointId joint);
 
-// Returns whether the id names a joint of this world.
+// Returns whether the id names a joint of this world. False too from within a function that the library calls, and once the
+// world answers DCD_ERR_PANIC.
 DCD_API bool dcd_joint_is_valid(DcdWorld world, DcdJointId joint);
 
 // Reads the state of a joint: what it ties, where it stands, what it bears.

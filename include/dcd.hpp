@@ -1065,6 +1065,7 @@ private:
             code = ask(all.items.data());
         }
         Status status(code);
+        all.items.resize(status ? total : 0);
         return { status, std::move(all) };
     }
     /* Asks with room for most texts, and again with room for this one. */

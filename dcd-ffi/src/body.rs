@@ -318,7 +318,8 @@ fn destroy(world: DcdWorld, bodies: &[DcdBodyId]) -> Result<(), Failure> {
     })
 }
 
-/// Returns whether the id names a body of this world.
+/// Returns whether the id names a body of this world. False too from within a function that the library calls, and once the
+/// world answers DCD_ERR_PANIC.
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_body_is_valid(world: DcdWorld, body: DcdBodyId) -> bool {
     guard_value(false, || with(world, |world| find(world, body)).is_ok())

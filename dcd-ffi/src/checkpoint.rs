@@ -4,7 +4,7 @@ use crate::guard::guard;
 use crate::handle::stale;
 use crate::ids::{DcdCheckpointId, DcdWorld};
 use crate::pointer::Out;
-use crate::registry::{World, with};
+use crate::registry::{Kept, World, with};
 use crate::status::{DcdStatus, Failure};
 
 /// Keeps a local world in memory as it is now, to go back to: for rollback, where a game computes some ticks again with inputs that
@@ -19,7 +19,8 @@ pub unsafe extern "C" fn dcd_checkpoint_create(world: DcdWorld, out: *mut DcdChe
         // SAFETY: the caller vouches for `out`.
         let out = unsafe { Out::new(out, "out")? };
         with(world, |world| {
-            let slot = world.checkpoints.insert(world.dcd.checkpoint()?);
+            let kept = keep(world)?;
+            let slot = world.checkpoints.insert(kept);
             out.write(world.mark.checkpoint(slot));
             Ok(())
         })
@@ -33,7 +34,7 @@ pub extern "C" fn dcd_checkpoint_save(world: DcdWorld, checkpoint: DcdCheckpoint
     guard("dcd_checkpoint_save", || {
         with(world, |world| {
             let slot = slot_of(world, checkpoint)?;
-            let kept = world.dcd.checkpoint()?;
+            let kept = keep(world)?;
             world.checkpoints.get_mut(slot).map(|former| *former = kept).ok_or_else(|| missing(checkpoint))
         })
     })
@@ -52,8 +53,9 @@ pub extern "C" fn dcd_checkpoint_restore(world: DcdWorld, checkpoint: DcdCheckpo
         with(world, |world| {
             let slot = slot_of(world, checkpoint)?;
             let kept = world.checkpoints.get(slot).ok_or_else(|| missing(checkpoint))?;
-            world.dcd.rewind(kept)?;
-            world.show();
+            world.dcd.rewind(&kept.world)?;
+            world.events.go_back(&kept.events, &world.dcd, world.mark);
+            world.show_states();
             Ok(())
         })
     })
@@ -68,6 +70,10 @@ pub extern "C" fn dcd_checkpoint_destroy(world: DcdWorld, checkpoint: DcdCheckpo
             world.checkpoints.remove(slot).map(drop).ok_or_else(|| missing(checkpoint))
         })
     })
+}
+
+fn keep(world: &mut World) -> Result<Kept, Failure> {
+    Ok(Kept { world: world.dcd.checkpoint()?, events: world.events.keep() })
 }
 
 fn slot_of(world: &World, checkpoint: DcdCheckpointId) -> Result<u64, Failure> {

@@ -378,6 +378,7 @@ pub extern "C" fn dcd_collider_remove(world: DcdWorld, body: DcdBodyId, collider
                     "the body has no other collider; destroy it, or disable the collider",
                 ));
             }
+            world.events.loses_collider(&world.dcd, id);
             world.dcd.remove_collider((id, collider as usize)).map_err(Failure::from)
         })
     })

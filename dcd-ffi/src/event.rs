@@ -2,6 +2,7 @@
 
 mod calls;
 
+use std::collections::HashMap;
 use std::ffi::CStr;
 
 use dcd::protocol::{ContactKey, Refusal};
@@ -226,8 +227,25 @@ unsafe impl Sized32 for DcdEventView {
 pub(crate) struct EventBuffers {
     sets: [EventArrays; 2],
     newest: usize,
-    /// User data of bodies destroyed since the last step: their contacts end in the next. In id order when that is done.
-    departed: Vec<(BodyId, u64)>,
+    /// What was taken away since the last step.
+    departed: Departed,
+    /// What was taken away before it, which its events speak of.
+    told: Departed,
+}
+
+/// What the user gave to what was taken away between two steps: its contacts end in the second.
+#[derive(Clone, Default)]
+struct Departed {
+    /// User data of bodies that were destroyed.
+    bodies: HashMap<BodyId, u64>,
+    /// User data of the colliders, as they were numbered, of bodies that lost some.
+    colliders: HashMap<BodyId, Vec<u64>>,
+}
+
+/// What events must know of a world that is kept, besides the world.
+pub(crate) struct KeptEvents {
+    departed: Departed,
+    told: Departed,
 }
 
 #[derive(Default)]
@@ -244,21 +262,37 @@ struct EventArrays {
 }
 
 impl EventBuffers {
-    /// A body is about to be destroyed.
+    /// Notes that a body is about to be destroyed.
     pub(crate) fn departs(&mut self, id: BodyId, user_data: u64) {
-        self.departed.push((id, user_data));
+        self.departed.bodies.insert(id, user_data);
+    }
+
+    /// Notes that a body is about to lose a collider, by which those after it get other numbers. Later losses are of numbers that no contact
+    /// has had.
+    pub(crate) fn loses_collider(&mut self, world: &Dcd, id: BodyId) {
+        let data = || (0..world.collider_count(id)).map(|collider| material(world, id, collider)).collect();
+        self.departed.colliders.entry(id).or_insert_with(data);
+    }
+
+    /// Returns what is needed to show the events of the last step again.
+    pub(crate) fn keep(&self) -> KeptEvents {
+        KeptEvents { departed: self.departed.clone(), told: self.told.clone() }
+    }
+
+    /// Shows the events of the last step of a world that was gone back to.
+    pub(crate) fn go_back(&mut self, kept: &KeptEvents, world: &Dcd, mark: Mark) {
+        self.departed.clone_from(&kept.told);
+        self.fill(world, mark);
+        self.departed.clone_from(&kept.departed);
     }
 
     /// Takes down what happened in the step just done.
     pub(crate) fn fill(&mut self, world: &Dcd, mark: Mark) {
         self.newest = 1 - self.newest;
-        self.departed.sort_unstable();
-        let arrays = &mut self.sets[self.newest];
+        self.told = std::mem::take(&mut self.departed);
+        let (arrays, told) = (&mut self.sets[self.newest], &self.told);
         let events = world.events();
-        let departed = |id: BodyId| {
-            let place = self.departed.binary_search_by_key(&id, |(departed, _)| *departed).ok()?;
-            Some(self.departed[place].1)
-        };
+        let departed = |id: BodyId| told.bodies.get(&id).copied();
         let user = |id| world.user_data(id).map(|data| data as u64).or_else(|| departed(id)).unwrap_or(0);
         arrays.tick = world.tick().0;
         arrays.flags = if world.is_lost() { DCD_EVENTS_LOST } else { 0 };
@@ -277,6 +311,11 @@ impl EventBuffers {
         }));
         arrays.contacts.refill(events.touches.len()).extend(events.touches.iter().map(|touch| {
             let ContactKey { a, b, collider_a, collider_b } = touch.key;
+            let material = |body, collider: u16| {
+                let former = told.colliders.get(&body).filter(|_| !touch.began && world.contains(body));
+                let former = former.and_then(|former| former.get(usize::from(collider)).copied());
+                former.unwrap_or_else(|| material(world, body, usize::from(collider)))
+            };
             DcdContact {
                 a: mark.body(a),
                 b: mark.body(b),
@@ -289,8 +328,8 @@ impl EventBuffers {
                 flags: if touch.sensor { DCD_CONTACT_SENSOR } else { 0 },
                 collider_a: u32::from(collider_a),
                 collider_b: u32::from(collider_b),
-                material_a: material(world, a, usize::from(collider_a)),
-                material_b: material(world, b, usize::from(collider_b)),
+                material_a: material(a, collider_a),
+                material_b: material(b, collider_b),
             }
         }));
         arrays.forces.refill(events.forces.len()).extend(events.forces.iter().map(|force| {
@@ -326,7 +365,6 @@ impl EventBuffers {
             force: overload.force_n,
             torque: overload.torque_n_m,
         }));
-        self.departed.clear();
     }
 
     fn view(&self) -> DcdEventView {

@@ -221,7 +221,11 @@ pub unsafe extern "C" fn dcd_server_create(def: *const DcdServerDef, out: *mut D
         };
         let server = match opened {
             Some(Opened { scene, config: world, .. }) => Dcd::serve(&scene, &world, config)?,
-            None => with(def.source, |source| Ok(source.dcd.serve_copy(config)?))?,
+            None => {
+                // While the server stands by, others go on with the source.
+                let serve = with(def.source, |source| Ok(source.dcd.copy_to_serve()?))?;
+                serve(config)?
+            }
         };
         out.write(registry::add(server, def.user_data));
         Ok(())

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use dcd::physics::ShapeLibrary;
 use dcd::protocol::{SHAPE_LEAST_M, SHAPE_REACH_M};
 use rapier3d::parry::utils::Array2;
-use rapier3d::prelude::{Pose, Rotation, Shape, SharedShape, Vector};
+use rapier3d::prelude::{Pose, Rotation, Shape, ShapeType, SharedShape, Vector};
 
 use crate::guard::guard;
 use crate::handle::stale;
@@ -262,7 +262,7 @@ pub unsafe extern "C" fn dcd_shape_compound(
             let mut placed = Vec::with_capacity(count);
             for (i, (&part, frame)) in parts.iter().zip(frames).enumerate() {
                 let shape = find(world, part)?;
-                if shape.as_composite_shape().is_some() {
+                if !is_simple(shape) {
                     return Err(Failure::argument(format!(
                         "parts[{i}] is made of parts itself; add those instead"
                     )));
@@ -275,6 +275,12 @@ pub unsafe extern "C" fn dcd_shape_compound(
             Ok(())
         })
     })
+}
+
+/// Returns whether a compound may have the shape.
+fn is_simple(shape: &SharedShape) -> bool {
+    use ShapeType::{Compound, HeightField, Polyline, TriMesh, Voxels};
+    !matches!(shape.shape_type(), Compound | HeightField | Polyline | TriMesh | Voxels)
 }
 
 /// Makes a shape that is another one stretched along its own axes by `scale` (three factors above 0): one mesh or hull in many sizes. What is

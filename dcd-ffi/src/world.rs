@@ -393,6 +393,12 @@ mod tests {
         assert_eq!(dcd_step_wait(broken, DCD_FOREVER), DCD_ERR_PANIC);
         assert_eq!(dcd_world_destroy(broken), DCD_OK);
         assert_eq!(dcd_step(broken), DCD_ERR_STALE_ID);
+        let asked = add(local(), 0);
+        let status = guard("dcd_test", || registry::ask(asked, |_| panic!("a bug of a query")));
+        assert_eq!(status, DCD_ERR_PANIC);
+        assert_eq!(dcd_step(asked), DCD_ERR_PANIC);
+        assert_eq!(guard("dcd_test", || registry::ask(asked, |_| Ok(()))), DCD_ERR_PANIC);
+        assert_eq!(dcd_world_destroy(asked), DCD_OK);
         assert_eq!(dcd_world_destroy(other), DCD_OK);
     }
 }

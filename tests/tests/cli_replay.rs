@@ -1,7 +1,8 @@
 //! Tests `dcd run --record`, `dcd replay`, `dcd diff` and `dcd simulate --record` as real processes.
 
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
+use std::time::Duration;
 
 use serde_json::Value;
 
@@ -136,6 +137,49 @@ fn what_cannot_be_replayed_is_said() {
     let cut = dcd(folder, "replay cut.dcdr --check");
     assert_eq!(cut.status.code(), Some(0), "{cut:?}");
     assert!(String::from_utf8_lossy(&cut.stderr).contains("has no end"), "{cut:?}");
+}
+
+#[test]
+fn a_recording_that_begins_late_says_with_which_tick() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    said(folder, "run tower --seconds 0.5 --save half.dcd", 0);
+    said(folder, "run half.dcd --seconds 0.5 --record late.dcdr", 0);
+    for line in ["replay late.dcdr --dump 5", "replay late.dcdr --until 5 --flip 5:1"] {
+        let said = said(folder, line, 2);
+        assert!(said.contains("the recording begins with tick 3"), "{line}: {said}");
+    }
+    let early = dcd(folder, "replay late.dcdr --until 5 --check");
+    assert_eq!(early.status.code(), Some(1), "{early:?}");
+    assert!(String::from_utf8_lossy(&early.stderr).contains("begins with tick 3"), "{early:?}");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_replay_that_ctrl_c_ends_says_nothing_of_what_it_has_not_seen() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    said(folder, "run pile --set n=200 --seconds 5 --record a.dcdr", 0);
+    for question in ["--dump 300", "--flip 300:5", "--check --flip 300:5"] {
+        let line = format!("replay a.dcdr {question}");
+        let mut replay = Command::new(env!("CARGO_BIN_EXE_dcd-under-test"));
+        replay.args(line.split_whitespace()).current_dir(folder);
+        let child = replay.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let id = child.id().to_string();
+        let hears_ctrl_c = || {
+            let status = std::fs::read_to_string(format!("/proc/{id}/status")).unwrap();
+            let caught = status.lines().find_map(|line| line.strip_prefix("SigCgt:")).unwrap().trim();
+            u64::from_str_radix(caught, 16).unwrap() & 2 != 0
+        };
+        while !hears_ctrl_c() {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+        let ended = child.wait_with_output().unwrap();
+        let errors = String::from_utf8_lossy(&ended.stderr);
+        assert_eq!(ended.status.code(), Some(130), "{line}: {errors}");
+        assert!(errors.contains("ended by Ctrl-C"), "{line}: {errors}");
+    }
 }
 
 #[test]

@@ -83,7 +83,7 @@ fn a_networked_world_equals_a_local_one_bit_for_bit() {
         let (server, _data) = serve(&scene, regions, nodes, Pace::Unpaced, Some(200));
         let members: Vec<_> = (0..nodes).map(|_| start_node(&server)).collect();
         assert!(server.wait(LIMIT, |_, _| false), "the world must end by itself");
-        let summary = server.stop();
+        let summary = server.stop().unwrap();
         let transfers: u64 = members.into_iter().map(|member| member.finish().unwrap().transfers).sum();
         assert_eq!((summary.tick, summary.lost, summary.doubled), (Tick(200), 0, 0));
         let config =
@@ -114,7 +114,7 @@ fn a_world_of_this_process_is_served_as_it_is() {
     let client = connect(&server);
     assert_eq!(client.body(made.unwrap()).unwrap().body.traits.user_data, 77);
     assert!(server.wait(LIMIT, |_, _| false), "the world must end by itself");
-    let summary = server.stop();
+    let summary = server.stop().unwrap();
     let transfers: u64 = members.into_iter().map(|member| member.finish().unwrap().transfers).sum();
     for _ in 0..120 {
         local.step().unwrap();
@@ -181,7 +181,7 @@ fn a_world_that_has_run_goes_on_at_nodes() {
     assert_eq!(served, before);
     let node = start_node(&server);
     assert!(server.wait(LIMIT, |_, _| false), "the world must end by itself");
-    let summary = server.stop();
+    let summary = server.stop().unwrap();
     node.finish().unwrap();
     assert_eq!((summary.tick, summary.bodies, summary.lost), (Tick(200), 60, 0));
 }
@@ -192,7 +192,7 @@ fn equals_a_local_world(scene: &Scene, config: &WorldConfig, nodes: usize, ticks
     let (server, _data) = serve_world(scene, config.clone(), nodes, Pace::Unpaced, Some(ticks));
     let members: Vec<_> = (0..nodes).map(|_| start_node(&server)).collect();
     assert!(server.wait(LIMIT, |_, _| false), "the world must end by itself");
-    let summary = server.stop();
+    let summary = server.stop().unwrap();
     let members: Vec<_> = members.into_iter().map(|member| member.finish().unwrap()).collect();
     assert_eq!((summary.tick, summary.lost, summary.doubled), (Tick(ticks), 0, 0));
     let mut local = LocalWorld::from_scene(scene, config.clone()).unwrap();
@@ -320,7 +320,7 @@ fn every_node_that_comes_gets_a_region_and_what_one_leaves_is_merged() {
         let dealt = server.wait(LIMIT, |_, view| is_dealt(view, nodes));
         assert!(dealt, "{nodes} nodes: {:?}", server.view());
     }
-    let summary = server.stop();
+    let summary = server.stop().unwrap();
     assert_eq!((summary.bodies, summary.lost, summary.doubled), (300, 0, 0));
     assert!(summary.repartitions >= 6, "{summary:?}");
 }
@@ -359,7 +359,7 @@ fn a_client_drives_an_avatar_through_a_served_world_and_continues_after_a_pause(
     assert!(client.wait_body(avatar, LIMIT));
     let x = client.body(avatar).unwrap().body.state.pose.translation[0];
     assert!(x > -1.0, "the avatar continues where it was, not at {x}");
-    let summary = server.stop();
+    let summary = server.stop().unwrap();
     assert_eq!((summary.lost, summary.doubled), (0, 0));
     for member in members {
         member.finish().unwrap();
@@ -388,7 +388,7 @@ fn a_participant_computes_and_plays_in_one_process() {
     assert!(server.wait(LIMIT, |summary, _| summary.nodes == 1));
     let before = node.tick();
     assert!(server.wait(LIMIT, |_, _| node.tick().0 > before.0 + 10));
-    let summary = server.stop();
+    let summary = server.stop().unwrap();
     assert_eq!((summary.lost, summary.doubled), (0, 0));
     assert_eq!(node.finish().unwrap().regions, 2);
 }
@@ -404,7 +404,7 @@ fn members_that_are_not_in_step_lose_and_double_nothing() {
         serve_origin(Origin::Scene(&scene, &world), 3, Pace::Unpaced, Some(400), groups.clone());
     let members: Vec<_> = (0..3).map(|_| start_node(&server)).collect();
     assert!(server.wait(LIMIT, |_, _| false), "the world must end by itself");
-    let summary = server.stop();
+    let summary = server.stop().unwrap();
     let transfers: u64 = members.into_iter().map(|member| member.finish().unwrap().transfers).sum();
     assert_eq!((summary.tick, summary.lost, summary.doubled), (Tick(400), 0, 0));
     assert!(transfers > 20, "the test needs traffic: {transfers}");
@@ -430,7 +430,7 @@ fn nodes_far_from_one_another_compute_the_world_each_and_agree() {
     let client = connect(&server);
     let seen = client.updates();
     assert!(client.wait_update(seen, LIMIT));
-    let summary = server.stop();
+    let summary = server.stop().unwrap();
     assert_eq!((summary.nodes, summary.lost, summary.doubled), (1, 0, 0), "one in the main group");
     for member in members {
         let done = member.finish().unwrap();
@@ -468,7 +468,7 @@ fn a_node_that_is_alone_and_waits_for_no_clock_hears_that_the_world_ends() {
     let node = start_node(&server);
     assert!(server.wait(LIMIT, |summary, _| summary.tick >= Tick(300)));
     let last = server.summary().tick;
-    let summary = server.stop();
+    let summary = server.stop().unwrap();
     assert_eq!((summary.lost, summary.doubled, summary.unaudited), (0, 0, false));
     let told = node.finish().unwrap().tick;
     assert!(told >= last && told.0 < last.0 + 3_000, "{told:?} after {last:?}");
@@ -482,7 +482,7 @@ fn a_participant_that_is_alone_and_waits_for_no_clock_sees_what_it_computes() {
     let seen = player.updates();
     assert!(player.wait_update(seen, LIMIT), "{:?}", player.check());
     assert!(player.tick() > Tick(0));
-    server.stop();
+    server.stop().unwrap();
 }
 
 #[test]
@@ -517,7 +517,7 @@ fn an_avatar_that_is_sent_to_the_other_end_of_the_world_gets_there_and_all_nodes
             seen = client.updates();
         }
     }
-    let summary = server.stop();
+    let summary = server.stop().unwrap();
     // One for each node that came, at most.
     assert!(summary.views <= 4, "{summary:?}");
     assert_eq!((summary.lost, summary.doubled), (0, 0));
@@ -556,7 +556,7 @@ fn a_node_that_others_cannot_reach_stops_nobody() {
         summary.tick.0 >= tick + 60
     }));
     assert_eq!(fewest, 2, "members that the server shows");
-    assert_eq!(server.stop().lost, 0);
+    assert_eq!(server.stop().unwrap().lost, 0);
     nodes.into_iter().for_each(|node| drop(node.finish().unwrap()));
 }
 

@@ -74,6 +74,21 @@ fn refused<T: std::fmt::Debug>(result: Result<T, dcd::Error>) -> Unsupported {
 }
 
 #[test]
+fn a_copy_is_served_without_its_source() {
+    let (mut local, _) = game();
+    let folder = tempfile::tempdir().unwrap();
+    let serve = local.copy_to_serve().unwrap();
+    // Others go on with it while the server stands by.
+    local.step().unwrap();
+    let bodies = local.movable_bodies().count();
+    drop(local);
+    let mut server = serve(ServeConfig { nodes: 1, ..ServeConfig::new(folder.path()) }).unwrap();
+    let _node = node(&server);
+    until("it is computed", &mut [&mut server], |worlds| worlds[0].tick() > Tick(5));
+    assert_eq!(server.movable_bodies().count(), bodies);
+}
+
+#[test]
 fn a_save_is_the_world_after_one_tick_to_the_bit() {
     let (mut local, _) = game();
     let folder = tempfile::tempdir().unwrap();

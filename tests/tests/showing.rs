@@ -163,3 +163,25 @@ fn a_local_world_is_shown_between_its_steps() {
     let times = [world.view_time().shown, world.view_time().shown];
     assert!(times[0] <= times[1] && times[1] <= 1.0, "{times:?}");
 }
+
+#[test]
+fn a_world_that_was_gone_back_to_is_shown_between_its_steps() {
+    let mut world = World::new(WorldConfig::default()).unwrap();
+    let ball = RigidBodyBuilder::dynamic().linvel(Vector::new(6.0, 0.0, 0.0)).gravity_scale(0.0);
+    let ball = world.insert(ball, ColliderBuilder::ball(0.5)).unwrap();
+    world.view_time();
+    world.step().unwrap();
+    let before = world.checkpoint().unwrap();
+    world.step().unwrap();
+    let shown_m = |world: &World, tick| world.motion_at(ball, tick).unwrap().0.translation[0];
+    assert!((shown_m(&world, 1.5) - 0.15).abs() < 1e-4);
+    world.rewind(&before).unwrap();
+    assert!((shown_m(&world, 0.5) - 0.1).abs() < 1e-4, "it is as it was, and nobody knows how it came there");
+    world.step().unwrap();
+    assert!((shown_m(&world, 1.5) - 0.15).abs() < 1e-4, "in the middle of the step that is computed again");
+    let mut saved = Vec::new();
+    world.save(&mut saved).unwrap();
+    world.reload(&saved[..]).unwrap();
+    world.step().unwrap();
+    assert!((shown_m(&world, 2.5) - 0.25).abs() < 1e-4);
+}

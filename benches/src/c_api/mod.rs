@@ -347,7 +347,7 @@ fn join_ms(calls: &Calls, joins: usize, work: &Path) -> Result<f64, Box<dyn Erro
         let token = server.token(JoinRole::Client, LIMIT)?;
         times.push(calls.said(&["connect", &server.address.to_string(), &token])?["connect_ms"]);
     }
-    server.stop();
+    server.stop()?;
     node.finish()?;
     let times = &mut times[1..];
     times.sort_by(f64::total_cmp);

@@ -62,7 +62,7 @@ pub(super) fn run(nodes: usize, objects: usize, seed: u64, length: Length) -> Re
     if view.members.len() != nodes {
         return Err(failed("not all stayed").into());
     }
-    let summary = server.stop();
+    let summary = server.stop()?;
     let members = participants.reports()?;
     if (summary.lost, summary.doubled) != (0, 0) {
         return Err(format!("{} bodies are lost, {} doubled", summary.lost, summary.doubled).into());

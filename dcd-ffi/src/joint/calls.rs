@@ -61,7 +61,8 @@ pub extern "C" fn dcd_joint_destroy(world: DcdWorld, joint: DcdJointId) -> DcdSt
     })
 }
 
-/// Returns whether the id names a joint of this world.
+/// Returns whether the id names a joint of this world. False too from within a function that the library calls, and once the
+/// world answers DCD_ERR_PANIC.
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_joint_is_valid(world: DcdWorld, joint: DcdJointId) -> bool {
     guard_value(false, || with(world, |world| find(world, joint)).is_ok())

@@ -1,6 +1,7 @@
 //! Guards one world by a lock, and steps it in the background by a thread of its own.
 
-use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::any::Any;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver, Sender};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, RwLock};
@@ -58,10 +59,21 @@ impl Cell {
         work: impl FnOnce(&World) -> Result<R, Failure>,
     ) -> Option<Result<R, Failure>> {
         self.settle();
-        match self.world.read() {
-            Ok(world) => Some(work(world.as_ref()?)),
-            Err(_) => Some(Err(poisoned())),
-        }
+        let asked = match self.world.read() {
+            Ok(world) => {
+                let world = world.as_ref()?;
+                catch_unwind(AssertUnwindSafe(|| work(world)))
+            }
+            Err(_) => Ok(Err(poisoned())),
+        };
+        asked.map_or_else(|panic| self.poison(panic), Some)
+    }
+
+    /// Panics on, as who changes the world would: a lock is not poisoned by those who only read.
+    #[cold]
+    fn poison(&self, panic: Box<dyn Any + Send>) -> ! {
+        let _poisoned = self.world.write();
+        resume_unwind(panic)
     }
 
     /// Waits for a step that was begun.

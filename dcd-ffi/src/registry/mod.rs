@@ -10,7 +10,7 @@ use dcd::{BodyId, Checkpoint, World as Dcd};
 use rapier3d::prelude::SharedShape;
 
 use crate::callback::check_outside;
-use crate::event::EventBuffers;
+use crate::event::{EventBuffers, KeptEvents};
 use crate::handle::{LookedUp, Mark, Slots, not_null, stale};
 use crate::ids::{DcdBodyId, DcdWorld};
 use crate::query::open::OpenQueries;
@@ -27,8 +27,14 @@ pub(crate) struct World {
     pub states: StateBuffers,
     pub events: EventBuffers,
     pub queries: OpenQueries,
-    pub checkpoints: Slots<Checkpoint>,
+    pub checkpoints: Slots<Kept>,
     pub user_data: u64,
+}
+
+/// A world that is kept in memory, with what C needs to show its events again.
+pub(crate) struct Kept {
+    pub world: Checkpoint,
+    pub events: KeptEvents,
 }
 
 impl World {

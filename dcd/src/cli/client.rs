@@ -259,6 +259,10 @@ impl Client {
         };
         let truth =
             self.truth.map(|token| JoinConfig { give_up: self.give_up, ..joining(&self.server, token) });
+        // All that may fail here does so before the token is used up.
+        let name = format!("a client of {}", self.server[0]);
+        let viewer = self.view.map(|at| view::open(at, &name)).transpose()?;
+        let camera = self.film.open()?;
         let mut world = if compute { ClientWorld::participate(&join)? } else { ClientWorld::connect(&join)? };
         world.set_prediction(!self.no_prediction);
         print(&format!("joined as {}", world.id()))?;
@@ -266,9 +270,6 @@ impl Client {
             print(&format!("listening {address}"))?;
         }
         world.limit(self.limit)?;
-        let name = format!("{} of {}", world.id(), self.server[0]);
-        let viewer = self.view.map(|at| view::open(at, &name)).transpose()?;
-        let camera = self.film.open()?;
         let mut crowd = Crowd::enter(world, self.avatars.into(), self.speed, self.interest.map(f64::from))?;
         crowd.viewer = viewer;
         crowd.camera = camera;

@@ -39,9 +39,14 @@ impl End {
                     "{data} keeps no world; name the folder that its server was started with (--data)"
                 )));
             }
+            WorldEnd::Underway => {
+                return Err(Failure::run(format!(
+                    "the server of {data} has been told to end its world, and is not done; see its log"
+                )));
+            }
             WorldEnd::Unheard => {
                 return Err(Failure::run(format!(
-                    "the server of {data} does not end its world; see its log, and whether it runs at all"
+                    "the server of {data} does not answer, and its world goes on; see its log, and whether it hangs"
                 )));
             }
         }

@@ -1,10 +1,12 @@
 //! Handles Ctrl-C, SIGTERM and SIGHUP: the first asks a command to end in order, one that it does not expect ends it at once.
 
-use std::io::Read;
+use std::io::{self, Read};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
+
+use tokio::runtime::Runtime;
 
 use super::failure::Failure;
 
@@ -15,35 +17,39 @@ const EXIT: u8 = 130;
 const ONE_PRESS: Duration = Duration::from_millis(200);
 
 static LAST: Mutex<Option<Instant>> = Mutex::new(None);
+/// Signals that were heard, of every kind.
+static SIGNALS: AtomicU32 = AtomicU32::new(0);
+/// Those of them that were Ctrl-C.
 static PRESSES: AtomicU32 = AtomicU32::new(0);
-/// Presses that the command obeys.
+/// Signals that the command obeys.
 static EXPECTED: AtomicU32 = AtomicU32::new(1);
 static ABANDONED: AtomicBool = AtomicBool::new(false);
 static INSTALLED: OnceLock<Result<(), String>> = OnceLock::new();
+
+/// What was heard.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Heard {
+    /// Ctrl-C.
+    Press,
+    /// SIGTERM.
+    #[cfg_attr(not(unix), expect(dead_code, reason = "Unix has it"))]
+    Termination,
+    /// SIGHUP: the terminal is gone.
+    #[cfg_attr(not(unix), expect(dead_code, reason = "Unix has it"))]
+    HangUp,
+}
 
 /// A proof that Ctrl-C is heard from here on.
 #[derive(Clone, Copy)]
 pub(super) struct Interrupt(());
 
 impl Interrupt {
-    /// Takes over Ctrl-C for the rest of the process.
+    /// Takes over Ctrl-C for the rest of the process. A signal that the process was started to ignore, as SIGHUP by `nohup`, stays ignored.
     pub(super) fn listen() -> Result<Self, Failure> {
-        let handler = || {
-            let mut last = LAST.lock().unwrap_or_else(PoisonError::into_inner);
-            if last.is_some_and(|last| last.elapsed() <= ONE_PRESS) {
-                return;
-            }
-            *last = Some(Instant::now());
-            if PRESSES.fetch_add(1, Ordering::SeqCst) >= EXPECTED.load(Ordering::SeqCst) {
-                std::process::exit(EXIT.into());
-            }
-        };
-        let installed =
-            INSTALLED.get_or_init(|| ctrlc::set_handler(handler).map_err(|error| error.to_string()));
-        match installed {
+        match INSTALLED.get_or_init(|| install().map_err(|error| error.to_string())) {
             Ok(()) => Ok(Self(())),
             Err(cause) => Err(Failure::run(format!(
-                "cannot listen for Ctrl-C: {cause}; run without a handler of your own"
+                "cannot listen for Ctrl-C: {cause}; raise the limits of threads and open files"
             ))),
         }
     }
@@ -64,23 +70,99 @@ impl Interrupt {
         self.signalled() || ABANDONED.load(Ordering::SeqCst)
     }
 
-    /// Returns whether a second press comes within this time, which means something else than the first.
+    /// Returns whether the user pressed Ctrl-C and does so again within this time, which means something else than the first.
     pub(super) fn asked_again(self, within: Duration) -> bool {
         const LOOK: Duration = Duration::from_millis(20);
         EXPECTED.store(2, Ordering::SeqCst);
         let deadline = Instant::now() + within;
-        while PRESSES.load(Ordering::SeqCst) < 2 && Instant::now() < deadline {
+        let heard = || SIGNALS.load(Ordering::SeqCst);
+        while heard() < 2 && Instant::now() < deadline {
             std::thread::sleep(LOOK);
         }
         PRESSES.load(Ordering::SeqCst) > 1
     }
 
-    fn signalled(self) -> bool {
+    /// Returns whether the user pressed Ctrl-C.
+    pub(super) fn pressed(self) -> bool {
         PRESSES.load(Ordering::SeqCst) > 0
+    }
+
+    fn signalled(self) -> bool {
+        SIGNALS.load(Ordering::SeqCst) > 0
     }
 
     /// Returns the exit code of a command that ended in order.
     pub(super) fn exit_code(self) -> ExitCode {
         if self.signalled() { ExitCode::from(EXIT) } else { ExitCode::SUCCESS }
     }
+}
+
+/// Counts a signal; one that the command does not expect ends the process.
+fn hear(heard: Heard) {
+    let mut last = LAST.lock().unwrap_or_else(PoisonError::into_inner);
+    if last.is_some_and(|last| last.elapsed() <= ONE_PRESS) {
+        return;
+    }
+    *last = Some(Instant::now());
+    let former = SIGNALS.load(Ordering::SeqCst);
+    // Shells and systems say it several times; who asked for an end has asked.
+    if heard == Heard::HangUp && former >= EXPECTED.load(Ordering::SeqCst) {
+        return;
+    }
+    if heard == Heard::Press {
+        PRESSES.fetch_add(1, Ordering::SeqCst);
+    }
+    SIGNALS.store(former + 1, Ordering::SeqCst);
+    if former >= EXPECTED.load(Ordering::SeqCst) {
+        std::process::exit(EXIT.into());
+    }
+}
+
+/// Hears signals on a thread of its own.
+fn install() -> io::Result<()> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_io().build()?;
+    listen_by(&runtime)?;
+    let hears = move || runtime.block_on(std::future::pending::<()>());
+    std::thread::Builder::new().name("dcd-signals".to_owned()).spawn(hears).map(drop)
+}
+
+#[cfg(unix)]
+fn listen_by(runtime: &Runtime) -> io::Result<()> {
+    use tokio::signal::unix::{SignalKind, signal};
+    let _within = runtime.enter();
+    let ignored = ignored();
+    for (kind, heard) in [
+        (SignalKind::interrupt(), Heard::Press),
+        (SignalKind::terminate(), Heard::Termination),
+        (SignalKind::hangup(), Heard::HangUp),
+    ] {
+        if ignored & 1 << (kind.as_raw_value() - 1) != 0 {
+            continue;
+        }
+        let mut signals = signal(kind)?;
+        runtime.spawn(async move {
+            while signals.recv().await.is_some() {
+                hear(heard);
+            }
+        });
+    }
+    Ok(())
+}
+
+/// Returns the signals that the process was started to ignore, as bits; none where the system does not say.
+#[cfg(unix)]
+fn ignored() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let bits = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    bits.and_then(|bits| u64::from_str_radix(bits.trim(), 16).ok()).unwrap_or(0)
+}
+
+#[cfg(not(unix))]
+fn listen_by(runtime: &Runtime) -> io::Result<()> {
+    runtime.spawn(async {
+        while tokio::signal::ctrl_c().await.is_ok() {
+            hear(Heard::Press);
+        }
+    });
+    Ok(())
 }

@@ -85,20 +85,26 @@ impl Node {
         self.record.as_deref().map_or(Ok(()), unused)?;
         let (identity, record) = (self.identity, self.record.clone());
         let is_token_needed = !identity.as_ref().is_some_and(|path| path.exists());
-        let join =
-            JoinConfig { identity, record, ..joining(&self.server, self.token.read(is_token_needed)?) };
+        let join = JoinConfig {
+            identity,
+            record,
+            listen: self.listen,
+            metrics: self.metrics,
+            ..joining(&self.server, self.token.read(is_token_needed)?)
+        };
+        // All that may fail here does so before the token is used up.
+        let name = format!("a node of {}", self.server[0]);
+        let viewer = self.view.map(|at| view::open(at, &name)).transpose()?;
         let mut config = MemberConfig::new(join.server, join.join(JoinRole::Node)?);
         config.standbys = join.standbys;
-        config.listen = self.listen;
+        config.listen = join.listen;
         config.advertise = self.advertise;
         config.give_up = self.give_up;
         config.record = self.record;
-        config.metrics = self.metrics;
+        config.metrics = join.metrics;
         config.threads = self
             .threads
             .map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from);
-        let name = format!("a node of {}", self.server[0]);
-        let viewer = self.view.map(|at| view::open(at, &name)).transpose()?;
         config.onlooker = viewer.map(|mut viewer| -> Onlooker {
             Box::new(move |regions, stats| viewer.show_node(regions, stats))
         });

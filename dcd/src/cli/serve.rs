@@ -22,7 +22,7 @@ use crate::cluster::{GroupPolicy, Grouping, PollRules};
 use crate::net::JoinRole;
 use crate::protocol::{DelayThresholds, MAX_LAG, MAX_STATE_TICKS, Pace, Thresholds, View, ViewNumber};
 use crate::runtime::{
-    GroupConfig, LocalWorld, Origin, ServeConfig, ServerProcess, ServerSummary, WorldConfig,
+    self, GroupConfig, LocalWorld, Origin, ServeConfig, ServerProcess, ServerSummary, WorldConfig,
 };
 use crate::scene::{Params, Scene};
 use crate::space::{Allocation, MAX_REGIONS, Tick};
@@ -160,7 +160,11 @@ impl Serve {
                 self.tell_of_suspension(&server.summary(), common);
                 Ok(ExitCode::SUCCESS)
             }
-            None => self.tell_of_end(&server.stop()).map(|()| interrupt.exit_code()),
+            None => {
+                // Whatever it is, it was no usage.
+                let summary = server.stop().map_err(|error| Failure::run(error.to_string()))?;
+                self.tell_of_end(&summary).map(|()| interrupt.exit_code())
+            }
         }
     }
 
@@ -270,7 +274,7 @@ impl Serve {
     fn ends(&self, interrupt: Interrupt, common: &Common) -> bool {
         // A parent process asks for it by the end of standard input, or passes on what the terminal says.
         let ends = self.until_stdin_ends
-            || std::io::stdin().is_terminal() && {
+            || interrupt.pressed() && std::io::stdin().is_terminal() && {
                 common.say("stopping, and keeping the world; Ctrl-C again ends it for all");
                 interrupt.asked_again(AGAIN)
             };
@@ -359,7 +363,8 @@ fn start(
         Beginning::Scene(scene) => Origin::Scene(&scene.0, &scene.1),
         Beginning::Snapshot(world) => Origin::World(world),
     };
-    Ok(ServerProcess::start_or_stand_by(origin, config, &mut stand_by)?)
+    let beginning = runtime::Beginning::of(origin)?;
+    Ok(ServerProcess::start_or_stand_by(beginning, config, &mut stand_by)?)
 }
 
 /// Returns who is a member and has which regions.
@@ -397,7 +402,7 @@ fn after_help() -> String {
          say what they own, and when it has ended while this server stood by.\n\n\
          A server that dies is to be started again with the same options: nodes compute on meanwhile, and they and clients dial\n\
          it again. Nodes may be some seconds ahead of tick N. SIGTERM, SIGHUP and Ctrl-C stop the server in the same way, with exit\n\
-         code 0: the world goes on. `dcd end --data DIR` ends it for all, and so does a second signal within two seconds\n\
+         code 0: the world goes on. `dcd end --data DIR` ends it for all, and so does a second Ctrl-C within two seconds\n\
          where standard input is a terminal. --data keeps the keys (authority.pem), the list of used tokens (joins.log), locks, and the world (world.redb).\n\n{}",
         scenes::overview()
     )

@@ -13,9 +13,9 @@ use super::common::{Common, print_to_reader};
 use super::failure::Failure;
 use super::interrupt::Interrupt;
 use super::values::{SERVER, address, is_used, joining};
-use crate::net::{Authority, JoinRole};
+use crate::net::{Authority, JoinRole, NetError};
 use crate::protocol::{NodeStatus, Status as Told};
-use crate::runtime::StatusLink;
+use crate::runtime::{ProcessError, StatusLink};
 use crate::space::Bounds;
 
 /// The time between two looks, from which rates follow.
@@ -65,7 +65,8 @@ pub(super) struct Status {
 impl Status {
     pub(super) fn execute(self, _common: &Common) -> Result<ExitCode, Failure> {
         let interrupt = Interrupt::listen()?;
-        let link = StatusLink::connect(&joining(&self.server, self.token()?))?;
+        let link = StatusLink::connect(&joining(&self.server, self.token()?))
+            .map_err(|error| self.failure(error))?;
         let (mut before, mut asked) = (link.ask(ANSWER)?, Instant::now());
         loop {
             while asked.elapsed() < BETWEEN && !interrupt.asked() {
@@ -84,6 +85,17 @@ impl Status {
             }
             (before, asked) = (now, at);
         }
+    }
+
+    /// Says where to look instead, where the folder leads to believe that its server listens at the usual address.
+    fn failure(&self, error: ProcessError) -> Failure {
+        let usual = SERVER.parse().is_ok_and(|usual| self.server == [usual]);
+        if self.data.is_some() && usual && matches!(error, ProcessError::Net(NetError::Unreachable { .. })) {
+            return Failure::run(format!(
+                "{error}; a server that stands by, or listens elsewhere, needs --server"
+            ));
+        }
+        error.into()
     }
 
     fn token(&self) -> Result<String, Failure> {
@@ -269,5 +281,24 @@ impl Node {
             delay_ms: node.delay_ms,
             unreached: node.unreached,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_folder_whose_server_is_not_at_the_usual_address_leads_to_the_option_for_it() {
+        let usual: SocketAddr = SERVER.parse().unwrap();
+        let fails = |data: Option<&str>, server: Vec<SocketAddr>| {
+            let (token, data) = (None, data.map(PathBuf::from));
+            let status = Status { server, token, data, watch: false, json: false };
+            let error = NetError::Unreachable { addr: usual, waited: ANSWER };
+            status.failure(error.into()).message().contains("needs --server")
+        };
+        assert!(fails(Some("dcd-data"), vec![usual]));
+        assert!(!fails(Some("dcd-data"), vec![usual, usual]));
+        assert!(!fails(None, vec![usual]));
     }
 }

@@ -2,7 +2,7 @@
 
 use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::NetError;
 
@@ -21,20 +21,27 @@ pub(crate) fn open_private(path: &Path, options: &mut OpenOptions) -> Result<Fil
     options.open(path).map_err(at(path))
 }
 
+/// Returns where a file is written before it takes its name, which no other file beside it has.
+pub(crate) fn draft_of(path: &Path) -> PathBuf {
+    let mut name = path.as_os_str().to_owned();
+    name.push(".draft");
+    name.into()
+}
+
 /// Checks that [`replace_private`] can write there, as far as that can be known before.
 #[cfg(feature = "physics")]
 pub(super) fn check_replaceable(path: &Path) -> Result<(), NetError> {
     if path.is_dir() {
         return Err(at(path)(io::ErrorKind::IsADirectory.into()));
     }
-    let draft = path.with_extension("draft");
+    let draft = draft_of(path);
     open_private(&draft, OpenOptions::new().write(true).create(true).truncate(true))?;
     fs::remove_file(&draft).map_err(at(&draft))
 }
 
 /// Writes a private file so that after a crash it holds the old or the new content, never a part.
 pub(super) fn replace_private(path: &Path, content: &[u8]) -> Result<(), NetError> {
-    let draft = path.with_extension("draft");
+    let draft = draft_of(path);
     // A draft left by a crash may have other permissions; it is made anew.
     match fs::remove_file(&draft) {
         Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(at(&draft)(error)),
@@ -67,5 +74,20 @@ mod tests {
         replace_private(&path, b"new").unwrap();
         assert_eq!(fs::read(&path).unwrap(), b"new");
         assert_eq!(fs::metadata(&path).unwrap().permissions().mode() & 0o777, 0o600);
+    }
+
+    #[test]
+    fn files_that_differ_after_the_last_dot_are_written_apart() {
+        let folder = tempfile::tempdir().unwrap();
+        let [own, other, draft] = ["who.1", "who.draft", "x.draft"].map(|name| folder.path().join(name));
+        fs::write(&other, "another's").unwrap();
+        fs::write(&draft, "a name like any other").unwrap();
+        check_replaceable(&own).unwrap();
+        replace_private(&own, b"own").unwrap();
+        check_replaceable(&draft).unwrap();
+        let read = |path| fs::read_to_string(path).unwrap();
+        assert_eq!((read(&own), read(&other)), ("own".to_owned(), "another's".to_owned()));
+        assert_eq!(read(&draft), "a name like any other");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 3, "no draft is left");
     }
 }

@@ -47,7 +47,7 @@ pub use endpoint::{Net, NetConfig};
 pub use error::{JoinRefusal, NetError, SendError, TokenError};
 pub use events::{CloseCause, CloseCode, NetEvent, NetEvents, PeerKey};
 #[cfg(feature = "physics")]
-pub(crate) use files::open_private;
+pub(crate) use files::{draft_of, open_private};
 pub use identity::Identity;
 pub use join::join;
 #[doc(hidden)]

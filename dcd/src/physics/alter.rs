@@ -2,9 +2,8 @@
 
 use rapier3d::prelude::*;
 
-use super::record::{self, traits_of};
-use super::{HostError, RegionHost, joints};
-use crate::protocol::{Alteration, BodyTraits, ColliderMass, ColliderRecord, ExtraMass, JointRecord};
+use super::{HostError, RegionHost, joints, record};
+use crate::protocol::{Alteration, ColliderMass, ColliderRecord, JointRecord};
 
 impl RegionHost {
     /// Makes a change to every copy held here, as a local world's user does by the same setters. Returns whether any is held.
@@ -15,7 +14,7 @@ impl RegionHost {
                 let Some(known) = self.record(*body) else { return Ok(false) };
                 self.check_kind(*body, traits.kind)?;
                 self.change_copies(*body, |copy| {
-                    set_traits(copy, traits);
+                    record::set_traits(copy, traits);
                     if *wakes {
                         copy.wake_up(true);
                     }
@@ -29,48 +28,6 @@ impl RegionHost {
             }
         }
     }
-}
-
-/// Sets a body's traits where they differ, without waking it.
-fn set_traits(body: &mut RigidBody, new: &BodyTraits) {
-    let old = traits_of(body, Vec::new());
-    if old.kind != new.kind {
-        body.set_body_type(record::body_type(new.kind), false);
-    }
-    if old.enabled != new.enabled {
-        body.set_enabled(new.enabled);
-    }
-    body.set_linear_damping(new.linear_damping);
-    body.set_angular_damping(new.angular_damping);
-    if old.gravity_scale != new.gravity_scale {
-        body.set_gravity_scale(new.gravity_scale, false);
-    }
-    if old.locked_axes != new.locked_axes {
-        body.set_locked_axes(LockedAxes::from_bits_truncate(new.locked_axes), false);
-    }
-    if old.dominance != new.dominance {
-        body.set_dominance_group(new.dominance);
-    }
-    body.enable_ccd(new.ccd);
-    body.set_soft_ccd_prediction(new.soft_ccd_m);
-    body.set_allow_fast_rotation(new.fast_rotation);
-    body.enable_gyroscopic_forces(new.gyroscopic);
-    body.set_additional_solver_iterations(new.extra_solver_iterations as usize);
-    body.set_additional_pgs_iterations(new.extra_pgs_iterations as usize);
-    let activation = body.activation_mut();
-    activation.normalized_linear_threshold = new.sleep_linear_threshold;
-    activation.angular_threshold = new.sleep_angular_threshold;
-    activation.time_until_sleep = new.sleep_after_s;
-    if old.extra_mass != new.extra_mass {
-        match &new.extra_mass {
-            None => body.set_additional_mass(0.0, false),
-            Some(ExtraMass::Mass(mass)) => body.set_additional_mass(*mass, false),
-            Some(ExtraMass::Properties(mass)) => {
-                body.set_additional_mass_properties(record::mass_properties(mass), false);
-            }
-        }
-    }
-    body.user_data = new.user_data;
 }
 
 /// Sets what differs between two records of a collider.

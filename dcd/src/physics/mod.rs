@@ -52,6 +52,8 @@ pub(crate) use measure::drawn_force_n;
 pub use measure::{Census, ContactPoint, ContactSample, Measured, View};
 pub use partition::Partition;
 pub use query::{BodyFilter, PointHit, Queries, QueryError, RayHit, ShapeHit, WorldMotion, WorldRay};
+#[cfg(feature = "net")]
+pub(crate) use record::hangs;
 pub use region::{Ownership, Profile, Region};
 pub use settings::{Coupling, Preset, StepSettings};
 pub(crate) use shapes::can_build;

@@ -10,7 +10,7 @@ use super::convert::{self, vector};
 use super::shapes::{ShapeError, ShapeLibrary};
 use crate::protocol::{
     BodyKind, BodyRecord, BodyState, BodyTraits, ColliderMass, ColliderRecord, CombineRule, ExtraMass,
-    Groups, MassRecord, WorldPose,
+    Groups, MassRecord, ShapeRecord, WorldPose,
 };
 use crate::space::{BodyId, Bounds, Epoch};
 
@@ -24,15 +24,15 @@ impl ShapeLibrary {
         body: &RigidBody,
         colliders: &[ColliderBuilder],
     ) -> Result<BodyRecord, ShapeError> {
-        if hangs(body, colliders) {
-            return Err(ShapeError::Massless);
-        }
         // Collected results would leave room for four.
         let mut records = Vec::with_capacity(colliders.len());
         for collider in colliders {
             records.push(collider_record(collider, self)?);
         }
         let traits = Arc::new(traits_of(body, records));
+        if hangs(&traits, self) {
+            return Err(ShapeError::Massless);
+        }
         let state = BodyState { pose, ..state_of(body, [0.0; 3]) };
         Ok(BodyRecord { id, epoch: Epoch(0), state, traits })
     }
@@ -40,24 +40,23 @@ impl ShapeLibrary {
 
 /// Returns whether a dynamic body has colliders without an inside, and no mass from them or anywhere else. Rapier takes its mass to be
 /// infinite.
-fn hangs(body: &RigidBody, colliders: &[ColliderBuilder]) -> bool {
-    let mass_of =
-        |collider: &ColliderBuilder| collider.mass_properties.mass_properties(&*collider.shape.0).mass();
-    let is_hollow = |collider: &ColliderBuilder| {
-        matches!(
-            collider.shape.shape_type(),
-            ShapeType::TriMesh
-                | ShapeType::HeightField
-                | ShapeType::Polyline
-                | ShapeType::Segment
-                | ShapeType::Triangle
-                | ShapeType::HalfSpace
-        )
+pub(crate) fn hangs(traits: &BodyTraits, shapes: &ShapeLibrary) -> bool {
+    use ShapeRecord::{HalfSpace, HeightField, Polyline, Segment, TriMesh, Triangle};
+    let is_hollow = |collider: &ColliderRecord| {
+        let shape = shapes.record_of(collider.shape);
+        shape.is_some_and(|shape| {
+            matches!(
+                shape,
+                TriMesh(..) | HeightField(..) | Polyline(..) | Segment(..) | Triangle(..) | HalfSpace(..)
+            )
+        })
     };
-    body.is_dynamic()
-        && body.mass_properties().additional_local_mprops.is_none()
-        && colliders.iter().any(is_hollow)
-        && colliders.iter().all(|collider| mass_of(collider) == 0.0)
+    let mass_of = |collider: &ColliderRecord| build_collider(collider, shapes).map_or(0.0, |own| own.mass());
+    let mut enabled = traits.colliders.iter().filter(|collider| collider.enabled);
+    traits.kind == BodyKind::Dynamic
+        && traits.extra_mass.is_none()
+        && enabled.clone().any(is_hollow)
+        && enabled.all(|collider| mass_of(collider) == 0.0)
 }
 
 /// Reads the state, which a step changes, from Rapier's body.
@@ -111,6 +110,48 @@ pub(crate) fn traits_of(body: &RigidBody, colliders: Vec<ColliderRecord>) -> Bod
         colliders,
         user_data: body.user_data,
     }
+}
+
+/// Sets a body's traits where they differ, without waking it.
+pub(super) fn set_traits(body: &mut RigidBody, new: &BodyTraits) {
+    let old = traits_of(body, Vec::new());
+    if old.kind != new.kind {
+        body.set_body_type(body_type(new.kind), false);
+    }
+    if old.enabled != new.enabled {
+        body.set_enabled(new.enabled);
+    }
+    body.set_linear_damping(new.linear_damping);
+    body.set_angular_damping(new.angular_damping);
+    if old.gravity_scale != new.gravity_scale {
+        body.set_gravity_scale(new.gravity_scale, false);
+    }
+    if old.locked_axes != new.locked_axes {
+        body.set_locked_axes(LockedAxes::from_bits_truncate(new.locked_axes), false);
+    }
+    if old.dominance != new.dominance {
+        body.set_dominance_group(new.dominance);
+    }
+    body.enable_ccd(new.ccd);
+    body.set_soft_ccd_prediction(new.soft_ccd_m);
+    body.set_allow_fast_rotation(new.fast_rotation);
+    body.enable_gyroscopic_forces(new.gyroscopic);
+    body.set_additional_solver_iterations(new.extra_solver_iterations as usize);
+    body.set_additional_pgs_iterations(new.extra_pgs_iterations as usize);
+    let activation = body.activation_mut();
+    activation.normalized_linear_threshold = new.sleep_linear_threshold;
+    activation.angular_threshold = new.sleep_angular_threshold;
+    activation.time_until_sleep = new.sleep_after_s;
+    if old.extra_mass != new.extra_mass {
+        match &new.extra_mass {
+            None => body.set_additional_mass(0.0, false),
+            Some(ExtraMass::Mass(mass)) => body.set_additional_mass(*mass, false),
+            Some(ExtraMass::Properties(mass)) => {
+                body.set_additional_mass_properties(mass_properties(mass), false);
+            }
+        }
+    }
+    body.user_data = new.user_data;
 }
 
 /// Builds Rapier's body and colliders, in the space of a region with this origin (anchor).

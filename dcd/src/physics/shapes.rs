@@ -112,14 +112,14 @@ impl ShapeLibrary {
         self.shapes.get(&hash).map(|(_, shape)| shape.clone()).ok_or(ShapeError::Unknown(hash))
     }
 
-    /// Returns a shape that a compound may be made of; Parry stops at others.
+    /// Returns a shape that a compound may be made of; Parry stops at others, or lets all fall through them.
     fn part(&self, hash: ShapeHash) -> Result<SharedShape, ShapeError> {
-        let part = self.shape(hash)?;
-        if part.as_composite_shape().is_some() {
+        let (record, part) = self.shapes.get(&hash).ok_or(ShapeError::Unknown(hash))?;
+        if is_composite(record) {
             let cause = "a part of it is made of parts itself".into();
             return Err(ShapeError::Broken { what: "compound", cause });
         }
-        Ok(part)
+        Ok(part.clone())
     }
 
     /// Returns the record with this hash, to send it on.
@@ -532,6 +532,21 @@ mod tests {
         turned[3].swap(0, 1);
         for broken in [&closed[..3], &turned, &[&closed[..], &closed[..]].concat(), &[[0, 0, 0]]] {
             assert!(matches!(built(broken), Err(ShapeError::Broken { .. })), "{broken:?}");
+        }
+    }
+
+    #[test]
+    fn a_compound_is_made_of_neither_meshes_nor_terrain() {
+        let pose = convert::pose_record(&Pose::IDENTITY);
+        let mut library = ShapeLibrary::default();
+        let corners = vec![Vector::ZERO, Vector::X, Vector::Z];
+        let voxels = SharedShape::voxels(Vector::splat(0.5), &[IVector::ZERO]);
+        let terrain = SharedShape::heightfield(Array2::new(2, 2, vec![0.0; 4]), Vector::ONE);
+        let mesh = SharedShape::trimesh(corners.clone(), vec![[0, 1, 2]]).unwrap();
+        for part in [voxels, terrain, mesh, SharedShape::polyline(corners, None)] {
+            let part = library.intern(&part).unwrap();
+            let made = library.add(ShapeRecord::Compound(vec![(pose, part)]));
+            assert!(matches!(made, Err(ShapeError::Broken { what: "compound", .. })), "{made:?}");
         }
     }
 

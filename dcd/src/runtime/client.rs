@@ -10,9 +10,9 @@ use std::net::SocketAddr;
 
 use super::bandwidth::{Bandwidth, COSTLIEST};
 use super::ending::GIVE_UP;
-use super::{Connections, Member, MemberConfig, NodeSummary, ProcessError};
+use super::{Connections, Member, MemberConfig, NodeSummary, ProcessError, metrics};
 use crate::cluster::{BodyView, Client, ClientEvent};
-use crate::net::{Identity, JoinRole, NetError, PeerStats, Token, join, renew};
+use crate::net::{Identity, JoinRole, NetError, PeerStats, Token, check_address, join, renew};
 use crate::physics::{ShapeError, ShapeLibrary};
 use crate::playback::{Motion, ViewTime};
 use crate::prediction::{Prediction, Predictor};
@@ -91,6 +91,10 @@ impl JoinConfig {
         if let Some(path) = &self.record {
             Background::check(path).map_err(|cause| ProcessError::Record { path: path.clone(), cause })?;
         }
+        if matches!(role, JoinRole::Node | JoinRole::Participant) {
+            self.listen.map_or(Ok(()), check_address)?;
+        }
+        self.metrics.map_or(Ok(()), metrics::check)?;
         self.identity.as_deref().map_or(Ok(()), Identity::check_place)?;
         let former = match &self.identity {
             Some(path) if path.exists() => Some(Identity::load(path)?),

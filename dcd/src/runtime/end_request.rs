@@ -47,7 +47,9 @@ pub enum WorldEnd {
     ByServer,
     /// The folder keeps no world.
     Nothing,
-    /// Its server has not ended it in time.
+    /// Its server has been told, and has not ended it in time.
+    Underway,
+    /// Its server has not taken the request in time, which is withdrawn: the world goes on.
     Unheard,
 }
 
@@ -55,7 +57,7 @@ pub enum WorldEnd {
 pub fn end_world(folder: &Path, timeout: Duration) -> Result<WorldEnd, DirectoryError> {
     let deadline = Instant::now() + timeout;
     let path = folder.join(REQUEST);
-    let mut asked = false;
+    let (mut asked, mut heard) = (false, false);
     loop {
         if !is_served(folder)? {
             if asked {
@@ -71,8 +73,11 @@ pub fn end_world(folder: &Path, timeout: Duration) -> Result<WorldEnd, Directory
                 (Ok(false), false) => return Ok(WorldEnd::Nothing),
             }
         }
+        heard |= asked && !path.exists();
         if Instant::now() >= deadline {
-            return Ok(WorldEnd::Unheard);
+            // Else a server that is slow would end its world when nobody expects that any more.
+            heard |= std::fs::remove_file(&path).is_err();
+            return Ok(if heard { WorldEnd::Underway } else { WorldEnd::Unheard });
         }
         // Once more if it is taken: a server that was just starting takes it for one to the server before.
         if asked && path.exists() {

@@ -82,6 +82,8 @@ pub use local::{LocalWorld, Stats};
 #[cfg(feature = "net")]
 pub use member::{Member, MemberConfig, NodeSummary, Onlooker};
 #[cfg(feature = "net")]
+pub(crate) use origin::Beginning;
+#[cfg(feature = "net")]
 pub use origin::Origin;
 #[cfg(feature = "net")]
 pub use pulse::Pulse;

@@ -25,7 +25,7 @@ pub enum Origin<'a> {
 }
 
 /// The values that a served world begins with.
-pub(super) struct Beginning {
+pub(crate) struct Beginning {
     tree: DistributionTree,
     balance: Option<Balance>,
     halo_m: Option<f64>,
@@ -36,7 +36,7 @@ pub(super) struct Beginning {
 }
 
 impl Beginning {
-    pub(super) fn of(origin: Origin<'_>) -> Result<Self, ProcessError> {
+    pub(crate) fn of(origin: Origin<'_>) -> Result<Self, ProcessError> {
         let fidelity = match origin {
             Origin::Scene(_, config) => config.fidelity,
             Origin::World(world) => world.host().fidelity(),

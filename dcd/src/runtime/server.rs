@@ -165,17 +165,22 @@ impl Shared {
 impl ServerProcess {
     /// Starts a server on a thread of its own. Where others stand by, it waits until none of them serves the world.
     pub fn start(origin: Origin<'_>, config: ServeConfig) -> Result<Self, ProcessError> {
-        let started = Self::start_or_stand_by(origin, config, &mut |_| true)?;
+        Self::start_from(Beginning::of(origin)?, config)
+    }
+
+    /// Does the same with what the world begins with.
+    pub(crate) fn start_from(beginning: Beginning, config: ServeConfig) -> Result<Self, ProcessError> {
+        let started = Self::start_or_stand_by(beginning, config, &mut |_| true)?;
         started.ok_or_else(|| ProcessError::Ended("this server was not to wait on".to_owned()))
     }
 
     /// Does the same; `None`: it was not to wait on.
     pub(crate) fn start_or_stand_by(
-        origin: Origin<'_>,
+        beginning: Beginning,
         config: ServeConfig,
         goes_on: GoesOn<'_>,
     ) -> Result<Option<Self>, ProcessError> {
-        let (environment, record) = world_of(Beginning::of(origin)?, &config)?;
+        let (environment, record) = world_of(beginning, &config)?;
         if let Some(path) = &config.record {
             Background::check(path).map_err(|cause| ProcessError::Record { path: path.clone(), cause })?;
         }
@@ -444,10 +449,11 @@ impl ServerProcess {
         let _over = self.shared.changed.wait_while(state, |state| !state.over);
     }
 
-    /// Audits the world, tells all processes that it ends, and waits for the end.
-    pub fn stop(mut self) -> ServerSummary {
+    /// Audits the world, tells all processes that it ends, and waits for the end. What fails on the way is an error, as it is of
+    /// [`ServerProcess::failure`].
+    pub fn stop(mut self) -> Result<ServerSummary, ProcessError> {
         self.end();
-        self.summary()
+        self.failure().map_or_else(|| Ok(self.summary()), Err)
     }
 
     fn end(&mut self) {

@@ -9,7 +9,9 @@ use super::error::Error;
 use super::remote::check_vehicle;
 use super::role::{Instead, Role, Unsupported};
 use super::view::{Body, MovableBody};
-use crate::physics::{ShapeError, ShapeLibrary, joint_record, try_on_body, try_on_collider, try_on_joint};
+use crate::physics::{
+    ShapeError, ShapeLibrary, hangs, joint_record, try_on_body, try_on_collider, try_on_joint,
+};
 use crate::protocol::{
     Alteration, BodyKind, BodyRecord, BodyTraits, BuildOp, Check, Controller, Drive, Input, Invalid,
     JointRecord, Push, ShapeHash, ShapeRecord, Velocity, WorldPose,
@@ -393,6 +395,9 @@ impl Author {
 
     fn alter(&mut self, known: &BodyRecord, traits: BodyTraits, wakes: bool) -> Result<(), Error> {
         traits.check().map_err(refused)?;
+        if hangs(&traits, &self.shapes) {
+            return Err(ShapeError::Massless.into());
+        }
         let traits = Arc::new(traits);
         match self.fresh(known.id) {
             Some(place) => {

@@ -10,7 +10,7 @@ use super::served::Served;
 use super::{Error, Inner, World};
 use crate::net::JoinRole;
 use crate::runtime::{
-    ClientWorld, JoinConfig, Member, MemberConfig, Origin, ServeConfig, ServerProcess, WorldConfig,
+    Beginning, ClientWorld, JoinConfig, Member, MemberConfig, Origin, ServeConfig, ServerProcess, WorldConfig,
 };
 use crate::scene::Scene;
 
@@ -55,9 +55,18 @@ impl World {
     /// Serves a copy of this local world as it is now, with its cut and settings. What is not a property of a body or joint stays
     /// behind: contacts under load begin anew, and the tick begins at 0.
     pub fn serve_copy(&self, config: ServeConfig) -> Result<Self, Error> {
+        self.copy_to_serve()?(config)
+    }
+
+    /// Returns what does the rest of [`World::serve_copy`] and needs this world no more: it may stand by for long.
+    #[doc(hidden)]
+    pub fn copy_to_serve(&self) -> Result<impl FnOnce(ServeConfig) -> Result<Self, Error> + use<>, Error> {
         let source = self.local("be a source", Instead::MakeSourceAnew)?;
-        let server = ServerProcess::start(Origin::World(source), config)?;
-        Ok(Self::of(Hosted::new(Process::Server(server), Some(self.settings()?))))
+        let (beginning, step) = (Beginning::of(Origin::World(source))?, self.settings()?);
+        Ok(move |config| {
+            let server = ServerProcess::start_from(beginning, config)?;
+            Ok(Self::of(Hosted::new(Process::Server(server), Some(step))))
+        })
     }
 
     /// Stops this server without ending its world: what is known of it is written to the data folder, nodes compute on and dial

@@ -1,6 +1,5 @@
 //! Keeps a local world in memory and goes back to it, as often as every frame: rollback.
 
-use super::showing::LastStep;
 use super::{Error, Instead, World};
 use crate::runtime::Checkpoint;
 
@@ -38,7 +37,7 @@ impl World {
     /// inserted since is gone, and its id may name another body later.
     pub fn rewind(&mut self, to: &Checkpoint) -> Result<(), Error> {
         self.local_mut("go back to a checkpoint", Instead::ComputeAlone)?.rewind(to)?;
-        self.last_step = LastStep::default();
+        self.last_step.go_back();
         Ok(())
     }
 }

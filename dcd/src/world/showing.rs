@@ -36,6 +36,12 @@ impl LastStep {
         self.stepped = Some(Instant::now());
     }
 
+    /// Forgets the last step, since the world is as it was at another time: it is shown as it is until the next.
+    pub(super) fn go_back(&mut self) {
+        self.before.clear();
+        self.stepped = self.stepped.map(|_| Instant::now());
+    }
+
     fn time(&mut self, world: &LocalWorld) -> ViewTime {
         let stepped = *self.stepped.get_or_insert_with(Instant::now);
         let since = stepped.elapsed().as_secs_f64() / f64::from(world.host().settings().dt_s);

@@ -3,7 +3,6 @@
 use std::io::{Read, Write};
 use std::path::Path;
 
-use super::showing::LastStep;
 use super::{Error, Inner, World};
 use crate::runtime::LocalWorld;
 
@@ -74,7 +73,7 @@ impl World {
         match &mut self.inner {
             Inner::Local(world) => {
                 world.reload(from)?;
-                self.last_step = LastStep::default();
+                self.last_step.go_back();
                 Ok(())
             }
             Inner::Remote(world) => {

@@ -25,10 +25,11 @@ static DcdPairAnswer on_filter(void *context, const DcdHookedPair *pair)
     Seen *seen = context;
     DcdWorldInfo info = DCD_WORLD_INFO_INIT;
     const DcdStatus inside = dcd_world_info(seen->world, &info);
+    const bool valid = dcd_body_is_valid(seen->world, pair->a); /* not from within */
     pthread_mutex_lock(&seen->lock);
     seen->filtered++;
     seen->inside = inside;
-    seen->ok = seen->ok && pair->a.v != pair->b.v && pair->collider_a == 0 && isfinite(pair->pose_a.p[1]) &&
+    seen->ok = seen->ok && !valid && pair->a.v != pair->b.v && pair->collider_a == 0 && isfinite(pair->pose_a.p[1]) &&
                (pair->user_a != BELT || pair->material_a == 77);
     pthread_mutex_unlock(&seen->lock);
     return is(pair, GHOST) ? DCD_MEET_NOT : DCD_MEET_PUSH;

@@ -1750,6 +1750,46 @@ static void ticks_are_computed_again(void)
     OK(dcd_world_destroy(world)); /* and the other checkpoints with it */
 }
 
+static DcdContact ended_last(DcdWorld world)
+{
+    DcdContact none = { 0 };
+    DcdEventView events = DCD_EVENT_VIEW_INIT;
+    none.kind = 99;
+    OK(dcd_events(world, &events));
+    return events.contact_count == 1 && events.contacts[0].kind == DCD_CONTACT_ENDED ? events.contacts[0] : none;
+}
+
+/* The user data of a body that is destroyed comes back with a checkpoint before and after the step that tells of it. */
+static void who_is_gone_is_known_again(void)
+{
+    DcdWorld world = make_world(1, 1, -10.0f);
+    DcdCheckpointId before = { 0 }, after = { 0 };
+    DcdBodyDef def = crate(world, 0.0, 0.5);
+    add_floor(world);
+    def.user_data = 7;
+    def.events = DCD_EVENT_CONTACT;
+    DcdBodyId body = add(world, def);
+    HOLDS(next_contact(world, DCD_CONTACT_BEGAN).user_b == 7);
+    OK(dcd_body_destroy(world, body));
+    OK(dcd_checkpoint_create(world, &before));
+    OK(dcd_step(world));
+    HOLDS(ended_last(world).user_b == 7 && ended_last(world).b.v == body.v);
+    OK(dcd_checkpoint_create(world, &after));
+    for (int turn = 0; turn < 2; turn++) {
+        OK(dcd_checkpoint_restore(world, before));
+        HOLDS(ended_last(world).kind == 99);
+        OK(dcd_step(world));
+        HOLDS(ended_last(world).user_b == 7);
+        OK(dcd_step(world));
+        HOLDS(ended_last(world).kind == 99);
+        OK(dcd_checkpoint_restore(world, after));
+        HOLDS(ended_last(world).user_b == 7);
+        OK(dcd_step(world));
+        HOLDS(ended_last(world).kind == 99);
+    }
+    OK(dcd_world_destroy(world));
+}
+
 /* `path` is where a file may be written; it is left there. */
 static void snapshots_are_gone_back_to(const char *path)
 {
@@ -1948,6 +1988,7 @@ int main(int count, char **texts)
     shapes_and_points_find_bodies();
     millimetres_count_far_out();
     ticks_are_computed_again();
+    who_is_gone_is_known_again();
     snapshots_are_gone_back_to(count > 1 ? texts[1] : "behaviour.dcd");
     recordings_are_written(count > 1 ? texts[1] : "behaviour");
     steps_go_on_in_the_background();

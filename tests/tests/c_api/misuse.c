@@ -42,6 +42,50 @@ static DcdBodyId make_body(DcdWorld world, DcdShapeId shape, DcdBodyType type, d
     return body;
 }
 
+/* A dynamic body cannot lose all its mass, whichever way; what is refused changes nothing. */
+static void mass_stays(void)
+{
+    const float corners[] = { 0, 0, 0, 1, 0, 0, 0, 0, 1 };
+    const uint32_t triangle[] = { 0, 1, 2 };
+    DcdWorld world = make_world(1);
+    DcdBodyDef def = DCD_BODY_DEF_INIT;
+    DcdBodyProperties as = DCD_BODY_PROPERTIES_INIT;
+    DcdColliderProperties part = DCD_COLLIDER_PROPERTIES_INIT;
+    DcdBodyInfo info = DCD_BODY_INFO_INIT;
+    DcdShapeId sheet = { 0 }, box = make_box(world);
+    DcdBodyId body = { 0 };
+    EXPECT(dcd_shape_mesh(world, corners, 3, triangle, 1, &sheet), DCD_OK);
+    def.shape = sheet;
+    FAILS(dcd_body_create(world, &def, &body), DCD_ERR_ARGUMENT, "no mass");
+    def.extra_mass = 3.0f;
+    EXPECT(dcd_body_create(world, &def, &body), DCD_OK);
+    EXPECT(dcd_body_properties(world, body, &as), DCD_OK);
+    as.extra_mass = 0.0f;
+    as.gravity_scale = 0.5f;
+    FAILS(dcd_body_set_properties(world, body, &as), DCD_ERR_ARGUMENT, "no mass");
+    EXPECT(dcd_body_properties(world, body, &as), DCD_OK);
+    HOLDS(as.extra_mass == 3.0f && as.gravity_scale == 1.0f);
+    EXPECT(dcd_collider_add(world, body, box, NULL, NULL), DCD_OK);
+    as.extra_mass = 0.0f;
+    EXPECT(dcd_body_set_properties(world, body, &as), DCD_OK); /* the box has a mass */
+    FAILS(dcd_collider_remove(world, body, 1), DCD_ERR_ARGUMENT, "no mass");
+    FAILS(dcd_collider_set_shape(world, body, 1, sheet), DCD_ERR_ARGUMENT, "no mass");
+    EXPECT(dcd_collider_properties(world, body, 1, &part), DCD_OK);
+    part.density = 0.0f;
+    part.friction = 0.25f;
+    FAILS(dcd_collider_set_properties(world, body, 1, &part), DCD_ERR_ARGUMENT, "no mass");
+    part.density = 1000.0f;
+    part.flags = DCD_COLLIDER_DISABLED;
+    FAILS(dcd_collider_set_properties(world, body, 1, &part), DCD_ERR_ARGUMENT, "no mass");
+    EXPECT(dcd_collider_properties(world, body, 1, &part), DCD_OK);
+    HOLDS(part.friction == 0.5f && part.flags == 0);
+    EXPECT(dcd_body_info(world, body, &info), DCD_OK);
+    HOLDS(fabsf(info.mass - 1000.0f) < 1.0f);
+    EXPECT(dcd_step(world), DCD_OK);
+    EXPECT(dcd_collider_remove(world, body, 0), DCD_OK);
+    EXPECT(dcd_world_destroy(world), DCD_OK);
+}
+
 static void library(void)
 {
     char small[8];
@@ -247,6 +291,9 @@ static void shapes(void)
 
     EXPECT(dcd_shape_hull(world, solid, 4, &shape), DCD_OK);
     EXPECT(dcd_shape_heightfield(world, solid, 2, 3, HALF, &shape), DCD_OK);
+    parts[0] = make_box(world);
+    parts[1] = shape;
+    FAILS(dcd_shape_compound(world, parts, frames, 2, &shape), DCD_ERR_ARGUMENT, "parts[1]"); /* nor is terrain */
     EXPECT(dcd_shape_mesh(world, solid, 4, line, 2, &shape), DCD_OK); /* the good one is left */
     EXPECT(dcd_shape_mesh(world, solid, 4, triangle, 1, &shape), DCD_OK);
     parts[0] = make_box(world);
@@ -1329,6 +1376,7 @@ int main(void)
     scenes();
     shapes();
     bodies();
+    mass_stays();
     joints();
     bulk();
     queries();

@@ -65,7 +65,7 @@ impl Cluster {
 
     /// The world must have come through it whole.
     pub(crate) fn stop(self) {
-        let summary = self.server.stop();
+        let summary = self.server.stop().unwrap();
         assert_eq!((summary.lost, summary.doubled), (0, 0));
         for node in self.nodes {
             node.finish().unwrap();

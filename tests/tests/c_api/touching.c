@@ -118,6 +118,33 @@ int main(void)
     OK(dcd_overlap_points(world, &inside, 1, NULL, &found, 1, &end, &count));
     HOLDS(found.material == 44);
 
+    /* What touched by numbers that are no more ends with the materials of those that had them. */
+    DcdColliderProperties foot = DCD_COLLIDER_PROPERTIES_INIT;
+    const DcdBodyId crab = body_of(world, DCD_DYNAMIC, cube, 8.0, 2.5, RUBBER);
+    uint32_t ended = 0, ends = 0;
+    foot.events = DCD_EVENT_CONTACT;
+    for (uint32_t i = 1; i < 4; i++) {
+        foot.frame.p[0] = (float)i - 2.0f;
+        foot.frame.p[1] = -2.0f;
+        foot.user_data = 100 + i;
+        OK(dcd_collider_add(world, crab, cube, &foot, NULL));
+    }
+    for (int i = 0; i < 60; i++)
+        OK(dcd_step(world));
+    OK(dcd_collider_remove(world, crab, 2));
+    OK(dcd_collider_remove(world, crab, 1));
+    DcdEventView events = DCD_EVENT_VIEW_INIT;
+    OK(dcd_step(world));
+    OK(dcd_events(world, &events));
+    for (size_t k = 0; k < events.contact_count; k++) {
+        const DcdContact *contact = &events.contacts[k];
+        HOLDS(contact->a.v == floor.v && contact->b.v == crab.v && contact->material_a == ICE);
+        HOLDS(contact->kind == DCD_CONTACT_ENDED && contact->material_b == 100 + contact->collider_b);
+        ends++;
+        ended |= 1u << contact->collider_b;
+    }
+    HOLDS(ends == 2 && ended == (1u << 2 | 1u << 3)); /* number 1 touches on: it is another */
+
     /* Misuse. */
     FAILS(dcd_body_contacts(world, low, NULL, 4, &count), DCD_ERR_NULL, "out");
     FAILS(dcd_body_contacts(world, low, points, 32, NULL), DCD_ERR_NULL, "count");

@@ -3,10 +3,12 @@
 #include "dcd.hpp"
 #include "dcd.hpp"
 
+#include <atomic>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <thread>
 #include <unordered_map>
 #if __cplusplus >= 202002L
 #include <span>
@@ -397,6 +399,36 @@ static void what_is_set_counts()
     HOLDS(world.bodies_destroy(rest) && !world.body_is_valid(body));
 }
 
+/* What is found while another thread makes bodies and destroys them is there. */
+static void what_is_found_is_no_null_entry()
+{
+    dcd::World world = make_world();
+    add_floor(world);
+    dcd::BodyDef def;
+    def.shape = *world.shape_sphere(0.5f);
+    std::atomic<bool> over{ false };
+    std::thread other([&] {
+        while (!over) {
+            world.body_destroy(*world.body_create(def)).expect();
+        }
+    });
+    dcd::BoxQuery around;
+    around.min[0] = around.min[1] = around.min[2] = -100.0;
+    around.max[0] = around.max[1] = around.max[2] = 100.0;
+    const dcd::BoxQuery boxes[] = { around };
+    std::size_t seen = 0, nulls = 0;
+    for (int i = 0; i < 4000; i++) {
+        const dcd::Found<dcd::Overlap> found = *world.overlap_boxes(boxes);
+        for (const dcd::Overlap &overlap : found.items) {
+            seen++;
+            nulls += overlap.body.v == 0;
+        }
+    }
+    over = true;
+    other.join();
+    HOLDS(seen >= 4000 && nulls == 0);
+}
+
 /* A handle that goes where nothing can be destroyed is kept. */
 static void what_cannot_be_destroyed_yet_is_kept()
 {
@@ -438,6 +470,7 @@ int main()
     handles_clean_up();
     failures_say_why();
     what_is_set_counts();
+    what_is_found_is_no_null_entry();
     what_cannot_be_destroyed_yet_is_kept();
     static_objects_go_at_the_end();
     failures += throwing_failures();

@@ -92,3 +92,22 @@ fn a_world_of_processes_does_not_differ_from_a_local_one() {
     let unlike = diff(&local, &other);
     assert_eq!((unlike.code(), &unlike.json()["difference"]["tick"]), (Some(1), &1.into()), "{unlike:?}");
 }
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_server_whose_recording_is_not_whole_says_so_at_its_end() {
+    let folder = tempfile::tempdir().unwrap();
+    let args = [
+        "serve",
+        "tower",
+        "--record",
+        "/dev/full",
+        "--until-stdin-ends",
+        "--listen",
+        "127.0.0.1:0",
+        "--data",
+    ];
+    let ended = Process::start(dcd(&args).arg(folder.path())).end();
+    assert_eq!(ended.code(), Some(1), "{ended:?}");
+    assert!(ended.errors.contains("/dev/full"), "{ended:?}");
+}

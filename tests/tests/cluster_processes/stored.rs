@@ -1,9 +1,12 @@
 //! Tests what a server leaves in its data folder, and how the next one goes on with it.
 
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Write};
 use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
 
-use crate::process::{Process, Server, dcd, playground};
+use dcd::runtime::{WorldEnd, end_world};
+
+use crate::process::{LIMIT, Process, Server, dcd, playground};
 
 /// A server process with these options on the data folder of another, which has ended.
 fn serve(server: &Server, args: &[&str]) -> Process {
@@ -98,6 +101,102 @@ fn a_terminal_that_is_gone_ends_no_world() {
     assert!(hung_up.success());
     assert_eq!(deaf.wait().unwrap().code(), Some(0));
     server.restart();
+    server.stop();
+}
+
+/// Waits until a process is gone that nobody here is the parent of.
+#[cfg(target_os = "linux")]
+fn gone(id: &str) {
+    let deadline = Instant::now() + LIMIT;
+    // One that nobody has waited for yet is gone, too.
+    let runs = || {
+        let status = std::fs::read_to_string(format!("/proc/{id}/status")).unwrap_or_default();
+        !status.is_empty() && !status.contains("State:\tZ")
+    };
+    while runs() {
+        assert!(Instant::now() < deadline, "process {id} does not end");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+/// `script` gives the server a terminal of its own.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_terminal_that_is_closed_after_ctrl_c_ends_no_world() {
+    let mut server = killed(3.0);
+    let (data, scene) = (server.data(), playground());
+    let line = format!(
+        "echo process $$; exec {} serve {} --listen {} --data {}",
+        dcd(&[]).get_program().display(),
+        scene.display(),
+        server.address,
+        data.display()
+    );
+    let mut script = Command::new("script");
+    script.args(["--quiet", "--command", &line, "/dev/null"]);
+    let mut terminal = script
+        .env("SHELL", "/bin/sh")
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .expect("`script` of util-linux is there");
+    let mut lines = BufReader::new(terminal.stdout.take().unwrap()).lines().map_while(Result::ok);
+    let mut line =
+        |part: &str| lines.find(|line| line.contains(part)).unwrap_or_else(|| panic!("no `{part}`"));
+    let id = line("process ").trim().rsplit(' ').next().unwrap().to_owned();
+    line("going on with the world at tick ");
+    let mut keys = terminal.stdin.take().unwrap();
+    keys.write_all(b"\x03").unwrap();
+    line("Ctrl-C again ends it");
+    // What comes within 200 ms is the same press; within two seconds, another.
+    std::thread::sleep(Duration::from_millis(400));
+    terminal.kill().unwrap();
+    terminal.wait().unwrap();
+    gone(&id);
+    server.restart();
+    server.stop();
+}
+
+/// As `nohup` does.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_signal_that_the_server_was_started_to_ignore_stays_ignored() {
+    let mut server = Server::playground("1");
+    server.process.kill();
+    let mut shell = Command::new("sh");
+    shell.args(["-c", "trap '' HUP; exec \"$0\" \"$@\""]).arg(dcd(&[]).get_program());
+    shell
+        .args(["serve", "--listen", &server.address, "--json", "--data"])
+        .arg(server.data())
+        .arg(playground());
+    server.process = Process::start(&mut shell);
+    server.process.line("listening ");
+    server.process.signal("-HUP");
+    let status = std::fs::read_to_string(format!("/proc/{}/status", server.process.id())).unwrap();
+    let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:")).unwrap();
+    assert_eq!(u64::from_str_radix(ignored.trim(), 16).unwrap() & 1, 1, "{status}");
+    let (_, _node) = server.node();
+    server.view();
+    server.process.signal("-TERM");
+    let ended = server.process.end_within(LIMIT);
+    assert_eq!((ended.code(), &ended.json()["kept"]), (Some(0), &true.into()), "{ended:?}");
+    server.restart();
+    server.stop();
+}
+
+#[test]
+fn an_end_that_no_server_has_heard_of_is_withdrawn() {
+    let mut server = Server::playground("1");
+    let (_, _node) = server.node();
+    server.view();
+    server.process.signal("-STOP");
+    let ended = end_world(&server.data(), Duration::from_millis(300)).unwrap();
+    assert_eq!(ended, WorldEnd::Unheard);
+    assert!(!server.data().join("end-request").exists());
+    server.process.signal("-CONT");
+    let witness = server.witness();
+    witness.advance(60);
+    witness.leave();
     server.stop();
 }
 

@@ -1,6 +1,6 @@
 //! Tests that errors are told with their cause and remedy, and that nothing hangs.
 
-use std::net::UdpSocket;
+use std::net::{TcpListener, UdpSocket};
 use std::time::{Duration, Instant};
 
 use crate::process::{LIMIT, Process, Server, dcd};
@@ -193,5 +193,30 @@ fn a_client_that_cannot_reach_the_node_that_leads_is_told_so() {
     let ended = Process::start(&mut dcd(&args)).end();
     assert_eq!(ended.code(), Some(1), "{ended:?}");
     has(&ended.errors, &["127.0.0.1:9", "out of reach for 1 s", "--advertise", "--give-up"]);
+    server.stop();
+}
+
+#[test]
+fn a_process_that_cannot_start_does_not_use_up_its_token() {
+    let mut server = Server::playground("1");
+    let (udp, tcp) = (UdpSocket::bind("127.0.0.1:0").unwrap(), TcpListener::bind("127.0.0.1:0").unwrap());
+    let (taken, page) = (udp.local_addr().unwrap().to_string(), tcp.local_addr().unwrap().to_string());
+    let token = server.token("node");
+    let node = ["node", "--server", &server.address, "--token", &token];
+    for (option, address) in [("--listen", &taken), ("--metrics", &page), ("--view", &page)] {
+        let ended = Process::start(dcd(&node).args([option, address])).end();
+        assert!(matches!(ended.code(), Some(1 | 2)), "{option}: {ended:?}");
+        has(&ended.errors, &[address]);
+    }
+    let mut joined = Process::start(dcd(&node).args(["--listen", "127.0.0.1:0", "--metrics", "127.0.0.1:0"]));
+    joined.line("joined as ");
+    server.view();
+    let token = server.token("client");
+    let client = ["client", "--server", &server.address, "--token", &token, "--seconds", "0.1"];
+    let ended = Process::start(dcd(&client).args(["--view", &page])).end();
+    assert_eq!(ended.code(), Some(2), "{ended:?}");
+    let ended = Process::start(dcd(&client).args(["--gltf", "/nonexistent/film.glb"])).end();
+    assert_eq!(ended.code(), Some(2), "{ended:?}");
+    assert_eq!(Process::start(&mut dcd(&client)).end().code(), Some(0));
     server.stop();
 }

@@ -110,6 +110,12 @@ impl Replay {
         if replay.members().any(|member| member.was_cut_off()) {
             common.say("a recording has no end, as that of a process that was killed: it is replayed as far as it goes");
         }
+        let is_answered = self.dump.is_none_or(|tick| replay.ticks() >= tick)
+            && (self.flip.is_none() || replay.members().any(|member| member.has_flipped()))
+            && (!self.check || replay.matches() > 0 || replay.mismatch().is_some());
+        if interrupt.asked() && !is_answered {
+            return Err(Failure::interrupted());
+        }
         if self.dump.is_some() {
             std::mem::replace(&mut failed, Ok(()))?;
             if let Some(found) = replay.mismatch() {
@@ -118,10 +124,7 @@ impl Replay {
         }
         if let Some(tick) = self.dump {
             if replay.ticks() < tick {
-                let last = replay.ticks();
-                return Err(Failure::usage(format!(
-                    "the recording ends after tick {last}; dump one up to that"
-                )));
+                return Err(Failure::usage(extent(&replay)));
             }
             print(&told::csv(&replay))?;
         } else if self.json {
@@ -134,16 +137,29 @@ impl Replay {
         if let Some(Flip { tick, body, .. }) = self.flip
             && !replay.members().any(|member| member.has_flipped())
         {
-            return Err(Failure::usage(format!(
-                "nothing was flipped: body {body} is not owned by anybody after tick {}, or its state has no such bit",
-                tick.0
-            )));
+            let tick = tick.0;
+            return Err(Failure::usage(if replay.ticks() == 0 {
+                format!("nothing was flipped: {}", extent(&replay))
+            } else {
+                format!(
+                    "nothing was flipped: body {body} is not owned by anybody after tick {tick}, or its state has no such bit"
+                )
+            }));
         }
         if self.check && replay.matches() == 0 && replay.mismatch().is_none() {
-            return Err(Failure::run("nothing was compared: no tick is on record"));
+            let why = if replay.ticks() == 0 { extent(&replay) } else { "no tick is on record".to_owned() };
+            return Err(Failure::run(format!("nothing was compared: {why}")));
         }
         let parts = self.check && replay.mismatch().is_some();
         Ok(if parts { ExitCode::FAILURE } else { interrupt.exit_code() })
+    }
+}
+
+/// Says which ticks are on record, where those that were asked for are not.
+fn extent(replay: &Worlds) -> String {
+    match replay.next_tick().filter(|_| replay.ticks() == 0) {
+        Some(first) => format!("the recording begins with tick {}; name one from that on", first.0),
+        None => format!("the recording ends after tick {}; name one up to that", replay.ticks()),
     }
 }
 

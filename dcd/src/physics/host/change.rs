@@ -35,20 +35,20 @@ impl RegionHost {
     }
 
     /// Lets a user change a body: in place, but one that comes to be or ceases to be immovable is placed anew, and so is one that does
-    /// not move and was put elsewhere. Returns what [`RegionHost::change_copies`] would. A change that is refused leaves the body of the
-    /// type and in the place that it had.
+    /// not move and was put elsewhere. Returns what [`RegionHost::change_copies`] would. A change that is refused leaves the body what it was
+    /// and where it was.
     pub fn update<R>(
         &mut self,
         id: BodyId,
         change: impl FnMut(&mut RigidBody) -> R,
     ) -> Result<Option<R>, HostError> {
-        let Some(was) = self.traits(id).map(|traits| traits.kind) else { return Ok(None) };
+        let Some(was) = self.shared_traits(id) else { return Ok(None) };
         let before = self.places_of_immovable(id);
         let result = self.change_copies(id, change);
         let after = self.places_of_immovable(id);
         // Each region has its own space: the first one's is that of [`RegionHost::region_pose`].
         let moved = if after == before { None } else { after.first().copied() };
-        self.settle(id, was, moved)?;
+        self.settle(id, &was, moved)?;
         Ok(result)
     }
 

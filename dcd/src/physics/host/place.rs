@@ -306,6 +306,14 @@ impl RegionHost {
         }
     }
 
+    /// Returns the traits of a body that is owned here, or does not move, to be kept.
+    pub(super) fn shared_traits(&self, id: BodyId) -> Option<Arc<BodyTraits>> {
+        match self.owned(id) {
+            Some((region, handle)) => Some(region.slot(handle).traits.clone()),
+            None => self.statics.body(id).map(|body| body.traits.clone()),
+        }
+    }
+
     pub(super) fn held(&self, id: BodyId) -> bool {
         self.statics.body(id).is_some() || self.regions().any(|region| region.handle_of(id).is_some())
     }

@@ -7,27 +7,40 @@ use std::sync::Arc;
 use rapier3d::prelude::*;
 
 use super::{HostError, RegionHost};
-use crate::physics::record;
-use crate::protocol::{BodyKind, BodyRecord, JointRecord, WorldPose};
+use crate::physics::{ShapeError, record};
+use crate::protocol::{BodyKind, BodyRecord, BodyTraits, JointRecord, WorldPose};
 use crate::space::BodyId;
 
 impl RegionHost {
-    /// Settles what a user has changed in every copy of a body: its type, which `was` another perhaps, and where an immovable body is, if
-    /// it was `moved`. What is refused is taken back.
+    /// Settles what a user has changed in every copy of a body, of which it `was` that before: its type, its mass, and where an
+    /// immovable body is, if it was `moved`. What is refused is taken back.
     pub(super) fn settle(
         &mut self,
         id: BodyId,
-        was: BodyKind,
+        was: &BodyTraits,
         moved: Option<WorldPose>,
     ) -> Result<(), HostError> {
-        let settled = self.place_changed(id, moved);
+        let settled = self.check_mass(id, was).and_then(|()| self.place_changed(id, moved));
         if settled.is_err() {
-            self.change_copies(id, |body| body.set_body_type(record::body_type(was), true));
+            self.change_copies(id, |body| {
+                body.set_body_type(record::body_type(was.kind), true);
+                record::set_traits(body, was);
+            });
             if let Some(known) = moved.and(self.statics.body(id)) {
                 self.move_copies(id, known.state.pose);
             }
         }
         settled
+    }
+
+    /// Refuses a change that takes all its mass from a body.
+    fn check_mass(&self, id: BodyId, was: &BodyTraits) -> Result<(), HostError> {
+        let changed =
+            self.traits(id).filter(|now| (now.kind, &now.extra_mass) != (was.kind, &was.extra_mass));
+        if changed.is_some_and(|now| record::hangs(now, &self.shapes)) {
+            return Err(ShapeError::Massless.into());
+        }
+        Ok(())
     }
 
     /// Places a body anew that can move from now on and has an owner, or cannot and has none; or an immovable one that was moved. A link of
@@ -67,6 +80,9 @@ impl RegionHost {
             return Ok(false);
         };
         Arc::make_mut(&mut body.traits).colliders.remove(index);
+        if record::hangs(&body.traits, &self.shapes) {
+            return Err(ShapeError::Massless.into());
+        }
         self.replace(body)?;
         Ok(true)
     }

@@ -8,7 +8,7 @@ use super::{Moved, Region};
 use crate::physics::outline::Outline;
 use crate::physics::shapes::{ShapeError, ShapeLibrary};
 use crate::physics::{convert, record};
-use crate::protocol::{BodyKind, BodyTraits};
+use crate::protocol::{BodyKind, BodyTraits, ColliderRecord};
 
 impl Region {
     /// Sets gravity, m/s².
@@ -96,7 +96,7 @@ impl Region {
     }
 
     /// Changes one collider of a body, and its record with it. `None` if the body has no such collider. A shape that cannot
-    /// travel is refused: the collider keeps the one that it has.
+    /// travel is refused, and so is the loss of all mass: the collider stays as it is.
     pub(in crate::physics) fn update_collider<R>(
         &mut self,
         handle: RigidBodyHandle,
@@ -112,38 +112,41 @@ impl Region {
             let PhysicsWorld { bodies, colliders, .. } = &mut *region.world;
             let (body, own) = (&mut bodies[handle], &mut colliders[collider]);
             let old = &slot.traits.colliders[index];
-            let (mass, was_enabled) = (own.mass_properties(), own.is_enabled());
-            let (shape, place) = (own.shared_shape().clone(), own.position_wrt_parent().copied());
-            own.set_contact_force_event_threshold(old.force_event_threshold_n);
-            let mut result = Ok(change(own));
-            let shape_now = if Arc::ptr_eq(&own.shared_shape().0, &shape.0) {
-                old.shape
-            } else {
-                shapes.intern(own.shared_shape()).unwrap_or_else(|error| {
-                    own.set_shape(shape);
-                    result = Err(error);
-                    old.shape
-                })
-            };
-            let mut new = record::renewed(old, own, own.mass_properties() != mass);
-            new.shape = shape_now;
-            if let Some(now) = own.position_wrt_parent().filter(|&&now| Some(now) != place) {
+            // What is refused must not have happened.
+            let mut changed = own.clone();
+            changed.set_contact_force_event_threshold(old.force_event_threshold_n);
+            let result = change(&mut changed);
+            let is_heavier = changed.mass_properties() != own.mass_properties();
+            let mut new = record::renewed(old, &changed, is_heavier);
+            if !Arc::ptr_eq(&changed.shared_shape().0, &own.shared_shape().0) {
+                new.shape = shapes.intern(changed.shared_shape())?;
+            }
+            let place = own.position_wrt_parent();
+            if let Some(now) = changed.position_wrt_parent().filter(|&now| Some(now) != place) {
                 new.pose = convert::pose_record(now);
             }
             // Rapier's colliders of a disabled body do not tell whether their user wants them.
-            if !body.is_enabled() && own.is_enabled() == was_enabled {
+            if !body.is_enabled() && changed.is_enabled() == own.is_enabled() {
                 new.enabled = old.enabled;
             }
-            region.listener.name(own, collider, (slot.id, index as u16), &new);
             if new != *old {
-                Arc::make_mut(&mut slot.traits).colliders[index] = new;
+                let traits = Arc::make_mut(&mut slot.traits);
+                let old = std::mem::replace(&mut traits.colliders[index], new);
+                let new = &traits.colliders[index];
+                let weighs = |own: &ColliderRecord| (own.shape, own.mass, own.enabled);
+                if weighs(&old) != weighs(new) && record::hangs(traits, shapes) {
+                    traits.colliders[index] = old;
+                    return Err(ShapeError::Massless);
+                }
             }
+            *own = changed;
+            region.listener.name(own, collider, (slot.id, index as u16), &slot.traits.colliders[index]);
             body.recompute_mass_properties_from_colliders(colliders);
             // Its skin may reach farther than before.
             slot.reach_m = record::reach_of(body, colliders, &slot.traits);
             slot.outline = Outline::of(body, colliders);
             region.due[handle.into_raw_parts().0 as usize] = 0;
-            result
+            Ok(result)
         }))
     }
 }

@@ -14,7 +14,7 @@ use redb::{
 
 use super::lock::{FolderLock, cause};
 use crate::cluster::directory::{Batch, Condition, Directory, DirectoryError, Entry, Key, Revision, Tenure};
-use crate::net::open_private;
+use crate::net::{draft_of, open_private};
 
 /// The directory entries of a world in `world.redb`. Whoever has it open is its only holder: the system's lock on `world.lock`
 /// says so, and ends with the process, however that ends.
@@ -162,7 +162,7 @@ fn builder() -> Builder {
 
 /// Creates the file, whole or not at all, so that an empty one is damage, and no beginning.
 fn created(path: &Path) -> Result<Database, DirectoryError> {
-    let draft = path.with_extension("draft");
+    let draft = draft_of(path);
     match std::fs::remove_file(&draft) {
         Err(error) if error.kind() != ErrorKind::NotFound => return Err(unreadable(&draft, &error)),
         _ => {}

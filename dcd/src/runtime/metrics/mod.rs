@@ -5,7 +5,7 @@ mod node;
 mod resources;
 mod server;
 
-use std::net::SocketAddr;
+use std::net::{SocketAddr, TcpListener};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -31,6 +31,11 @@ pub(super) fn start(address: SocketAddr, source: Arc<dyn Source>) -> Result<Endp
     let endpoint = endpoint.map_err(|cause| ProcessError::Metrics { address, cause })?;
     info!(address = %endpoint.address(), "metrics are told");
     Ok(endpoint)
+}
+
+/// Checks that this address can be listened on now.
+pub(super) fn check(address: SocketAddr) -> Result<(), ProcessError> {
+    TcpListener::bind(address).map(drop).map_err(|cause| ProcessError::Metrics { address, cause })
 }
 
 /// Returns why a loop is not healthy that turned then.

@@ -105,10 +105,10 @@ fn a_file_of_another_format_is_refused() {
 #[test]
 fn a_beginning_that_was_cut_off_is_begun_again() {
     let folder = new_folder();
-    std::fs::write(folder.path().join("world.draft"), "half of").unwrap();
+    std::fs::write(folder.path().join("world.redb.draft"), "half of").unwrap();
     let mut directory = RedbDirectory::open(folder.path()).unwrap();
     assert_eq!(directory.load().unwrap(), []);
-    assert!(!folder.path().join("world.draft").exists());
+    assert!(!folder.path().join("world.redb.draft").exists());
 }
 
 /// Opens a damaged copy and returns the outcome: the older or newer of two states that were committed durably, or a refusal.

@@ -196,7 +196,7 @@ fn handshakes_beyond_the_limit_are_not_answered() {
     let request = JoinRequest { key: key.public(), proof: key.prove(&text), token: text, resume: None };
     let runtime = of_one_thread();
     // Its token is used up: it keeps its place.
-    let asked = runtime.block_on(deaf(&server, &request.encode(crate::protocol::VERSION)));
+    let asked = runtime.block_on(deaf(&server, &request.encode(crate::net::PROTOCOL_VERSION)));
     let begun = Instant::now();
     while server.process.net.totals().joins_granted == 0 {
         assert!(begun.elapsed() < PATIENCE, "it is not let in");

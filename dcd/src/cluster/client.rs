@@ -704,6 +704,7 @@ impl Client {
                 if let Some(id) = body {
                     self.answered(id, Some(reason));
                     self.newest.are_refused(id);
+                    self.showing.iter_mut().for_each(|showing| showing.refused(id));
                 }
                 self.outputs.push_back(ClientOutput::Rejected { body, reason });
             }

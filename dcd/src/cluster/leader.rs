@@ -2,6 +2,7 @@
 //! done with the last (lockstep), takes in clients' inputs, and sends contacts and states to clients (thesis 3.3.8, 4.3.2.10).
 
 mod balancing;
+mod condensed;
 mod contacts;
 mod holders;
 mod inputs;
@@ -15,6 +16,7 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
 use self::balancing::Balancing;
+use self::condensed::condensed;
 use self::holders::Holders;
 use self::inputs::{Inputs, Taken};
 pub use self::inter_group::Deviations;
@@ -25,7 +27,7 @@ use super::state_replication::{Latest, ReplicationEvent, StateReplication, TickN
 use crate::protocol::{
     Area, BodyRecord, ContactLedger, Dispatch, Done, EnvironmentProperties, FromClient, Heard, Input, Pace,
     Query, Refusal, RegionEvents, Repartition, Report, SharedState, Thresholds, ToClient, ToServer, View,
-    ViewNumber, WorldOp, encoded_len,
+    ViewNumber, WorldOp, encoded_len, most_items,
 };
 use crate::space::{Allocation, BodyId, ClientId, NodeId, RegionId, Renaming, Tick};
 
@@ -420,6 +422,7 @@ impl Leader {
         };
         // One alone is never too long: the server splits what it sends.
         let count = self.ops.iter().position(is_over).map_or(self.ops.len(), |count| count.max(1));
+        let count = count.min(most_items::<WorldOp>());
         let later = self.ops.split_off(count);
         std::mem::replace(&mut self.ops, later)
     }
@@ -523,7 +526,7 @@ impl Leader {
 
     /// Returns what the server's program did to moving bodies and no tick has done yet. Of all else the server's record is told again.
     pub fn undone(&self) -> Vec<WorldOp> {
-        self.ops.iter().filter(|op| op.moves().is_some()).cloned().collect()
+        condensed(&self.ops)
     }
 
     /// Goes on from the view before, which it led too: with the contacts of regions that are computed where they were.

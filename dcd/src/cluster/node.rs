@@ -160,8 +160,8 @@ pub struct Node {
     interest: Option<FromClient>,
     links: BTreeSet<Peer>,
     link: Links,
-    /// The newest `Done` to the leader, and whether the next report is to be of all bodies.
-    done: Option<Done>,
+    /// The newest `Done`s to the leader, as many as it may not have heard, and whether the next report is to be of all bodies.
+    done: VecDeque<Done>,
     report_all: bool,
     /// The tick that the server was last sent.
     told: Tick,
@@ -196,6 +196,8 @@ struct Exchange {
 #[derive(Clone, Debug)]
 struct PendingView {
     view: ViewNumber,
+    /// What is to be completed before, as far as it has been told.
+    dispatches: Vec<Dispatch>,
     finish: bool,
     drained: bool,
     surveyed: bool,
@@ -205,7 +207,15 @@ struct PendingView {
 
 impl PendingView {
     fn to(view: ViewNumber) -> Self {
-        Self { view, finish: false, drained: false, surveyed: false, fetch: None, adopt: None }
+        Self {
+            view,
+            dispatches: Vec::new(),
+            finish: false,
+            drained: false,
+            surveyed: false,
+            fetch: None,
+            adopt: None,
+        }
     }
 }
 
@@ -249,7 +259,7 @@ impl Node {
             interest,
             links: BTreeSet::new(),
             link: Links::default(),
-            done: None,
+            done: VecDeque::new(),
             report_all: false,
             told: Tick(0),
             leaving: false,

@@ -512,13 +512,12 @@ impl Server {
     fn hello(&mut self, from: Peer, hello: Hello) {
         let refusal = Refusal::Version { theirs: hello.version, ours: VERSION };
         match (from, hello.role) {
-            (Peer::Node(node), _) if hello.version != VERSION => {
-                self.common.dismiss(node, Farewell::Refused, refusal.to_string());
-            }
-            (Peer::Client(client), _) if hello.version != VERSION => {
+            _ if hello.version != VERSION => {
                 let reason = refusal.to_string();
-                self.common.send_client(client, ToClient::Rejected { body: None, reason: refusal });
-                self.common.close(from, Farewell::Refused, reason);
+                if let Peer::Client(client) = from {
+                    self.common.send_client(client, ToClient::Rejected { body: None, reason: refusal });
+                }
+                self.turn_away(from, reason);
             }
             (Peer::Node(node), JoinAs::Node { address, client, resume }) => {
                 let member = Member { node, address, client };
@@ -531,7 +530,7 @@ impl Server {
                         for entry in self.common.nodes.values_mut() {
                             entry.delays.remove(&node);
                         }
-                        self.welcome_node(member);
+                        self.welcome_node(member, 0);
                         self.is_anew(node);
                     }
                 }
@@ -539,8 +538,27 @@ impl Server {
             (Peer::Client(client), JoinAs::Client { interest }) => self.welcome_client(client, interest),
             _ => {
                 let reason = "its certificate is for another role than the one it wants to play".to_owned();
-                self.common.close(from, Farewell::Refused, reason);
+                self.turn_away(from, reason);
             }
+        }
+    }
+
+    /// Turns away who greets as it may not. The link that it had before ends with this one, unsaid: what it was there it is no more.
+    fn turn_away(&mut self, from: Peer, reason: String) {
+        match from {
+            Peer::Node(node) => {
+                let was_here = self.common.nodes.contains_key(&node);
+                self.lose(node);
+                self.common.dismiss(node, Farewell::Refused, reason);
+                if was_here {
+                    self.common.tell_roster();
+                }
+            }
+            Peer::Client(client) => {
+                self.common.close(from, Farewell::Refused, reason);
+                self.part(client);
+            }
+            Peer::Server => self.common.close(from, Farewell::Refused, reason),
         }
     }
 

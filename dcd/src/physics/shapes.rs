@@ -57,7 +57,7 @@ pub enum ShapeError {
     Avatar,
     /// More than one message holds.
     #[error(
-        "a shape of a served world is longer than 16 MiB, in which it is sent: some 600,000 triangles, 1.3 million voxels or four million heights; divide it into several colliders"
+        "a shape of a served world is longer than 15.5 MiB, in which it is sent: some 600,000 triangles, 1.3 million voxels or four million heights; divide it into several colliders"
     )]
     TooLong,
     /// More than a link holds.

@@ -19,12 +19,14 @@ const SLEW: f64 = 0.1;
 const FAST_SLEW: f64 = 0.3;
 /// It jumps if it is farther off than this, seconds.
 const JUMP_S: f64 = 1.0;
+/// The world has stood still where it is behind what it was taken to be at by this, seconds.
+const STOOD_S: f64 = 0.25;
 
 /// The tick for which a client makes inputs now: ahead of the world by as long as they take to get there.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Lead {
-    /// The predicted tick last returned, and when.
-    at: Option<(f64, Duration)>,
+    /// The predicted tick last returned, the tick that the world was taken to be at, and when.
+    at: Option<(f64, f64, Duration)>,
     /// By how many ticks inputs had to be ahead of the world to come in time, of the last ones.
     needed: VecDeque<f64>,
     /// Half the round trip, by pings.
@@ -67,19 +69,26 @@ impl Lead {
         (needed.get(late).copied().unwrap_or_else(first) + MARGIN).clamp(0.0, MOST_S / period_s)
     }
 
-    /// Returns the predicted tick, which never goes back. A tick takes `period_s` now.
+    /// Returns the predicted tick, which goes back only where the world does: it stood still, as while its leader died, and nobody knew. A tick
+    /// takes `period_s` now.
     pub(crate) fn advance(&mut self, now: Duration, world_tick: f64, period_s: f64) -> f64 {
         let goal = world_tick + self.goal(period_s);
         let next = match self.at {
-            Some((at, since)) if (goal - at).abs() * period_s < JUMP_S => {
+            Some((mut at, world_before, since)) => {
                 let elapsed = now.saturating_sub(since).as_secs_f64() / period_s;
+                let stood = world_before + elapsed - world_tick;
+                if stood * period_s > STOOD_S {
+                    at -= stood;
+                }
                 let off = goal - (at + elapsed);
-                at + elapsed + off.clamp(-SLEW * elapsed, FAST_SLEW * elapsed)
+                match (goal - at).abs() * period_s < JUMP_S {
+                    true => at + elapsed + off.clamp(-SLEW * elapsed, FAST_SLEW * elapsed),
+                    false => goal.max(at),
+                }
             }
-            Some((at, _)) => goal.max(at),
             None => goal,
         };
-        self.at = Some((next, now));
+        self.at = Some((next, world_tick, now));
         next
     }
 }
@@ -93,11 +102,22 @@ mod tests {
     /// Plays for some seconds with inputs that take so long, by their number; returns how early the last ones came, and the least step of
     /// the predicted tick.
     fn play(lead: &mut Lead, from_s: f64, seconds: f64, way_s: impl Fn(u32) -> f64) -> (Vec<i8>, f64) {
+        play_behind(lead, 0.0, from_s, seconds, way_s)
+    }
+
+    /// The same in a world that is so many ticks behind, as it has stood still.
+    fn play_behind(
+        lead: &mut Lead,
+        stood: f64,
+        from_s: f64,
+        seconds: f64,
+        way_s: impl Fn(u32) -> f64,
+    ) -> (Vec<i8>, f64) {
         let mut under_way = VecDeque::<(f64, f64, f64, i8)>::new();
         let (mut early, mut least, mut last) = (Vec::new(), f64::INFINITY, None);
         for frame in 0..(60.0 * seconds) as u32 {
             let now_s = from_s + f64::from(frame) * DT_S;
-            let world_tick = now_s / DT_S;
+            let world_tick = now_s / DT_S - stood;
             // An answer comes 0.1 s after its input.
             while let Some(&(_, named, of, came)) = under_way.front().filter(|(at, ..)| *at <= now_s) {
                 lead.measure(named, of, came);
@@ -107,7 +127,7 @@ mod tests {
             least = last.map_or(least, |last| f64::min(least, predicted - last));
             last = Some(predicted);
             let named = predicted.floor() + 1.0;
-            let opens_next = ((now_s + way_s(frame)) / DT_S).floor() + 1.0;
+            let opens_next = ((now_s + way_s(frame)) / DT_S - stood).floor() + 1.0;
             let came = (named - opens_next) as i8;
             early.push(came);
             under_way.push_back((now_s + way_s(frame) + 0.1, named, world_tick, came));
@@ -128,6 +148,16 @@ mod tests {
         assert!(late * 20 < early.len(), "{late} of {} come late", early.len());
         assert!(early.iter().all(|early| *early <= 4), "{early:?}");
         assert!(least > 0.0, "{least}");
+    }
+
+    #[test]
+    fn after_the_world_stood_still_inputs_come_as_early_as_before() {
+        for stood in [20.0, 50.0, 90.0] {
+            let mut lead = Lead::default();
+            play(&mut lead, 10.0, 6.0, |_| 0.1);
+            let (early, _) = play_behind(&mut lead, stood, 16.0, 2.0, |_| 0.1);
+            assert!(early.iter().all(|early| (0..=4).contains(early)), "{stood} ticks: {early:?}");
+        }
     }
 
     #[test]

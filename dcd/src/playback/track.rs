@@ -78,7 +78,7 @@ impl Track {
             self.samples.clear();
         }
         self.samples.push_back(Sample { tick, motion, rests, speculative });
-        if self.samples.len() > KEPT {
+        while self.samples.len() > KEPT {
             self.samples.pop_front();
         }
         self.melt_from(before, shown, reckoning);
@@ -272,6 +272,17 @@ mod tests {
         track.stand(8.0, &told);
         assert!(track.at(8.0, &told).distance_m(&before) < 1e-9);
         assert_eq!(track.at(60.0, &told), Motion::at_rest(going(0.3, 0.0).pose));
+    }
+
+    #[test]
+    fn a_body_that_rests_and_moves_again_and_again_keeps_no_more_states_for_it() {
+        let mut track = Track::new(0.0, going(0.0, 0.0));
+        for cycle in 1..=100 {
+            let tick = 30.0 * f64::from(cycle);
+            track.learn((tick, going(0.1, 3.0), false), false, CADENCE, tick - 3.0, &RECKONING);
+            track.learn((tick + 3.0, going(0.2, 0.0), true), false, CADENCE, tick, &RECKONING);
+        }
+        assert!(track.samples.len() <= KEPT, "{}", track.samples.len());
     }
 
     #[test]

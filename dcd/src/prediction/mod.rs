@@ -28,6 +28,8 @@ use crate::space::{BodyId, ClientId, DistributionTree, JointId, Tick};
 
 /// No tick is predicted farther beyond the last one told.
 const AHEAD_TICKS: u64 = 90;
+/// How long inputs are kept, in ticks.
+const KEPT_TICKS: u64 = 4 * AHEAD_TICKS;
 /// How often it is looked for what is near, in ticks.
 const SEARCH_TICKS: u64 = 6;
 /// Bodies that nothing of ours is about to touch are put right no more often, in ticks.
@@ -158,6 +160,12 @@ impl Predictor {
 
     /// Takes in an input that was made now; it names a tick.
     pub(crate) fn input(&mut self, input: Input) {
+        // What was to come after it is older: the world stood still meanwhile.
+        self.inputs.retain(|old| old.slot() != input.slot() || old.tick <= input.tick);
+        // Nobody may show what they do.
+        while self.inputs.front().is_some_and(|old| old.tick.0 + KEPT_TICKS < input.tick.0) {
+            self.inputs.pop_front();
+        }
         self.inputs.push_back(input);
         if input.tick <= self.tip {
             self.stale = Some(self.stale.map_or(input.tick, |stale| stale.min(input.tick)));
@@ -168,7 +176,9 @@ impl Predictor {
     pub(crate) fn listen(&mut self, client: &Client, predicted: f64) {
         let start = Instant::now();
         self.look(client, Tick(predicted.max(0.0) as u64));
-        self.told = client.told_tick().map(|tick| Told {
+        // Where all rests nothing is told, and what is shown goes on: a world that stood still has not got there.
+        let told = client.told_tick().map(|tick| tick.min(Tick(predicted.max(0.0) as u64)));
+        self.told = told.map(|tick| Told {
             tick,
             states: self.near.keys().filter_map(|&id| Some((id, client.told_at(id, tick)?))).collect(),
             behind: self
@@ -349,7 +359,7 @@ impl Predictor {
             self.step()?;
         }
         if is_wrong {
-            self.melt(before);
+            self.melt(&before);
         }
         let still: BTreeSet<_> = self
             .near
@@ -358,7 +368,20 @@ impl Predictor {
             .map(|(id, _)| *id)
             .collect();
         shown::advance(&mut self.near, &self.host, &still, self.dt_s, time);
+        self.jump_back(&before);
         Ok(())
+    }
+
+    /// Goes on from what was shown where that was of a later tick: the world stood still, and what is ahead of it goes back with it.
+    fn jump_back(&mut self, before: &[(BodyId, f64, Motion)]) {
+        for (id, last, shown) in before {
+            let tick = self.near.get(id).and_then(|near| near.shown.tick()).filter(|tick| tick + 1.0 < *last);
+            let Some(tick) = tick else { continue };
+            let Some(bare) = self.near.get(id).and_then(|near| self.bare_at(near, tick)) else { continue };
+            if let Some(near) = self.near.get_mut(id) {
+                near.shown.melt_from(shown, &bare, tick, self.dt_s);
+            }
+        }
     }
 
     /// Returns whether a body has not moved, and will not, from the tick at which it was shown last to the newest predicted.
@@ -382,12 +405,12 @@ impl Predictor {
     }
 
     /// Lets what a replay changed of what is shown melt away, and counts it.
-    fn melt(&mut self, before: Vec<(BodyId, f64, Motion)>) {
+    fn melt(&mut self, before: &[(BodyId, f64, Motion)]) {
         let mut most_m = 0.0_f64;
         for (id, tick, shown) in before {
-            let Some(bare) = self.near.get(&id).and_then(|near| self.bare_at(near, tick)) else { continue };
-            let Some(near) = self.near.get_mut(&id) else { continue };
-            let off_m = near.shown.melt_from(&shown, &bare, tick, self.dt_s);
+            let Some(bare) = self.near.get(id).and_then(|near| self.bare_at(near, *tick)) else { continue };
+            let Some(near) = self.near.get_mut(id) else { continue };
+            let off_m = near.shown.melt_from(shown, &bare, *tick, self.dt_s);
             if near.shown.ahead() > 0.5 {
                 most_m = most_m.max(off_m);
             }

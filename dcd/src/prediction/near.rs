@@ -1,7 +1,7 @@
 //! Chooses which bodies a client predicts: those that its avatars may touch within a second, with what is tied to them, and the scenery
 //! around.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeSet, VecDeque};
 
 use crate::cluster::{BodyView, Client};
 use crate::protocol::{BodyKind, BodyRecord, JointRecord, ShapeHash, ShapeRecord};
@@ -126,36 +126,74 @@ fn tied(client: &Client, movable: BTreeSet<BodyId>, mut scenery: BTreeSet<BodyId
     let kind = |id: &BodyId| client.body(*id).map(|view| view.body.traits.kind);
     let is_movable = |id: &BodyId| kind(id).is_some_and(|kind| kind != BodyKind::Fixed);
     let joints = client.joints();
+    let ties = Ties::new(joints);
     let mut all = movable;
-    spread(joints, &mut all, |id, size| size < 2 * MOVABLE && is_movable(id));
+    ties.spread(&mut all, |id, size| size < 2 * MOVABLE && is_movable(id));
     let is_left_out = |id: &BodyId| is_movable(id) && !all.contains(id);
     let parts = joints.iter().filter(|joint| all.contains(&joint.a) || all.contains(&joint.b));
     let broken =
         parts.clone().filter(|joint| joint.link.is_some() || is_left_out(&joint.a) || is_left_out(&joint.b));
     let mut without: BTreeSet<_> = broken.flat_map(|joint| [joint.a, joint.b]).collect();
-    spread(joints, &mut without, |id, _| all.contains(id));
+    ties.spread(&mut without, |id, _| all.contains(id));
     let anchors = parts.flat_map(|joint| [joint.a, joint.b]);
     scenery.extend(anchors.filter(|id| kind(id) == Some(BodyKind::Fixed)));
     Chosen { movable: all.difference(&without).copied().collect(), scenery }
 }
 
-/// Adds what joints tie to these bodies, and what is tied to that, as far as allowed; `is_allowed` is told how many there are.
-fn spread(
-    joints: &[JointRecord],
-    bodies: &mut BTreeSet<BodyId>,
-    is_allowed: impl Fn(&BodyId, usize) -> bool,
-) {
-    loop {
-        let before = bodies.len();
-        for joint in joints {
-            for (one, other) in [(joint.a, joint.b), (joint.b, joint.a)] {
-                if bodies.contains(&one) && !bodies.contains(&other) && is_allowed(&other, bodies.len()) {
+/// Which bodies joints tie to which, both ways, in order: each body is found at once, however many there are.
+struct Ties(Vec<(BodyId, BodyId)>);
+
+impl Ties {
+    fn new(joints: &[JointRecord]) -> Self {
+        let mut ties: Vec<_> =
+            joints.iter().flat_map(|joint| [(joint.a, joint.b), (joint.b, joint.a)]).collect();
+        ties.sort_unstable();
+        Self(ties)
+    }
+
+    /// Returns what is tied to a body.
+    fn of(&self, body: BodyId) -> impl Iterator<Item = BodyId> {
+        let from = self.0.partition_point(|(one, _)| *one < body);
+        self.0[from..].iter().take_while(move |(one, _)| *one == body).map(|(_, other)| *other)
+    }
+
+    /// Adds what is tied to these bodies, and what is tied to that, as far as allowed; `is_allowed` is told how many there are.
+    fn spread(&self, bodies: &mut BTreeSet<BodyId>, is_allowed: impl Fn(&BodyId, usize) -> bool) {
+        let mut new: VecDeque<_> = bodies.iter().copied().collect();
+        while let Some(body) = new.pop_front() {
+            for other in self.of(body) {
+                if !bodies.contains(&other) && is_allowed(&other, bodies.len()) {
                     bodies.insert(other);
+                    new.push_back(other);
                 }
             }
         }
-        if bodies.len() == before {
-            return;
-        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::Cell;
+
+    use super::*;
+    use crate::space::JointId;
+
+    #[test]
+    fn what_joints_tie_is_found_in_as_many_looks_as_there_are_joints() {
+        let rope = rapier3d::prelude::RopeJointBuilder::new(1.0).build();
+        let [base, end] = [1_000_000, 1_000].map(BodyId::persistent);
+        let tie = |a, b| crate::physics::joint_record(JointId(0), a, b, &rope.into());
+        // The far end first, and each link held by a body that is not allowed.
+        let links = (0..1_000).rev().map(BodyId::persistent);
+        let joints: Vec<_> =
+            links.flat_map(|id| [tie(id, BodyId::persistent(id.index() + 1)), tie(base, id)]).collect();
+        let asked = Cell::new(0);
+        let mut bodies = BTreeSet::from([BodyId::persistent(0)]);
+        Ties::new(&joints).spread(&mut bodies, |id, _| {
+            asked.set(asked.get() + 1);
+            *id != base
+        });
+        assert_eq!((bodies.len(), bodies.last()), (1_001, Some(&end)));
+        assert!(asked.get() <= joints.len(), "{} looks", asked.get());
     }
 }

@@ -1,6 +1,7 @@
 //! Plays a client against a world of the same physics, tick by tick, with a delay each way.
 
 mod changes;
+mod inputs;
 mod smooth;
 
 use rapier3d::prelude::*;
@@ -39,6 +40,8 @@ struct Game {
     jitter: Option<u64>,
     /// Nothing is told.
     silent: bool,
+    /// For how many ticks the world has stood still.
+    stood: f64,
     to_client: VecDeque<(u64, ToClient)>,
     to_world: VecDeque<(u64, Input)>,
     waiting: Vec<Input>,
@@ -119,6 +122,7 @@ impl Game {
             delay,
             jitter: None,
             silent: false,
+            stood: 0.0,
             to_client: VecDeque::new(),
             to_world: VecDeque::new(),
             waiting: Vec::new(),
@@ -133,6 +137,8 @@ impl Game {
     fn tick(&mut self) {
         let next = self.world.tick().next();
         while let Some((_, input)) = pop_if(&mut self.to_world, |at| at < next.0) {
+            // As the leader: what was to come after it is older.
+            self.waiting.retain(|old| old.slot() != input.slot() || old.tick <= input.tick);
             self.waiting.push(input);
             let early = input.tick.0 as i64 - next.0 as i64;
             self.applied = self.applied.max((input.logical_time, early as i8));
@@ -153,7 +159,7 @@ impl Game {
             if self.jitter.is_some() {
                 states.iter_mut().for_each(round);
             }
-            let opened_us = (1e6 * next.0 as f64 * DT_S) as u64;
+            let opened_us = (1e6 * (next.0 as f64 + self.stood) * DT_S) as u64;
             let stamp = Stamp {
                 opened_us,
                 applied: self.applied.0,
@@ -176,7 +182,7 @@ impl Game {
     /// Shows a frame, in which `speed` is asked for if anything is.
     fn frame(&mut self, speed: Option<f32>) {
         let at = self.world.tick().0;
-        let now = Duration::from_secs_f64((at as f64 + 0.4) * DT_S);
+        let now = Duration::from_secs_f64((at as f64 + self.stood + 0.4) * DT_S);
         while let Some((_, message)) = pop_if(&mut self.to_client, |due| due <= at) {
             let message = Message::ToClient(ME, message);
             self.client.handle(now, ClientEvent::Message { from: LEADER, message });

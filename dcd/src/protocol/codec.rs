@@ -139,14 +139,19 @@ pub fn encoded_len<T: Encode>(value: &T) -> usize {
     measure().expect("plain values in memory encode")
 }
 
-/// Splits items, in order, into parts of at most `limit` encoded bytes; an item longer than that is a part of its own.
+/// Returns how many items of a list a message may have: who reads it counts them by what they take in memory, before they are read.
+pub(crate) const fn most_items<T>() -> usize {
+    MAX_MESSAGE_BYTES / 2 / if size_of::<T>() == 0 { 1 } else { size_of::<T>() }
+}
+
+/// Splits items, in order, into parts of at most `limit` encoded bytes that can be read again; an item longer than that is a part of its own.
 pub fn split<T: Encode>(items: impl IntoIterator<Item = T>, limit: usize) -> Vec<Vec<T>> {
     let mut parts: Vec<Vec<T>> = Vec::new();
     let mut room = 0;
     for item in items {
         let len = encoded_len(&item);
         match parts.last_mut() {
-            Some(part) if len <= room => part.push(item),
+            Some(part) if len <= room && part.len() < most_items::<T>() => part.push(item),
             _ => {
                 parts.push(vec![item]);
                 room = limit;

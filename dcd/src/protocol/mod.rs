@@ -28,6 +28,7 @@ pub use border::{
     NearbyBodies, NearbyBody, RegionEvents, SharedState, Strike, Touch, Transfer,
 };
 pub use character::{Character, Gait};
+pub(crate) use codec::most_items;
 pub use codec::{
     CHUNK_BYTES, CodecError, DATAGRAM_BYTES, MAX_MESSAGE_BYTES, STATES_BYTES, VERSION, chunks, datagrams,
     decode, decode_value, encode, encode_value, encoded_len, split,

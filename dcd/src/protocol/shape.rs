@@ -82,8 +82,8 @@ pub(crate) fn voxels_fit(voxels: &[[i32; 3]]) -> bool {
         && voxels.iter().map(block).collect::<BTreeSet<_>>().len() <= MAX_BLOCKS
 }
 
-/// The most bytes of one shape: as many as fit into a message, with what is around them.
-const MAX_SHAPE_BYTES: usize = MAX_MESSAGE_BYTES - (4 << 10);
+/// The most bytes of one shape: as many as fit into a message, with what is around them. The tick in which it comes has inputs, too.
+const MAX_SHAPE_BYTES: usize = MAX_MESSAGE_BYTES - (512 << 10);
 
 impl ShapeRecord {
     /// Returns whether it fits into one message. Who reads it counts lists by what they take in memory, before they are read.

@@ -32,8 +32,9 @@ pub fn difference(
     until: Tick,
     mut told: impl FnMut(Tick),
 ) -> Result<(Tick, Option<Difference>), RecordingError> {
-    let mut compared = Tick(0);
-    let mut tick = Tick(1);
+    // Before both have begun there is nothing to compare.
+    let (Some(one), Some(other)) = (a.next_tick(), b.next_tick()) else { return Ok((Tick(0), None)) };
+    let (mut compared, mut tick) = (Tick(0), one.max(other).max(Tick(1)));
     while tick <= until {
         for side in [&mut *a, &mut *b] {
             while side.advance(tick)? {}

@@ -38,6 +38,14 @@ pub enum RecordingError {
     /// The physics cannot go on.
     #[error("the replay's physics cannot go on: {0}")]
     Physics(String),
+    /// One of several recordings that are replayed together.
+    #[error("{name}: {error}")]
+    Of {
+        /// Which.
+        name: String,
+        /// What is wrong with it.
+        error: Box<RecordingError>,
+    },
     /// A kind of recording that cannot be replayed so.
     #[error("{0}")]
     Unsuitable(String),

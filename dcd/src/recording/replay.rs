@@ -36,6 +36,8 @@ pub struct Replay {
 }
 
 struct Member {
+    /// Of its recording.
+    name: String,
     replay: Box<dyn Replayed>,
     /// The first tick that it computes, which no other tick of it has come before: one that joined late has nothing to show until then.
     first: Option<Settled>,
@@ -44,6 +46,18 @@ struct Member {
 }
 
 impl Member {
+    fn begin((name, mut replay): (String, Box<dyn Replayed>)) -> Result<Self, RecordingError> {
+        match replay.advance() {
+            Ok(first) => Ok(Self { name, replay, ended: first.is_none(), first, tick: Tick(0) }),
+            Err(error) => Err(RecordingError::Of { name, error: Box::new(error) }),
+        }
+    }
+
+    fn advance(&mut self) -> Result<Option<Settled>, RecordingError> {
+        let of = |error| RecordingError::Of { name: self.name.clone(), error: Box::new(error) };
+        self.replay.advance().map_err(of)
+    }
+
     /// Returns which tick it completes next, as far as that is known.
     fn next_tick(&self) -> Tick {
         self.first.as_ref().map_or(self.tick.next(), |first| first.tick)
@@ -51,13 +65,10 @@ impl Member {
 }
 
 impl Replay {
-    /// Begins the replay of these members. A node that was started again is several, of which the last counts.
-    pub fn new(members: Vec<Box<dyn Replayed>>) -> Result<Self, RecordingError> {
-        let member = |mut replay: Box<dyn Replayed>| {
-            let first = replay.advance()?;
-            Ok(Member { replay, ended: first.is_none(), first, tick: Tick(0) })
-        };
-        let mut members = members.into_iter().map(member).collect::<Result<Vec<Member>, RecordingError>>()?;
+    /// Begins the replay of these members, each by the name of its recording. A node that was started again is several, of which the last
+    /// counts.
+    pub fn new(members: Vec<(String, Box<dyn Replayed>)>) -> Result<Self, RecordingError> {
+        let mut members = members.into_iter().map(Member::begin).collect::<Result<Vec<_>, _>>()?;
         members.sort_by_key(|member| member.first.as_ref().map(|first| first.tick));
         Ok(Self { members, ticks: 0, matches: 0, mismatch: None })
     }
@@ -76,7 +87,7 @@ impl Replay {
         };
         let settled = match member.first.take() {
             Some(first) => Some(first),
-            None => member.replay.advance()?,
+            None => member.advance()?,
         };
         let Some(settled) = settled else {
             member.ended = true;

@@ -26,13 +26,13 @@ impl Ring {
     }
 
     pub(super) fn wants_segment(&self, now: Duration) -> bool {
-        self.segments.back().is_some_and(|segment| segment.from + self.time <= now)
+        self.segments.back().is_some_and(|segment| segment.from.saturating_add(self.time) <= now)
     }
 
     /// Begins a segment, and forgets those that are too old.
     pub(super) fn begin_segment(&mut self, now: Duration) {
         self.segments.push_back(Segment { from: now, chunks: Vec::new() });
-        while self.segments.get(1).is_some_and(|second| second.from + self.time <= now) {
+        while self.segments.get(1).is_some_and(|second| second.from.saturating_add(self.time) <= now) {
             self.segments.pop_front();
         }
     }

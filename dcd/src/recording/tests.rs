@@ -28,7 +28,7 @@ impl Computers for StandIns {
 }
 
 fn replay_of(tapes: impl IntoIterator<Item = Tape>) -> Replay {
-    let member = |tape: Tape| open(Cursor::new(tape.bytes()), &StandIns).unwrap();
+    let member = |tape: Tape| (String::new(), open(Cursor::new(tape.bytes()), &StandIns).unwrap());
     Replay::new(tapes.into_iter().map(member).collect()).unwrap()
 }
 
@@ -57,8 +57,13 @@ fn a_recording_that_was_cut_off_anywhere_is_replayed_up_to_there_and_damage_is_f
     let tapes = run(1, None).tapes;
     let whole = tapes.values().next().unwrap().bytes();
     let ticks = |bytes: &[u8]| {
-        let mut replay = Replay::new(vec![open(Cursor::new(bytes.to_vec()), &StandIns)?])?;
-        while replay.advance(END)? {}
+        let of_one = |error| match error {
+            RecordingError::Of { error, .. } => *error,
+            error => error,
+        };
+        let member = (String::new(), open(Cursor::new(bytes.to_vec()), &StandIns)?);
+        let mut replay = Replay::new(vec![member]).map_err(of_one)?;
+        while replay.advance(END).map_err(of_one)? {}
         assert_eq!(replay.mismatch(), None);
         Ok::<_, RecordingError>(replay.ticks())
     };
@@ -72,6 +77,11 @@ fn a_recording_that_was_cut_off_anywhere_is_replayed_up_to_there_and_damage_is_f
     let mut damaged = whole.clone();
     damaged[whole.len() / 2] ^= 4;
     assert!(matches!(ticks(&damaged), Err(RecordingError::Damaged(_))));
+    let named = |name: &str, bytes: Vec<u8>| (name.to_owned(), open(Cursor::new(bytes), &StandIns).unwrap());
+    let mut both = Replay::new(vec![named("a.dcdr", whole), named("b.dcdr", damaged)]).unwrap();
+    let error = std::iter::repeat_with(|| both.advance(END)).find_map(Result::err);
+    let error = error.expect("it is damaged").to_string();
+    assert!(error.starts_with("b.dcdr: the recording is damaged"), "{error}");
 }
 
 /// Returns whether a bit was flipped in the run of a seed; it is found, and nothing else.

@@ -162,10 +162,10 @@ mod tests {
         };
         begin(vec![field(600)]).unwrap();
         let refused = begin(vec![field(2_049)]).unwrap_err().to_string();
-        assert!(refused.contains("16 MiB") && refused.contains("several colliders"), "{refused}");
+        assert!(refused.contains("15.5 MiB") && refused.contains("several colliders"), "{refused}");
         // Short when it is sent, and counted by what it takes in memory where it is read.
         let voxels = (0..1_500_000).map(|i| [i / 15_000, i / 150 % 100, i % 150]).collect();
         let refused = begin(vec![ShapeRecord::Voxels([1.0; 3], voxels)]).unwrap_err().to_string();
-        assert!(refused.contains("16 MiB"), "{refused}");
+        assert!(refused.contains("15.5 MiB"), "{refused}");
     }
 }

@@ -3,6 +3,8 @@
 use std::io::Write;
 use std::time::Duration;
 
+use tracing::warn;
+
 use super::recorded::bodies_of;
 use super::tape::{Copies, Tape};
 use super::{LocalWorld, WorldError};
@@ -16,7 +18,7 @@ impl LocalWorld {
     /// going on ends.
     pub fn record(&mut self, to: impl Write + Send + Sync + 'static) -> Result<(), RecordingError> {
         self.can_be_recorded()?;
-        self.stop_recording()?;
+        self.end_former_recording();
         self.begin(Recorder::of_local(to)?);
         Ok(())
     }
@@ -24,7 +26,7 @@ impl LocalWorld {
     /// Begins to record, in memory, and keeps at least the last so much time: [`LocalWorld::keep_recording`] writes it.
     pub fn record_last(&mut self, time: Duration) -> Result<(), RecordingError> {
         self.can_be_recorded()?;
-        self.stop_recording()?;
+        self.end_former_recording();
         self.begin(Recorder::of_local_for(time));
         Ok(())
     }
@@ -47,6 +49,13 @@ impl LocalWorld {
         let Some(tape) = self.tape.take() else { return Ok(()) };
         self.host.set_hooks(tape.hooks());
         Ok(tape.recorder.finish()?)
+    }
+
+    /// Ends the recording that is going on: what has become of it is no reason not to begin another.
+    pub(crate) fn end_former_recording(&mut self) {
+        if let Err(error) = self.stop_recording() {
+            warn!(%error, "the recording before is not whole");
+        }
     }
 
     /// Returns whether the world is recorded.
@@ -148,7 +157,7 @@ mod tests {
     use super::*;
     use crate::physics::{ContactHooks, HookedPair};
     use crate::protocol::{Push, Velocity, WorldPose};
-    use crate::recording::{Flip, Mismatch, Replay, open};
+    use crate::recording::{Flip, Mismatch, Replay, difference, open};
     use crate::runtime::replays::Here;
     use crate::runtime::{Partitioning, WorldConfig};
     use crate::scene::{Params, Scene};
@@ -169,7 +178,8 @@ mod tests {
     }
 
     fn replay(bytes: Vec<u8>) -> Replay {
-        Replay::new(vec![open(io::Cursor::new(bytes), &Here { threads: 1 }).unwrap()]).unwrap()
+        let member = open(io::Cursor::new(bytes), &Here { threads: 1 }).unwrap();
+        Replay::new(vec![(String::new(), member)]).unwrap()
     }
 
     fn checked(bytes: Vec<u8>, flip: Option<Flip>) -> (u64, Option<Mismatch>) {
@@ -386,6 +396,66 @@ mod tests {
         assert_eq!(mismatch, None);
         assert!((2..=4).contains(&matches), "{matches}: one or two ticks are kept");
         assert!(matches!(ragdolls(1).keep_recording(&mut Vec::new()), Err(RecordingError::Unsuitable(_))));
+        world.record_last(Duration::MAX).unwrap();
+        play(&mut world);
+        let mut kept = Vec::new();
+        world.keep_recording(&mut kept).unwrap();
+        assert_eq!(checked(kept, None), (180, None), "all of it");
+    }
+
+    /// A file on a disk that has room for so many bytes.
+    struct Full(usize);
+
+    impl Write for Full {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            self.0 = self.0.checked_sub(bytes.len()).ok_or(io::ErrorKind::StorageFull)?;
+            Ok(bytes.len())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_recording_that_failed_does_not_keep_another_from_beginning() {
+        let mut world = ragdolls(1);
+        world.record(Full(1_000)).unwrap();
+        play(&mut world);
+        let tape = Memory::default();
+        world.record(tape.clone()).unwrap();
+        play(&mut world);
+        world.stop_recording().unwrap();
+        assert_eq!(checked(tape.0.lock().unwrap().clone(), None), (90, None));
+    }
+
+    #[test]
+    fn recordings_are_compared_from_the_tick_on_at_which_both_have_begun() {
+        let recorded = |begins: u32, push_x: f32| {
+            let mut world = ragdolls(2);
+            let body = world.states().next().unwrap().0;
+            let tape = Memory::default();
+            for tick in 0..70 {
+                if tick == begins {
+                    world.record(tape.clone()).unwrap();
+                }
+                if tick == 60 {
+                    world.push(&Push::impulse(body, [push_x, 0.0, 0.0])).unwrap();
+                }
+                world.step().unwrap();
+            }
+            world.stop_recording().unwrap();
+            let bytes = tape.0.lock().unwrap().clone();
+            replay(bytes)
+        };
+        let compared = |mut one: Replay, mut other: Replay| {
+            let (last, found) = difference([&mut one, &mut other], Tick(u64::MAX), |_| ()).unwrap();
+            (last, found.map(|found| found.tick))
+        };
+        let late = || recorded(50, 1.0);
+        assert_eq!(compared(late(), recorded(50, 2.0)), (Tick(61), Some(Tick(61))));
+        assert_eq!(compared(recorded(0, 1.0), late()), (Tick(70), None));
+        assert_eq!(compared(late(), recorded(0, 1.0)), (Tick(70), None));
     }
 
     #[test]
@@ -402,5 +472,20 @@ mod tests {
             let bytes = tape.0.lock().unwrap().clone();
             assert_eq!(checked(bytes, None).1, None, "{load:?}");
         }
+    }
+
+    #[test]
+    fn islands_are_limited_in_the_replay_of_a_world_that_is_cut_by_times() {
+        let scene = Scene::named("heap", &Params::new().with("n", 120)).unwrap();
+        let config = WorldConfig { partitioning: Partitioning::Regions(4), ..WorldConfig::for_scene(&scene) };
+        let mut world = LocalWorld::from_scene(&scene, config).unwrap();
+        let balance = Balance { every_ticks: 30, load: Load::Times, ..Balance::default() };
+        world.set_balance(Some(balance)).unwrap();
+        let tape = Memory::default();
+        world.record(tape.clone()).unwrap();
+        (0..120).for_each(|_| world.step().unwrap());
+        world.stop_recording().unwrap();
+        let bytes = tape.0.lock().unwrap().clone();
+        assert_eq!(checked(bytes, None).1, None);
     }
 }

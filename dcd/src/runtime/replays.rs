@@ -114,8 +114,7 @@ impl LocalPhysics for LocalComputer {
     fn restore(&mut self, snapshot: &[u8]) -> Result<(), String> {
         let mut world = LocalWorld::restore(snapshot, self.threads).map_err(|error| error.to_string())?;
         if world.follows_times() {
-            // What it did is recorded.
-            world.set_balance(None).map_err(|error| error.to_string())?;
+            world.host_mut().hold_cut();
         }
         self.world = Some(world);
         Ok(())

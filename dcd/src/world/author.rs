@@ -745,7 +745,7 @@ mod tests {
         };
         let ground = RigidBodyBuilder::fixed().build();
         let refused = author.insert(WorldPose::at([0.0; 3]), &ground, &field(2_049), None);
-        assert!(refused.unwrap_err().to_string().contains("16 MiB"));
+        assert!(refused.unwrap_err().to_string().contains("15.5 MiB"));
         author.insert(WorldPose::at([0.0; 3]), &ground, &field(1_000), None).unwrap();
         let told = Told { body: sim_body(BodyId::persistent(0), [0.0; 3]), joint: None, answered: 0 };
         let [BuildOp::Insert { shapes, .. }] = &author.take(&told)[..] else { panic!("one insertion") };

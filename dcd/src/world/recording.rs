@@ -43,7 +43,7 @@ impl World {
         let world = self.local_mut(RECORD, Instead::RecordNodes)?;
         world.can_be_recorded()?;
         // It may be to the same file.
-        world.stop_recording()?;
+        world.end_former_recording();
         let file = Background::create(path.as_ref()).map_err(RecordingError::from)?;
         Ok(world.record(file)?)
     }

@@ -184,9 +184,9 @@ pub(super) fn open(paths: &[PathBuf], threads: Option<u16>, common: &Common) -> 
         if let Some(unlike) = member.maker().unlike(&here) {
             common.say(&format!("{}: {unlike}", file.display()));
         }
-        members.push(member);
+        members.push((file.display().to_string(), member));
     }
-    if members.len() > 1 && members.iter().any(|member| member.who() == Who::Local) {
+    if members.len() > 1 && members.iter().any(|(_, member)| member.who() == Who::Local) {
         return Err(Failure::usage("a local world has one recording: give it alone"));
     }
     Worlds::new(members).map_err(|error| Failure::run(error.to_string()))

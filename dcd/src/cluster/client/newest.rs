@@ -73,7 +73,7 @@ impl Client {
         self.logical_time += 1;
         let input = Input { logical_time: self.logical_time, ..input };
         self.newest.keep(input, self.now);
-        self.showing.iter_mut().for_each(|showing| showing.sent(self.now, input.logical_time, input.tick));
+        self.showing.iter_mut().for_each(|showing| showing.sent(self.now, input));
         self.send_input(input);
     }
 

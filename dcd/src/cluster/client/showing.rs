@@ -6,7 +6,7 @@ use std::time::Duration;
 use super::Client;
 use crate::cluster::{Peer, Pinger};
 use crate::playback::{Lead, Motion, Playback, ViewTime};
-use crate::protocol::{Message, Pace, Pong, SharedState, Stamp};
+use crate::protocol::{Input, Message, Pace, Pong, SharedState, Stamp};
 use crate::space::{BodyId, NodeId, Tick};
 
 /// The most inputs that wait to be applied.
@@ -74,9 +74,14 @@ impl Showing {
     }
 
     /// Notes that an input was sent, which names a tick, or none (0).
-    pub(super) fn sent(&mut self, now: Duration, logical_time: u64, named: Tick) {
+    pub(super) fn sent(&mut self, now: Duration, Input { body, logical_time, tick: named, .. }: Input) {
         let world_tick = self.playback.world_tick(now).filter(|_| named != Tick(0)).map(|(tick, _)| tick);
-        self.inputs.sent(Sent { logical_time, at: now, named, world_tick });
+        self.inputs.sent(Sent { body, logical_time, at: now, named, world_tick });
+    }
+
+    /// Waits no more for inputs of a body of which one was refused.
+    pub(super) fn refused(&mut self, body: BodyId) {
+        self.inputs.waiting.retain(|sent| sent.body != body);
     }
 
     pub(super) fn hear(&mut self, now: Duration, stamp: &Stamp, states: &[SharedState]) {
@@ -138,7 +143,10 @@ impl Client {
     pub fn name_tick(&mut self, now: Duration) -> Option<Tick> {
         let predicted = self.predicted_tick(now)?;
         let showing = self.showing.as_mut()?;
-        showing.named = showing.named.max(Tick(predicted.max(0.0) as u64 + 1));
+        let next = Tick(predicted.max(0.0) as u64 + 1);
+        // The predicted tick goes back with the world, or hardly.
+        let goes_back = next.next() < showing.named;
+        showing.named = if goes_back { next } else { next.max(showing.named) };
         Some(showing.named)
     }
 
@@ -170,6 +178,7 @@ impl Client {
 /// An input that is not applied yet.
 #[derive(Clone, Copy, Debug)]
 struct Sent {
+    body: BodyId,
     logical_time: u64,
     at: Duration,
     /// The tick that it names; 0: none.
@@ -223,7 +232,8 @@ mod tests {
         let at = Duration::from_millis;
         for logical_time in 1..=9 {
             let named = Tick(0);
-            inputs.sent(Sent { logical_time, at: at(10 * logical_time), named, world_tick: None });
+            let (body, at) = (BodyId::default(), at(10 * logical_time));
+            inputs.sent(Sent { body, logical_time, at, named, world_tick: None });
         }
         inputs.applied(at(60), 0);
         assert_eq!(inputs.median_s(), None, "a new leader has applied none");

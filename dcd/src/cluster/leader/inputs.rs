@@ -24,8 +24,8 @@ pub(super) struct Inputs {
     avatars: BTreeMap<BodyId, Avatar>,
     /// Counts the inputs of each client that wait for the ticks that they name.
     counts: BTreeMap<ClientId, usize>,
-    /// Newest inputs for avatars not heard of yet, and since when they wait.
-    early: BTreeMap<BodyId, (Input, Tick)>,
+    /// Newest inputs of each kind for avatars not heard of yet, and since when they wait.
+    early: BTreeMap<(BodyId, bool), (Input, Tick)>,
 }
 
 /// An input for a tick, and how many ticks before the one that it names it came.
@@ -83,11 +83,11 @@ impl Inputs {
             return self.admit(input, now);
         }
         // A new leader, or one whom the input reached before the server's word, may yet hear of the avatar.
-        let range = BodyId::avatar(client, 0)..=BodyId::avatar(client, u32::MAX);
-        if self.early.range(range).count() >= MAX_AVATARS {
+        let range = (BodyId::avatar(client, 0), false)..=(BodyId::avatar(client, u32::MAX), true);
+        if self.early.range(range).count() >= 2 * MAX_AVATARS {
             return Err(Refusal::TooMany);
         }
-        let (known, _) = self.early.entry(input.body).or_insert((input, now));
+        let (known, _) = self.early.entry(input.slot()).or_insert((input, now));
         if known.logical_time < input.logical_time {
             *known = input;
         }
@@ -123,10 +123,11 @@ impl Inputs {
         let tick = if waits { input.tick.max(next) } else { next };
         let early = if names_tick { input.tick.0 as i64 - next.0 as i64 } else { 0 };
         let early = early.clamp(i8::MIN.into(), i8::MAX.into()) as i8;
-        // What was to come after it is older.
-        let overtaken = avatar.waiting.split_off(&(tick.next(), false));
-        uncount(&mut self.counts, input.body, overtaken.len());
         let (_, kind) = input.slot();
+        // What was to come after it is older.
+        let before = avatar.waiting.len();
+        avatar.waiting.retain(|&(at, of), _| of != kind || at <= tick);
+        uncount(&mut self.counts, input.body, before - avatar.waiting.len());
         if avatar.waiting.insert((tick, kind), Taken { input, early }).is_none() {
             *self.counts.entry(client).or_default() += 1;
         }
@@ -136,7 +137,10 @@ impl Inputs {
     /// Takes inputs for avatars that have appeared in; returns those to be refused, as they waited too long or ask for too much.
     pub(super) fn sort_early(&mut self, now: Tick) -> Vec<(BodyId, Refusal)> {
         let mut refused = Vec::new();
-        for (id, (input, since)) in std::mem::take(&mut self.early) {
+        let mut early: Vec<_> = std::mem::take(&mut self.early).into_values().collect();
+        early.sort_by_key(|(input, _)| (input.body, input.logical_time));
+        for (input, since) in early {
+            let id = input.body;
             if self.avatars.contains_key(&id) {
                 match self.admit(input, now) {
                     // A later input may have come since the avatar appeared.
@@ -144,7 +148,7 @@ impl Inputs {
                     Err(refusal) => refused.push((id, refusal)),
                 }
             } else if now.0 - since.0 < EARLY_TICKS {
-                self.early.insert(id, (input, since));
+                self.early.insert(input.slot(), (input, since));
             } else {
                 refused.push((id, Refusal::Unknown));
             }

@@ -3,6 +3,7 @@
 mod between_groups;
 mod many;
 mod silent;
+mod waiting;
 
 use super::*;
 use crate::delta::{FreeMotion, Receiver};

@@ -178,7 +178,7 @@ impl Node {
         }
         if self.view.as_ref().is_some_and(|view| view.leader == node) {
             self.report_all = true;
-            if let Some(done) = self.done.clone() {
+            for done in self.done.clone() {
                 self.send(Peer::Node(node), Message::Done(done));
             }
             self.repeat_interest();

@@ -12,7 +12,7 @@ use crate::cluster::{
 use crate::delta::alone;
 use crate::protocol::{
     BodyRecord, Border, BorderMessage, CHUNK_BYTES, Chunk, Dispatch, Done, EnvironmentProperties, Message,
-    RegionEvents, Repartition, Report, ToNode, ToServer, View, WorldOp, split,
+    RegionEvents, Repartition, Report, ToNode, ToServer, View, ViewNumber, WorldOp, split,
 };
 use crate::space::{BodyId, NodeId, RegionId, Tick};
 
@@ -47,23 +47,14 @@ impl Node {
                     self.change = Some(PendingView::to(view));
                     self.placed.clear();
                     self.joints.clear();
-                    let dispatches = self.dispatches.iter().cloned().collect();
-                    let undone = self.leader.as_ref().map(Leader::undone).unwrap_or_default();
-                    self.send_server(ToServer::Settling { view, dispatches, undone });
+                    self.tell_settled(view);
                 }
             }
-            ToNode::Finish { view, dispatches, survivors } => {
+            ToNode::Finish { view, dispatches, survivors, last } => {
                 if let Some(change) = self.change.as_mut().filter(|change| change.view == view) {
-                    change.finish = true;
-                    // All of the members' dispatches, ours among them; a server that asks again is sent all.
-                    self.dispatched =
-                        dispatches.last().map_or(Tick(0), |last| last.tick).max(self.dispatched);
-                    self.dispatches = dispatches.into();
-                    self.held.retain(|held| held.tick > self.dispatched);
-                    self.others.retain(|node| survivors.contains(node));
-                    if let Phase::Exchanging(Exchange { with, arrived, .. }) = &mut self.phase {
-                        with.retain(|node| survivors.contains(node));
-                        arrived.retain(|node, _| survivors.contains(node));
+                    change.dispatches.extend(dispatches);
+                    if last {
+                        self.finish(&survivors);
                     }
                 }
             }
@@ -110,6 +101,36 @@ impl Node {
         }
     }
 
+    /// Says what was dispatched and may not be done, in parts that each fit into a message.
+    fn tell_settled(&mut self, view: ViewNumber) {
+        let undone = self.leader.as_ref().map(Leader::undone).unwrap_or_default();
+        let dispatches = split(self.dispatches.iter().cloned(), CHUNK_BYTES).into_iter();
+        let undone = split(undone, CHUNK_BYTES).into_iter().map(|part| (Vec::new(), part));
+        let mut parts: Vec<_> = dispatches.map(|part| (part, Vec::new())).chain(undone).collect();
+        let end = parts.pop().unwrap_or_default();
+        for (dispatches, undone) in parts {
+            self.send_server(ToServer::Settling { view, dispatches, undone, last: false });
+        }
+        let (dispatches, undone) = end;
+        self.send_server(ToServer::Settling { view, dispatches, undone, last: true });
+    }
+
+    /// Goes on to the last tick of the view, of which all is known that was dispatched to survivors.
+    fn finish(&mut self, survivors: &[NodeId]) {
+        let Some(change) = &mut self.change else { return };
+        change.finish = true;
+        // All of the members' dispatches, ours among them; a server that asks again is sent all.
+        self.dispatches = std::mem::take(&mut change.dispatches).into();
+        let newest = self.dispatches.back().map_or(Tick(0), |newest| newest.tick);
+        self.dispatched = self.dispatched.max(newest);
+        self.held.retain(|held| held.tick > self.dispatched);
+        self.others.retain(|node| survivors.contains(node));
+        if let Phase::Exchanging(Exchange { with, arrived, .. }) = &mut self.phase {
+            with.retain(|node| survivors.contains(node));
+            arrived.retain(|node, _| survivors.contains(node));
+        }
+    }
+
     /// Discards whatever was computed here: the server sends the world anew.
     fn begin_anew(&mut self) {
         if std::mem::take(&mut self.busy) {
@@ -129,7 +150,7 @@ impl Node {
         self.joints.clear();
         self.early.clear();
         self.end_leading();
-        self.done = None;
+        self.done.clear();
         self.link.tell_again();
     }
 
@@ -242,7 +263,10 @@ impl Node {
                     .then(|| std::mem::replace(&mut self.holds, holds.clone()))
                     .map(|_| holds);
                 let done = Done { view, tick, rounds_wanted, holds, events, answers, load };
-                self.done = Some(done.clone());
+                self.done.push_back(done.clone());
+                if self.done.len() as u64 > 1 + self.lag() {
+                    self.done.pop_front();
+                }
                 self.tell_leader(Message::Done(done));
                 self.outputs.push_back(NodeOutput::Settled(tick));
             }
@@ -343,7 +367,8 @@ impl Node {
         self.others = view.members.iter().map(|member| member.node).filter(|&node| node != me).collect();
         self.know(now, &view.members, false);
         self.tend_links(now);
-        (self.since, self.done, self.report_all) = (now, None, false);
+        (self.since, self.report_all) = (now, false);
+        self.done.clear();
         self.waiting.clear();
         self.early.retain(|_, queue| {
             queue.retain(|border| border.view >= view.number);

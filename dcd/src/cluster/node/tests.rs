@@ -232,10 +232,13 @@ fn who_was_told_to_finish_a_tick_tells_of_it_when_the_view_changes_again() {
     settle(&mut node);
     server(&mut node, ToNode::Settle { view: ViewNumber(2) });
     let (dispatches, survivors) = (vec![dispatch(1, vec![])], vec![NodeId(1), NodeId(2)]);
-    server(&mut node, ToNode::Finish { view: ViewNumber(2), dispatches: dispatches.clone(), survivors });
+    server(
+        &mut node,
+        ToNode::Finish { view: ViewNumber(2), dispatches: dispatches.clone(), survivors, last: true },
+    );
     drain(&mut node);
     server(&mut node, ToNode::Settle { view: ViewNumber(3) });
-    let settling = ToServer::Settling { view: ViewNumber(3), dispatches, undone: Vec::new() };
+    let settling = ToServer::Settling { view: ViewNumber(3), dispatches, undone: Vec::new(), last: true };
     assert_eq!(
         drain(&mut node),
         [NodeOutput::Send { to: Peer::Server, message: Message::ToServer(settling) }]
@@ -253,12 +256,55 @@ fn the_newest_tick_is_told_even_when_completed_as_others_may_not_have_heard_of_i
         settle(&mut node);
     }
     server(&mut node, ToNode::Settle { view: ViewNumber(2) });
-    let settling =
-        ToServer::Settling { view: ViewNumber(2), dispatches: vec![dispatch(2, vec![])], undone: Vec::new() };
+    let settling = ToServer::Settling {
+        view: ViewNumber(2),
+        dispatches: vec![dispatch(2, vec![])],
+        undone: Vec::new(),
+        last: true,
+    };
     assert_eq!(
         drain(&mut node),
         [NodeOutput::Send { to: Peer::Server, message: Message::ToServer(settling) }]
     );
+}
+
+#[test]
+fn what_is_told_of_a_view_change_goes_in_parts_that_each_are_a_message() {
+    let mut node = member_out_of_step();
+    let field = |x| {
+        crate::protocol::ShapeRecord::HeightField(vec![x; 2_250_000], 1_500, 1_500, [1.0; 3], 0, Vec::new())
+    };
+    let brings = |x| WorldOp::Insert { bodies: vec![], shapes: vec![field(x)], joints: vec![] };
+    for (tick, x) in [(3, 1.0), (4, 2.0)] {
+        let message = Message::Dispatch(dispatch(tick, vec![brings(x)]));
+        node.handle(NOW, NodeEvent::Message { from: Peer::Node(NodeId(1)), message });
+    }
+    let before: Vec<_> = node.dispatches.iter().cloned().collect();
+    assert_eq!(before.iter().rev().map(|dispatch| dispatch.tick.0).take(2).collect::<Vec<_>>(), [4, 3]);
+    drain(&mut node);
+    let view = ViewNumber(2);
+    server(&mut node, ToNode::Settle { view });
+    let (mut told, mut ends) = (Vec::new(), Vec::new());
+    for output in drain(&mut node) {
+        let NodeOutput::Send { to: Peer::Server, message } = output else { continue };
+        let message = crate::protocol::decode(&crate::protocol::encode(&message)).unwrap();
+        let Message::ToServer(ToServer::Settling { dispatches, last, .. }) = message else { continue };
+        told.extend(dispatches);
+        ends.push(last);
+    }
+    assert!(told == before, "all of them, in order");
+    assert_eq!(ends.iter().filter(|last| **last).count(), 1);
+    assert!(ends.len() > 1 && ends.ends_with(&[true]), "{ends:?}");
+    // It is told likewise what it is to complete.
+    let survivors = vec![NodeId(1), NodeId(2)];
+    let mut parts = told.into_iter().map(|one| vec![one]).peekable();
+    while let Some(dispatches) = parts.next() {
+        assert!(!node.change.as_ref().is_some_and(|change| change.finish));
+        let (survivors, last) = (survivors.clone(), parts.peek().is_none());
+        server(&mut node, ToNode::Finish { view, dispatches, survivors, last });
+    }
+    assert!(node.change.as_ref().is_some_and(|change| change.finish));
+    assert!(node.dispatches == before);
 }
 
 const DRIVEN: BodyId = BodyId::avatar(ClientId(1), 0);
@@ -290,6 +336,41 @@ fn member_out_of_step() -> Node {
     complete(&mut node, 1, vec![]);
     complete(&mut node, 2, vec![WorldOp::Input(input), WorldOp::Remove(REMOVED)]);
     node
+}
+
+#[test]
+fn who_is_ahead_of_its_leader_says_all_again_that_a_broken_link_may_have_lost() {
+    let mut node = member_out_of_step();
+    let leader = Peer::Node(NodeId(1));
+    let number = 7;
+    begin(&mut node, 3, vec![]);
+    let settled = PhysicsEvent::Settled {
+        rounds_wanted: 1,
+        stats: Default::default(),
+        holds: vec![DRIVEN],
+        events: vec![],
+        answers: vec![crate::protocol::Answer {
+            client: ClientId(1),
+            number,
+            found: crate::protocol::QueryResult::Rays(vec![None]),
+        }],
+        report: vec![],
+        checkpoint: vec![],
+        load: None,
+    };
+    node.handle(NOW, NodeEvent::Physics(settled));
+    complete(&mut node, 4, vec![]);
+    drain(&mut node);
+    node.handle(NOW, NodeEvent::Disconnected(leader));
+    node.handle(NOW, NodeEvent::Connected(leader));
+    let said = drain(&mut node).into_iter().filter_map(|output| match output {
+        NodeOutput::Send { message: Message::Done(done), .. } => Some(done),
+        _ => None,
+    });
+    let said: Vec<_> = said.collect();
+    assert_eq!(said.iter().map(|done| done.tick.0).collect::<Vec<_>>(), [2, 3, 4]);
+    assert_eq!(said[1].holds, Some(vec![DRIVEN]));
+    assert_eq!(said[1].answers.iter().map(|answer| answer.number).collect::<Vec<_>>(), [number]);
 }
 
 #[test]
@@ -328,7 +409,7 @@ fn change_view(node: &mut Node, number: u64) -> Vec<NodeOutput> {
         panic!("{outputs:?}")
     };
     let (dispatches, survivors) = (dispatches.clone(), vec![NodeId(1), NodeId(2)]);
-    server(node, ToNode::Finish { view, dispatches, survivors });
+    server(node, ToNode::Finish { view, dispatches, survivors, last: true });
     drain(node)
 }
 
@@ -385,7 +466,7 @@ fn who_began_anew_and_is_still_taken_for_a_member_is_surveyed_without_a_view() {
     server(&mut node, ToNode::Welcome { id: NodeId(2), world: sim_world(2) });
     let (view, survivors) = (ViewNumber(2), vec![NodeId(1), NodeId(2)]);
     server(&mut node, ToNode::Settle { view });
-    server(&mut node, ToNode::Finish { view, dispatches: vec![], survivors });
+    server(&mut node, ToNode::Finish { view, dispatches: vec![], survivors, last: true });
     drain(&mut node);
     node.handle(NOW, NodeEvent::Physics(PhysicsEvent::Surveyed(vec![])));
     let said = drain(&mut node);
@@ -432,7 +513,7 @@ fn the_interest_of_a_participant_that_begins_the_view_before_its_leader_is_not_l
     server(&mut node, ToNode::Settle { view });
     node.handle(NOW, interest());
     let survivors = vec![NodeId(1), NodeId(2)];
-    server(&mut node, ToNode::Finish { view, dispatches: vec![], survivors });
+    server(&mut node, ToNode::Finish { view, dispatches: vec![], survivors, last: true });
     node.handle(NOW, NodeEvent::Physics(PhysicsEvent::Surveyed(vec![])));
     let member = |id, client| Member { node: NodeId(id), address: ([127, 0, 0, 1], 1).into(), client };
     let present = node.view().unwrap().clone();
@@ -458,13 +539,13 @@ fn a_leader_that_stops_tells_what_it_had_not_passed_on() {
     drain(&mut node);
     server(&mut node, ToNode::Settle { view: ViewNumber(3) });
     let said = drain(&mut node);
-    let told = said.iter().find_map(|output| match output {
+    let told = said.iter().filter_map(|output| match output {
         NodeOutput::Send { message: Message::ToServer(ToServer::Settling { undone, .. }), .. } => {
             Some(undone)
         }
         _ => None,
     });
-    assert_eq!(told, Some(&vec![push]), "{said:?}");
+    assert_eq!(told.flatten().collect::<Vec<_>>(), [&push], "{said:?}");
 }
 
 #[test]

@@ -162,7 +162,7 @@ impl Server {
         };
         let is_tied = |id| {
             let holds =
-                |group: &Group| group.record.joint(id).is_some() || group.removed_joints.contains(&id);
+                |group: &Group| group.record.joint(id).is_some() || group.removed_joints.contains_key(&id);
             self.groups.values().any(holds)
         };
         bodies.iter().any(|body| is_held(body.id)) || joints.iter().any(|joint| is_tied(joint.id))

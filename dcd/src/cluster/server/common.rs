@@ -24,6 +24,8 @@ pub(super) struct NodeEntry {
     pub linked: bool,
     /// It has the world, and may be given regions.
     pub loaded: bool,
+    /// Times that it was sent the world over this link and has not answered.
+    pub loading: u32,
     pub leaving: bool,
     /// What it is told when it goes, if it did not ask to leave itself.
     pub unwanted: Option<(Farewell, String)>,

@@ -38,10 +38,12 @@ pub(super) struct Group {
     /// Bodies that the leader was told to insert and that no node has spoken of yet.
     pub arriving: BTreeSet<BodyId>,
     pub postponed: Postponed,
-    /// Joints that it removed since the present view began.
-    pub removed_joints: BTreeSet<JointId>,
-    /// Bodies that it changed, and whether it woke them since the present view began.
-    pub altered_bodies: BTreeMap<BodyId, bool>,
+    /// Joints that it removed, and when a leader was last told: until that one has surely done it, the next is told, too.
+    pub removed_joints: BTreeMap<JointId, Duration>,
+    /// Bodies that it changed.
+    pub altered_bodies: BTreeSet<BodyId>,
+    /// Those that it woke thereby, kept like joints.
+    pub woken: BTreeMap<BodyId, Duration>,
     /// Joints that it changed.
     pub altered_joints: BTreeSet<JointId>,
     /// The regions that own bodies, as members told in the present view: for operators.
@@ -76,8 +78,9 @@ impl Group {
             at_last_tick: BTreeSet::new(),
             arriving: BTreeSet::new(),
             postponed: Postponed::default(),
-            removed_joints: BTreeSet::new(),
-            altered_bodies: BTreeMap::new(),
+            removed_joints: BTreeMap::new(),
+            altered_bodies: BTreeSet::new(),
+            woken: BTreeMap::new(),
             altered_joints: BTreeSet::new(),
             owners: BTreeMap::new(),
             complaints: BTreeSet::new(),
@@ -171,8 +174,8 @@ impl Group {
         let present = self.view.as_ref().map(|view| view.number);
         let coming = self.change.as_ref().map(|change| change.number);
         match message {
-            ToServer::Settling { view, dispatches, undone } if Some(view) == coming => {
-                return self.settling(common, node, dispatches, undone);
+            ToServer::Settling { view, dispatches, undone, last } if Some(view) == coming => {
+                return self.settling(common, node, dispatches, undone, last);
             }
             ToServer::Survey { view, tick, division, claims } if Some(view) == coming => {
                 return self.surveyed(common, node, tick, division, claims);
@@ -264,6 +267,7 @@ impl Group {
                 // The tick of the world is its leader's to say, which says so even when nothing moves.
                 if self.leads(node) {
                     self.tick = self.tick.max(tick);
+                    self.forget_done(common.now);
                 }
                 if common.config.world.last_tick == Some(tick) {
                     self.at_last_tick.insert(node);

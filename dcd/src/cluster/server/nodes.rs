@@ -95,6 +95,7 @@ impl Server {
     pub(super) fn link_again(&mut self, member: Member) {
         if let Some(entry) = self.common.nodes.get_mut(&member.node) {
             (entry.member, entry.linked, entry.absent_until) = (member, true, None);
+            entry.loading = 0;
         }
         self.common.tell_roster();
     }
@@ -106,6 +107,7 @@ impl Server {
             entry.member = member;
             entry.linked = true;
             entry.absent_until = None;
+            entry.loading = 0;
             // What it was sent last may be lost. It is sent all with the next view, and knows what it has.
             entry.shapes.clear();
             entry.scenery.clear();
@@ -134,7 +136,8 @@ impl Server {
         self.common.tell_roster();
     }
 
-    pub(super) fn welcome_node(&mut self, member: Member) {
+    /// Sends a node the world; `loading` times it was sent that before, and has not answered.
+    pub(super) fn welcome_node(&mut self, member: Member, loading: u32) {
         let node = member.node;
         let (mut shapes, mut scenery) = (BTreeSet::new(), BTreeSet::new());
         let mut parts = self.main().record.shape_chunks(&mut shapes);
@@ -144,6 +147,7 @@ impl Server {
             absent_until: None,
             linked: true,
             loaded: false,
+            loading: loading + 1,
             leaving: false,
             unwanted: None,
             group: None,
@@ -169,12 +173,7 @@ impl Server {
     pub(super) fn hear_node(&mut self, node: NodeId, message: ToServer) {
         let Some(entry) = self.common.nodes.get_mut(&node) else { return };
         match message {
-            // It was taken for a member of a former view while it loaded, and holds nothing of it.
-            ToServer::Loaded if entry.serving.is_some() => self.begin_anew(node),
-            ToServer::Loaded => {
-                entry.loaded = true;
-                self.is_anew(node);
-            }
+            ToServer::Loaded => self.has_loaded(node),
             ToServer::Leave => entry.leaving = true,
             ToServer::Delays(delays) => self.learn_delays(node, delays),
             ToServer::Call(motion) => self.call(node, motion),
@@ -193,6 +192,21 @@ impl Server {
                 }
             }
         }
+    }
+
+    /// Notes that a node has the world that it was sent, be it one that it has been sent another in place of.
+    fn has_loaded(&mut self, node: NodeId) {
+        let Some(entry) = self.common.nodes.get_mut(&node) else { return };
+        entry.loading = entry.loading.saturating_sub(1);
+        if entry.loading > 0 {
+            return;
+        }
+        // It was taken for a member of a former view while it loaded, and holds nothing of it.
+        if entry.serving.is_some() {
+            return self.begin_anew(node);
+        }
+        entry.loaded = true;
+        self.is_anew(node);
     }
 
     /// Takes in changed delays from a node to others that are here: it may name any.
@@ -262,9 +276,10 @@ impl Server {
     pub(super) fn begin_anew(&mut self, node: NodeId) {
         let Some(entry) = self.common.nodes.get(&node) else { return };
         let (member, linked, unwanted) = (entry.member.clone(), entry.linked, entry.unwanted.clone());
+        let loading = entry.loading;
         self.lose(node);
         match unwanted {
-            None if linked => return self.welcome_node(member),
+            None if linked => return self.welcome_node(member, loading),
             Some((farewell, reason)) if linked => self.common.dismiss(node, farewell, reason),
             _ => {}
         }

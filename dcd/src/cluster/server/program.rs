@@ -3,6 +3,7 @@
 //! push is lost with a leader that dies before it has passed it on.
 
 use std::collections::BTreeMap;
+use std::time::Duration;
 
 use super::Server;
 use super::common::Common;
@@ -17,6 +18,9 @@ use crate::space::{BodyId, Epoch};
 
 /// The most bytes of bodies that nodes are told to insert by one message.
 const INSERT_BYTES: usize = 1 << 20;
+
+/// How long after it was told a leader that goes on has surely done it.
+const SURELY_DONE: Duration = Duration::from_secs(5);
 
 impl Server {
     /// Returns the ids of the next body and the next joint that the program makes: none that was ever given.
@@ -55,7 +59,7 @@ impl Server {
                 for group in self.groups.values_mut() {
                     if group.record.remove_joint(id) {
                         self.common.send_clients(group.id, &ToClient::JointRemoved(id));
-                        group.removed_joints.insert(id);
+                        group.removed_joints.insert(id, self.common.now);
                         group.apply_soon(&mut self.common, WorldOp::RemoveJoint(id));
                     }
                 }
@@ -149,7 +153,10 @@ impl Group {
         }
         match alteration {
             Alteration::Body { body, wakes, .. } => {
-                *self.altered_bodies.entry(*body).or_default() |= wakes;
+                self.altered_bodies.insert(*body);
+                if *wakes {
+                    self.woken.insert(*body, common.now);
+                }
             }
             Alteration::Joint(joint) => {
                 self.altered_joints.insert(joint.id);
@@ -193,28 +200,41 @@ impl Group {
     /// Tells the leader of a view that has begun what the last one had not passed on, what was to be done meanwhile, and once more which joints
     /// are gone: of that a leader that has died tells nothing.
     pub(super) fn catch_up(&mut self, common: &mut Common, undone: Vec<WorldOp>) {
-        let joints = std::mem::take(&mut self.removed_joints).into_iter().map(WorldOp::RemoveJoint);
+        let joints: Vec<_> = self.removed_joints.keys().copied().map(WorldOp::RemoveJoint).collect();
         let is_there = |id| self.record.body(id).is_some();
         let undone: Vec<_> = undone.into_iter().filter(|op| op.moves().is_some_and(is_there)).collect();
         let postponed = std::mem::take(&mut self.postponed).ops(is_there);
         let altered = self.altered();
-        for ops in split(joints.chain(altered).chain(undone).chain(postponed), INSERT_BYTES) {
+        for told in self.removed_joints.values_mut().chain(self.woken.values_mut()) {
+            *told = common.now;
+        }
+        for ops in split(joints.into_iter().chain(altered).chain(undone).chain(postponed), INSERT_BYTES) {
             self.apply(common, ops);
+        }
+    }
+
+    /// Forgets what the leader was told long before it said how far it is, unless what it was told may be lost with a link.
+    pub(super) fn forget_done(&mut self, now: Duration) {
+        if self.change.is_none() && !self.unsure {
+            let may_wait = |told: &mut Duration| now < *told + SURELY_DONE;
+            self.removed_joints.retain(|_, told| may_wait(told));
+            self.woken.retain(|_, told| may_wait(told));
         }
     }
 
     /// Returns all that the program has changed as it is on record: no node says whether it knows.
     fn altered(&mut self) -> Vec<WorldOp> {
         let record = &self.record;
-        self.altered_bodies.retain(|&id, _| record.body(id).is_some());
+        self.altered_bodies.retain(|&id| record.body(id).is_some());
+        self.woken.retain(|&id, _| record.body(id).is_some());
         let joints: Vec<_> =
             record.joints().filter(|joint| self.altered_joints.contains(&joint.id)).cloned().collect();
         self.altered_joints = joints.iter().map(|joint| joint.id).collect();
-        let body = |(&body, wakes): (&BodyId, &mut bool)| {
+        let body = |&body: &BodyId| {
             let traits = record.body(body)?.traits.clone();
-            Some(Alteration::Body { body, traits, wakes: std::mem::take(wakes) })
+            Some(Alteration::Body { body, traits, wakes: self.woken.contains_key(&body) })
         };
-        let bodies = self.altered_bodies.iter_mut().filter_map(body);
+        let bodies = self.altered_bodies.iter().filter_map(body);
         bodies
             .chain(joints.into_iter().map(|joint| Alteration::Joint(Box::new(joint))))
             .map(WorldOp::Alter)

@@ -152,7 +152,7 @@ impl Server {
     pub(super) fn welcome_node_again(&mut self, node: NodeId) {
         let Some(entry) = self.common.nodes.get(&node) else { return };
         let (member, group, delays) = (entry.member.clone(), entry.group, entry.delays.clone());
-        self.welcome_node(member);
+        self.welcome_node(member, entry.loading);
         if let Some(entry) = self.common.nodes.get_mut(&node) {
             (entry.group, entry.delays) = (group, delays);
         }

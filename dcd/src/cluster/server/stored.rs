@@ -170,6 +170,7 @@ impl Server {
                 absent_until: Some(RETURN),
                 linked: false,
                 loaded: true,
+                loading: 0,
                 leaving: false,
                 unwanted: None,
                 group: Some(id),

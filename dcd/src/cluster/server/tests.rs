@@ -64,6 +64,41 @@ fn a_node_of_another_version_is_told_so_and_let_go() {
 }
 
 #[test]
+fn a_member_that_greets_as_another_version_or_role_amid_a_view_change_does_not_stop_the_world() {
+    let client = JoinAs::Client { interest: None };
+    let node = JoinAs::Node { address: ([127, 0, 0, 1], 2).into(), client: None, resume: None };
+    for (version, role) in [(VERSION + 1, node), (VERSION, client)] {
+        let mut server = server_of_two();
+        server.handle(NOW, ServerEvent::Save);
+        assert!(server.is_changing());
+        let mut outputs: Vec<_> = std::iter::from_fn(|| server.poll_output()).collect();
+        outputs.extend(tell(&mut server, 2, Message::Hello(Hello { version, role })));
+        assert!(outputs.contains(&ServerOutput::Expelled(NodeId(2))));
+        let outputs = obey(&mut server, 1, outputs);
+        assert!(!server.is_changing(), "{outputs:?}");
+        assert_eq!(server.view().map(|view| view.members.len()), Some(1));
+    }
+}
+
+#[test]
+fn a_client_that_greets_as_another_version_or_role_is_gone_with_its_avatars() {
+    let client = JoinAs::Client { interest: None };
+    let node = JoinAs::Node { address: ([127, 0, 0, 1], 2).into(), client: None, resume: None };
+    for (version, role) in [(VERSION + 1, client), (VERSION, node)] {
+        let mut server = server();
+        let (from, id) = (Peer::Client(ClientId(7)), BodyId::avatar(ClientId(7), 0));
+        let says = |server: &mut Server, message| server.handle(NOW, ServerEvent::Message { from, message });
+        says(&mut server, Message::Hello(Hello { version: VERSION, role: client }));
+        let spawn = FromClient::Spawn { body: sim_body(id, [1.0; 3]), shapes: Vec::new() };
+        says(&mut server, Message::FromClient(ClientId(7), spawn));
+        assert_eq!(server.record().present().filter(|body| body.id == id).count(), 1);
+        says(&mut server, Message::Hello(Hello { version, role }));
+        assert_eq!(server.linked_clients().count(), 0);
+        assert_eq!(server.record().present().filter(|body| body.id == id).count(), 0);
+    }
+}
+
+#[test]
 fn the_world_begins_when_enough_nodes_have_loaded_it() {
     let mut server = server();
     hello(&mut server, 1, VERSION);
@@ -106,7 +141,7 @@ fn answer(server: &Server, message: ToNode) -> Option<ToServer> {
     match message {
         ToNode::WorldEnd => Some(ToServer::Loaded),
         ToNode::Settle { view } => {
-            Some(ToServer::Settling { view, dispatches: Vec::new(), undone: Vec::new() })
+            Some(ToServer::Settling { view, dispatches: Vec::new(), undone: Vec::new(), last: true })
         }
         ToNode::Finish { view, .. } => Some(survey(server, view, 0, Vec::new())),
         ToNode::Fetch { view, .. } => Some(ToServer::Found { view, bodies: Vec::new(), last: true }),
@@ -304,7 +339,12 @@ fn a_node_that_dies_in_the_last_audit_is_taken_over_before_it() {
         tell(
             server,
             1,
-            Message::ToServer(ToServer::Settling { view, dispatches: Vec::new(), undone: Vec::new() }),
+            Message::ToServer(ToServer::Settling {
+                view,
+                dispatches: Vec::new(),
+                undone: Vec::new(),
+                last: true,
+            }),
         );
         let survey = survey(server, view, 0, claims);
         tell(server, 1, Message::ToServer(survey))
@@ -425,7 +465,12 @@ fn what_was_placed_in_a_view_that_nobody_came_to_compute_is_placed_again_from_wh
     tell(
         &mut server,
         1,
-        Message::ToServer(ToServer::Settling { view, dispatches: Vec::new(), undone: Vec::new() }),
+        Message::ToServer(ToServer::Settling {
+            view,
+            dispatches: Vec::new(),
+            undone: Vec::new(),
+            last: true,
+        }),
     );
     let survey = survey(&server, view, 9, claims);
     let outputs = tell(&mut server, 1, Message::ToServer(survey));
@@ -521,6 +566,29 @@ fn who_was_loading_the_world_when_it_was_taken_for_a_member_begins_anew() {
     assert!(outputs.contains(&ServerOutput::Expelled(NodeId(2))) && welcomed(&outputs, 2), "{outputs:?}");
     let outputs = tell(&mut server, 2, Message::ToServer(ToServer::Loaded));
     assert!(!welcomed(&outputs, 2), "{outputs:?}");
+}
+
+#[test]
+fn who_is_sent_a_second_world_before_it_has_the_first_loads_no_third() {
+    let mut server = server();
+    let outputs = hello(&mut server, 1, VERSION);
+    obey(&mut server, 1, outputs);
+    server.handle(NOW, ServerEvent::Save);
+    let outputs: Vec<_> = std::iter::from_fn(|| server.poll_output()).collect();
+    let outputs = obey(&mut server, 1, outputs);
+    let saved = outputs.into_iter().find_map(|output| match output {
+        ServerOutput::Saved(saved) => Some(saved),
+        _ => None,
+    });
+    let saved = saved.expect("it is saved");
+    server.handle(NOW, ServerEvent::Replace(saved.clone()));
+    server.handle(NOW, ServerEvent::Replace(saved));
+    let replaced: Vec<_> = std::iter::from_fn(|| server.poll_output()).collect();
+    let outputs = obey(&mut server, 1, replaced);
+    let count = |is: fn(&ServerOutput) -> bool| outputs.iter().filter(|output| is(output)).count();
+    assert_eq!(count(|output| matches!(output, ServerOutput::Began { .. })), 1);
+    assert_eq!(count(|output| matches!(output, ServerOutput::Expelled(_))), 0);
+    assert!(server.view().is_some());
 }
 
 #[test]

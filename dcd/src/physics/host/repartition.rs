@@ -21,6 +21,9 @@ pub(super) struct Balancer {
     settings: Balance,
     /// The most bodies of an island that stays whole, as the user has it.
     island_limit: usize,
+    /// Whether the tree stays as it is, and all else is done.
+    #[serde(skip)]
+    holds_cut: bool,
 }
 
 /// The most bodies of an island that stays whole while the tree follows the load, however much there is to do.
@@ -38,10 +41,15 @@ impl RegionHost {
         assert_eq!(self.sides.len(), self.partition.len(), "balance needs all regions in one process");
         let island_limit = self.balancer.as_ref().map_or(self.settings.island_limit, |old| old.island_limit);
         self.settings.island_limit = island_limit;
-        self.balancer = settings.map(|settings| Balancer { settings, island_limit });
+        self.balancer = settings.map(|settings| Balancer { settings, island_limit, holds_cut: false });
         if self.balancer.is_some() {
             self.limit_islands(island_limit);
         }
+    }
+
+    /// Leaves the tree as it is from now on, for a replay: how it follows the load is recorded. Islands are limited, and bodies woken, as before.
+    pub(crate) fn hold_cut(&mut self) {
+        self.balancer.iter_mut().for_each(|balancer| balancer.holds_cut = true);
     }
 
     /// Returns the settings as they were asked for: those by which it is stepped, but for the limit of islands that load balancing sets.
@@ -65,7 +73,7 @@ impl RegionHost {
     /// Rebalances the tree between two ticks, when it is due: moves planes, splits or merges regions. Returns the regions that
     /// have new ids, as (old, new).
     pub fn rebalance(&mut self) -> Result<Vec<(RegionId, RegionId)>, HostError> {
-        let Some(&Balancer { settings, island_limit }) = self.balancer.as_ref() else {
+        let Some(&Balancer { settings, island_limit, holds_cut }) = self.balancer.as_ref() else {
             return Ok(Vec::new());
         };
         if !self.tick.0.is_multiple_of(settings.every_ticks.into()) {
@@ -73,6 +81,9 @@ impl RegionHost {
         }
         self.limit_islands(island_limit);
         self.wake_left_behind();
+        if holds_cut {
+            return Ok(Vec::new());
+        }
         let mut renamed = self.repartition(&self.mergeable(), true)?;
         let (burdens, islands) = self.burdens(settings.load);
         let (tree, capacity) = (self.partition.tree(), &|_| 1.0);

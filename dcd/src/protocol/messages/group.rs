@@ -31,14 +31,16 @@ pub enum ToNode {
         /// The view to come.
         view: ViewNumber,
     },
-    /// Complete these ticks, waiting for survivors only; then answer [`ToServer::Survey`].
+    /// Complete these ticks, waiting for survivors only; then answer [`ToServer::Survey`]. Several, the last one marked.
     Finish {
         /// The view to come.
         view: ViewNumber,
-        /// All dispatches of the present view that some survivor may not have completed, in order.
+        /// Together all dispatches of the present view that some survivor may not have completed, in order.
         dispatches: Vec<Dispatch>,
         /// Who still answers, in id order.
         survivors: Vec<NodeId>,
+        /// Whether no more follow.
+        last: bool,
     },
     /// Send these bodies whole, owned or replica, as far as held; answered by [`ToServer::Found`].
     Fetch {
@@ -126,7 +128,7 @@ pub enum Farewell {
 pub enum ToServer {
     /// The world has been received: the node can be given regions.
     Loaded,
-    /// Answer to [`ToNode::Settle`].
+    /// Answer to [`ToNode::Settle`]; several, the last one marked.
     Settling {
         /// The view to come.
         view: ViewNumber,
@@ -134,6 +136,8 @@ pub enum ToServer {
         dispatches: Vec<Dispatch>,
         /// From the leader: what the server's program did to moving bodies and no tick has done yet. The leader to come does it.
         undone: Vec<WorldOp>,
+        /// Whether no more follow.
+        last: bool,
     },
     /// Answer to [`ToNode::Finish`]: the bodies that the node owns after its last tick.
     Survey {

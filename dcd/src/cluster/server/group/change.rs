@@ -11,7 +11,8 @@ use crate::cluster::Life;
 use crate::cluster::server::ServerOutput;
 use crate::cluster::server::common::Common;
 use crate::protocol::{
-    BodyRecord, Chunk, Claim, Dispatch, Member, Placed, ToNode, View, ViewNumber, WorldOp, chunks,
+    BodyRecord, CHUNK_BYTES, Chunk, Claim, Dispatch, Member, Placed, ToNode, View, ViewNumber, WorldOp,
+    chunks, split,
 };
 use crate::space::{
     Allocation, BodyId, DistributionTree, Epoch, NodeId, RegionId, Tick, allocate, balanced, reallocate,
@@ -28,6 +29,9 @@ pub(in crate::cluster::server) struct ViewChange {
     at: Duration,
     /// Members of the last view that live, those who are leaving included.
     survivors: BTreeSet<NodeId>,
+    /// The dispatches that survivors know, as far as they have said.
+    settling: BTreeMap<NodeId, Vec<Dispatch>>,
+    /// Those of survivors that have said all.
     settled: BTreeMap<NodeId, Vec<Dispatch>>,
     /// What the server's program did to moving bodies and the last leader had not passed on when it stopped.
     undone: Vec<WorldOp>,
@@ -70,15 +74,18 @@ impl Group {
         for &node in &survivors {
             common.send_node(node, ToNode::Settle { view: number });
         }
-        let (settled, surveys) = (BTreeMap::new(), BTreeMap::new());
+        // What a leader handed over that is gone by now nobody says again.
+        let leads_on = self.view.as_ref().is_some_and(|view| survivors.contains(&view.leader));
+        let undone = self.change.take().filter(|_| !leads_on).map_or_else(Vec::new, |before| before.undone);
         self.change = Some(ViewChange {
             number,
             at: common.now,
             survivors,
-            settled,
-            undone: Vec::new(),
+            settling: BTreeMap::new(),
+            settled: BTreeMap::new(),
+            undone,
             last: Tick(0),
-            surveys,
+            surveys: BTreeMap::new(),
             divisions: BTreeMap::new(),
             plan: None,
         });
@@ -111,20 +118,29 @@ impl Group {
         node: NodeId,
         dispatches: Vec<Dispatch>,
         undone: Vec<WorldOp>,
+        last: bool,
     ) -> bool {
         let leads = self.leads(node);
-        match &mut self.change {
-            Some(change) if change.survivors.contains(&node) && !change.settled.contains_key(&node) => {
-                change.at = common.now;
-                if leads {
-                    change.undone = undone.into_iter().filter(|op| op.moves().is_some()).collect();
-                }
-                change.settled.insert(node, dispatches);
-                self.finish(common);
-                true
-            }
-            _ => false,
+        // No member is ahead of another, or keeps dispatches, by more than the ticks that they may be apart.
+        let most = 4 * (common.config.world.protocol.lag_ticks() as usize + 1);
+        let owes = |change: &&mut ViewChange| {
+            change.survivors.contains(&node) && !change.settled.contains_key(&node)
+        };
+        let Some(change) = self.change.as_mut().filter(owes) else { return false };
+        let told = change.settling.entry(node).or_default();
+        if told.len() + dispatches.len() > most {
+            return false;
         }
+        told.extend(dispatches);
+        change.at = common.now;
+        if leads {
+            change.undone.extend(undone.into_iter().filter(|op| op.moves().is_some()));
+        }
+        if last {
+            change.settled.extend(change.settling.remove_entry(&node));
+            self.finish(common);
+        }
+        true
     }
 
     /// Makes everybody complete the newest dispatch, once all have stopped.
@@ -141,9 +157,14 @@ impl Group {
             dispatches = counted;
         }
         let survivors: Vec<_> = change.survivors.iter().copied().collect();
+        let mut parts = split(dispatches, CHUNK_BYTES);
+        let end = parts.pop().unwrap_or_default();
+        let parts: Vec<_> = parts.into_iter().map(|part| (part, false)).chain([(end, true)]).collect();
         for &node in &survivors {
-            let (view, dispatches, survivors) = (change.number, dispatches.clone(), survivors.clone());
-            common.send_node(node, ToNode::Finish { view, dispatches, survivors });
+            for (dispatches, last) in &parts {
+                let (view, dispatches, survivors) = (change.number, dispatches.clone(), survivors.clone());
+                common.send_node(node, ToNode::Finish { view, dispatches, survivors, last: *last });
+            }
         }
         self.plan(common);
     }

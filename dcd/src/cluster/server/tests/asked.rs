@@ -2,6 +2,16 @@
 
 use super::*;
 use crate::protocol::{Alteration, BuildOp, Input, Push, Velocity, WorldOp, WorldPose};
+use crate::space::JointId;
+
+/// Returns what leaders are told to do to the world.
+fn applied(outputs: Vec<ServerOutput>) -> Vec<WorldOp> {
+    let ops = outputs.into_iter().filter_map(|output| match output {
+        ServerOutput::Send { message: Message::ToNode(ToNode::Apply { ops, .. }), .. } => Some(ops),
+        _ => None,
+    });
+    ops.flatten().collect()
+}
 
 #[test]
 fn an_avatar_of_a_shape_that_nodes_cannot_have_is_refused_and_not_on_record() {
@@ -88,13 +98,6 @@ fn what_the_program_does_while_no_leader_hears_it_is_told_to_the_next_but_for_im
         pose: None,
         drive: None,
     };
-    let applied = |outputs: Vec<ServerOutput>| {
-        let ops = outputs.into_iter().filter_map(|output| match output {
-            ServerOutput::Send { message: Message::ToNode(ToNode::Apply { ops, .. }), .. } => Some(ops),
-            _ => None,
-        });
-        ops.flatten().collect::<Vec<_>>()
-    };
     let does = |server: &mut Server, op| {
         let now = server.common.now;
         server.handle(now, ServerEvent::Program(vec![op]));
@@ -128,7 +131,7 @@ fn what_a_leader_that_goes_had_not_passed_on_the_next_one_does() {
         ToNode::Settle { view } => {
             let gone = push(BodyId::persistent(9), 1.0);
             let undone = vec![push(body, to.0 as f32), WorldOp::Remove(body), gone];
-            Some(ToServer::Settling { view, dispatches: Vec::new(), undone })
+            Some(ToServer::Settling { view, dispatches: Vec::new(), undone, last: true })
         }
         message => answer(server, message),
     });
@@ -139,6 +142,67 @@ fn what_a_leader_that_goes_had_not_passed_on_the_next_one_does() {
     });
     // What others than the leader say of that does not count, nor of bodies that are gone.
     assert_eq!(applied.collect::<Vec<_>>(), [(Peer::Node(NodeId(2)), vec![push(body, 1.0)])]);
+}
+
+#[test]
+fn what_a_leader_handed_over_before_it_died_in_the_same_change_the_next_one_does() {
+    let body = BodyId::persistent(0);
+    let push = |x| WorldOp::Push(Push::impulse(body, [x, 0.0, 0.0]));
+    let mut server = server_of_two();
+    tell(&mut server, 1, Message::ToServer(ToServer::Leave));
+    assert!(server.is_changing());
+    for (x, last) in [(1.0, false), (2.0, true)] {
+        let (view, undone) = (server.common.number, vec![push(x)]);
+        let part = ToServer::Settling { view, dispatches: Vec::new(), undone, last };
+        tell(&mut server, 1, Message::ToServer(part));
+    }
+    server.handle(NOW, ServerEvent::Disconnected(Peer::Node(NodeId(1))));
+    let outputs = std::iter::repeat_with(|| wait(&mut server))
+        .find(|outputs| outputs.contains(&ServerOutput::Expelled(NodeId(1))))
+        .expect("it is given up");
+    let outputs = obey(&mut server, 2, outputs);
+    assert_eq!(server.view().map(|view| view.leader), Some(NodeId(2)));
+    assert_eq!(applied(outputs), [push(1.0), push(2.0)]);
+}
+
+#[test]
+fn what_a_leader_was_told_as_its_view_began_the_next_is_told_too_where_it_may_not_have_done_it() {
+    let joint = vicinity::joint(1, 0, 1);
+    let bodies = (0..3).map(|i| sim_body(BodyId::persistent(i), [f64::from(i), 1.0, 1.0])).collect();
+    let mut server = Server::new(config(1), Record::new(bodies, Vec::new(), vec![joint]));
+    let outputs = hello(&mut server, 1, VERSION);
+    obey(&mut server, 1, outputs);
+    let alteration = Alteration::Body {
+        body: BodyId::persistent(2),
+        traits: sim_body(BodyId::persistent(2), [2.0; 3]).traits,
+        wakes: true,
+    };
+    let told = [WorldOp::RemoveJoint(JointId(1)), WorldOp::Alter(alteration.clone())];
+    server.handle(NOW, ServerEvent::Save);
+    let ops = vec![BuildOp::RemoveJoint(JointId(1)), BuildOp::Alter(alteration)];
+    server.handle(NOW, ServerEvent::Program(ops));
+    let began: Vec<_> = std::iter::from_fn(|| server.poll_output()).collect();
+    assert_eq!(applied(obey(&mut server, 1, began)), told, "the change is over");
+    let again = |server: &mut Server| {
+        server.main_mut().unsure = true;
+        server.finish(0);
+        let began: Vec<_> = std::iter::from_fn(|| server.poll_output()).collect();
+        applied(obey(server, 1, began))
+    };
+    assert_eq!(again(&mut server), told, "it has opened no tick");
+    // It says how far it is, soon and late.
+    let says = |server: &mut Server, tick| {
+        let view = server.view().expect("it goes on").number;
+        let bodies = Vec::new();
+        let said = ToServer::Checkpoint { view, tick: Tick(tick), division: 0, bodies };
+        tell(server, 1, Message::ToServer(said));
+    };
+    says(&mut server, 9);
+    assert_eq!(again(&mut server).len(), 2, "it may not have heard it by then");
+    server.common.now += Duration::from_secs(5);
+    says(&mut server, 600);
+    let left = again(&mut server);
+    assert!(matches!(left[..], [WorldOp::Alter(Alteration::Body { wakes: false, .. })]), "{left:?}");
 }
 
 #[test]
@@ -162,7 +226,7 @@ fn when_the_last_node_goes_the_record_moves_as_its_leader_was_to_pass_on() {
     obey_by(&mut server, outputs, |server, _, message| match message {
         ToNode::Settle { view } => {
             let undone = vec![WorldOp::Input(moved(1.0, Some(5.0)))];
-            Some(ToServer::Settling { view, dispatches: Vec::new(), undone })
+            Some(ToServer::Settling { view, dispatches: Vec::new(), undone, last: true })
         }
         message => answer(server, message),
     });
@@ -177,15 +241,11 @@ fn every_leader_is_told_what_the_program_has_changed() {
     let outputs = hello(&mut server, 1, VERSION);
     obey(&mut server, 1, outputs);
     let altered = |outputs: Vec<ServerOutput>| {
-        let ops = outputs.into_iter().filter_map(|output| match output {
-            ServerOutput::Send { message: Message::ToNode(ToNode::Apply { ops, .. }), .. } => Some(ops),
-            _ => None,
-        });
         let alteration = |op| match op {
             WorldOp::Alter(Alteration::Body { body, traits, wakes }) => (body, traits.gravity_scale, wakes),
             op => panic!("{op:?}"),
         };
-        ops.flatten().map(alteration).collect::<Vec<_>>()
+        applied(outputs).into_iter().map(alteration).collect::<Vec<_>>()
     };
     let alter = |server: &mut Server, id: BodyId, gravity_scale: f32, wakes: bool| {
         let mut traits = (*sim_body(id, [0.0; 3]).traits).clone();
@@ -203,6 +263,11 @@ fn every_leader_is_told_what_the_program_has_changed() {
     assert_eq!(server.record().body(other).unwrap().traits.gravity_scale, 0.5);
     let outputs = hello(&mut server, 1, VERSION);
     assert_eq!(altered(obey(&mut server, 1, outputs)), [(woken, 0.25, true), (other, 0.5, false)]);
+    // Until it has surely woken it.
+    let (view, bodies) = (server.view().expect("it goes on").number, Vec::new());
+    let said = ToServer::Checkpoint { view, tick: Tick(600), division: 0, bodies };
+    server.common.now += Duration::from_secs(5);
+    tell(&mut server, 1, Message::ToServer(said));
     server.handle(server.common.now, ServerEvent::Disconnected(Peer::Node(NodeId(1))));
     let outputs = hello(&mut server, 1, VERSION);
     assert_eq!(altered(obey(&mut server, 1, outputs)), [(woken, 0.25, false), (other, 0.5, false)]);

@@ -300,7 +300,7 @@ fn a_name_comes_again_only_once_nobody_holds_what_had_it() {
     };
     assert_eq!(again(&mut server, 4), Some(Refusal::Exists), "a leader may not have heard that it is gone");
 
-    // All is passed on with the next view.
+    // Bodies are passed on with the next view.
     let view = server.view().expect("it runs").number;
     let removed = server.record().body(body(1).id).expect("it is on its way out").clone();
     server.main_mut().owners.insert(removed.id, crate::space::RegionId(1));
@@ -314,6 +314,11 @@ fn a_name_comes_again_only_once_nobody_holds_what_had_it() {
     obey(&mut server, 1, outputs);
     assert_ne!(server.view().map(|now| now.number), Some(view));
     assert_eq!(refusal(&mut server, insert(body(0))), None);
+    assert_eq!(again(&mut server, 4), Some(Refusal::Exists), "nor the one after it");
+    let view = server.view().expect("it runs").number;
+    server.common.now += Duration::from_secs(5);
+    let said = ToServer::Checkpoint { view, tick: Tick(600), division: 0, bodies: Vec::new() };
+    tell(&mut server, 1, Message::ToServer(said));
     assert_eq!(again(&mut server, 4), None);
 }
 

@@ -298,7 +298,12 @@ fn a_body_that_is_claimed_in_a_region_that_is_not_there_is_placed_by_where_it_is
         tell(
             &mut server,
             node,
-            Message::ToServer(ToServer::Settling { view, dispatches: Vec::new(), undone: Vec::new() }),
+            Message::ToServer(ToServer::Settling {
+                view,
+                dispatches: Vec::new(),
+                undone: Vec::new(),
+                last: true,
+            }),
         );
     }
     let claiming = survey(&server, view, 9, claims);

@@ -31,7 +31,11 @@ fn change(server: &mut Server) -> ViewNumber {
 }
 
 fn settle(server: &mut Server, node: u32, view: ViewNumber, dispatches: Vec<Dispatch>) -> Vec<ServerOutput> {
-    tell(server, node, Message::ToServer(ToServer::Settling { view, dispatches, undone: Vec::new() }))
+    tell(
+        server,
+        node,
+        Message::ToServer(ToServer::Settling { view, dispatches, undone: Vec::new(), last: true }),
+    )
 }
 
 /// Returns the dispatches that a node is told to finish.

@@ -1,0 +1,69 @@
+//! Tests what becomes of that which waits at a leader for a tick, or for its avatar.
+
+use super::*;
+
+#[test]
+fn what_a_program_asks_for_while_no_tick_is_opened_is_handed_over_in_messages_that_can_be_read() {
+    let mut leader = leader();
+    let moved = |i: u32| {
+        let body = BodyId::persistent(100 + i % 1_000);
+        WorldOp::Input(Input { body, pose: None, ..input(0, i as f32) })
+    };
+    leader.apply((0..200_000).map(moved).collect());
+    let undone = leader.undone();
+    assert_eq!(undone, (199_000..200_000).map(moved).collect::<Vec<_>>(), "the newest of each");
+    // Impulses at points cannot be summed up.
+    let push = protocol::Push::impulse(BodyId::persistent(1), [1.0; 3]).at([0.0; 3]);
+    leader.apply(vec![WorldOp::Push(push); 200_000]);
+    let parts = protocol::split(leader.undone(), protocol::CHUNK_BYTES);
+    assert_eq!(parts.iter().map(Vec::len).sum::<usize>(), 201_000);
+    for undone in parts {
+        let settling =
+            ToServer::Settling { view: ViewNumber(2), dispatches: Vec::new(), undone, last: false };
+        let message = protocol::Message::ToServer(settling);
+        assert!(protocol::decode(&protocol::encode(&message)).unwrap() == message);
+    }
+}
+
+#[test]
+fn a_tick_takes_no_more_operations_than_who_reads_them_has_room_for() {
+    let mut leader = leader();
+    leader.dispatch(Duration::ZERO);
+    let ops: Vec<_> = (0..200_000).map(|i| WorldOp::Remove(BodyId::persistent(i))).collect();
+    // Nor does one message of the server.
+    for ops in protocol::split(ops.clone(), 1 << 20) {
+        let apply = protocol::ToNode::Apply { view: ViewNumber(1), ops: ops.clone() };
+        protocol::decode(&protocol::encode(&protocol::Message::ToNode(apply))).unwrap();
+        leader.apply(ops);
+    }
+    let mut told = Vec::new();
+    for tick in 1..9 {
+        both_done(&mut leader, tick, vec![], vec![]);
+        let dispatch = leader.dispatch(Duration::from_secs(tick)).unwrap();
+        protocol::decode(&protocol::encode(&protocol::Message::Dispatch(dispatch.clone()))).unwrap();
+        told.extend(dispatch.ops);
+    }
+    assert!(told == ops, "none is lost, and none overtaken");
+}
+
+#[test]
+fn of_a_vehicle_not_heard_of_yet_what_it_does_and_where_it_is_put_both_wait() {
+    let car = BodyId::avatar(CLIENT, 7);
+    let jump = Input { body: car, ..input(1, 1.0) };
+    let drive = Input { body: car, pose: None, drive: Some(Default::default()), ..input(2, 0.0) };
+    let asked = |leader: &mut Leader| {
+        for input in [drive, jump] {
+            assert_eq!(leader.accept_input(CLIENT, input), Ok(()));
+        }
+    };
+    let mut former = leader();
+    asked(&mut former);
+    let told: Vec<_> = former.into_legacy().0.into_iter().map(|(_, told)| told).collect();
+    assert!(told.starts_with(&[FromClient::Input(jump), FromClient::Input(drive)]), "{told:?}");
+    let mut leader = leader();
+    asked(&mut leader);
+    let bodies = vec![sim_body(car, [0.0; 3])];
+    leader.apply(vec![WorldOp::Insert { bodies, shapes: vec![], joints: vec![] }]);
+    leader.dispatch(Duration::ZERO).unwrap();
+    assert_eq!(taken(&mut leader), [1, 2]);
+}

@@ -6,7 +6,7 @@
  * Handles. Worlds, bodies, shapes, joints and connections are opaque numbers in a struct; { 0 } is null. A handle whose thing is
  * gone, or that belongs to another world, gives DCD_ERR_STALE_ID, for ever; a null one gives DCD_ERR_NULL.
  *
- * Roles. A world is local, a client's, a participant's, a server's or a node's, and its functions are the same. What a role cannot
+ * Roles. A world is local, a client's, a builder's, a participant's, a server's or a node's, and its functions are the same. What a role cannot
  * do is DCD_ERR_UNSUPPORTED; the message says what to use instead. "Who can do what" in examples-c/README.md is a table of it.
  *
  * Structs. Those that begin with struct_size may grow in later versions. Start from their _INIT macro:
@@ -16,7 +16,7 @@
  * Members named reserved are 0. Values outside their range are DCD_ERR_ARGUMENT.
  *
  * Pointers. What a function reads is read during the call; it keeps none of your pointers (but those of dcd_log_set,
- * dcd_bug_set, dcd_hooks_set and dcd_tasks_set). They must be aligned for their type. What it lends says how long it lives. Texts are UTF-8 that ends with NUL.
+ * dcd_bug_set, dcd_hooks_set, dcd_tasks_set and dcd_allocator_set). They must be aligned for their type. What it lends says how long it lives. Texts are UTF-8 that ends with NUL.
  *
  * Threads. Any thread may call any function at any time. Calls on one world run one after the other; a call waits for its
  * turn, but queries (dcd_cast_rays, dcd_overlap_shapes and the like) run beside each other. Calls on different worlds run side by side. From within a function
@@ -245,7 +245,7 @@
 // In DcdBodyChange.reason: the avatar would cost too much: it has more than 8 extra solver or PGS iterations, reaches farther than 100 m
 // from its origin, begins where 64 others of this client are, or all of them together have more than 20,000 corners (200,000,
 // and 16,384 colliders, of what a builder has built); or a body that is built takes more than 60 KiB with its shapes and what joints tie to
-// it, or asks for contacts of fixed bodies.
+// it, or asks for contacts of fixed bodies; of a client's characters and vehicles see dcd_character_create and dcd_vehicle_create; what is built begins among 1,024 colliders at most and looks 10 m around (contact_skin, soft_ccd).
 #define DCD_REFUSED_COSTLY 9
 
 // In DcdBodyChange.reason: the jump is farther than the avatar could have moved since its last one, or in a second, at the limit of
@@ -430,7 +430,7 @@ typedef struct DcdWorldInfo {
     // DCD_ROLE_LOCAL, _CLIENT, _BUILDER, _PARTICIPANT, _SERVER or _NODE.
     DcdRole role;
     // Steps since the world began. In a served world the newest heard of: it lags by some milliseconds while bodies move, and
-    // comes every 30 steps while all rest; at the server by up to 12 steps more.
+    // comes every 30 steps, then every 5 s while all rest (dcd_view_time tells the tick meanwhile); at the server every 30, and by up to 12 steps more.
     uint64_t tick;
     // Your own.
     uint64_t user_data;
@@ -2069,7 +2069,7 @@ typedef struct DcdForce {
 // The caller's memory is too small; the size needed was written. Who asks for the size, by null with room for 0, gets it with DCD_OK.
 #define DCD_ERR_SMALL_BUFFER (-5)
 
-// Not now: called from within the log callback or one of dcd_debug_draw, where worlds may not be used, while a step that was begun is
+// Not now: called from within a function that the library calls (see Threads), where worlds may not be used, while a step that was begun is
 // not waited for, or for messages while too many wait to be sent.
 #define DCD_ERR_BUSY (-6)
 
@@ -2469,7 +2469,7 @@ DCD_API bool dcd_world_is_valid(DcdWorld world);
 DCD_API DcdStatus dcd_world_info(DcdWorld world, DcdWorldInfo *out);
 
 // Joins a world that a server holds and nodes compute, as a client, and waits until the server has told the
-// whole world, or what is near of it, as it is on its record: up to two seconds old, of tick 0, and without who computes what, until the first states
+// whole world, or what is near of it, as it is on its record: up to half a second old (two seconds more where its server has just gone on with a stored world), of tick 0, and without who computes what, until the first states
 // have come from the nodes. It need not have nodes yet: the world stands still until it has.
 //
 // The handle is used like that of a local world; what differs:
@@ -2713,7 +2713,7 @@ DCD_API DcdStatus dcd_body_at(DcdWorld world, uint32_t index, DcdBodyId *out);
 // comes.
 //
 // In a served world it is walked by the node that computes it, also that of a client: it stops at a wall without a delay, and
-// its client cannot put it elsewhere (dcd_body_set_pose). A client may have 32, which take steps of at most 1 m.
+// its client cannot put it elsewhere (dcd_body_set_pose). A client may have 32 characters and vehicles together; its characters take steps (step_height, step_depth, snap) of at most 1 m, keep a gap of at most 0.1 m, and weigh at most 10,000 kg.
 // Errors: as dcd_bodies_create, and DCD_ERR_ARGUMENT for another body_type, a sensor, or a setting out of range.
 DCD_API
 DcdStatus dcd_character_create(DcdWorld world,
@@ -2831,7 +2831,7 @@ DcdStatus dcd_body_set_force(DcdWorld world,
 // of mass. Its torque is computed now and stays when the body moves on: for a thruster, set no force and add those of all
 // thrusters before each step.
 //
-// Errors: as dcd_body_apply_impulse.
+// Errors: as dcd_body_apply_impulse, and DCD_ERR_UNSUPPORTED for servers and builders too, which set the whole force (dcd_body_set_force).
 DCD_API
 DcdStatus dcd_body_add_force(DcdWorld world,
                              DcdBodyId body,
@@ -3312,7 +3312,7 @@ DcdStatus dcd_view_body(DcdWorld world,
                         DcdVelocity *velocity);
 
 // Lends every movable body as it is shown, as dcd_state_view lends them as they are: own avatars, with what they touch, at
-// time->predicted, all others at time->shown; what comes near goes from the one to the other within about half a second. Set both to
+// time->predicted, all others at time->shown; what comes near goes from the one to the other within a second. Set both to
 // the same where an own avatar is to be shown with the others. `tick` of the view is that of the newest state.
 //
 // The arrays are the library's: do not write or free them. They keep their content until the next dcd_view_state of this world; the
@@ -3700,8 +3700,11 @@ DCD_API DcdStatus dcd_borders(DcdWorld world, DcdBorderInfo *out, size_t cap, si
 
 // Reads who owns a body: nobody, if it is fixed (DCD_NO_REGION, DCD_NO_NODE, without DCD_OWNER_HERE).
 //
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED for a server or a node.
-DCD_API DcdStatus dcd_body_owner(DcdWorld world, DcdBodyId body, DcdOwner *out);
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED for a node. A server is told no owner: DCD_NO_REGION.
+DCD_API
+DcdStatus dcd_body_owner(DcdWorld world,
+                         DcdBodyId body,
+                         DcdOwner *out);
 
 // Sets the area of interest of a client or participant, what it hears of from now on: bodies whose origin is within `radius`
 // metres of `centre` (world space), its own avatars, and bodies whose origin is within 8 m of these. A long body whose origin is

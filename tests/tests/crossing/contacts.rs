@@ -224,8 +224,8 @@ fn contacts_of_what_is_disabled_end_and_begin_again() {
                 |world: &mut LocalWorld| touches(world, 3).iter().map(|touch| touch.3).collect::<Vec<_>>();
             assert_eq!(began(&mut world), [true]);
             let enable = |world: &mut LocalWorld, on: bool| match by_body {
-                true => _ = world.update(zone, |body| body.set_enabled(on)).unwrap(),
-                false => _ = world.update_collider(zone, 0, |collider| collider.set_enabled(on)).unwrap(),
+                true => world.update(zone, |body| body.set_enabled(on)).unwrap(),
+                false => world.update_collider(zone, 0, |collider| collider.set_enabled(on)).unwrap(),
             };
             enable(&mut world, false);
             assert_eq!(began(&mut world), [false], "sensor {sensor}, by body {by_body}");

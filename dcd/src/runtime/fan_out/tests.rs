@@ -147,7 +147,7 @@ fn a_participant_whose_link_is_made_anew_is_told_on() {
         // Nobody answers there: it is a key of its own all the same.
         let key = net.connect(([127, 0, 0, 1], 1).into(), crate::net::PeerName::Server);
         keys.write().unwrap().insert(Peer::Node(NodeId(2)), key);
-        let before = sent.lock().unwrap().clone();
+        let before = *sent.lock().unwrap();
         let begun = Instant::now();
         while *sent.lock().unwrap() == before {
             assert!(begun.elapsed() < PATIENCE, "nothing more is sent over link {link}");

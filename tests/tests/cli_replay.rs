@@ -2,7 +2,7 @@
 
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
@@ -171,7 +171,9 @@ fn a_replay_that_ctrl_c_ends_says_nothing_of_what_it_has_not_seen() {
             let caught = status.lines().find_map(|line| line.strip_prefix("SigCgt:")).unwrap().trim();
             u64::from_str_radix(caught, 16).unwrap() & 2 != 0
         };
+        let begun = Instant::now();
         while !hears_ctrl_c() {
+            assert!(begun.elapsed() < Duration::from_secs(60), "{line}: it does not listen");
             std::thread::sleep(Duration::from_millis(1));
         }
         assert!(Command::new("kill").args(["-INT", &id]).status().unwrap().success());

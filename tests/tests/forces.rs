@@ -2,7 +2,7 @@
 
 use dcd::network::ServeConfig;
 use dcd::prelude::*;
-use dcd::{Axis, Explosion, Fluid, Instead, StepSettings, Unsupported};
+use dcd::{Axis, Explosion, Fluid, Instead, Push, StepSettings, Unsupported};
 
 /// A world cut at these planes, with a box of 64 m.
 fn cut_at(planes: &[(Axis, f64)], coupling: Coupling) -> World {
@@ -40,6 +40,42 @@ fn strew(world: &mut World) -> Vec<BodyId> {
 
 fn velocities(world: &World, bodies: &[BodyId]) -> Vec<Velocity> {
     bodies.iter().map(|&body| world.velocity(body).unwrap()).collect()
+}
+
+#[test]
+fn extra_mass_is_there_as_soon_as_its_body_is() {
+    for (density, extra_kg) in [(1.0, 999.0), (0.0, 1_000.0)] {
+        let mut world = cut_at(&[(Axis::X, 0.0)], Coupling::Auto);
+        let step = StepSettings { gravity: [0.0; 3], ..world.settings().unwrap() };
+        world.set_settings(step).unwrap();
+        let body = RigidBodyBuilder::dynamic().additional_mass(extra_kg).can_sleep(false);
+        let cube = ColliderBuilder::cuboid(0.5, 0.5, 0.5).density(density);
+        let id = world.insert_at(WorldPose::at([2.0, 0.0, 0.0]), body, [cube]).unwrap();
+        // In the other region it is made anew.
+        for x in [2.0, -2.0] {
+            world.set_pose(id, WorldPose::at([x, 0.0, 0.0])).unwrap();
+            world.set_velocity(id, Velocity::default()).unwrap();
+            world.push(&Push::impulse(id, [1_000.0, 0.0, 0.0])).unwrap();
+            let speed = |world: &World| world.velocity(id).unwrap().linear[0];
+            let before = speed(&world);
+            world.step().unwrap();
+            assert!([before, speed(&world)].iter().all(|speed| (speed - 1.0).abs() < 1e-3), "{before} m/s");
+        }
+    }
+}
+
+#[test]
+fn what_is_set_aside_is_told_once() {
+    let mut world = cut_at(&[], Coupling::Auto);
+    let id = insert(&mut world, [0.0; 3], ColliderBuilder::ball(0.5).density(1.0));
+    world.update(id, |body| body.set_linvel(Vector::new(f32::NAN, 0.0, 0.0), true)).unwrap();
+    let told: Vec<_> = (0..3)
+        .map(|_| {
+            world.step().unwrap();
+            world.stats().quarantined
+        })
+        .collect();
+    assert_eq!(told, [1, 0, 0]);
 }
 
 #[test]

@@ -44,7 +44,8 @@ enum Heard {
 pub(super) struct Interrupt(());
 
 impl Interrupt {
-    /// Takes over Ctrl-C for the rest of the process. A signal that the process was started to ignore, as SIGHUP by `nohup`, stays ignored.
+    /// Takes over Ctrl-C for the rest of the process. SIGHUP stays ignored where the process was started to ignore it, as by `nohup`; Ctrl-C is
+    /// heard all the same, which scripts ignore for what they start in the background and then end by it.
     pub(super) fn listen() -> Result<Self, Failure> {
         match INSTALLED.get_or_init(|| install().map_err(|error| error.to_string())) {
             Ok(()) => Ok(Self(())),
@@ -136,7 +137,7 @@ fn listen_by(runtime: &Runtime) -> io::Result<()> {
         (SignalKind::terminate(), Heard::Termination),
         (SignalKind::hangup(), Heard::HangUp),
     ] {
-        if ignored & 1 << (kind.as_raw_value() - 1) != 0 {
+        if heard == Heard::HangUp && ignored & 1 << (kind.as_raw_value() - 1) != 0 {
             continue;
         }
         let mut signals = signal(kind)?;

@@ -1,5 +1,6 @@
 //! Implements the server's certificate authority: mints tokens and redeems them for certificates.
 
+use std::collections::BTreeSet;
 use std::fs::OpenOptions;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -38,6 +39,8 @@ pub struct Authority {
     /// Where joins are recorded, if not in the folder, until the ledger is opened.
     journal: Mutex<Option<Box<dyn Journal>>>,
     ledger: Mutex<Option<Ledger>>,
+    /// Names whose certificates let nobody in any more, until a token does.
+    barred: Mutex<BTreeSet<PeerName>>,
 }
 
 /// How long certificates of nodes and clients last unless [`Authority::with_certificate_life`] says otherwise.
@@ -97,6 +100,7 @@ impl Authority {
             certificate_life: CERTIFICATE_LIFE,
             journal: Mutex::new(None),
             ledger: Mutex::new(None),
+            barred: Mutex::default(),
         })
     }
 
@@ -187,6 +191,19 @@ impl Authority {
         replace_private(&folder.join("joins.log"), joins.as_bytes())
     }
 
+    /// Lets a process in by a new token only, for as long as this server runs.
+    pub(super) fn bar(&self, who: PeerName) {
+        self.barred().insert(who);
+    }
+
+    pub(super) fn is_barred(&self, who: PeerName) -> bool {
+        self.barred().contains(&who)
+    }
+
+    fn barred(&self) -> MutexGuard<'_, BTreeSet<PeerName>> {
+        self.barred.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     /// Redeems a token. When this returns `Ok`, one use of it is spent, durably.
     pub(super) fn admit(&self, request: &JoinRequest, now: SystemTime) -> Result<Admission, JoinRefusal> {
         let token: Token = request.token.parse().map_err(JoinRefusal::BadToken)?;
@@ -215,6 +232,7 @@ impl Authority {
         // Only the key is taken from the request: names are ours to give.
         let certificate =
             self.issue(who, &request.key, now, self.certificate_life).map_err(|error| failed(&error))?;
+        self.barred().remove(&who);
         Ok(self.admission(who, &certificate, now))
     }
 
@@ -226,6 +244,9 @@ impl Authority {
             || !is_signed_by(&request.certificate, &request.key.renewal(), &request.proof)
         {
             return Err(JoinRefusal::BadCertificate);
+        }
+        if self.is_barred(who) {
+            return Err(JoinRefusal::SentAway);
         }
         let certificate = self
             .issue(who, &request.key, now, self.certificate_life)

@@ -9,7 +9,7 @@ use std::time::{Instant, SystemTime};
 use quinn::{ClientConfig, Connection, Endpoint, Incoming};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
-use super::events::Delivery;
+use super::events::HeldEvent;
 use super::first::{AGAIN, first_of};
 use super::join::{answer, explain};
 use super::peer::{GreetError, Lanes, Peer, greet};
@@ -45,7 +45,7 @@ pub(super) struct Shared {
     pub(super) next_key: AtomicU64,
     pub(super) totals: Mutex<NetTotals>,
     /// `None` once it is shut down, so that readers of events see the end.
-    pub(super) events: Mutex<Option<mpsc::Sender<Delivery>>>,
+    pub(super) events: Mutex<Option<mpsc::Sender<HeldEvent>>>,
 }
 
 impl Shared {
@@ -77,7 +77,7 @@ impl Shared {
         self.totals.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub(super) fn events(&self) -> Option<mpsc::Sender<Delivery>> {
+    pub(super) fn events(&self) -> Option<mpsc::Sender<HeldEvent>> {
         self.events.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 }
@@ -160,6 +160,14 @@ async fn receive(shared: Arc<Shared>, incoming: Incoming, handshake: OwnedSemaph
         }
         return;
     };
+    if shared.authority.as_ref().is_some_and(|authority| authority.is_barred(who)) {
+        shared.totals().handshakes_refused += 1;
+        connection.close(
+            CloseCode::REFUSED.into(),
+            b"the server sent it away: it comes back with a new token only",
+        );
+        return;
+    }
     let Ok(slot) = shared.connection_slots.clone().try_acquire_owned() else {
         shared.totals().handshakes_refused += 1;
         connection.close(CloseCode::REFUSED.into(), b"there is no room for more peers; try again later");
@@ -211,7 +219,7 @@ pub(super) async fn dial(shared: Arc<Shared>, key: PeerKey, addrs: Vec<SocketAdd
         Err(error) => {
             if let Some(events) = shared.events() {
                 let _ = events
-                    .send(Delivery { event: NetEvent::ConnectFailed { peer: key, error }, share: None });
+                    .send(HeldEvent { event: NetEvent::ConnectFailed { peer: key, error }, share: None });
             }
         }
     }
@@ -269,7 +277,7 @@ async fn carry(
     let addr = connection.remote_address();
     let (peer, receivers) = Peer::new(key, who, connection, lanes, &shared.limits);
     shared.peers_mut().insert(key, peer.clone());
-    let _ = events.send(Delivery { event: NetEvent::Connected { peer: key, who, addr }, share: None });
+    let _ = events.send(HeldEvent { event: NetEvent::Connected { peer: key, who, addr }, share: None });
     let (cause, reason) = peer.run(receivers, &events).await;
     // All at once: no sum may miss it, or count it twice.
     let (mut peers, mut leaving, mut totals) = (shared.peers_mut(), shared.leaving(), shared.totals());
@@ -279,5 +287,5 @@ async fn carry(
     totals.traffic.add(&last);
     totals.violations += u64::from(cause == CloseCause::Violation);
     drop((totals, leaving, peers));
-    let _ = events.send(Delivery { event: NetEvent::Closed { peer: key, who, cause, reason }, share: slot });
+    let _ = events.send(HeldEvent { event: NetEvent::Closed { peer: key, who, cause, reason }, share: slot });
 }

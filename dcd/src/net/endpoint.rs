@@ -157,6 +157,14 @@ impl Net {
         Datagrams { shared: self.shared.clone(), runtime }
     }
 
+    /// Lets a process that has joined in by a new token only, from now on. Its present link goes on.
+    #[cfg(feature = "physics")]
+    pub(crate) fn bar(&self, who: PeerName) {
+        if let Some(authority) = &self.shared.authority {
+            authority.bar(who);
+        }
+    }
+
     /// Closes a connection after what was sent has arrived or [`Limits::linger`] has passed. `code` and
     /// `reason` reach the peer.
     pub fn close(&self, peer: PeerKey, code: CloseCode, reason: &str) {

@@ -234,6 +234,9 @@ pub enum JoinRefusal {
         "the certificate is not one of this server's authority, or not the sender's; join anew with a fresh token"
     )]
     BadCertificate,
+    /// The server disconnected the process on purpose.
+    #[error("the server sent this process away; it comes back with a new token only")]
+    SentAway,
     /// The server failed to record the join.
     #[error("the server could not record the join ({0}); see its log and its disk")]
     Server(String),

@@ -106,28 +106,34 @@ impl From<CloseCode> for VarInt {
 /// The receiving end of a [`Net`](super::Net)'s events. What one peer has in it is bounded: beyond that its connection is
 /// held back (frames) or newer datagrams are dropped, while others go on.
 pub struct NetEvents {
-    deliveries: mpsc::Receiver<Delivery>,
+    held: mpsc::Receiver<HeldEvent>,
 }
 
 impl NetEvents {
-    pub(super) fn channel() -> (mpsc::Sender<Delivery>, Self) {
-        let (sender, deliveries) = mpsc::channel();
-        (sender, Self { deliveries })
+    pub(super) fn channel() -> (mpsc::Sender<HeldEvent>, Self) {
+        let (sender, held) = mpsc::channel();
+        (sender, Self { held })
     }
 
     /// Waits for the next event. An error says that the network is shut down and all is read.
     pub fn recv(&self) -> Result<NetEvent, mpsc::RecvError> {
-        self.deliveries.recv().map(Delivery::into_event)
+        self.held.recv().map(HeldEvent::into_event)
+    }
+
+    /// Waits for the next event, which takes up its peer's share until it is taken out.
+    #[cfg(feature = "physics")]
+    pub(crate) fn recv_held(&self) -> Result<HeldEvent, mpsc::RecvError> {
+        self.held.recv()
     }
 
     /// Waits for the next event, no longer than `timeout`.
     pub fn recv_timeout(&self, timeout: Duration) -> Result<NetEvent, mpsc::RecvTimeoutError> {
-        self.deliveries.recv_timeout(timeout).map(Delivery::into_event)
+        self.held.recv_timeout(timeout).map(HeldEvent::into_event)
     }
 
     /// Returns the next event if it is there.
     pub fn try_recv(&self) -> Result<NetEvent, mpsc::TryRecvError> {
-        self.deliveries.try_recv().map(Delivery::into_event)
+        self.held.try_recv().map(HeldEvent::into_event)
     }
 
     /// Returns all events that are there.
@@ -137,14 +143,21 @@ impl NetEvents {
 }
 
 /// An event on its way, with the peer's share of the channel that it takes up until it is read.
-pub(super) struct Delivery {
+pub(crate) struct HeldEvent {
     pub(super) event: NetEvent,
     pub(super) share: Option<OwnedSemaphorePermit>,
 }
 
-impl Delivery {
-    fn into_event(self) -> NetEvent {
+impl HeldEvent {
+    /// Takes the event out: its peer may say more from now on.
+    pub(crate) fn into_event(self) -> NetEvent {
         drop(self.share);
         self.event
+    }
+
+    /// Returns whether it is the end of a connection.
+    #[cfg(feature = "physics")]
+    pub(crate) fn is_end(&self) -> bool {
+        matches!(self.event, NetEvent::Closed { .. })
     }
 }

@@ -45,6 +45,8 @@ pub(crate) use datagrams::Datagrams;
 pub(crate) use endpoint::check_address;
 pub use endpoint::{Net, NetConfig};
 pub use error::{JoinRefusal, NetError, SendError, TokenError};
+#[cfg(feature = "physics")]
+pub(crate) use events::HeldEvent;
 pub use events::{CloseCause, CloseCode, NetEvent, NetEvents, PeerKey};
 #[cfg(feature = "physics")]
 pub(crate) use files::{draft_of, open_private};

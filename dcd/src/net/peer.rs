@@ -9,7 +9,7 @@ use quinn::{Connection, ConnectionError, RecvStream, SendStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::task::JoinSet;
 
-use super::events::Delivery;
+use super::events::HeldEvent;
 use super::lanes::{FrameStart, LANES, LaneError, LaneSender, SendFailure, read_body, read_length};
 use super::pace::Pace;
 use super::stats::{Counters, count};
@@ -206,7 +206,7 @@ impl Peer {
     pub(super) async fn run(
         self: &Arc<Self>,
         receivers: [RecvStream; LANES],
-        events: &mpsc::Sender<Delivery>,
+        events: &mpsc::Sender<HeldEvent>,
     ) -> (CloseCause, String) {
         let mut senders = JoinSet::new();
         let mut readers = JoinSet::new();
@@ -230,14 +230,14 @@ impl Peer {
         lane: Lane,
         mut stream: RecvStream,
         inbox: Arc<Semaphore>,
-        events: mpsc::Sender<Delivery>,
+        events: mpsc::Sender<HeldEvent>,
     ) {
         loop {
             match self.read_frame(lane, &mut stream, &inbox).await {
                 Ok(Some((bytes, share))) => {
                     count(&self.counters.frames_in, &self.counters.bytes_in, bytes.len());
                     let event = NetEvent::Frame { peer: self.key, lane, bytes };
-                    if events.send(Delivery { event, share: Some(share) }).is_err() {
+                    if events.send(HeldEvent { event, share: Some(share) }).is_err() {
                         return;
                     }
                 }
@@ -268,7 +268,7 @@ impl Peer {
         Ok(Some((read_body(stream, lane, length).await?, share)))
     }
 
-    async fn read_datagrams(self: Arc<Self>, events: mpsc::Sender<Delivery>) {
+    async fn read_datagrams(self: Arc<Self>, events: mpsc::Sender<HeldEvent>) {
         let inbox = Arc::new(Semaphore::new(DATAGRAM_INBOX_BYTES));
         while let Ok(bytes) = self.connection.read_datagram().await {
             count(&self.counters.datagrams_in, &self.counters.bytes_in, bytes.len());
@@ -278,7 +278,7 @@ impl Peer {
                 continue;
             };
             let event = NetEvent::Datagram { peer: self.key, bytes: bytes.to_vec() };
-            if events.send(Delivery { event, share: Some(share) }).is_err() {
+            if events.send(HeldEvent { event, share: Some(share) }).is_err() {
                 return;
             }
         }

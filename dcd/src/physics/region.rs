@@ -328,6 +328,9 @@ impl Region {
     pub(super) fn begin_tick(&mut self, rests: bool) {
         self.rests = rests;
         self.profile = Profile::default();
+        if rests {
+            self.quarantined.clear();
+        }
     }
 
     /// Returns what the last tick took; nothing if it rested.

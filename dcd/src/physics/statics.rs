@@ -1,5 +1,6 @@
 //! Keeps the immovable bodies of the world: known to the whole process, held by each region that they touch (thesis 3.3.4).
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use rapier3d::prelude::RigidBodyHandle;
@@ -11,42 +12,40 @@ use super::shapes::{ShapeError, ShapeLibrary};
 use crate::protocol::{BodyRecord, BodyTraits, JointRecord};
 use crate::space::{BodyId, Bounds, RegionSet};
 
-/// Every immovable body of the world, in id order.
+/// Every immovable body of the world, with its bounds, by id.
 #[derive(Clone, Default, Serialize, Deserialize)]
 pub(super) struct Statics {
-    bodies: Vec<(BodyRecord, Bounds)>,
+    bodies: BTreeMap<BodyId, (BodyRecord, Bounds)>,
 }
 
 impl Statics {
     /// Adds a body; regions that it touches must still [`Statics::insert_near`] it.
     pub(super) fn add(&mut self, body: BodyRecord, shapes: &ShapeLibrary) -> Result<(), ShapeError> {
         let bounds = record::bounds_of(&body, shapes)?;
-        let place = self.bodies.partition_point(|(other, _)| other.id < body.id);
-        self.bodies.insert(place, (body, bounds));
+        self.bodies.insert(body.id, (body, bounds));
         Ok(())
     }
 
     /// Removes a body. Returns whether it was here.
     pub(super) fn remove(&mut self, id: BodyId) -> bool {
-        let place = self.place(id);
-        place.map(|place| self.bodies.remove(place)).is_some()
+        self.bodies.remove(&id).is_some()
     }
 
     /// Returns an immovable body by id.
     pub(super) fn body(&self, id: BodyId) -> Option<&BodyRecord> {
-        self.place(id).map(|place| &self.bodies[place].0)
+        self.bodies.get(&id).map(|(body, _)| body)
     }
 
     /// Records a user's change of a body in place, so that regions that come to hold it later have it too.
     pub(super) fn set_traits(&mut self, id: BodyId, traits: &Arc<BodyTraits>) {
-        if let Some(place) = self.place(id) {
-            self.bodies[place].0.traits = traits.clone();
+        if let Some((body, _)) = self.bodies.get_mut(&id) {
+            body.traits = traits.clone();
         }
     }
 
     /// Returns all immovable bodies, in id order.
     pub(super) fn bodies(&self) -> impl Iterator<Item = &BodyRecord> {
-        self.bodies.iter().map(|(body, _)| body)
+        self.bodies.values().map(|(body, _)| body)
     }
 
     /// Inserts a body into a region if it touches what the region covers.
@@ -56,8 +55,7 @@ impl Statics {
         region: &mut Region,
         shapes: &ShapeLibrary,
     ) -> Result<(), ShapeError> {
-        let Some(place) = self.place(id) else { return Ok(()) };
-        let (body, bounds) = &self.bodies[place];
+        let Some((body, bounds)) = self.bodies.get(&id) else { return Ok(()) };
         if region.covers(bounds) { insert(region, body, shapes) } else { Ok(()) }
     }
 
@@ -83,7 +81,7 @@ impl Statics {
         shapes: &ShapeLibrary,
     ) -> Result<(), ShapeError> {
         let Some(wider) = region.widen_cover(bounds) else { return Ok(()) };
-        for (body, bounds) in &self.bodies {
+        for (body, bounds) in self.bodies.values() {
             if wider.touches(bounds) {
                 insert(region, body, shapes)?;
             }
@@ -95,7 +93,7 @@ impl Statics {
     /// it holds.
     pub(super) fn recover(&self, region: &mut Region, shapes: &ShapeLibrary) -> Result<(), ShapeError> {
         let needed = region.renew_cover();
-        for (body, bounds) in &self.bodies {
+        for (body, bounds) in self.bodies.values() {
             if needed.touches(bounds) {
                 insert(region, body, shapes)?;
             } else if region.handle_of(body.id).is_some_and(|handle| region.slot(handle).joints.is_empty()) {
@@ -118,10 +116,6 @@ impl Statics {
             }
         }
         Ok(())
-    }
-
-    fn place(&self, id: BodyId) -> Option<usize> {
-        self.bodies.binary_search_by_key(&id, |(body, _)| body.id).ok()
     }
 }
 

@@ -469,6 +469,11 @@ impl Links {
         }
     }
 
+    /// Lets a process that has joined in by a new token only, from now on.
+    pub(super) fn bar(&self, who: PeerName) {
+        self.net.bar(who);
+    }
+
     fn send_frame(&mut self, to: Peer, lane: crate::net::Lane, bytes: Vec<u8>) {
         let order_kept = !self.waiting.contains_key(&to);
         if order_kept && let Some(key) = self.key(to) {

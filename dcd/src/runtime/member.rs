@@ -25,7 +25,7 @@ use super::metrics::{NodeGauge, NodeMetrics};
 use super::{Connections, PhysicsDevice, ProcessError, Pulse};
 use crate::cluster::{Client, ClientEvent, Node, NodeConfig, Peer, TickStats};
 use crate::metrics::Endpoint;
-use crate::net::{Identity, Limits, Net, NetConfig, NetEvent, NetEvents, PeerStats};
+use crate::net::{HeldEvent, Identity, Limits, Net, NetConfig, NetEvents, PeerStats};
 use crate::physics::RegionHost;
 use crate::protocol::{Area, Refusal};
 use crate::recording::{Background, Recorder};
@@ -162,7 +162,7 @@ pub(super) struct State {
 
 #[expect(clippy::large_enum_variant, reason = "an input lives for one call")]
 pub(super) enum Input {
-    Net(NetEvent),
+    Net(HeldEvent),
     Client(ClientEvent),
     Leave,
     /// Wakes the loop: there is work for its connections.
@@ -418,14 +418,15 @@ fn reachable(bound: SocketAddr, servers: &[SocketAddr]) -> SocketAddr {
     towards.map_or(bound, |local| SocketAddr::new(local.ip(), bound.port()))
 }
 
-/// Forwards network events into the loop's inbox, so that they and the user's inputs come through one channel.
-pub(super) fn forward<T: From<NetEvent> + Send + 'static>(
+/// Forwards network events into the loop's inbox, so that they and the user's inputs come through one channel. Each takes up its peer's share
+/// until the loop reads it, so that what waits of one peer stays bounded, and holds back that peer alone.
+pub(super) fn forward<T: From<HeldEvent> + Send + 'static>(
     events: NetEvents,
     inbox: SyncSender<T>,
 ) -> Result<(), ProcessError> {
     let pump = move || {
-        while let Ok(event) = events.recv() {
-            if inbox.send(event.into()).is_err() {
+        while let Ok(held) = events.recv_held() {
+            if inbox.send(held.into()).is_err() {
                 return;
             }
         }
@@ -434,9 +435,9 @@ pub(super) fn forward<T: From<NetEvent> + Send + 'static>(
     Ok(())
 }
 
-impl From<NetEvent> for Input {
-    fn from(event: NetEvent) -> Self {
-        Self::Net(event)
+impl From<HeldEvent> for Input {
+    fn from(held: HeldEvent) -> Self {
+        Self::Net(held)
     }
 }
 
@@ -460,5 +461,56 @@ mod tests {
         }
         let loopback = reachable("0.0.0.0:7".parse().unwrap(), &["127.0.0.1:9".parse().unwrap()]);
         assert_eq!(loopback, "127.0.0.1:7".parse().unwrap());
+    }
+
+    /// What waits of a peer holds back that peer: its own queue fills instead of this process's memory.
+    #[test]
+    fn what_a_peer_says_waits_at_the_peer_while_the_loop_stands() {
+        const FRAMES: usize = 600;
+        let patience = Duration::from_secs(60);
+        let folder = tempfile::tempdir().unwrap();
+        let authority = Arc::new(crate::net::Authority::load_or_create(folder.path()).unwrap());
+        let limits = Limits { frame_bytes: 64 << 10, queue_bytes: 256 << 10, ..Limits::default() };
+        let start = |identity, authority| {
+            let listen = ([127, 0, 0, 1], 0).into();
+            Net::start(NetConfig {
+                listen,
+                identity,
+                authority,
+                renewed_by: Vec::new(),
+                limits: limits.clone(),
+            })
+        };
+        let (server, events) = start(authority.server_identity().unwrap(), Some(authority.clone())).unwrap();
+        let now = std::time::SystemTime::now();
+        let token = authority.issue_token(crate::net::JoinRole::Node, patience, now).unwrap();
+        let joined = crate::net::join(&[server.local_addr()], &token, None, patience).unwrap();
+        let (peer, own) = start(joined, None).unwrap();
+        peer.connect(server.local_addr(), crate::net::PeerName::Server);
+        let crate::net::NetEvent::Connected { peer: to, .. } = own.recv_timeout(patience).unwrap() else {
+            panic!("it is linked")
+        };
+        let (inbox, inputs) = std::sync::mpsc::sync_channel::<Input>(4_096);
+        forward(events, inbox).unwrap();
+        let (begun, mut said) = (Instant::now(), 0);
+        let say = |said: &mut usize| {
+            while *said < FRAMES && peer.send(to, crate::net::Lane::Object, [7; 64 << 10]).is_ok() {
+                *said += 1;
+            }
+        };
+        while begun.elapsed() < Duration::from_secs(2) && said < FRAMES {
+            say(&mut said);
+            std::thread::yield_now();
+        }
+        assert!(said < FRAMES / 2, "{said} frames of 64 KiB went on, and nobody read them");
+        let mut read = 0;
+        while read < FRAMES {
+            say(&mut said);
+            if let Ok(Input::Net(event)) = inputs.recv_timeout(Duration::from_millis(10)) {
+                let event = event.into_event();
+                read += usize::from(matches!(event, crate::net::NetEvent::Frame { .. }));
+            }
+            assert!(begun.elapsed() < patience, "{read} of {said} frames arrived");
+        }
     }
 }

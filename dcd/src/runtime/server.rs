@@ -27,7 +27,9 @@ use super::{Connections, LocalWorld, Origin, ProcessError, Pulse, ServeConfig};
 use crate::cluster::directory::{Batch, Directory, DirectoryError, Entry, Key};
 use crate::cluster::{DrainError, Record, SavedWorld, ServerConfig, ServerOrigin};
 use crate::metrics::Endpoint;
-use crate::net::{Authority, JoinRole, Limits, Net, NetConfig, NetEvent, PeerName, PeerStats, check_address};
+use crate::net::{
+    Authority, HeldEvent, JoinRole, Limits, Net, NetConfig, PeerName, PeerStats, check_address,
+};
 use crate::physics::can_build;
 use crate::protocol::{BuildOp, EnvironmentProperties, Query, QueryResult, View, WorldEvents};
 use crate::recording::{Background, RecordedServer, Recorder};
@@ -132,7 +134,7 @@ impl State {
 }
 
 enum Input {
-    Net(NetEvent),
+    Net(HeldEvent),
     Stop,
     Suspend,
     Program(Vec<BuildOp>),
@@ -150,9 +152,9 @@ enum Input {
     Wake,
 }
 
-impl From<NetEvent> for Input {
-    fn from(event: NetEvent) -> Self {
-        Self::Net(event)
+impl From<HeldEvent> for Input {
+    fn from(held: HeldEvent) -> Self {
+        Self::Net(held)
     }
 }
 

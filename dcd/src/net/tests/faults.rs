@@ -171,6 +171,9 @@ async fn deaf(server: &Server, request: &[u8]) -> (quinn::Endpoint, quinn::Conne
     let mut config = quinn::ClientConfig::new(Arc::new(crypto));
     let mut transport = quinn::TransportConfig::default();
     transport.stream_receive_window(0_u32.into());
+    // It lives, however slow the machine is.
+    transport.keep_alive_interval(Some(Duration::from_millis(50)));
+    transport.max_idle_timeout(Some(quinn::VarInt::from_u32(60_000).into()));
     config.transport_config(Arc::new(transport));
     let local = std::net::SocketAddr::from((std::net::Ipv4Addr::LOCALHOST, 0));
     let endpoint = quinn::Endpoint::client(local).unwrap();

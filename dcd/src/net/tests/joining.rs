@@ -170,6 +170,28 @@ fn a_resume_key_brings_the_same_ids_back() {
 }
 
 #[test]
+fn who_was_sent_away_comes_back_by_a_new_token_alone() {
+    let server = Server::start();
+    let identity = server.join(JoinRole::Participant);
+    let path = server.folder.path().join("identity.pem");
+    identity.save(&path).unwrap();
+    let again = || Process::start(Identity::load(&path).unwrap(), None, Limits::default());
+    again().connect_to(&server.process);
+    server.process.closed();
+    server.process.net.bar(identity.who());
+    let process = again();
+    process.net.connect(server.addr(), PeerName::Server);
+    let NetEvent::ConnectFailed { error, .. } = process.next() else { panic!("it is let in") };
+    assert!(error.to_string().contains("new token"), "{error}");
+    let refused = refusal(renew(&[server.addr()], &identity, PATIENCE));
+    assert!(refused.contains("new token"), "{refused}");
+    let token = server.token(JoinRole::Participant);
+    let back = join(&[server.addr()], &token, identity.resume(), PATIENCE).unwrap();
+    assert_eq!(back.who(), identity.who());
+    Process::start(back, None, Limits::default()).connect_to(&server.process);
+}
+
+#[test]
 fn an_identity_is_saved_for_its_owner_only_and_still_proves_the_name() {
     let server = Server::start();
     let identity = server.join(JoinRole::Participant);

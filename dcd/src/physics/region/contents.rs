@@ -38,8 +38,9 @@ impl Region {
             }
             self.listener.name(inserted, collider, (body.id, place as u16), record);
         }
-        if body.traits.colliders.iter().any(|collider| !collider.enabled) {
-            // Rapier counts their mass until it steps.
+        if body.traits.extra_mass.is_some() || body.traits.colliders.iter().any(|collider| !collider.enabled)
+        {
+            // Rapier leaves out the one and counts the others until it steps.
             let PhysicsWorld { bodies, colliders, .. } = &mut *self.world;
             bodies[handle].recompute_mass_properties_from_colliders(colliders);
         }

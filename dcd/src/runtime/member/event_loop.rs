@@ -13,7 +13,6 @@ use super::{Input, Onlooker, QUEUE, Shared};
 use crate::cluster::{
     Client, ClientEvent, ClientOutput, NodeEvent, NodeOutput, Peer, PhysicsCommand, PhysicsEvent, WORLD_ENDED,
 };
-use crate::net::NetEvent;
 use crate::protocol::{Farewell, Message, ToClient};
 use crate::recording::tick_of;
 use crate::runtime::ending::{Cause, Ending, Reason};
@@ -209,7 +208,7 @@ impl Loop {
     }
 
     fn take(&mut self, input: Input) {
-        if matches!(input, Input::Net(NetEvent::Closed { .. })) {
+        if matches!(&input, Input::Net(held) if held.is_end()) {
             // What was said over a link counts before its end.
             self.pump();
         }
@@ -217,8 +216,8 @@ impl Loop {
             return;
         }
         match input {
-            Input::Net(event) => {
-                for event in self.links.translate(event) {
+            Input::Net(held) => {
+                for event in self.links.translate(held.into_event()) {
                     self.link_event(event);
                 }
             }

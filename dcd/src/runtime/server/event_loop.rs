@@ -96,8 +96,8 @@ impl Loop {
             }
             let now = self.start.elapsed();
             match input {
-                Ok(Input::Net(event)) => {
-                    for event in links.translate(event) {
+                Ok(Input::Net(held)) => {
+                    for event in links.translate(held.into_event()) {
                         self.hear(now, event);
                     }
                 }
@@ -191,6 +191,7 @@ impl Loop {
     fn send_away(&mut self, now: Duration) {
         for (who, reason) in self.connections.take_sent_away() {
             info!(%who, reason, "sent away");
+            self.links.iter().for_each(|links| links.bar(who));
             let (node, client) = (who.node(), who.client());
             self.server().handle(now, ServerEvent::SendAway { node, client, reason });
         }

@@ -155,8 +155,8 @@ impl RegionHost {
 
     /// Applies a change to one collider of a body, in every copy held here; `index` counts them in order of insertion.
     /// Returns what [`RegionHost::change_copies`] would. Bodies whose shape changed, and immovable ones whose place did, are placed
-    /// anew: Rapier 0.36.1 does not forget all contacts of a compound that becomes something else. A shape that is refused is not taken; what
-    /// else was changed is.
+    /// anew: Rapier 0.36.1 does not forget all contacts of a compound that becomes something else. Where a shape is refused, nothing
+    /// changes.
     pub fn update_collider<R>(
         &mut self,
         id: BodyId,
@@ -165,19 +165,18 @@ impl RegionHost {
     ) -> Result<Option<R>, HostError> {
         let shape_of = |body: &BodyRecord| body.traits.colliders.get(index).map(|collider| collider.shape);
         let shape = self.record(id).as_ref().and_then(shape_of);
-        let (mut result, mut refused, mut reach_m) = (None, None, 0.0f32);
+        let (mut result, mut reach_m) = (None, 0.0f32);
         for Side { region, .. } in &mut self.sides {
             let Some(handle) = region.handle_of(id) else { continue };
             let role = region.slot(handle).role;
             let Some(returned) = region.update_collider(handle, index, &mut self.shapes, &mut change) else {
                 return Ok(None);
             };
+            // All of them refuse the same.
+            let returned = returned?;
             reach_m = reach_m.max(region.slot(handle).reach_m);
-            match returned {
-                Ok(returned) if role == Ownership::Owner || result.is_none() => result = Some(returned),
-                Ok(_) => {}
-                // What else was changed is so in all copies.
-                Err(error) => refused = Some(error),
+            if role == Ownership::Owner || result.is_none() {
+                result = Some(returned);
             }
         }
         match self.statics.body(id).cloned() {
@@ -201,7 +200,7 @@ impl RegionHost {
                 }
             }
         }
-        refused.map_or(Ok(result), |error| Err(error.into()))
+        Ok(result)
     }
 
     /// Applies a change to every copy of a joint held here.

@@ -21,9 +21,18 @@ pub(crate) fn alone() -> MutexGuard<'static, ()> {
     CLOCK.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The command line under test.
+/// The program under test.
+pub(crate) const PROGRAM: &str = env!("CARGO_BIN_EXE_dcd-under-test");
+
+/// The command line under test. It hears all signals, also where whoever runs the tests ignores some, as `nohup` does.
 pub(crate) fn dcd(args: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_dcd-under-test"));
+    let mut command = match cfg!(target_os = "linux") {
+        true => Command::new("env"),
+        false => Command::new(PROGRAM),
+    };
+    if cfg!(target_os = "linux") {
+        command.args(["--default-signal=HUP,INT", PROGRAM]);
+    }
     command.args(args).env_remove("RUST_LOG");
     command
 }

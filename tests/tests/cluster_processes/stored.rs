@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use dcd::runtime::{WorldEnd, end_world};
 
-use crate::process::{LIMIT, Process, Server, dcd, playground};
+use crate::process::{LIMIT, PROGRAM, Process, Server, dcd, playground};
 
 /// A server process with these options on the data folder of another, which has ended.
 fn serve(server: &Server, args: &[&str]) -> Process {
@@ -126,8 +126,7 @@ fn a_terminal_that_is_closed_after_ctrl_c_ends_no_world() {
     let mut server = killed(3.0);
     let (data, scene) = (server.data(), playground());
     let line = format!(
-        "echo process $$; exec {} serve {} --listen {} --data {}",
-        dcd(&[]).get_program().display(),
+        "echo process $$; exec env --default-signal=HUP,INT {PROGRAM} serve {} --listen {} --data {}",
         scene.display(),
         server.address,
         data.display()
@@ -164,7 +163,7 @@ fn a_signal_that_the_server_was_started_to_ignore_stays_ignored() {
     let mut server = Server::playground("1");
     server.process.kill();
     let mut shell = Command::new("sh");
-    shell.args(["-c", "trap '' HUP; exec \"$0\" \"$@\""]).arg(dcd(&[]).get_program());
+    shell.args(["-c", "trap '' HUP; exec \"$0\" \"$@\""]).arg(PROGRAM);
     shell
         .args(["serve", "--listen", &server.address, "--json", "--data"])
         .arg(server.data())

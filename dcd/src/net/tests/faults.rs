@@ -258,7 +258,10 @@ fn who_is_named_and_does_not_greet_keeps_nobody_from_joining() {
         let endpoint = quinn::Endpoint::client(anywhere()).unwrap();
         let crypto = crate::net::verify::dialling(&identity).unwrap();
         let crypto = quinn::crypto::rustls::QuicClientConfig::try_from(crypto).unwrap();
-        let config = quinn::ClientConfig::new(Arc::new(crypto));
+        let mut config = quinn::ClientConfig::new(Arc::new(crypto));
+        let mut transport = quinn::TransportConfig::default();
+        transport.keep_alive_interval(Some(Duration::from_millis(50)));
+        config.transport_config(Arc::new(transport));
         let connecting = endpoint.connect_with(config, server.addr(), "server.dcd").unwrap();
         (connecting.await.unwrap(), endpoint)
     });

@@ -207,6 +207,8 @@ fn handshakes_beyond_the_limit_are_not_answered() {
     }
     let error = join(&[server.addr()], &token, None, Duration::from_millis(300)).unwrap_err();
     assert!(matches!(error, NetError::Unreachable { .. }), "{error}");
+    asked.1.close(0_u32.into(), b"");
+    runtime.block_on(asked.0.wait_idle());
     drop((asked, runtime));
     join(&[server.addr()], &token, None, PATIENCE).unwrap();
     // A handshake that is over makes room although the peer stays.

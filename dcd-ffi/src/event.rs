@@ -227,9 +227,9 @@ unsafe impl Sized32 for DcdEventView {
 pub(crate) struct EventBuffers {
     sets: [EventArrays; 2],
     newest: usize,
-    /// What was taken away since the last step.
+    /// Holds what was taken away since the last step.
     departed: Departed,
-    /// What was taken away before it, which its events speak of.
+    /// Holds what was taken away before it, of which its events speak.
     told: Departed,
 }
 

@@ -19,7 +19,7 @@ pub(crate) struct Verdict {
     pub limit: f64,
     /// What is wrong, in words; nothing when it passes.
     pub failures: Vec<String>,
-    /// Whether more than the error is wrong, which no limit excuses.
+    /// Says whether more than the error is wrong, which no limit excuses.
     pub broken: bool,
 }
 

@@ -8,7 +8,7 @@ pub(crate) struct Limit {
     pub case: &'static str,
     /// The methods whose limit it is.
     pub methods: &'static [&'static str],
-    /// How many times its gate the error may be: beyond that something else is wrong.
+    /// The most gates that the error may be: beyond that something else is wrong.
     pub most: f64,
     /// Why.
     pub cause: &'static str,

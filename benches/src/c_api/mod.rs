@@ -142,7 +142,7 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the package lies in the workspace")
 }
 
-/// What gives the C library this program's allocator: allocators alone make steps differ by more than calls cost.
+/// Options that give the C library this program's allocator: allocators alone make steps differ by more than calls cost.
 const ALIKE: &[&str] = &["--features", "mimalloc"];
 
 /// Returns the static library: built as users build it, with these options; for a quick try, as it came with this program.

@@ -158,7 +158,7 @@ fn world(scene: &Scene, fidelity: Fidelity) -> Result<LocalWorld, Box<dyn Error>
 
 /// A run of one setting.
 struct Run {
-    /// What each step took that was timed, milliseconds.
+    /// Milliseconds that each step took which was timed.
     took_ms: Vec<f64>,
     report: FidelityReport,
 }

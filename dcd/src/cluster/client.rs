@@ -5,6 +5,7 @@ mod body_view;
 mod building;
 mod hearing;
 mod newest;
+mod requests;
 mod showing;
 mod surroundings;
 #[cfg(test)]
@@ -466,53 +467,6 @@ impl Client {
 
     fn send(&mut self, to: Peer, message: Message) {
         self.outputs.push_back(ClientOutput::Send { to, message });
-    }
-
-    /// Sends what lasts to the server, whose record outlives every leader.
-    fn ask_server(&mut self, message: FromClient) {
-        self.send(Peer::Server, Message::FromClient(self.id, message));
-    }
-
-    /// Sends a request to the server, again until it is answered.
-    fn want(&mut self, message: FromClient) {
-        self.unanswered.push(message.clone());
-        self.ask_server(message);
-    }
-
-    /// Forgets what was asked about an avatar, as it is in the world or gone, or was refused for this.
-    fn answered(&mut self, id: BodyId, refusal: Option<Refusal>) {
-        // Others are of inputs: that it is to go was not refused.
-        let is_known = matches!(refusal, None | Some(Refusal::NotYours | Refusal::Unknown));
-        let is_of = |message: &FromClient| match message {
-            FromClient::Spawn { body, .. } => body.id == id,
-            FromClient::Despawn(body) => *body == id && is_known,
-            _ => false,
-        };
-        if let Some(at) = self.unanswered.iter().position(is_of) {
-            self.unanswered.remove(at);
-        }
-    }
-
-    fn has_asked_for(&self, id: BodyId) -> bool {
-        self.unanswered
-            .iter()
-            .any(|message| matches!(message, FromClient::Spawn { body, .. } if body.id == id))
-    }
-
-    /// Sends unanswered requests again when the world has arrived, perhaps anew, unless it shows that they were done.
-    fn say_again(&mut self) {
-        for message in std::mem::take(&mut self.unanswered) {
-            let is_done = match &message {
-                FromClient::Spawn { body, .. } => self.bodies.contains_key(&body.id),
-                FromClient::Despawn(id) => !self.bodies.contains_key(id),
-                _ => true,
-            };
-            match (is_done, &message) {
-                (false, _) => self.want(message),
-                (true, FromClient::Despawn(id)) => self.outputs.push_back(ClientOutput::Removed(*id)),
-                _ => {}
-            }
-        }
     }
 
     fn is_leader(&self, peer: Peer) -> bool {

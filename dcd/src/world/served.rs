@@ -123,9 +123,8 @@ impl Served {
         self.departed.clear();
         for &id in &heard.disappeared {
             // A builder's own author knows no more of what it has removed.
-            let heard = || self.heard(id).map(|heard| heard.body.traits.user_data);
-            let user_data = heard().or_else(|| self.user_data(id));
-            let user_data = self.leaving.remove(&id).or(user_data);
+            let heard = self.heard(id).map(|heard| heard.body.traits.user_data);
+            let user_data = self.leaving.remove(&id).or(heard).or_else(|| self.user_data(id));
             self.departed.insert(id, user_data.unwrap_or(0));
             self.driven.remove(&id);
         }

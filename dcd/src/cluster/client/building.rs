@@ -5,8 +5,7 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use super::{Client, ClientOutput};
 use crate::protocol::{
-    Alteration, BUILD_BYTES, BodyRecord, BuildOp, Costs, FromClient, MAX_BUILD_OPS, Refusal, ShapeRecord,
-    encoded_len, split,
+    Alteration, BUILD_BYTES, BuildOp, Costs, FromClient, MAX_BUILD_OPS, Refusal, encoded_len, split,
 };
 
 /// The most bytes that may wait for the server's word.
@@ -70,19 +69,6 @@ impl Client {
             while !ops.is_empty() {
                 let later = ops.split_off(ops.len().min(MAX_BUILD_OPS));
                 self.send_build(std::mem::replace(&mut ops, later));
-            }
-        }
-    }
-
-    /// Asks for an avatar. Of a client alone nothing longer than a frame is read.
-    pub(super) fn spawn(&mut self, body: BodyRecord, shapes: Vec<ShapeRecord>) {
-        let id = body.id;
-        let message = FromClient::Spawn { body, shapes };
-        match self.node.is_some() || encoded_len(&message) <= BUILD_BYTES {
-            true => self.want(message),
-            false => {
-                let reason = Refusal::Costly(Costs::Bytes);
-                self.outputs.push_back(ClientOutput::Rejected { body: Some(id), reason });
             }
         }
     }

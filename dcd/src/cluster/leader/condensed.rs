@@ -32,12 +32,12 @@ struct Condensed {
 impl Condensed {
     fn input(&mut self, input: Input) {
         let before = self.inputs.insert(input.slot(), self.ops.len()).and_then(|at| self.ops[at].take());
-        let jump = match before {
-            Some(WorldOp::Input(before)) => before.pose,
-            _ => None,
+        let input = match before {
+            Some(WorldOp::Input(before)) => input.after(&before),
+            _ => input,
         };
         self.impulses.remove(&input.body);
-        self.ops.push(Some(WorldOp::Input(Input { pose: input.pose.or(jump), ..input })));
+        self.ops.push(Some(WorldOp::Input(input)));
     }
 
     fn force(&mut self, push: Push) {

@@ -18,7 +18,7 @@ impl Postponed {
         match op {
             WorldOp::Input(input) => {
                 let newest = self.inputs.entry(input.slot()).or_insert(input);
-                *newest = Input { pose: input.pose.or(newest.pose), ..input };
+                *newest = input.after(newest);
             }
             WorldOp::Push(push) if push.lasts => _ = self.pushes.insert(push.body, push),
             _ => {}

@@ -184,7 +184,7 @@ impl RegionHost {
                 let copies = self.regions().filter_map(|region| Some((region, region.handle_of(id)?)));
                 let Some(traits) = copies.map(|(region, handle)| region.slot(handle).traits.clone()).next()
                 else {
-                    return Ok(None);
+                    return Ok(result);
                 };
                 let (old, new) = (&known.traits.colliders[index], &traits.colliders[index]);
                 if (old.shape, old.pose) == (new.shape, new.pose) {

@@ -413,6 +413,12 @@ impl Input {
         (self.body, self.drive.is_some())
     }
 
+    /// Returns what does the same as this one after an older one that no tick has done: where that jumped, unless it jumps itself.
+    #[must_use]
+    pub(crate) fn after(self, before: &Self) -> Self {
+        Self { pose: self.pose.or(before.pose), ..self }
+    }
+
     /// Returns the pose that this body jumps to, if any: a client's character goes only where it can walk.
     pub fn jump_of(&self, body: &BodyTraits) -> Option<WorldPose> {
         self.pose.filter(|_| self.logical_time == 0 || body.character.is_none())

@@ -1,0 +1,70 @@
+//! Asks the server for avatars, and for their end, again until it is known what became of that.
+
+use super::{Client, ClientOutput};
+use crate::cluster::Peer;
+use crate::protocol::{
+    BUILD_BYTES, BodyRecord, Costs, FromClient, Message, Refusal, ShapeRecord, encoded_len,
+};
+use crate::space::BodyId;
+
+impl Client {
+    /// Asks for an avatar. Of a client alone nothing longer than a frame is read.
+    pub(super) fn spawn(&mut self, body: BodyRecord, shapes: Vec<ShapeRecord>) {
+        let id = body.id;
+        let message = FromClient::Spawn { body, shapes };
+        match self.node.is_some() || encoded_len(&message) <= BUILD_BYTES {
+            true => self.want(message),
+            false => {
+                let reason = Refusal::Costly(Costs::Bytes);
+                self.outputs.push_back(ClientOutput::Rejected { body: Some(id), reason });
+            }
+        }
+    }
+
+    /// Sends what lasts to the server, whose record outlives every leader.
+    pub(super) fn ask_server(&mut self, message: FromClient) {
+        self.send(Peer::Server, Message::FromClient(self.id, message));
+    }
+
+    /// Sends a request to the server, again until it is answered.
+    pub(super) fn want(&mut self, message: FromClient) {
+        self.unanswered.push(message.clone());
+        self.ask_server(message);
+    }
+
+    /// Forgets what was asked about an avatar, as it is in the world or gone, or was refused for this.
+    pub(super) fn answered(&mut self, id: BodyId, refusal: Option<Refusal>) {
+        // Others are of inputs: that it is to go was not refused.
+        let is_known = matches!(refusal, None | Some(Refusal::NotYours | Refusal::Unknown));
+        let is_of = |message: &FromClient| match message {
+            FromClient::Spawn { body, .. } => body.id == id,
+            FromClient::Despawn(body) => *body == id && is_known,
+            _ => false,
+        };
+        if let Some(at) = self.unanswered.iter().position(is_of) {
+            self.unanswered.remove(at);
+        }
+    }
+
+    pub(super) fn has_asked_for(&self, id: BodyId) -> bool {
+        self.unanswered
+            .iter()
+            .any(|message| matches!(message, FromClient::Spawn { body, .. } if body.id == id))
+    }
+
+    /// Sends unanswered requests again when the world has arrived, perhaps anew, unless it shows that they were done.
+    pub(super) fn say_again(&mut self) {
+        for message in std::mem::take(&mut self.unanswered) {
+            let is_done = match &message {
+                FromClient::Spawn { body, .. } => self.bodies.contains_key(&body.id),
+                FromClient::Despawn(id) => !self.bodies.contains_key(id),
+                _ => true,
+            };
+            match (is_done, &message) {
+                (false, _) => self.want(message),
+                (true, FromClient::Despawn(id)) => self.outputs.push_back(ClientOutput::Removed(*id)),
+                _ => {}
+            }
+        }
+    }
+}

@@ -34,6 +34,10 @@ enum Group {
     Train(usize),
     /// Cubes as links of a multibody.
     Robot(usize),
+    /// So many robots of four cubes beside each other, along x.
+    Robots(usize),
+    /// A robot of four cubes at rest.
+    SleepingRobot,
     Ball,
     /// A plate that no contact moves.
     Pusher,
@@ -58,7 +62,8 @@ const GROUPS: [Group; 14] = [
     Group::Sleepers(300),
 ];
 
-/// Inserts a group around this place; it moves along x at this speed.
+/// Inserts a group around this place; it moves along x at this speed, or is drawn that way where gravity is along x: multibodies begin
+/// at rest.
 fn insert(
     world: &mut LocalWorld,
     tied: &mut BTreeSet<(BodyId, BodyId)>,
@@ -67,7 +72,11 @@ fn insert(
     speed: f32,
 ) {
     let cube = || ColliderBuilder::cuboid(0.5, 0.5, 0.5).density(1.0).friction(0.0);
-    let body = |place: Vector| RigidBodyBuilder::dynamic().translation(place).linvel(Vector::X * speed);
+    let is_drawn = world.host().settings().gravity[0] != 0.0;
+    let scale = if is_drawn { speed.signum() } else { 1.0 };
+    let body = |place: Vector| {
+        RigidBodyBuilder::dynamic().translation(place).linvel(Vector::X * speed).gravity_scale(scale)
+    };
     match group {
         Group::Heap(count) | Group::Sleepers(count) => {
             let side = (count as f32).cbrt().ceil() as usize;
@@ -82,18 +91,32 @@ fn insert(
                 world.insert(body, cube()).unwrap();
             }
         }
-        Group::Train(count) | Group::Robot(count) => {
+        Group::Robots(count) => {
+            for i in 0..count {
+                let aside = (i as f32 - (count as f32 - 1.0) / 2.0) * 1.1;
+                insert(world, tied, Group::Robot(4), at + Vector::X * aside, speed);
+            }
+        }
+        Group::Train(_) | Group::Robot(_) | Group::SleepingRobot => {
+            let (count, sleeps) = match group {
+                Group::Train(count) | Group::Robot(count) => (count, false),
+                _ => (4, true),
+            };
+            let body = |place| match sleeps {
+                true => body(place).linvel(Vector::ZERO).sleeping(true),
+                false => body(place).can_sleep(false),
+            };
             let mut before: Option<BodyId> = None;
             for i in 0..count {
                 let along = (i as f32 - (count as f32 - 1.0) / 2.0) * 1.1;
                 let place = at + Vector::new(0.0, 0.5, along);
-                let id = world.insert(body(place).can_sleep(false), cube()).unwrap();
+                let id = world.insert(body(place), cube()).unwrap();
                 if let Some(before) = before {
                     let joint = SphericalJointBuilder::new()
                         .local_anchor1(Vector::Z * 0.55)
                         .local_anchor2(Vector::Z * -0.55)
                         .contacts_enabled(false);
-                    if matches!(group, Group::Robot(_)) {
+                    if !matches!(group, Group::Train(_)) {
                         world.insert_multibody_joint(before, id, joint, LinkSettings::default()).unwrap();
                     } else {
                         world.insert_joint(before, id, joint).unwrap();
@@ -148,63 +171,103 @@ fn deepest_m(world: &LocalWorld, tied: &BTreeSet<(BodyId, BodyId)>) -> f32 {
     deepest
 }
 
-fn clash(seed: u64, partitioning: Partitioning, ticks: usize) -> (Vec<Group>, f32) {
-    let mut dice = Dice(seed << 20);
-    let mut config = WorldConfig { partitioning, ..WorldConfig::default() };
-    let weightless = dice.of(3) == 0;
-    if weightless {
-        config.step.gravity = [0.0; 3];
-    }
-    let mut world = LocalWorld::new(config).unwrap();
-    if !weightless {
-        let floor = ColliderBuilder::cuboid(60.0, 0.5, 200.0).translation(Vector::Y * -0.5).friction(0.3);
-        world.insert(RigidBodyBuilder::fixed(), floor).unwrap();
-    }
-    let (left, right) = (GROUPS[dice.of(GROUPS.len())], GROUPS[dice.of(GROUPS.len())]);
-    let speed = dice.roll(1.0, 6.0);
-    let gap = dice.roll(0.2, 3.0);
-    let aside = dice.roll(-0.4, 0.4);
-    let half = |group| match group {
-        Group::Heap(count) | Group::Sleepers(count) => (count as f32).cbrt().ceil() / 2.0,
-        Group::Ball => 0.9,
-        _ => 0.5,
-    };
-    let mut tied = BTreeSet::new();
-    insert(&mut world, &mut tied, left, Vector::new(-half(left) - gap, 0.0, aside), speed);
-    insert(&mut world, &mut tied, right, Vector::new(half(right) + gap, 0.0, 0.0), -speed);
-    let mut deepest: f32 = 0.0;
-    for tick in 0..ticks {
-        world.step().unwrap();
-        if tick % 5 == 4 {
-            deepest = deepest.max(deepest_m(&world, &tied));
-        }
-    }
-    (vec![left, right], deepest)
+/// How two groups are thrown at each other.
+#[derive(Clone, Copy, Debug)]
+struct Throw {
+    left: Group,
+    right: Group,
+    /// Where it is not downwards.
+    gravity: Option<[f32; 3]>,
+    speed: f32,
+    gap: f32,
+    aside: f32,
 }
 
-/// Returns a line of how deep the deepest were in one region and in several, and whether that is much more in any of those.
-fn compared(seed: u64) -> (String, bool) {
-    let (groups, alone) = clash(seed, Partitioning::Regions(1), TICKS);
-    let mut line = format!("{seed} {groups:?}: {alone:.3} m;");
-    let mut is_deeper = false;
-    for cuts in [
-        vec![(Axis::X, 0.0)],
-        vec![(Axis::X, -0.7)],
-        vec![(Axis::X, 0.0), (Axis::Z, 0.1)],
-        vec![(Axis::X, -2.0), (Axis::X, 0.5), (Axis::X, 3.0)],
-    ] {
-        let (_, cut) = clash(seed, Partitioning::Cuts(cuts), TICKS);
-        is_deeper |= cut > 2.0 * alone + 0.05;
-        line += &format!(" {cut:.3}");
+impl Throw {
+    fn of(seed: u64) -> Self {
+        let mut dice = Dice(seed << 20);
+        let gravity = (dice.of(3) == 0).then_some([0.0; 3]);
+        let (left, right) = (GROUPS[dice.of(GROUPS.len())], GROUPS[dice.of(GROUPS.len())]);
+        let speed = dice.roll(1.0, 6.0);
+        let gap = dice.roll(0.2, 3.0);
+        Self { left, right, gravity, speed, gap, aside: dice.roll(-0.4, 0.4) }
     }
-    (line, is_deeper)
+
+    /// Returns how deep the deepest were in each other at any time.
+    fn deepest_m(self, partitioning: Partitioning) -> f32 {
+        let Self { left, right, gravity, speed, gap, aside } = self;
+        let mut config = WorldConfig { partitioning, ..WorldConfig::default() };
+        config.step.gravity = gravity.unwrap_or(config.step.gravity);
+        let mut world = LocalWorld::new(config).unwrap();
+        if gravity.is_none() {
+            let floor = ColliderBuilder::cuboid(60.0, 0.5, 200.0).translation(Vector::Y * -0.5).friction(0.3);
+            world.insert(RigidBodyBuilder::fixed(), floor).unwrap();
+        }
+        let half = |group| match group {
+            Group::Heap(count) | Group::Sleepers(count) => (count as f32).cbrt().ceil() / 2.0,
+            Group::Robots(count) => count as f32 * 0.55,
+            Group::Ball => 0.9,
+            _ => 0.5,
+        };
+        let mut tied = BTreeSet::new();
+        insert(&mut world, &mut tied, left, Vector::new(-half(left) - gap, 0.0, aside), speed);
+        insert(&mut world, &mut tied, right, Vector::new(half(right) + gap, 0.0, 0.0), -speed);
+        let mut deepest: f32 = 0.0;
+        for tick in 0..TICKS {
+            world.step().unwrap();
+            if tick % 5 == 4 {
+                deepest = deepest.max(deepest_m(&world, &tied));
+            }
+        }
+        deepest
+    }
+
+    /// Returns a line of how deep the deepest were in one region and in several, and whether that is much more in any of those.
+    fn compared(self) -> (String, bool) {
+        let alone = self.deepest_m(Partitioning::Regions(1));
+        let mut line = format!("{:?} {:?}: {alone:.3} m;", self.left, self.right);
+        let mut is_deeper = false;
+        for cuts in [
+            vec![(Axis::X, 0.0)],
+            vec![(Axis::X, -0.7)],
+            vec![(Axis::X, 0.0), (Axis::Z, 0.1)],
+            vec![(Axis::X, -2.0), (Axis::X, 0.5), (Axis::X, 3.0)],
+        ] {
+            let cut = self.deepest_m(Partitioning::Cuts(cuts));
+            is_deeper |= cut > 2.0 * alone + 0.05;
+            line += &format!(" {cut:.3}");
+        }
+        (line, is_deeper)
+    }
 }
 
 #[test]
 fn nothing_goes_through_what_another_region_has() {
     for seed in [0, 4, 5, 8, 18, 31, 66, 152, 156, 175, 199, 219] {
-        let (line, is_deeper) = compared(seed);
-        assert!(!is_deeper, "{line}");
+        let (line, is_deeper) = Throw::of(seed).compared();
+        assert!(!is_deeper, "{seed} {line}");
+    }
+}
+
+/// Two regions hold no multibody both, so that all that may touch must be in one: more than two, some of which meet none of the other
+/// region, and one that sleeps.
+#[test]
+fn multibodies_beside_one_another_and_asleep_are_met() {
+    use self::Group::{Robot, Robots, SleepingRobot};
+    for (left, right) in [
+        (Robot(4), Robots(2)),
+        (Robots(2), Robot(4)),
+        (Robots(3), Robots(3)),
+        (Robot(4), SleepingRobot),
+        (SleepingRobot, Robot(4)),
+        (SleepingRobot, Robots(2)),
+    ] {
+        for (pull, gap) in [(4.0, 0.4), (10.0, 0.2), (20.0, 1.0)] {
+            let gravity = Some([pull, 0.0, 0.0]);
+            let throw = Throw { left, right, gravity, speed: 1.0, gap, aside: 0.2 };
+            let (line, is_deeper) = throw.compared();
+            assert!(!is_deeper, "at {pull} m/s²: {line}");
+        }
     }
 }
 
@@ -213,8 +276,8 @@ fn nothing_goes_through_what_another_region_has() {
 #[ignore = "takes minutes"]
 fn three_hundred_clashes() {
     let deeper = (0..300).filter(|&seed| {
-        let (line, is_deeper) = compared(seed);
-        println!("{line}{}", if is_deeper { " deeper" } else { "" });
+        let (line, is_deeper) = Throw::of(seed).compared();
+        println!("{seed} {line}{}", if is_deeper { " deeper" } else { "" });
         is_deeper
     });
     let deeper = deeper.count();

@@ -179,6 +179,47 @@ fn a_cart_stops_at_a_heap_that_its_region_does_not_own() {
     }
 }
 
+/// A kinematic body that is tied to a multibody is in one region alone, as that is.
+#[test]
+fn a_platform_with_an_arm_carries_boxes_of_both_regions_and_pushes_those_in_its_way() {
+    let mut scene = flat("platform");
+    let platform = RigidBodyBuilder::kinematic_velocity_based().linvel(Vector::X);
+    let plate = ColliderBuilder::cuboid(4.0, 0.1, 2.0);
+    let platform = scene.push(WorldPose::at([-2.0, 1.0, 0.0]), platform, plate);
+    let dynamic = || RigidBodyBuilder::dynamic().can_sleep(false);
+    let base = scene.push(WorldPose::at([-4.0, 1.2, 0.0]), dynamic(), ColliderBuilder::cuboid(0.2, 0.1, 0.2));
+    let arm = scene.push(WorldPose::at([-4.0, 1.8, 0.0]), dynamic(), ColliderBuilder::capsule_y(0.3, 0.1));
+    let on_plate = Vector::new(-2.0, 0.1, 0.0);
+    let held = FixedJointBuilder::new().local_anchor1(on_plate).local_anchor2(Vector::Y * -0.1);
+    let held: GenericJoint = held.contacts_enabled(false).into();
+    scene.joints.push(SceneJoint { a: platform, b: base, joint: held, multibody: None });
+    let hinge =
+        RevoluteJointBuilder::new(Vector::Z).local_anchor1(Vector::Y * 0.1).local_anchor2(Vector::Y * -0.5);
+    let hinge: GenericJoint = hinge.contacts_enabled(false).into();
+    scene.joints.push(SceneJoint { a: base, b: arm, joint: hinge, multibody: Some(LinkSettings::default()) });
+    let starts = [-3.0, -1.0, 0.7, 1.5];
+    let cube = || ColliderBuilder::cuboid(0.25, 0.25, 0.25);
+    let carried = starts.map(|x| scene.push(WorldPose::at([x, 1.4, 1.0]), dynamic(), cube()));
+    let tall = || ColliderBuilder::cuboid(0.25, 0.75, 0.25).friction(0.1);
+    let pushed = [2.6, 3.5].map(|x| scene.push(WorldPose::at([x, 0.75, -1.0]), dynamic(), tall()));
+    for coupling in [Coupling::Overlap, Coupling::Island, Coupling::Auto] {
+        for cuts in [&[][..], &[0.0]] {
+            let mut world = world_of(&scene, cuts, coupling);
+            (0..150).for_each(|_| world.step().unwrap());
+            let front = pose_in(&world, platform).translation.x + 4.0;
+            for (body, from) in carried.into_iter().zip(starts) {
+                let at = pose_in(&world, body).translation;
+                let is_on = (at.y - 1.35).abs() < 0.06 && (f64::from(at.x) - from - 2.4).abs() < 0.2;
+                assert!(is_on, "{coupling:?}, {cuts:?}: {at} from {from}");
+            }
+            for body in pushed {
+                let at = pose_in(&world, body).translation;
+                assert!(at.x > front, "{coupling:?}, {cuts:?}: {at} is behind {front}");
+            }
+        }
+    }
+}
+
 #[test]
 fn a_multibody_is_carried_by_planes_that_move_and_by_snapshots() {
     let mut scene = flat("carried");
@@ -207,6 +248,7 @@ fn what_rapier_cannot_have_in_a_multibody_is_refused_by_name_and_nothing_is_lost
     let bodies: Vec<_> =
         (1..5).map(|x| insert(RigidBodyBuilder::dynamic().translation(Vector::X * x as f32))).collect();
     let ball = || SphericalJointBuilder::new().local_anchor1(Vector::X);
+    let lift = insert(RigidBodyBuilder::kinematic_velocity_based().translation(Vector::Y * 3.0));
     let mut tie = |a, b| world.insert_multibody_joint(a, b, ball(), LinkSettings::default());
     tie(fixed, bodies[0]).unwrap();
     tie(bodies[0], bodies[1]).unwrap();
@@ -215,12 +257,16 @@ fn what_rapier_cannot_have_in_a_multibody_is_refused_by_name_and_nothing_is_lost
     assert!(refused(tie(bodies[3], bodies[2])).contains("link of a multibody already"));
     assert!(refused(tie(bodies[2], fixed)).contains("only a dynamic body"));
     tie(bodies[3], bodies[3]).unwrap_err();
+    assert!(refused(tie(lift, bodies[3])).contains("its first body is kinematic"));
     let universal = GenericJointBuilder::new(JointAxesMask::LIN_AXES | JointAxesMask::ANG_X);
     let error =
         refused(world.insert_multibody_joint(bodies[2], bodies[3], universal, LinkSettings::default()));
     assert!(error.contains("two axes"), "{error}");
+    let carries = |body: &mut RigidBody| body.set_body_type(RigidBodyType::KinematicVelocityBased, true);
+    let error = world.update(fixed, carries).unwrap_err().to_string();
+    assert!(error.contains("its first body is kinematic"), "{error}");
     (0..60).for_each(|_| world.step().unwrap());
-    assert_eq!(world.stats().bodies, 4);
+    assert_eq!(world.stats().bodies, 5);
     assert!(bodies.iter().all(|&id| world.pose(id).unwrap().is_valid()));
 }
 

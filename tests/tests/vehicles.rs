@@ -46,6 +46,26 @@ fn worlds() -> impl Iterator<Item = (String, World)> {
 }
 
 #[test]
+fn a_refused_change_leaves_a_car_a_car_and_where_it_was() {
+    let mut world = world(1, Coupling::Auto);
+    let post = RigidBodyBuilder::fixed().translation(Vector::Y * 3.0);
+    let post = world.insert(post, ColliderBuilder::ball(0.1)).unwrap();
+    let car = car_at(&mut world, [0.0, 1.0, 0.0]);
+    let rod = SphericalJointBuilder::new().local_anchor2(Vector::Y * 2.0);
+    world.insert_multibody_joint(post, car, rod, LinkSettings::default()).unwrap();
+    run(&mut world, 5);
+    let before = world.motion(car);
+    let refused = world.update(car, |body| {
+        body.set_body_type(RigidBodyType::KinematicPositionBased, true);
+        body.set_translation(Vector::X * 9.0, true);
+        body.set_linvel(Vector::X, true);
+    });
+    assert!(refused.is_err());
+    assert_eq!(world.motion(car), before);
+    world.drive(car, Drive::default()).unwrap();
+}
+
+#[test]
 fn it_drives_as_rapier_s_own_controller_does() {
     let mut world = world(0, Coupling::Auto);
     let car = car_at(&mut world, [0.0, 1.0, 0.0]);

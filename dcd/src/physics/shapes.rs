@@ -76,7 +76,10 @@ const RECENT: usize = 16;
 /// The shapes of the process, each by the hash of its record.
 #[derive(Clone, Default)]
 pub struct ShapeLibrary {
-    shapes: BTreeMap<ShapeHash, (ShapeRecord, SharedShape)>,
+    /// Shared with checkpoints until one is added or forgotten, and their records even then: a mesh may have megabytes.
+    shapes: Arc<BTreeMap<ShapeHash, (Arc<ShapeRecord>, SharedShape)>>,
+    /// How many there were when those that nobody has were last forgotten.
+    swept: usize,
     /// Objects interned last, by their addresses: bodies made one after the other share few. They are kept alive, so that an address
     /// means the same object.
     recent: [Option<(SharedShape, ShapeHash)>; RECENT],
@@ -102,7 +105,7 @@ impl ShapeLibrary {
         let hash = record.hash();
         if !self.shapes.contains_key(&hash) {
             let shape = self.build(&record)?;
-            self.shapes.insert(hash, (record, shape));
+            Arc::make_mut(&mut self.shapes).insert(hash, (Arc::new(record), shape));
         }
         Ok(hash)
     }
@@ -124,7 +127,7 @@ impl ShapeLibrary {
 
     /// Returns the record with this hash, to send it on.
     pub fn record_of(&self, hash: ShapeHash) -> Option<&ShapeRecord> {
-        self.shapes.get(&hash).map(|(record, _)| record)
+        self.shapes.get(&hash).map(|(record, _)| &**record)
     }
 
     /// Returns the shapes that bodies have, each once, and parts before what they make up.
@@ -150,13 +153,32 @@ impl ShapeLibrary {
         self.shapes.len()
     }
 
+    /// Returns whether so many have been added since the last [`ShapeLibrary::keep`] that it is worth a look at all bodies.
+    pub(crate) fn has_grown(&self) -> bool {
+        /// So many that nobody has may be there at least.
+        const UNUSED: usize = 8;
+        self.shapes.len() > 2 * self.swept + UNUSED
+    }
+
+    /// Forgets all shapes but these and their parts.
+    pub(crate) fn keep(&mut self, mut used: BTreeSet<ShapeHash>) {
+        let parts = used.iter().flat_map(|&hash| self.record_of(hash)).flat_map(ShapeRecord::parts);
+        let parts: Vec<_> = parts.collect();
+        used.extend(parts);
+        Arc::make_mut(&mut self.shapes).retain(|hash, _| used.contains(hash));
+        for place in &mut self.recent {
+            place.take_if(|(_, hash)| !used.contains(hash));
+        }
+        self.swept = self.shapes.len();
+    }
+
     /// Returns all records, parts before the compounds that use them.
     pub fn records(&self) -> Vec<ShapeRecord> {
         self.in_order().cloned().collect()
     }
 
     fn in_order(&self) -> impl Iterator<Item = &ShapeRecord> {
-        let records = || self.shapes.values().map(|(record, _)| record);
+        let records = || self.shapes.values().map(|(record, _)| &**record);
         let is_part = |record: &&ShapeRecord| !record.is_compound();
         records().filter(is_part).chain(records().filter(move |record| !is_part(record)))
     }

@@ -12,23 +12,23 @@ use super::shapes::{ShapeError, ShapeLibrary};
 use crate::protocol::{BodyRecord, BodyTraits, JointRecord};
 use crate::space::{BodyId, Bounds, RegionSet};
 
-/// Every immovable body of the world, with its bounds, by id.
+/// Every immovable body of the world, with its bounds, by id; shared with checkpoints until one comes, goes or changes.
 #[derive(Clone, Default, Serialize, Deserialize)]
 pub(super) struct Statics {
-    bodies: BTreeMap<BodyId, (BodyRecord, Bounds)>,
+    bodies: Arc<BTreeMap<BodyId, (BodyRecord, Bounds)>>,
 }
 
 impl Statics {
     /// Adds a body; regions that it touches must still [`Statics::insert_near`] it.
     pub(super) fn add(&mut self, body: BodyRecord, shapes: &ShapeLibrary) -> Result<(), ShapeError> {
         let bounds = record::bounds_of(&body, shapes)?;
-        self.bodies.insert(body.id, (body, bounds));
+        Arc::make_mut(&mut self.bodies).insert(body.id, (body, bounds));
         Ok(())
     }
 
     /// Removes a body. Returns whether it was here.
     pub(super) fn remove(&mut self, id: BodyId) -> bool {
-        self.bodies.remove(&id).is_some()
+        self.bodies.contains_key(&id) && Arc::make_mut(&mut self.bodies).remove(&id).is_some()
     }
 
     /// Returns an immovable body by id.
@@ -38,7 +38,9 @@ impl Statics {
 
     /// Records a user's change of a body in place, so that regions that come to hold it later have it too.
     pub(super) fn set_traits(&mut self, id: BodyId, traits: &Arc<BodyTraits>) {
-        if let Some((body, _)) = self.bodies.get_mut(&id) {
+        if self.bodies.contains_key(&id)
+            && let Some((body, _)) = Arc::make_mut(&mut self.bodies).get_mut(&id)
+        {
             body.traits = traits.clone();
         }
     }

@@ -174,6 +174,7 @@ impl LocalWorld {
     /// Removes a body with its colliders and joints.
     pub fn remove(&mut self, body: BodyId) -> Result<(), WorldError> {
         let done = self.host.remove(body);
+        self.host.forget_unused_shapes();
         self.tape(done, || Operation::Remove(body));
         if done { Ok(()) } else { Err(WorldError::NoBody(body)) }
     }
@@ -449,6 +450,7 @@ impl LocalWorld {
         let count = self.body(body).ok_or(WorldError::NoBody(body))?.colliders().len();
         self.tape_spoilt();
         if self.host.remove_collider(body, index)? {
+            self.host.forget_unused_shapes();
             return Ok(());
         }
         Err(WorldError::NoCollider { body, index, count })
@@ -463,8 +465,9 @@ impl LocalWorld {
     ) -> Result<R, WorldError> {
         let count = self.body(body).ok_or(WorldError::NoBody(body))?.colliders().len();
         self.tape_spoilt();
-        let changed = self.host.update_collider(body, index, change)?;
-        changed.ok_or(WorldError::NoCollider { body, index, count })
+        let changed = self.host.update_collider(body, index, change);
+        self.host.forget_unused_shapes();
+        changed?.ok_or(WorldError::NoCollider { body, index, count })
     }
 
     /// Moves a body to a pose at once.

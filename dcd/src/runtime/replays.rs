@@ -9,7 +9,7 @@ use std::sync::Arc;
 use rapier3d::prelude::*;
 
 use super::recorded::{bodies_of, touching_in};
-use super::{LocalWorld, PhysicsDevice};
+use super::{LocalWorld, PhysicsDevice, WorldError};
 use crate::cluster::CanBuild;
 use crate::physics::{RegionHost, RepeatedHooks, can_build};
 use crate::protocol::{HookAnswer, HookCall, read_state};
@@ -152,7 +152,10 @@ impl LocalPhysics for LocalComputer {
                 let mut copies = copies.iter();
                 world.update_joint(joint, |joint| assign::<GenericJoint>(joint, copies.next()))
             }
-            Operation::Remove(body) => world.remove(body),
+            // A shape that nobody has any more is kept: whoever comes later and has it was recorded without it.
+            Operation::Remove(body) => {
+                world.host_mut().remove(body).then_some(()).ok_or(WorldError::NoBody(body))
+            }
             Operation::RemoveJoint(joint) => world.remove_joint(joint),
             Operation::Push(push) => world.push(&push),
             Operation::SetPose(body, pose) => world.set_pose(body, pose),

@@ -1,9 +1,10 @@
 //! Tests what a user changes of a living body at a border: another type, another shape, more colliders, other parameters of the solver.
 
 use dcd::physics::{Region, StepSettings};
-use dcd::protocol::WorldPose;
+use dcd::protocol::{Velocity, WorldPose};
 use dcd::space::RegionId;
 use rapier3d::math::IVector;
+use rapier3d::parry::utils::Array2;
 
 use super::bare::{Setup, apart, as_in_bare_rapier};
 use super::*;
@@ -85,6 +86,86 @@ fn a_link_of_a_multibody_does_not_become_fixed() {
     assert!(refused.to_string().contains("remove the joint first"), "{refused}");
     steps(&mut world, 5);
     assert_eq!(world.owners_of(arm), 1);
+}
+
+#[test]
+fn a_dynamic_body_gets_no_first_shape_without_mass() {
+    let mut world = LocalWorld::new(halves(Coupling::Auto)).unwrap();
+    let bare = world.insert_at(WorldPose::at([0.0, 1.0, 0.0]), RigidBodyBuilder::dynamic(), []).unwrap();
+    let corners = [Vector::ZERO, Vector::X, Vector::Z].to_vec();
+    let sheet = || ColliderBuilder::trimesh(corners.clone(), vec![[0, 1, 2]]).unwrap();
+    let refused = world.insert_collider(bare, sheet()).unwrap_err();
+    assert!(refused.to_string().contains("no mass"), "{refused}");
+    world.insert_collider(bare, cube()).unwrap();
+    world.insert_collider(bare, sheet()).unwrap();
+    assert_eq!(world.body(bare).unwrap().colliders().len(), 2);
+}
+
+#[test]
+fn what_a_user_puts_far_away_meets_what_is_there_at_once() {
+    let cuts: Vec<_> = (-7..8).map(|i| (Axis::X, 8.0 * f64::from(i))).collect();
+    for through_rapier in [true, false] {
+        let mut world = LocalWorld::new(cut(Coupling::Auto, &cuts)).unwrap();
+        let ground = ColliderBuilder::cuboid(100.0, 0.5, 5.0);
+        world.insert(fixed_at(-0.5), ground).unwrap();
+
+        let heap = world.insert(body_at(60.0, 0.5, 0.0), cube().density(50.0)).unwrap();
+        let ball = world.insert(body_at(-60.0, 1.0, 0.0), ColliderBuilder::ball(0.3)).unwrap();
+        steps(&mut world, 9);
+        if through_rapier {
+            world.update(ball, |body| body.set_translation(Vector::new(60.0, 1.31, 0.0), true)).unwrap();
+        } else {
+            world.set_pose(ball, WorldPose::at([60.0, 1.31, 0.0])).unwrap();
+        }
+        world.set_velocity(ball, Velocity { linear: [0.0, -20.0, 0.0], angular: [0.0; 3] }).unwrap();
+        steps(&mut world, 1);
+        assert_eq!(world.owner_of(ball), world.owner_of(heap), "{through_rapier}");
+        steps(&mut world, 3);
+        assert!(at(&world, ball)[1] > 1.0, "{through_rapier}: {:?}", at(&world, ball));
+    }
+}
+
+#[test]
+fn shapes_that_no_body_has_any_more_are_forgotten() {
+    let mut world = LocalWorld::new(halves(Coupling::Auto)).unwrap();
+    let field = |height: f32| {
+        let heights = Array2::new(2, 2, vec![0.0, 0.0, 0.0, height]);
+        SharedShape::heightfield(heights, Vector::new(20.0, 1.0, 20.0))
+    };
+    let ground = world.insert(fixed_at(0.0), ColliderBuilder::new(field(0.0))).unwrap();
+    let pair = |radius: f32| {
+        let parts = [
+            (Pose::IDENTITY, SharedShape::ball(radius)),
+            (Pose::from_translation(Vector::Y), SharedShape::ball(0.2)),
+        ];
+        ColliderBuilder::compound(parts.to_vec())
+    };
+    let kept = world.insert(body_at(0.0, 2.0, 0.0), pair(0.5)).unwrap();
+    for dug in 1..100u8 {
+        let to = field(-0.01 * f32::from(dug));
+        world.update_collider(ground, 0, |collider| collider.set_shape(to.clone())).unwrap();
+        let debris = world.insert(body_at(5.0, 2.0, 0.0), pair(0.3 + 0.001 * f32::from(dug))).unwrap();
+        steps(&mut world, 1);
+        world.remove(debris).unwrap();
+    }
+    assert!(world.host().shapes().records().len() < 30, "{} shapes", world.host().shapes().records().len());
+    // What is left can be saved, and bodies that come have the shape that was forgotten.
+    let mut saved = Vec::new();
+    world.save(&mut saved).unwrap();
+    let mut again = LocalWorld::restore(&saved[..], 1).unwrap();
+    again.insert(body_at(5.0, 2.0, 0.0), pair(0.301)).unwrap();
+    steps(&mut again, 60);
+    assert!(again.contains(kept) && at(&again, kept)[1] > -1.0);
+}
+
+#[test]
+fn no_joint_ties_a_body_to_itself() {
+    let mut world = LocalWorld::new(halves(Coupling::Auto)).unwrap();
+    let ball = world.insert(body_at(0.0, 1.0, 0.0), ColliderBuilder::ball(0.3)).unwrap();
+    let refused =
+        world.insert_joint(ball, ball, FixedJointBuilder::new().local_anchor1(Vector::X)).unwrap_err();
+    assert!(refused.to_string().contains("to itself"), "{refused}");
+    assert!(world.joints_of(ball).is_empty());
 }
 
 #[test]

@@ -11,6 +11,7 @@
 //! that does not see (`strike`); the mass of all others is split among their copies (`region::mass_splitting`), which follow their mean
 //! (`consensus`).
 
+mod articulated;
 mod auto;
 mod consensus;
 mod ghosts;

@@ -15,9 +15,9 @@ use serde::{Deserialize, Serialize};
 use super::island::Island;
 use super::predicted_contacts::{self, Meeting, Near, PredictedContacts};
 use super::shared::SharedBodies;
-use super::{Border, Moment, Side, strike};
+use super::{Border, Moment, Side, articulated, strike};
 use crate::physics::outbox::Outbox;
-use crate::physics::region::{Assembly, BodyRef, Ownership, Region, Slot};
+use crate::physics::region::{BodyRef, Ownership, Region, Slot};
 use crate::protocol::{BIG_ISLAND, BodyKind, BodyRecord, Membership, Transfer};
 use crate::space::{BodyId, Bounds, RegionSet};
 
@@ -151,7 +151,7 @@ pub(super) fn decide(side: &mut Side, moment: Moment<'_>) {
     for link in candidates {
         leaving.extend(decide_on(side, moment, link));
     }
-    leaving.extend(articulated_leaving(&side.region, &mut side.border, moment));
+    leaving.extend(articulated::leaving(&side.region, &mut side.border, moment));
     for (link, owner) in &leaving {
         hand_over(&side.region, &mut side.outbox, *link, *owner);
     }
@@ -496,63 +496,6 @@ fn hand_over(region: &Region, outbox: &mut Outbox, link: BodyRef, owner: usize) 
     let message = outbox.to(owner);
     message.transfers.push(Transfer { body, holders: RegionSet::EMPTY, whole });
     message.joints.extend(joints);
-}
-
-/// Returns the multibodies that move elsewhere, with all that is tied to them: they are never shared, so that they move in one piece,
-/// at the cost of the warm start of their contacts.
-fn articulated_leaving(region: &Region, border: &mut Border, moment: Moment<'_>) -> Vec<(BodyRef, usize)> {
-    let own = region.rank();
-    let is_owned = |assembly: &&Assembly| region.slot(assembly.members[0].handle).role == Ownership::Owner;
-    let mut goals = Vec::new();
-    for assembly in region.assemblies().iter().filter(|assembly| assembly.articulated).filter(is_owned) {
-        let goal = articulated_goal(region, border, moment, assembly);
-        let is_reached = !border.neighbours.reached(own, RegionSet::only(goal)).is_empty();
-        goals.push((assembly, if is_reached { goal } else { own }));
-    }
-    if goals.iter().all(|(_, goal)| *goal == own) {
-        return Vec::new();
-    }
-    let swept = goals.iter().map(|(assembly, _)| swept_bounds(region, moment, assembly));
-    let swept: Vec<_> = swept.collect();
-    // What it may touch and goes elsewhere, or stays, it would not see any more.
-    let is_kept = |place: usize, goal: usize| {
-        let mut others = goals.iter().zip(&swept).filter(|((_, other), _)| *other != goal);
-        others.any(|(_, other)| other.touches(&swept[place]))
-    };
-    let mut leaving = Vec::new();
-    for (place, &(assembly, goal)) in goals.iter().enumerate() {
-        if goal != own && !is_kept(place, goal) {
-            leaving.extend(assembly.members.iter().map(|&link| (link, goal)));
-        }
-    }
-    leaving.sort_unstable_by_key(|(link, _)| link.id);
-    leaving
-}
-
-/// Returns the region that is to compute a multibody: that of its island, or, as no two regions can hold both, that of another multibody
-/// which it is about to meet, if that is of lower rank.
-fn articulated_goal(region: &Region, border: &Border, moment: Moment<'_>, assembly: &Assembly) -> usize {
-    let lead = assembly.members[0].handle;
-    if region.physics().bodies[lead].is_sleeping() {
-        return region.rank();
-    }
-    let island = border.islands.of(lead).filter(|island| !island.big);
-    let meetings = assembly.members.iter().flat_map(|link| border.predicted.meetings_of(link.id));
-    let met = meetings.filter(|meeting| meeting.articulated).map(|meeting| meeting.rank).min();
-    let met = met.filter(|&rank| rank < region.rank() && !island.is_some_and(Island::spans));
-    match (met, island) {
-        (Some(met), _) => met,
-        (None, Some(island)) if island.ready => island.target,
-        (None, Some(_)) => region.rank(),
-        (None, None) => moment.home_of(region, lead),
-    }
-}
-
-/// Returns a box around all that an assembly may reach in the ticks that contacts are predicted for.
-fn swept_bounds(region: &Region, moment: Moment<'_>, assembly: &Assembly) -> Bounds {
-    let swept = |link: &BodyRef| predicted_contacts::swept_bounds(region, link.handle, moment.settings.dt_s);
-    let all = assembly.members.iter().map(swept).reduce(|all, one| all.union(&one));
-    all.expect("an assembly has members")
 }
 
 /// Sends a membership to all members, new, remaining and former, and the body to the new ones.

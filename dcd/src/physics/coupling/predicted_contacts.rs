@@ -509,8 +509,11 @@ pub(super) fn show(
         for rank in viewers.without(known).without(own).iter() {
             let nearby = near.nearby();
             predicted.lists[rank].push(NearbyBody {
-                // A character stops at what it meets, so that its region must hold that.
-                island: if dynamic { near.island } else { u16::from(slot.traits.character.is_some()) },
+                // A character stops at what it meets, so that its region must hold that; and what carries a multibody is nowhere else.
+                island: match dynamic {
+                    true => near.island,
+                    false => u16::from(slot.traits.character.is_some() || near.articulated),
+                },
                 goes: if dynamic { near.goes(region, moment.partition) } else { RegionSet::EMPTY },
                 ..nearby
             });

@@ -42,14 +42,26 @@ impl RegionHost {
         id: BodyId,
         change: impl FnMut(&mut RigidBody) -> R,
     ) -> Result<Option<R>, HostError> {
-        let Some(was) = self.shared_traits(id) else { return Ok(None) };
+        let Some(was) = self.record(id) else { return Ok(None) };
         let before = self.places_of_immovable(id);
+        let from = self.place_of_movable(id);
         let result = self.change_copies(id, change);
         let after = self.places_of_immovable(id);
         // Each region has its own space: the first one's is that of [`RegionHost::region_pose`].
         let moved = if after == before { None } else { after.first().copied() };
-        self.settle(id, &was, moved)?;
+        self.settle(was, moved)?;
+        let to = self.place_of_movable(id);
+        if to != from
+            && let Some(pose) = to
+        {
+            self.arrive(id, pose)?;
+        }
         Ok(result)
+    }
+
+    /// Returns where a movable body is by its owner's copy, if that is here, in world space.
+    fn place_of_movable(&self, id: BodyId) -> Option<WorldPose> {
+        self.owned(id).map(|(region, handle)| region.world_pose(handle))
     }
 
     /// Returns where an immovable body is in each region that holds it, in world space.
@@ -340,6 +352,18 @@ impl RegionHost {
             return Ok(true);
         }
         Ok(self.move_copies(id, pose))
+    }
+
+    /// Places a body anew that a user has put into another region, with what it meets there.
+    fn arrive(&mut self, id: BodyId, pose: WorldPose) -> Result<(), HostError> {
+        self.meet_all();
+        if self.partition.rank_at(pose.translation) != self.present_place(id).0
+            && self.joints_of(id).next().is_none()
+            && let Some(record) = self.record(id)
+        {
+            self.reinsert(vec![record], &[])?;
+        }
+        Ok(())
     }
 
     /// Sets pose (relative to its region) and velocity of the owner's copy alone, and wakes nothing: a fault on purpose, to see that it is

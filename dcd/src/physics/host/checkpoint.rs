@@ -66,7 +66,7 @@ impl RegionHost {
 mod tests {
     use super::*;
     use crate::physics::{Partition, StepSettings};
-    use crate::protocol::{BodyState, Drive, Velocity};
+    use crate::protocol::{BodyState, Drive, ShapeRecord, Velocity};
     use crate::scene::{Params, Scene};
     use crate::space::{BodyId, DistributionTree};
 
@@ -109,6 +109,21 @@ mod tests {
                 assert!(states(&host) == once, "{scene}");
             }
         }
+    }
+
+    /// Terrain may have megabytes, and a game that rewinds keeps sixty checkpoints.
+    #[test]
+    fn a_checkpoint_copies_no_shape() {
+        let mut host = host("pile");
+        let ground = host.shapes().records()[0].hash();
+        let kept = host.checkpoint();
+        let shape = |host: &RegionHost| std::ptr::from_ref(host.shapes().record_of(ground).unwrap());
+        assert_eq!(shape(&host), shape(&kept.0));
+        host.shapes_mut().add(ShapeRecord::Ball(0.123)).unwrap();
+        assert_eq!(shape(&host), shape(&kept.0), "nor does the host that has another one since");
+        assert!(kept.0.shapes().len() < host.shapes().len());
+        host.restore(&kept).unwrap();
+        assert_eq!(shape(&host), shape(&kept.0));
     }
 
     #[test]

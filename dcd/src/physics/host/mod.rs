@@ -72,6 +72,14 @@ pub enum HostError {
         /// Which body.
         body: BodyId,
     },
+    /// A joint ties a body to itself.
+    #[error("joint {joint} ties {body} to itself; a joint needs two bodies")]
+    Itself {
+        /// Which joint.
+        joint: JointId,
+        /// Which body.
+        body: BodyId,
+    },
     /// Rapier cannot have the joint in a multibody.
     #[error("multibody joint {joint} to {body}: {cause}")]
     MultibodyJoint {

@@ -13,6 +13,10 @@ use crate::physics::{articulation, convert, joints};
 use crate::protocol::{BodyKind, BodyRecord, BodyTraits, JointRecord, Vehicle};
 use crate::space::{BodyId, DistributionTree, JointId, RegionId, RegionSet, Tick};
 
+/// Why a kinematic body carries no multibody. Seen with Rapier 0.36.1: what is put on such a root falls through it.
+pub(super) const KINEMATIC_ROOT: &str = "its first body is kinematic, which Rapier neither moves nor lets anything touch in a multibody; \
+     tie a dynamic first body to the kinematic one by an impulse joint";
+
 impl RegionHost {
     /// Adds an empty region.
     pub(super) fn add_region(&mut self, id: RegionId) {
@@ -204,10 +208,27 @@ impl RegionHost {
         held
     }
 
+    /// Forgets the shapes that no body has any more, now and then: terrain that is dug, or debris, would fill memory, checkpoints and saves.
+    /// Only where all regions are computed here no message names a shape that is in no body.
+    pub(crate) fn forget_unused_shapes(&mut self) {
+        if !self.shapes.has_grown() || self.sides.len() != self.partition.len() {
+            return;
+        }
+        let movable = self
+            .regions()
+            .flat_map(|region| region.bodies().map(|(_, _, handle, _)| &*region.slot(handle).traits));
+        let all = movable.chain(self.statics.bodies().map(|body| &*body.traits));
+        let used = all.flat_map(|traits| &traits.colliders).map(|collider| collider.shape).collect();
+        self.shapes.keep(used);
+    }
+
     /// Inserts a joint between two bodies of the world. Their assemblies become one: if these lie in different regions, both are
     /// placed anew, which costs them the warm starting of one step.
     pub fn tie(&mut self, joint: JointRecord) -> Result<(), HostError> {
         let JointRecord { id, a, b, .. } = joint;
+        if a == b {
+            return Err(HostError::Itself { joint: id, body: a });
+        }
         self.check_links(std::slice::from_ref(&joint), &[])?;
         let (mut bodies, mut ties) = (BTreeMap::new(), BTreeMap::new());
         for body in [a, b] {
@@ -231,11 +252,15 @@ impl RegionHost {
             if let Some(cause) = articulation::link_fault(&joints::joint_of(joint)) {
                 return Err(fault(cause));
             }
-            let new =
-                bodies.binary_search_by_key(&joint.b, |body| body.id).ok().map(|place| bodies[place].clone());
-            let body = new.or_else(|| self.record(joint.b));
-            if body.is_some_and(|body| body.traits.kind != BodyKind::Dynamic) {
+            let kind_of = |id: BodyId| match bodies.binary_search_by_key(&id, |body| body.id) {
+                Ok(place) => Some(bodies[place].traits.kind),
+                Err(_) => self.traits(id).map(|traits| traits.kind),
+            };
+            if kind_of(joint.b).is_some_and(|kind| kind != BodyKind::Dynamic) {
                 return Err(fault("only a dynamic body can be the second one; tie it the other way round"));
+            }
+            if kind_of(joint.a).is_some_and(|kind| !matches!(kind, BodyKind::Dynamic | BodyKind::Fixed)) {
+                return Err(fault(KINEMATIC_ROOT));
             }
             if self.parent_of(joint.b, bodies).is_some() || parents.insert(joint.b, joint.a).is_some() {
                 return Err(fault("it is a link of a multibody already; close loops with impulse joints"));
@@ -284,6 +309,9 @@ impl RegionHost {
         if let Some(pair) = bodies.windows(2).find(|pair| pair[0].id == pair[1].id) {
             return Err(HostError::Taken(pair[0].id));
         }
+        if let Some(joint) = joints.iter().find(|joint| joint.a == joint.b) {
+            return Err(HostError::Itself { joint: joint.id, body: joint.a });
+        }
         self.check_links(joints, bodies)?;
         for joint in joints {
             for body in [joint.a, joint.b] {
@@ -303,14 +331,6 @@ impl RegionHost {
         match self.owned(id) {
             Some((region, handle)) => Some(&region.slot(handle).traits),
             None => self.statics.body(id).map(|body| &*body.traits),
-        }
-    }
-
-    /// Returns the traits of a body that is owned here, or does not move, to be kept.
-    pub(super) fn shared_traits(&self, id: BodyId) -> Option<Arc<BodyTraits>> {
-        match self.owned(id) {
-            Some((region, handle)) => Some(region.slot(handle).traits.clone()),
-            None => self.statics.body(id).map(|body| body.traits.clone()),
         }
     }
 

@@ -6,29 +6,23 @@ use std::sync::Arc;
 
 use rapier3d::prelude::*;
 
+use super::place::KINEMATIC_ROOT;
 use super::{HostError, RegionHost};
 use crate::physics::{ShapeError, record};
-use crate::protocol::{BodyKind, BodyRecord, BodyTraits, JointRecord, WorldPose};
+use crate::protocol::{BodyKind, BodyRecord, BodyTraits, WorldPose};
 use crate::space::BodyId;
 
 impl RegionHost {
-    /// Settles what a user has changed in every copy of a body, of which it `was` that before: its type, its mass, and where an
-    /// immovable body is, if it was `moved`. What is refused is taken back.
-    pub(super) fn settle(
-        &mut self,
-        id: BodyId,
-        was: &BodyTraits,
-        moved: Option<WorldPose>,
-    ) -> Result<(), HostError> {
-        let settled = self.check_mass(id, was).and_then(|()| self.place_changed(id, moved));
+    /// Settles what a user has changed in every copy of a body, which `was` this before: its type, its mass, and where an
+    /// immovable body is, if it was `moved`. What is refused is taken back: contacts of the body begin anew then.
+    pub(super) fn settle(&mut self, was: BodyRecord, moved: Option<WorldPose>) -> Result<(), HostError> {
+        let settled = self.check_mass(was.id, &was.traits).and_then(|()| self.place_changed(was.id, moved));
         if settled.is_err() {
-            self.change_copies(id, |body| {
-                body.set_body_type(record::body_type(was.kind), true);
-                record::set_traits(body, was);
+            self.change_copies(was.id, |body| {
+                body.set_body_type(record::body_type(was.traits.kind), true);
+                record::set_traits(body, &was.traits);
             });
-            if let Some(known) = moved.and(self.statics.body(id)) {
-                self.move_copies(id, known.state.pose);
-            }
+            self.replace(was)?;
         }
         settled
     }
@@ -70,6 +64,9 @@ impl RegionHost {
         let collider = record::collider_record(collider, &mut self.shapes)?;
         let Some(mut body) = self.record(id) else { return Ok(false) };
         Arc::make_mut(&mut body.traits).colliders.push(collider);
+        if record::hangs(&body.traits, &self.shapes) {
+            return Err(ShapeError::Massless.into());
+        }
         self.replace(body)?;
         Ok(true)
     }
@@ -100,15 +97,20 @@ impl RegionHost {
         self.reinsert(bodies.into_values().collect(), &ties.into_values().collect::<Vec<_>>())
     }
 
-    /// Refuses any type but dynamic for a link of a multibody: Rapier would end the program in its next step.
+    /// Refuses any type but dynamic for a link of a multibody, as Rapier would end the program in its next step, and kinematic ones for its
+    /// root.
     pub(in crate::physics) fn check_kind(&self, id: BodyId, kind: BodyKind) -> Result<(), HostError> {
-        let link = || self.joints_of(id).find(|joint| joint.link.is_some() && joint.b == id);
-        match (kind != BodyKind::Dynamic).then(link).flatten() {
-            None => Ok(()),
-            Some(JointRecord { id: joint, .. }) => {
-                let cause = "it must be dynamic as long as it is a link; remove the joint first";
-                Err(HostError::MultibodyJoint { joint, body: id, cause })
-            }
+        if kind == BodyKind::Dynamic {
+            return Ok(());
         }
+        for joint in self.joints_of(id).filter(|joint| joint.link.is_some()) {
+            let cause = match joint.b == id {
+                true => "it must be dynamic as long as it is a link; remove the joint first",
+                false if kind == BodyKind::Fixed => continue,
+                false => KINEMATIC_ROOT,
+            };
+            return Err(HostError::MultibodyJoint { joint: joint.id, body: joint.b, cause });
+        }
+        Ok(())
     }
 }

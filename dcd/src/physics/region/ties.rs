@@ -168,12 +168,13 @@ impl Region {
         let PhysicsWorld {
             bodies, islands, colliders, impulse_joints, multibody_joints, soft_bodies, ..
         } = self.world_mut();
-        let tied = impulse_joints.attached_joints(handle).next().is_some();
+        if impulse_joints.attached_joints(handle).next().is_none() {
+            bodies.remove(handle, islands, colliders, impulse_joints, multibody_joints, soft_bodies, true);
+            return;
+        }
         let mut none = ImpulseJointSet::new();
         bodies.remove(handle, islands, colliders, &mut none, multibody_joints, soft_bodies, true);
-        if tied {
-            self.joint_news.gone.push(handle);
-        }
+        self.joint_news.gone.push(handle);
     }
 
     /// Marks the joints changed since the last step in Rapier again, after the region was restored from a snapshot.

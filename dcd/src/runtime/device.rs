@@ -10,7 +10,7 @@ use crate::cluster::{PhysicsCommand, PhysicsEvent, Sampling, TickStats, correcti
 use crate::physics::{HostError, Partition, RegionHost};
 use crate::protocol::{
     Answer, BodyCheckpoint, BodyKind, BodyRecord, BorderMessage, Chunk, Claim, EnvironmentProperties,
-    LoadReport, Query, RegionLoad, SharedState, WorldOp,
+    JointRecord, LoadReport, Query, RegionLoad, SharedState, WorldOp,
 };
 use crate::space::{BodyId, ClientId, DistributionTree, Load, RegionId, Tick, summarised};
 
@@ -174,14 +174,19 @@ impl PhysicsDevice {
             let regions: Vec<_> = tree.leaves().collect();
             let world = EnvironmentProperties { tree, ..world.clone() };
             let mut copy = host_of(&world, self.threads, &regions)?;
-            for shape in host.shapes().records() {
-                copy.shapes_mut().add(shape).map_err(HostError::from)?;
-            }
+            *copy.shapes_mut() = host.shapes().clone();
             copy.insert(host.scenery().cloned().collect(), &[])?;
             let ids = host.held_bodies();
             let bodies: Vec<_> = ids.iter().filter_map(|&id| host.record(id)).collect();
-            let joints: BTreeMap<_, _> =
-                ids.iter().flat_map(|&id| host.joints_of(id)).map(|joint| (joint.id, joint)).collect();
+            let known: BTreeSet<_> = ids.iter().copied().chain(host.scenery().map(|body| body.id)).collect();
+            // What is tied to a body that others alone hold hangs free for these ticks.
+            let is_held = |joint: &JointRecord| known.contains(&joint.a) && known.contains(&joint.b);
+            let joints: BTreeMap<_, _> = ids
+                .iter()
+                .flat_map(|&id| host.joints_of(id))
+                .filter(is_held)
+                .map(|joint| (joint.id, joint))
+                .collect();
             copy.insert(bodies, &joints.into_values().collect::<Vec<_>>())?;
             self.copy = Some(copy);
         }
@@ -447,5 +452,39 @@ impl Sampler {
                 awake.union(&before).copied().collect()
             }
         }
+    }
+}
+
+#[cfg(all(test, feature = "sim"))]
+mod tests {
+    use super::*;
+    use crate::physics::joint_record;
+    use crate::protocol::{Placed, Velocity};
+    use crate::sim::{sim_body, sim_world};
+    use crate::space::JointId;
+    use rapier3d::prelude::FixedJointBuilder;
+
+    #[test]
+    fn a_body_that_is_tied_to_one_held_elsewhere_moves_on_while_others_are_waited_for() {
+        let mut physics = PhysicsDevice::new(1);
+        let world = sim_world(2);
+        let tree = world.tree.clone();
+        let own = tree.leaves().next().unwrap();
+        physics.run(PhysicsCommand::World(world)).unwrap();
+        let [near, far] = [1, 2].map(BodyId::persistent);
+        let mut body = sim_body(near, [1.0, 1.0, 1.0]);
+        body.state.velocity = Velocity::linear([1.0, 0.0, 0.0]);
+        let joint = joint_record(JointId(1), near, far, &FixedJointBuilder::new().build().into());
+        let placed = vec![Placed { region: own, body }];
+        let (regions, joints) = (vec![own], vec![joint]);
+        let rebuild =
+            PhysicsCommand::Rebuild { tick: Tick(3), tree, regions, placed, joints, drop: Vec::new() };
+        physics.run(rebuild).unwrap();
+        let Some(PhysicsEvent::Speculated(awake)) =
+            physics.run(PhysicsCommand::Speculate(Vec::new())).unwrap()
+        else {
+            panic!("it answers");
+        };
+        assert_eq!(awake.iter().map(|state| state.id).collect::<Vec<_>>(), [near]);
     }
 }

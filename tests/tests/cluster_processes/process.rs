@@ -15,7 +15,7 @@ use crate::witness::Witness;
 /// Nothing here takes nearly as long, even on a busy machine.
 pub(crate) const LIMIT: Duration = Duration::from_secs(30);
 
-/// Times are measured one after the other.
+/// Times are measured one after the other, and not beside what takes the machine for itself.
 pub(crate) fn alone() -> MutexGuard<'static, ()> {
     static CLOCK: Mutex<()> = Mutex::new(());
     CLOCK.lock().unwrap_or_else(PoisonError::into_inner)

@@ -8,6 +8,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use dcd_tests::proxy::free_address;
 use serde_json::Value;
 
 use crate::witness::Witness;
@@ -175,7 +176,9 @@ impl Server {
     pub(crate) fn start(args: &[&str]) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let args: Vec<_> = args.iter().map(|&arg| arg.to_owned()).collect();
-        let (process, address) = serve("127.0.0.1:0", &folder.path().join("data"), &args);
+        // Where it can listen again.
+        let listen = free_address().to_string();
+        let (process, address) = serve(&listen, &folder.path().join("data"), &args);
         Self { process, address, folder, args }
     }
 

@@ -168,8 +168,8 @@ enum Action {
     Begin(Peer),
     Resume(Peer),
     Hasten(Peer),
-    /// A cut is over.
-    Healed,
+    /// A cut is over; whether it kept the world waiting.
+    Healed(bool),
     /// The server dies now if it has not died after storing a durable output.
     Doom,
     /// There are to be so many nodes.

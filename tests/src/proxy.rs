@@ -8,6 +8,7 @@ use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};
 use std::net::{SocketAddr, UdpSocket};
 use std::os::fd::AsFd;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -150,9 +151,19 @@ fn loopback() -> UdpSocket {
     socket
 }
 
-/// A port that nobody has just now.
+/// A port that nobody has just now, and that nobody gets who asks the system for any: it can be used later on, and again. Those that the
+/// system gives begin at 32,768.
 pub fn free_address() -> SocketAddr {
-    loopback().local_addr().unwrap()
+    static COUNT: AtomicU32 = AtomicU32::new(0);
+    loop {
+        // Processes that run beside one another begin at different ones.
+        let step = COUNT.fetch_add(1, Ordering::Relaxed);
+        let port = 20_000 + std::process::id().wrapping_mul(61).wrapping_add(step) % 12_000;
+        let address = SocketAddr::from(([127, 0, 0, 1], port as u16));
+        if UdpSocket::bind(address).is_ok() {
+            return address;
+        }
+    }
 }
 
 struct Front {

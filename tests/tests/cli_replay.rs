@@ -149,6 +149,8 @@ fn a_recording_that_begins_late_says_with_which_tick() {
         let said = said(folder, line, 2);
         assert!(said.contains("the recording begins with tick 3"), "{line}: {said}");
     }
+    let flipped = json(folder, "replay late.dcdr --check --flip 31:1", 1);
+    assert_eq!(flipped["mismatch"]["tick"], 31, "the first tick is disturbed as any other: {flipped}");
     let early = dcd(folder, "replay late.dcdr --until 5 --check");
     assert_eq!(early.status.code(), Some(1), "{early:?}");
     assert!(String::from_utf8_lossy(&early.stderr).contains("begins with tick 3"), "{early:?}");

@@ -61,9 +61,11 @@ fn cell(records: &[&Record], causes: &[&'static str]) -> String {
     format!("**{}** (at {regions}{limit})", worst(&failing).map_or("fails".to_owned(), short))
 }
 
+/// Returns the limit that excuses a record: bodies that are lost it does not, nor what fails though its error is within its gate.
 fn cause_of(record: &Record) -> Option<&'static str> {
     let is_whole = record.lost + record.doubled + record.quarantined == 0;
-    limits::cause(&record.name, &record.case, &record.method, record.of_gate().filter(|_| is_whole)?)
+    let gates = record.of_gate().filter(|&gates| is_whole && gates > 1.0)?;
+    limits::cause(&record.name, &record.case, &record.method, gates)
 }
 
 /// Returns the causes that show in the records, in the order of their list.
@@ -136,7 +138,9 @@ mod tests {
         heavy.pass = false;
         let near = of("tower", "auto", 4, 0.45);
         let free = Record { threshold: None, ..of("delayed", "auto", 2, 0.1) };
-        let table = table(&measured(&[heavy, near, free]));
-        assert!(table.contains("**0.200** (at 2)") && table.contains("| delayed | – |"), "{table}");
+        let excused = Record { name: "gas".into(), method: "overlap".into(), ..heavy.clone() };
+        let table = table(&measured(&[heavy, near, free, excused]));
+        assert!(table.contains("**0.200** (at 2)") && table.contains("| delayed | –"), "{table}");
+        assert!(!table.contains("limit"), "{table}");
     }
 }

@@ -45,8 +45,8 @@ pub(super) struct Diff {
 
 impl Diff {
     pub(super) fn execute(self, common: &Common) -> Result<ExitCode, Failure> {
-        let [mut a, mut b] =
-            [open(from_ref(&self.a), self.threads, common)?, open(from_ref(&self.b), self.threads, common)?];
+        let open = |path| open(from_ref(path), self.threads, None, common);
+        let [mut a, mut b] = [open(&self.a)?, open(&self.b)?];
         for (replay, path) in [(&a, &self.a), (&b, &self.b)] {
             if replay.members().all(|member| member.who() == Who::Server) {
                 let path = path.display();

@@ -5,12 +5,17 @@ use std::sync::Arc;
 
 use crate::space::BodyId;
 
-/// The slots of bodies, in id order. A body that looks otherwise than before is another one here.
+/// For how many frames a body that looks otherwise keeps its slot, however it looks: one that changes in every tick takes no slot for each.
+const CHANGED_FRAMES: u64 = 60;
+
+/// The slots of bodies, in id order. A body that looks otherwise than before is another one here, unless it has just been.
 #[derive(Default)]
 pub(crate) struct Slots {
     /// With what they look like.
     ids: Vec<(BodyId, u64)>,
     slots: Arc<Vec<u32>>,
+    /// When each last got another slot because it looked otherwise.
+    changed: Vec<Option<u64>>,
     /// Slots of bodies that went, and the frames in which they did, the oldest first.
     free: VecDeque<(u64, u32)>,
     count: u32,
@@ -19,7 +24,7 @@ pub(crate) struct Slots {
 /// What came and went.
 #[derive(Debug, Default, PartialEq)]
 pub(crate) struct Change {
-    /// Bodies and their new slots.
+    /// Bodies and their new slots, or the slots that they keep though they look otherwise.
     pub(crate) came: Vec<(BodyId, u32)>,
     /// Slots that are empty now.
     pub(crate) went: Vec<u32>,
@@ -53,16 +58,23 @@ impl Slots {
         if self.are(now) {
             return change;
         }
-        let mut slots = Vec::with_capacity(now.len());
-        let mut before = self.ids.iter().zip(self.slots.iter()).peekable();
-        for &id in now {
-            while let Some((_, &slot)) = before.next_if(|(former, _)| **former < id) {
+        let (mut slots, mut changed) = (Vec::with_capacity(now.len()), Vec::with_capacity(now.len()));
+        let before = self.ids.iter().zip(self.slots.iter().zip(&self.changed));
+        let mut before = before.map(|(&(id, look), (&slot, &changed))| (id, look, slot, changed)).peekable();
+        for &(id, look) in now {
+            while let Some((_, _, slot, _)) = before.next_if(|former| former.0 < id) {
                 change.went.push(slot);
             }
-            if let Some((_, &slot)) = before.next_if(|(former, _)| **former == id) {
+            let former = before.next_if(|former| former.0 == id);
+            if let Some((_, former, slot, when)) = former
+                && (former == look || when.is_some_and(|when| frame < when + CHANGED_FRAMES))
+            {
+                change.came.extend((former != look).then_some((id, slot)));
                 slots.push(slot);
+                changed.push(when);
                 continue;
             }
+            change.went.extend(former.map(|(_, _, slot, _)| slot));
             let slot = match self.free.front() {
                 Some(&(went, slot)) if went + kept < frame => {
                     self.free.pop_front();
@@ -74,12 +86,14 @@ impl Slots {
                 }
             };
             slots.push(slot);
-            change.came.push((id.0, slot));
+            changed.push(former.map(|_| frame));
+            change.came.push((id, slot));
         }
-        change.went.extend(before.map(|(_, &slot)| slot));
+        change.went.extend(before.map(|(_, _, slot, _)| slot));
         self.free.extend(change.went.iter().map(|&slot| (frame, slot)));
         self.ids = now.to_vec();
         self.slots = Arc::new(slots);
+        self.changed = changed;
         change
     }
 }
@@ -107,10 +121,23 @@ mod tests {
     fn a_body_that_looks_otherwise_has_another_slot() {
         let mut slots = Slots::default();
         let body = BodyId::persistent(3);
-        for (appearance, slot, went) in [(5, 0, vec![]), (7, 2, vec![0]), (4, 3, vec![2])] {
-            let change = slots.update(&[(body, appearance), (BodyId::persistent(4), 6)], slot.into(), 10);
+        for (appearance, frame, slot, went) in
+            [(5, 0, 0, vec![]), (7, 2, 2, vec![0]), (4, 2 + CHANGED_FRAMES, 3, vec![2])]
+        {
+            let change = slots.update(&[(body, appearance), (BodyId::persistent(4), 6)], frame, 10_000);
             assert_eq!((change.came[0], change.went, slots.of(body)), ((body, slot), went, Some(slot)));
         }
+    }
+
+    #[test]
+    fn a_body_that_looks_otherwise_in_every_frame_takes_few_slots_and_is_told_each_time() {
+        let mut slots = Slots::default();
+        let body = BodyId::persistent(3);
+        for frame in 0..1_000 {
+            let change = slots.update(&[(body, frame)], frame, 2_400);
+            assert_eq!(change.came, [(body, slots.of(body).unwrap())]);
+        }
+        assert!(slots.count() <= 2 + 1_000 / CHANGED_FRAMES as u32, "{}", slots.count());
     }
 
     #[test]

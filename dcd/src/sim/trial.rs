@@ -97,7 +97,7 @@ fn fly(config: SimConfig) -> Sim {
     if sim.config.protocol.lag_ticks() == 0 && sim.config.thresholds.delay.is_none() {
         let bodies: Vec<_> = sim.server().record().present().cloned().collect();
         let room = sim_world(sim.config.regions).tree.bounds();
-        let ruler = Ruler::new(sim.config.dt_s, &bodies, &[]).flying(room, 0.0);
+        let ruler = Ruler::new(sim.config.dt_s, &bodies, &[]).flying(room, 0.0).passing(&bodies);
         sim.watch(Watch::new(ruler, Strain::each(|_| ROUNDING)));
     }
     sim
@@ -168,8 +168,8 @@ enum Action {
     Begin(Peer),
     Resume(Peer),
     Hasten(Peer),
-    /// A cut is over.
-    Healed,
+    /// A cut is over; whether it kept the world waiting.
+    Healed(bool),
     /// The server dies now if it has not died after storing a durable output.
     Doom,
     /// There are to be so many nodes.

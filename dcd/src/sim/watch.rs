@@ -98,8 +98,9 @@ impl Watch {
         if !is_one {
             watched.course.interrupt();
         }
+        let speed = self.ruler.of_speed(&look);
         let motion = watched.course.follow(&self.ruler, tick, look);
-        self.check(tick, place.or_worse(motion))
+        self.check(tick, place.or_worse(speed).or_worse(motion))
     }
 
     fn check(&mut self, tick: Tick, found: Strain) -> Result<(), Violation> {

@@ -130,9 +130,9 @@ fn delays_are_as_long_as_asked_for_and_keep_the_order() {
     let mean = delays_ms.iter().sum::<f64>() / 400.0;
     let (least, most) = delays_ms.iter().fold((f64::MAX, 0.0_f64), |(a, b), &d| (a.min(d), b.max(d)));
     println!("{mean:.0} ms on average, {least:.0} to {most:.0}");
-    // A busy machine only makes them longer.
+    // A busy machine only makes them longer, but not every one of them.
     assert!((49.0..90.0).contains(&least) && most > 110.0, "{least} {most}");
-    assert!((80.0..140.0).contains(&mean), "{mean}");
+    assert!(mean >= 80.0, "{mean}");
 }
 
 #[test]
@@ -143,7 +143,11 @@ fn cuts_go_one_way_or_both_and_heal() {
     send();
     let (_, from) = Pair::receive(&pair.far, PATIENCE).unwrap();
     let answer = || pair.far.send_to(&[2, 0, 0, 0], from).unwrap();
-    let arrives = |socket: &UdpSocket| Pair::receive(socket, Duration::from_millis(100)).is_some();
+    // What must come may take its time.
+    let arrives = |socket: &UdpSocket, must: bool| {
+        let limit = if must { PATIENCE } else { Duration::from_millis(100) };
+        Pair::receive(socket, limit).is_some()
+    };
     for (cut, there, back) in [
         ((Some(near), None), false, true),
         ((None, Some(near)), true, false),
@@ -154,24 +158,36 @@ fn cuts_go_one_way_or_both_and_heal() {
         pair.proxy.cut(cut.0, cut.1);
         send();
         answer();
-        assert_eq!((arrives(&pair.far), arrives(&pair.near)), (there, back), "{cut:?}");
+        assert_eq!((arrives(&pair.far, there), arrives(&pair.near, back)), (there, back), "{cut:?}");
         pair.proxy.heal();
         send();
         answer();
-        assert_eq!((arrives(&pair.far), arrives(&pair.near)), (true, true), "{cut:?}");
+        assert!(arrives(&pair.far, true) && arrives(&pair.near, true), "{cut:?}");
     }
 }
 
 #[test]
 fn what_is_on_its_way_when_it_is_cut_does_not_arrive() {
-    let pair = Pair::new(1, Weather { delay: Duration::from_millis(200), ..Weather::default() });
+    // Long enough for the cut to come in time, on a busy machine, too.
+    let delay = Duration::from_secs(2);
+    let pair = Pair::new(1, Weather { delay, ..Weather::default() });
     pair.send(1);
     while pair.proxy.traffic().taken == 0 {
         std::thread::yield_now();
     }
     pair.proxy.cut(None, None);
-    assert_eq!(Pair::receive(&pair.far, Duration::from_millis(400)), None);
-    assert_eq!(pair.proxy.traffic().cut, 1);
+    let sent = Instant::now();
+    while pair.proxy.traffic().cut == 0 {
+        assert!(sent.elapsed() < PATIENCE, "{:?}", pair.proxy.traffic());
+        assert_eq!(Pair::receive(&pair.far, 10 * MILLISECOND), None);
+    }
+    assert_eq!(pair.proxy.traffic().passed, 0);
+}
+
+#[test]
+fn a_free_port_is_none_that_the_system_gives_to_whoever_asks() {
+    let [first, next] = [(); 2].map(|()| free_address());
+    assert!(first != next && [first, next].iter().all(|address| address.port() < 32_768), "{first} {next}");
 }
 
 #[test]

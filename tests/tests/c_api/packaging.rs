@@ -171,7 +171,7 @@ fn the_page_from_zero_to_a_linked_engine_does_what_it_says() {
     std::os::unix::fs::symlink(env!("CARGO_BIN_EXE_dcd-under-test"), bin.join("dcd")).unwrap();
 
     // A port that nobody else has.
-    let listen = std::net::UdpSocket::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string();
+    let listen = dcd_tests::proxy::free_address().to_string();
     let script = commands("examples-c/README.md", "From zero").replace("127.0.0.1:7420", &listen);
     let path = format!("{}:{}", bin.display(), std::env::var("PATH").unwrap());
     // What the page leaves running when it fails would hold on to our pipes.

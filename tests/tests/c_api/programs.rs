@@ -138,9 +138,9 @@ fn engine_draws_frames_in_the_colours_of_four_regions() {
     }
 }
 
-/// Runs a program that counts its own checks, and may write a file there.
+/// Runs a program that counts its own checks, and may write files in its folder.
 fn run_checker(name: &str, dir: &Path, file: &Path) {
-    let said = run_well(Command::new(build(&checker(name), dir, &[])).arg(file));
+    let said = run_well(Command::new(build(&checker(name), dir, &[])).arg(file).current_dir(dir));
     assert!(said.contains(" checks, 0 failures"), "{said}");
 }
 

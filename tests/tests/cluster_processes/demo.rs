@@ -10,13 +10,15 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
-use crate::process::{LIMIT, Process, dcd};
+use crate::process::{LIMIT, Process, alone, dcd};
 
 /// The C library may have to be built first.
 const BUILD: Duration = Duration::from_secs(900);
 
 #[test]
 fn the_demo_shows_the_whole_chain_with_a_c_program() {
+    // It builds a program, which keeps others waiting.
+    let _alone = alone();
     let ended = Process::start(&mut dcd(&["demo", "--json", "--seconds", "6", "--kill", "--kill-server"]))
         .end_within(BUILD);
     assert_eq!(ended.code(), Some(0), "{ended:?}");

@@ -1,11 +1,11 @@
 //! Tests servers that stand by for one another, with their world in a real etcd: kill -9 and stops of the active one, and of members of etcd.
 
-use std::net::UdpSocket;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use dcd::runtime::ClientWorld;
 use dcd_tests::etcd::EtcdCluster;
+use dcd_tests::proxy::free_address;
 
 use crate::process::{Process, alone, dcd, playground, token};
 use crate::witness::{Witness, joining};
@@ -35,8 +35,7 @@ impl Pair {
         let etcd = EtcdCluster::start(members)?;
         let folder = tempfile::tempdir().unwrap();
         // Who stands by has no port yet, and others need to know it.
-        let free = [(); 2].map(|()| UdpSocket::bind("127.0.0.1:0").unwrap());
-        let addresses = free.map(|port| port.local_addr().unwrap().to_string());
+        let addresses = [(); 2].map(|()| free_address().to_string());
         let data = folder.path().join("0");
         let mut active = serve(&etcd, &addresses[0], &data);
         active.line("listening ");

@@ -8,6 +8,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use dcd_tests::proxy::free_address;
 use serde_json::Value;
 
 use crate::witness::Witness;
@@ -15,7 +16,7 @@ use crate::witness::Witness;
 /// Nothing here takes nearly as long, even on a busy machine.
 pub(crate) const LIMIT: Duration = Duration::from_secs(30);
 
-/// Times are measured one after the other.
+/// Times are measured one after the other, and not beside what takes the machine for itself.
 pub(crate) fn alone() -> MutexGuard<'static, ()> {
     static CLOCK: Mutex<()> = Mutex::new(());
     CLOCK.lock().unwrap_or_else(PoisonError::into_inner)
@@ -175,7 +176,9 @@ impl Server {
     pub(crate) fn start(args: &[&str]) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let args: Vec<_> = args.iter().map(|&arg| arg.to_owned()).collect();
-        let (process, address) = serve("127.0.0.1:0", &folder.path().join("data"), &args);
+        // Where it can listen again.
+        let listen = free_address().to_string();
+        let (process, address) = serve(&listen, &folder.path().join("data"), &args);
         Self { process, address, folder, args }
     }
 

@@ -173,3 +173,35 @@ fn what_an_obj_says_of_colours_is_not_read() {
     let error = folder.error("flat.urdf");
     assert!(error.contains("flat.obj: a vertex of it is not finite"), "{error}");
 }
+
+#[test]
+fn a_file_of_a_step_that_nothing_can_be_computed_by_is_refused() {
+    let folder = Folder::new(&[]);
+    for (option, cause) in [
+        ("timestep=\"0\"", "step.xml: dt = 0 is out of range"),
+        ("timestep=\"-0.01\"", "step.xml: dt = -0.01 is out of range"),
+        ("gravity=\"0 0 -1e39\"", "step.xml: gravity"),
+    ] {
+        let text = format!("<mujoco><option {option}/><worldbody><geom size=\"1\"/></worldbody></mujoco>");
+        folder.write("step.xml", &text);
+        let error = folder.error("step.xml");
+        assert!(error.contains(cause), "{option}: {error}");
+    }
+}
+
+#[test]
+fn a_model_of_more_bodies_or_pairs_than_are_of_use_is_refused() {
+    let folder = Folder::new(&[]);
+    let world = |bodies: &str| format!("<mujoco><worldbody>{bodies}</worldbody></mujoco>");
+    folder.write("many.xml", &world(&"<body/>".repeat(30_000)));
+    let error = folder.error("many.xml");
+    assert!(error.contains("many.xml: the model has 30001 bodies"), "{error}");
+    let parts = "<body><geom size=\"1\"/></body>".repeat(1_000);
+    folder.write("welded.xml", &world(&format!("<body><freejoint/><geom size=\"1\"/>{parts}</body>")));
+    let error = folder.error("welded.xml");
+    assert!(error.contains("welded.xml: more than 100000 pairs of bodies"), "{error}");
+    let links: String = (0..30_000).map(|link| format!("<link name=\"{link}\"/>")).collect();
+    folder.write("many.urdf", &format!("<robot>{links}</robot>"));
+    let error = folder.error("many.urdf");
+    assert!(error.contains("more than 20000 links"), "{error}");
+}

@@ -78,11 +78,7 @@ pub(super) struct Replay {
 impl Replay {
     pub(super) fn execute(self, common: &Common) -> Result<ExitCode, Failure> {
         let interrupt = Interrupt::listen()?;
-        let again = || {
-            let mut replay = open(&self.files, self.threads, common)?;
-            self.flip.into_iter().for_each(|flip| replay.flip(flip));
-            Ok(replay)
-        };
+        let again = || open(&self.files, self.threads, self.flip, common);
         let mut replay = again()?;
         let until = Tick(self.dump.or(self.until).unwrap_or(u64::MAX));
         if let Some(at) = self.view {
@@ -169,8 +165,13 @@ fn step(replay: &mut Worlds, tick: Tick) -> Result<(), RecordingError> {
     Ok(())
 }
 
-/// Opens recordings of one world.
-pub(super) fn open(paths: &[PathBuf], threads: Option<u16>, common: &Common) -> Result<Worlds, Failure> {
+/// Opens recordings of one world, whose replay is disturbed by a flip, if one is given.
+pub(super) fn open(
+    paths: &[PathBuf],
+    threads: Option<u16>,
+    flip: Option<Flip>,
+    common: &Common,
+) -> Result<Worlds, Failure> {
     let threads =
         threads.map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from);
     let here = Maker::here();
@@ -180,7 +181,9 @@ pub(super) fn open(paths: &[PathBuf], threads: Option<u16>, common: &Common) -> 
             return Err(Failure::usage(format!("{} is given twice", file.display())));
         }
         let fails = |error: RecordingError| Failure::usage(format!("{}: {error}", file.display()));
-        let member = open_recording(&file, threads).map_err(fails)?;
+        let mut member = open_recording(&file, threads).map_err(fails)?;
+        // The replay begins with the first tick, to which the flip may be due.
+        flip.into_iter().for_each(|flip| member.flip(flip));
         if let Some(unlike) = member.maker().unlike(&here) {
             common.say(&format!("{}: {unlike}", file.display()));
         }

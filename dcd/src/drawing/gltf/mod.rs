@@ -120,7 +120,10 @@ impl Film {
             turn: pose.rotation,
         };
         for body in moment.arrivals {
-            let place = self.by_slot.entry((body.fixed.is_some(), body.slot)).or_insert_with(|| {
+            let place = self.by_slot.entry((body.fixed.is_some(), body.slot));
+            let place = place.and_modify(|place| self.bodies[*place].parts.clone_from(&body.parts));
+            // One that looks otherwise again and again is filmed as it looks at last.
+            let place = place.or_insert_with(|| {
                 self.bodies.push(Filmed {
                     id: body.id,
                     kind: body.kind,

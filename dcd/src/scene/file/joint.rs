@@ -169,9 +169,10 @@ impl JointDef {
 
     fn fault(&self, what: String) -> Fault {
         let keys = [&["a", "b", "anchor_a", "anchor_b"], self.kind.keys()].concat().join(", ");
+        let multibody = if matches!(self.kind, Kind::Rope | Kind::Spring) { "" } else { ", multibody" };
         Fault::new(
             format!("a joint of kind `{}` {what}", self.kind.name()),
-            format!("it takes {keys}, and contacts, enabled, softness, user_data"),
+            format!("it takes {keys}, and contacts, enabled, softness, user_data{multibody}"),
         )
     }
 }

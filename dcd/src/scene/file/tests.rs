@@ -286,6 +286,15 @@ fn a_file_may_cut_a_library_scene_otherwise() {
 }
 
 #[test]
+fn a_file_may_look_at_a_library_scene_from_nowhere() {
+    let viewpoints = |line: &str| {
+        let text = format!("[library]\nscene = \"town\"\nparams = {{ n = 600 }}\n[world]\n{line}\n");
+        read(&text).unwrap().viewpoints.len()
+    };
+    assert_eq!((viewpoints(""), viewpoints("viewpoints = []")), (1, 0));
+}
+
+#[test]
 fn parameters_of_a_file_without_a_library_scene_are_refused() {
     let source = Source { path: Path::new("test.toml"), text: FLOOR };
     let error = parse(&source, &Params::new().with("n", 9)).unwrap_err().to_string();

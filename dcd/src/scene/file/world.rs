@@ -30,8 +30,7 @@ pub(super) struct WorldDef {
     cuts: Option<Vec<CutDef>>,
     balance: Option<Balance>,
     fidelity: Option<String>,
-    #[serde(default)]
-    viewpoints: Vec<ViewpointDef>,
+    viewpoints: Option<Vec<ViewpointDef>>,
     coupling: Option<Coupling>,
     preset: Option<Preset>,
     exchanges: Option<usize>,
@@ -119,9 +118,9 @@ impl WorldDef {
                 )
             })?;
         }
-        if !self.viewpoints.is_empty() {
+        if let Some(viewpoints) = &self.viewpoints {
             let view = |def: &ViewpointDef| Viewpoint { at: def.at.0, radius_m: f64::from(def.radius.0) };
-            scene.viewpoints = self.viewpoints.iter().map(view).collect();
+            scene.viewpoints = viewpoints.iter().map(view).collect();
         }
         scene.coupling = self.choice()?;
         if let Some((what, value, range)) = scene.step_settings().fault() {

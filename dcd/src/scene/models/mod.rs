@@ -19,7 +19,7 @@ use std::path::Path;
 use super::params::{ParamInfo, Values, count, number};
 use super::{Params, Scene, SceneError};
 use model::Model;
-use source::Source;
+use source::{Fault, Source};
 
 /// The parameters of any model file.
 pub static MODEL_PARAMS: [ParamInfo; 10] = [
@@ -94,6 +94,12 @@ pub(super) fn load(path: &Path, params: &Params) -> Result<Scene, SceneError> {
     };
     weights::settle(&mut model).map_err(|fault| source.fault(fault))?;
     let scene = placing::place(model, &params);
+    if let Some((what, value, range)) = scene.step_settings().fault() {
+        let what = what.strip_suffix("_s").unwrap_or(what);
+        return Err(
+            source.fault(Fault::new(format!("{what} = {value} is out of range"), format!("give {range}")))
+        );
+    }
     for warning in &scene.warnings {
         tracing::warn!("{}: {warning}", path.display());
     }

@@ -9,6 +9,11 @@ use super::warnings::Warnings;
 use crate::physics::{LinkSettings, link_fault};
 use crate::scene::SceneJoint;
 
+/// The most bodies of a model: some of what is done for them goes by the square of their number.
+pub(super) const MAX_BODIES: usize = 20_000;
+/// The most pairs of bodies of a model that never touch.
+pub(super) const MAX_PAIRS: usize = 100_000;
+
 /// One model as its file describes it.
 pub(super) struct Model {
     pub(super) name: String,

@@ -114,6 +114,10 @@ fn donor(model: &Model, poor: usize) -> Option<(usize, usize)> {
             {
                 return Some((at, first));
             }
+            // What is fixed ties nothing that moves to anything else that does.
+            if model.parts[at].is_fixed() {
+                continue;
+            }
             let towards = |from_parent: bool| {
                 model.joints.iter().enumerate().filter_map(move |(index, joint)| {
                     let (here, there) = if from_parent { (joint.a, joint.b) } else { (joint.b, joint.a) };

@@ -91,18 +91,18 @@ fn a_row_that_is_interrupted_says_how_far_it_came() {
     assert_eq!(row.seeds, 3);
 }
 
-/// Runs a seed in which nothing goes wrong but what is planted.
-fn planted(spoilt: Option<Spoilt>) -> Option<Violation> {
+/// Runs a seed in which nothing else goes wrong than this and what is planted.
+fn planted(profile: FaultProfile, spoilt: Option<Spoilt>) -> Option<Violation> {
     let config = TrialConfig { spoilt, ..TrialConfig::default() };
-    let profile = FaultProfile::None;
     run_trial(&config, profile, 1, &profile.schedule(1)).violation
 }
 
 #[test]
 fn what_flies_straight_on_is_watched() {
-    assert_eq!(planted(None), None);
-    for spoilt in [Spoilt::Halted, Spoilt::Stale] {
-        let found = planted(Some(spoilt));
+    use FaultProfile::{KillNode, None as Calm};
+    for (profile, spoilt) in [(Calm, Spoilt::Halted), (Calm, Spoilt::Stale), (KillNode, Spoilt::Recovered)] {
+        assert_eq!(planted(profile, None), None);
+        let found = planted(profile, Some(spoilt));
         assert!(matches!(found, Some(Violation::Strained { .. })), "{spoilt:?}: {found:?}");
     }
 }

@@ -47,11 +47,11 @@ impl Trial<'_> {
             }
             Action::Hasten(peer) => {
                 self.sim.slow(peer, Duration::ZERO);
-                self.relieved(true);
+                self.relieved(self.hinders(peer));
             }
-            Action::Healed => {
+            Action::Healed(hindered) => {
                 self.sim.note(|| "a cut is over".into());
-                self.relieved(true);
+                self.relieved(hindered);
             }
             Action::Doom => {
                 if let Some(back_after) = self.doomed.take() {
@@ -117,7 +117,7 @@ impl Trial<'_> {
             Fault::Slow { victim, cost, time } => {
                 let Some(peer) = self.find(victim) else { return };
                 self.sim.slow(peer, cost);
-                self.hindered += 1;
+                self.hindered += u32::from(self.hinders(peer));
                 self.plan_in(time, Action::Hasten(peer));
             }
         }
@@ -200,8 +200,9 @@ impl Trial<'_> {
         if ways != Ways::Out {
             self.sim.cut(into);
         }
-        self.hindered += 1;
-        self.plan(until, Action::Healed);
+        let hinders = peers.iter().any(|&peer| self.hinders(peer));
+        self.hindered += u32::from(hinders);
+        self.plan(until, Action::Healed(hinders));
     }
 
     /// Sets how many nodes there are to be: some leave, or the next look lets some begin.
@@ -272,6 +273,11 @@ impl Trial<'_> {
 }
 
 impl Trial<'_> {
+    /// Returns whether the world may wait for a process: for a client it never does, unless that computes, too.
+    fn hinders(&self, peer: Peer) -> bool {
+        self.sites > 1 || !matches!(peer, Peer::Client(_))
+    }
+
     /// Returns whether packets pass between two processes, both ways.
     pub(super) fn reach(&self, a: Peer, b: Peer) -> bool {
         let network = &self.sim.network;

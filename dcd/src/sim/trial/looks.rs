@@ -348,6 +348,7 @@ mod tests {
     use super::*;
     use crate::cluster::ClientEvent;
     use crate::protocol::{Message, ToClient};
+    use crate::sim::faults::{Fault, Island, Moment, Planned, ProcessKind, Schedule, Victim, Ways};
     use crate::sim::{Bounds, FaultProfile, Sim, SimConfig, TrialConfig};
 
     #[test]
@@ -375,6 +376,27 @@ mod tests {
         nodes.into_iter().for_each(|node| trial.sim.hang(Peer::Node(node)));
         let found = trial.run().unwrap_err();
         assert!(matches!(found, Violation::Slow { .. }), "{found}");
+    }
+
+    #[test]
+    fn a_world_that_stands_still_while_a_client_is_cut_off_is_found() {
+        let victim = Victim { role: ProcessKind::Client, pick: 0 };
+        let fault =
+            Fault::Cut { island: Island::One(victim), ways: Ways::Both, time: Duration::from_secs(30) };
+        let cut = Planned { at: Duration::from_secs(3), moment: Moment::Any, fault };
+        let profile = FaultProfile::None;
+        let schedule =
+            Schedule { faults: vec![cut], calm_at: Duration::from_secs(35), ..profile.schedule(1) };
+        let config = TrialConfig::default();
+        let mut trial = Trial::new(&config, profile.promise(), 1, &schedule);
+        while trial.sim.now() < Duration::from_secs(5) {
+            trial.step().unwrap();
+        }
+        let nodes: Vec<_> = trial.sim.nodes.keys().copied().collect();
+        nodes.into_iter().for_each(|node| trial.sim.hang(Peer::Node(node)));
+        let found = trial.run().unwrap_err();
+        assert!(matches!(found, Violation::Slow { .. }), "{found}");
+        assert!(trial.sim.now() < Duration::from_secs(15), "while the cut lasts: {:?}", trial.sim.now());
     }
 
     #[test]

@@ -121,6 +121,8 @@ pub struct Ruler {
     joints: Vec<[(BodyId, Point3<f64>); 2]>,
     /// The room in which balls fly freely and how large these are, metres.
     flight: Option<(Bounds, f64)>,
+    /// Speed at the beginning of bodies that touch nothing but walls, along each axis: they keep it.
+    speeds: BTreeMap<BodyId, [f32; 3]>,
     /// Energy at the beginning, and what moves in the world, joules.
     energy_j: (f64, f64),
 }
@@ -143,6 +145,7 @@ impl Ruler {
                 .map(|joint| [end(joint.a, joint.frame_a), end(joint.b, joint.frame_b)])
                 .collect(),
             flight: None,
+            speeds: BTreeMap::new(),
             energy_j: (f64::INFINITY, 1.0),
         }
     }
@@ -157,6 +160,12 @@ impl Ruler {
     #[must_use]
     pub fn flying(self, room: Bounds, radius_m: f64) -> Self {
         Self { flight: Some((room, radius_m)), ..self }
+    }
+
+    /// Says that these bodies fly on for ever, as points do that walls alone turn back.
+    #[must_use]
+    pub fn passing(self, bodies: &[BodyRecord]) -> Self {
+        Self { speeds: bodies.iter().map(|body| (body.id, speed(&body.state))).collect(), ..self }
     }
 
     /// Says what energy there was at the beginning, and the scale of a gain.
@@ -183,6 +192,16 @@ impl Ruler {
             Quantity::Gain => worse(0.0, (look.mechanics.energy_j - start_j) / scale_j),
             Quantity::Stray | Quantity::Push | Quantity::Leap | Quantity::Drift => 0.0,
         })
+    }
+
+    /// Measures how fast bodies are that keep their speed, whatever was recovered since: no tick before is needed.
+    pub fn of_speed(&self, look: &Look) -> Strain {
+        let of = |(id, state): (&BodyId, &BodyState)| {
+            let (was, is) = (self.speeds.get(id)?, speed(state));
+            Some((0..3).map(|i| f64::from(is[i] - was[i]).abs()).fold(0.0, worse))
+        };
+        let push = look.bodies.iter().filter_map(of).fold(0.0, worse);
+        Strain::each(|quantity| if quantity == Quantity::Push { push } else { 0.0 })
     }
 
     /// Returns how far the ends of a joint are apart; `None` without its bodies.
@@ -220,6 +239,10 @@ impl Ruler {
             _ => 0.0,
         })
     }
+}
+
+fn speed(state: &BodyState) -> [f32; 3] {
+    state.velocity.linear.map(f32::abs)
 }
 
 /// A ball in one tick.

@@ -125,6 +125,9 @@ const POSED_XML: &str = r#"<mujoco><default><geom pos="0 0 1"/></default><worldb
 /// A model of a mesh whose hull is twice as large as what its faces enclose.
 const DENTED_XML: &str = r#"<mujoco><asset><mesh name="m" inertia="convex" vertex="0 0 0 1 0 0 0 1 0 0 0 1 2 0 0" face="0 2 1 0 1 3 0 3 2 1 2 3"/></asset>
 <worldbody><body name="sub"><joint/><geom type="mesh" mesh="m"/></body></worldbody></mujoco>"#;
+/// A model that says something of two bodies, of which one may be attached.
+const HAND_XML: &str = r#"<mujoco><worldbody><body name="base"><geom size=".1"/></body><body name="hand"><joint/><geom size=".1"/></body></worldbody>
+<contact><exclude body1="hand" body2="base"/></contact><equality><weld body1="hand" body2="base"/></equality></mujoco>"#;
 const SUB_XML: &str = r#"<mujoco><worldbody><body name="sub"><joint axis="0 0 1"/><geom size=".1"/></body></worldbody></mujoco>"#;
 
 fn load(row: &Row, extension: &str) -> Result<Scene, SceneError> {
@@ -144,6 +147,7 @@ fn load(row: &Row, extension: &str) -> Result<Scene, SceneError> {
     write("sub.xml", SUB_XML);
     write("posed.xml", POSED_XML);
     write("dented.xml", DENTED_XML);
+    write("hand.xml", HAND_XML);
     let path = folder.path().join("model").with_extension(extension);
     fs::write(&path, &row.file).unwrap();
     Scene::load(path, &Params::from_args(row.params.split_whitespace()).unwrap())

@@ -89,7 +89,10 @@ fn attached(
         }
         grow(node, model.bytes)?;
         let prefix = node.attribute("prefix").unwrap_or_default();
-        flags.convex.extend(model.flags.convex.iter().map(|mesh| format!("{prefix}{mesh}")));
+        let here = |name: &String| format!("{prefix}{name}");
+        flags.convex.extend(model.flags.convex.iter().map(here));
+        let bodies = model.file.bodies.iter().filter_map(|entry| entry.body.name.as_ref());
+        flags.attached.extend(bodies.chain(&model.flags.attached).map(here));
     }
     Ok(bytes)
 }
@@ -107,6 +110,15 @@ fn read(path: &Path, warnings: &mut Warnings, chain: &mut Vec<PathBuf>) -> Resul
         let cause = format!("{} of a geom's class, in a model that is attached, is lost", attribute.name());
         let remedy = format!("write {}=\"{}\" into the geom", attribute.name(), attribute.value());
         return Err(source.fault(Fault::at(*geom, cause, remedy)));
+    }
+    // The text of the file itself is changed for these; that of a model that it attaches cannot be.
+    if let Some((body, _)) = poses::sleepers(&document).next() {
+        let cause = "`sleep` of a body, in a model that is attached, cannot be read";
+        return Err(source.fault(Fault::at(body, cause, "take it out")));
+    }
+    if let Some(compiler) = poses::late_compilers(&document).first() {
+        let cause = "<compiler> behind <default>, in a model that is attached, comes too late";
+        return Err(source.fault(Fault::at(*compiler, cause, "write it first")));
     }
     let bytes = attached(&source, &document, &mut flags, warnings, chain)?;
     let file = mjcf::Model::from_file(path).map_err(|error| source.fault(fault(&error)))?;

@@ -6,6 +6,7 @@ use rapier3d::prelude::*;
 use rapier3d_mjcf::MjcfRobot;
 use rapier3d_mjcf::mjcf_rs::{self as mjcf, body::Geom};
 
+use crate::scene::models::model::MAX_PAIRS;
 use crate::scene::models::source::Fault;
 use crate::scene::models::warnings::Warnings;
 
@@ -37,12 +38,16 @@ pub(super) fn apart(
         (weld[index], parent[index]) =
             if entry.body.joints.is_empty() { (weld[above], parent[above]) } else { (index, weld[above]) };
     }
-    let leaf = |body: usize| {
-        robot.bodies.iter().position(|made| !made.is_intermediate && made.mjcf_body_id == body).unwrap_or(0)
-    };
-    let leaves: Vec<_> = (0..file.bodies.len()).map(leaf).collect();
+    let mut leaves = vec![0; file.bodies.len()];
+    for (index, made) in robot.bodies.iter().enumerate().rev().filter(|(_, made)| !made.is_intermediate) {
+        leaves[made.mjcf_body_id] = index;
+    }
     let mut pairs = BTreeSet::new();
     for a in 0..file.bodies.len() {
+        if pairs.len() > MAX_PAIRS {
+            let cause = format!("more than {MAX_PAIRS} pairs of bodies are one piece, or tied by a joint");
+            return Err(Fault::new(cause, "join what is welded together into one body"));
+        }
         for b in a + 1..file.bodies.len() {
             let welded = weld[a] == weld[b] && weld[a] != 0;
             let related = parent[a] == weld[b] && weld[b] != 0 || parent[b] == weld[a] && weld[a] != 0;

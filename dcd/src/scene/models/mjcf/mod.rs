@@ -1,6 +1,7 @@
 //! Reads MJCF files through rapier3d-mjcf.
 
 mod attach;
+mod classes;
 mod contacts;
 mod drives;
 mod flatten;
@@ -8,14 +9,16 @@ mod poses;
 mod scan;
 mod shapes;
 
+use std::collections::BTreeSet;
+
 use rapier3d::prelude::*;
 use rapier3d_mjcf::mjcf_rs::body::{Joint, JointType};
 use rapier3d_mjcf::mjcf_rs::equality::Equality;
 use rapier3d_mjcf::mjcf_rs::{self as mjcf, ParseError};
-use rapier3d_mjcf::{MjcfBody, MjcfLoaderOptions, MjcfRobot};
+use rapier3d_mjcf::{MjcfBody, MjcfDofKind, MjcfLoaderOptions, MjcfRobot};
 
 use super::ModelParams;
-use super::model::{Model, ModelJoint, Part, collider_builder, drop_wide_limits, mass_of};
+use super::model::{MAX_BODIES, Model, ModelJoint, Part, collider_builder, drop_wide_limits, mass_of};
 use super::source::{Fault, Source};
 use super::warnings::Warnings;
 use crate::physics::LinkSettings;
@@ -42,7 +45,11 @@ fn convert(
     mut warnings: Warnings,
     params: &ModelParams,
 ) -> Result<Model, Fault> {
-    check_references(&mut file)?;
+    if file.bodies.len() > MAX_BODIES {
+        let cause = format!("the model has {} bodies, which is more than {MAX_BODIES}", file.bodies.len());
+        return Err(Fault::new(cause, "join what does not move by itself into one body, or split the model"));
+    }
+    check_references(&mut file, &flags.attached)?;
     let shapes = shapes::prepare(&mut file, source.folder(), &flags.convex, &mut warnings)?;
     let options = MjcfLoaderOptions {
         skip_plane_geoms: false,
@@ -77,10 +84,18 @@ fn convert(
     Ok(model)
 }
 
-/// Refuses joints that the loader would leave out with a line in a log.
-fn check_references(file: &mut mjcf::Model) -> Result<(), Fault> {
+/// Refuses joints that the loader would leave out with a line in a log. What a model says of bodies that are not `attached` with the one that is
+/// goes, as in MuJoCo.
+fn check_references(file: &mut mjcf::Model, attached: &BTreeSet<String>) -> Result<(), Fault> {
     let bodies: Vec<_> = file.bodies.iter().filter_map(|entry| entry.body.name.clone()).collect();
     let known = |name: &str| name == "world" || bodies.iter().any(|body| body == name);
+    let is_here = |name: &str| known(name) || !attached.contains(name);
+    file.contact.excludes.retain(|exclude| is_here(&exclude.body1) && is_here(&exclude.body2));
+    file.equality.retain(|equality| match equality {
+        Equality::Connect(of) => is_here(&of.body1) && of.body2.as_deref().is_none_or(is_here),
+        Equality::Weld(of) => is_here(&of.body1) && of.body2.as_deref().is_none_or(is_here),
+        Equality::Joint(_) | Equality::Tendon(_) => true,
+    });
     let must = |what: &str, name: &str| {
         let cause = format!("{what} names body `{name}`, which is not there");
         if known(name) {
@@ -128,10 +143,11 @@ fn start(robot: &mut MjcfRobot, key: usize, warnings: &mut Warnings) -> Result<V
     if key == 0 {
         return Ok(vec![0.0; robot.actuators.len()]);
     }
-    let Some(frame) = robot.keyframes.get(key - 1).cloned() else {
+    let Some(mut frame) = robot.keyframes.get(key - 1).cloned() else {
         let cause = format!("key={key}, but the file has {} keyframes", robot.keyframes.len());
         return Err(Fault::new(cause, "give key=1 for the first, or leave key out"));
     };
+    unit(robot, &mut frame.qpos);
     let (mut bodies, mut colliders, mut joints) =
         (RigidBodySet::new(), ColliderSet::new(), ImpulseJointSet::new());
     let handles = robot.clone().insert_using_impulse_joints(&mut bodies, &mut colliders, &mut joints);
@@ -156,6 +172,27 @@ fn start(robot: &mut MjcfRobot, key: usize, warnings: &mut Warnings) -> Result<V
         }
     }
     Ok((0..robot.actuators.len()).map(|index| frame.ctrl.get(index).copied().unwrap_or(0.0)).collect())
+}
+
+/// Makes unit quaternions of those of a keyframe, as MuJoCo does: their digits may be few, or their length any.
+fn unit(robot: &MjcfRobot, qpos: &mut [f64]) {
+    let mut rest = qpos;
+    for dof in &robot.qpos_dofs {
+        let (own, others) = rest.split_at_mut(dof.kind.qpos_width().min(rest.len()));
+        rest = others;
+        let rotation = match dof.kind {
+            MjcfDofKind::Free => own.get_mut(3..7),
+            MjcfDofKind::Ball => own.get_mut(..4),
+            _ => None,
+        };
+        if let Some(rotation) = rotation {
+            let length = rotation.iter().map(|value| value * value).sum::<f64>().sqrt();
+            match length > 0.0 {
+                true => rotation.iter_mut().for_each(|value| *value /= length),
+                false => rotation.copy_from_slice(&[1.0, 0.0, 0.0, 0.0]),
+            }
+        }
+    }
 }
 
 /// Returns whether the world has a body, as the loader decides it.
@@ -264,7 +301,8 @@ fn add_loops(
             made.next().ok_or_else(|| Fault::new("an <equality> cannot be read", "correct its bodies"))?;
         let mut joint = made.joint;
         if let Some(relative) = relative {
-            joint.set_local_frame1(Pose::from(relative));
+            let relative = Pose::from(relative);
+            joint.set_local_frame1(Pose::from_parts(relative.translation, relative.rotation.normalize()));
             joint.set_local_frame2(Pose::IDENTITY);
         }
         joint.contacts_enabled = true;

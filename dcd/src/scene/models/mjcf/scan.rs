@@ -5,6 +5,7 @@ use std::path::Path;
 
 use roxmltree::{Document, Node};
 
+use super::classes::{Classes, attribute};
 use crate::scene::models::source::{Fault, Source, elements};
 use crate::scene::models::warnings::Warnings;
 
@@ -12,6 +13,8 @@ use crate::scene::models::warnings::Warnings;
 pub(super) struct Flags {
     /// Names of the meshes that are to weigh as their hulls.
     pub(super) convex: BTreeSet<String>,
+    /// Names that the bodies of attached models have here, also of those that are not attached with the body that is.
+    pub(super) attached: BTreeSet<String>,
     pub(super) contact: bool,
     pub(super) gravity: bool,
     pub(super) filter_parent: bool,
@@ -196,12 +199,23 @@ fn bodies(source: &Source, parent: Node<'_, '_>) -> Result<(), Fault> {
 }
 
 fn flags(document: &Document<'_>, warnings: &mut Warnings) -> Result<Flags, Fault> {
-    let convex = document.descendants().filter(|node| node.attribute("inertia") == Some("convex"));
-    let convex = convex.filter_map(|node| {
+    let classes = Classes::of(document, "mesh");
+    let is_convex = |mesh: &Node<'_, '_>| {
+        let own = attribute(*mesh, &["inertia"]).or_else(|| classes.inherited(*mesh, &["inertia"]));
+        own.is_some_and(|inertia| inertia.value() == "convex")
+    };
+    let meshes = document.descendants().filter(|node| node.has_tag_name("mesh"));
+    let convex = meshes.filter(is_convex).filter_map(|node| {
         let file = node.attribute("file").and_then(|file| Path::new(file).file_stem()?.to_str());
         node.attribute("name").or(file).map(str::to_owned)
     });
-    let mut flags = Flags { convex: convex.collect(), contact: true, gravity: true, filter_parent: true };
+    let mut flags = Flags {
+        convex: convex.collect(),
+        attached: BTreeSet::new(),
+        contact: true,
+        gravity: true,
+        filter_parent: true,
+    };
     for option in document.descendants().filter(|node| node.has_tag_name("option")) {
         if option.attribute("collision").is_some_and(|value| value == "predefined") {
             let cause = "only predefined pairs of geoms would touch (option collision)";

@@ -1,6 +1,7 @@
 //! Reads URDF files through rapier3d-urdf.
 
 mod parse;
+mod roots;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -16,6 +17,7 @@ use super::source::{Fault, Source};
 use crate::physics::LinkSettings;
 use crate::scene::SceneError;
 use parse::Parsed;
+use roots::Roots;
 
 /// Reads a URDF file into a model.
 pub(super) fn read(source: &Source, params: &ModelParams) -> Result<Model, SceneError> {
@@ -33,6 +35,8 @@ fn convert(source: &Source, mut parsed: Parsed, params: &ModelParams) -> Result<
     for mesh in meshes.not_z_up {
         parsed.warnings.add("up_axis of Collada", mesh, "its numbers are taken as they stand");
     }
+    let roots = Roots::take(&mut parsed.robot);
+    let begins = roots.of_links(&parsed.robot);
     let options = UrdfLoaderOptions { make_roots_fixed: params.fixed, ..UrdfLoaderOptions::default() };
     let made = UrdfRobot::from_robot(&parsed.robot, options, source.folder());
     let mut model = Model {
@@ -53,6 +57,10 @@ fn convert(source: &Source, mut parsed: Parsed, params: &ModelParams) -> Result<
         });
         let mut part = Part::of(from.name.clone(), &link.body, colliders.collect());
         part.mass = mass_of(&from.inertial);
+        part.pose = begins.get(&from.name).copied().unwrap_or_default() * part.pose;
+        if roots.fixed.contains(&from.name) {
+            part.body.body_type = RigidBodyType::Fixed;
+        }
         model.parts.push(part);
     }
     add_joints(&mut model, &made, &parsed.robot, &parsed.unlimited, params.multibody);
@@ -144,13 +152,16 @@ fn replace_meshes(part: &mut Part, shapes: &[MeshShape], fixed: bool) -> Result<
     Ok(())
 }
 
+/// Returns the rotation of an origin.
+fn turn(origin: &urdf_rs::Pose) -> Rotation {
+    let [roll, pitch, yaw] = origin.rpy.0.map(|v| v as f32);
+    Rotation::from_rotation_z(yaw) * Rotation::from_rotation_y(pitch) * Rotation::from_rotation_x(roll)
+}
+
 /// Returns the mass from the numbers of the file: the loader does not turn the inertia by its origin's `rpy`.
 fn mass_of(inertial: &urdf_rs::Inertial) -> MassProperties {
     let urdf_rs::Inertial { origin, mass, inertia: i } = inertial;
-    let [roll, pitch, yaw] = origin.rpy.0.map(|v| v as f32);
-    let turn =
-        Rotation::from_rotation_z(yaw) * Rotation::from_rotation_y(pitch) * Rotation::from_rotation_x(roll);
-    let turn = Matrix::from_quat(turn);
+    let turn = Matrix::from_quat(turn(origin));
     let tensor = [i.ixx, i.ixy, i.ixz, i.ixy, i.iyy, i.iyz, i.ixz, i.iyz, i.izz].map(|v| v as f32);
     let tensor = turn * Matrix::from_cols_array(&tensor) * turn.transpose();
     MassProperties::with_inertia_matrix(

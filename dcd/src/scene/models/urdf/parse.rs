@@ -7,6 +7,7 @@ use std::str::FromStr;
 use rapier3d_urdf::urdf_rs::{self, Geometry, JointType, Pose, Vec3};
 use roxmltree::{Document, Node};
 
+use crate::scene::models::model::MAX_BODIES;
 use crate::scene::models::source::{Fault, child, elements, required};
 use crate::scene::models::warnings::Warnings;
 
@@ -99,6 +100,10 @@ impl Parsed {
         }
         if self.robot.links.iter().any(|other| other.name == name) {
             return Err(Fault::at(node, format!("two links are named `{name}`"), "give each its own name"));
+        }
+        if self.robot.links.len() >= MAX_BODIES {
+            let cause = format!("the robot has more than {MAX_BODIES} links");
+            return Err(Fault::at(node, cause, "join what does not move by itself into one link"));
         }
         self.robot.links.push(link);
         Ok(())
@@ -251,13 +256,18 @@ impl Parsed {
                 return Err(Fault::at(root, cause, "take one of the joints out"));
             }
         }
+        // Each link is gone through once, on the way up from the first that is below it.
+        let mut seen = BTreeMap::new();
         for start in parents.keys() {
-            let (mut at, mut steps) = (start, 0);
+            let mut at = start;
             while let Some(above) = parents.get(at) {
-                (at, steps) = (above, steps + 1);
-                if steps > parents.len() {
-                    let cause = format!("link `{start}` is above itself: URDF is a tree");
-                    return Err(Fault::at(root, cause, "take one of the joints out"));
+                match seen.insert(at, start) {
+                    Some(by) if by == start => {
+                        let cause = format!("link `{start}` is above itself: URDF is a tree");
+                        return Err(Fault::at(root, cause, "take one of the joints out"));
+                    }
+                    Some(_) => break,
+                    None => at = above,
                 }
             }
         }

@@ -7,6 +7,7 @@ use super::budget::Allowance;
 use super::vicinity::Vicinity;
 use super::{ServerConfig, ServerOutput};
 use crate::cluster::{Peer, Record};
+use crate::protocol::link::{CLIENT_IDLE_TIMEOUT, HANDSHAKE_TIMEOUT};
 use crate::protocol::{Delay, Farewell, Member, Message, ShapeHash, ToClient, ToNode, ViewNumber};
 use crate::space::{BodyId, ClientId, GroupId, NodeId};
 
@@ -14,6 +15,12 @@ use crate::space::{BodyId, ClientId, GroupId, NodeId};
 pub(super) const ABSENCE: Duration = Duration::from_secs(1);
 /// How long members are waited for after a restart of the server.
 pub(super) const RETURN: Duration = Duration::from_secs(3);
+/// How long clients are: one that says nothing finds out late that its link is gone, and calls again then.
+pub(super) const RETURN_OF_CLIENTS: Duration = CLIENT_IDLE_TIMEOUT.saturating_add(HANDSHAKE_TIMEOUT);
+
+/// How often a node may greet at once, and then each second: a link that breaks is made anew after a second at most.
+const GREETINGS: f64 = 32.0;
+const GREETINGS_PER_S: f64 = 1.0;
 
 /// A node that has joined.
 #[derive(Clone, Debug)]

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use bincode::{Decode, Encode};
 
-use super::common::{ClientEntry, NodeEntry, RETURN};
+use super::common::{ClientEntry, NodeEntry, RETURN, RETURN_OF_CLIENTS};
 use super::group::Group;
 use super::{Server, ServerConfig, ServerOutput};
 use crate::cluster::directory::Entry;
@@ -187,7 +187,8 @@ impl Server {
         }
         let clients: BTreeSet<_> = record.lives().filter_map(|(id, _)| id.client()).collect();
         for client in clients {
-            let entry = ClientEntry { linked: false, absent_until: Some(RETURN), group: id, vicinity: None };
+            let absent_until = Some(RETURN_OF_CLIENTS);
+            let entry = ClientEntry { linked: false, absent_until, group: id, vicinity: None };
             self.common.clients.entry(client).or_insert(entry);
         }
         let mut group = Group::new(id, record, tick);

@@ -13,6 +13,7 @@ mod postponed;
 mod program;
 mod questions;
 mod regroup;
+mod retold;
 mod save;
 mod status;
 mod stored;

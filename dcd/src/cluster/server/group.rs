@@ -13,9 +13,11 @@ use self::divisions::Divisions;
 use super::ServerOutput;
 use super::common::{Common, NodeEntry};
 use super::postponed::Postponed;
+use super::retold::Retold;
+use crate::cluster::state_replication::TELL_TICK;
 use crate::cluster::{Life, Record};
 use crate::protocol::{BodyRecord, ToClient, ToNode, ToServer, View, WorldOp};
-use crate::space::{Allocation, BodyId, DistributionTree, GroupId, JointId, NodeId, RegionId, Tick};
+use crate::space::{Allocation, BodyId, DistributionTree, GroupId, NodeId, RegionId, Tick};
 
 /// How long complaints about lost links are collected before one of those concerned has to go.
 const HEARING: Duration = Duration::from_millis(50);
@@ -38,14 +40,8 @@ pub(super) struct Group {
     /// Bodies that the leader was told to insert and that no node has spoken of yet.
     pub arriving: BTreeSet<BodyId>,
     pub postponed: Postponed,
-    /// Joints that it removed, and when a leader was last told: until that one has surely done it, the next is told, too.
-    pub removed_joints: BTreeMap<JointId, Duration>,
-    /// Bodies that it changed.
-    pub altered_bodies: BTreeSet<BodyId>,
-    /// Those that it woke thereby, kept like joints.
-    pub woken: BTreeMap<BodyId, Duration>,
-    /// Joints that it changed.
-    pub altered_joints: BTreeSet<JointId>,
+    /// What the program took away and altered.
+    pub retold: Retold,
     /// The regions that own bodies, as members told in the present view: for operators.
     pub owners: BTreeMap<BodyId, RegionId>,
     complaints: BTreeSet<Complaint>,
@@ -78,10 +74,7 @@ impl Group {
             at_last_tick: BTreeSet::new(),
             arriving: BTreeSet::new(),
             postponed: Postponed::default(),
-            removed_joints: BTreeMap::new(),
-            altered_bodies: BTreeSet::new(),
-            woken: BTreeMap::new(),
-            altered_joints: BTreeSet::new(),
+            retold: Retold::default(),
             owners: BTreeMap::new(),
             complaints: BTreeSet::new(),
             hearing: None,
@@ -267,7 +260,11 @@ impl Group {
                 // The tick of the world is its leader's to say, which says so even when nothing moves.
                 if self.leads(node) {
                     self.tick = self.tick.max(tick);
-                    self.forget_done(common.now);
+                    // What it was told may be lost with a link.
+                    if self.change.is_none() && !self.unsure {
+                        let ahead = common.config.world.protocol.lag_ticks() + 1;
+                        self.retold.leader_is_at(common.now, tick, ahead);
+                    }
                 }
                 if common.config.world.last_tick == Some(tick) {
                     self.at_last_tick.insert(node);

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
-use super::budget::Allowance;
+use super::budget::{Account, Allowance};
 use super::vicinity::Vicinity;
 use super::{ServerConfig, ServerOutput};
 use crate::cluster::{Peer, Record};
@@ -85,6 +85,8 @@ pub(super) struct Common {
     pub clients: BTreeMap<ClientId, ClientEntry>,
     /// What clients have asked for, those included that are gone.
     pub allowances: BTreeMap<ClientId, Allowance>,
+    /// How often nodes have greeted, those included that are gone.
+    pub greetings: BTreeMap<NodeId, Account>,
     /// The newest view number in use, over all groups.
     pub number: ViewNumber,
     pub begun: bool,
@@ -99,6 +101,12 @@ pub(super) struct Common {
 }
 
 impl Common {
+    /// Counts that a node greets, which stops its group or costs a world. Returns whether it may.
+    pub(super) fn may_greet(&mut self, node: NodeId) -> bool {
+        let now = self.now;
+        self.greetings.entry(node).or_default().ask(now, 1.0, GREETINGS, GREETINGS_PER_S)
+    }
+
     pub(super) fn send_node(&mut self, node: NodeId, message: ToNode) {
         if self.nodes.get(&node).is_some_and(|entry| entry.linked) {
             let message = Message::ToNode(message);

@@ -238,8 +238,12 @@ impl Group {
 
     /// Takes in states of bodies in the sender's own regions; others are counted, and change nothing.
     fn hear_of_bodies(&mut self, common: &mut Common, node: NodeId, message: ToServer) {
+        // The tick of the world is its leader's to say, which says so even when nothing moves. Others may be ahead of its word, but not much.
+        let most = Tick(self.tick.0 + 2 * (TELL_TICK + common.config.world.protocol.lag_ticks()));
+        let leads = self.leads(node);
         match message {
-            ToServer::Checkpoint { tick, division, bodies, .. } => {
+            ToServer::Checkpoint { tick: said, division, bodies, .. } => {
+                let tick = if leads { said } else { said.min(most) };
                 for checkpoint in &bodies {
                     let is_own = self.divisions.computes(node, checkpoint.region, division);
                     if !is_own || !checkpoint.epoch.is_possible(common.number.0, tick) {
@@ -257,8 +261,7 @@ impl Group {
                 if self.owners.len() > 2 * self.record.len() + 64 {
                     self.owners.retain(|&id, _| self.record.life(id).is_some());
                 }
-                // The tick of the world is its leader's to say, which says so even when nothing moves.
-                if self.leads(node) {
+                if leads {
                     self.tick = self.tick.max(tick);
                     // What it was told may be lost with a link.
                     if self.change.is_none() && !self.unsure {
@@ -266,11 +269,12 @@ impl Group {
                         self.retold.leader_is_at(common.now, tick, ahead);
                     }
                 }
-                if common.config.world.last_tick == Some(tick) {
+                if common.config.world.last_tick == Some(said) {
                     self.at_last_tick.insert(node);
                 }
             }
-            ToServer::Removed { tick, bodies, .. } => {
+            ToServer::Removed { tick: said, bodies, .. } => {
+                let tick = if leads { said } else { said.min(most) };
                 for body in bodies {
                     let is_own = !self.is_anothers(node, &body);
                     if is_own && body.epoch.is_possible(common.number.0, tick) {

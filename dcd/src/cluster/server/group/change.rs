@@ -175,7 +175,7 @@ impl Group {
         }
         let mut dispatches = Vec::new();
         if let Some(view) = &self.view {
-            let (counted, refused) = agreement::dispatches(view, &change.settled);
+            let (counted, refused) = agreement::dispatches(view, self.tick, &change.settled);
             change.last = counted.last().map_or(view.tick, |last| last.tick);
             common.stale += refused;
             dispatches = counted;

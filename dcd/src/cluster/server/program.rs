@@ -117,15 +117,20 @@ impl Group {
         if self.view.is_none() || self.change.is_some() || self.held {
             return;
         }
-        for body in bodies.iter().filter(|body| body.traits.kind != BodyKind::Fixed) {
-            self.record.set_life(body.id, Life::Live);
-            self.arriving.insert(body.id);
-        }
         for shapes in split(new_shapes, INSERT_BYTES) {
             self.apply(common, vec![WorldOp::Insert { bodies: Vec::new(), shapes, joints: Vec::new() }]);
         }
         for part in gathered(assemblies(bodies, &[], joints), INSERT_BYTES) {
+            // More of it wait on record, and come in chunks as a view begins.
+            if !part.fits(WHOLE_BYTES) {
+                self.unsure = true;
+                continue;
+            }
             let (bodies, joints) = (part.bodies, part.joints);
+            for body in bodies.iter().filter(|body| body.traits.kind != BodyKind::Fixed) {
+                self.record.set_life(body.id, Life::Live);
+                self.arriving.insert(body.id);
+            }
             self.apply(common, vec![WorldOp::Insert { bodies, shapes: Vec::new(), joints }]);
         }
     }

@@ -94,9 +94,8 @@ impl Group {
         for &node in &survivors {
             common.send_node(node, ToNode::Settle { view: number });
         }
-        // What a leader handed over that is gone by now nobody says again.
-        let leads_on = self.view.as_ref().is_some_and(|view| survivors.contains(&view.leader));
-        let undone = self.change.take().filter(|_| !leads_on).map_or_else(Vec::new, |before| before.undone);
+        // What a leader handed over counts until it has begun to say it again: it may die before.
+        let undone = self.change.take().map_or_else(Vec::new, |before| before.undone);
         self.change = Some(ViewChange {
             number,
             at: common.now,
@@ -150,6 +149,9 @@ impl Group {
             change.survivors.contains(&node) && !change.settled.contains_key(&node)
         };
         let Some(change) = self.change.as_mut().filter(owes) else { return false };
+        if leads && !change.settling.contains_key(&node) {
+            (change.undone, change.undone_bytes) = (Vec::new(), 0);
+        }
         let told = change.settling.entry(node).or_default();
         if told.len() + dispatches.len() > most {
             return false;

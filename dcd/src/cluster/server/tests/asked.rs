@@ -168,6 +168,40 @@ fn what_a_leader_handed_over_before_it_died_in_the_same_change_the_next_one_does
 }
 
 #[test]
+fn what_a_leader_handed_over_is_not_lost_as_another_node_dies_before_it() {
+    let push = |x| WorldOp::Push(Push::impulse(BodyId::persistent(0), [x, 0.0, 0.0]));
+    let bodies = vec![sim_body(BodyId::persistent(0), [1.0; 3])];
+    let mut server = Server::new(config(3), Record::new(bodies, Vec::new(), Vec::new()));
+    for node in 1..=3 {
+        hello(&mut server, node, VERSION);
+        tell(&mut server, node, Message::ToServer(ToServer::Loaded));
+    }
+    assert_eq!(server.view().map(|view| view.members.len()), Some(3));
+    let settles = |server: &mut Server, x, last| {
+        let (view, undone) = (server.common.number, vec![push(x)]);
+        let part = ToServer::Settling { view, dispatches: Vec::new(), undone, last };
+        tell(server, 1, Message::ToServer(part));
+    };
+    let dies = |server: &mut Server, node| {
+        server.handle(server.common.now, ServerEvent::Disconnected(Peer::Node(NodeId(node))));
+        std::iter::repeat_with(|| wait(server))
+            .find(|outputs| outputs.contains(&ServerOutput::Expelled(NodeId(node))))
+            .expect("it is given up")
+    };
+    server.handle(server.common.now, ServerEvent::Save);
+    settles(&mut server, 1.0, true);
+    dies(&mut server, 3);
+    let mut again = server.clone();
+    let outputs = dies(&mut server, 1);
+    assert_eq!(applied(obey(&mut server, 2, outputs)), [push(1.0)]);
+    // Where it has begun to say it again, that counts.
+    settles(&mut again, 2.0, false);
+    settles(&mut again, 3.0, true);
+    let outputs = dies(&mut again, 1);
+    assert_eq!(applied(obey(&mut again, 2, outputs)), [push(2.0), push(3.0)]);
+}
+
+#[test]
 fn what_a_leader_was_told_as_its_view_began_the_next_is_told_too_where_it_may_not_have_done_it() {
     let joint = vicinity::joint(1, 0, 1);
     let bodies = (0..3).map(|i| sim_body(BodyId::persistent(i), [f64::from(i), 1.0, 1.0])).collect();

@@ -325,6 +325,9 @@ impl Client {
             self.outputs.push_back(ClientOutput::Redial);
         }
         self.ask_again(now, now);
+        if let Some(message) = self.surroundings.look_again(now) {
+            self.ask_server(message);
+        }
         self.acknowledge(now);
         for (to, ping) in self.showing.as_mut().map(|showing| showing.pings(now)).unwrap_or_default() {
             self.send(to, ping);
@@ -344,7 +347,12 @@ impl Client {
         let ping = self.showing.as_ref().and_then(|showing| showing.timeout());
         let heard = self.receiver.timeout();
         let dial = self.dial_server_at.into_iter().chain(self.dial_leader_at);
-        dial.chain(ask).chain(ping).chain(heard).chain(self.vigil.timeout()).min()
+        dial.chain(ask)
+            .chain(ping)
+            .chain(heard)
+            .chain(self.vigil.timeout())
+            .chain(self.surroundings.timeout())
+            .min()
     }
 
     /// Returns the next output, until there is none.
@@ -655,6 +663,9 @@ impl Client {
                 }
             }
             ToClient::Rejected { body, reason } => {
+                if (body, reason) == (None, Refusal::TooMany) {
+                    self.surroundings.refused(self.now);
+                }
                 if let Some(id) = body {
                     self.answered(id, Some(reason));
                     self.newest.are_refused(id);

@@ -43,6 +43,16 @@ pub enum Key {
     Shape(ShapeHash),
     /// A joint.
     Joint(JointId),
+    /// A joint that is gone, and that nodes may hold.
+    GoneJoint(JointId),
+    /// An immovable body that is gone, and that nodes may hold.
+    GoneScenery(BodyId),
+    /// A body that was altered after nodes had it.
+    AlteredBody(BodyId),
+    /// A joint that was.
+    AlteredJoint(JointId),
+    /// A body that was woken as it was altered, and that may sleep at nodes.
+    WokenBody(BodyId),
 }
 
 /// The number of a commit, growing from 1. An entry has that of the commit that wrote it. A number that was given to a batch
@@ -197,9 +207,13 @@ impl Key {
         match self {
             Self::World => {}
             Self::Group(id) => bytes.extend(id.0.to_be_bytes()),
-            Self::Body(id) => bytes.extend(id.bits().to_be_bytes()),
+            Self::Body(id) | Self::AlteredBody(id) | Self::GoneScenery(id) | Self::WokenBody(id) => {
+                bytes.extend(id.bits().to_be_bytes());
+            }
             Self::Shape(hash) => bytes.extend(hash.0),
-            Self::Joint(id) => bytes.extend(id.0.to_be_bytes()),
+            Self::Joint(id) | Self::AlteredJoint(id) | Self::GoneJoint(id) => {
+                bytes.extend(id.0.to_be_bytes());
+            }
         }
         bytes
     }
@@ -207,12 +221,20 @@ impl Key {
     /// Decodes a key from the bytes of [`Self::to_bytes`]; `None` if they are not one.
     pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
         let [KEY_VERSION, kind, id @ ..] = bytes else { return None };
+        let number = |id: &[u8]| Some(u64::from_be_bytes(id.try_into().ok()?));
+        let body = |id| number(id).map(BodyId::from_bits);
+        let joint = |id| number(id).map(JointId);
         Some(match kind {
             0 if id.is_empty() => Self::World,
             1 => Self::Group(GroupId(u32::from_be_bytes(id.try_into().ok()?))),
-            2 => Self::Body(BodyId::from_bits(u64::from_be_bytes(id.try_into().ok()?))),
+            2 => Self::Body(body(id)?),
             3 => Self::Shape(ShapeHash(id.try_into().ok()?)),
-            4 => Self::Joint(JointId(u64::from_be_bytes(id.try_into().ok()?))),
+            4 => Self::Joint(joint(id)?),
+            5 => Self::GoneJoint(joint(id)?),
+            6 => Self::GoneScenery(body(id)?),
+            7 => Self::AlteredBody(body(id)?),
+            8 => Self::AlteredJoint(joint(id)?),
+            9 => Self::WokenBody(body(id)?),
             _ => return None,
         })
     }
@@ -224,6 +246,11 @@ impl Key {
             Self::Body(_) => 2,
             Self::Shape(_) => 3,
             Self::Joint(_) => 4,
+            Self::GoneJoint(_) => 5,
+            Self::GoneScenery(_) => 6,
+            Self::AlteredBody(_) => 7,
+            Self::AlteredJoint(_) => 8,
+            Self::WokenBody(_) => 9,
         }
     }
 }
@@ -236,6 +263,11 @@ impl fmt::Display for Key {
             Self::Body(id) => write!(f, "body {id}"),
             Self::Shape(hash) => write!(f, "shape {hash}"),
             Self::Joint(id) => write!(f, "joint {id}"),
+            Self::AlteredBody(id) => write!(f, "alteration of body {id}"),
+            Self::AlteredJoint(id) => write!(f, "alteration of joint {id}"),
+            Self::GoneScenery(id) => write!(f, "end of body {id}"),
+            Self::GoneJoint(id) => write!(f, "end of joint {id}"),
+            Self::WokenBody(id) => write!(f, "waking of body {id}"),
         }
     }
 }
@@ -259,6 +291,11 @@ mod tests {
             any::<u64>().prop_map(|bits| Key::Body(BodyId::from_bits(bits))),
             any::<[u8; 16]>().prop_map(|hash| Key::Shape(ShapeHash(hash))),
             any::<u64>().prop_map(|id| Key::Joint(JointId(id))),
+            any::<u64>().prop_map(|bits| Key::AlteredBody(BodyId::from_bits(bits))),
+            any::<u64>().prop_map(|id| Key::AlteredJoint(JointId(id))),
+            any::<u64>().prop_map(|bits| Key::GoneScenery(BodyId::from_bits(bits))),
+            any::<u64>().prop_map(|id| Key::GoneJoint(JointId(id))),
+            any::<u64>().prop_map(|bits| Key::WokenBody(BodyId::from_bits(bits))),
         ]
     }
 
@@ -270,7 +307,7 @@ mod tests {
         }
 
         #[test]
-        fn what_is_no_name_of_a_key_is_none(bytes in proptest::collection::vec(0u8..6, 0..24)) {
+        fn what_is_no_name_of_a_key_is_none(bytes in proptest::collection::vec(0u8..11, 0..24)) {
             if let Some(key) = Key::from_bytes(&bytes) {
                 prop_assert_eq!(key.to_bytes(), bytes);
             }

@@ -286,8 +286,11 @@ impl Leader {
     }
 
     /// Takes in the states of bodies that moved in one member's regions. Returns how many are not believed: those of bodies in regions
-    /// that others compute.
+    /// that others compute, and of a tick that has not been opened.
     pub fn report(&mut self, from: NodeId, report: Report) -> u64 {
+        if report.tick > self.tick {
+            return report.states.len() as u64;
+        }
         let mut refused = 0;
         for state in report.states {
             let is_own = self.computes(from, state.owner, report.tick);

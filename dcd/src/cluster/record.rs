@@ -1,10 +1,13 @@
 //! Records the world on the server: every body, shape and joint as last known, so that nothing is lost with a node (thesis
 //! 3.3.5).
 
+mod joints;
+
 use std::collections::{BTreeMap, BTreeSet};
 
 use bincode::{Decode, Encode};
 
+use self::joints::Joints;
 use super::{CanBuild, Key, SavedWorld};
 use crate::protocol::{
     Alteration, BodyCheckpoint, BodyKind, BodyRecord, BodyTraits, Check, Chunk, Invalid, JointRecord, Placed,
@@ -67,7 +70,7 @@ struct Changes {
 pub struct Record {
     bodies: BTreeMap<BodyId, StoredBody>,
     shapes: BTreeMap<ShapeHash, ShapeRecord>,
-    joints: BTreeMap<JointId, JointRecord>,
+    joints: Joints,
     changes: Changes,
 }
 
@@ -79,7 +82,7 @@ impl Record {
             record.insert(body);
         }
         record.learn(shapes);
-        record.joints = joints.into_iter().map(|joint| (joint.id, joint)).collect();
+        record.joints = joints.into_iter().collect();
         record
     }
 
@@ -91,7 +94,7 @@ impl Record {
     ) -> Self {
         let bodies: BTreeMap<_, _> = bodies.into_iter().map(|stored| (stored.body.id, stored)).collect();
         let is_whole = |joint: &JointRecord| bodies.contains_key(&joint.a) && bodies.contains_key(&joint.b);
-        let joints = joints.into_iter().filter(is_whole).map(|joint| (joint.id, joint)).collect();
+        let joints = joints.into_iter().filter(is_whole).collect();
         let shapes = shapes.into_iter().map(|shape| (shape.hash(), shape)).collect();
         Self { bodies, shapes, joints, changes: Changes::default() }
     }
@@ -129,7 +132,7 @@ impl Record {
             }
         }
         let is_whole = |joint: &&JointRecord| [joint.a, joint.b].iter().all(|id| new.bodies.contains_key(id));
-        new.joints = saved.joints.iter().filter(is_whole).map(|joint| (joint.id, joint.clone())).collect();
+        new.joints = saved.joints.iter().filter(is_whole).cloned().collect();
         for entry in new.bodies.values_mut() {
             match entry.body.traits.kind {
                 // Nobody owns it: it is where the nodes are.
@@ -205,15 +208,15 @@ impl Record {
     pub(super) fn remove(&mut self, id: BodyId) {
         self.changes.lives.insert(id);
         self.bodies.remove(&id);
-        let is_of = |joint: &JointRecord| joint.a == id || joint.b == id;
-        self.changes.joints.extend(self.joints.values().filter(|joint| is_of(joint)).map(|joint| joint.id));
-        self.joints.retain(|_, joint| !is_of(joint));
+        for joint in self.joints.of(id).map(|joint| joint.id).collect::<Vec<_>>() {
+            self.remove_joint(joint);
+        }
     }
 
     /// Adds a joint between bodies on record.
     pub(super) fn tie(&mut self, joint: JointRecord) {
         self.changes.joints.insert(joint.id);
-        self.joints.insert(joint.id, joint);
+        self.joints.insert(joint);
     }
 
     /// Changes what a movable body or a joint is; returns whether it is on record.
@@ -230,9 +233,10 @@ impl Record {
                 self.changes.lives.insert(body.id);
             }
             Alteration::Joint(joint) => {
-                let Some(known) = self.joints.get_mut(&joint.id) else { return false };
-                known.clone_from(joint);
-                self.changes.joints.insert(joint.id);
+                if !self.joints.contains_key(&joint.id) {
+                    return false;
+                }
+                self.tie((**joint).clone());
             }
         }
         true
@@ -241,7 +245,7 @@ impl Record {
     /// Forgets a joint; returns whether there was one.
     pub(super) fn remove_joint(&mut self, id: JointId) -> bool {
         self.changes.joints.insert(id);
-        self.joints.remove(&id).is_some()
+        self.joints.remove(id).is_some()
     }
 
     /// Returns the bodies of the world that a client has built, in id order.
@@ -259,6 +263,11 @@ impl Record {
     /// Returns a joint.
     pub(crate) fn joint(&self, id: JointId) -> Option<&JointRecord> {
         self.joints.get(&id)
+    }
+
+    /// Returns the joints of a body, in id order.
+    pub(super) fn joints_of(&self, body: BodyId) -> impl Iterator<Item = &JointRecord> {
+        self.joints.of(body)
     }
 
     /// Returns the joints, in id order.

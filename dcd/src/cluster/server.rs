@@ -13,6 +13,7 @@ mod postponed;
 mod program;
 mod questions;
 mod regroup;
+mod retold;
 mod save;
 mod status;
 mod stored;
@@ -221,6 +222,7 @@ impl Server {
             nodes: BTreeMap::new(),
             clients: BTreeMap::new(),
             allowances: BTreeMap::new(),
+            greetings: BTreeMap::new(),
             number: ViewNumber(0),
             begun: false,
             stopping: false,
@@ -518,6 +520,9 @@ impl Server {
                     self.common.send_client(client, ToClient::Rejected { body: None, reason: refusal });
                 }
                 self.turn_away(from, reason);
+            }
+            (Peer::Node(node), JoinAs::Node { .. }) if !self.common.may_greet(node) => {
+                self.turn_away(from, Refusal::TooMany.to_string());
             }
             (Peer::Node(node), JoinAs::Node { address, client, resume }) => {
                 let member = Member { node, address, client };

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::{BodyKind, BodyRecord, JointRecord, ShapeHash, ShapeRecord, encoded_len};
+use super::{BodyKind, BodyRecord, JointRecord, ShapeHash, ShapeRecord, encoded_len, most_items};
 use crate::space::{BodyId, Groups};
 
 /// New bodies that come together, with the shapes that nobody has yet.
@@ -16,6 +16,12 @@ pub(crate) struct Assembly {
 impl Assembly {
     fn len(&self) -> usize {
         encoded_len(&self.bodies) + encoded_len(&self.shapes) + encoded_len(&self.joints)
+    }
+
+    /// Returns whether it takes no more than so many bytes, and who reads it has room for it.
+    pub(crate) fn fits(&self, bytes: usize) -> bool {
+        let (bodies, joints) = (most_items::<BodyRecord>(), most_items::<JointRecord>());
+        self.len() <= bytes && self.bodies.len() <= bodies && self.joints.len() <= joints
     }
 
     fn append(&mut self, other: Self) {

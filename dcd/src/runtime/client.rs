@@ -339,7 +339,7 @@ impl ClientWorld {
         self.member.submit(ClientEvent::Despawn(avatar))
     }
 
-    /// Sends an avatar input: a velocity, and with `pose` a new place. The newest input before a tick counts.
+    /// Sends an avatar input: a velocity, and with `pose` a new place. The newest input before a tick counts, with the last jump before it.
     pub fn send_input(
         &mut self,
         avatar: BodyId,

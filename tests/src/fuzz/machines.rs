@@ -34,14 +34,20 @@ pub(super) fn directory(script: &[u8]) {
     }
 }
 
-/// Returns the key that stands for one of its kind: a server reads the ids of groups alone.
+/// Returns the key that stands for one of its kind: a server reads the ids of groups, and of what it tells nodes again.
 fn entry(event: &Event<'_>) -> Entry {
-    let key = match event.kind % 5 {
+    let (body, joint) = (BodyId::persistent(event.from.into()), JointId(event.from.into()));
+    let key = match event.kind % 10 {
         0 => Key::World,
         1 => Key::Group(GroupId(event.from.into())),
         2 => Key::Body(BodyId::default()),
         3 => Key::Shape(ShapeHash([0; 16])),
-        _ => Key::Joint(JointId(0)),
+        4 => Key::Joint(JointId(0)),
+        5 => Key::GoneJoint(joint),
+        6 => Key::GoneScenery(body),
+        7 => Key::AlteredBody(body),
+        8 => Key::AlteredJoint(joint),
+        _ => Key::WokenBody(body),
     };
     Entry { key, revision: Revision::default(), value: event.bytes.to_vec() }
 }
@@ -55,6 +61,11 @@ pub(super) fn kind_of(key: &Key) -> (u8, u8) {
         Key::Body(_) => (2, 0),
         Key::Shape(_) => (3, 0),
         Key::Joint(_) => (4, 0),
+        Key::GoneJoint(joint) => (5, joint.0 as u8),
+        Key::GoneScenery(body) => (6, body.index() as u8),
+        Key::AlteredBody(body) => (7, body.index() as u8),
+        Key::AlteredJoint(joint) => (8, joint.0 as u8),
+        Key::WokenBody(body) => (9, body.index() as u8),
     }
 }
 

@@ -22,15 +22,25 @@ pub(super) struct NewestInputs {
 #[derive(Clone, Copy, Debug)]
 struct Kept {
     input: Input,
+    /// The logical time of the input that said where it jumps.
+    jumped: u64,
     made: Duration,
     /// Says whether a leader has refused it, or one for the same avatar soon before it.
     is_refused: bool,
 }
 
 impl NewestInputs {
-    /// Keeps an input in place of the one of its kind before.
+    /// Keeps an input in place of the one of its kind before, and where that jumped if no leader has answered it.
     pub(super) fn keep(&mut self, input: Input, now: Duration) {
-        self.inputs.insert(input.slot(), Kept { input, made: now, is_refused: false });
+        let is_open = |kept: &&Kept| kept.jumped > self.applied && !kept.is_refused;
+        let before = self.inputs.get(&input.slot()).filter(|_| input.pose.is_none()).filter(is_open);
+        let kept = match before {
+            Some(&Kept { input: before, jumped, .. }) => {
+                Kept { input: input.after(&before), jumped, made: now, is_refused: false }
+            }
+            None => Kept { input, jumped: input.logical_time, made: now, is_refused: false },
+        };
+        self.inputs.insert(input.slot(), kept);
     }
 
     /// Notes that inputs up to this logical time are applied, or were replaced by later ones.
@@ -61,7 +71,12 @@ impl NewestInputs {
             let is_answered = kept.is_refused || kept.input.logical_time <= self.applied;
             !is_answered || kept.made + STILL_MEANT >= now
         };
-        let mut inputs: Vec<_> = self.inputs.values().filter(is_due).map(|kept| kept.input).collect();
+        let said = |kept: &Kept| {
+            // An older one said where it jumps, and a leader has answered that.
+            let jumps = kept.jumped == kept.input.logical_time || kept.jumped > self.applied;
+            Input { pose: kept.input.pose.filter(|_| jumps), ..kept.input }
+        };
+        let mut inputs: Vec<_> = self.inputs.values().filter(is_due).map(said).collect();
         inputs.sort_unstable_by_key(|input| input.logical_time);
         inputs
     }
@@ -102,7 +117,7 @@ impl Client {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::protocol::{Drive, Velocity};
+    use crate::protocol::{Drive, Velocity, WorldPose};
     use crate::space::{ClientId, Tick};
 
     #[test]
@@ -139,5 +154,34 @@ mod tests {
         assert_eq!((times(&newest, 9), times(&newest, 900)), (vec![4], vec![]));
         newest.forget(first);
         assert_eq!(times(&newest, 0), [1]);
+    }
+
+    #[test]
+    fn a_jump_that_nobody_may_have_heard_is_said_again_with_what_came_after_it_and_no_other() {
+        let avatar = BodyId::avatar(ClientId(1), 0);
+        let (pose, velocity) = (WorldPose::at([5.0, 0.0, 0.0]), Velocity::default());
+        let input = |logical_time, pose| Input {
+            body: avatar,
+            logical_time,
+            tick: Tick(0),
+            velocity,
+            pose,
+            drive: None,
+        };
+        let mut newest = NewestInputs::default();
+        newest.keep(input(1, Some(pose)), Duration::ZERO);
+        newest.keep(input(2, None), Duration::ZERO);
+        newest.keep(input(3, None), Duration::ZERO);
+        let again = |newest: &NewestInputs| newest.to_say_again(Duration::ZERO);
+        assert_eq!(again(&newest), [input(3, Some(pose))]);
+        // The leader has done the jump, and this one not yet.
+        newest.are_applied(1);
+        assert_eq!(again(&newest), [input(3, None)]);
+        newest.keep(input(4, None), Duration::ZERO);
+        assert_eq!(again(&newest), [input(4, None)]);
+        newest.keep(input(5, Some(pose)), Duration::ZERO);
+        newest.are_refused(avatar);
+        newest.keep(input(6, None), Duration::ZERO);
+        assert_eq!(again(&newest), [input(6, None)], "it may not jump there");
     }
 }

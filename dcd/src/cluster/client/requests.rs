@@ -26,10 +26,12 @@ impl Client {
         self.send(Peer::Server, Message::FromClient(self.id, message));
     }
 
-    /// Sends a request to the server, again until it is answered.
+    /// Sends a request to the server, again until it is answered; while the world is told over a new link, as soon as it has arrived.
     pub(super) fn want(&mut self, message: FromClient) {
         self.unanswered.push(message.clone());
-        self.ask_server(message);
+        if !self.relinked {
+            self.ask_server(message);
+        }
     }
 
     /// Forgets what was asked about an avatar, as it is in the world or gone, or was refused for this.

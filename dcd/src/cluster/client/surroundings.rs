@@ -9,6 +9,8 @@ use crate::space::BodyId;
 
 /// The time after which a body that is still unknown is asked for again.
 const ASK_AGAIN: Duration = Duration::from_millis(500);
+/// The time after which scenery is asked for again that the server would not look for.
+const LOOK_AGAIN: Duration = Duration::from_secs(1);
 
 /// What was asked of the server; nothing, where the client was told the whole world.
 #[derive(Clone, Debug)]
@@ -16,12 +18,16 @@ pub(super) struct Surroundings {
     /// The area whose scenery is known; `None`: the whole world's is.
     known: Option<Area>,
     asked: BTreeMap<BodyId, Duration>,
+    /// Whether the server was asked for scenery since the client joined; and when it is asked again.
+    has_looked: bool,
+    look_again_at: Option<Duration>,
 }
 
 impl Surroundings {
     /// Returns those of a client that joins with this interest.
     pub(super) fn of(interest: Option<Area>) -> Self {
-        Self { known: interest.map(|area| area.with_surroundings()), asked: BTreeMap::new() }
+        let known = interest.map(|area| area.with_surroundings());
+        Self { known, asked: BTreeMap::new(), has_looked: false, look_again_at: None }
     }
 
     /// Returns whether the client was told the whole world.
@@ -36,7 +42,25 @@ impl Surroundings {
             return None;
         }
         self.known = interest.map(|area| area.with_surroundings());
+        self.has_looked = true;
         Some(FromClient::Interest(self.known))
+    }
+
+    /// Notes that the server refuses something that it was asked too often; it may be this.
+    pub(super) fn refused(&mut self, now: Duration) {
+        if self.has_looked {
+            self.look_again_at.get_or_insert(now + LOOK_AGAIN);
+        }
+    }
+
+    /// Returns when scenery is asked for again.
+    pub(super) fn timeout(&self) -> Option<Duration> {
+        self.look_again_at
+    }
+
+    /// Returns what to tell the server again, if that is due: what was refused is not known.
+    pub(super) fn look_again(&mut self, now: Duration) -> Option<FromClient> {
+        self.look_again_at.take_if(|at| *at <= now).map(|_| FromClient::Interest(self.known))
     }
 
     /// Returns which of these bodies, that the client does not know, to ask the server for now.
@@ -69,6 +93,23 @@ mod tests {
         assert_eq!(surroundings.turn_to(Some(area(35.0, 20.0))), None);
         assert_eq!(surroundings.turn_to(None), Some(FromClient::Interest(None)));
         assert_eq!(surroundings.turn_to(Some(area(900.0, 20.0))), None, "all of it is known");
+    }
+
+    #[test]
+    fn scenery_that_the_server_would_not_look_for_is_asked_for_again() {
+        let at = Duration::from_millis;
+        let mut surroundings = Surroundings::of(Some(area(0.0, 20.0)));
+        surroundings.refused(at(0));
+        assert_eq!(surroundings.timeout(), None, "that was of something else");
+        for to in [Some(area(900.0, 20.0)), None] {
+            let asked = surroundings.turn_to(to);
+            assert!(asked.is_some());
+            surroundings.refused(at(100));
+            surroundings.refused(at(200));
+            assert_eq!((surroundings.timeout(), surroundings.look_again(at(1_099))), (Some(at(1_100)), None));
+            assert_eq!(surroundings.look_again(at(1_100)), asked);
+            assert_eq!((surroundings.timeout(), surroundings.look_again(at(9_999))), (None, None));
+        }
     }
 
     #[test]

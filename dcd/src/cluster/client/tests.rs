@@ -82,6 +82,33 @@ fn an_input_that_is_refused_does_not_undo_the_end_of_its_avatar() {
     }
 }
 
+#[test]
+fn what_is_asked_while_the_world_is_told_again_is_asked_once_and_where_it_is_whole() {
+    let mut client = Client::new(ClientId(1), None, None);
+    let body = sim_body(BodyId::avatar(ClientId(1), 0), [1.0; 3]);
+    let welcome = |next| {
+        let (id, next_built) = (ClientId(1), (0, 0));
+        ToClient::Welcome { id, logical_time: next, next_built, world: sim_world(2) }
+    };
+    let spawns = |client: &mut Client| {
+        let is_spawn = |output: &ClientOutput| {
+            matches!(
+                output,
+                ClientOutput::Send { message: Message::FromClient(_, FromClient::Spawn { .. }), .. }
+            )
+        };
+        std::iter::from_fn(|| client.poll_output()).filter(is_spawn).count()
+    };
+    client.handle(Duration::ZERO, ClientEvent::Connected(Peer::Server));
+    [welcome(1), ToClient::WorldEnd].into_iter().for_each(|message| tell(&mut client, message));
+    client.handle(Duration::ZERO, ClientEvent::Disconnected(Peer::Server));
+    client.handle(Duration::ZERO, ClientEvent::Connected(Peer::Server));
+    client.handle(Duration::ZERO, ClientEvent::Spawn { body, shapes: Vec::new() });
+    let before = spawns(&mut client);
+    [welcome(2), ToClient::WorldEnd].into_iter().for_each(|message| tell(&mut client, message));
+    assert_eq!((before, spawns(&mut client)), (0, 1));
+}
+
 /// Returns the interests that it sends to its leaders.
 fn said(client: &mut Client) -> Vec<(Peer, Option<Area>)> {
     let output = |output| match output {

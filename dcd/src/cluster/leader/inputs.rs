@@ -89,7 +89,7 @@ impl Inputs {
         }
         let (known, _) = self.early.entry(input.slot()).or_insert((input, now));
         if known.logical_time < input.logical_time {
-            *known = input;
+            *known = input.after(known);
         }
         Ok(())
     }
@@ -124,13 +124,14 @@ impl Inputs {
         let early = if names_tick { input.tick.0 as i64 - next.0 as i64 } else { 0 };
         let early = early.clamp(i8::MIN.into(), i8::MAX.into()) as i8;
         let (_, kind) = input.slot();
-        // What was to come after it is older.
-        let before = avatar.waiting.len();
-        avatar.waiting.retain(|&(at, of), _| of != kind || at <= tick);
-        uncount(&mut self.counts, input.body, before - avatar.waiting.len());
-        if avatar.waiting.insert((tick, kind), Taken { input, early }).is_none() {
-            *self.counts.entry(client).or_default() += 1;
-        }
+        // What was to come with it or after it is older: where that jumped, it was found that it may.
+        let older = avatar.waiting.extract_if((tick, false).., |&(_, of), _| of == kind);
+        let older: Vec<_> = older.map(|(_, taken)| taken.input).collect();
+        uncount(&mut self.counts, input.body, older.len());
+        let jump = older.iter().max_by_key(|one| (one.pose.is_some(), one.logical_time));
+        let input = jump.map_or(input, |jump| input.after(jump));
+        avatar.waiting.insert((tick, kind), Taken { input, early });
+        *self.counts.entry(client).or_default() += 1;
         Ok(())
     }
 

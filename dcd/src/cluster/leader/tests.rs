@@ -357,6 +357,10 @@ fn a_member_is_believed_of_its_own_regions_only() {
     assert_eq!(leader.report(NodeId(2), report), 2);
     let known: Vec<_> = leader.latest.keys().copied().collect();
     assert_eq!(known, [BodyId::persistent(2)]);
+    // No member is ahead of its leader: clients would count time from there, and its owner's word of the body not count any more.
+    let to_come = Report { view: ViewNumber(1), tick: Tick(1 << 40), states: vec![state(2, 2)] };
+    assert_eq!(leader.report(NodeId(2), to_come), 1);
+    assert_eq!(leader.latest[&BodyId::persistent(2)].1, Tick(1));
     let key = ContactKey { a: BodyId::persistent(3), b: AVATAR, collider_a: 0, collider_b: 0 };
     let touch = Touch { key, began: true, sensor: false, point: [0.0; 3], normal: [0.0; 3], speed: 0.0 };
     // Node 2 says so of region 1.

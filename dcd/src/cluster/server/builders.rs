@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::Server;
 use super::budget::{MAX_EXTRA_ITERATIONS, MAX_OVERLAPS, MAX_REACH_M, Size, bounds_of, margin_m};
 use super::group::Group;
-use crate::cluster::{Life, Peer, Record};
+use crate::cluster::{Key, Life, Peer, Record};
 use crate::protocol::{
     Alteration, BodyKind, BodyRecord, BodyTraits, BuildOp, ColliderRecord, Costs, Farewell, Input,
     JointRecord, Refusal, ShapeHash, ShapeRecord, ToClient, Velocity, encoded_len,
@@ -162,7 +162,7 @@ impl Server {
         };
         let is_tied = |id| {
             let holds =
-                |group: &Group| group.record.joint(id).is_some() || group.removed_joints.contains_key(&id);
+                |group: &Group| group.record.joint(id).is_some() || group.retold.contains(Key::GoneJoint(id));
             self.groups.values().any(holds)
         };
         bodies.iter().any(|body| is_held(body.id)) || joints.iter().any(|joint| is_tied(joint.id))

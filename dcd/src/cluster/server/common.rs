@@ -3,10 +3,11 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
-use super::budget::Allowance;
+use super::budget::{Account, Allowance};
 use super::vicinity::Vicinity;
 use super::{ServerConfig, ServerOutput};
 use crate::cluster::{Peer, Record};
+use crate::protocol::link::{CLIENT_IDLE_TIMEOUT, HANDSHAKE_TIMEOUT};
 use crate::protocol::{Delay, Farewell, Member, Message, ShapeHash, ToClient, ToNode, ViewNumber};
 use crate::space::{BodyId, ClientId, GroupId, NodeId};
 
@@ -14,6 +15,12 @@ use crate::space::{BodyId, ClientId, GroupId, NodeId};
 pub(super) const ABSENCE: Duration = Duration::from_secs(1);
 /// How long members are waited for after a restart of the server.
 pub(super) const RETURN: Duration = Duration::from_secs(3);
+/// How long clients are: one that says nothing finds out late that its link is gone, and calls again then.
+pub(super) const RETURN_OF_CLIENTS: Duration = CLIENT_IDLE_TIMEOUT.saturating_add(HANDSHAKE_TIMEOUT);
+
+/// How often a node may greet at once, and then each second: a link that breaks is made anew after a second at most.
+const GREETINGS: f64 = 32.0;
+const GREETINGS_PER_S: f64 = 1.0;
 
 /// A node that has joined.
 #[derive(Clone, Debug)]
@@ -78,6 +85,8 @@ pub(super) struct Common {
     pub clients: BTreeMap<ClientId, ClientEntry>,
     /// What clients have asked for, those included that are gone.
     pub allowances: BTreeMap<ClientId, Allowance>,
+    /// How often nodes have greeted, those included that are gone.
+    pub greetings: BTreeMap<NodeId, Account>,
     /// The newest view number in use, over all groups.
     pub number: ViewNumber,
     pub begun: bool,
@@ -92,6 +101,12 @@ pub(super) struct Common {
 }
 
 impl Common {
+    /// Counts that a node greets, which stops its group or costs a world. Returns whether it may.
+    pub(super) fn may_greet(&mut self, node: NodeId) -> bool {
+        let now = self.now;
+        self.greetings.entry(node).or_default().ask(now, 1.0, GREETINGS, GREETINGS_PER_S)
+    }
+
     pub(super) fn send_node(&mut self, node: NodeId, message: ToNode) {
         if self.nodes.get(&node).is_some_and(|entry| entry.linked) {
             let message = Message::ToNode(message);

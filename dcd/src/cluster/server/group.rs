@@ -13,9 +13,11 @@ use self::divisions::Divisions;
 use super::ServerOutput;
 use super::common::{Common, NodeEntry};
 use super::postponed::Postponed;
+use super::retold::Retold;
+use crate::cluster::state_replication::TELL_TICK;
 use crate::cluster::{Life, Record};
 use crate::protocol::{BodyRecord, ToClient, ToNode, ToServer, View, WorldOp};
-use crate::space::{Allocation, BodyId, DistributionTree, GroupId, JointId, NodeId, RegionId, Tick};
+use crate::space::{Allocation, BodyId, DistributionTree, GroupId, NodeId, RegionId, Tick};
 
 /// How long complaints about lost links are collected before one of those concerned has to go.
 const HEARING: Duration = Duration::from_millis(50);
@@ -38,14 +40,8 @@ pub(super) struct Group {
     /// Bodies that the leader was told to insert and that no node has spoken of yet.
     pub arriving: BTreeSet<BodyId>,
     pub postponed: Postponed,
-    /// Joints that it removed, and when a leader was last told: until that one has surely done it, the next is told, too.
-    pub removed_joints: BTreeMap<JointId, Duration>,
-    /// Bodies that it changed.
-    pub altered_bodies: BTreeSet<BodyId>,
-    /// Those that it woke thereby, kept like joints.
-    pub woken: BTreeMap<BodyId, Duration>,
-    /// Joints that it changed.
-    pub altered_joints: BTreeSet<JointId>,
+    /// What the program took away and altered.
+    pub retold: Retold,
     /// The regions that own bodies, as members told in the present view: for operators.
     pub owners: BTreeMap<BodyId, RegionId>,
     complaints: BTreeSet<Complaint>,
@@ -78,10 +74,7 @@ impl Group {
             at_last_tick: BTreeSet::new(),
             arriving: BTreeSet::new(),
             postponed: Postponed::default(),
-            removed_joints: BTreeMap::new(),
-            altered_bodies: BTreeSet::new(),
-            woken: BTreeMap::new(),
-            altered_joints: BTreeSet::new(),
+            retold: Retold::default(),
             owners: BTreeMap::new(),
             complaints: BTreeSet::new(),
             hearing: None,
@@ -245,8 +238,12 @@ impl Group {
 
     /// Takes in states of bodies in the sender's own regions; others are counted, and change nothing.
     fn hear_of_bodies(&mut self, common: &mut Common, node: NodeId, message: ToServer) {
+        // The tick of the world is its leader's to say, which says so even when nothing moves. Others may be ahead of its word, but not much.
+        let most = Tick(self.tick.0 + 2 * (TELL_TICK + common.config.world.protocol.lag_ticks()));
+        let leads = self.leads(node);
         match message {
-            ToServer::Checkpoint { tick, division, bodies, .. } => {
+            ToServer::Checkpoint { tick: said, division, bodies, .. } => {
+                let tick = if leads { said } else { said.min(most) };
                 for checkpoint in &bodies {
                     let is_own = self.divisions.computes(node, checkpoint.region, division);
                     if !is_own || !checkpoint.epoch.is_possible(common.number.0, tick) {
@@ -264,16 +261,20 @@ impl Group {
                 if self.owners.len() > 2 * self.record.len() + 64 {
                     self.owners.retain(|&id, _| self.record.life(id).is_some());
                 }
-                // The tick of the world is its leader's to say, which says so even when nothing moves.
-                if self.leads(node) {
+                if leads {
                     self.tick = self.tick.max(tick);
-                    self.forget_done(common.now);
+                    // What it was told may be lost with a link.
+                    if self.change.is_none() && !self.unsure {
+                        let ahead = common.config.world.protocol.lag_ticks() + 1;
+                        self.retold.leader_is_at(common.now, tick, ahead);
+                    }
                 }
-                if common.config.world.last_tick == Some(tick) {
+                if common.config.world.last_tick == Some(said) {
                     self.at_last_tick.insert(node);
                 }
             }
-            ToServer::Removed { tick, bodies, .. } => {
+            ToServer::Removed { tick: said, bodies, .. } => {
+                let tick = if leads { said } else { said.min(most) };
                 for body in bodies {
                     let is_own = !self.is_anothers(node, &body);
                     if is_own && body.epoch.is_possible(common.number.0, tick) {

@@ -3,12 +3,11 @@
 //! push is lost with a leader that dies before it has passed it on.
 
 use std::collections::BTreeMap;
-use std::time::Duration;
 
 use super::Server;
 use super::common::Common;
 use super::group::Group;
-use crate::cluster::Life;
+use crate::cluster::{Key, Life};
 use crate::protocol::assembly::{assemblies, gathered, take_shapes_of};
 use crate::protocol::{
     Alteration, BodyKind, BodyRecord, BuildOp, Input, JointRecord, ShapeRecord, ToClient, View, WorldOp,
@@ -18,9 +17,8 @@ use crate::space::{BodyId, Epoch};
 
 /// The most bytes of bodies that nodes are told to insert by one message.
 const INSERT_BYTES: usize = 1 << 20;
-
-/// How long after it was told a leader that goes on has surely done it.
-const SURELY_DONE: Duration = Duration::from_secs(5);
+/// The most bytes of bodies that are tied to one another, and so inserted by one operation: a tick must have room for it.
+const WHOLE_BYTES: usize = 4 << 20;
 
 impl Server {
     /// Returns the ids of the next body and the next joint that the program makes: none that was ever given.
@@ -59,7 +57,7 @@ impl Server {
                 for group in self.groups.values_mut() {
                     if group.record.remove_joint(id) {
                         self.common.send_clients(group.id, &ToClient::JointRemoved(id));
-                        group.removed_joints.insert(id, self.common.now);
+                        group.is_gone(&self.common, Key::GoneJoint(id));
                         group.apply_soon(&mut self.common, WorldOp::RemoveJoint(id));
                     }
                 }
@@ -119,15 +117,20 @@ impl Group {
         if self.view.is_none() || self.change.is_some() || self.held {
             return;
         }
-        for body in bodies.iter().filter(|body| body.traits.kind != BodyKind::Fixed) {
-            self.record.set_life(body.id, Life::Live);
-            self.arriving.insert(body.id);
-        }
         for shapes in split(new_shapes, INSERT_BYTES) {
             self.apply(common, vec![WorldOp::Insert { bodies: Vec::new(), shapes, joints: Vec::new() }]);
         }
         for part in gathered(assemblies(bodies, &[], joints), INSERT_BYTES) {
+            // More of it wait on record, and come in chunks as a view begins.
+            if !part.fits(WHOLE_BYTES) {
+                self.unsure = true;
+                continue;
+            }
             let (bodies, joints) = (part.bodies, part.joints);
+            for body in bodies.iter().filter(|body| body.traits.kind != BodyKind::Fixed) {
+                self.record.set_life(body.id, Life::Live);
+                self.arriving.insert(body.id);
+            }
             self.apply(common, vec![WorldOp::Insert { bodies, shapes: Vec::new(), joints }]);
         }
     }
@@ -143,8 +146,16 @@ impl Group {
             entry.scenery.remove(&id);
             entry.stale_scenery.insert(id);
         }
+        self.is_gone(common, Key::GoneScenery(id));
         self.apply_soon(common, WorldOp::Remove(id));
         common.announce_end(self.id, id);
+    }
+
+    /// Notes that something is gone that nodes may hold, if any compute the world.
+    fn is_gone(&mut self, common: &Common, key: Key) {
+        if self.view.is_some() {
+            self.retold.add(key, common.now);
+        }
     }
 
     fn alter(&mut self, common: &mut Common, alteration: &Alteration) {
@@ -153,13 +164,13 @@ impl Group {
         }
         match alteration {
             Alteration::Body { body, wakes, .. } => {
-                self.altered_bodies.insert(*body);
+                self.retold.keep(Key::AlteredBody(*body));
                 if *wakes {
-                    self.woken.insert(*body, common.now);
+                    self.retold.add(Key::WokenBody(*body), common.now);
                 }
             }
             Alteration::Joint(joint) => {
-                self.altered_joints.insert(joint.id);
+                self.retold.keep(Key::AlteredJoint(joint.id));
             }
         }
         common.send_clients(self.id, &ToClient::Altered(alteration.clone()));
@@ -200,44 +211,37 @@ impl Group {
     /// Tells the leader of a view that has begun what the last one had not passed on, what was to be done meanwhile, and once more which joints
     /// are gone: of that a leader that has died tells nothing.
     pub(super) fn catch_up(&mut self, common: &mut Common, undone: Vec<WorldOp>) {
-        let joints: Vec<_> = self.removed_joints.keys().copied().map(WorldOp::RemoveJoint).collect();
+        let retold = self.to_retell();
         let is_there = |id| self.record.body(id).is_some();
         let undone: Vec<_> = undone.into_iter().filter(|op| op.moves().is_some_and(is_there)).collect();
         let postponed = std::mem::take(&mut self.postponed).ops(is_there);
-        let altered = self.altered();
-        for told in self.removed_joints.values_mut().chain(self.woken.values_mut()) {
-            *told = common.now;
-        }
-        for ops in split(joints.into_iter().chain(altered).chain(undone).chain(postponed), INSERT_BYTES) {
+        self.retold.is_told(common.now);
+        for ops in split(retold.into_iter().chain(undone).chain(postponed), INSERT_BYTES) {
             self.apply(common, ops);
         }
     }
 
-    /// Forgets what the leader was told long before it said how far it is, unless what it was told may be lost with a link.
-    pub(super) fn forget_done(&mut self, now: Duration) {
-        if self.change.is_none() && !self.unsure {
-            let may_wait = |told: &mut Duration| now < *told + SURELY_DONE;
-            self.removed_joints.retain(|_, told| may_wait(told));
-            self.woken.retain(|_, told| may_wait(told));
-        }
-    }
-
-    /// Returns all that the program has changed as it is on record: no node says whether it knows.
-    fn altered(&mut self) -> Vec<WorldOp> {
+    /// Returns all that the program has taken away and altered, as it is on record.
+    fn to_retell(&mut self) -> Vec<WorldOp> {
         let record = &self.record;
-        self.altered_bodies.retain(|&id| record.body(id).is_some());
-        self.woken.retain(|&id, _| record.body(id).is_some());
-        let joints: Vec<_> =
-            record.joints().filter(|joint| self.altered_joints.contains(&joint.id)).cloned().collect();
-        self.altered_joints = joints.iter().map(|joint| joint.id).collect();
-        let body = |&body: &BodyId| {
-            let traits = record.body(body)?.traits.clone();
-            Some(Alteration::Body { body, traits, wakes: self.woken.contains_key(&body) })
+        self.retold.retain(|key| match key {
+            Key::AlteredBody(id) | Key::WokenBody(id) => record.body(id).is_some(),
+            Key::AlteredJoint(id) => record.joint(id).is_some(),
+            _ => true,
+        });
+        let op = |key| match key {
+            Key::GoneJoint(id) => Some(WorldOp::RemoveJoint(id)),
+            Key::AlteredBody(body) => {
+                let wakes = self.retold.contains(Key::WokenBody(body));
+                let traits = record.body(body)?.traits.clone();
+                Some(WorldOp::Alter(Alteration::Body { body, traits, wakes }))
+            }
+            Key::AlteredJoint(id) => {
+                Some(WorldOp::Alter(Alteration::Joint(Box::new(record.joint(id)?.clone()))))
+            }
+            // Scenery is compared as a view begins.
+            _ => None,
         };
-        let bodies = self.altered_bodies.iter().filter_map(body);
-        bodies
-            .chain(joints.into_iter().map(|joint| Alteration::Joint(Box::new(joint))))
-            .map(WorldOp::Alter)
-            .collect()
+        self.retold.keys().into_iter().filter_map(op).collect()
     }
 }

@@ -78,8 +78,9 @@ impl Group {
         let mut record = std::mem::take(&mut self.record);
         record.replace(saved, common.number);
         common.groups_changed.insert(self.id);
-        let saving = self.saving;
+        let (saving, mut retold) = (self.saving, std::mem::take(&mut self.retold));
+        retold.clear();
         *self = Self::new(self.id, record, self.tick);
-        self.saving = saving;
+        (self.saving, self.retold) = (saving, retold);
     }
 }

@@ -6,8 +6,9 @@ use std::time::Duration;
 
 use bincode::{Decode, Encode};
 
-use super::common::{ClientEntry, NodeEntry, RETURN};
+use super::common::{ClientEntry, NodeEntry, RETURN, RETURN_OF_CLIENTS};
 use super::group::Group;
+use super::retold::Retold;
 use super::{Server, ServerConfig, ServerOutput};
 use crate::cluster::directory::Entry;
 use crate::cluster::record::StoredBody;
@@ -115,6 +116,7 @@ impl Server {
         let mut world = None;
         let mut groups: BTreeMap<GroupId, StoredGroup> = BTreeMap::new();
         let (mut bodies, mut shapes, mut joints) = (Vec::new(), Vec::new(), Vec::new());
+        let mut retold = BTreeSet::new();
         for Entry { key, value, .. } in entries {
             match key {
                 Key::World => world = Some(decode_value::<StoredWorld>(&value)?),
@@ -124,6 +126,11 @@ impl Server {
                 Key::Body(_) => bodies.push(decode_value::<StoredBody>(&value)?),
                 Key::Shape(_) => shapes.push(decode_value::<ShapeRecord>(&value)?),
                 Key::Joint(_) => joints.push(decode_value::<JointRecord>(&value)?),
+                Key::GoneJoint(_)
+                | Key::GoneScenery(_)
+                | Key::AlteredBody(_)
+                | Key::AlteredJoint(_)
+                | Key::WokenBody(_) => _ = retold.insert(key),
             }
         }
         let stored: StoredWorld = world.ok_or(RestoreError::NoWorld)?;
@@ -148,7 +155,20 @@ impl Server {
             server.expect_back(id, record, tick, group.view, group.former);
         }
         let group = server.groups.entry(stored.main).or_insert_with(|| main.renamed(stored.main, tick));
+        let is_so = |key| match key {
+            Key::AlteredBody(id) | Key::WokenBody(id) => group.record.body(id).is_some(),
+            Key::AlteredJoint(id) => group.record.joint(id).is_some(),
+            // A builder may have given the name to another since.
+            Key::GoneScenery(id) => group.record.body(id).is_none(),
+            Key::GoneJoint(id) => group.record.joint(id).is_none(),
+            _ => false,
+        };
+        let retold = Retold::restored(retold, is_so);
+        let gone = |key| if let Key::GoneScenery(id) = key { Some(id) } else { None };
+        let gone: BTreeSet<_> = retold.keys().into_iter().filter_map(gone).collect();
+        server.common.nodes.values_mut().for_each(|entry| entry.stale_scenery.clone_from(&gone));
         let absent: BTreeSet<_> = group.record.lives().filter_map(|(id, _)| id.client()).collect();
+        server.groups.values_mut().for_each(|group| group.retold.clone_from(&retold));
         for client in absent.into_iter().filter(|client| !server.common.clients.contains_key(client)) {
             server.gone.push_back((server.common.config.avatar_expiry, client));
         }
@@ -187,7 +207,8 @@ impl Server {
         }
         let clients: BTreeSet<_> = record.lives().filter_map(|(id, _)| id.client()).collect();
         for client in clients {
-            let entry = ClientEntry { linked: false, absent_until: Some(RETURN), group: id, vicinity: None };
+            let absent_until = Some(RETURN_OF_CLIENTS);
+            let entry = ClientEntry { linked: false, absent_until, group: id, vicinity: None };
             self.common.clients.entry(client).or_insert(entry);
         }
         let mut group = Group::new(id, record, tick);
@@ -222,11 +243,13 @@ impl Server {
             });
             writes.push((Key::Group(id), stored));
         }
-        let record = &mut self.main_mut().record;
+        let Group { record, retold, .. } = self.main_mut();
         writes.extend(record.take_changes(false));
+        writes.extend(retold.take_writes(false));
         let durable = writes.len() > usize::from(tick_alone);
         if soft {
             writes.extend(record.take_changes(true));
+            writes.extend(retold.take_writes(true));
         }
         if !writes.is_empty() {
             self.common.outputs.insert(mark, ServerOutput::Store(Batch { writes, durable }));

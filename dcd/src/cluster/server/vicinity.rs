@@ -1,7 +1,7 @@
 //! Keeps what a client with an area of interest has been sent of the world: what is near it on joining, what comes near later, and the
 //! shapes and joints of those bodies.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::Server;
 use crate::cluster::{Life, Record};
@@ -120,18 +120,10 @@ impl Vicinity {
                 }
             }
         }
-        let is_known = |joint: &&JointRecord| {
-            (new.contains(&joint.a) || new.contains(&joint.b))
-                && self.bodies.contains(&joint.a)
-                && self.bodies.contains(&joint.b)
-        };
-        let joints: Vec<_> = match new.is_empty() {
-            true => Vec::new(),
-            false => {
-                record.joints().filter(is_known).filter(|joint| !self.joints.contains(&joint.id)).collect()
-            }
-        };
-        self.joints.extend(joints.iter().map(|joint| joint.id));
+        let is_known = |joint: &&JointRecord| [joint.a, joint.b].iter().all(|id| self.bodies.contains(id));
+        let joints = new.iter().flat_map(|id| record.joints_of(*id)).filter(is_known);
+        let joints: BTreeMap<_, _> = joints.map(|joint| (joint.id, joint)).collect();
+        let joints: Vec<_> = joints.into_values().filter(|joint| self.joints.insert(joint.id)).collect();
         (bodies, shapes, joints)
     }
 }

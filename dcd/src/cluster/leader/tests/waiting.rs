@@ -47,6 +47,36 @@ fn a_tick_takes_no_more_operations_than_who_reads_them_has_room_for() {
 }
 
 #[test]
+fn a_jump_is_not_lost_as_other_inputs_follow_it_before_a_tick_does_it() {
+    let jumps = |body, tick| Input { body, tick: Tick(tick), ..input(1, 1.0) };
+    let moves = |body, time, speed| Input { body, pose: None, ..input(time, speed) };
+    let both = |body| Input { pose: input(1, 1.0).pose, ..moves(body, 3, 3.0) };
+    let asks = |leader: &mut Leader, body, tick| {
+        for input in [jumps(body, tick), moves(body, 2, 2.0), moves(body, 3, 3.0)] {
+            assert_eq!(leader.accept_input(CLIENT, input), Ok(()));
+        }
+    };
+    // For the same tick, and for one that is to come later.
+    for tick in [0, 9] {
+        let mut leader = leader();
+        leader.dispatch(Duration::ZERO);
+        asks(&mut leader, AVATAR, tick);
+        both_done(&mut leader, 1, vec![], vec![]);
+        let ops = leader.dispatch(Duration::from_secs(1)).unwrap().ops;
+        assert_eq!(ops, [WorldOp::Input(both(AVATAR))], "{tick}");
+        both_done(&mut leader, 2, vec![], vec![]);
+        assert_eq!(taken(&mut leader), Vec::<u64>::new());
+    }
+    // The next leader is told, and has not heard of the avatar.
+    let unknown = BodyId::avatar(CLIENT, 7);
+    let mut leader = leader();
+    asks(&mut leader, unknown, 0);
+    let told = leader.into_legacy().0.into_iter().map(|(_, told)| told);
+    let told: Vec<_> = told.filter(|told| matches!(told, FromClient::Input(_))).collect();
+    assert_eq!(told, [FromClient::Input(both(unknown))]);
+}
+
+#[test]
 fn of_a_vehicle_not_heard_of_yet_what_it_does_and_where_it_is_put_both_wait() {
     let car = BodyId::avatar(CLIENT, 7);
     let jump = Input { body: car, ..input(1, 1.0) };

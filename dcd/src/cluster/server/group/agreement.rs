@@ -12,8 +12,16 @@ use crate::space::{Allocation, DistributionTree, NodeId, Tick};
 /// A tree, and which member computes each region.
 pub(super) type Division = (DistributionTree, Allocation);
 
+/// For how many ticks members may have gone on while the server heard nothing of their leader: it may have been down for months.
+const UNHEARD_TICKS: u64 = 1 << 32;
+
 /// Returns the dispatches of a view that its survivors are to complete, in order, and how many of those that were named do not count.
-pub(super) fn dispatches(view: &View, named: &BTreeMap<NodeId, Vec<Dispatch>>) -> (Vec<Dispatch>, u64) {
+/// `heard` is the tick up to which the server has heard of the world.
+pub(super) fn dispatches(
+    view: &View,
+    heard: Tick,
+    named: &BTreeMap<NodeId, Vec<Dispatch>>,
+) -> (Vec<Dispatch>, u64) {
     let led = named.get(&view.leader);
     let newest = led.map(|own| own.last().map_or(view.tick, |last| last.tick));
     let mut refused = 0;
@@ -21,11 +29,29 @@ pub(super) fn dispatches(view: &View, named: &BTreeMap<NodeId, Vec<Dispatch>>) -
     for (&node, dispatch) in named.iter().flat_map(|(node, own)| own.iter().map(move |one| (node, one))) {
         let can_be = dispatch.view == view.number
             && dispatch.tick > view.tick
-            && newest.is_none_or(|newest| dispatch.tick <= newest);
+            && dispatch.tick <= newest.unwrap_or(Tick(heard.0.saturating_add(UNHEARD_TICKS)));
         match can_be {
             true => by_tick.entry(dispatch.tick).or_default().push((node, dispatch)),
             false => refused += 1,
         }
+    }
+    // Survivors are at most so far apart that what they name follows on; without the leader that of most of them counts.
+    if led.is_none() {
+        let mut runs: Vec<BTreeMap<Tick, Vec<(NodeId, &Dispatch)>>> = Vec::new();
+        for (tick, of) in std::mem::take(&mut by_tick) {
+            match runs.last_mut() {
+                Some(run) if run.last_key_value().is_some_and(|(last, _)| last.next() == tick) => {
+                    run.insert(tick, of);
+                }
+                _ => runs.push([(tick, of)].into()),
+            }
+        }
+        let size = |run: &BTreeMap<_, Vec<(NodeId, _)>>| {
+            run.values().flatten().map(|(node, _)| *node).collect::<BTreeSet<_>>().len()
+        };
+        let all: usize = runs.iter().flat_map(BTreeMap::values).map(Vec::len).sum();
+        by_tick = runs.into_iter().rev().max_by_key(size).unwrap_or_default();
+        refused += (all - by_tick.values().map(Vec::len).sum::<usize>()) as u64;
     }
     let counts = |of: Vec<(NodeId, &Dispatch)>| match of.iter().find(|(node, _)| *node == view.leader) {
         Some((_, own)) => (*own).clone(),
@@ -127,7 +153,31 @@ mod tests {
         let forged = vec![dispatch(8, vec![remove(2), input(1)]), dispatch(9, vec![remove(3)])];
         let later = vec![dispatch(1 << 40, Vec::new())];
         let named = [(ONE, own.clone()), (TWO, forged), (THREE, later)].into();
-        assert_eq!(dispatches(&view(), &named), (own, 2));
+        assert_eq!(dispatches(&view(), Tick(7), &named), (own, 2));
+    }
+
+    #[test]
+    fn without_the_leader_one_member_does_not_say_that_ticks_have_passed_which_nobody_knows() {
+        let empty =
+            |ticks: &[u64]| -> Vec<_> { ticks.iter().map(|&tick| dispatch(tick, Vec::new())).collect() };
+        let counted = |named: &[(NodeId, Vec<Dispatch>)]| {
+            let (counted, refused) = dispatches(&view(), Tick(20), &named.iter().cloned().collect());
+            (counted.iter().map(|one| one.tick.0).collect::<Vec<_>>(), refused)
+        };
+        let liar = NodeId(4);
+        assert_eq!(counted(&[(TWO, empty(&[20])), (THREE, empty(&[1 << 20]))]), (vec![20], 1));
+        assert_eq!(counted(&[(THREE, empty(&[20, 1 << 20]))]), (vec![20], 1));
+        let honest = [(TWO, empty(&[20, 21])), (THREE, empty(&[21, 22]))];
+        for lie in [empty(&[8]), empty(&[1 << 20])] {
+            let named = [honest.clone().into(), vec![(liar, lie)]].concat();
+            assert_eq!(counted(&named), (vec![20, 21, 22], 1));
+        }
+        assert_eq!(counted(&[(THREE, empty(&[1 << 53]))]), (vec![], 1), "the world could not go on");
+        assert_eq!(
+            counted(&[(THREE, empty(&[1 << 30]))]),
+            (vec![1 << 30], 0),
+            "the server may have been away"
+        );
     }
 
     #[test]
@@ -140,7 +190,7 @@ mod tests {
         };
         let forged = vec![dispatch(8, vec![insert, remove(2)])];
         let named = [(TWO, honest(1)), (THREE, honest(2)), (NodeId(4), forged)].into();
-        let (counted, refused) = dispatches(&view(), &named);
+        let (counted, refused) = dispatches(&view(), Tick(7), &named);
         assert_eq!(counted, [dispatch(8, vec![remove(1), remove(1), input(1), input(2)])]);
         assert_eq!(refused, 0);
     }
@@ -149,7 +199,7 @@ mod tests {
     fn a_dispatch_of_another_view_or_of_a_tick_before_this_one_is_refused() {
         let other = Dispatch { view: ViewNumber(3), ..dispatch(8, Vec::new()) };
         let named = [(TWO, vec![dispatch(7, Vec::new()), other])].into();
-        assert_eq!(dispatches(&view(), &named), (Vec::new(), 2));
+        assert_eq!(dispatches(&view(), Tick(7), &named), (Vec::new(), 2));
     }
 
     #[test]

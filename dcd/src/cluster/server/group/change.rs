@@ -12,7 +12,7 @@ use crate::cluster::server::ServerOutput;
 use crate::cluster::server::common::Common;
 use crate::protocol::{
     BodyRecord, CHUNK_BYTES, Chunk, Claim, Dispatch, Member, Placed, ToNode, View, ViewNumber, WorldOp,
-    chunks, split,
+    chunks, encoded_len, split,
 };
 use crate::space::{
     Allocation, BodyId, DistributionTree, Epoch, NodeId, RegionId, Tick, allocate, balanced, reallocate,
@@ -20,13 +20,22 @@ use crate::space::{
 
 /// How long a member may keep a view change waiting before it is given up.
 const MUTE: Duration = Duration::from_secs(5);
+/// For how long it may put that off by parts of what it owes, which come slowly over some links.
+const PARTS: Duration = Duration::from_secs(20);
+/// How much longer for each body that is fetched: some 300 bytes.
+const PART: Duration = Duration::from_millis(1);
+/// The most bytes that a leader hands over of what it has not passed on.
+const UNDONE_BYTES: usize = 64 << 20;
 
 /// A view change under way. A death begins it anew with the next number.
 #[derive(Clone, Debug)]
 pub(in crate::cluster::server) struct ViewChange {
     pub number: ViewNumber,
-    /// When somebody last did what was asked.
+    /// When somebody last did what was asked, or a part of it.
     at: Duration,
+    /// When somebody last did all of it, and for how long parts may put off that the others are given up.
+    since: Duration,
+    patience: Duration,
     /// Members of the last view that live, those who are leaving included.
     survivors: BTreeSet<NodeId>,
     /// The dispatches that survivors know, as far as they have said.
@@ -35,6 +44,7 @@ pub(in crate::cluster::server) struct ViewChange {
     settled: BTreeMap<NodeId, Vec<Dispatch>>,
     /// What the server's program did to moving bodies and the last leader had not passed on when it stopped.
     undone: Vec<WorldOp>,
+    undone_bytes: usize,
     /// The last tick that the survivors complete.
     last: Tick,
     surveys: BTreeMap<NodeId, Vec<Claim>>,
@@ -64,6 +74,16 @@ struct Owner {
     region: RegionId,
 }
 
+impl ViewChange {
+    /// Notes that a member does what was asked: all of it, or a part, which lets it be heard for so long only.
+    fn hears(&mut self, now: Duration, all: bool) {
+        if all {
+            self.since = now;
+        }
+        self.at = now.min(self.since + self.patience);
+    }
+}
+
 impl Group {
     /// Begins a view change, anew if one is under way.
     pub(in crate::cluster::server) fn begin_change(&mut self, common: &mut Common) {
@@ -74,16 +94,18 @@ impl Group {
         for &node in &survivors {
             common.send_node(node, ToNode::Settle { view: number });
         }
-        // What a leader handed over that is gone by now nobody says again.
-        let leads_on = self.view.as_ref().is_some_and(|view| survivors.contains(&view.leader));
-        let undone = self.change.take().filter(|_| !leads_on).map_or_else(Vec::new, |before| before.undone);
+        // What a leader handed over counts until it has begun to say it again: it may die before.
+        let undone = self.change.take().map_or_else(Vec::new, |before| before.undone);
         self.change = Some(ViewChange {
             number,
             at: common.now,
+            since: common.now,
+            patience: PARTS,
             survivors,
             settling: BTreeMap::new(),
             settled: BTreeMap::new(),
             undone,
+            undone_bytes: 0,
             last: Tick(0),
             surveys: BTreeMap::new(),
             divisions: BTreeMap::new(),
@@ -127,14 +149,18 @@ impl Group {
             change.survivors.contains(&node) && !change.settled.contains_key(&node)
         };
         let Some(change) = self.change.as_mut().filter(owes) else { return false };
+        if leads && !change.settling.contains_key(&node) {
+            (change.undone, change.undone_bytes) = (Vec::new(), 0);
+        }
         let told = change.settling.entry(node).or_default();
         if told.len() + dispatches.len() > most {
             return false;
         }
         told.extend(dispatches);
-        change.at = common.now;
-        if leads {
-            change.undone.extend(undone.into_iter().filter(|op| op.moves().is_some()));
+        change.hears(common.now, last);
+        for op in undone.into_iter().filter(|op| leads && op.moves().is_some()) {
+            change.undone_bytes += encoded_len(&op);
+            change.undone.extend(Some(op).filter(|_| change.undone_bytes <= UNDONE_BYTES));
         }
         if last {
             change.settled.extend(change.settling.remove_entry(&node));
@@ -151,7 +177,7 @@ impl Group {
         }
         let mut dispatches = Vec::new();
         if let Some(view) = &self.view {
-            let (counted, refused) = agreement::dispatches(view, &change.settled);
+            let (counted, refused) = agreement::dispatches(view, self.tick, &change.settled);
             change.last = counted.last().map_or(view.tick, |last| last.tick);
             common.stale += refused;
             dispatches = counted;
@@ -179,7 +205,7 @@ impl Group {
     ) -> bool {
         match &mut self.change {
             Some(change) if change.survivors.contains(&node) && !change.surveys.contains_key(&node) => {
-                change.at = common.now;
+                change.hears(common.now, true);
                 // The tick of the world is not one member's to say.
                 common.stale += u64::from(tick > change.last);
                 let tick = tick.min(change.last);
@@ -246,10 +272,12 @@ impl Group {
             }
         }
         let fetching = fetch.keys().copied().collect();
+        let asked: usize = fetch.values().map(Vec::len).sum();
         for (node, bodies) in fetch {
             common.send_node(node, ToNode::Fetch { view: change.number, bodies });
         }
         if let Some(change) = &mut self.change {
+            change.patience = PARTS + PART * asked as u32;
             change.plan = Some(Plan { members, tree, allocation, owners, fetching, saves: self.saving });
         }
         self.conclude(common);
@@ -317,12 +345,12 @@ impl Group {
         bodies: Vec<BodyRecord>,
         last: bool,
     ) -> bool {
-        if let Some(change) = &mut self.change {
-            change.at = common.now;
-        }
         let number = common.number.0;
-        let plan = self.change.as_mut().and_then(|change| change.plan.as_mut());
-        let Some(plan) = plan.filter(|plan| plan.fetching.contains(&node)) else { return false };
+        let owes =
+            |change: &&mut ViewChange| change.plan.as_ref().is_some_and(|plan| plan.fetching.contains(&node));
+        let Some(change) = self.change.as_mut().filter(owes) else { return false };
+        change.hears(common.now, last);
+        let Some(plan) = &mut change.plan else { return false };
         if last {
             plan.fetching.remove(&node);
         }

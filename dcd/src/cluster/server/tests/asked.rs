@@ -1,7 +1,9 @@
 //! Tests what the server does with what clients ask for avatars, and its program for bodies.
 
 use super::*;
-use crate::protocol::{Alteration, BuildOp, Input, Push, Velocity, WorldOp, WorldPose};
+use crate::cluster::Key;
+use crate::cluster::directory::{Entry, Revision};
+use crate::protocol::{Alteration, BodyKind, BuildOp, Input, Push, Velocity, WorldOp, WorldPose};
 use crate::space::JointId;
 
 /// Returns what leaders are told to do to the world.
@@ -166,6 +168,40 @@ fn what_a_leader_handed_over_before_it_died_in_the_same_change_the_next_one_does
 }
 
 #[test]
+fn what_a_leader_handed_over_is_not_lost_as_another_node_dies_before_it() {
+    let push = |x| WorldOp::Push(Push::impulse(BodyId::persistent(0), [x, 0.0, 0.0]));
+    let bodies = vec![sim_body(BodyId::persistent(0), [1.0; 3])];
+    let mut server = Server::new(config(3), Record::new(bodies, Vec::new(), Vec::new()));
+    for node in 1..=3 {
+        hello(&mut server, node, VERSION);
+        tell(&mut server, node, Message::ToServer(ToServer::Loaded));
+    }
+    assert_eq!(server.view().map(|view| view.members.len()), Some(3));
+    let settles = |server: &mut Server, x, last| {
+        let (view, undone) = (server.common.number, vec![push(x)]);
+        let part = ToServer::Settling { view, dispatches: Vec::new(), undone, last };
+        tell(server, 1, Message::ToServer(part));
+    };
+    let dies = |server: &mut Server, node| {
+        server.handle(server.common.now, ServerEvent::Disconnected(Peer::Node(NodeId(node))));
+        std::iter::repeat_with(|| wait(server))
+            .find(|outputs| outputs.contains(&ServerOutput::Expelled(NodeId(node))))
+            .expect("it is given up")
+    };
+    server.handle(server.common.now, ServerEvent::Save);
+    settles(&mut server, 1.0, true);
+    dies(&mut server, 3);
+    let mut again = server.clone();
+    let outputs = dies(&mut server, 1);
+    assert_eq!(applied(obey(&mut server, 2, outputs)), [push(1.0)]);
+    // Where it has begun to say it again, that counts.
+    settles(&mut again, 2.0, false);
+    settles(&mut again, 3.0, true);
+    let outputs = dies(&mut again, 1);
+    assert_eq!(applied(obey(&mut again, 2, outputs)), [push(2.0), push(3.0)]);
+}
+
+#[test]
 fn what_a_leader_was_told_as_its_view_began_the_next_is_told_too_where_it_may_not_have_done_it() {
     let joint = vicinity::joint(1, 0, 1);
     let bodies = (0..3).map(|i| sim_body(BodyId::persistent(i), [f64::from(i), 1.0, 1.0])).collect();
@@ -199,10 +235,106 @@ fn what_a_leader_was_told_as_its_view_began_the_next_is_told_too_where_it_may_no
     };
     says(&mut server, 9);
     assert_eq!(again(&mut server).len(), 2, "it may not have heard it by then");
-    server.common.now += Duration::from_secs(5);
+    server.common.now += Duration::from_secs(6);
+    says(&mut server, 10);
+    assert_eq!(again(&mut server).len(), 2, "it may have waited for this tick ever since");
+    server.common.now += Duration::from_secs(6);
     says(&mut server, 600);
+    says(&mut server, 602);
     let left = again(&mut server);
     assert!(matches!(left[..], [WorldOp::Alter(Alteration::Body { wakes: false, .. })]), "{left:?}");
+}
+
+/// What a server has written down.
+type Stored = BTreeMap<Key, Option<Vec<u8>>>;
+
+/// Has a server take an event in, and write down what it wants to; returns what else it wants.
+fn handled(server: &mut Server, event: ServerEvent, stored: &mut Stored) -> Vec<ServerOutput> {
+    server.handle(NOW, event);
+    let mut said = Vec::new();
+    for output in std::iter::from_fn(|| server.poll_output()) {
+        match output {
+            ServerOutput::Store(batch) => stored.extend(batch.writes),
+            output => said.push(output),
+        }
+    }
+    said
+}
+
+fn restarted(stored: Stored) -> Server {
+    let entry = |(key, value): (Key, Option<Vec<u8>>)| {
+        Some(Entry { key, revision: Revision::default(), value: value? })
+    };
+    Server::restore(config(1), stored.into_iter().filter_map(entry).collect()).expect("it is whole")
+}
+
+#[test]
+fn a_server_that_is_started_again_waits_for_clients_that_say_nothing_until_their_links_break() {
+    let (mut server, mut stored) = (server(), Stored::new());
+    let (client, id) = (ClientId(7), BodyId::avatar(ClientId(7), 0));
+    let role = JoinAs::Node { address: ([127, 0, 0, 1], 1).into(), client: None, resume: None };
+    let spawn = FromClient::Spawn { body: sim_body(id, [1.0; 3]), shapes: Vec::new() };
+    let (node, client) = (Peer::Node(NodeId(1)), Peer::Client(client));
+    for (from, message) in [
+        (node, Message::Hello(Hello { version: VERSION, role })),
+        (node, Message::ToServer(ToServer::Loaded)),
+        (client, Message::Hello(Hello { version: VERSION, role: JoinAs::Client { interest: None } })),
+        (client, Message::FromClient(ClientId(7), spawn)),
+    ] {
+        handled(&mut server, ServerEvent::Message { from, message }, &mut stored);
+    }
+    let mut server = restarted(stored);
+    let is_there = |server: &Server| server.record().present().any(|body| body.id == id);
+    // It hears nothing of a server that is down, and calls once it takes its link for dead.
+    let mut now = NOW;
+    while now < crate::protocol::link::CLIENT_IDLE_TIMEOUT + Duration::from_secs(1) {
+        now += Duration::from_millis(250);
+        server.handle_timeout(now);
+        assert!(is_there(&server), "{now:?}");
+    }
+    (0..20).for_each(|i| server.handle_timeout(now + i * Duration::from_millis(250)));
+    assert!(!is_there(&server));
+}
+
+#[test]
+fn a_server_that_is_started_again_tells_what_nobody_may_have_heard_of() {
+    let mut wall = sim_body(BodyId::persistent(7), [1.0; 3]);
+    Arc::make_mut(&mut wall.traits).kind = BodyKind::Fixed;
+    let bodies = (0..3).map(|i| sim_body(BodyId::persistent(i), [f64::from(i), 1.0, 1.0]));
+    let bodies = bodies.chain([wall]).collect();
+    let mut joint = vicinity::joint(2, 1, 2);
+    let record = Record::new(bodies, Vec::new(), vec![vicinity::joint(1, 0, 1), joint.clone()]);
+    let mut server = Server::new(config(1), record);
+    let mut stored = BTreeMap::new();
+    let mut does = |server: &mut Server, event| handled(server, event, &mut stored);
+    let from = Peer::Node(NodeId(1));
+    let role = |resume| JoinAs::Node { address: ([127, 0, 0, 1], 1).into(), client: None, resume };
+    let greets = |resume| Message::Hello(Hello { version: VERSION, role: role(resume) });
+    does(&mut server, ServerEvent::Message { from, message: greets(None) });
+    does(&mut server, ServerEvent::Message { from, message: Message::ToServer(ToServer::Loaded) });
+    let present = server.view().expect("it has begun").number;
+    does(&mut server, ServerEvent::Save);
+    let traits = sim_body(BodyId::persistent(2), [2.0; 3]).traits;
+    let altered = Alteration::Body { body: BodyId::persistent(2), traits, wakes: true };
+    joint.frame_a.translation[0] += 1.0;
+    let stretched = Alteration::Joint(Box::new(joint));
+    let ops = vec![
+        BuildOp::RemoveJoint(JointId(1)),
+        BuildOp::Remove(BodyId::persistent(7)),
+        BuildOp::Alter(altered.clone()),
+        BuildOp::Alter(stretched.clone()),
+    ];
+    assert_eq!(applied(does(&mut server, ServerEvent::Program(ops))), [], "members are asked what they have");
+    let mut server = restarted(stored);
+    let outputs = tell(&mut server, 1, greets(Some(present)));
+    let outputs = obey(&mut server, 1, outputs);
+    let dropped = |output: &ServerOutput| match output {
+        ServerOutput::Send { message: Message::ToNode(ToNode::Adopt { drop, .. }), .. } => Some(drop.clone()),
+        _ => None,
+    };
+    assert_eq!(outputs.iter().find_map(dropped), Some(vec![BodyId::persistent(7)]));
+    let told = [WorldOp::RemoveJoint(JointId(1)), WorldOp::Alter(altered), WorldOp::Alter(stretched)];
+    assert_eq!(applied(outputs), told);
 }
 
 #[test]
@@ -265,9 +397,11 @@ fn every_leader_is_told_what_the_program_has_changed() {
     assert_eq!(altered(obey(&mut server, 1, outputs)), [(woken, 0.25, true), (other, 0.5, false)]);
     // Until it has surely woken it.
     let (view, bodies) = (server.view().expect("it goes on").number, Vec::new());
-    let said = ToServer::Checkpoint { view, tick: Tick(600), division: 0, bodies };
     server.common.now += Duration::from_secs(5);
-    tell(&mut server, 1, Message::ToServer(said));
+    for tick in [600, 602].map(Tick) {
+        let said = ToServer::Checkpoint { view, tick, division: 0, bodies: Vec::clone(&bodies) };
+        tell(&mut server, 1, Message::ToServer(said));
+    }
     server.handle(server.common.now, ServerEvent::Disconnected(Peer::Node(NodeId(1))));
     let outputs = hello(&mut server, 1, VERSION);
     assert_eq!(altered(obey(&mut server, 1, outputs)), [(woken, 0.25, false), (other, 0.5, false)]);

@@ -29,6 +29,28 @@ fn run(mut server: Server) -> Server {
     server
 }
 
+#[test]
+fn what_is_tied_and_too_long_for_a_message_comes_in_chunks() {
+    let mut server = built_in();
+    let ids = 100..40_100;
+    let bodies: Vec<_> =
+        ids.clone().map(|i| sim_body(BodyId::persistent(i), [f64::from(i), 1.0, 1.0])).collect();
+    let joints: Vec<_> = ids.clone().skip(1).map(|i| vicinity::joint(i, i - 1, i)).collect();
+    let insert = BuildOp::Insert { bodies, shapes: Vec::new(), joints };
+    server.handle(NOW, ServerEvent::Program(vec![insert]));
+    let outputs = std::iter::from_fn(|| server.poll_output()).collect();
+    let (mut placed, mut tied) = (0, 0);
+    for output in obey(&mut server, 1, outputs) {
+        let ServerOutput::Send { to: Peer::Node(_), message } = output else { continue };
+        match crate::protocol::decode(&crate::protocol::encode(&message)).expect("it can be read") {
+            Message::ToNode(ToNode::Chunk(Chunk::Placed(part))) => placed += part.len(),
+            Message::ToNode(ToNode::Chunk(Chunk::Joints(part))) => tied += part.len(),
+            _ => {}
+        }
+    }
+    assert!(placed >= ids.len() && tied == ids.len() - 1, "{placed} {tied}");
+}
+
 fn asks(
     server: &mut Server,
     from: Peer,
@@ -317,8 +339,11 @@ fn a_name_comes_again_only_once_nobody_holds_what_had_it() {
     assert_eq!(again(&mut server, 4), Some(Refusal::Exists), "nor the one after it");
     let view = server.view().expect("it runs").number;
     server.common.now += Duration::from_secs(5);
-    let said = ToServer::Checkpoint { view, tick: Tick(600), division: 0, bodies: Vec::new() };
-    tell(&mut server, 1, Message::ToServer(said));
+    for tick in [600, 602].map(Tick) {
+        assert_eq!(again(&mut server, 4), Some(Refusal::Exists));
+        let said = ToServer::Checkpoint { view, tick, division: 0, bodies: Vec::new() };
+        tell(&mut server, 1, Message::ToServer(said));
+    }
     assert_eq!(again(&mut server, 4), None);
 }
 

@@ -1,6 +1,7 @@
 //! Tests what clients and nodes cannot make a server do: each refusal is named or counted, and others go on.
 
 use super::*;
+use crate::protocol::WorldOp;
 
 #[test]
 fn a_client_that_keeps_inventing_shapes_is_refused_and_others_are_not() {
@@ -226,6 +227,92 @@ pub(super) fn server_of_two() -> (Server, ViewNumber) {
     assert_eq!(view.allocation.len(), 2);
     let number = view.number;
     (server, number)
+}
+
+/// Has a member say this every second; returns whether another one is given up before long, that keeps the others waiting.
+fn is_given_up(server: &mut Server, liar: u32, member: u32, says: &ToServer) -> bool {
+    let started = server.common.now;
+    let mut outputs = Vec::new();
+    while server.common.now < started + Duration::from_secs(60) {
+        let now = server.common.now + Duration::from_millis(250);
+        server.handle_timeout(now);
+        outputs.extend(std::iter::from_fn(|| server.poll_output()));
+        if outputs.contains(&ServerOutput::Expelled(NodeId(liar))) {
+            return true;
+        }
+        if now.subsec_millis() == 0 {
+            tell(server, member, Message::ToServer(says.clone()));
+        }
+    }
+    false
+}
+
+#[test]
+fn a_member_that_answers_without_an_end_does_not_stop_the_world() {
+    for (settles, finds) in [(true, false), (true, true), (false, false), (false, true)] {
+        let (mut server, _) = server_of_two();
+        server.main_mut().unsure = true;
+        server.finish(0);
+        while server.poll_output().is_some() {}
+        let view = server.common.number;
+        let part = |last| ToServer::Settling { view, dispatches: Vec::new(), undone: Vec::new(), last };
+        tell(&mut server, 1, Message::ToServer(part(true)));
+        let says = if settles && !finds {
+            part(false)
+        } else if settles {
+            let undone = vec![WorldOp::Remove(BodyId::persistent(0))];
+            ToServer::Settling { view, dispatches: Vec::new(), undone, last: false }
+        } else {
+            tell(&mut server, 2, Message::ToServer(part(true)));
+            for node in [1, 2] {
+                let nothing = survey(&server, view, 0, Vec::new());
+                tell(&mut server, node, Message::ToServer(nothing));
+            }
+            tell(&mut server, 1, Message::ToServer(ToServer::Found { view, bodies: Vec::new(), last: true }));
+            let body = server.record().body(BodyId::persistent(0)).unwrap().clone();
+            let bodies = if finds { vec![body] } else { Vec::new() };
+            ToServer::Found { view, bodies, last: false }
+        };
+        assert!(is_given_up(&mut server, 2, 2, &says), "{settles} {finds}");
+    }
+}
+
+#[test]
+fn a_member_that_owes_nothing_does_not_keep_another_from_being_given_up() {
+    let (mut server, _) = server_of_two();
+    server.main_mut().unsure = true;
+    server.finish(0);
+    let view = server.common.number;
+    for node in [1, 2] {
+        let part = ToServer::Settling { view, dispatches: Vec::new(), undone: Vec::new(), last: true };
+        tell(&mut server, node, Message::ToServer(part));
+    }
+    for node in [1, 2] {
+        let nothing = survey(&server, view, 0, Vec::new());
+        tell(&mut server, node, Message::ToServer(nothing));
+    }
+    tell(&mut server, 1, Message::ToServer(ToServer::Found { view, bodies: Vec::new(), last: true }));
+    let says = ToServer::Found { view, bodies: Vec::new(), last: true };
+    assert!(is_given_up(&mut server, 2, 1, &says));
+}
+
+#[test]
+fn a_member_that_greets_again_and_again_does_not_stop_the_world() {
+    let (mut server, present) = server_of_two();
+    let resume = Some(present);
+    let role = JoinAs::Node { address: ([127, 0, 0, 1], 2).into(), client: None, resume };
+    let greets =
+        |server: &mut Server| tell(server, 2, Message::Hello(Hello { version: VERSION, role: role.clone() }));
+    let sent_away = |outputs: &[ServerOutput]| {
+        outputs.iter().any(|output| matches!(output, ServerOutput::Close { peer: Peer::Node(NodeId(2)), .. }))
+    };
+    // A link that breaks once a second is made anew each time.
+    for second in 0..100 {
+        server.common.now = Duration::from_secs(second);
+        assert!(!sent_away(&greets(&mut server)));
+    }
+    assert!((0..100).any(|_| sent_away(&greets(&mut server))));
+    assert!(server.linked_nodes().eq([NodeId(1)]));
 }
 
 #[test]

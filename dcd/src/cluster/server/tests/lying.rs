@@ -2,7 +2,9 @@
 
 use super::hostile::server_of_two;
 use super::*;
-use crate::protocol::{Dispatch, WorldOp};
+use crate::cluster::Key;
+use crate::cluster::record::StoredBody;
+use crate::protocol::{Dispatch, WorldOp, decode_value};
 use crate::space::Allocation;
 
 const BODY: BodyId = BodyId::persistent(0);
@@ -106,6 +108,27 @@ fn the_tick_of_the_world_is_not_one_members_to_say() {
     find_nothing(&mut server, view);
     assert_eq!(server.view().unwrap().tick, Tick(10));
     assert_eq!(server.stale(), before + 1);
+}
+
+#[test]
+fn a_checkpoint_of_a_body_makes_no_tick_that_has_not_been() {
+    let (mut server, leader, liar) = server_and_members();
+    let (view, region) = (server.view().unwrap().number, region_of(&server, liar));
+    let body = server.record().body(BODY).unwrap().clone();
+    let own = vec![BodyCheckpoint { id: BODY, region, epoch: body.epoch, state: body.state }];
+    for (node, tick, bodies) in [(leader, 9, Vec::new()), (liar, 1 << 53, own)] {
+        let said = ToServer::Checkpoint { view, tick: Tick(tick), division: 0, bodies };
+        tell(&mut server, node, Message::ToServer(said));
+    }
+    server.handle(server.common.now, ServerEvent::Suspend);
+    let stored = std::iter::from_fn(|| server.poll_output()).find_map(|output| match output {
+        ServerOutput::Store(batch) => batch.writes.into_iter().find(|(key, _)| *key == Key::Body(BODY)),
+        _ => None,
+    });
+    let stored = stored.and_then(|(_, value)| value).expect("it moved");
+    // A server that is started again goes on from there.
+    let tick = decode_value::<StoredBody>(&stored).unwrap().tick();
+    assert!(tick > Tick(9) && tick < Tick(600), "{tick:?}");
 }
 
 #[test]

@@ -1,8 +1,9 @@
 //! Tests what a client that joins with an area of interest is told of a large world.
 
 use super::*;
+use crate::cluster::Key;
 use crate::protocol::{
-    Area, BodyKind, BodyRecord, BuildOp, JointLimit, JointMotor, JointRecord, MAX_INTRODUCED,
+    Alteration, Area, BodyKind, BodyRecord, BuildOp, JointLimit, JointMotor, JointRecord, MAX_INTRODUCED,
 };
 use crate::space::JointId;
 
@@ -237,4 +238,26 @@ fn a_client_that_searches_the_world_without_end_is_refused() {
     use crate::protocol::Check;
     let many = (0..=MAX_INTRODUCED as u32).map(BodyId::persistent).collect();
     assert!(FromClient::Introduce(many).check().is_err());
+}
+
+#[test]
+fn joints_of_a_body_are_found_and_go_with_it_whatever_became_of_others() {
+    let bodies = (0..4).map(|i| sim_body(BodyId::persistent(i), [1.0; 3])).collect();
+    let mut record = Record::new(bodies, Vec::new(), vec![joint(3, 0, 1), joint(1, 1, 2)]);
+    record.tie(joint(2, 0, 2));
+    let of = |record: &Record, body| -> Vec<_> {
+        record.joints_of(BodyId::persistent(body)).map(|joint| joint.id.0).collect()
+    };
+    assert_eq!([0, 1, 2, 3].map(|body| of(&record, body)), [vec![2, 3], vec![1, 3], vec![1, 2], vec![]]);
+    assert!(record.alter(&Alteration::Joint(Box::new(joint(3, 0, 3)))));
+    assert_eq!([1, 3].map(|body| of(&record, body)), [vec![1], vec![3]]);
+    let config = bincode::config::standard();
+    let bytes = bincode::encode_to_vec(&record, config).unwrap();
+    let (mut again, _): (Record, _) = bincode::decode_from_slice(&bytes, config).unwrap();
+    again.forget_changes();
+    again.remove(BodyId::persistent(0));
+    let written = again.take_changes(false).into_iter().map(|(key, value)| (key, value.is_some()));
+    let expected = [Key::Body(BodyId::persistent(0)), Key::Joint(JointId(2)), Key::Joint(JointId(3))];
+    assert!(written.eq(expected.map(|key| (key, false))));
+    assert_eq!([1, 2, 3].map(|body| of(&again, body)), [vec![1], vec![1], vec![]]);
 }

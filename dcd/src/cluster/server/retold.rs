@@ -1,0 +1,138 @@
+//! Keeps what the server's program, or a builder, took away or altered, and what is written down of it: no node says what it knows, so that
+//! each leader is told again, that of a restarted server too.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
+
+use crate::cluster::Key;
+use crate::space::Tick;
+
+/// How long after it was told a leader that goes on has surely heard it.
+const SURELY_HEARD: Duration = Duration::from_secs(5);
+
+/// When a leader was told, and how far it was once it had surely heard it.
+#[derive(Clone, Copy, Debug)]
+struct Told {
+    at: Duration,
+    heard_by: Option<Tick>,
+}
+
+/// What is told again, each by the key of its entry in the directory.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Retold {
+    /// Until a leader has surely done it.
+    until_done: BTreeMap<Key, Told>,
+    /// As long as it is there.
+    always: BTreeSet<Key>,
+    /// To be written down.
+    changes: BTreeSet<Key>,
+}
+
+impl Retold {
+    /// Returns what another server has written down, and is so still.
+    pub(super) fn restored(keys: BTreeSet<Key>, is_so: impl Fn(Key) -> bool) -> Self {
+        let mut retold = Self::default();
+        for key in keys {
+            match key {
+                _ if !is_so(key) => _ = retold.changes.insert(key),
+                Key::AlteredBody(_) | Key::AlteredJoint(_) => _ = retold.always.insert(key),
+                key => _ = retold.until_done.insert(key, Told { at: Duration::ZERO, heard_by: None }),
+            }
+        }
+        retold
+    }
+
+    /// Adds what was told now, and is told again until it is done.
+    pub(super) fn add(&mut self, key: Key, now: Duration) {
+        self.changes.extend(Some(key).filter(|key| !self.until_done.contains_key(key)));
+        self.until_done.insert(key, Told { at: now, heard_by: None });
+    }
+
+    /// Adds what is told again for as long as it is there.
+    pub(super) fn keep(&mut self, key: Key) {
+        self.changes.extend(Some(key).filter(|key| self.always.insert(*key)));
+    }
+
+    pub(super) fn contains(&self, key: Key) -> bool {
+        self.until_done.contains_key(&key) || self.always.contains(&key)
+    }
+
+    /// Returns all of it, in the order of its keys.
+    pub(super) fn keys(&self) -> BTreeSet<Key> {
+        self.until_done.keys().chain(&self.always).copied().collect()
+    }
+
+    /// Forgets what is not there any more.
+    pub(super) fn retain(&mut self, is_there: impl Fn(Key) -> bool) {
+        for key in self.keys().into_iter().filter(|key| !is_there(*key)) {
+            self.until_done.remove(&key);
+            self.always.remove(&key);
+            self.changes.insert(key);
+        }
+    }
+
+    /// Notes that a leader is told all of it now.
+    pub(super) fn is_told(&mut self, now: Duration) {
+        for told in self.until_done.values_mut() {
+            *told = Told { at: now, heard_by: None };
+        }
+    }
+
+    /// Takes in how far the leader is, which has opened no tick more than `ahead` beyond that. What it had surely heard before it opened a tick
+    /// that is done by now it has done: that it heard it long ago is not enough, as it may have waited for one tick ever since.
+    pub(super) fn leader_is_at(&mut self, now: Duration, tick: Tick, ahead: u64) {
+        let is_done = |told: &mut Told| {
+            now >= told.at + SURELY_HEARD && tick.0 > told.heard_by.get_or_insert(tick).0 + ahead
+        };
+        let done = self.until_done.extract_if(.., |_, told| is_done(told));
+        self.changes.extend(done.map(|(key, _)| key));
+    }
+
+    /// Forgets all of it: the world is another.
+    pub(super) fn clear(&mut self) {
+        self.retain(|_| false);
+    }
+
+    /// Notes that this is written down from now on, in place of what another group was told.
+    pub(super) fn replaces(&mut self, other: &Self) {
+        self.changes.extend(other.keys());
+        self.changes.extend(other.changes.iter().chain(&self.keys()));
+    }
+
+    /// Returns what has changed since the last call, as writes. That something is done can wait for a time that is `soft`.
+    pub(super) fn take_writes(&mut self, soft: bool) -> Vec<(Key, Option<Vec<u8>>)> {
+        let changes = std::mem::take(&mut self.changes);
+        let (now, later) = changes.into_iter().partition(|key| soft || self.contains(*key));
+        self.changes = later;
+        let now: BTreeSet<Key> = now;
+        now.into_iter().map(|key| (key, self.contains(key).then(Vec::new))).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::space::{BodyId, JointId};
+
+    #[test]
+    fn what_a_leader_did_is_forgotten_once_a_tick_is_done_that_it_opened_after_it_heard_of_it() {
+        let (gone, altered) = (Key::GoneJoint(JointId(1)), Key::AlteredBody(BodyId::persistent(1)));
+        let mut retold = Retold::default();
+        retold.add(gone, Duration::ZERO);
+        retold.keep(altered);
+        assert_eq!(retold.take_writes(false), [(gone, Some(Vec::new())), (altered, Some(Vec::new()))]);
+        let at = |retold: &mut Retold, seconds, tick| {
+            retold.leader_is_at(Duration::from_secs(seconds), Tick(tick), 1);
+            retold.contains(gone)
+        };
+        assert!(at(&mut retold, 4, 100), "it may not have heard it");
+        assert!(at(&mut retold, 60, 101), "it may have opened this tick long before it heard it");
+        assert!(at(&mut retold, 61, 102), "and this one as it did");
+        retold.is_told(Duration::from_secs(61));
+        assert!(at(&mut retold, 62, 200), "another leader");
+        assert!(at(&mut retold, 67, 201) && !at(&mut retold, 67, 203));
+        assert_eq!(retold.take_writes(false), [], "that is of no hurry");
+        assert_eq!(retold.take_writes(true), [(gone, None)]);
+        assert_eq!(retold.keys(), [altered].into());
+    }
+}

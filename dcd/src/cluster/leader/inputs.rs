@@ -125,8 +125,10 @@ impl Inputs {
         let early = early.clamp(i8::MIN.into(), i8::MAX.into()) as i8;
         let (_, kind) = input.slot();
         // What was to come with it or after it is older: where that jumped, it was found that it may.
-        let older = avatar.waiting.extract_if((tick, false).., |&(_, of), _| of == kind);
-        let older: Vec<_> = older.map(|(_, taken)| taken.input).collect();
+        let older = avatar.waiting.range((tick, false)..).map(|(&key, _)| key);
+        let older: Vec<_> = older.filter(|&(_, of)| of == kind).collect();
+        let older = older.iter().filter_map(|key| avatar.waiting.remove(key));
+        let older: Vec<_> = older.map(|taken| taken.input).collect();
         uncount(&mut self.counts, input.body, older.len());
         let jump = older.iter().max_by_key(|one| (one.pose.is_some(), one.logical_time));
         let input = jump.map_or(input, |jump| input.after(jump));

@@ -84,8 +84,10 @@ impl Retold {
         let is_done = |told: &mut Told| {
             now >= told.at + SURELY_HEARD && tick.0 > told.heard_by.get_or_insert(tick).0 + ahead
         };
-        let done = self.until_done.extract_if(.., |_, told| is_done(told));
-        self.changes.extend(done.map(|(key, _)| key));
+        let done = self.until_done.iter_mut().filter_map(|(&key, told)| is_done(told).then_some(key));
+        let done: Vec<_> = done.collect();
+        self.until_done.retain(|key, _| done.binary_search(key).is_err());
+        self.changes.extend(done);
     }
 
     /// Forgets all of it: the world is another.

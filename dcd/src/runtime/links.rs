@@ -383,6 +383,9 @@ impl Links {
                 for &peer in &peers {
                     let former = self.keys_mut().insert(peer, key);
                     if let Some(former) = former {
+                        // What waits was for the former link, of which some is lost: whoever is back is told all anew.
+                        self.waiting.remove(&peer);
+                        self.told.remove(&peer);
                         self.names.remove(&former);
                         self.net.close(former, Ending::Superseded.code(), Ending::Superseded.words());
                     }

@@ -150,6 +150,12 @@ impl Net {
         self.shared.peer(peer).map_or(0, |peer| peer.datagrams_waiting())
     }
 
+    /// Returns the bytes of frames that wait on the world's lanes.
+    #[cfg(feature = "physics")]
+    pub(crate) fn bytes_waiting(&self, peer: PeerKey) -> usize {
+        self.shared.peer(peer).map_or(0, |peer| peer.bytes_waiting())
+    }
+
     /// Returns what sends datagrams from another thread, until this is shut down.
     #[cfg(feature = "physics")]
     pub(crate) fn datagrams(&self) -> Datagrams {

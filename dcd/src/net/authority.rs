@@ -1,6 +1,6 @@
 //! Implements the server's certificate authority: mints tokens and redeems them for certificates.
 
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 use std::fs::OpenOptions;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -39,8 +39,8 @@ pub struct Authority {
     /// Where joins are recorded, if not in the folder, until the ledger is opened.
     journal: Mutex<Option<Box<dyn Journal>>>,
     ledger: Mutex<Option<Ledger>>,
-    /// Names whose certificates let nobody in any more, until a token does.
-    barred: Mutex<BTreeSet<PeerName>>,
+    /// Names whose certificates let nobody in any more, until a token does, and why.
+    barred: Mutex<BTreeMap<PeerName, String>>,
 }
 
 /// How long certificates of nodes and clients last unless [`Authority::with_certificate_life`] says otherwise.
@@ -193,15 +193,16 @@ impl Authority {
 
     /// Lets a process in by a new token only, for as long as this server runs.
     #[cfg(feature = "physics")]
-    pub(super) fn bar(&self, who: PeerName) {
-        self.barred().insert(who);
+    pub(super) fn bar(&self, who: PeerName, reason: String) {
+        self.barred().insert(who, reason);
     }
 
-    pub(super) fn is_barred(&self, who: PeerName) -> bool {
-        self.barred().contains(&who)
+    /// Returns why a process is let in by a new token only, if it is.
+    pub(super) fn barred_for(&self, who: PeerName) -> Option<String> {
+        self.barred().get(&who).cloned()
     }
 
-    fn barred(&self) -> MutexGuard<'_, BTreeSet<PeerName>> {
+    fn barred(&self) -> MutexGuard<'_, BTreeMap<PeerName, String>> {
         self.barred.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -246,7 +247,7 @@ impl Authority {
         {
             return Err(JoinRefusal::BadCertificate);
         }
-        if self.is_barred(who) {
+        if self.barred_for(who).is_some() {
             return Err(JoinRefusal::SentAway);
         }
         let certificate = self

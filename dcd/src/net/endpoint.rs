@@ -163,11 +163,11 @@ impl Net {
         Datagrams { shared: self.shared.clone(), runtime }
     }
 
-    /// Lets a process that has joined in by a new token only, from now on. Its present link goes on.
+    /// Lets a process that has joined in by a new token only, from now on; it is told why. Its present link goes on.
     #[cfg(feature = "physics")]
-    pub(crate) fn bar(&self, who: PeerName) {
+    pub(crate) fn bar(&self, who: PeerName, reason: String) {
         if let Some(authority) = &self.shared.authority {
-            authority.bar(who);
+            authority.bar(who, reason);
         }
     }
 

@@ -476,9 +476,9 @@ impl Links {
         }
     }
 
-    /// Lets a process that has joined in by a new token only, from now on.
-    pub(super) fn bar(&self, who: PeerName) {
-        self.net.bar(who);
+    /// Lets a process that has joined in by a new token only, from now on; it is told why.
+    pub(super) fn bar(&self, who: PeerName, reason: String) {
+        self.net.bar(who, reason);
     }
 
     fn send_frame(&mut self, to: Peer, lane: crate::net::Lane, bytes: Vec<u8>) {

@@ -509,11 +509,13 @@ fn is_update(event: &ClientEvent) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::net::{Authority, JoinRole, Limits, Net, NetConfig};
+    use crate::net::{Authority, JoinRole, Limits, Net, NetConfig, NetEvent, NetEvents};
     use crate::runtime::{JoinConfig, Member, MemberConfig};
 
-    #[test]
-    fn a_server_that_lives_but_never_answers_does_not_keep_a_node() {
+    const PATIENCE: Duration = Duration::from_secs(20);
+
+    /// Starts the network of a server and a process that joins it.
+    fn joined(role: JoinRole) -> (Net, NetEvents, Member, tempfile::TempDir) {
         let folder = tempfile::tempdir().unwrap();
         let authority = Arc::new(Authority::load_or_create(folder.path()).unwrap());
         let net = NetConfig {
@@ -523,12 +525,32 @@ mod tests {
             renewed_by: Vec::new(),
             limits: Limits::default(),
         };
-        let (net, _events) = Net::start(net).unwrap();
+        let (net, events) = Net::start(net).unwrap();
         let now = std::time::SystemTime::now();
-        let token = authority.issue_token(JoinRole::Node, Duration::from_secs(60), now).unwrap();
+        let token = authority.issue_token(role, Duration::from_secs(60), now).unwrap();
         let join = JoinConfig::new(net.local_addr(), token.to_string());
-        let node =
-            Member::start(MemberConfig::new(net.local_addr(), join.join(JoinRole::Node).unwrap())).unwrap();
+        let member = Member::start(MemberConfig::new(net.local_addr(), join.join(role).unwrap())).unwrap();
+        (net, events, member, folder)
+    }
+
+    #[test]
+    fn who_is_sent_away_while_its_link_is_broken_is_told_when_it_dials_again() {
+        for role in [JoinRole::Client, JoinRole::Node] {
+            let (net, events, member, _folder) = joined(role);
+            let NetEvent::Connected { peer, .. } = events.recv_timeout(PATIENCE).unwrap() else { panic!() };
+            net.bar(member.who, "it cheats".to_owned());
+            net.close(peer, Ending::TooSlow.code(), "as if it broke");
+            assert!(member.wait_over(PATIENCE), "it dials on");
+            let error = member.finish().unwrap_err();
+            let is_told =
+                matches!(&error, ProcessError::SentAway { reason, .. } if reason.contains("it cheats"));
+            assert!(is_told, "{error:?}");
+        }
+    }
+
+    #[test]
+    fn a_server_that_lives_but_never_answers_does_not_keep_a_node() {
+        let (_net, _events, node, _folder) = joined(JoinRole::Node);
         node.leave();
         assert!(node.wait_over(2 * RELEASE), "it must not wait for ever");
         let error = node.finish().unwrap_err();

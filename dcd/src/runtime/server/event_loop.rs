@@ -191,7 +191,7 @@ impl Loop {
     fn send_away(&mut self, now: Duration) {
         for (who, reason) in self.connections.take_sent_away() {
             info!(%who, reason, "sent away");
-            self.links.iter().for_each(|links| links.bar(who));
+            self.links.iter().for_each(|links| links.bar(who, reason.clone()));
             let (node, client) = (who.node(), who.client());
             self.server().handle(now, ServerEvent::SendAway { node, client, reason });
         }

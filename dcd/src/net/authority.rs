@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::fs::OpenOptions;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
@@ -41,6 +42,8 @@ pub struct Authority {
     ledger: Mutex<Option<Ledger>>,
     /// Names whose certificates let nobody in any more, until a token does, and why.
     barred: Mutex<BTreeMap<PeerName, String>>,
+    /// Whether the server has ended: its ledger is another's to open.
+    is_over: AtomicBool,
 }
 
 /// How long certificates of nodes and clients last unless [`Authority::with_certificate_life`] says otherwise.
@@ -101,6 +104,7 @@ impl Authority {
             journal: Mutex::new(None),
             ledger: Mutex::new(None),
             barred: Mutex::default(),
+            is_over: AtomicBool::new(false),
         })
     }
 
@@ -171,6 +175,14 @@ impl Authority {
     /// Opens the ledger, for one server at a time; an error says that another one has it.
     pub(crate) fn open_ledger(&self) -> Result<(), NetError> {
         self.ledger(SystemTime::now()).map(|_| ())
+    }
+
+    /// Lets go of the ledger for good, for another server: this one has ended.
+    #[cfg(feature = "physics")]
+    pub(crate) fn close_ledger(&self) {
+        let mut ledger = self.ledger.lock().unwrap_or_else(PoisonError::into_inner);
+        self.is_over.store(true, Ordering::Relaxed);
+        *ledger = None;
     }
 
     /// Returns whether a node has ever been given this name.
@@ -287,6 +299,10 @@ impl Authority {
     fn ledger(&self, now: SystemTime) -> Result<MutexGuard<'_, Option<Ledger>>, NetError> {
         let mut ledger = self.ledger.lock().unwrap_or_else(PoisonError::into_inner);
         if ledger.is_none() {
+            // Under the lock of the ledger: an answer to a late join does not open it again.
+            if self.is_over.load(Ordering::Relaxed) {
+                return Err(NetError::Joins("the server has ended; ask the one that goes on".to_owned()));
+            }
             let shared = self.journal.lock().unwrap_or_else(PoisonError::into_inner).take();
             let journal = match shared {
                 Some(journal) => journal,

@@ -55,7 +55,7 @@ pub enum WorldEnd {
 
 /// Ends the world of a data folder: by its server, which is waited for, or, where none runs, by removing what is stored in the folder.
 pub fn end_world(folder: &Path, timeout: Duration) -> Result<WorldEnd, DirectoryError> {
-    let deadline = Instant::now() + timeout;
+    let begun = Instant::now();
     let path = folder.join(REQUEST);
     let (mut asked, mut heard) = (false, false);
     loop {
@@ -74,7 +74,7 @@ pub fn end_world(folder: &Path, timeout: Duration) -> Result<WorldEnd, Directory
             }
         }
         heard |= asked && !path.exists();
-        if Instant::now() >= deadline {
+        if begun.elapsed() >= timeout {
             // Else a server that is slow would end its world when nobody expects that any more.
             heard |= std::fs::remove_file(&path).is_err();
             return Ok(if heard { WorldEnd::Underway } else { WorldEnd::Unheard });

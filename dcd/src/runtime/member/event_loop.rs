@@ -1,6 +1,7 @@
 //! Runs the loop of a process: takes in events of the network and inputs of the user, lets time pass for the state machines, and
 //! carries out what they ask for.
 
+use std::collections::VecDeque;
 use std::net::SocketAddr;
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -29,6 +30,8 @@ const RELEASE: Duration = Duration::from_secs(5);
 const AT_ONCE: usize = 16;
 /// How often the network's counters are read for the user.
 const COUNT: Duration = Duration::from_millis(100);
+/// The most events of each kind kept for a user who does not fetch them: more than there are bodies, since all may come at once.
+const EVENTS: usize = 1 << 20;
 /// Tick times kept for the summary: four hours at 60 per second.
 const TIMES: usize = 1 << 20;
 
@@ -473,9 +476,9 @@ impl Loop {
     fn client_output(&mut self, output: ClientOutput) {
         let mut state = self.shared.lock();
         match output {
-            ClientOutput::Inserted(id) => state.appeared.push(id),
-            ClientOutput::Removed(id) => state.disappeared.push(id),
-            ClientOutput::Rejected { body, reason } => state.refusals.push((body, reason)),
+            ClientOutput::Inserted(id) => keep(&mut state.appeared, id),
+            ClientOutput::Removed(id) => keep(&mut state.disappeared, id),
+            ClientOutput::Rejected { body, reason } => keep(&mut state.refusals, (body, reason)),
             ClientOutput::Joined | ClientOutput::Lost => {}
             ClientOutput::Send { to, message } => self.links.send(to, &message),
             // A participant's node dials for both.
@@ -494,6 +497,14 @@ impl Loop {
             }
         }
     }
+}
+
+/// Keeps an event for the user; the oldest go first.
+fn keep<T>(events: &mut VecDeque<T>, event: T) {
+    if events.len() == EVENTS {
+        events.pop_front();
+    }
+    events.push_back(event);
 }
 
 fn is_update(event: &ClientEvent) -> bool {
@@ -546,6 +557,13 @@ mod tests {
                 matches!(&error, ProcessError::SentAway { reason, .. } if reason.contains("it cheats"));
             assert!(is_told, "{error:?}");
         }
+    }
+
+    #[test]
+    fn of_events_that_nobody_takes_the_newest_are_kept() {
+        let mut events = VecDeque::new();
+        (0..EVENTS + 3).for_each(|event| keep(&mut events, event));
+        assert_eq!((events.len(), events.front()), (EVENTS, Some(&3)));
     }
 
     #[test]

@@ -28,8 +28,9 @@ pub struct Receiver {
     motion: Option<FreeMotion>,
     series: Option<u32>,
     bodies: BTreeMap<BodyId, Known>,
-    /// Bodies that are gone, and the newest ticks heard of then.
-    gone: VecDeque<(u64, BodyId)>,
+    /// Bodies that are gone, and the newest ticks heard of then; those of them that have come back since are not in `gone`.
+    going: VecDeque<(u64, BodyId)>,
+    gone: BTreeMap<BodyId, u64>,
     /// Datagrams that have come and are not acknowledged: the first of so many each.
     come: Vec<(u32, u32)>,
     due: Option<Duration>,
@@ -95,20 +96,25 @@ impl Receiver {
 
     /// Forgets a body that is gone, some time later: states that were sent before may be on their way.
     pub fn forget(&mut self, id: BodyId) {
-        self.gone.push_back((self.newest.map_or(0, |(_, tick)| tick), id));
+        let tick = self.newest.map_or(0, |(_, tick)| tick);
+        self.going.push_back((tick, id));
+        self.gone.insert(id, tick);
     }
 
     /// Goes on with a body that appears, perhaps again.
     pub fn remember(&mut self, id: BodyId) {
-        self.gone.retain(|(_, gone)| *gone != id);
+        self.gone.remove(&id);
     }
 
     fn sweep(&mut self, tick: Tick) {
-        while let Some(&(since, id)) = self.gone.front()
+        while let Some(&(since, id)) = self.going.front()
             && since + FORGOTTEN_TICKS < tick.0
         {
-            self.gone.pop_front();
-            self.bodies.remove(&id);
+            self.going.pop_front();
+            if self.gone.get(&id) == Some(&since) {
+                self.gone.remove(&id);
+                self.bodies.remove(&id);
+            }
         }
     }
 

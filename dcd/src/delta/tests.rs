@@ -320,6 +320,9 @@ fn bodies_that_are_gone_are_forgotten_and_those_that_come_back_are_not() {
     // It was on its way, and two are back.
     tell(&mut sender, &mut receiver, 2_001, &bodies);
     bodies[..2].iter().for_each(|body| receiver.remember(body.id));
+    // One goes once more.
+    receiver.forget(bodies[1].id);
+    receiver.remember(bodies[1].id);
     tell(&mut sender, &mut receiver, 2_700, &bodies[..1]);
     assert_eq!(receiver.costliest(99).len(), 2);
 }

@@ -1,8 +1,9 @@
 //! Implements the server's certificate authority: mints tokens and redeems them for certificates.
 
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 use std::fs::OpenOptions;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
@@ -39,8 +40,10 @@ pub struct Authority {
     /// Where joins are recorded, if not in the folder, until the ledger is opened.
     journal: Mutex<Option<Box<dyn Journal>>>,
     ledger: Mutex<Option<Ledger>>,
-    /// Names whose certificates let nobody in any more, until a token does.
-    barred: Mutex<BTreeSet<PeerName>>,
+    /// Names whose certificates let nobody in any more, until a token does, and why.
+    barred: Mutex<BTreeMap<PeerName, String>>,
+    /// Whether the server has ended: its ledger is another's to open.
+    is_over: AtomicBool,
 }
 
 /// How long certificates of nodes and clients last unless [`Authority::with_certificate_life`] says otherwise.
@@ -101,6 +104,7 @@ impl Authority {
             journal: Mutex::new(None),
             ledger: Mutex::new(None),
             barred: Mutex::default(),
+            is_over: AtomicBool::new(false),
         })
     }
 
@@ -173,6 +177,14 @@ impl Authority {
         self.ledger(SystemTime::now()).map(|_| ())
     }
 
+    /// Lets go of the ledger for good, for another server: this one has ended.
+    #[cfg(feature = "physics")]
+    pub(crate) fn close_ledger(&self) {
+        let mut ledger = self.ledger.lock().unwrap_or_else(PoisonError::into_inner);
+        self.is_over.store(true, Ordering::Relaxed);
+        *ledger = None;
+    }
+
     /// Returns whether a node has ever been given this name.
     #[cfg(feature = "physics")]
     pub(crate) fn has_named(&self, node: NodeId) -> bool {
@@ -193,15 +205,16 @@ impl Authority {
 
     /// Lets a process in by a new token only, for as long as this server runs.
     #[cfg(feature = "physics")]
-    pub(super) fn bar(&self, who: PeerName) {
-        self.barred().insert(who);
+    pub(super) fn bar(&self, who: PeerName, reason: String) {
+        self.barred().insert(who, reason);
     }
 
-    pub(super) fn is_barred(&self, who: PeerName) -> bool {
-        self.barred().contains(&who)
+    /// Returns why a process is let in by a new token only, if it is.
+    pub(super) fn barred_for(&self, who: PeerName) -> Option<String> {
+        self.barred().get(&who).cloned()
     }
 
-    fn barred(&self) -> MutexGuard<'_, BTreeSet<PeerName>> {
+    fn barred(&self) -> MutexGuard<'_, BTreeMap<PeerName, String>> {
         self.barred.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -246,7 +259,7 @@ impl Authority {
         {
             return Err(JoinRefusal::BadCertificate);
         }
-        if self.is_barred(who) {
+        if self.barred_for(who).is_some() {
             return Err(JoinRefusal::SentAway);
         }
         let certificate = self
@@ -286,6 +299,10 @@ impl Authority {
     fn ledger(&self, now: SystemTime) -> Result<MutexGuard<'_, Option<Ledger>>, NetError> {
         let mut ledger = self.ledger.lock().unwrap_or_else(PoisonError::into_inner);
         if ledger.is_none() {
+            // Under the lock of the ledger: an answer to a late join does not open it again.
+            if self.is_over.load(Ordering::Relaxed) {
+                return Err(NetError::Joins("the server has ended; ask the one that goes on".to_owned()));
+            }
             let shared = self.journal.lock().unwrap_or_else(PoisonError::into_inner).take();
             let journal = match shared {
                 Some(journal) => journal,

@@ -160,12 +160,9 @@ async fn receive(shared: Arc<Shared>, incoming: Incoming, handshake: OwnedSemaph
         }
         return;
     };
-    if shared.authority.as_ref().is_some_and(|authority| authority.is_barred(who)) {
+    if let Some(reason) = shared.authority.as_ref().and_then(|authority| authority.barred_for(who)) {
         shared.totals().handshakes_refused += 1;
-        connection.close(
-            CloseCode::REFUSED.into(),
-            b"the server sent it away: it comes back with a new token only",
-        );
+        connection.close(CloseCode::SENT_AWAY.into(), reason.as_bytes());
         return;
     }
     let Ok(slot) = shared.connection_slots.clone().try_acquire_owned() else {
@@ -173,7 +170,7 @@ async fn receive(shared: Arc<Shared>, incoming: Incoming, handshake: OwnedSemaph
         connection.close(CloseCode::REFUSED.into(), b"there is no room for more peers; try again later");
         return;
     };
-    let place = shared.unasked.enter(Some(&connection));
+    let place = shared.unasked.enter_proven(&connection);
     let greeted = tokio::time::timeout(timeout, greet(&connection)).await;
     drop(place);
     match greeted {

@@ -150,6 +150,12 @@ impl Net {
         self.shared.peer(peer).map_or(0, |peer| peer.datagrams_waiting())
     }
 
+    /// Returns the bytes of frames that wait on the world's lanes.
+    #[cfg(feature = "physics")]
+    pub(crate) fn bytes_waiting(&self, peer: PeerKey) -> usize {
+        self.shared.peer(peer).map_or(0, |peer| peer.bytes_waiting())
+    }
+
     /// Returns what sends datagrams from another thread, until this is shut down.
     #[cfg(feature = "physics")]
     pub(crate) fn datagrams(&self) -> Datagrams {
@@ -157,11 +163,11 @@ impl Net {
         Datagrams { shared: self.shared.clone(), runtime }
     }
 
-    /// Lets a process that has joined in by a new token only, from now on. Its present link goes on.
+    /// Lets a process that has joined in by a new token only, from now on; it is told why. Its present link goes on.
     #[cfg(feature = "physics")]
-    pub(crate) fn bar(&self, who: PeerName) {
+    pub(crate) fn bar(&self, who: PeerName, reason: String) {
         if let Some(authority) = &self.shared.authority {
-            authority.bar(who);
+            authority.bar(who, reason);
         }
     }
 

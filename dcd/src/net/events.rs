@@ -89,6 +89,8 @@ impl CloseCode {
     pub const VIOLATION: Self = Self(1);
     /// The peers do not fit together, or there is no room; the reason says which.
     pub const REFUSED: Self = Self(2);
+    /// The server's user sent the peer away: it is let in by a new token only.
+    pub const SENT_AWAY: Self = Self(3);
     /// The first code that this module gives no meaning to.
     pub const FIRST_FREE: u32 = 16;
 

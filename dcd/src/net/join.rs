@@ -101,6 +101,9 @@ const ADMITTED: u8 = 1;
 /// The same where the token cannot be used.
 const TOKEN_REFUSED: u8 = 2;
 
+/// No clock counts for ever, which a caller may want to wait.
+const LONGEST: Duration = Duration::from_secs(365 * 24 * 3600);
+
 /// Requests and answers are short; longer ones are cut off.
 const MESSAGE_LIMIT_BYTES: usize = 16 << 10;
 /// Identifies a request whatever its version.
@@ -206,6 +209,7 @@ pub(super) async fn exchange_here(
     request: &[u8],
     timeout: Duration,
 ) -> Result<(SocketAddr, Vec<u8>), NetError> {
+    let timeout = timeout.min(LONGEST);
     let deadline = tokio::time::Instant::now() + timeout;
     let dialled = |server| async move {
         let (endpoint, dialling) = anonymous(server, fingerprint, timeout)?;

@@ -28,7 +28,7 @@ pub(super) struct FileJournal {
     /// Length of the whole lines in the log.
     log_bytes: u64,
     log_path: PathBuf,
-    _lock: File,
+    lock: File,
 }
 
 impl FileJournal {
@@ -42,7 +42,14 @@ impl FileJournal {
         })?;
         let log_path = folder.join("joins.log");
         let log = open_private(&log_path, OpenOptions::new().create(true).append(true))?;
-        Ok(Self { log, log_bytes: 0, log_path, _lock: lock })
+        Ok(Self { log, log_bytes: 0, log_path, lock })
+    }
+}
+
+/// Released explicitly: a child process that is just being started has the open file too for a moment.
+impl Drop for FileJournal {
+    fn drop(&mut self) {
+        let _ = self.lock.unlock();
     }
 }
 

@@ -180,6 +180,12 @@ impl Peer {
         link::DATAGRAM_QUEUE_BYTES.saturating_sub(self.connection.datagram_send_buffer_space())
     }
 
+    /// Returns the bytes of frames that wait on the world's lanes.
+    #[cfg(feature = "physics")]
+    pub(super) fn bytes_waiting(&self) -> usize {
+        self.queue.bytes.load(Ordering::Relaxed)
+    }
+
     pub(super) fn stats(&self) -> PeerStats {
         let waiting = [&self.queue, &self.program_queue].map(|queue| queue.bytes.load(Ordering::Relaxed));
         self.counters.read(waiting.iter().sum(), &self.connection.stats())

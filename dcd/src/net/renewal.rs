@@ -5,7 +5,7 @@
 
 use std::net::SocketAddr;
 use std::sync::Arc;
-use std::time::{Duration, SystemTime};
+use std::time::{Duration, Instant, SystemTime};
 
 use rustls::pki_types::CertificateDer;
 
@@ -22,18 +22,24 @@ const LOOK: Duration = Duration::from_secs(10);
 const PATIENCE: Duration = Duration::from_secs(10);
 /// The share of its life after which a certificate is renewed.
 const RENEW_AFTER: f64 = 2.0 / 3.0;
+/// A certificate is renewed after so much time that has passed, whatever the clock says: by one that is behind it seems to last for long.
+const MOST: Duration = Duration::from_secs(16 * 3_600);
+/// The least time between two certificates for a process whose clock says of each new one that it has expired.
+const LEAST: Duration = Duration::from_secs(300);
+
 /// Renews the identity of a process at its server, for as long as the process runs.
 pub(super) async fn renew_in_time(shared: Arc<Shared>, mut identity: Identity, servers: Vec<SocketAddr>) {
     let left = |identity: &Identity, now| identity.expires().duration_since(now).unwrap_or_default();
-    let due_of = |identity: &Identity| due(identity.expires(), SystemTime::now());
-    let mut due = due_of(&identity);
+    let (mut begun, mut counted) = (SystemTime::now(), Instant::now());
+    // One that has expired, as it seems, is renewed at once for the first time.
+    let mut least = Duration::ZERO;
     let mut is_expiry_told = false;
     loop {
-        if SystemTime::now() >= due {
+        if is_due(identity.expires(), begun, SystemTime::now(), counted.elapsed(), least) {
             match renewed(&shared, &identity, &servers).await {
                 Ok(fresh) => {
                     identity = fresh;
-                    due = due_of(&identity);
+                    (begun, counted, least) = (SystemTime::now(), Instant::now(), LEAST);
                     is_expiry_told = false;
                     let hours = left(&identity, SystemTime::now()).as_secs() / 3600;
                     tracing::info!(who = %identity.who, hours, "the certificate is renewed");
@@ -55,10 +61,18 @@ pub(super) async fn renew_in_time(shared: Arc<Shared>, mut identity: Identity, s
     }
 }
 
-/// Returns when a certificate is due that is new now. Counted from its expiry: by a clock that is ahead, and is set right later, it is due then.
-fn due(expires: SystemTime, now: SystemTime) -> SystemTime {
-    let left = expires.duration_since(now).unwrap_or_default();
-    expires - left.mul_f64(1.0 - RENEW_AFTER)
+/// Returns whether a certificate is due that was new then by the clock, and for which so much time has passed since: a machine that
+/// sleeps does not count that, and its clock does. `least`: where the clock says that it has expired.
+fn is_due(
+    expires: SystemTime,
+    begun: SystemTime,
+    now: SystemTime,
+    passed: Duration,
+    least: Duration,
+) -> bool {
+    let left = expires.duration_since(begun).unwrap_or_default();
+    let is_late = now >= expires - left.mul_f64(1.0 - RENEW_AFTER);
+    (is_late && !left.is_zero()) || passed >= left.mul_f64(RENEW_AFTER).clamp(least, MOST)
 }
 
 /// Returns an identity with a new certificate, for a process that begins anew under the name that it had: it needs no token.
@@ -111,10 +125,19 @@ mod tests {
     #[test]
     fn a_certificate_is_due_before_it_expires_however_wrong_the_clock_is() {
         const HOUR: Duration = Duration::from_secs(3_600);
+        const SECOND: Duration = Duration::from_secs(1);
         let begins = SystemTime::UNIX_EPOCH + 100_000 * HOUR;
         let expires = begins + 24 * HOUR;
-        assert_eq!(due(expires, begins), begins + 16 * HOUR);
-        assert_eq!(due(expires, begins + 9_000 * HOUR), expires, "it is ahead");
-        assert!(due(expires, begins - 9_000 * HOUR) < expires, "it is behind");
+        let after = |begun: SystemTime, passed| is_due(expires, begun, begun + passed, passed, LEAST);
+        assert!(!after(begins, 16 * HOUR - SECOND) && after(begins, 16 * HOUR));
+        let behind = begins - 9_000 * HOUR;
+        assert!(!after(behind, 16 * HOUR - SECOND) && after(behind, 16 * HOUR));
+        let ahead = begins + 9_000 * HOUR;
+        assert!(!after(ahead, LEAST - SECOND) && after(ahead, LEAST));
+        assert!(is_due(expires, ahead, ahead, Duration::ZERO, Duration::ZERO), "at the start");
+        assert!(is_due(expires, begins, begins + 16 * HOUR, SECOND, LEAST), "the machine slept");
+        assert!(is_due(expires, behind, begins + 23 * HOUR, SECOND, LEAST), "the clock is set right");
+        // A short life is not waited out.
+        assert!(is_due(begins + 30 * SECOND, begins, begins + 20 * SECOND, 20 * SECOND, LEAST));
     }
 }

@@ -1,5 +1,6 @@
 //! Keeps who begins a handshake and does not finish it, connections that have not greeted or asked for anything yet, and those that were refused:
 //! what has waited longest gives way where there is no room for another, so that who only occupies a place does not keep others from joining.
+//! Who has proved its name gives way last.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -16,21 +17,33 @@ pub(super) struct Unasked(Mutex<Waiting>);
 #[derive(Default)]
 struct Waiting {
     next: u64,
-    places: BTreeMap<u64, (Arc<Notify>, Option<Connection>)>,
+    places: BTreeMap<Number, (Arc<Notify>, Option<Connection>)>,
 }
+
+/// Whether a name is proved, and the place in the order in which they came.
+type Number = (bool, u64);
 
 /// A connection's place among them, until it is dropped.
 pub(super) struct Place<'a> {
     of: &'a Unasked,
-    number: u64,
+    number: Number,
     gives_way: Arc<Notify>,
 }
 
 impl Unasked {
     /// Notes who begins a handshake, which has no connection yet; or a connection that may ask now, or read why it was refused.
     pub(super) fn enter(&self, connection: Option<&Connection>) -> Place<'_> {
+        self.enter_as(false, connection)
+    }
+
+    /// Notes a connection with a process that has proved its name and is to greet: its token may have been used up a moment ago.
+    pub(super) fn enter_proven(&self, connection: &Connection) -> Place<'_> {
+        self.enter_as(true, Some(connection))
+    }
+
+    fn enter_as(&self, is_proven: bool, connection: Option<&Connection>) -> Place<'_> {
         let mut waiting = self.lock();
-        let number = waiting.next;
+        let number = (is_proven, waiting.next);
         waiting.next += 1;
         let gives_way = Arc::new(Notify::new());
         waiting.places.insert(number, (gives_way.clone(), connection.cloned()));
@@ -68,5 +81,24 @@ impl Place<'_> {
 impl Drop for Place<'_> {
     fn drop(&mut self) {
         self.of.lock().places.remove(&self.number);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_has_waited_longest_gives_way_and_who_has_proved_its_name_last() {
+        let unasked = Unasked::default();
+        let places = [true, false, false].map(|is_proven| unasked.enter_as(is_proven, None));
+        let there = || {
+            places.iter().map(|place| unasked.lock().places.contains_key(&place.number)).collect::<Vec<_>>()
+        };
+        for left in [[true, false, true], [true, false, false], [false; 3]] {
+            assert!(unasked.give_way());
+            assert_eq!(there(), left);
+        }
+        assert!(!unasked.give_way());
     }
 }

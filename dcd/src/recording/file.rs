@@ -9,7 +9,7 @@ use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Write};
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::{self, Sender};
 use std::thread::JoinHandle;
 
@@ -130,10 +130,12 @@ fn read_up_to(from: &mut impl Read, count: usize) -> io::Result<Vec<u8>> {
 }
 
 /// A file that a thread of its own writes. Each [`Write::write`] is written whole; it fails when the disk has failed, or more than
-/// 64 MiB wait for it. [`Write::flush`] waits until all is written, and closes the file.
+/// 64 MiB wait for it: then nobody waits for the disk any more, and what waits is dropped. [`Write::flush`] waits until all is written,
+/// and closes the file.
 pub struct Background {
     chunks: Option<Sender<Vec<u8>>>,
     waiting: Arc<AtomicUsize>,
+    is_given_up: Arc<AtomicBool>,
     thread: Option<JoinHandle<io::Result<()>>>,
 }
 
@@ -152,19 +154,26 @@ impl Background {
 
     /// Creates a file, or empties it.
     pub fn create(path: &Path) -> io::Result<Self> {
-        let mut file = File::create(path)?;
+        Self::begin(File::create(path)?)
+    }
+
+    fn begin(mut file: impl Write + Send + 'static) -> io::Result<Self> {
         let (chunks, inbox) = mpsc::channel::<Vec<u8>>();
         let waiting = Arc::new(AtomicUsize::new(0));
-        let left = waiting.clone();
+        let is_given_up = Arc::new(AtomicBool::new(false));
+        let (left, ends) = (waiting.clone(), is_given_up.clone());
         let write = move || {
             for chunk in inbox {
+                if ends.load(Ordering::Relaxed) {
+                    break;
+                }
                 file.write_all(&chunk)?;
                 left.fetch_sub(chunk.len(), Ordering::Relaxed);
             }
             Ok(())
         };
         let thread = std::thread::Builder::new().name("dcd-record".into()).spawn(write)?;
-        Ok(Self { chunks: Some(chunks), waiting, thread: Some(thread) })
+        Ok(Self { chunks: Some(chunks), waiting, is_given_up, thread: Some(thread) })
     }
 
     fn end(&mut self) -> io::Result<()> {
@@ -178,6 +187,9 @@ impl Write for Background {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         let before = self.waiting.fetch_add(bytes.len(), Ordering::Relaxed);
         if before > WAITING {
+            // The thread may hang in the disk for as long as it likes: who is recorded does not wait for that.
+            self.is_given_up.store(true, Ordering::Relaxed);
+            (self.chunks, self.thread) = (None, None);
             return Err(io::Error::other("more than 64 MiB wait for the disk: record to a faster one"));
         }
         let gone = match &self.chunks {
@@ -198,5 +210,50 @@ impl Drop for Background {
         if let Err(error) = self.end() {
             tracing::warn!(%error, "the end of the recording is not written");
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::*;
+
+    const PATIENCE: Duration = Duration::from_secs(20);
+
+    /// A disk that takes a chunk each time that it is told to.
+    struct Slow {
+        begun: Sender<usize>,
+        told: mpsc::Receiver<()>,
+    }
+
+    impl Write for Slow {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            let _ = self.begun.send(bytes.len());
+            let _ = self.told.recv();
+            Ok(bytes.len())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn who_is_recorded_to_a_disk_that_hangs_does_not_wait_for_it() {
+        let ((begun, chunks), (tell, told)) = (mpsc::channel(), mpsc::channel());
+        let mut file = Background::begin(Slow { begun, told }).unwrap();
+        let (say, over) = mpsc::channel();
+        std::thread::spawn(move || {
+            let chunk = vec![7; 1 << 20];
+            let written = std::iter::from_fn(|| file.write(&chunk).ok()).count();
+            drop(file);
+            let _ = say.send(written);
+        });
+        let written = over.recv_timeout(PATIENCE).expect("it goes on while the disk hangs");
+        assert!((64..=66).contains(&written), "{written}");
+        tell.send(()).unwrap();
+        drop(tell);
+        assert_eq!(chunks.into_iter().count(), 1, "what waited is dropped");
     }
 }

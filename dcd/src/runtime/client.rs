@@ -93,8 +93,8 @@ impl JoinConfig {
         }
         if matches!(role, JoinRole::Node | JoinRole::Participant) {
             self.listen.map_or(Ok(()), check_address)?;
+            self.metrics.map_or(Ok(()), metrics::check)?;
         }
-        self.metrics.map_or(Ok(()), metrics::check)?;
         self.identity.as_deref().map_or(Ok(()), Identity::check_place)?;
         let former = match &self.identity {
             Some(path) if path.exists() => Some(Identity::load(path)?),
@@ -513,9 +513,9 @@ impl ClientWorld {
             touches,
             forces,
             handovers,
-            appeared: std::mem::take(&mut state.appeared),
-            disappeared: std::mem::take(&mut state.disappeared),
-            refusals: std::mem::take(&mut state.refusals),
+            appeared: std::mem::take(&mut state.appeared).into(),
+            disappeared: std::mem::take(&mut state.disappeared).into(),
+            refusals: std::mem::take(&mut state.refusals).into(),
         }
     }
 
@@ -553,5 +553,22 @@ impl ClientWorld {
     pub fn leave(self) -> Result<NodeSummary, ProcessError> {
         self.member.leave();
         self.member.finish()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn who_tells_no_metrics_needs_no_address_for_them() {
+        let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+        let metrics = taken.local_addr().ok();
+        let config = JoinConfig { metrics, ..JoinConfig::new(([127, 0, 0, 1], 1).into(), "no token") };
+        for (role, listens) in [(JoinRole::Client, false), (JoinRole::Builder, false), (JoinRole::Node, true)]
+        {
+            let refused = config.join(role).unwrap_err();
+            assert_eq!(matches!(refused, ProcessError::Metrics { .. }), listens, "{role}: {refused}");
+        }
     }
 }

@@ -57,18 +57,35 @@ fn in_etcd(address: &str, config: &ServeConfig, goes_on: GoesOn<'_>) -> Result<O
     // For people, and unlike all others.
     let number = u64::from_be_bytes(crate::net::random()?);
     let holder = format!("{} (process {}, {number:016x})", config.listen, std::process::id());
-    let mut stood_by = false;
-    let mut wait_on = |other: &str| {
-        if config.fresh {
-            return false;
+    let (mut stood_by, mut is_away, mut is_taken) = (false, false, false);
+    let mut wait_on = |wait: etcd::Wait| match wait {
+        etcd::Wait::Held(_) if config.fresh => {
+            is_taken = true;
+            false
         }
-        if !std::mem::replace(&mut stood_by, true) {
-            tracing::info!(place = address, holder = other, "standing by: another server holds the world");
+        etcd::Wait::Held(other) => {
+            if !std::mem::replace(&mut stood_by, true) {
+                tracing::info!(
+                    place = address,
+                    holder = other,
+                    "standing by: another server holds the world"
+                );
+            }
+            goes_on(&other)
         }
-        goes_on(other)
+        etcd::Wait::Away(why) => {
+            if !std::mem::replace(&mut is_away, true) {
+                tracing::warn!(
+                    place = address,
+                    holder = why,
+                    "etcd does not answer as it should; asking again"
+                );
+            }
+            goes_on(&why)
+        }
     };
     let Some(directory) = world.open(&holder, config.fresh, &mut wait_on)? else {
-        return match config.fresh {
+        return match is_taken {
             true => Err(DirectoryError::Taken { place: address.to_owned() }.into()),
             false => Ok(None),
         };

@@ -55,7 +55,7 @@ pub enum WorldEnd {
 
 /// Ends the world of a data folder: by its server, which is waited for, or, where none runs, by removing what is stored in the folder.
 pub fn end_world(folder: &Path, timeout: Duration) -> Result<WorldEnd, DirectoryError> {
-    let deadline = Instant::now() + timeout;
+    let begun = Instant::now();
     let path = folder.join(REQUEST);
     let (mut asked, mut heard) = (false, false);
     loop {
@@ -74,9 +74,9 @@ pub fn end_world(folder: &Path, timeout: Duration) -> Result<WorldEnd, Directory
             }
         }
         heard |= asked && !path.exists();
-        if Instant::now() >= deadline {
+        if begun.elapsed() >= timeout {
             // Else a server that is slow would end its world when nobody expects that any more.
-            heard |= std::fs::remove_file(&path).is_err();
+            heard |= asked && std::fs::remove_file(&path).is_err();
             return Ok(if heard { WorldEnd::Underway } else { WorldEnd::Unheard });
         }
         // Once more if it is taken: a server that was just starting takes it for one to the server before.
@@ -103,4 +103,21 @@ fn remove(folder: &Path) -> Result<bool, DirectoryError> {
     let writes = entries.into_iter().map(|entry| (entry.key, None)).collect();
     directory.commit(&Batch { writes, durable: true }, &[])?;
     Ok(is_stored)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wait_of_no_time_or_for_ever_is_one_too() {
+        let folder = tempfile::tempdir().unwrap();
+        assert_eq!(end_world(folder.path(), Duration::MAX).unwrap(), WorldEnd::Nothing);
+        let _served = RedbDirectory::open(folder.path()).unwrap();
+        assert_eq!(
+            end_world(folder.path(), Duration::ZERO).unwrap(),
+            WorldEnd::Unheard,
+            "it was never asked"
+        );
+    }
 }

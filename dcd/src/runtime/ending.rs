@@ -48,7 +48,11 @@ impl Ending {
 
     /// Returns the close code that is sent to the other end.
     pub(super) fn code(self) -> CloseCode {
-        CloseCode(CloseCode::FIRST_FREE + self as u32)
+        match self {
+            // The network says so as well, to who calls again.
+            Self::SentAway => CloseCode::SENT_AWAY,
+            _ => CloseCode(CloseCode::FIRST_FREE + self as u32),
+        }
     }
 
     /// Returns the ending that a close code stands for, if it is one of these.

@@ -103,6 +103,8 @@ struct Waiting {
     bytes: usize,
     /// When something was last taken in, or began to wait for a link that is up.
     since: Option<Instant>,
+    /// Bytes that the link had still to take in of what it was given, when that was last looked at: a frame may be a shape of 15.5 MiB.
+    on_link: usize,
 }
 
 impl Links {
@@ -258,8 +260,10 @@ impl Links {
                 self.forget_told(peer);
                 continue;
             }
-            let since = waiting.since.filter(|_| waiting.frames.len() == before).unwrap_or(now);
-            waiting.since = Some(since);
+            let on_link = self.net.bytes_waiting(key);
+            let is_stuck = waiting.frames.len() == before && on_link >= waiting.on_link;
+            let since = waiting.since.filter(|_| is_stuck).unwrap_or(now);
+            (waiting.since, waiting.on_link) = (Some(since), on_link);
             self.waiting.insert(peer, waiting);
             left = true;
             if now.saturating_duration_since(since) >= STUCK {
@@ -383,6 +387,9 @@ impl Links {
                 for &peer in &peers {
                     let former = self.keys_mut().insert(peer, key);
                     if let Some(former) = former {
+                        // What waits was for the former link, of which some is lost: whoever is back is told all anew.
+                        self.waiting.remove(&peer);
+                        self.told.remove(&peer);
                         self.names.remove(&former);
                         self.net.close(former, Ending::Superseded.code(), Ending::Superseded.words());
                     }
@@ -469,9 +476,9 @@ impl Links {
         }
     }
 
-    /// Lets a process that has joined in by a new token only, from now on.
-    pub(super) fn bar(&self, who: PeerName) {
-        self.net.bar(who);
+    /// Lets a process that has joined in by a new token only, from now on; it is told why.
+    pub(super) fn bar(&self, who: PeerName, reason: String) {
+        self.net.bar(who, reason);
     }
 
     fn send_frame(&mut self, to: Peer, lane: crate::net::Lane, bytes: Vec<u8>) {

@@ -4,6 +4,7 @@
 mod event_loop;
 mod recorded_node;
 
+use std::collections::VecDeque;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
@@ -146,9 +147,9 @@ pub(super) struct Shared {
 
 pub(super) struct State {
     pub client: Option<Client>,
-    pub refusals: Vec<(Option<BodyId>, Refusal)>,
-    pub appeared: Vec<BodyId>,
-    pub disappeared: Vec<BodyId>,
+    pub refusals: VecDeque<(Option<BodyId>, Refusal)>,
+    pub appeared: VecDeque<BodyId>,
+    pub disappeared: VecDeque<BodyId>,
     pub updates: u64,
     pub traffic: PeerStats,
     pub received: Received,
@@ -229,9 +230,9 @@ impl Member {
         let summary = NodeSummary { node: who.node().unwrap_or_default(), ..NodeSummary::default() };
         let state = State {
             client,
-            refusals: Vec::new(),
-            appeared: Vec::new(),
-            disappeared: Vec::new(),
+            refusals: VecDeque::new(),
+            appeared: VecDeque::new(),
+            disappeared: VecDeque::new(),
             updates: 0,
             traffic: PeerStats::default(),
             received: Received::default(),
@@ -302,6 +303,11 @@ impl Member {
     /// Returns a summary of what the node did so far.
     pub fn summary(&self) -> NodeSummary {
         self.shared.lock().summary.clone()
+    }
+
+    /// Reads the summary of what the node did so far, without a copy of it: some megabytes after hours.
+    pub(crate) fn read_summary<R>(&self, read: impl FnOnce(&NodeSummary) -> R) -> R {
+        read(&self.shared.lock().summary)
     }
 
     /// Returns the last tick completed by the node.

@@ -234,6 +234,7 @@ impl ServerProcess {
             links: Some(Links::new(net, connections.clone())),
             connections: connections.clone(),
             directory,
+            authority: authority.clone(),
             folder_lock,
             end_requests: EndRequests::of(&config.data),
             stored,
@@ -498,8 +499,9 @@ fn spawn(running: Loop, inputs: mpsc::Receiver<Input>) -> Result<JoinHandle<()>,
     let run = move || {
         let _log = error_span!("process", role = "server").entered();
         let (shared, connections) = (running.shared.clone(), running.connections.clone());
-        let metrics = running.metrics.clone();
+        let (metrics, authority) = (running.metrics.clone(), running.authority.clone());
         if catch_unwind(AssertUnwindSafe(|| running.run(&inputs))).is_err() {
+            authority.close_ledger();
             let mut state = shared.lock();
             (state.failure, state.over) = (Some(ProcessError::Fault), true);
             drop(state);
@@ -515,4 +517,24 @@ fn spawn(running: Loop, inputs: mpsc::Receiver<Input>) -> Result<JoinHandle<()>,
 fn forget(directory: &mut dyn Directory, entries: &[Entry]) -> Result<(), DirectoryError> {
     let writes = entries.iter().map(|entry| (entry.key, None)).collect();
     directory.commit(&Batch { writes, durable: true }, &[]).map(|_| ())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::runtime::WorldConfig;
+
+    #[test]
+    fn a_server_that_has_stopped_leaves_its_folder_to_the_next() {
+        let folder = tempfile::tempdir().unwrap();
+        let world = LocalWorld::new(WorldConfig::default()).unwrap();
+        let start = || ServerProcess::start(Origin::World(&world), ServeConfig::new(folder.path()));
+        let former = start().unwrap();
+        former.suspend();
+        // Its handle is still there.
+        drop(start().unwrap());
+        assert!(!former.authority.has_named(NodeId(1)));
+        drop(start().unwrap());
+        drop(former);
+    }
 }

@@ -20,7 +20,7 @@ impl StatusLink {
     /// Connects with a client's token, and waits for the link no longer than the configuration says. The process plays no part in the
     /// world: it is told of no body.
     pub fn connect(config: &JoinConfig) -> Result<Self, ProcessError> {
-        let until = Instant::now() + config.timeout;
+        let begun = Instant::now();
         let identity = config.join(JoinRole::Client)?;
         let net = NetConfig {
             listen: SocketAddr::new(interface_towards(&config.servers()), 0),
@@ -33,17 +33,17 @@ impl StatusLink {
         let link = net.connect_to_one_of(&config.servers(), PeerName::Server);
         let status = Self { net, events, server: config.server, link };
         let is_up = |event| matches!(event, NetEvent::Connected { .. }).then_some(());
-        status.wait(until, config.timeout, is_up)?;
+        status.wait(begun, config.timeout, is_up)?;
         Ok(status)
     }
 
     /// Asks, and waits for the answer. A server answers ten times per second at most.
     pub fn ask(&self, timeout: Duration) -> Result<Status, ProcessError> {
-        let until = Instant::now() + timeout;
+        let begun = Instant::now();
         let gone = |reason: String| ProcessError::ServerGone { server: self.server, reason };
         let question = protocol::encode(&Message::AskStatus);
         self.net.send(self.link, Lane::Admin, &question).map_err(|error| gone(error.to_string()))?;
-        self.wait(until, timeout, |event| match event {
+        self.wait(begun, timeout, |event| match event {
             NetEvent::Frame { bytes, .. } => match protocol::decode(&bytes) {
                 Ok(Message::Status(status)) => Some(Ok(status)),
                 Ok(_) => None,
@@ -56,13 +56,13 @@ impl StatusLink {
 
     fn wait<T>(
         &self,
-        until: Instant,
-        waited: Duration,
+        begun: Instant,
+        timeout: Duration,
         take: impl Fn(NetEvent) -> Option<T>,
     ) -> Result<T, ProcessError> {
         let server = self.server;
         loop {
-            let left = until.saturating_duration_since(Instant::now());
+            let left = timeout.saturating_sub(begun.elapsed());
             match self.events.recv_timeout(left) {
                 Ok(NetEvent::ConnectFailed { error, .. }) => return Err(error.into()),
                 Ok(NetEvent::Closed { reason, .. }) => {
@@ -73,7 +73,7 @@ impl StatusLink {
                         return Ok(taken);
                     }
                 }
-                Err(_) => return Err(ProcessError::NoStatus { server, waited }),
+                Err(_) => return Err(ProcessError::NoStatus { server, waited: timeout }),
             }
         }
     }

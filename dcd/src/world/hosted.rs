@@ -466,7 +466,7 @@ impl Remote for Hosted {
     fn region_count(&self) -> usize {
         match &self.process {
             Process::Server(server) => server.summary().regions,
-            Process::Node(node) => node.summary().regions,
+            Process::Node(node) => node.read_summary(|summary| summary.regions),
         }
     }
 
@@ -476,16 +476,13 @@ impl Remote for Hosted {
                 let summary = server.summary();
                 Stats { ticks: summary.tick.0, bodies: summary.bodies, ..Stats::default() }
             }
-            Process::Node(node) => {
-                let summary = node.summary();
-                Stats {
-                    ticks: summary.tick.0,
-                    bodies: summary.bodies as usize,
-                    transfers: summary.transfers,
-                    last_step: Duration::from_micros(summary.last_us.into()),
-                    ..Stats::default()
-                }
-            }
+            Process::Node(node) => node.read_summary(|summary| Stats {
+                ticks: summary.tick.0,
+                bodies: summary.bodies as usize,
+                transfers: summary.transfers,
+                last_step: Duration::from_micros(summary.last_us.into()),
+                ..Stats::default()
+            }),
         }
     }
 

@@ -44,7 +44,7 @@ impl Node {
         if self.busy || self.view.is_none() || is_over || !audience {
             return None;
         }
-        Some(self.speculation.running.map_or(self.since + self.config.patience, |(_, at)| at))
+        Some(self.speculation.running.map_or(self.since.saturating_add(self.config.patience), |(_, at)| at))
     }
 
     /// Computes a speculative tick if it is due.

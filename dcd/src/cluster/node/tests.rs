@@ -184,6 +184,15 @@ fn guesses_are_told_as_often_as_ticks_that_count() {
 }
 
 #[test]
+fn who_has_patience_for_ever_never_guesses() {
+    let mut node = member_with(Some(ClientId(1)), 3, sim_world(2));
+    (node.config.patience, node.since) = (Duration::MAX, Duration::from_secs(1));
+    node.handle_timeout(Duration::from_secs(1_000));
+    let guesses = |output: &NodeOutput| matches!(output, NodeOutput::Physics(PhysicsCommand::Speculate(_)));
+    assert!(!drain(&mut node).iter().any(guesses));
+}
+
+#[test]
 fn only_the_leader_dispatches_and_nothing_starts_while_the_view_changes() {
     let mut node = member();
     border(&mut node, 1, 0, vec![]);

@@ -178,15 +178,17 @@ fn who_was_sent_away_comes_back_by_a_new_token_alone() {
     let again = || Process::start(Identity::load(&path).unwrap(), None, Limits::default());
     again().connect_to(&server.process);
     server.process.closed();
-    server.process.net.bar(identity.who());
+    server.process.net.bar(identity.who(), "it cheats".to_owned());
     let process = again();
     process.net.connect(server.addr(), PeerName::Server);
     let NetEvent::ConnectFailed { error, .. } = process.next() else { panic!("it is let in") };
-    assert!(error.to_string().contains("new token"), "{error}");
+    let is_told = matches!(&error, NetError::Refused { code: CloseCode::SENT_AWAY, reason, .. } if reason == "it cheats");
+    assert!(is_told, "{error:?}");
     let refused = refusal(renew(&[server.addr()], &identity, PATIENCE));
     assert!(refused.contains("new token"), "{refused}");
     let token = server.token(JoinRole::Participant);
-    let back = join(&[server.addr()], &token, identity.resume(), PATIENCE).unwrap();
+    let for_ever = Duration::MAX;
+    let back = join(&[server.addr()], &token, identity.resume(), for_ever).unwrap();
     assert_eq!(back.who(), identity.who());
     Process::start(back, None, Limits::default()).connect_to(&server.process);
 }

@@ -34,6 +34,7 @@ use crate::cluster::directory::{Batch, Condition, Directory, DirectoryError, Ent
 
 pub(super) use self::address::WRITTEN;
 pub(super) use self::journal::EtcdJournal;
+pub(super) use self::lease::Wait;
 
 /// Format of head and segments. A world of another format is refused.
 const FORMAT: u64 = 1;
@@ -96,14 +97,14 @@ impl EtcdWorld {
         })
     }
 
-    /// Waits until no other server holds the world, and opens it. `holder` says who asks, unlike all others. While another holds it, `goes_on`
-    /// is told who, again and again, and says whether to wait on; if not, `None` is returned. `fresh`: what is stored may be damaged,
+    /// Waits until no other server holds the world, and opens it. `holder` says who asks, unlike all others. Meanwhile `goes_on` is told
+    /// why it waits, again and again, and says whether to wait on; if not, `None` is returned. `fresh`: what is stored may be damaged,
     /// and is removed then.
     pub(super) fn open(
         self,
         holder: &str,
         fresh: bool,
-        goes_on: &mut dyn FnMut(&str) -> bool,
+        goes_on: &mut dyn FnMut(Wait) -> bool,
     ) -> Result<Option<EtcdDirectory>, DirectoryError> {
         let mut keys = self.keys;
         let before = keys.read("head")?;

@@ -266,6 +266,57 @@ fn who_takes_in_nothing_for_long_is_given_up_however_little_waits() {
 }
 
 #[test]
+fn who_reads_one_long_frame_for_long_is_not_given_up() {
+    let mut pair = Pair::new(crate::net::JoinRole::Client);
+    // The former one takes no long frames.
+    let former = pair.start_other();
+    pair.other.connect(pair.links.net.local_addr(), PeerName::Server);
+    pair.hear();
+    drop(former);
+    let key = pair.links.key(pair.peer).unwrap();
+    pair.tell_world(0);
+    pair.read_all();
+    let bodies = (0..40_000).map(|id| sim_body(BodyId::persistent(id), [0.0; 3])).collect();
+    pair.tell_world(0);
+    pair.tell(ToClient::Chunk(Chunk::Bodies(bodies)));
+    pair.tell(ToClient::WorldEnd);
+    assert!(pair.waiting_bytes() > 0, "it waits behind a frame of 12 MB");
+    let mut now = Instant::now();
+    pair.links.flush(now);
+    let mut looks = 0;
+    while pair.waiting_bytes() > 0 {
+        let left = pair.links.net.bytes_waiting(key);
+        while left > 0 && pair.links.net.bytes_waiting(key) == left {
+            std::thread::yield_now();
+        }
+        now += STUCK * 2 / 3;
+        pair.links.flush(now);
+        assert_eq!(pair.given_up(), [], "after {looks} looks");
+        looks += 1;
+    }
+    pair.read_all();
+}
+
+#[test]
+fn what_waited_for_a_link_is_not_told_over_the_next_one() {
+    let mut pair = Pair::new(crate::net::JoinRole::Client);
+    pair.tell_world(30);
+    assert!(pair.waiting_bytes() > 1 << 20, "{}", pair.waiting_bytes());
+    // It is started again before its former link is found dead.
+    let former = pair.start_other();
+    pair.other.connect(pair.links.net.local_addr(), PeerName::Server);
+    pair.hear();
+    assert_eq!((pair.waiting_bytes(), pair.links.told.len()), (0, 0));
+    pair.tell_world(1);
+    let first = std::iter::from_fn(|| pair.other_events.recv_timeout(PATIENCE).ok()).find_map(|event| {
+        let NetEvent::Frame { bytes, .. } = event else { return None };
+        Some(protocol::decode(&bytes).unwrap())
+    });
+    assert!(matches!(first, Some(Message::ToClient(_, ToClient::Welcome { .. }))), "{first:?}");
+    drop(former);
+}
+
+#[test]
 fn a_connection_is_lost_and_back_under_its_name_until_its_process_goes() {
     let mut pair = Pair::new(crate::net::JoinRole::Participant);
     let connections = pair.links.connections.clone();

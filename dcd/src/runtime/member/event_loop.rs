@@ -1,6 +1,7 @@
 //! Runs the loop of a process: takes in events of the network and inputs of the user, lets time pass for the state machines, and
 //! carries out what they ask for.
 
+use std::collections::VecDeque;
 use std::net::SocketAddr;
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -29,6 +30,8 @@ const RELEASE: Duration = Duration::from_secs(5);
 const AT_ONCE: usize = 16;
 /// How often the network's counters are read for the user.
 const COUNT: Duration = Duration::from_millis(100);
+/// The most events of each kind kept for a user who does not fetch them: more than there are bodies, since all may come at once.
+const EVENTS: usize = 1 << 20;
 /// Tick times kept for the summary: four hours at 60 per second.
 const TIMES: usize = 1 << 20;
 
@@ -473,9 +476,9 @@ impl Loop {
     fn client_output(&mut self, output: ClientOutput) {
         let mut state = self.shared.lock();
         match output {
-            ClientOutput::Inserted(id) => state.appeared.push(id),
-            ClientOutput::Removed(id) => state.disappeared.push(id),
-            ClientOutput::Rejected { body, reason } => state.refusals.push((body, reason)),
+            ClientOutput::Inserted(id) => keep(&mut state.appeared, id),
+            ClientOutput::Removed(id) => keep(&mut state.disappeared, id),
+            ClientOutput::Rejected { body, reason } => keep(&mut state.refusals, (body, reason)),
             ClientOutput::Joined | ClientOutput::Lost => {}
             ClientOutput::Send { to, message } => self.links.send(to, &message),
             // A participant's node dials for both.
@@ -496,6 +499,14 @@ impl Loop {
     }
 }
 
+/// Keeps an event for the user; the oldest go first.
+fn keep<T>(events: &mut VecDeque<T>, event: T) {
+    if events.len() == EVENTS {
+        events.pop_front();
+    }
+    events.push_back(event);
+}
+
 fn is_update(event: &ClientEvent) -> bool {
     match event {
         ClientEvent::Message { message: Message::ToClient(_, ToClient::States { states, .. }), .. }
@@ -509,11 +520,13 @@ fn is_update(event: &ClientEvent) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::net::{Authority, JoinRole, Limits, Net, NetConfig};
+    use crate::net::{Authority, JoinRole, Limits, Net, NetConfig, NetEvent, NetEvents};
     use crate::runtime::{JoinConfig, Member, MemberConfig};
 
-    #[test]
-    fn a_server_that_lives_but_never_answers_does_not_keep_a_node() {
+    const PATIENCE: Duration = Duration::from_secs(20);
+
+    /// Starts the network of a server and a process that joins it.
+    fn joined(role: JoinRole) -> (Net, NetEvents, Member, tempfile::TempDir) {
         let folder = tempfile::tempdir().unwrap();
         let authority = Arc::new(Authority::load_or_create(folder.path()).unwrap());
         let net = NetConfig {
@@ -523,12 +536,39 @@ mod tests {
             renewed_by: Vec::new(),
             limits: Limits::default(),
         };
-        let (net, _events) = Net::start(net).unwrap();
+        let (net, events) = Net::start(net).unwrap();
         let now = std::time::SystemTime::now();
-        let token = authority.issue_token(JoinRole::Node, Duration::from_secs(60), now).unwrap();
+        let token = authority.issue_token(role, Duration::from_secs(60), now).unwrap();
         let join = JoinConfig::new(net.local_addr(), token.to_string());
-        let node =
-            Member::start(MemberConfig::new(net.local_addr(), join.join(JoinRole::Node).unwrap())).unwrap();
+        let member = Member::start(MemberConfig::new(net.local_addr(), join.join(role).unwrap())).unwrap();
+        (net, events, member, folder)
+    }
+
+    #[test]
+    fn who_is_sent_away_while_its_link_is_broken_is_told_when_it_dials_again() {
+        for role in [JoinRole::Client, JoinRole::Node] {
+            let (net, events, member, _folder) = joined(role);
+            let NetEvent::Connected { peer, .. } = events.recv_timeout(PATIENCE).unwrap() else { panic!() };
+            net.bar(member.who, "it cheats".to_owned());
+            net.close(peer, Ending::TooSlow.code(), "as if it broke");
+            assert!(member.wait_over(PATIENCE), "it dials on");
+            let error = member.finish().unwrap_err();
+            let is_told =
+                matches!(&error, ProcessError::SentAway { reason, .. } if reason.contains("it cheats"));
+            assert!(is_told, "{error:?}");
+        }
+    }
+
+    #[test]
+    fn of_events_that_nobody_takes_the_newest_are_kept() {
+        let mut events = VecDeque::new();
+        (0..EVENTS + 3).for_each(|event| keep(&mut events, event));
+        assert_eq!((events.len(), events.front()), (EVENTS, Some(&3)));
+    }
+
+    #[test]
+    fn a_server_that_lives_but_never_answers_does_not_keep_a_node() {
+        let (_net, _events, node, _folder) = joined(JoinRole::Node);
         node.leave();
         assert!(node.wait_over(2 * RELEASE), "it must not wait for ever");
         let error = node.finish().unwrap_err();

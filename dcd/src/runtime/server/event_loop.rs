@@ -10,7 +10,7 @@ use tracing::{debug, error, info, warn};
 use super::{Input, SUSPENDED, Shared};
 use crate::cluster::directory::{Batch, Condition, Directory, DirectoryError, Key, Revision};
 use crate::cluster::{DrainError, Peer, SavedWorld, Server, ServerEvent, ServerOutput, WORLD_ENDED};
-use crate::net::{NetTotals, PeerName};
+use crate::net::{Authority, NetTotals, PeerName};
 use crate::protocol::{BodyKind, BodyRecord, Farewell, StateHasher};
 use crate::recording::RecordedServer;
 use crate::runtime::directory::FolderLock;
@@ -37,6 +37,7 @@ pub(super) struct Loop {
     pub(super) links: Option<Links>,
     pub(super) connections: Connections,
     pub(super) directory: Box<dyn Directory>,
+    pub(super) authority: Arc<Authority>,
     /// Dropped after the directory.
     pub(super) folder_lock: Option<FolderLock>,
     pub(super) end_requests: EndRequests,
@@ -191,7 +192,7 @@ impl Loop {
     fn send_away(&mut self, now: Duration) {
         for (who, reason) in self.connections.take_sent_away() {
             info!(%who, reason, "sent away");
-            self.links.iter().for_each(|links| links.bar(who));
+            self.links.iter().for_each(|links| links.bar(who, reason.clone()));
             let (node, client) = (who.node(), who.client());
             self.server().handle(now, ServerEvent::SendAway { node, client, reason });
         }
@@ -382,8 +383,9 @@ impl Loop {
     }
 
     fn finish(self, totals: Option<NetTotals>) {
-        // Whoever hears of the end may start another server here.
-        let Self { directory, folder_lock, server, shared, connections, record, .. } = self;
+        // Whoever hears of the end may start another server here. The lock of the folder is what others look at, and goes last.
+        let Self { directory, authority, folder_lock, server, shared, connections, record, .. } = self;
+        authority.close_ledger();
         drop(directory);
         drop(folder_lock);
         let mut server = server.lock().unwrap_or_else(PoisonError::into_inner);

@@ -27,28 +27,33 @@ const LOOK: Duration = Duration::from_millis(50);
 /// not write either.
 const BLIND: Duration = Duration::from_millis(750);
 
-/// Waits until nobody holds these keys, and holds them. `holder` says who asks, unlike all others. While another one has them, `goes_on`
-/// is told who, again and again, and says whether to wait on; if not, `None` is returned.
+/// The reason for which a world is not held yet, for people.
+pub(in crate::runtime::directory) enum Wait {
+    /// Another server holds it.
+    Held(String),
+    /// etcd does not do what it is asked: within an election, or on a slow disk.
+    Away(String),
+}
+
+/// Waits until nobody holds these keys, and holds them. `holder` says who asks, unlike all others. Meanwhile `goes_on` is told why it
+/// waits, again and again, and says whether to wait on; if not, `None` is returned.
 pub(super) fn hold(
     mut keys: Keys,
     holder: &str,
-    goes_on: &mut dyn FnMut(&str) -> bool,
+    goes_on: &mut dyn FnMut(Wait) -> bool,
 ) -> Result<Option<Hold>, DirectoryError> {
     let key = keys.holder();
     let (mut vigil, mut reached) = (Vigil::default(), false);
     loop {
         let found = keys.gateway.read(&key);
         reached |= found.is_ok();
-        match found {
+        let wait = match found {
             Ok(None) => {
                 let create = Op::Put(key.clone(), holder.as_bytes().to_vec());
                 // Whose it is then is seen by reading it.
-                let created = keys.gateway.transact(&[Compare::Created(key.clone(), 0)], &[create]);
-                if let Err(GatewayError::Away(cause) | GatewayError::Refused(cause)) = created {
-                    if !goes_on(&format!("nobody, but etcd takes no writes: {cause}")) {
-                        return Ok(None);
-                    }
-                    std::thread::sleep(LOOK);
+                match keys.gateway.transact(&[Compare::Created(key.clone(), 0)], &[create]) {
+                    Ok(_) => continue,
+                    Err(error) => Wait::Away(format!("nobody, but etcd takes no writes: {error}")),
                 }
             }
             Ok(Some(found)) if found.value == holder.as_bytes() => {
@@ -56,23 +61,20 @@ pub(super) fn hold(
             }
             Ok(Some(found)) if vigil.is_over(Instant::now(), found.written) => {
                 let unchanged = Compare::Written(key.clone(), found.written);
-                let _ = keys.gateway.transact(&[unchanged], &[Op::delete(&key)]);
-            }
-            Ok(Some(found)) => {
-                if !goes_on(&String::from_utf8_lossy(&found.value)) {
-                    return Ok(None);
+                match keys.gateway.transact(&[unchanged], &[Op::delete(&key)]) {
+                    Ok(_) => continue,
+                    Err(error) => Wait::Away(format!("one that is gone, but etcd takes no writes: {error}")),
                 }
-                std::thread::sleep(LOOK);
             }
+            Ok(Some(found)) => Wait::Held(String::from_utf8_lossy(&found.value).into_owned()),
             // Who has never reached it has a wrong address.
-            Err(GatewayError::Away(cause)) if reached => {
-                if !goes_on(&format!("nobody knows whom: {cause}")) {
-                    return Ok(None);
-                }
-                std::thread::sleep(LOOK);
-            }
+            Err(GatewayError::Away(cause)) if reached => Wait::Away(format!("nobody knows whom: {cause}")),
             Err(error) => return Err(keys.unreadable(&error)),
+        };
+        if !goes_on(wait) {
+            return Ok(None);
         }
+        std::thread::sleep(LOOK);
     }
 }
 
@@ -224,7 +226,93 @@ impl Drop for Lease {
 
 #[cfg(test)]
 mod tests {
+    use std::io::{BufRead, BufReader, Read, Write};
+    use std::net::{SocketAddr, TcpListener};
+
+    use data_encoding::BASE64;
+    use serde_json::{Value, json};
+
     use super::*;
+    use crate::runtime::directory::etcd::EtcdAddress;
+
+    /// Answers as etcd's gateway would, by what is asked: `range` or `txn`. Ends with the test's process.
+    fn stand_in(mut answer: impl FnMut(&str) -> (u16, Value) + Send + 'static) -> SocketAddr {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let address = listener.local_addr().unwrap();
+        std::thread::spawn(move || {
+            for stream in listener.incoming() {
+                let mut reader = BufReader::new(stream.unwrap());
+                let head: Vec<_> =
+                    reader.by_ref().lines().map(Result::unwrap).take_while(|line| !line.is_empty()).collect();
+                let length = head.iter().find_map(|line| {
+                    let (name, value) = line.split_once(':')?;
+                    name.eq_ignore_ascii_case("content-length").then(|| value.trim().parse::<u64>().ok())?
+                });
+                reader.by_ref().take(length.unwrap_or(0)).read_to_end(&mut Vec::new()).unwrap();
+                let what = if head[0].contains("/range ") { "range" } else { "txn" };
+                let (status, body) = answer(what);
+                let body = body.to_string();
+                let length = body.len();
+                let _ = write!(
+                    reader.into_inner(),
+                    "HTTP/1.1 {status} -\r\nConnection: close\r\nContent-Length: {length}\r\n\r\n{body}"
+                );
+            }
+        });
+        address
+    }
+
+    fn keys(address: SocketAddr) -> Keys {
+        Keys::new(EtcdAddress::parse(&format!("etcd://{address}/world")).unwrap())
+    }
+
+    fn held_by(holder: &str) -> Value {
+        let value = BASE64.encode(holder.as_bytes());
+        json!({ "kvs": [{ "key": "YQ==", "value": value, "create_revision": "3", "mod_revision": "3" }] })
+    }
+
+    #[test]
+    fn an_etcd_that_takes_no_writes_for_a_while_is_no_other_server() {
+        let mut writes = 0;
+        let address = stand_in(move |what| match what {
+            "range" if writes < 3 => (200, json!({})),
+            "range" => (200, held_by("one")),
+            _ => {
+                writes += 1;
+                if writes < 3 {
+                    (503, json!({ "error": "no leader" }))
+                } else {
+                    (200, json!({ "succeeded": true }))
+                }
+            }
+        });
+        let mut waits = 0;
+        let hold = hold(keys(address), "one", &mut |wait| {
+            waits += 1;
+            matches!(wait, Wait::Away(why) if why.contains("no writes: ") && why.contains("no leader"))
+        });
+        assert!(hold.unwrap().is_some());
+        assert_eq!(waits, 2);
+    }
+
+    #[test]
+    fn who_stands_by_asks_whether_to_wait_on_while_a_silent_holder_cannot_be_removed() {
+        let mut writes = 0;
+        let address = stand_in(move |what| match what {
+            "range" if writes < 20 => (200, held_by("one")),
+            // Enough: it is not asked for ever.
+            "range" => (400, json!({ "error": "nobody asks whether to wait on" })),
+            _ => {
+                writes += 1;
+                (503, json!({ "error": "no leader" }))
+            }
+        });
+        let hold = hold(keys(address), "two", &mut |wait| match wait {
+            Wait::Held(other) => other == "one",
+            Wait::Away(why) => !why.contains("no leader"),
+        });
+        assert!(hold.unwrap().is_none(), "it was not to wait on");
+    }
 
     /// Looks as often as who stands by does, and returns after how long it takes over.
     fn over_after(

@@ -132,8 +132,10 @@ fn who_stands_by_takes_over_and_the_former_holder_is_fenced_out() {
     former.commit(&body(1, 1, true), &[]).unwrap();
     joins.append("first\n").unwrap();
     let mut asked = Vec::new();
-    let waits = world(&place).open("two", false, &mut |holder| {
-        asked.push(holder.to_owned());
+    let waits = world(&place).open("two", false, &mut |wait| {
+        if let Wait::Held(holder) = wait {
+            asked.push(holder);
+        }
         asked.len() < 60
     });
     assert!(waits.unwrap().is_none(), "a holder that lives keeps its world");

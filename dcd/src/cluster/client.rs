@@ -582,12 +582,12 @@ impl Client {
                 self.outputs.push_back(ClientOutput::Inserted(id));
             }
             ToClient::Removed(id) => {
-                self.answered(id, None);
-                self.bodies.remove(&id);
+                // Who removes a body that is on its way out, or away, has all told once more.
+                let is_news = self.answered(id, None) | self.bodies.remove(&id).is_some();
                 self.newest.forget(id);
                 self.forget(id);
-                self.joints.retain(|joint| joint.a != id && joint.b != id);
-                self.outputs.push_back(ClientOutput::Removed(id));
+                self.joints.remove_of(id);
+                self.outputs.extend(is_news.then_some(ClientOutput::Removed(id)));
             }
             ToClient::Altered(Alteration::Body { body, traits, .. }) => {
                 if let Some(view) = self.bodies.get_mut(&body) {

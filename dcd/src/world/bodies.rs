@@ -240,7 +240,8 @@ impl World {
         }
     }
 
-    /// Returns the user data of a body; in a served world also of one that was removed in the last step.
+    /// Returns the user data of a body; in a served world also of one that is gone, since its contacts end later: of more than 4,096 the
+    /// newest.
     #[must_use]
     pub fn user_data(&self, body: BodyId) -> Option<u128> {
         match &self.inner {

@@ -12,6 +12,7 @@ use rapier3d::prelude::*;
 
 use super::author::{Author, Names, refused};
 use super::bodies::{CHANGE_BODY, CHANGE_SURFACE};
+use super::departed::Departed;
 use super::error::Error;
 use super::network::Network;
 use super::remote::{Remote, check_vehicle};
@@ -49,8 +50,8 @@ pub(super) struct Served {
     driven: BTreeMap<BodyId, Velocity>,
     /// Avatars that were removed here and are still in the world, with their user data.
     leaving: BTreeMap<BodyId, u128>,
-    /// User data of bodies that were removed: contacts that end name them.
-    departed: BTreeMap<BodyId, u128>,
+    /// Bodies that were removed: contacts that end name them.
+    departed: Departed,
     events: WorldEvents,
     handovers: Vec<Handover>,
     changes: Vec<BodyChange>,
@@ -88,7 +89,7 @@ impl Served {
             inputs: BTreeMap::new(),
             driven: BTreeMap::new(),
             leaving: BTreeMap::new(),
-            departed: BTreeMap::new(),
+            departed: Departed::default(),
             events: WorldEvents::default(),
             handovers: Vec::new(),
             changes: Vec::new(),
@@ -120,12 +121,11 @@ impl Served {
             let (body, joint) = self.world.next_built();
             self.author.iter_mut().for_each(|author| author.begin_anew((body, joint.into())));
         }
-        self.departed.clear();
+        self.departed.trim();
         for &id in &heard.disappeared {
-            // A builder's own author knows no more of what it has removed.
-            let heard = self.heard(id).map(|heard| heard.body.traits.user_data);
-            let user_data = self.leaving.remove(&id).or(heard).or_else(|| self.user_data(id));
+            let user_data = self.user_data(id);
             self.departed.insert(id, user_data.unwrap_or(0));
+            self.leaving.remove(&id);
             self.driven.remove(&id);
         }
         // Who is to be destroyed is refused for these; inputs of before for others, too.
@@ -577,7 +577,9 @@ impl Remote for Served {
 
     fn user_data(&self, id: BodyId) -> Option<u128> {
         let known = self.known(id).map(|body| body.traits.user_data);
-        known.or_else(|| self.departed.get(&id).copied())
+        // A builder's own author knows no more of what it has removed.
+        let heard = || self.heard(id).map(|heard| heard.body.traits.user_data);
+        known.or_else(|| self.leaving.get(&id).copied()).or_else(heard).or_else(|| self.departed.get(id))
     }
 
     fn movable_count(&self) -> usize {

@@ -184,10 +184,13 @@ impl Remote for Hosted {
 
     fn step(&mut self) -> Result<(), Error> {
         self.network.listen();
+        self.departed.trim();
+        // What came before the end is told once, as all else.
+        let events = self.server().map(ServerProcess::take_events);
+        self.events = events.unwrap_or_default();
         self.look()?;
         if let (Process::Server(server), Some(author)) = (&self.process, &mut self.author) {
             flush(author, server);
-            self.events = server.take_events();
         }
         Ok(())
     }

@@ -308,6 +308,8 @@ impl Author {
         let mut body = self.movable(world, id, "move fixed bodies")?;
         body.state.velocity = velocity;
         check_speed(&body, self.speed_limit_m_s)?;
+        // Moves are sent before pushes: of the impulses up to now nothing is left.
+        self.pushes.retain(|push| push.body != id || push.lasts);
         match self.fresh(id) {
             Some(place) => self.bodies[place].steer(velocity),
             None => self.moves.entry(id).or_default().velocity = Some(velocity),
@@ -326,7 +328,12 @@ impl Author {
 
     pub(super) fn set_pose(&mut self, world: &dyn Known, id: BodyId, pose: WorldPose) -> Result<(), Error> {
         pose.check().map_err(refused)?;
-        self.movable(world, id, "move fixed bodies")?;
+        let from = self.movable(world, id, "move fixed bodies")?.state.pose.translation;
+        // Moves are sent before pushes: those up to now go along, so that their arms stay as long.
+        let pushes = self.pushes.iter_mut().filter(|push| push.body == id);
+        for point in pushes.filter_map(|push| push.point.as_mut()) {
+            *point = std::array::from_fn(|i| point[i] + pose.translation[i] - from[i]);
+        }
         match self.fresh(id) {
             Some(place) => self.bodies[place].state.pose = pose,
             None => self.moves.entry(id).or_default().pose = Some(pose),
@@ -734,6 +741,56 @@ mod tests {
         // A joint goes with either of its bodies.
         author.remove(&told, c).unwrap();
         assert!(author.joint(&told, second).is_none() && there(&author, &told) == 0);
+    }
+
+    #[test]
+    fn what_is_done_to_a_body_counts_in_the_order_in_which_it_was_asked() {
+        let body = sim_body(BodyId::persistent(0), [1.0, 0.0, 0.0]);
+        let told = &Told { body: body.clone(), joint: None, answered: 0, looks: Cell::new(0) };
+        let mut author = Author::new(Names::Program, (1, 0), 100.0);
+        let impulse = Push::impulse(body.id, [10.0, 0.0, 0.0]);
+        let at_point = Push { point: Some([1.0, 2.0, 0.0]), ..impulse };
+        let force = Push::force(body.id, [5.0, 0.0, 0.0], [0.0; 3]);
+        let mut sent = |order: &[&dyn Fn(&mut Author) -> Result<(), Error>]| {
+            order.iter().for_each(|call| call(&mut author).unwrap());
+            let pushes = author.take(told).into_iter().filter_map(|op| match op {
+                BuildOp::Push(push) => Some(push),
+                _ => None,
+            });
+            pushes.collect::<Vec<_>>()
+        };
+        let push = |push: Push| move |author: &mut Author| author.push(told, &push);
+        let (pushes, forces, pushes_there) = (push(impulse), push(force), push(at_point));
+        let stops = |author: &mut Author| author.set_velocity(told, body.id, Velocity::default());
+        let goes = |author: &mut Author| author.set_pose(told, body.id, WorldPose::at([101.0, 0.0, 0.0]));
+        assert_eq!(sent(&[&pushes, &forces, &stops]), [force], "what was pushed before stands still");
+        assert_eq!(sent(&[&stops, &pushes]), [impulse]);
+        let moved = Push { point: Some([101.0, 2.0, 0.0]), ..impulse };
+        assert_eq!(sent(&[&pushes_there, &goes]), [moved], "its arm stays as long");
+        assert_eq!(sent(&[&goes, &pushes_there]), [at_point]);
+    }
+
+    #[test]
+    fn all_bodies_are_seen_as_each_is_without_a_look_at_each() {
+        let body = sim_body(BodyId::persistent(0), [0.0; 3]);
+        let told = Told { body: body.clone(), joint: None, answered: 0, looks: Cell::new(0) };
+        let mut author = Author::new(Names::Program, (1, 0), 100.0);
+        let ball = [ColliderBuilder::ball(0.5)];
+        let mut insert = |author: &mut Author| {
+            author.insert(WorldPose::default(), &RigidBodyBuilder::dynamic().build(), &ball, None).unwrap()
+        };
+        let awaited = insert(&mut author);
+        author.take(&told);
+        let fresh = insert(&mut author);
+        let there = WorldPose::at([0.0, 7.0, 0.0]);
+        author.set_pose(&told, body.id, there).unwrap();
+        told.looks.set(0);
+        let seen: Vec<_> = author.movable_bodies(&told).iter().map(|body| (body.id, body.pose)).collect();
+        assert_eq!(told.looks.get(), 0);
+        let as_made = WorldPose::default();
+        assert_eq!(seen, [(body.id, there), (awaited, as_made), (fresh, as_made)]);
+        author.remove(&told, body.id).unwrap();
+        assert_eq!(author.movable_bodies(&told).len(), 2);
     }
 
     #[test]

@@ -1,7 +1,6 @@
 //! Implements [`World`](super::World) for servers and nodes, which serve or compute a world for others. A server's program may change
 //! the world; what it reads is the server's record, at most half a second old. A node shows nothing of it.
 
-use std::collections::BTreeSet;
 use std::net::SocketAddr;
 use std::time::Duration;
 
@@ -126,8 +125,8 @@ impl Known for ServerProcess {
         self.read(|record| record.body(id).filter(|_| is_there(record)).cloned())
     }
 
-    fn ids(&self) -> BTreeSet<BodyId> {
-        self.read(|record| record.present().map(|body| body.id).collect())
+    fn bodies(&self) -> Vec<BodyRecord> {
+        self.read(|record| record.present().cloned().collect())
     }
 
     fn shape(&self, hash: ShapeHash) -> Option<ShapeRecord> {

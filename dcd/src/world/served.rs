@@ -207,21 +207,19 @@ impl Served {
             std::mem::take(&mut self.inputs).into_iter().partition(|(id, _)| self.awaited.contains_key(id));
         self.inputs = waiting;
         for (id, input) in due {
-            if let Some(drive) = input.drive {
-                // An input says the one or the other.
-                if input.velocity.is_none() && input.pose.is_none() {
-                    self.world.drive(id, drive)?;
-                    continue;
-                }
-                self.inputs.insert(id, PendingInput { drive: Some(drive), ..PendingInput::default() });
-            }
             let Some(body) = self.heard(id) else { continue };
-            let kinematic = body.body.traits.kind != BodyKind::Dynamic;
-            let now = body.body.asked();
-            let driven = if kinematic { self.driven.get(&id).copied() } else { None };
-            let velocity = input.velocity.or(driven).unwrap_or(now);
-            self.driven.insert(id, velocity);
-            self.world.send_input(id, velocity, input.pose)?;
+            // An input says the one or the other, and a leader takes in both.
+            if input.velocity.is_some() || input.pose.is_some() {
+                let kinematic = body.body.traits.kind != BodyKind::Dynamic;
+                let now = body.body.asked();
+                let driven = if kinematic { self.driven.get(&id).copied() } else { None };
+                let velocity = input.velocity.or(driven).unwrap_or(now);
+                self.driven.insert(id, velocity);
+                self.world.send_input(id, velocity, input.pose)?;
+            }
+            if let Some(drive) = input.drive {
+                self.world.drive(id, drive)?;
+            }
         }
         Ok(())
     }

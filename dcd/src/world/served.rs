@@ -159,7 +159,9 @@ impl Served {
         for (body, why) in heard.refusals {
             let user_data = body.and_then(|id| self.user_data(id)).unwrap_or(0);
             // An avatar gets no other input before it is in the world.
-            body.and_then(|id| self.awaited.remove(&id));
+            if let Some(id) = body.filter(|id| self.awaited.remove(id).is_some()) {
+                self.inputs.remove(&id);
+            }
             self.author.iter_mut().for_each(|author| author.refused(body));
             self.changes.push(BodyChange::Refused { body, why, user_data });
         }

@@ -282,6 +282,13 @@ impl EventBuffers {
     /// Shows the events of the last step of a world that was gone back to.
     pub(crate) fn go_back(&mut self, kept: &KeptEvents, world: &Dcd, mark: Mark) {
         self.departed.clone_from(&kept.departed);
+        self.told.clone_from(&kept.told);
+        self.take_down(world, mark);
+    }
+
+    /// Forgets what was taken away: the world is another.
+    pub(crate) fn forget(&mut self) {
+        self.departed = Departed::default();
     }
 
     /// Takes down what happened in the step just done.

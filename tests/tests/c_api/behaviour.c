@@ -1810,6 +1810,18 @@ static void who_is_gone_is_known_again(void)
     OK(dcd_step(world));
     HOLDS(ended_last(world).user_b == 7 && ended_last(world).b.v == body.v);
     OK(dcd_checkpoint_create(world, &after));
+    size_t size = 0;
+    HOLDS(dcd_snapshot_save(world, NULL, 0, &size) == DCD_OK);
+    unsigned char *saved = malloc(size);
+    OK(dcd_snapshot_save(world, saved, size, &size));
+    def = crate(other, 0.0, 0.5);
+    add_floor(other);
+    def.user_data = 77;
+    OK(dcd_body_destroy(other, add(other, def)));
+    OK(dcd_snapshot_load(other, saved, size));
+    HOLDS(ended_last(other).kind == DCD_CONTACT_ENDED && ended_last(other).user_b == 0);
+    free(saved);
+    OK(dcd_world_destroy(other));
     for (int turn = 0; turn < 2; turn++) {
         OK(dcd_checkpoint_restore(world, before));
         HOLDS(began_last(world).user_b == 7 && began_last(world).b.v == body.v);

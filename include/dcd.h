@@ -2767,11 +2767,16 @@ DcdStatus dcd_pose_interpolate(const DcdPose *from,
                                DcdPose *out);
 
 // Teleports a body to a pose, whatever is there, and wakes it. A fixed body of a local world may be moved so too. A client
-// or participant moves its own avatars but characters, a server all but fixed bodies; the next dcd_step asks for it.
+// or participant moves its own avatars but characters, a server all but fixed bodies; the next dcd_step asks for it. In a local
+// world the body keeps its velocity; in a served one it gets that which this process last heard of (dcd_body_get), up to half a second
+// old, or that which is set in the same step.
 //
 // Errors: DCD_ERR_UNSUPPORTED for a body that this process may not move, DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a
 // pose out of range or whose q is not of length 1.
-DCD_API DcdStatus dcd_body_set_pose(DcdWorld world, DcdBodyId body, const DcdPose *pose);
+DCD_API
+DcdStatus dcd_body_set_pose(DcdWorld world,
+                            DcdBodyId body,
+                            const DcdPose *pose);
 
 // Sets the velocity of a dynamic or kinematic body, and wakes it. A client or participant drives its own avatars, a server all
 // bodies; the next dcd_step asks for it.
@@ -3780,7 +3785,8 @@ DcdStatus dcd_checkpoint_save(DcdWorld world,
 
 // Goes back to a checkpoint of this world, as often as wanted; from there it goes on to the same bits. All is as it was then:
 // bodies, joints, regions, settings, dcd_state_view and dcd_events. Threads, shapes and hooks stay as they are now, and so
-// do other checkpoints, later ones too. A recording of the world goes on from here.
+// do other checkpoints, later ones too. A recording of the world goes on from here. What was changed between the last step and the
+// checkpoint is changed: dcd_state_view shows it so, and the material of a body that was destroyed is 0 in dcd_events.
 //
 // Ids of bodies and joints that were given since are given again, in the same order, so that computing a tick again gives the same
 // ones: forget those that you have.
@@ -3868,7 +3874,8 @@ DCD_API DcdStatus dcd_snapshot_save_file(DcdWorld world, const char *path);
 // regions too.
 //
 // Ids of bodies and joints that this world gave are valid if the saved world has them, else stale; those given
-// later are new. dcd_body_at finds bodies by number, and dcd_state_view and dcd_events are as after the last step before saving.
+// later are new. dcd_body_at finds bodies by number, and dcd_state_view and dcd_events are as after the last step before saving, but
+// for the user_data of bodies that were destroyed, which is 0.
 //
 // A server's world goes on with the bodies and joints of the snapshot, for all nodes and clients; its ticks and regions go on, and
 // tick length and gravity must be the same. What its program did since its last dcd_step is dropped. Avatars are their

@@ -185,11 +185,16 @@ template <class T> struct Found {
     std::vector<T> items;
     /* Where the answers to question i end in `items`. */
     std::vector<std::size_t> ends;
-    /* The answers to question i. */
-    Span<const T> of(std::size_t i) const noexcept
+    /* The answers to question i; of a temporary, with which they would be gone, a copy. */
+    Span<const T> of(std::size_t i) const & noexcept
     {
         const std::size_t begin = i == 0 ? 0 : ends[i - 1];
         return { items.data() + begin, ends[i] - begin };
+    }
+    std::vector<T> of(std::size_t i) const &&
+    {
+        const Span<const T> kept = of(i);
+        return { kept.begin(), kept.end() };
     }
 };
 

@@ -42,7 +42,8 @@ pub extern "C" fn dcd_checkpoint_save(world: DcdWorld, checkpoint: DcdCheckpoint
 
 /// Goes back to a checkpoint of this world, as often as wanted; from there it goes on to the same bits. All is as it was then:
 /// bodies, joints, regions, settings, dcd_state_view and dcd_events. Threads, shapes and hooks stay as they are now, and so
-/// do other checkpoints, later ones too. A recording of the world goes on from here.
+/// do other checkpoints, later ones too. A recording of the world goes on from here. What was changed between the last step and the
+/// checkpoint is changed: dcd_state_view shows it so, and the material of a body that was destroyed is 0 in dcd_events.
 ///
 /// Ids of bodies and joints that were given since are given again, in the same order, so that computing a tick again gives the same
 /// ones: forget those that you have.

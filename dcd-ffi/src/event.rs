@@ -281,18 +281,35 @@ impl EventBuffers {
 
     /// Shows the events of the last step of a world that was gone back to.
     pub(crate) fn go_back(&mut self, kept: &KeptEvents, world: &Dcd, mark: Mark) {
-        self.departed.clone_from(&kept.told);
-        self.fill(world, mark);
         self.departed.clone_from(&kept.departed);
+        self.told.clone_from(&kept.told);
+        self.take_down(world, mark);
+    }
+
+    /// Forgets what was taken away: the world is another.
+    pub(crate) fn forget(&mut self) {
+        self.departed = Departed::default();
     }
 
     /// Takes down what happened in the step just done.
     pub(crate) fn fill(&mut self, world: &Dcd, mark: Mark) {
-        self.newest = 1 - self.newest;
         self.told = std::mem::take(&mut self.departed);
-        let (arrays, told) = (&mut self.sets[self.newest], &self.told);
+        self.take_down(world, mark);
+    }
+
+    fn take_down(&mut self, world: &Dcd, mark: Mark) {
+        self.newest = 1 - self.newest;
+        let (arrays, told, since) = (&mut self.sets[self.newest], &self.told, &self.departed);
         let events = world.events();
-        let departed = |id: BodyId| told.bodies.get(&id).copied();
+        let departed = |id: BodyId| told.bodies.get(&id).or_else(|| since.bodies.get(&id)).copied();
+        // Colliders of bodies that have lost some since they were numbered like this.
+        let former = |of: &Departed, body: BodyId, collider: u16| {
+            let colliders = of.colliders.get(&body).filter(|_| world.contains(body))?;
+            colliders.get(usize::from(collider)).copied()
+        };
+        let material_of = |body: BodyId, collider: u16| {
+            former(since, body, collider).unwrap_or_else(|| material(world, body, usize::from(collider)))
+        };
         let user = |id| world.user_data(id).map(|data| data as u64).or_else(|| departed(id)).unwrap_or(0);
         arrays.tick = world.tick().0;
         arrays.flags = if world.is_lost() { DCD_EVENTS_LOST } else { 0 };
@@ -311,10 +328,9 @@ impl EventBuffers {
         }));
         arrays.contacts.refill(events.touches.len()).extend(events.touches.iter().map(|touch| {
             let ContactKey { a, b, collider_a, collider_b } = touch.key;
-            let material = |body, collider: u16| {
-                let former = told.colliders.get(&body).filter(|_| !touch.began && world.contains(body));
-                let former = former.and_then(|former| former.get(usize::from(collider)).copied());
-                former.unwrap_or_else(|| material(world, body, usize::from(collider)))
+            let material = |body, collider| {
+                let before = if touch.began { None } else { former(told, body, collider) };
+                before.unwrap_or_else(|| material_of(body, collider))
             };
             DcdContact {
                 a: mark.body(a),
@@ -343,8 +359,8 @@ impl EventBuffers {
                 magnitude: force.magnitude_n,
                 collider_a: u32::from(collider_a),
                 collider_b: u32::from(collider_b),
-                material_a: material(world, a, usize::from(collider_a)),
-                material_b: material(world, b, usize::from(collider_b)),
+                material_a: material_of(a, collider_a),
+                material_b: material_of(b, collider_b),
             }
         }));
         let handovers = world.handovers();

@@ -68,20 +68,25 @@ impl<T> Slots<T> {
 
 /// The handles of shapes that were looked up, so that each shape has one.
 #[derive(Debug, Default)]
-pub(crate) struct LookedUp(BTreeMap<ShapeHash, u64>);
+pub(crate) struct LookedUp {
+    slots: BTreeMap<ShapeHash, u64>,
+    /// Which shape each of them is of.
+    shapes: BTreeMap<u64, ShapeHash>,
+}
 
 impl LookedUp {
     pub(crate) fn slot(&self, shape: ShapeHash) -> Option<u64> {
-        self.0.get(&shape).copied()
+        self.slots.get(&shape).copied()
     }
 
     pub(crate) fn remember(&mut self, shape: ShapeHash, slot: u64) {
-        self.0.insert(shape, slot);
+        self.slots.insert(shape, slot);
+        self.shapes.insert(slot, shape);
     }
 
     /// A handle is about to go stale.
     pub(crate) fn forget(&mut self, slot: u64) {
-        self.0.retain(|_, known| *known != slot);
+        self.shapes.remove(&slot).map(|shape| self.slots.remove(&shape));
     }
 }
 
@@ -193,6 +198,18 @@ mod tests {
         assert_eq!(slots.remove(first), None);
         assert_eq!(slots.get(0), None);
         assert_eq!(slots.get(u64::MAX), None);
+    }
+
+    #[test]
+    fn a_shape_that_was_looked_up_is_forgotten_with_its_handle() {
+        let [one, other] = [1, 2].map(|byte| ShapeHash([byte; 16]));
+        let mut known = LookedUp::default();
+        known.remember(one, 5);
+        known.remember(other, 6);
+        known.forget(7);
+        known.forget(5);
+        assert_eq!((known.slot(one), known.slot(other)), (None, Some(6)));
+        assert_eq!((known.slots.len(), known.shapes.len()), (1, 1), "both ways");
     }
 
     #[test]

@@ -145,7 +145,9 @@ pub unsafe extern "C" fn dcd_pose_interpolate(
 }
 
 /// Teleports a body to a pose, whatever is there, and wakes it. A fixed body of a local world may be moved so too. A client
-/// or participant moves its own avatars but characters, a server all but fixed bodies; the next dcd_step asks for it.
+/// or participant moves its own avatars but characters, a server all but fixed bodies; the next dcd_step asks for it. In a local
+/// world the body keeps its velocity; in a served one it gets that which this process last heard of (dcd_body_get), up to half a second
+/// old, or that which is set in the same step.
 ///
 /// Errors: DCD_ERR_UNSUPPORTED for a body that this process may not move, DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a
 /// pose out of range or whose q is not of length 1.

@@ -60,7 +60,8 @@ pub unsafe extern "C" fn dcd_snapshot_save_file(world: DcdWorld, path: *const c_
 /// regions too.
 ///
 /// Ids of bodies and joints that this world gave are valid if the saved world has them, else stale; those given
-/// later are new. dcd_body_at finds bodies by number, and dcd_state_view and dcd_events are as after the last step before saving.
+/// later are new. dcd_body_at finds bodies by number, and dcd_state_view and dcd_events are as after the last step before saving, but
+/// for the user_data of bodies that were destroyed, which is 0.
 ///
 /// A server's world goes on with the bodies and joints of the snapshot, for all nodes and clients; its ticks and regions go on, and
 /// tick length and gravity must be the same. What its program did since its last dcd_step is dropped. Avatars are their
@@ -109,7 +110,10 @@ fn load<R: Read>(world: DcdWorld, open: impl FnOnce() -> Result<R, SnapshotError
         world.dcd.can_be_saved()?;
         world.dcd.reload(open()?)?;
         match world.dcd.role() {
-            Role::Local => world.show(),
+            Role::Local => {
+                world.events.forget();
+                world.show();
+            }
             // What a server heard with its last step it has told.
             _ => world.show_states(),
         }

@@ -113,7 +113,11 @@ impl StateArrays {
         body_slots: &mut BodySlots,
         bodies: impl Iterator<Item = MovableBody>,
     ) {
-        let count = world.movable_count();
+        // Who has them counted already need not be asked for all of them once more.
+        let count = match bodies.size_hint() {
+            (least, Some(most)) if least == most => least,
+            _ => world.movable_count(),
+        };
         self.tick = world.tick().0;
         let ids = self.ids.refill(count);
         let poses = self.poses.refill(count);

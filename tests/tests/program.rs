@@ -356,6 +356,65 @@ fn a_servers_program_hears_each_contact_once_that_a_body_asks_for() {
 }
 
 #[test]
+fn contacts_that_end_with_a_body_say_whose_it_was() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut server = serve(ServeConfig { nodes: 1, ..ServeConfig::new(folder.path()) });
+    let _node = node(&server);
+    until("the world runs", &mut [&mut server], |worlds| worlds[0].tick() > Tick(0));
+    let mut client = client(&server);
+    server.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(20.0, 0.5, 20.0)).unwrap();
+    let ball = |world: &mut World, x: f32, user_data| {
+        let body = RigidBodyBuilder::dynamic().translation(Vector::new(x, 1.2, 0.0)).user_data(user_data);
+        let asks = ColliderBuilder::ball(0.5).active_events(ActiveEvents::COLLISION_EVENTS);
+        world.insert(body, asks).unwrap()
+    };
+    let ids = [ball(&mut server, 3.0, 7), ball(&mut client, -3.0, 9)];
+    let both = |what: &str, server: &mut World, client: &mut World, began: bool| {
+        let mut told = [None; 2];
+        until(what, &mut [server, client], |worlds| {
+            for ((told, world), id) in told.iter_mut().zip(worlds).zip(ids) {
+                let is_meant = |touch: &dcd::protocol::Touch| {
+                    touch.began == began && [touch.key.a, touch.key.b].contains(&id)
+                };
+                if world.events().touches.iter().any(is_meant) {
+                    *told = world.user_data(id);
+                }
+            }
+            told.iter().all(Option::is_some)
+        });
+        told
+    };
+    assert_eq!(both("both lie on the ground", &mut server, &mut client, true), [Some(7), Some(9)]);
+    server.remove(ids[0]).unwrap();
+    client.remove(ids[1]).unwrap();
+    assert_eq!(both("both are gone", &mut server, &mut client, false), [Some(7), Some(9)]);
+    assert!(!server.contains(ids[0]) && !client.contains(ids[1]));
+}
+
+#[test]
+fn a_server_tells_once_what_came_before_its_world_ended() {
+    let folder = tempfile::tempdir().unwrap();
+    let last_tick = Some(Tick(120));
+    let config = ServeConfig { nodes: 1, pace: Pace::Unpaced, last_tick, ..ServeConfig::new(folder.path()) };
+    let mut server = serve(config);
+    server.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(20.0, 0.5, 20.0)).unwrap();
+    let asks = ColliderBuilder::ball(0.5).active_events(ActiveEvents::COLLISION_EVENTS);
+    server.insert(RigidBodyBuilder::dynamic().translation(Vector::Y * 1.5), asks).unwrap();
+    server.step().unwrap();
+    let _node = node(&server);
+    let deadline = Instant::now() + LIMIT;
+    while !server.is_lost() {
+        assert!(Instant::now() < deadline, "it does not end");
+        server.poll(Duration::from_millis(5));
+    }
+    let began = |server: &World| server.events().touches.iter().filter(|touch| touch.began).count();
+    assert!(server.step().is_err());
+    assert_eq!(began(&server), 1);
+    assert!(server.step().is_err());
+    assert_eq!(began(&server), 0);
+}
+
+#[test]
 fn a_servers_program_changes_what_bodies_and_joints_are_and_whoever_computes_them_next_knows() {
     let folder = tempfile::tempdir().unwrap();
     let mut server = serve(ServeConfig::new(folder.path()));

@@ -462,6 +462,50 @@ fn a_clients_vehicle_is_driven_by_the_nodes() {
 }
 
 #[test]
+fn a_vehicle_whose_velocity_is_set_in_each_step_hears_its_driver() {
+    let mut served = served();
+    let car = car_at(&mut served.client, [0.0, 1.0, 0.0]);
+    served.until("it is there", |client| client.movable_count() > 0);
+    let mut steps = 0;
+    while place(&served.client, car)[0] < 2.0 {
+        assert!(steps < 3_000, "{:?}", place(&served.client, car));
+        steps += 1;
+        // As it is told to move: of itself it would never be faster.
+        let velocity = served.client.velocity(car).unwrap();
+        served.client.set_velocity(car, velocity).unwrap();
+        served.client.drive(car, forward(1.0)).unwrap();
+        let mut is_stepped = false;
+        served.until("a step", |_| std::mem::replace(&mut is_stepped, true));
+    }
+}
+
+#[test]
+fn a_vehicle_that_is_refused_is_refused_once_whatever_its_driver_did() {
+    let mut served = served();
+    let fast = Vehicle { top_speed_m_s: 500.0, ..Vehicle::default() };
+    let body = RigidBodyBuilder::dynamic();
+    let refused = served.client.insert_vehicle(WorldPose::at([9.0, 3.0, 9.0]), &fast, body, [chassis()]);
+    let refused = refused.unwrap();
+    served.client.drive(refused, forward(1.0)).unwrap();
+    // The world goes on.
+    let car = car_at(&mut served.client, [0.0, 1.0, 0.0]);
+    served.client.drive(car, forward(0.2)).unwrap();
+    let mut refusals = Vec::new();
+    let mut end = None;
+    served.until("a leader would have refused its driver, too", |client| {
+        refusals.extend(client.changes().iter().filter_map(|change| match change {
+            BodyChange::Refused { body, why, .. } if *body == Some(refused) => Some(*why),
+            _ => None,
+        }));
+        if !refusals.is_empty() && client.movable_count() > 0 {
+            end.get_or_insert(client.tick().0 + 120);
+        }
+        end.is_some_and(|end| client.tick().0 > end)
+    });
+    assert_eq!(refusals, [Refusal::TooFast]);
+}
+
+#[test]
 fn a_clients_vehicle_has_bounds_and_a_programs_has_none() {
     let mut served = served();
     let refused = |served: &mut Served, vehicle: Vehicle| {

@@ -4,6 +4,7 @@
 mod body_view;
 mod building;
 mod hearing;
+mod joints;
 mod newest;
 mod requests;
 mod showing;
@@ -20,6 +21,7 @@ use tracing::debug;
 
 pub use self::body_view::BodyView;
 use self::building::Building;
+use self::joints::Joints;
 use self::newest::NewestInputs;
 use self::showing::Showing;
 use self::surroundings::Surroundings;
@@ -32,7 +34,9 @@ use crate::protocol::{
     FromClient, Handover, Hello, Input, JoinAs, JointRecord, Member, Message, Query, QueryResult, Refusal,
     ShapeHash, ShapeRecord, ToClient, Touch, VERSION, Velocity, WorldPose,
 };
-use crate::space::{Allocation, BodyId, ClientId, DistributionTree, GroupId, NodeId, RegionId, Tick};
+use crate::space::{
+    Allocation, BodyId, ClientId, DistributionTree, GroupId, JointId, NodeId, RegionId, Tick,
+};
 
 /// The most contacts, and handovers, kept for a user who does not fetch them; the oldest go first.
 const MAX_EVENTS: usize = 4_096;
@@ -151,7 +155,7 @@ pub struct Client {
     /// The newest tick of its group heard of.
     tick: Tick,
     shapes: BTreeMap<ShapeHash, ShapeRecord>,
-    joints: Vec<JointRecord>,
+    joints: Joints,
     group: Option<GroupId>,
     leader: Option<Member>,
     /// The node that computes each region, as far as known.
@@ -209,7 +213,7 @@ impl Client {
             unspoken: BTreeSet::new(),
             tick: Tick(0),
             shapes: BTreeMap::new(),
-            joints: Vec::new(),
+            joints: Joints::default(),
             group: None,
             leader: None,
             tree: None,
@@ -447,9 +451,14 @@ impl Client {
         &self.shapes
     }
 
-    /// Returns the joints of the bodies that it was told of.
-    pub fn joints(&self) -> &[JointRecord] {
-        &self.joints
+    /// Returns a joint of bodies that it was told of.
+    pub fn joint(&self, id: JointId) -> Option<&JointRecord> {
+        self.joints.get(id)
+    }
+
+    /// Returns the joints of the bodies that it was told of, in id order.
+    pub fn joints(&self) -> impl Iterator<Item = &JointRecord> + Clone {
+        self.joints.iter()
     }
 
     /// Returns the beginnings and ends of contacts of own avatars since the last call.
@@ -581,24 +590,20 @@ impl Client {
                 self.outputs.push_back(ClientOutput::Inserted(id));
             }
             ToClient::Removed(id) => {
-                self.answered(id, None);
-                self.bodies.remove(&id);
+                // Who removes a body that is on its way out, or away, has all told once more.
+                let is_news = self.answered(id, None) | self.bodies.remove(&id).is_some();
                 self.newest.forget(id);
                 self.forget(id);
-                self.joints.retain(|joint| joint.a != id && joint.b != id);
-                self.outputs.push_back(ClientOutput::Removed(id));
+                self.joints.remove_of(id);
+                self.outputs.extend(is_news.then_some(ClientOutput::Removed(id)));
             }
             ToClient::Altered(Alteration::Body { body, traits, .. }) => {
                 if let Some(view) = self.bodies.get_mut(&body) {
                     view.body.set_traits(traits);
                 }
             }
-            ToClient::Altered(Alteration::Joint(joint)) => {
-                for known in self.joints.iter_mut().filter(|known| known.id == joint.id) {
-                    known.clone_from(&joint);
-                }
-            }
-            ToClient::JointRemoved(id) => self.joints.retain(|joint| joint.id != id),
+            ToClient::Altered(Alteration::Joint(joint)) => self.joints.alter(*joint),
+            ToClient::JointRemoved(id) => self.joints.remove(id),
             ToClient::Built(number) => self.building.answered(number),
             ToClient::States { stamp, states } if self.group.is_none_or(|own| own == stamp.group) => {
                 self.tick = self.tick.max(stamp.tick);

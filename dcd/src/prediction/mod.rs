@@ -266,7 +266,7 @@ impl Predictor {
         let parts = whole().flat_map(ShapeRecord::parts).filter_map(|hash| find(&hash));
         let shapes = parts.chain(whole()).cloned().collect();
         let holds = |id: &BodyId| chosen.movable.contains(id) || chosen.scenery.contains(id);
-        let joints = client.joints().iter().filter(|joint| holds(&joint.a) && holds(&joint.b));
+        let joints = client.joints().filter(|joint| holds(&joint.a) && holds(&joint.b));
         let joints = joints.cloned().collect();
         self.changes = Some(Changes { chosen, bodies, shapes, joints });
     }

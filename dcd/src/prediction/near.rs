@@ -126,11 +126,11 @@ fn tied(client: &Client, movable: BTreeSet<BodyId>, mut scenery: BTreeSet<BodyId
     let kind = |id: &BodyId| client.body(*id).map(|view| view.body.traits.kind);
     let is_movable = |id: &BodyId| kind(id).is_some_and(|kind| kind != BodyKind::Fixed);
     let joints = client.joints();
-    let ties = Ties::new(joints);
+    let ties = Ties::new(joints.clone());
     let mut all = movable;
     ties.spread(&mut all, |id, size| size < 2 * MOVABLE && is_movable(id));
     let is_left_out = |id: &BodyId| is_movable(id) && !all.contains(id);
-    let parts = joints.iter().filter(|joint| all.contains(&joint.a) || all.contains(&joint.b));
+    let parts = joints.filter(|joint| all.contains(&joint.a) || all.contains(&joint.b));
     let broken =
         parts.clone().filter(|joint| joint.link.is_some() || is_left_out(&joint.a) || is_left_out(&joint.b));
     let mut without: BTreeSet<_> = broken.flat_map(|joint| [joint.a, joint.b]).collect();
@@ -144,9 +144,8 @@ fn tied(client: &Client, movable: BTreeSet<BodyId>, mut scenery: BTreeSet<BodyId
 struct Ties(Vec<(BodyId, BodyId)>);
 
 impl Ties {
-    fn new(joints: &[JointRecord]) -> Self {
-        let mut ties: Vec<_> =
-            joints.iter().flat_map(|joint| [(joint.a, joint.b), (joint.b, joint.a)]).collect();
+    fn new<'a>(joints: impl Iterator<Item = &'a JointRecord>) -> Self {
+        let mut ties: Vec<_> = joints.flat_map(|joint| [(joint.a, joint.b), (joint.b, joint.a)]).collect();
         ties.sort_unstable();
         Self(ties)
     }
@@ -189,7 +188,7 @@ mod tests {
             links.flat_map(|id| [tie(id, BodyId::persistent(id.index() + 1)), tie(base, id)]).collect();
         let asked = Cell::new(0);
         let mut bodies = BTreeSet::from([BodyId::persistent(0)]);
-        Ties::new(&joints).spread(&mut bodies, |id, _| {
+        Ties::new(joints.iter()).spread(&mut bodies, |id, _| {
             asked.set(asked.get() + 1);
             *id != base
         });

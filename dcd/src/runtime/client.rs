@@ -236,7 +236,7 @@ impl ClientWorld {
 
     /// Returns a joint of bodies that it was told of.
     pub(crate) fn joint(&self, id: JointId) -> Option<JointRecord> {
-        self.member.shared.lock().client.as_ref()?.joints().iter().find(|joint| joint.id == id).cloned()
+        self.member.shared.lock().client.as_ref()?.joint(id).cloned()
     }
 
     /// Returns the joints of the bodies that it was told of, of which this holds.

@@ -25,8 +25,8 @@ pub(super) trait Known {
     fn knows(&self, id: BodyId) -> bool;
     /// Returns a body that is there.
     fn body(&self, id: BodyId) -> Option<BodyRecord>;
-    /// Returns the bodies that are there.
-    fn ids(&self) -> BTreeSet<BodyId>;
+    /// Returns the bodies that are there, in one look.
+    fn bodies(&self) -> Vec<BodyRecord>;
     fn shape(&self, hash: ShapeHash) -> Option<ShapeRecord>;
     /// Returns whether the world is known to have a shape.
     fn has_shape(&self, hash: ShapeHash) -> bool;
@@ -308,6 +308,8 @@ impl Author {
         let mut body = self.movable(world, id, "move fixed bodies")?;
         body.state.velocity = velocity;
         check_speed(&body, self.speed_limit_m_s)?;
+        // Moves are sent before pushes: of the impulses up to now nothing is left.
+        self.pushes.retain(|push| push.body != id || push.lasts);
         match self.fresh(id) {
             Some(place) => self.bodies[place].steer(velocity),
             None => self.moves.entry(id).or_default().velocity = Some(velocity),
@@ -326,7 +328,12 @@ impl Author {
 
     pub(super) fn set_pose(&mut self, world: &dyn Known, id: BodyId, pose: WorldPose) -> Result<(), Error> {
         pose.check().map_err(refused)?;
-        self.movable(world, id, "move fixed bodies")?;
+        let from = self.movable(world, id, "move fixed bodies")?.state.pose.translation;
+        // Moves are sent before pushes: those up to now go along, so that their arms stay as long.
+        let pushes = self.pushes.iter_mut().filter(|push| push.body == id);
+        for point in pushes.filter_map(|push| push.point.as_mut()) {
+            *point = std::array::from_fn(|i| point[i] + pose.translation[i] - from[i]);
+        }
         match self.fresh(id) {
             Some(place) => self.bodies[place].state.pose = pose,
             None => self.moves.entry(id).or_default().pose = Some(pose),
@@ -526,7 +533,12 @@ impl Author {
             return None;
         }
         let fresh = self.fresh(id).map(|place| self.bodies[place].clone());
-        let mut body = fresh.or_else(|| world.body(id)).or_else(|| self.awaited.get(&id).cloned())?;
+        let body = fresh.or_else(|| world.body(id)).or_else(|| self.awaited.get(&id).cloned())?;
+        Some(self.as_changed(body))
+    }
+
+    fn as_changed(&self, mut body: BodyRecord) -> BodyRecord {
+        let id = body.id;
         if let Some(Altered { traits, .. }) = self.altered_bodies.get(&id) {
             body.set_traits(traits.clone());
         }
@@ -534,7 +546,7 @@ impl Author {
             body.state.velocity = velocity.unwrap_or(body.state.velocity);
             body.state.pose = pose.unwrap_or(body.state.pose);
         }
-        Some(body)
+        body
     }
 
     pub(super) fn body(&self, world: &dyn Known, id: BodyId) -> Option<Body> {
@@ -570,9 +582,12 @@ impl Author {
 
     /// Returns all bodies in id order, as [`Author::known`].
     fn known_bodies(&self, world: &dyn Known) -> impl Iterator<Item = BodyRecord> {
-        let mut ids = world.ids();
-        ids.extend(self.bodies.iter().map(|body| body.id).chain(self.awaited.keys().copied()));
-        ids.into_iter().filter_map(move |id| self.known(world, id))
+        let named = |body: BodyRecord| (body.id, body);
+        let mut bodies: BTreeMap<_, _> = self.awaited.values().cloned().map(named).collect();
+        bodies.extend(world.bodies().into_iter().map(named));
+        bodies.extend(self.bodies.iter().cloned().map(named));
+        let is_left = |body: &BodyRecord| !self.is_leaving(body.id);
+        bodies.into_values().filter(is_left).map(|body| self.as_changed(body))
     }
 
     /// Returns the fixed bodies in id order.
@@ -622,6 +637,8 @@ pub(super) fn refused(Invalid { field, rule }: Invalid) -> Error {
 
 #[cfg(test)]
 mod tests {
+    use std::cell::Cell;
+
     use super::*;
     use crate::sim::{sim_body, sim_world};
 
@@ -630,6 +647,8 @@ mod tests {
         body: BodyRecord,
         joint: Option<JointRecord>,
         answered: u64,
+        /// How often a body was asked for.
+        looks: Cell<u32>,
     }
 
     impl Known for Told {
@@ -638,11 +657,12 @@ mod tests {
         }
 
         fn body(&self, id: BodyId) -> Option<BodyRecord> {
+            self.looks.set(self.looks.get() + 1);
             self.knows(id).then(|| self.body.clone())
         }
 
-        fn ids(&self) -> BTreeSet<BodyId> {
-            [self.body.id].into()
+        fn bodies(&self) -> Vec<BodyRecord> {
+            vec![self.body.clone()]
         }
 
         fn shape(&self, _hash: ShapeHash) -> Option<ShapeRecord> {
@@ -674,7 +694,8 @@ mod tests {
     fn a_change_is_seen_until_it_is_answered_and_then_whatever_is_told() {
         let body = sim_body(BodyId::persistent(0), [0.0; 3]);
         let joint = joint_record(JointId(0), body.id, BodyId::persistent(1), &GenericJoint::default());
-        let mut told = Told { body: body.clone(), joint: Some(joint.clone()), answered: 0 };
+        let mut told =
+            Told { body: body.clone(), joint: Some(joint.clone()), answered: 0, looks: Cell::new(0) };
         let mut author = Author::new(Names::Builder(ClientId(1)), (0, 0), 100.0);
         let seen = |author: &Author, told: &Told| {
             let damping = author.known(told, body.id).map(|body| body.traits.linear_damping);
@@ -703,7 +724,12 @@ mod tests {
 
     #[test]
     fn joints_are_there_once_made_and_gone_once_removed_whatever_is_on_record_yet() {
-        let mut told = Told { body: sim_body(BodyId::persistent(0), [0.0; 3]), joint: None, answered: 0 };
+        let mut told = Told {
+            body: sim_body(BodyId::persistent(0), [0.0; 3]),
+            joint: None,
+            answered: 0,
+            looks: Cell::new(0),
+        };
         let mut author = Author::new(Names::Program, (1, 0), 100.0);
         let (body, ball) = (RigidBodyBuilder::dynamic().build(), [ColliderBuilder::ball(0.5)]);
         let [a, b, c] =
@@ -737,6 +763,56 @@ mod tests {
     }
 
     #[test]
+    fn what_is_done_to_a_body_counts_in_the_order_in_which_it_was_asked() {
+        let body = sim_body(BodyId::persistent(0), [1.0, 0.0, 0.0]);
+        let told = &Told { body: body.clone(), joint: None, answered: 0, looks: Cell::new(0) };
+        let mut author = Author::new(Names::Program, (1, 0), 100.0);
+        let impulse = Push::impulse(body.id, [10.0, 0.0, 0.0]);
+        let at_point = Push { point: Some([1.0, 2.0, 0.0]), ..impulse };
+        let force = Push::force(body.id, [5.0, 0.0, 0.0], [0.0; 3]);
+        let mut sent = |order: &[&dyn Fn(&mut Author) -> Result<(), Error>]| {
+            order.iter().for_each(|call| call(&mut author).unwrap());
+            let pushes = author.take(told).into_iter().filter_map(|op| match op {
+                BuildOp::Push(push) => Some(push),
+                _ => None,
+            });
+            pushes.collect::<Vec<_>>()
+        };
+        let push = |push: Push| move |author: &mut Author| author.push(told, &push);
+        let (pushes, forces, pushes_there) = (push(impulse), push(force), push(at_point));
+        let stops = |author: &mut Author| author.set_velocity(told, body.id, Velocity::default());
+        let goes = |author: &mut Author| author.set_pose(told, body.id, WorldPose::at([101.0, 0.0, 0.0]));
+        assert_eq!(sent(&[&pushes, &forces, &stops]), [force], "what was pushed before stands still");
+        assert_eq!(sent(&[&stops, &pushes]), [impulse]);
+        let moved = Push { point: Some([101.0, 2.0, 0.0]), ..impulse };
+        assert_eq!(sent(&[&pushes_there, &goes]), [moved], "its arm stays as long");
+        assert_eq!(sent(&[&goes, &pushes_there]), [at_point]);
+    }
+
+    #[test]
+    fn all_bodies_are_seen_as_each_is_without_a_look_at_each() {
+        let body = sim_body(BodyId::persistent(0), [0.0; 3]);
+        let told = Told { body: body.clone(), joint: None, answered: 0, looks: Cell::new(0) };
+        let mut author = Author::new(Names::Program, (1, 0), 100.0);
+        let ball = [ColliderBuilder::ball(0.5)];
+        let insert = |author: &mut Author| {
+            author.insert(WorldPose::default(), &RigidBodyBuilder::dynamic().build(), &ball, None).unwrap()
+        };
+        let awaited = insert(&mut author);
+        author.take(&told);
+        let fresh = insert(&mut author);
+        let there = WorldPose::at([0.0, 7.0, 0.0]);
+        author.set_pose(&told, body.id, there).unwrap();
+        told.looks.set(0);
+        let seen: Vec<_> = author.movable_bodies(&told).iter().map(|body| (body.id, body.pose)).collect();
+        assert_eq!(told.looks.get(), 0);
+        let as_made = WorldPose::default();
+        assert_eq!(seen, [(body.id, there), (awaited, as_made), (fresh, as_made)]);
+        author.remove(&told, body.id).unwrap();
+        assert_eq!(author.movable_bodies(&told).len(), 2);
+    }
+
+    #[test]
     fn a_shape_that_no_message_holds_is_refused_before_it_has_a_body() {
         let mut author = Author::new(Names::Program, (1, 0), 100.0);
         let field = |size: usize| {
@@ -747,7 +823,12 @@ mod tests {
         let refused = author.insert(WorldPose::at([0.0; 3]), &ground, &field(2_049), None);
         assert!(refused.unwrap_err().to_string().contains("15.5 MiB"));
         author.insert(WorldPose::at([0.0; 3]), &ground, &field(1_000), None).unwrap();
-        let told = Told { body: sim_body(BodyId::persistent(0), [0.0; 3]), joint: None, answered: 0 };
+        let told = Told {
+            body: sim_body(BodyId::persistent(0), [0.0; 3]),
+            joint: None,
+            answered: 0,
+            looks: Cell::new(0),
+        };
         let [BuildOp::Insert { shapes, .. }] = &author.take(&told)[..] else { panic!("one insertion") };
         assert_eq!(shapes.len(), 1, "what was refused is not sent either");
     }

@@ -240,7 +240,8 @@ impl World {
         }
     }
 
-    /// Returns the user data of a body; in a served world also of one that was removed in the last step.
+    /// Returns the user data of a body; in a served world also of one that is gone, since its contacts end later: of more than 4,096 the
+    /// newest.
     #[must_use]
     pub fn user_data(&self, body: BodyId) -> Option<u128> {
         match &self.inner {
@@ -314,7 +315,8 @@ impl World {
     }
 
     /// Moves a body to a pose at once, whatever is there, and wakes it; in a served world by the next step: a server or a builder
-    /// any movable body, a client an avatar of its own.
+    /// any movable body, a client an avatar of its own. Its velocity stays in a local world; in a served one it becomes that which this
+    /// process last heard of, up to half a second old, or that which is set in the same step.
     pub fn set_pose(&mut self, body: BodyId, pose: WorldPose) -> Result<(), Error> {
         match &mut self.inner {
             Inner::Local(world) => Ok(world.set_pose(body, pose)?),

@@ -1,7 +1,6 @@
 //! Implements [`World`](super::World) for servers and nodes, which serve or compute a world for others. A server's program may change
 //! the world; what it reads is the server's record, at most half a second old. A node shows nothing of it.
 
-use std::collections::BTreeSet;
 use std::net::SocketAddr;
 use std::time::Duration;
 
@@ -9,6 +8,7 @@ use rapier3d::prelude::*;
 
 use super::author::{Author, Known, Names, refused};
 use super::bodies::{CHANGE_BODY, CHANGE_SURFACE};
+use super::departed::Departed;
 use super::error::Error;
 use super::network::Network;
 use super::remote::{Remote, SAVE};
@@ -40,6 +40,8 @@ pub(super) struct Hosted {
     settings: Option<StepSettings>,
     /// Contacts heard of in the last step.
     events: WorldEvents,
+    /// Bodies that the program has removed: contacts that end name them.
+    departed: Departed,
     /// How many queries were submitted.
     questions: u64,
 }
@@ -57,7 +59,8 @@ impl Hosted {
             Process::Node(_) => None,
         };
         let network = Network::new(connections.clone());
-        Self { network, author, process, settings, events: WorldEvents::default(), questions: 0 }
+        let (events, departed) = Default::default();
+        Self { network, author, process, settings, events, departed, questions: 0 }
     }
 
     /// Returns the server with its program's changes, or why a node has none.
@@ -122,8 +125,8 @@ impl Known for ServerProcess {
         self.read(|record| record.body(id).filter(|_| is_there(record)).cloned())
     }
 
-    fn ids(&self) -> BTreeSet<BodyId> {
-        self.read(|record| record.present().map(|body| body.id).collect())
+    fn bodies(&self) -> Vec<BodyRecord> {
+        self.read(|record| record.present().cloned().collect())
     }
 
     fn shape(&self, hash: ShapeHash) -> Option<ShapeRecord> {
@@ -180,10 +183,13 @@ impl Remote for Hosted {
 
     fn step(&mut self) -> Result<(), Error> {
         self.network.listen();
+        self.departed.trim();
+        // What came before the end is told once, as all else.
+        let events = self.server().map(ServerProcess::take_events);
+        self.events = events.unwrap_or_default();
         self.look()?;
         if let (Process::Server(server), Some(author)) = (&self.process, &mut self.author) {
             flush(author, server);
-            self.events = server.take_events();
         }
         Ok(())
     }
@@ -223,7 +229,10 @@ impl Remote for Hosted {
 
     fn remove(&mut self, id: BodyId) -> Result<(), Error> {
         let (server, author) = self.written("destroy bodies")?;
-        author.remove(server, id)
+        let user_data = author.known(server, id).map(|body| body.traits.user_data);
+        author.remove(server, id)?;
+        self.departed.insert(id, user_data.unwrap_or(0));
+        Ok(())
     }
 
     fn set_pose(&mut self, id: BodyId, pose: WorldPose) -> Result<(), Error> {
@@ -403,7 +412,10 @@ impl Remote for Hosted {
     }
 
     fn user_data(&self, id: BodyId) -> Option<u128> {
-        self.record(id).map(|body| body.traits.user_data)
+        let known = self.record(id).map(|body| body.traits.user_data);
+        // Another may have removed it.
+        let recorded = || self.server()?.read(|record| record.body(id).map(|body| body.traits.user_data));
+        known.or_else(recorded).or_else(|| self.departed.get(id))
     }
 
     fn body(&self, id: BodyId) -> Option<Body> {

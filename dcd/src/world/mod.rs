@@ -8,6 +8,8 @@
 mod author;
 mod bodies;
 mod control;
+#[cfg(feature = "net")]
+mod departed;
 mod drawing;
 mod error;
 mod fidelity;

@@ -1,7 +1,5 @@
 //! Shows the author of a client that may build what the client has heard of the world.
 
-use std::collections::BTreeSet;
-
 use super::author::Known;
 use crate::cluster::BodyView as Heard;
 use crate::protocol::{BodyRecord, EnvironmentProperties, JointRecord, ShapeHash, ShapeRecord};
@@ -31,8 +29,8 @@ impl Known for Seen<'_> {
         self.place(id).ok().map(|place| self.bodies[place].body.clone())
     }
 
-    fn ids(&self) -> BTreeSet<BodyId> {
-        self.bodies.iter().map(|body| body.body.id).collect()
+    fn bodies(&self) -> Vec<BodyRecord> {
+        self.bodies.iter().map(|body| body.body.clone()).collect()
     }
 
     fn shape(&self, hash: ShapeHash) -> Option<ShapeRecord> {

@@ -12,6 +12,7 @@ use rapier3d::prelude::*;
 
 use super::author::{Author, Names, refused};
 use super::bodies::{CHANGE_BODY, CHANGE_SURFACE};
+use super::departed::Departed;
 use super::error::Error;
 use super::network::Network;
 use super::remote::{Remote, check_vehicle};
@@ -49,8 +50,8 @@ pub(super) struct Served {
     driven: BTreeMap<BodyId, Velocity>,
     /// Avatars that were removed here and are still in the world, with their user data.
     leaving: BTreeMap<BodyId, u128>,
-    /// User data of bodies that were removed: contacts that end name them.
-    departed: BTreeMap<BodyId, u128>,
+    /// Bodies that were removed: contacts that end name them.
+    departed: Departed,
     events: WorldEvents,
     handovers: Vec<Handover>,
     changes: Vec<BodyChange>,
@@ -88,7 +89,7 @@ impl Served {
             inputs: BTreeMap::new(),
             driven: BTreeMap::new(),
             leaving: BTreeMap::new(),
-            departed: BTreeMap::new(),
+            departed: Departed::default(),
             events: WorldEvents::default(),
             handovers: Vec::new(),
             changes: Vec::new(),
@@ -120,12 +121,11 @@ impl Served {
             let (body, joint) = self.world.next_built();
             self.author.iter_mut().for_each(|author| author.begin_anew((body, joint.into())));
         }
-        self.departed.clear();
+        self.departed.trim();
         for &id in &heard.disappeared {
-            // A builder's own author knows no more of what it has removed.
-            let heard = self.heard(id).map(|heard| heard.body.traits.user_data);
-            let user_data = self.leaving.remove(&id).or(heard).or_else(|| self.user_data(id));
+            let user_data = self.user_data(id);
             self.departed.insert(id, user_data.unwrap_or(0));
+            self.leaving.remove(&id);
             self.driven.remove(&id);
         }
         // Who is to be destroyed is refused for these; inputs of before for others, too.
@@ -159,7 +159,9 @@ impl Served {
         for (body, why) in heard.refusals {
             let user_data = body.and_then(|id| self.user_data(id)).unwrap_or(0);
             // An avatar gets no other input before it is in the world.
-            body.and_then(|id| self.awaited.remove(&id));
+            if let Some(id) = body.filter(|id| self.awaited.remove(id).is_some()) {
+                self.inputs.remove(&id);
+            }
             self.author.iter_mut().for_each(|author| author.refused(body));
             self.changes.push(BodyChange::Refused { body, why, user_data });
         }
@@ -207,21 +209,19 @@ impl Served {
             std::mem::take(&mut self.inputs).into_iter().partition(|(id, _)| self.awaited.contains_key(id));
         self.inputs = waiting;
         for (id, input) in due {
-            if let Some(drive) = input.drive {
-                // An input says the one or the other.
-                if input.velocity.is_none() && input.pose.is_none() {
-                    self.world.drive(id, drive)?;
-                    continue;
-                }
-                self.inputs.insert(id, PendingInput { drive: Some(drive), ..PendingInput::default() });
-            }
             let Some(body) = self.heard(id) else { continue };
-            let kinematic = body.body.traits.kind != BodyKind::Dynamic;
-            let now = body.body.asked();
-            let driven = if kinematic { self.driven.get(&id).copied() } else { None };
-            let velocity = input.velocity.or(driven).unwrap_or(now);
-            self.driven.insert(id, velocity);
-            self.world.send_input(id, velocity, input.pose)?;
+            // An input says the one or the other, and a leader takes in both.
+            if input.velocity.is_some() || input.pose.is_some() {
+                let kinematic = body.body.traits.kind != BodyKind::Dynamic;
+                let now = body.body.asked();
+                let driven = if kinematic { self.driven.get(&id).copied() } else { None };
+                let velocity = input.velocity.or(driven).unwrap_or(now);
+                self.driven.insert(id, velocity);
+                self.world.send_input(id, velocity, input.pose)?;
+            }
+            if let Some(drive) = input.drive {
+                self.world.drive(id, drive)?;
+            }
         }
         Ok(())
     }
@@ -577,7 +577,9 @@ impl Remote for Served {
 
     fn user_data(&self, id: BodyId) -> Option<u128> {
         let known = self.known(id).map(|body| body.traits.user_data);
-        known.or_else(|| self.departed.get(&id).copied())
+        // A builder's own author knows no more of what it has removed.
+        let heard = || self.heard(id).map(|heard| heard.body.traits.user_data);
+        known.or_else(|| self.leaving.get(&id).copied()).or_else(heard).or_else(|| self.departed.get(id))
     }
 
     fn movable_count(&self) -> usize {

@@ -1759,10 +1759,45 @@ static DcdContact ended_last(DcdWorld world)
     return events.contact_count == 1 && events.contacts[0].kind == DCD_CONTACT_ENDED ? events.contacts[0] : none;
 }
 
-/* The user data of a body that is destroyed comes back with a checkpoint before and after the step that tells of it. */
-static void who_is_gone_is_known_again(void)
+static DcdContact began_last(DcdWorld world)
+{
+    DcdContact none = { 0 };
+    DcdEventView events = DCD_EVENT_VIEW_INIT;
+    none.kind = 99;
+    OK(dcd_events(world, &events));
+    return events.contact_count == 1 && events.contacts[0].kind == DCD_CONTACT_BEGAN ? events.contacts[0] : none;
+}
+
+/* What began in the last step is told as it was then after a checkpoint that was made when one of its colliders was gone. */
+static void a_collider_that_is_gone_is_known_again(void)
 {
     DcdWorld world = make_world(1, 1, -10.0f);
+    DcdCheckpointId kept = { 0 };
+    DcdColliderProperties foot = DCD_COLLIDER_PROPERTIES_INIT;
+    DcdBodyDef def = crate(world, 0.0, 1.5);
+    add_floor(world);
+    def.material = 101;
+    def.events = DCD_EVENT_CONTACT;
+    DcdBodyId body = add(world, def);
+    foot.frame.p[1] = -0.9f;
+    foot.user_data = 102;
+    OK(dcd_collider_add(world, body, box(world, 0.2f, 0.2f, 0.2f), &foot, NULL));
+    OK(dcd_body_set_events(world, body, 1, DCD_EVENT_CONTACT, 0.0f));
+    DcdContact contact = next_contact(world, DCD_CONTACT_BEGAN);
+    HOLDS(contact.collider_b == 1 && contact.material_b == 102);
+    OK(dcd_collider_remove(world, body, 0));
+    OK(dcd_checkpoint_create(world, &kept));
+    OK(dcd_step(world));
+    OK(dcd_checkpoint_restore(world, kept));
+    HOLDS(began_last(world).collider_b == 1 && began_last(world).material_b == 102);
+    OK(dcd_world_destroy(world));
+}
+
+/* The user data of a body that is destroyed comes back with a checkpoint before and after the step that tells of it. A snapshot has none,
+ * and takes none of the world that it is loaded into. */
+static void who_is_gone_is_known_again(void)
+{
+    DcdWorld world = make_world(1, 1, -10.0f), other = make_world(1, 1, -10.0f);
     DcdCheckpointId before = { 0 }, after = { 0 };
     DcdBodyDef def = crate(world, 0.0, 0.5);
     add_floor(world);
@@ -1775,9 +1810,21 @@ static void who_is_gone_is_known_again(void)
     OK(dcd_step(world));
     HOLDS(ended_last(world).user_b == 7 && ended_last(world).b.v == body.v);
     OK(dcd_checkpoint_create(world, &after));
+    size_t size = 0;
+    HOLDS(dcd_snapshot_save(world, NULL, 0, &size) == DCD_OK);
+    unsigned char *saved = malloc(size);
+    OK(dcd_snapshot_save(world, saved, size, &size));
+    def = crate(other, 0.0, 0.5);
+    add_floor(other);
+    def.user_data = 77;
+    OK(dcd_body_destroy(other, add(other, def)));
+    OK(dcd_snapshot_load(other, saved, size));
+    HOLDS(ended_last(other).kind == DCD_CONTACT_ENDED && ended_last(other).user_b == 0);
+    free(saved);
+    OK(dcd_world_destroy(other));
     for (int turn = 0; turn < 2; turn++) {
         OK(dcd_checkpoint_restore(world, before));
-        HOLDS(ended_last(world).kind == 99);
+        HOLDS(began_last(world).user_b == 7 && began_last(world).b.v == body.v);
         OK(dcd_step(world));
         HOLDS(ended_last(world).user_b == 7);
         OK(dcd_step(world));
@@ -1989,6 +2036,7 @@ int main(int count, char **texts)
     millimetres_count_far_out();
     ticks_are_computed_again();
     who_is_gone_is_known_again();
+    a_collider_that_is_gone_is_known_again();
     snapshots_are_gone_back_to(count > 1 ? texts[1] : "behaviour.dcd");
     recordings_are_written(count > 1 ? texts[1] : "behaviour");
     steps_go_on_in_the_background();

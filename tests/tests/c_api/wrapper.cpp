@@ -9,6 +9,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <thread>
+#include <type_traits>
 #include <unordered_map>
 #if __cplusplus >= 202002L
 #include <span>
@@ -29,6 +30,11 @@ static void holds(bool what, const char *text, int line)
         failures++;
     }
 }
+
+/* Answers of what is kept are looked at; those of a temporary, which would be gone, are copied. */
+template <class F> using Told = decltype(std::declval<F>().of(0));
+static_assert(std::is_same_v<Told<const dcd::Found<dcd::Overlap> &>, dcd::Span<const dcd::Overlap>>, "kept");
+static_assert(std::is_same_v<Told<dcd::Found<dcd::Overlap>>, std::vector<dcd::Overlap>>, "temporary");
 
 static dcd::World make_world()
 {

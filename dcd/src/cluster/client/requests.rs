@@ -34,8 +34,8 @@ impl Client {
         }
     }
 
-    /// Forgets what was asked about an avatar, as it is in the world or gone, or was refused for this.
-    pub(super) fn answered(&mut self, id: BodyId, refusal: Option<Refusal>) {
+    /// Forgets what was asked about an avatar, as it is in the world or gone, or was refused for this; returns whether anything was.
+    pub(super) fn answered(&mut self, id: BodyId, refusal: Option<Refusal>) -> bool {
         // Others are of inputs: that it is to go was not refused.
         let is_known = matches!(refusal, None | Some(Refusal::NotYours | Refusal::Unknown));
         let is_of = |message: &FromClient| match message {
@@ -43,9 +43,8 @@ impl Client {
             FromClient::Despawn(body) => *body == id && is_known,
             _ => false,
         };
-        if let Some(at) = self.unanswered.iter().position(is_of) {
-            self.unanswered.remove(at);
-        }
+        let at = self.unanswered.iter().position(is_of);
+        at.map(|at| self.unanswered.remove(at)).is_some()
     }
 
     pub(super) fn has_asked_for(&self, id: BodyId) -> bool {

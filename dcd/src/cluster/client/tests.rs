@@ -109,6 +109,22 @@ fn what_is_asked_while_the_world_is_told_again_is_asked_once_and_where_it_is_who
     assert_eq!((before, spawns(&mut client)), (0, 1));
 }
 
+#[test]
+fn a_body_that_is_removed_again_while_it_goes_is_gone_once() {
+    let [known, own] = [BodyId::persistent(0), BodyId::avatar(ClientId(1), 0)];
+    let mut client = linked();
+    while client.poll_output().is_some() {}
+    client.handle(Duration::ZERO, ClientEvent::Despawn(own));
+    for id in [known, known, BodyId::persistent(7), own, own] {
+        tell(&mut client, ToClient::Removed(id));
+    }
+    let gone = std::iter::from_fn(|| client.poll_output()).filter_map(|output| match output {
+        ClientOutput::Removed(id) => Some(id),
+        _ => None,
+    });
+    assert_eq!(gone.collect::<Vec<_>>(), [known, own], "what it asked for is answered, known or not");
+}
+
 /// Returns the interests that it sends to its leaders.
 fn said(client: &mut Client) -> Vec<(Peer, Option<Area>)> {
     let output = |output| match output {

@@ -185,7 +185,7 @@ template <class T> struct Found {
     std::vector<T> items;
     /* Where the answers to question i end in `items`. */
     std::vector<std::size_t> ends;
-    /* The answers to question i; of a temporary, with which they would be gone, a copy. */
+    /* The answers to question i; of a temporary, with which they would be gone, a copy: keep it by auto, not as a Span. */
     Span<const T> of(std::size_t i) const & noexcept
     {
         const std::size_t begin = i == 0 ? 0 : ends[i - 1];

@@ -73,7 +73,10 @@ pub unsafe extern "C" fn dcd_state_read(
                         let state = dcd.record(id)?.state;
                         Some(DcdForce { force: state.force, torque: state.torque })
                     }),
-                    _ => bulk.read(world, dst, each, |id| Some(dcd.user_data(id)? as u64)),
+                    // That of bodies that are gone is known for a while.
+                    _ => bulk.read(world, dst, each, |id| {
+                        Some(dcd.user_data(id).filter(|_| dcd.contains(id))? as u64)
+                    }),
                 }
             }
         })

@@ -548,6 +548,8 @@ impl Client {
                 for id in std::mem::take(&mut self.unspoken) {
                     self.bodies.remove(&id);
                     self.forget(id);
+                    // What it asked to have removed is: that is told once.
+                    self.unanswered.retain(|asked| *asked != FromClient::Despawn(id));
                     self.outputs.push_back(ClientOutput::Removed(id));
                 }
                 self.replacements += u64::from(std::mem::take(&mut self.replaced));

@@ -170,7 +170,7 @@ async fn receive(shared: Arc<Shared>, incoming: Incoming, handshake: OwnedSemaph
         connection.close(CloseCode::REFUSED.into(), b"there is no room for more peers; try again later");
         return;
     };
-    let place = shared.unasked.enter_proven(&connection);
+    let place = shared.unasked.enter_proven(who, &connection);
     let greeted = tokio::time::timeout(timeout, greet(&connection)).await;
     drop(place);
     match greeted {

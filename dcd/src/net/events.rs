@@ -90,8 +90,8 @@ impl CloseCode {
     /// The peers do not fit together, or there is no room; the reason says which.
     pub const REFUSED: Self = Self(2);
     /// The server's user sent the peer away: it is let in by a new token only.
-    pub const SENT_AWAY: Self = Self(3);
-    /// The first code that this module gives no meaning to.
+    pub const SENT_AWAY: Self = Self(17);
+    /// The first code that this module gives no meaning to, but for [`CloseCode::SENT_AWAY`].
     pub const FIRST_FREE: u32 = 16;
 
     pub(super) fn of(close: &ApplicationClose) -> Self {

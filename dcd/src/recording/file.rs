@@ -8,10 +8,10 @@
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Write};
 use std::path::Path;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::mpsc::{self, Sender};
-use std::thread::JoinHandle;
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, Sender};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
 
 use super::RecordingError;
 
@@ -22,6 +22,8 @@ const MAGIC: [u8; 8] = *b"\x89dcdrec\n";
 const MOST: usize = 40 << 20;
 /// Bytes that may wait for the disk.
 const WAITING: usize = 64 << 20;
+/// A disk that takes no chunk for so long hangs.
+const HANGS: Duration = Duration::from_secs(30);
 
 type Hash = [u8; 8];
 
@@ -131,12 +133,13 @@ fn read_up_to(from: &mut impl Read, count: usize) -> io::Result<Vec<u8>> {
 
 /// A file that a thread of its own writes. Each [`Write::write`] is written whole; it fails when the disk has failed, or more than
 /// 64 MiB wait for it: then nobody waits for the disk any more, and what waits is dropped. [`Write::flush`] waits until all is written,
-/// and closes the file.
+/// as long as the disk takes anything, and closes the file.
 pub struct Background {
     chunks: Option<Sender<Vec<u8>>>,
     waiting: Arc<AtomicUsize>,
     is_given_up: Arc<AtomicBool>,
-    thread: Option<JoinHandle<io::Result<()>>>,
+    /// Says how it ended, once.
+    done: Option<Mutex<Receiver<io::Result<()>>>>,
 }
 
 impl Background {
@@ -162,8 +165,9 @@ impl Background {
         let waiting = Arc::new(AtomicUsize::new(0));
         let is_given_up = Arc::new(AtomicBool::new(false));
         let (left, ends) = (waiting.clone(), is_given_up.clone());
-        let write = move || {
-            for chunk in inbox {
+        let (end, done) = mpsc::channel();
+        let mut write = move || {
+            for chunk in inbox.iter() {
                 if ends.load(Ordering::Relaxed) {
                     break;
                 }
@@ -172,14 +176,38 @@ impl Background {
             }
             Ok(())
         };
-        let thread = std::thread::Builder::new().name("dcd-record".into()).spawn(write)?;
-        Ok(Self { chunks: Some(chunks), waiting, is_given_up, thread: Some(thread) })
+        let run = move || {
+            let ended = write();
+            // The file is closed before anybody hears of it.
+            drop(write);
+            let _ = end.send(ended);
+        };
+        std::thread::Builder::new().name("dcd-record".into()).spawn(run)?;
+        Ok(Self { chunks: Some(chunks), waiting, is_given_up, done: Some(Mutex::new(done)) })
     }
 
     fn end(&mut self) -> io::Result<()> {
+        self.end_within(HANGS)
+    }
+
+    /// Closes the file; gives up a disk that has taken nothing for this long.
+    fn end_within(&mut self, patience: Duration) -> io::Result<()> {
         self.chunks = None;
-        let thread = self.thread.take();
-        thread.map_or(Ok(()), |thread| thread.join().unwrap_or_else(|_| Err(io::Error::other("a panic"))))
+        let Some(done) = self.done.take() else { return Ok(()) };
+        let done = done.into_inner().unwrap_or_else(PoisonError::into_inner);
+        loop {
+            let left = self.waiting.load(Ordering::Relaxed);
+            match done.recv_timeout(patience) {
+                Ok(ended) => return ended,
+                Err(RecvTimeoutError::Disconnected) => return Err(io::Error::other("a panic")),
+                Err(RecvTimeoutError::Timeout) if self.waiting.load(Ordering::Relaxed) < left => {}
+                Err(RecvTimeoutError::Timeout) => {
+                    self.is_given_up.store(true, Ordering::Relaxed);
+                    let why = format!("the disk hangs: {left} bytes of the end are lost");
+                    return Err(io::Error::other(why));
+                }
+            }
+        }
     }
 }
 
@@ -189,7 +217,7 @@ impl Write for Background {
         if before > WAITING {
             // The thread may hang in the disk for as long as it likes: who is recorded does not wait for that.
             self.is_given_up.store(true, Ordering::Relaxed);
-            (self.chunks, self.thread) = (None, None);
+            (self.chunks, self.done) = (None, None);
             return Err(io::Error::other("more than 64 MiB wait for the disk: record to a faster one"));
         }
         let gone = match &self.chunks {
@@ -243,17 +271,37 @@ mod tests {
     fn who_is_recorded_to_a_disk_that_hangs_does_not_wait_for_it() {
         let ((begun, chunks), (tell, told)) = (mpsc::channel(), mpsc::channel());
         let mut file = Background::begin(Slow { begun, told }).unwrap();
+        let chunk = vec![7; 1 << 20];
+        file.write_all(&chunk).unwrap();
+        chunks.recv_timeout(PATIENCE).expect("the disk has the first");
         let (say, over) = mpsc::channel();
         std::thread::spawn(move || {
-            let chunk = vec![7; 1 << 20];
             let written = std::iter::from_fn(|| file.write(&chunk).ok()).count();
             drop(file);
             let _ = say.send(written);
         });
         let written = over.recv_timeout(PATIENCE).expect("it goes on while the disk hangs");
-        assert!((64..=66).contains(&written), "{written}");
+        assert!((63..=65).contains(&written), "{written}");
         tell.send(()).unwrap();
         drop(tell);
-        assert_eq!(chunks.into_iter().count(), 1, "what waited is dropped");
+        assert_eq!(chunks.into_iter().count(), 0, "what waited is dropped");
+    }
+
+    #[test]
+    fn the_end_of_a_recording_waits_for_a_slow_disk_and_not_for_one_that_hangs() {
+        let ((begun, chunks), (tell, told)) = (mpsc::channel(), mpsc::channel());
+        let mut file = Background::begin(Slow { begun, told }).unwrap();
+        file.write_all(&[7; 9]).unwrap();
+        chunks.recv_timeout(PATIENCE).expect("the disk has it");
+        let error = file.end_within(Duration::from_millis(20)).unwrap_err();
+        assert!(error.to_string().contains("9 bytes"), "{error}");
+        drop(file);
+        drop(tell);
+        let ((begun, _chunks), (tell, told)) = (mpsc::channel(), mpsc::channel());
+        let mut file = Background::begin(Slow { begun, told }).unwrap();
+        (0..3).for_each(|_| file.write_all(&[7; 9]).unwrap());
+        let disk = std::thread::spawn(move || (0..3).for_each(|_| tell.send(()).unwrap()));
+        file.flush().unwrap();
+        disk.join().unwrap();
     }
 }

@@ -48,11 +48,7 @@ impl Ending {
 
     /// Returns the close code that is sent to the other end.
     pub(super) fn code(self) -> CloseCode {
-        match self {
-            // The network says so as well, to who calls again.
-            Self::SentAway => CloseCode::SENT_AWAY,
-            _ => CloseCode(CloseCode::FIRST_FREE + self as u32),
-        }
+        CloseCode(CloseCode::FIRST_FREE + self as u32)
     }
 
     /// Returns the ending that a close code stands for, if it is one of these.
@@ -154,5 +150,16 @@ impl Reason {
             Err(_) => Cause::Failed,
         };
         Self::new(cause, end.as_ref().err().map_or(String::new(), ToString::to_string))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn who_calls_again_is_told_by_the_network_what_a_link_would_have_told() {
+        assert_eq!(Ending::SentAway.code(), CloseCode::SENT_AWAY);
+        assert_eq!(Ending::ALL.map(|ending| Ending::of(ending.code())), Ending::ALL.map(Some));
     }
 }

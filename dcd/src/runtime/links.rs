@@ -33,6 +33,8 @@ pub(super) const WORLD_BYTES: usize = 256 << 20;
 const CHANGES_BYTES: usize = 16 << 20;
 /// A peer that takes in nothing for this long, though something waits for it, is given up.
 const STUCK: Duration = Duration::from_secs(10);
+/// So many bytes are something: who takes in a few at a time does not keep a world waiting for it.
+const LEAST_READ: usize = 16 << 10;
 
 /// A program's datagram is sent only if at most this many bytes of datagrams wait on its link: states go first.
 const PROGRAM_DATAGRAMS_WAITING: usize = 8 << 10;
@@ -103,7 +105,7 @@ struct Waiting {
     bytes: usize,
     /// When something was last taken in, or began to wait for a link that is up.
     since: Option<Instant>,
-    /// Bytes that the link had still to take in of what it was given, when that was last looked at: a frame may be a shape of 15.5 MiB.
+    /// Bytes that the link had still to take in then of what it was given: a frame may be a shape of 15.5 MiB.
     on_link: usize,
 }
 
@@ -261,9 +263,11 @@ impl Links {
                 continue;
             }
             let on_link = self.net.bytes_waiting(key);
-            let is_stuck = waiting.frames.len() == before && on_link >= waiting.on_link;
+            let is_stuck = waiting.frames.len() == before && on_link + LEAST_READ > waiting.on_link;
             let since = waiting.since.filter(|_| is_stuck).unwrap_or(now);
-            (waiting.since, waiting.on_link) = (Some(since), on_link);
+            if waiting.since != Some(since) {
+                (waiting.since, waiting.on_link) = (Some(since), on_link);
+            }
             self.waiting.insert(peer, waiting);
             left = true;
             if now.saturating_duration_since(since) >= STUCK {
@@ -404,11 +408,12 @@ impl Links {
                     return Vec::new();
                 }
                 self.waiting.remove(&peer);
-                let ending = match error {
-                    NetError::Refused { code, .. } => Ending::of(code),
-                    _ => None,
-                };
-                gone(vec![peer], ending, &error.to_string())
+                match &error {
+                    NetError::Refused { code, reason, .. } if Ending::of(*code).is_some() => {
+                        gone(vec![peer], Ending::of(*code), reason)
+                    }
+                    _ => gone(vec![peer], None, &error.to_string()),
+                }
             }
             NetEvent::Frame { peer: key, bytes, .. } | NetEvent::Datagram { peer: key, bytes } => {
                 let Some(&who) = self.names.get(&key) else { return Vec::new() };

@@ -1,5 +1,8 @@
 //! Collects what the program of a server, or a client that may build, does to the world between two steps, and reads the world with it.
 
+#[cfg(test)]
+mod tests;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -368,9 +371,9 @@ impl Author {
         if tried.traits.kind == BodyKind::Fixed {
             return Err(self.unsupported("fix what moves", Instead::InsertAnew));
         }
-        let is_link = |joint: &JointRecord| joint.link.is_some() && joint.b == id;
-        if tried.traits.kind != BodyKind::Dynamic && !self.joints(world, &is_link).is_empty() {
-            let what = "make a link of a multibody other than dynamic";
+        let is_part = |joint: &JointRecord| joint.link.is_some() && [joint.a, joint.b].contains(&id);
+        if tried.traits.kind != BodyKind::Dynamic && !self.joints(world, &is_part).is_empty() {
+            let what = "make a link or the root of a multibody other than dynamic";
             return Err(self.unsupported(what, Instead::InsertAnew));
         }
         self.alter(&known, tried.traits, tried.wakes)
@@ -633,203 +636,4 @@ impl Author {
 /// Says what cannot be told to others.
 pub(super) fn refused(Invalid { field, rule }: Invalid) -> Error {
     WorldError::Setting { what: field, value: "out of range".to_owned(), range: rule }.into()
-}
-
-#[cfg(test)]
-mod tests {
-    use std::cell::Cell;
-
-    use super::*;
-    use crate::sim::{sim_body, sim_world};
-
-    /// A world that is told by hand.
-    struct Told {
-        body: BodyRecord,
-        joint: Option<JointRecord>,
-        answered: u64,
-        /// How often a body was asked for.
-        looks: Cell<u32>,
-    }
-
-    impl Known for Told {
-        fn knows(&self, id: BodyId) -> bool {
-            self.body.id == id
-        }
-
-        fn body(&self, id: BodyId) -> Option<BodyRecord> {
-            self.looks.set(self.looks.get() + 1);
-            self.knows(id).then(|| self.body.clone())
-        }
-
-        fn bodies(&self) -> Vec<BodyRecord> {
-            vec![self.body.clone()]
-        }
-
-        fn shape(&self, _hash: ShapeHash) -> Option<ShapeRecord> {
-            None
-        }
-
-        fn has_shape(&self, _hash: ShapeHash) -> bool {
-            false
-        }
-
-        fn joint(&self, id: JointId) -> Option<JointRecord> {
-            self.joint.clone().filter(|joint| joint.id == id)
-        }
-
-        fn joints(&self, holds: &dyn Fn(&JointRecord) -> bool) -> Vec<JointRecord> {
-            self.joint.iter().filter(|joint| holds(joint)).cloned().collect()
-        }
-
-        fn tree(&self) -> DistributionTree {
-            sim_world(1).tree
-        }
-
-        fn answered(&self) -> u64 {
-            self.answered
-        }
-    }
-
-    #[test]
-    fn a_change_is_seen_until_it_is_answered_and_then_whatever_is_told() {
-        let body = sim_body(BodyId::persistent(0), [0.0; 3]);
-        let joint = joint_record(JointId(0), body.id, BodyId::persistent(1), &GenericJoint::default());
-        let mut told =
-            Told { body: body.clone(), joint: Some(joint.clone()), answered: 0, looks: Cell::new(0) };
-        let mut author = Author::new(Names::Builder(ClientId(1)), (0, 0), 100.0);
-        let seen = |author: &Author, told: &Told| {
-            let damping = author.known(told, body.id).map(|body| body.traits.linear_damping);
-            (damping, author.joints(told, &|_| true)[0].contacts_enabled)
-        };
-        let before = (Some(0.0), joint.contacts_enabled);
-        author.update(&told, body.id, &mut |body| body.set_linear_damping(0.5)).unwrap();
-        author
-            .update_joint(&told, JointId(0), &mut |joint| _ = joint.set_contacts_enabled(!before.1))
-            .unwrap();
-        assert_eq!(author.take(&told).len(), 2);
-        for _ in 0..3 {
-            assert_eq!(seen(&author, &told), (Some(0.5), !before.1));
-            assert!(author.take(&told).is_empty(), "it is sent once");
-        }
-        // Meanwhile another has changed both to something else.
-        told.answered = 1;
-        assert!(author.take(&told).is_empty());
-        assert_eq!(seen(&author, &told), before);
-        // What was not sent yet is not answered.
-        author.update(&told, body.id, &mut |body| body.set_linear_damping(0.25)).unwrap();
-        assert_eq!(author.take(&told).len(), 1);
-        assert!(author.take(&told).is_empty());
-        assert_eq!(seen(&author, &told).0, Some(0.25));
-    }
-
-    #[test]
-    fn joints_are_there_once_made_and_gone_once_removed_whatever_is_on_record_yet() {
-        let mut told = Told {
-            body: sim_body(BodyId::persistent(0), [0.0; 3]),
-            joint: None,
-            answered: 0,
-            looks: Cell::new(0),
-        };
-        let mut author = Author::new(Names::Program, (1, 0), 100.0);
-        let (body, ball) = (RigidBodyBuilder::dynamic().build(), [ColliderBuilder::ball(0.5)]);
-        let [a, b, c] =
-            [0.0, 2.0, 4.0].map(|x| author.insert(WorldPose::at([x, 0.0, 0.0]), &body, &ball, None).unwrap());
-        let [first, second] =
-            [[a, b], [b, c]].map(|ends| author.insert_joint(&told, ends, &GenericJoint::default()).unwrap());
-        let there = |author: &Author, told: &Told| author.joints(told, &|_| true).len();
-        assert_eq!(author.take(&told).len(), 1);
-        assert!(author.take(&told).is_empty());
-        assert_eq!(there(&author, &told), 2);
-        author.update_joint(&told, first, &mut |joint| _ = joint.set_contacts_enabled(false)).unwrap();
-        let record = author.joint(&told, first).unwrap();
-        assert!(!record.contacts_enabled);
-        author.remove_joint(&told, first).unwrap();
-        assert!(author.joint(&told, first).is_none() && there(&author, &told) == 1);
-        assert_eq!(author.take(&told).len(), 1);
-        // The record is behind: what was made and removed comes onto it, and goes.
-        told.joint = Some(record);
-        for _ in 0..2 {
-            assert!(author.take(&told).is_empty());
-            assert!(author.joint(&told, first).is_none() && there(&author, &told) == 1);
-            assert!(author.remove_joint(&told, first).is_err(), "it is gone already");
-            assert!(author.update_joint(&told, first, &mut |_| {}).is_err());
-        }
-        (told.joint, told.answered) = (None, 2);
-        assert!(author.take(&told).is_empty());
-        assert!(author.joint(&told, first).is_none());
-        // A joint goes with either of its bodies.
-        author.remove(&told, c).unwrap();
-        assert!(author.joint(&told, second).is_none() && there(&author, &told) == 0);
-    }
-
-    #[test]
-    fn what_is_done_to_a_body_counts_in_the_order_in_which_it_was_asked() {
-        let body = sim_body(BodyId::persistent(0), [1.0, 0.0, 0.0]);
-        let told = &Told { body: body.clone(), joint: None, answered: 0, looks: Cell::new(0) };
-        let mut author = Author::new(Names::Program, (1, 0), 100.0);
-        let impulse = Push::impulse(body.id, [10.0, 0.0, 0.0]);
-        let at_point = Push { point: Some([1.0, 2.0, 0.0]), ..impulse };
-        let force = Push::force(body.id, [5.0, 0.0, 0.0], [0.0; 3]);
-        let mut sent = |order: &[&dyn Fn(&mut Author) -> Result<(), Error>]| {
-            order.iter().for_each(|call| call(&mut author).unwrap());
-            let pushes = author.take(told).into_iter().filter_map(|op| match op {
-                BuildOp::Push(push) => Some(push),
-                _ => None,
-            });
-            pushes.collect::<Vec<_>>()
-        };
-        let push = |push: Push| move |author: &mut Author| author.push(told, &push);
-        let (pushes, forces, pushes_there) = (push(impulse), push(force), push(at_point));
-        let stops = |author: &mut Author| author.set_velocity(told, body.id, Velocity::default());
-        let goes = |author: &mut Author| author.set_pose(told, body.id, WorldPose::at([101.0, 0.0, 0.0]));
-        assert_eq!(sent(&[&pushes, &forces, &stops]), [force], "what was pushed before stands still");
-        assert_eq!(sent(&[&stops, &pushes]), [impulse]);
-        let moved = Push { point: Some([101.0, 2.0, 0.0]), ..impulse };
-        assert_eq!(sent(&[&pushes_there, &goes]), [moved], "its arm stays as long");
-        assert_eq!(sent(&[&goes, &pushes_there]), [at_point]);
-    }
-
-    #[test]
-    fn all_bodies_are_seen_as_each_is_without_a_look_at_each() {
-        let body = sim_body(BodyId::persistent(0), [0.0; 3]);
-        let told = Told { body: body.clone(), joint: None, answered: 0, looks: Cell::new(0) };
-        let mut author = Author::new(Names::Program, (1, 0), 100.0);
-        let ball = [ColliderBuilder::ball(0.5)];
-        let insert = |author: &mut Author| {
-            author.insert(WorldPose::default(), &RigidBodyBuilder::dynamic().build(), &ball, None).unwrap()
-        };
-        let awaited = insert(&mut author);
-        author.take(&told);
-        let fresh = insert(&mut author);
-        let there = WorldPose::at([0.0, 7.0, 0.0]);
-        author.set_pose(&told, body.id, there).unwrap();
-        told.looks.set(0);
-        let seen: Vec<_> = author.movable_bodies(&told).iter().map(|body| (body.id, body.pose)).collect();
-        assert_eq!(told.looks.get(), 0);
-        let as_made = WorldPose::default();
-        assert_eq!(seen, [(body.id, there), (awaited, as_made), (fresh, as_made)]);
-        author.remove(&told, body.id).unwrap();
-        assert_eq!(author.movable_bodies(&told).len(), 2);
-    }
-
-    #[test]
-    fn a_shape_that_no_message_holds_is_refused_before_it_has_a_body() {
-        let mut author = Author::new(Names::Program, (1, 0), 100.0);
-        let field = |size: usize| {
-            let heights = rapier3d::parry::utils::Array2::new(size, size, vec![0.0; size * size]);
-            [ColliderBuilder::heightfield(heights, Vector::new(100.0, 1.0, 100.0))]
-        };
-        let ground = RigidBodyBuilder::fixed().build();
-        let refused = author.insert(WorldPose::at([0.0; 3]), &ground, &field(2_049), None);
-        assert!(refused.unwrap_err().to_string().contains("15.5 MiB"));
-        author.insert(WorldPose::at([0.0; 3]), &ground, &field(1_000), None).unwrap();
-        let told = Told {
-            body: sim_body(BodyId::persistent(0), [0.0; 3]),
-            joint: None,
-            answered: 0,
-            looks: Cell::new(0),
-        };
-        let [BuildOp::Insert { shapes, .. }] = &author.take(&told)[..] else { panic!("one insertion") };
-        assert_eq!(shapes.len(), 1, "what was refused is not sent either");
-    }
 }

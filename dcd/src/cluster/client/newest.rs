@@ -11,6 +11,9 @@ use crate::space::BodyId;
 /// An input that a leader has answered is not said again to the next one when it is older than this: much may have happened since.
 const STILL_MEANT: Duration = Duration::from_secs(5);
 
+/// A jump goes along with later inputs that are said again for so long: the avatar has moved on, if a leader did it without an answer.
+const JUMP_MEANT: Duration = Duration::from_secs(1);
+
 /// The newest input of each kind for each avatar.
 #[derive(Clone, Debug, Default)]
 pub(super) struct NewestInputs {
@@ -22,8 +25,9 @@ pub(super) struct NewestInputs {
 #[derive(Clone, Copy, Debug)]
 struct Kept {
     input: Input,
-    /// The logical time of the input that said where it jumps.
+    /// The logical time of the input that said where it jumps, and when that was.
     jumped: u64,
+    jumped_at: Duration,
     made: Duration,
     /// Says whether a leader has refused it, or one for the same avatar soon before it.
     is_refused: bool,
@@ -35,10 +39,13 @@ impl NewestInputs {
         let is_open = |kept: &&Kept| kept.jumped > self.applied && !kept.is_refused;
         let before = self.inputs.get(&input.slot()).filter(|_| input.pose.is_none()).filter(is_open);
         let kept = match before {
-            Some(&Kept { input: before, jumped, .. }) => {
-                Kept { input: input.after(&before), jumped, made: now, is_refused: false }
+            Some(&Kept { input: before, jumped, jumped_at, .. }) => {
+                Kept { input: input.after(&before), jumped, jumped_at, made: now, is_refused: false }
             }
-            None => Kept { input, jumped: input.logical_time, made: now, is_refused: false },
+            None => {
+                let jumped = input.logical_time;
+                Kept { input, jumped, jumped_at: now, made: now, is_refused: false }
+            }
         };
         self.inputs.insert(input.slot(), kept);
     }
@@ -72,8 +79,10 @@ impl NewestInputs {
             !is_answered || kept.made + STILL_MEANT >= now
         };
         let said = |kept: &Kept| {
-            // An older one said where it jumps, and a leader has answered that.
-            let jumps = kept.jumped == kept.input.logical_time || kept.jumped > self.applied;
+            // Where an older one said that it jumps, and a leader has answered that, or may have done it long ago, it does not jump again.
+            let is_open = kept.jumped > self.applied && !kept.is_refused;
+            let is_meant = is_open && kept.jumped_at + JUMP_MEANT >= now;
+            let jumps = kept.jumped == kept.input.logical_time || is_meant;
             Input { pose: kept.input.pose.filter(|_| jumps), ..kept.input }
         };
         let mut inputs: Vec<_> = self.inputs.values().filter(is_due).map(said).collect();

@@ -58,7 +58,8 @@ impl Client {
         for message in std::mem::take(&mut self.unanswered) {
             let is_done = match &message {
                 FromClient::Spawn { body, .. } => self.bodies.contains_key(&body.id),
-                FromClient::Despawn(id) => !self.bodies.contains_key(id),
+                // One that is asked for again is to go again.
+                FromClient::Despawn(id) => !self.bodies.contains_key(id) && !self.has_asked_for(*id),
                 _ => true,
             };
             match (is_done, &message) {

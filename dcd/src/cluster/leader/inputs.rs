@@ -148,7 +148,13 @@ impl Inputs {
                 match self.admit(input, now) {
                     // A later input may have come since the avatar appeared.
                     Ok(()) | Err(Refusal::Late) => {}
-                    Err(refusal) => refused.push((id, refusal)),
+                    Err(refusal) => {
+                        refused.push((id, refusal));
+                        // What came after a jump that is too far is meant as it is.
+                        if refusal == Refusal::TooFar {
+                            let _ = self.admit(Input { pose: None, ..input }, now);
+                        }
+                    }
                 }
             } else if now.0 - since.0 < EARLY_TICKS {
                 self.early.insert(input.slot(), (input, since));

@@ -5,7 +5,7 @@ use super::common::Common;
 use super::group::Group;
 use super::{Server, ServerOutput, budget};
 use crate::cluster::avatar_limits::AvatarLimits;
-use crate::cluster::{Life, Peer};
+use crate::cluster::{Key, Life, Peer};
 use crate::protocol::{
     BodyRecord, BodyState, Drive, FromClient, Gait, Input, Message, Refusal, ShapeRecord, ToClient, WorldOp,
 };
@@ -184,6 +184,9 @@ impl Group {
             (false, _) => {
                 self.record.remove(id);
                 self.owners.remove(&id);
+                [Key::AlteredBody(id), Key::WokenBody(id)]
+                    .into_iter()
+                    .for_each(|key| self.retold.forget(key));
             }
             (true, false) => self.record.set_life(id, Life::Parked),
             (true, true) => self.revive(common, id),

@@ -271,7 +271,8 @@ fn check_change(record: &Record, op: &BuildOp, speed_limit_m_s: f32) -> Result<(
             let same = known.colliders.iter().map(place).eq(traits.colliders.iter().map(place));
             honest(same && traits.kind != BodyKind::Fixed)?;
             // Who computes it refuses that too.
-            let is_link = || record.joints().any(|joint| joint.link.is_some() && joint.b == *body);
+            let is_part = |joint: &JointRecord| joint.link.is_some() && [joint.a, joint.b].contains(body);
+            let is_link = || record.joints().any(is_part);
             honest(traits.kind == BodyKind::Dynamic || !is_link())?;
             honest(known.character == traits.character && known.vehicle == traits.vehicle)?;
             check_traits(traits)

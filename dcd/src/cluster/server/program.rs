@@ -57,6 +57,7 @@ impl Server {
                 for group in self.groups.values_mut() {
                     if group.record.remove_joint(id) {
                         self.common.send_clients(group.id, &ToClient::JointRemoved(id));
+                        group.retold.forget(Key::AlteredJoint(id));
                         group.is_gone(&self.common, Key::GoneJoint(id));
                         group.apply_soon(&mut self.common, WorldOp::RemoveJoint(id));
                     }
@@ -190,11 +191,14 @@ impl Group {
         self.apply_soon(common, WorldOp::Input(input));
     }
 
-    /// Tells the leader, or, while membership changes or the leader is out of reach, the leader to come: a view begins then.
+    /// Tells the leader, or, while membership changes or is about to, or the leader is out of reach, the leader to come: a view begins then.
     fn apply_soon(&mut self, common: &mut Common, op: WorldOp) {
         let hears = |view: &View| common.nodes.get(&view.leader).is_some_and(|leader| leader.linked);
         match &self.view {
-            Some(view) if self.change.is_none() && !self.held && hears(view) => self.apply(common, vec![op]),
+            // What waits for a view to begin may be what this is about.
+            Some(view) if self.change.is_none() && !self.unsure && !self.held && hears(view) => {
+                self.apply(common, vec![op]);
+            }
             _ => self.postponed.add(op),
         }
     }
@@ -211,7 +215,7 @@ impl Group {
     /// Tells the leader of a view that has begun what the last one had not passed on, what was to be done meanwhile, and once more which joints
     /// are gone: of that a leader that has died tells nothing.
     pub(super) fn catch_up(&mut self, common: &mut Common, undone: Vec<WorldOp>) {
-        let retold = self.to_retell();
+        let retold = self.retelling();
         let is_there = |id| self.record.body(id).is_some();
         let undone: Vec<_> = undone.into_iter().filter(|op| op.moves().is_some_and(is_there)).collect();
         let postponed = std::mem::take(&mut self.postponed).ops(is_there);
@@ -222,7 +226,7 @@ impl Group {
     }
 
     /// Returns all that the program has taken away and altered, as it is on record.
-    fn to_retell(&mut self) -> Vec<WorldOp> {
+    fn retelling(&mut self) -> Vec<WorldOp> {
         let record = &self.record;
         self.retold.retain(|key| match key {
             Key::AlteredBody(id) | Key::WokenBody(id) => record.body(id).is_some(),

@@ -53,6 +53,12 @@ impl Retold {
         self.changes.extend(Some(key).filter(|key| self.always.insert(*key)));
     }
 
+    /// Forgets what this was about, as that is gone.
+    pub(super) fn forget(&mut self, key: Key) {
+        let was_there = self.until_done.remove(&key).is_some() | self.always.remove(&key);
+        self.changes.extend(Some(key).filter(|_| was_there));
+    }
+
     pub(super) fn contains(&self, key: Key) -> bool {
         self.until_done.contains_key(&key) || self.always.contains(&key)
     }

@@ -11,7 +11,8 @@ use crate::space::{Bounds, PlaceGroups, RegionSet};
 /// A multibody owned here, with all that is tied to it.
 struct Articulated<'a> {
     assembly: &'a Assembly,
-    /// The lowest rank of a region whose multibody it is about to meet.
+    /// The lowest rank of a region whose multibody it is about to meet. What it touches that is shared with other regions keeps it from going for its
+    /// own sake, though not with others of its group: of two evils a contact that begins anew is the lesser.
     meets: Option<usize>,
     /// The region that would compute it if it met none.
     home: usize,

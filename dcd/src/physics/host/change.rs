@@ -50,11 +50,8 @@ impl RegionHost {
         // Each region has its own space: the first one's is that of [`RegionHost::region_pose`].
         let moved = if after == before { None } else { after.first().copied() };
         self.settle(was, moved)?;
-        let to = self.place_of_movable(id);
-        if to != from
-            && let Some(pose) = to
-        {
-            self.arrive(id, pose)?;
+        if let (Some(from), Some(to)) = (from, self.place_of_movable(id)) {
+            self.arrive(id, &from, &to)?;
         }
         Ok(result)
     }
@@ -355,11 +352,17 @@ impl RegionHost {
     }
 
     /// Places a body anew that a user has put into another region, with what it meets there.
-    fn arrive(&mut self, id: BodyId, pose: WorldPose) -> Result<(), HostError> {
+    fn arrive(&mut self, id: BodyId, from: &WorldPose, to: &WorldPose) -> Result<(), HostError> {
+        let rank = self.partition.rank_at(to.translation);
+        // What is not finite is set aside by the next step.
+        if rank == self.partition.rank_at(from.translation) || !to.is_valid() {
+            return Ok(());
+        }
         self.meet_all();
-        if self.partition.rank_at(pose.translation) != self.present_place(id).0
+        let record = self.record(id).filter(|body| body.state.velocity.is_finite());
+        if let Some(record) = record
+            && rank != self.present_place(id).0
             && self.joints_of(id).next().is_none()
-            && let Some(record) = self.record(id)
         {
             self.reinsert(vec![record], &[])?;
         }

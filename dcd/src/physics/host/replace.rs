@@ -22,7 +22,8 @@ impl RegionHost {
                 body.set_body_type(record::body_type(was.traits.kind), true);
                 record::set_traits(body, &was.traits);
             });
-            self.replace(was)?;
+            let taken_back = self.replace(was);
+            debug_assert!(taken_back.is_ok(), "{taken_back:?}");
         }
         settled
     }

@@ -286,7 +286,9 @@ fn who_reads_one_long_frame_for_long_is_not_given_up() {
     let mut looks = 0;
     while pair.waiting_bytes() > 0 {
         let left = pair.links.net.bytes_waiting(key);
-        while left > 0 && pair.links.net.bytes_waiting(key) == left {
+        let begun = Instant::now();
+        while left > 0 && pair.links.net.bytes_waiting(key) + LEAST_READ > left {
+            assert!(begun.elapsed() < PATIENCE, "nothing is read of {left} bytes");
             std::thread::yield_now();
         }
         now += STUCK * 2 / 3;

@@ -60,7 +60,9 @@ impl Model {
 
     /// Returns whether a joint of the tree can be a link of a multibody: others stay impulse joints.
     pub(super) fn links(&self, a: usize, b: usize, joint: &GenericJoint) -> bool {
-        a != b && self.parts[b].is_dynamic() && !joint.locked_axes.is_empty() && link_fault(joint).is_none()
+        let is_root = self.parts[a].is_dynamic() || self.parts[a].is_fixed();
+        let can_be = a != b && is_root && self.parts[b].is_dynamic();
+        can_be && !joint.locked_axes.is_empty() && link_fault(joint).is_none()
     }
 
     /// Returns the joints of the scene: those of the file, and one without effect for each pair that never touches and that no joint

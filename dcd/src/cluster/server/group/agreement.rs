@@ -4,6 +4,7 @@
 //! The leader made both, so that its word counts while it is there. Of the others' each is checked against the rest: what the leader
 //! sent to all must be known to most. Inputs went to the members that hold the avatar alone, and count by one member's word.
 
+use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::protocol::{Dispatch, View, WorldOp, encode_value};
@@ -35,7 +36,8 @@ pub(super) fn dispatches(
             false => refused += 1,
         }
     }
-    // Survivors are at most so far apart that what they name follows on; without the leader that of most of them counts.
+    // Survivors are at most so far apart that what they name follows on; without the leader that of most of them counts, of equals what is
+    // nearest to the tick that was heard of.
     if led.is_none() {
         let mut runs: Vec<BTreeMap<Tick, Vec<(NodeId, &Dispatch)>>> = Vec::new();
         for (tick, of) in std::mem::take(&mut by_tick) {
@@ -50,7 +52,11 @@ pub(super) fn dispatches(
             run.values().flatten().map(|(node, _)| *node).collect::<BTreeSet<_>>().len()
         };
         let all: usize = runs.iter().flat_map(BTreeMap::values).map(Vec::len).sum();
-        by_tick = runs.into_iter().rev().max_by_key(size).unwrap_or_default();
+        let away = |run: &BTreeMap<Tick, _>| {
+            run.last_key_value().map_or(u64::MAX, |(last, _)| last.0.abs_diff(heard.0))
+        };
+        let best = runs.into_iter().rev().max_by_key(|run| (size(run), Reverse(away(run))));
+        by_tick = best.unwrap_or_default();
         refused += (all - by_tick.values().map(Vec::len).sum::<usize>()) as u64;
     }
     let counts = |of: Vec<(NodeId, &Dispatch)>| match of.iter().find(|(node, _)| *node == view.leader) {

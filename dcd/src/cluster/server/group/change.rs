@@ -7,9 +7,9 @@ use std::time::Duration;
 use super::Group;
 use super::agreement::{self, Division};
 use super::divisions::Divisions;
-use crate::cluster::Life;
 use crate::cluster::server::ServerOutput;
 use crate::cluster::server::common::Common;
+use crate::cluster::{Key, Life};
 use crate::protocol::{
     BodyRecord, CHUNK_BYTES, Chunk, Claim, Dispatch, Member, Placed, ToNode, View, ViewNumber, WorldOp,
     chunks, encoded_len, split,
@@ -44,7 +44,9 @@ pub(in crate::cluster::server) struct ViewChange {
     settled: BTreeMap<NodeId, Vec<Dispatch>>,
     /// What the server's program did to moving bodies and the last leader had not passed on when it stopped.
     undone: Vec<WorldOp>,
-    undone_bytes: usize,
+    /// The same as far as it is being told, and its length.
+    telling: Vec<WorldOp>,
+    telling_bytes: usize,
     /// The last tick that the survivors complete.
     last: Tick,
     surveys: BTreeMap<NodeId, Vec<Claim>>,
@@ -94,8 +96,11 @@ impl Group {
         for &node in &survivors {
             common.send_node(node, ToNode::Settle { view: number });
         }
-        // What a leader handed over counts until it has begun to say it again: it may die before.
-        let undone = self.change.take().map_or_else(Vec::new, |before| before.undone);
+        // What a leader handed over counts until it has said it all again: it may die before; and what it has begun to say, if it never said it all.
+        let undone = self.change.take().map_or_else(Vec::new, |before| match before.undone.is_empty() {
+            true => before.telling,
+            false => before.undone,
+        });
         self.change = Some(ViewChange {
             number,
             at: common.now,
@@ -105,7 +110,8 @@ impl Group {
             settling: BTreeMap::new(),
             settled: BTreeMap::new(),
             undone,
-            undone_bytes: 0,
+            telling: Vec::new(),
+            telling_bytes: 0,
             last: Tick(0),
             surveys: BTreeMap::new(),
             divisions: BTreeMap::new(),
@@ -150,7 +156,7 @@ impl Group {
         };
         let Some(change) = self.change.as_mut().filter(owes) else { return false };
         if leads && !change.settling.contains_key(&node) {
-            (change.undone, change.undone_bytes) = (Vec::new(), 0);
+            (change.telling, change.telling_bytes) = (Vec::new(), 0);
         }
         let told = change.settling.entry(node).or_default();
         if told.len() + dispatches.len() > most {
@@ -159,8 +165,11 @@ impl Group {
         told.extend(dispatches);
         change.hears(common.now, last);
         for op in undone.into_iter().filter(|op| leads && op.moves().is_some()) {
-            change.undone_bytes += encoded_len(&op);
-            change.undone.extend(Some(op).filter(|_| change.undone_bytes <= UNDONE_BYTES));
+            change.telling_bytes += encoded_len(&op);
+            change.telling.extend(Some(op).filter(|_| change.telling_bytes <= UNDONE_BYTES));
+        }
+        if last && leads {
+            change.undone = std::mem::take(&mut change.telling);
         }
         if last {
             change.settled.extend(change.settling.remove_entry(&node));
@@ -473,7 +482,12 @@ impl Group {
             let node = member.node;
             let Some(entry) = common.nodes.get_mut(&node) else { continue };
             entry.serving = Some(view.number);
-            let stale = std::mem::take(&mut entry.stale_scenery);
+            // A link that breaks may lose what it was told before.
+            let retold = self.retold.keys().into_iter().filter_map(|key| match key {
+                Key::GoneScenery(id) if self.record.body(id).is_none() => Some(id),
+                _ => None,
+            });
+            let stale = std::mem::take(&mut entry.stale_scenery).into_iter().chain(retold);
             let mut parts = self.record.shape_chunks(&mut entry.shapes);
             parts.extend(self.record.scenery_chunks(&mut entry.scenery));
             parts.extend(common_parts.iter().cloned());

@@ -30,6 +30,8 @@ pub struct Watch {
     gates: Strain,
     groups: BTreeMap<GroupId, Watched>,
     is_calm: bool,
+    /// Whether there have ever been several groups at a time: they correct one another's bodies, whose velocities then are no more what they were.
+    is_corrected: bool,
     /// The worst of each quantity so far, as a share of its gate.
     worst: Strain,
 }
@@ -50,7 +52,14 @@ struct Watched {
 impl Watch {
     /// Creates a watch with a ruler, and the most that each quantity may be.
     pub fn new(ruler: Ruler, gates: Strain) -> Self {
-        Self { ruler, gates, groups: BTreeMap::new(), is_calm: false, worst: Strain::default() }
+        Self {
+            ruler,
+            gates,
+            groups: BTreeMap::new(),
+            is_calm: false,
+            is_corrected: false,
+            worst: Strain::default(),
+        }
     }
 
     /// Says whether all is well: only then bodies have to be where they belong. What moves them is checked at all times.
@@ -69,6 +78,7 @@ impl Watch {
         // Each of several groups computes the world by itself and corrects its bodies by what it hears of the others'.
         let is_one =
             self.groups.iter().all(|(&other, watched)| other == group || watched.heard + GONE < sample.time);
+        self.is_corrected |= !is_one;
         let watched = self.groups.entry(sample.group).or_default();
         if view < watched.view {
             return Ok(());
@@ -98,7 +108,7 @@ impl Watch {
         if !is_one {
             watched.course.interrupt();
         }
-        let speed = self.ruler.of_speed(&look);
+        let speed = if self.is_corrected { Strain::default() } else { self.ruler.of_speed(&look) };
         let motion = watched.course.follow(&self.ruler, tick, look);
         self.check(tick, place.or_worse(speed).or_worse(motion))
     }

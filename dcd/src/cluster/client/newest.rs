@@ -28,6 +28,8 @@ struct Kept {
     /// The logical time of the input that said where it jumps, and when that was.
     jumped: u64,
     jumped_at: Duration,
+    /// Whether that was sent to anybody.
+    is_jump_sent: bool,
     made: Duration,
     /// Says whether a leader has refused it, or one for the same avatar soon before it.
     is_refused: bool,
@@ -35,16 +37,16 @@ struct Kept {
 
 impl NewestInputs {
     /// Keeps an input in place of the one of its kind before, and where that jumped if no leader has answered it.
-    pub(super) fn keep(&mut self, input: Input, now: Duration) {
+    pub(super) fn keep(&mut self, input: Input, now: Duration, is_sent: bool) {
         let is_open = |kept: &&Kept| kept.jumped > self.applied && !kept.is_refused;
         let before = self.inputs.get(&input.slot()).filter(|_| input.pose.is_none()).filter(is_open);
         let kept = match before {
-            Some(&Kept { input: before, jumped, jumped_at, .. }) => {
-                Kept { input: input.after(&before), jumped, jumped_at, made: now, is_refused: false }
+            Some(before) => {
+                Kept { input: input.after(&before.input), made: now, is_refused: false, ..*before }
             }
             None => {
                 let jumped = input.logical_time;
-                Kept { input, jumped, jumped_at: now, made: now, is_refused: false }
+                Kept { input, jumped, jumped_at: now, is_jump_sent: is_sent, made: now, is_refused: false }
             }
         };
         self.inputs.insert(input.slot(), kept);
@@ -59,6 +61,13 @@ impl NewestInputs {
     pub(super) fn are_refused(&mut self, avatar: BodyId) {
         let of_it = self.inputs.range_mut((avatar, false)..=(avatar, true));
         of_it.for_each(|(_, kept)| kept.is_refused = true);
+    }
+
+    /// Notes that jumps that nobody had been told are said now.
+    fn are_said(&mut self, now: Duration) {
+        for kept in self.inputs.values_mut().filter(|kept| !kept.is_jump_sent) {
+            (kept.is_jump_sent, kept.jumped_at) = (true, now);
+        }
     }
 
     /// Forgets the inputs for an avatar that is gone.
@@ -81,7 +90,7 @@ impl NewestInputs {
         let said = |kept: &Kept| {
             // Where an older one said that it jumps, and a leader has answered that, or may have done it long ago, it does not jump again.
             let is_open = kept.jumped > self.applied && !kept.is_refused;
-            let is_meant = is_open && kept.jumped_at + JUMP_MEANT >= now;
+            let is_meant = is_open && (!kept.is_jump_sent || kept.jumped_at + JUMP_MEANT >= now);
             let jumps = kept.jumped == kept.input.logical_time || is_meant;
             Input { pose: kept.input.pose.filter(|_| jumps), ..kept.input }
         };
@@ -96,7 +105,8 @@ impl Client {
     pub(super) fn send_newest(&mut self, input: Input) {
         self.logical_time += 1;
         let input = Input { logical_time: self.logical_time, ..input };
-        self.newest.keep(input, self.now);
+        let is_sent = self.leader.is_none() || self.node.is_some() || self.linked;
+        self.newest.keep(input, self.now, is_sent);
         self.showing.iter_mut().for_each(|showing| showing.sent(self.now, input));
         self.send_input(input);
     }
@@ -120,6 +130,7 @@ impl Client {
         for input in self.newest.to_say_again(self.now) {
             self.send_input(input);
         }
+        self.newest.are_said(self.now);
     }
 }
 
@@ -143,7 +154,7 @@ mod tests {
         let mut newest = NewestInputs::default();
         let made = [(second, 1, false), (first, 2, true), (first, 3, true), (first, 4, false)];
         for (body, time, drives) in made {
-            newest.keep(input(body, time, drives), Duration::from_secs(time));
+            newest.keep(input(body, time, drives), Duration::from_secs(time), true);
         }
         let times = |newest: &NewestInputs, seconds| -> Vec<_> {
             let inputs = newest.to_say_again(Duration::from_secs(seconds));
@@ -178,19 +189,39 @@ mod tests {
             drive: None,
         };
         let mut newest = NewestInputs::default();
-        newest.keep(input(1, Some(pose)), Duration::ZERO);
-        newest.keep(input(2, None), Duration::ZERO);
-        newest.keep(input(3, None), Duration::ZERO);
+        newest.keep(input(1, Some(pose)), Duration::ZERO, true);
+        newest.keep(input(2, None), Duration::ZERO, true);
+        newest.keep(input(3, None), Duration::ZERO, true);
         let again = |newest: &NewestInputs| newest.to_say_again(Duration::ZERO);
         assert_eq!(again(&newest), [input(3, Some(pose))]);
         // The leader has done the jump, and this one not yet.
         newest.are_applied(1);
         assert_eq!(again(&newest), [input(3, None)]);
-        newest.keep(input(4, None), Duration::ZERO);
+        newest.keep(input(4, None), Duration::ZERO, true);
         assert_eq!(again(&newest), [input(4, None)]);
-        newest.keep(input(5, Some(pose)), Duration::ZERO);
+        newest.keep(input(5, Some(pose)), Duration::ZERO, true);
         newest.are_refused(avatar);
-        newest.keep(input(6, None), Duration::ZERO);
+        newest.keep(input(6, None), Duration::ZERO, true);
         assert_eq!(again(&newest), [input(6, None)], "it may not jump there");
+    }
+
+    #[test]
+    fn a_jump_that_was_told_is_not_said_again_long_after_and_one_that_nobody_heard_is() {
+        let avatar = BodyId::avatar(ClientId(1), 0);
+        let pose = WorldPose::at([1.0, 2.0, 3.0]);
+        for is_sent in [false, true] {
+            let mut newest = NewestInputs::default();
+            for (logical_time, pose) in [(1, Some(pose)), (2, None)] {
+                let (tick, velocity) = (Tick(0), Velocity::default());
+                let input = Input { body: avatar, logical_time, tick, velocity, pose, drive: None };
+                newest.keep(input, Duration::ZERO, is_sent);
+            }
+            let jump =
+                |newest: &NewestInputs, at: f64| newest.to_say_again(Duration::from_secs_f64(at))[0].pose;
+            assert_eq!(jump(&newest, 0.9), Some(pose));
+            assert_eq!(jump(&newest, 1.1), (!is_sent).then_some(pose));
+            newest.are_said(Duration::from_secs(3));
+            assert_eq!(jump(&newest, 4.1), None);
+        }
     }
 }

@@ -191,12 +191,12 @@ impl Group {
         self.apply_soon(common, WorldOp::Input(input));
     }
 
-    /// Tells the leader, or, while membership changes or is about to, or the leader is out of reach, the leader to come: a view begins then.
+    /// Tells the leader, or, while membership changes, the leader is out of reach, or the body is to come with the next view, the leader to come.
     fn apply_soon(&mut self, common: &mut Common, op: WorldOp) {
         let hears = |view: &View| common.nodes.get(&view.leader).is_some_and(|leader| leader.linked);
+        let comes_later = op.moves().is_some_and(|id| self.record.life(id) == Some(Life::Waiting));
         match &self.view {
-            // What waits for a view to begin may be what this is about.
-            Some(view) if self.change.is_none() && !self.unsure && !self.held && hears(view) => {
+            Some(view) if self.change.is_none() && !self.held && hears(view) && !comes_later => {
                 self.apply(common, vec![op]);
             }
             _ => self.postponed.add(op),

@@ -28,7 +28,7 @@ struct Kept {
     /// The logical time of the input that said where it jumps, and when that was.
     jumped: u64,
     jumped_at: Duration,
-    /// Whether that was sent to anybody.
+    /// Says whether that was sent to anybody.
     is_jump_sent: bool,
     made: Duration,
     /// Says whether a leader has refused it, or one for the same avatar soon before it.

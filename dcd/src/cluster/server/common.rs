@@ -15,10 +15,10 @@ use crate::space::{BodyId, ClientId, GroupId, NodeId};
 pub(super) const ABSENCE: Duration = Duration::from_secs(1);
 /// How long members are waited for after a restart of the server.
 pub(super) const RETURN: Duration = Duration::from_secs(3);
-/// How long clients are: one that says nothing finds out late that its link is gone, and calls again then.
+/// Bounds how long clients are waited for: one that says nothing finds out late that its link is gone, and calls again then.
 pub(super) const RETURN_OF_CLIENTS: Duration = CLIENT_IDLE_TIMEOUT.saturating_add(HANDSHAKE_TIMEOUT);
 
-/// How often a node may greet at once, and then each second: a link that breaks is made anew after a second at most.
+/// Bounds how often a node may greet at once, and then per second: a link that breaks is made anew after a second at most.
 const GREETINGS: f64 = 32.0;
 const GREETINGS_PER_S: f64 = 1.0;
 
@@ -85,7 +85,7 @@ pub(super) struct Common {
     pub clients: BTreeMap<ClientId, ClientEntry>,
     /// What clients have asked for, those included that are gone.
     pub allowances: BTreeMap<ClientId, Allowance>,
-    /// How often nodes have greeted, those included that are gone.
+    /// Counts how often nodes have greeted, those included that are gone.
     pub greetings: BTreeMap<NodeId, Account>,
     /// The newest view number in use, over all groups.
     pub number: ViewNumber,

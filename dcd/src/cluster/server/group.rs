@@ -40,7 +40,7 @@ pub(super) struct Group {
     /// Bodies that the leader was told to insert and that no node has spoken of yet.
     pub arriving: BTreeSet<BodyId>,
     pub postponed: Postponed,
-    /// What the program took away and altered.
+    /// Keeps what the program took away and altered, for leaders to come.
     pub retold: Retold,
     /// The regions that own bodies, as members told in the present view: for operators.
     pub owners: BTreeMap<BodyId, RegionId>,

@@ -4,6 +4,7 @@
 mod borders;
 mod change;
 mod checkpoint;
+mod error;
 mod fidelity;
 mod giants;
 mod place;
@@ -19,6 +20,7 @@ mod validate;
 
 pub use self::borders::BorderView;
 pub(crate) use self::checkpoint::Checkpoint;
+pub use self::error::HostError;
 pub use self::tasks::Tasks;
 pub use self::validate::Inconsistency;
 
@@ -38,64 +40,10 @@ use super::owner_index::{Home, OwnerIndex};
 use super::partition::Partition;
 use super::region::{Ownership, Profile, Region};
 use super::settings::StepSettings;
-use super::shapes::{ShapeError, ShapeLibrary};
+use super::shapes::ShapeLibrary;
 use super::statics::Statics;
 use crate::protocol::{BodyRecord, BorderMessage, Handover, JointRecord, RegionEvents, Velocity, WorldPose};
-use crate::space::{BodyId, JointId, RegionId, RegionSet, Tick, TreeError};
-
-/// An error of a [`RegionHost`].
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum HostError {
-    /// A shape cannot be held.
-    #[error(transparent)]
-    Shape(#[from] ShapeError),
-    /// The distribution tree cannot be changed so.
-    #[error(transparent)]
-    Tree(#[from] TreeError),
-    /// The operating system gives no threads.
-    #[error("cannot start {threads} threads: {cause}; ask for fewer")]
-    Threads {
-        /// How many were asked for.
-        threads: usize,
-        /// The system's reason.
-        cause: rayon::ThreadPoolBuildError,
-    },
-    /// The id is taken.
-    #[error("{0} is in the world already; every body has one id")]
-    Taken(BodyId),
-    /// A joint ties a body that is not there.
-    #[error("joint {joint} ties {body}, which is not in the world; insert both bodies first")]
-    Untied {
-        /// Which joint.
-        joint: JointId,
-        /// Which body.
-        body: BodyId,
-    },
-    /// A joint ties a body to itself.
-    #[error("joint {joint} ties {body} to itself; a joint needs two bodies")]
-    Itself {
-        /// Which joint.
-        joint: JointId,
-        /// Which body.
-        body: BodyId,
-    },
-    /// Rapier cannot have the joint in a multibody.
-    #[error("multibody joint {joint} to {body}: {cause}")]
-    MultibodyJoint {
-        /// Which joint.
-        joint: JointId,
-        /// Its second body.
-        body: BodyId,
-        /// What is wrong, and what to do.
-        cause: &'static str,
-    },
-    /// A number that must be finite is not, or a rotation is not a unit quaternion.
-    #[error(
-        "{0} has a pose or velocity that is not finite, or a rotation that is not a unit quaternion; check its numbers"
-    )]
-    NotFinite(BodyId),
-}
+use crate::space::{BodyId, RegionId, RegionSet, Tick};
 
 /// Some regions of a world, stepped together. Its serde form is part of snapshots
 /// ([`LocalWorld::save`](crate::runtime::LocalWorld::save)) and is checked by nothing else.

@@ -4,7 +4,6 @@
 mod body_view;
 mod building;
 mod hearing;
-mod joints;
 mod newest;
 mod requests;
 mod showing;
@@ -21,11 +20,11 @@ use tracing::debug;
 
 pub use self::body_view::BodyView;
 use self::building::Building;
-use self::joints::Joints;
 use self::newest::NewestInputs;
 use self::showing::Showing;
 use self::surroundings::Surroundings;
 use self::vigil::Vigil;
+use super::joints::Joints;
 use super::{Peer, Pinger};
 use crate::delta::{FreeMotion, Receiver, Tally};
 use crate::playback::Motion;
@@ -453,12 +452,12 @@ impl Client {
 
     /// Returns a joint of bodies that it was told of.
     pub fn joint(&self, id: JointId) -> Option<&JointRecord> {
-        self.joints.get(id)
+        self.joints.get(&id)
     }
 
     /// Returns the joints of the bodies that it was told of, in id order.
     pub fn joints(&self) -> impl Iterator<Item = &JointRecord> + Clone {
-        self.joints.iter()
+        self.joints.values()
     }
 
     /// Returns the beginnings and ends of contacts of own avatars since the last call.
@@ -528,7 +527,7 @@ impl Client {
                     self.showing.iter_mut().for_each(|showing| showing.recount());
                 }
                 self.unspoken = self.bodies.keys().copied().collect();
-                self.joints.clear();
+                self.joints = Joints::default();
             }
             ToClient::Chunk(Chunk::Shapes(shapes)) => self.learn(shapes),
             ToClient::Chunk(Chunk::Bodies(bodies)) => {
@@ -605,7 +604,7 @@ impl Client {
                 }
             }
             ToClient::Altered(Alteration::Joint(joint)) => self.joints.alter(*joint),
-            ToClient::JointRemoved(id) => self.joints.remove(id),
+            ToClient::JointRemoved(id) => _ = self.joints.remove(id),
             ToClient::Built(number) => self.building.answered(number),
             ToClient::States { stamp, states } if self.group.is_none_or(|own| own == stamp.group) => {
                 self.tick = self.tick.max(stamp.tick);

@@ -20,6 +20,7 @@ mod correction;
 mod device;
 pub mod directory;
 mod groups;
+mod joints;
 mod leader;
 mod node;
 mod ping;

@@ -1,13 +1,11 @@
 //! Records the world on the server: every body, shape and joint as last known, so that nothing is lost with a node (thesis
 //! 3.3.5).
 
-mod joints;
-
 use std::collections::{BTreeMap, BTreeSet};
 
 use bincode::{Decode, Encode};
 
-use self::joints::Joints;
+use super::joints::Joints;
 use super::{CanBuild, Key, SavedWorld};
 use crate::protocol::{
     Alteration, BodyCheckpoint, BodyKind, BodyRecord, BodyTraits, Check, Chunk, Invalid, JointRecord, Placed,

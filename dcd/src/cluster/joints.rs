@@ -1,4 +1,4 @@
-//! Keeps the joints on record, and finds those of one body without a look at all others.
+//! Keeps joints, those on record at the server and those that a client was told of, and finds those of one body without a look at all others.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Deref;
@@ -26,6 +26,23 @@ impl Joints {
             self.of_bodies.entry(body).or_default().insert(joint.id);
         }
         self.all.insert(joint.id, joint);
+    }
+
+    pub(super) fn extend(&mut self, joints: Vec<JointRecord>) {
+        joints.into_iter().for_each(|joint| self.insert(joint));
+    }
+
+    /// Changes a joint that is known.
+    pub(super) fn alter(&mut self, joint: JointRecord) {
+        if self.all.contains_key(&joint.id) {
+            self.insert(joint);
+        }
+    }
+
+    /// Forgets the joints of a body.
+    pub(super) fn remove_of(&mut self, body: BodyId) {
+        let of_it: Vec<_> = self.of(body).map(|joint| joint.id).collect();
+        of_it.into_iter().for_each(|id| _ = self.remove(id));
     }
 
     /// Forgets a joint; returns it, if there was one.
@@ -79,3 +96,27 @@ impl<Context> Decode<Context> for Joints {
 }
 
 bincode::impl_borrow_decode!(Joints);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn joints_go_with_their_bodies_and_leave_nothing_behind() {
+        let rope = rapier3d::prelude::RopeJointBuilder::new(1.0).build().into();
+        let tie = |id, [a, b]: [u32; 2]| {
+            crate::physics::joint_record(JointId(id), BodyId::persistent(a), BodyId::persistent(b), &rope)
+        };
+        let mut joints = Joints::default();
+        joints.extend(vec![tie(9, [0, 1]), tie(3, [1, 2]), tie(7, [2, 3])]);
+        let ids = |joints: &Joints| joints.values().map(|joint| joint.id.0).collect::<Vec<_>>();
+        assert_eq!(ids(&joints), [3, 7, 9]);
+        joints.alter(JointRecord { user_data: 5, ..tie(9, [0, 1]) });
+        joints.alter(tie(8, [0, 3]));
+        assert_eq!(joints.get(&JointId(9)).map(|joint| joint.user_data), Some(5));
+        joints.remove_of(BodyId::persistent(1));
+        assert_eq!(ids(&joints), [7], "what was altered and not known is not there either");
+        joints.remove(JointId(7));
+        assert!(joints.is_empty() && joints.of_bodies.is_empty());
+    }
+}

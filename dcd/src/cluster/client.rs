@@ -31,7 +31,7 @@ use crate::playback::Motion;
 use crate::protocol::{
     Alteration, Area, BodyKind, BodyRecord, BuildOp, Chunk, ContactForce, Drive, EnvironmentProperties,
     FromClient, Handover, Hello, Input, JoinAs, JointRecord, Member, Message, Query, QueryResult, Refusal,
-    ShapeHash, ShapeRecord, ToClient, Touch, VERSION, Velocity, WorldPose,
+    ShapeHash, ShapeRecord, Stamp, ToClient, Touch, VERSION, Velocity, WorldPose,
 };
 use crate::space::{
     Allocation, BodyId, ClientId, DistributionTree, GroupId, JointId, NodeId, RegionId, Tick,
@@ -45,6 +45,9 @@ const AGAIN: Duration = Duration::from_millis(250);
 
 /// The time after which an unanswered question is asked again, of whoever leads by then.
 const ASK_AGAIN: Duration = Duration::from_millis(500);
+
+/// A leader whose first states are so much older than what was told before has gone back: no message is as late.
+const GOES_BACK_TICKS: u64 = 60;
 
 /// An event for a client: a message, a link, or a request of its user.
 #[derive(Clone, Debug, PartialEq)]
@@ -151,8 +154,11 @@ pub struct Client {
     bodies: BTreeMap<BodyId, BodyView>,
     /// Bodies that the server has not sent yet while it sends the world again.
     unspoken: BTreeSet<BodyId>,
-    /// The newest tick of its group heard of.
+    /// The newest tick of its group heard of, and the newest that is no guess.
     tick: Tick,
+    settled: Tick,
+    /// Whether its leader, or the link to it, is new, and has told nothing yet that is no guess.
+    is_leader_new: bool,
     shapes: BTreeMap<ShapeHash, ShapeRecord>,
     joints: Joints,
     group: Option<GroupId>,
@@ -211,6 +217,8 @@ impl Client {
             bodies: BTreeMap::new(),
             unspoken: BTreeSet::new(),
             tick: Tick(0),
+            settled: Tick(0),
+            is_leader_new: false,
             shapes: BTreeMap::new(),
             joints: Joints::default(),
             group: None,
@@ -263,6 +271,7 @@ impl Client {
                 self.linked = true;
                 self.dial_leader_at = None;
                 self.receiver.reset();
+                self.is_leader_new = true;
                 self.say_inputs_again();
                 self.send_interest();
                 self.ask_again(now, now + ASK_AGAIN);
@@ -566,7 +575,7 @@ impl Client {
                 (self.tree, self.allocation) = (tree.or(self.tree.take()), allocation);
                 if self.group.replace(group) != Some(group) {
                     // Another lineage of epochs and owners: whatever it says first counts.
-                    self.tick = Tick(0);
+                    (self.tick, self.settled) = (Tick(0), Tick(0));
                     self.receiver.reset();
                     self.showing.iter_mut().for_each(|showing| showing.recount());
                     for view in self.bodies.values_mut() {
@@ -607,7 +616,7 @@ impl Client {
             ToClient::JointRemoved(id) => _ = self.joints.remove(id),
             ToClient::Built(number) => self.building.answered(number),
             ToClient::States { stamp, states } if self.group.is_none_or(|own| own == stamp.group) => {
-                self.tick = self.tick.max(stamp.tick);
+                self.hear_tick(&stamp);
                 if !stamp.speculative {
                     self.newest.are_applied(stamp.applied);
                 }
@@ -713,6 +722,20 @@ impl Client {
         self.shapes.extend(shapes.into_iter().map(|shape| (shape.hash(), shape)));
     }
 
+    /// Takes in which tick states are of. Where those who had computed most of a group are lost, it goes back to what others, or its
+    /// record, had: then ticks are counted anew from the first one that its next leader tells.
+    fn hear_tick(&mut self, stamp: &Stamp) {
+        if !stamp.speculative {
+            let is_first = std::mem::take(&mut self.is_leader_new);
+            if is_first && stamp.tick.0 + GOES_BACK_TICKS < self.settled.0 {
+                (self.tick, self.settled) = (stamp.tick, stamp.tick);
+                self.showing.iter_mut().for_each(|showing| showing.recount());
+            }
+            self.settled = self.settled.max(stamp.tick);
+        }
+        self.tick = self.tick.max(stamp.tick);
+    }
+
     fn follow(&mut self, leader: Option<Member>) {
         // One that was started again elsewhere is another, whatever its link seems to be.
         let place = |member: &Member| (member.node, member.address);
@@ -722,6 +745,7 @@ impl Client {
         if former != next {
             self.receiver.reset();
             self.vigil.rest();
+            self.is_leader_new = true;
             self.showing.iter_mut().for_each(|showing| showing.change_leader(former_node));
         }
         if self.node.is_some() || (former == next && self.linked) {

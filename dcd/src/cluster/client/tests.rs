@@ -306,6 +306,26 @@ fn time_goes_on_for_a_client_though_it_is_told_of_no_body() {
 }
 
 #[test]
+fn ticks_are_counted_anew_where_a_new_leader_has_gone_back_and_not_where_a_message_is_late() {
+    let mut client = linked();
+    let hear = |client: &mut Client, tick, speculative| {
+        let stamp = Stamp::untimed(GroupId(1), Tick(tick), speculative);
+        tell(client, ToClient::States { stamp, states: Vec::new() });
+        client.tick().0
+    };
+    assert_eq!(hear(&mut client, 1_800, false), 1_800);
+    assert_eq!(hear(&mut client, 900, false), 1_800, "from the same leader it is late");
+    follow(&mut client, 2);
+    assert_eq!(hear(&mut client, 1_790, false), 1_800, "some ticks were lost with the last leader");
+    follow(&mut client, 3);
+    assert_eq!(hear(&mut client, 900, true), 1_800, "a guess tells nothing");
+    assert_eq!([hear(&mut client, 903, false), hear(&mut client, 906, false)], [903, 906]);
+    // All nodes were started again: the same leader goes on from what the record has.
+    client.handle(Duration::ZERO, ClientEvent::Connected(Peer::Node(NodeId(3))));
+    assert_eq!(hear(&mut client, 780, false), 780);
+}
+
+#[test]
 fn a_body_that_another_region_owns_than_before_is_a_transfer() {
     let mut client = linked();
     let id = BodyId::persistent(50);

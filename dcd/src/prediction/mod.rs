@@ -316,6 +316,7 @@ impl Predictor {
         if let Err(error) = self.insert(bodies, shapes, &joints) {
             warn!(%error, "what is near an avatar is not predicted");
         }
+        self.host.forget_unused_shapes();
     }
 
     fn insert(

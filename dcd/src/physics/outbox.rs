@@ -44,11 +44,6 @@ impl Outbox {
         &mut self.messages[place].1
     }
 
-    /// Returns the messages begun so far, to be completed.
-    pub(super) fn begun(&mut self) -> impl Iterator<Item = &mut BorderMessage> {
-        self.messages.iter_mut().map(|(_, message)| message)
-    }
-
     /// Returns the messages that are not empty, with the ranks of their receivers.
     pub(super) fn letters(&self) -> impl Iterator<Item = (usize, &BorderMessage)> {
         self.messages

@@ -277,6 +277,18 @@ impl Region {
         if place < owned { self.shared[place] } else { self.replicas[place - owned] }
     }
 
+    /// Returns the next body held here and elsewhere, in id order, and counts it: `before` are so many of those owned here, and of the
+    /// others.
+    pub(super) fn next_held_elsewhere(&self, before: &mut (usize, usize)) -> Option<BodyRef> {
+        let next = (self.shared.get(before.0), self.replicas.get(before.1));
+        let is_own = match next {
+            (Some(own), Some(other)) => own.id < other.id,
+            (own, _) => own.is_some(),
+        };
+        *(if is_own { &mut before.0 } else { &mut before.1 }) += 1;
+        (if is_own { next.0 } else { next.1 }).copied()
+    }
+
     /// Returns the bodies inserted as this region's own, and still here, that no exchange has announced yet.
     pub(super) fn fresh(&self) -> impl Iterator<Item = BodyRef> {
         self.fresh.iter().copied().filter(|link| self.world.bodies.contains(link.handle))

@@ -65,6 +65,16 @@ impl Bounds {
         }
     }
 
+    /// Returns the box of what lies in both, if they touch.
+    #[must_use]
+    #[doc(hidden)]
+    pub fn intersection(&self, other: &Self) -> Self {
+        Self {
+            min: std::array::from_fn(|i| self.min[i].max(other.min[i])),
+            max: std::array::from_fn(|i| self.max[i].min(other.max[i])),
+        }
+    }
+
     /// Returns whether the boxes touch or overlap.
     pub fn touches(&self, other: &Self) -> bool {
         (0..3).all(|i| self.min[i] <= other.max[i] && other.min[i] <= self.max[i])

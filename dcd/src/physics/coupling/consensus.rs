@@ -149,10 +149,11 @@ fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared, leader: Optio
         return;
     }
     let owner = shared.members.without(shared.warming).iter().next();
-    let own = (!is_broken(region, link)).then_some((own_rank, shared.own));
-    let copies = || shared.heard.iter().copied().chain(own).filter(|(_, copy)| copy.sound);
+    let own = (!is_broken(region, link)).then_some((own_rank, &shared.own));
+    let heard = || shared.heard.iter().map(|(rank, copy)| (*rank, copy));
+    let copies = || heard().chain(own).filter(|(_, copy)| copy.sound);
     // Only what moves is pushed about by what it meets; a kinematic body is where its owner says.
-    let rank_of = |&(rank, copy): &(usize, CopyState)| {
+    let rank_of = |&(rank, copy): &(usize, &CopyState)| {
         let seen = if copy.sleeping || !body.is_dynamic() { 0 } else { copy.seen };
         let (leads, owns) = (Some(rank) == leader && seen > 0, Some(rank) == owner);
         (leads, seen, owns && seen <= 1, copy.size, std::cmp::Reverse(rank))
@@ -162,8 +163,10 @@ fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared, leader: Optio
         return;
     };
     let z = Vector::from_array(copy.velocity.linear);
-    let off = |(_, other): (usize, CopyState)| (Vector::from_array(other.velocity.linear) - z).length();
-    shared.strayed_m_s = copies().map(off).fold(0.0, f32::max);
+    let off = |(_, other): (usize, &CopyState)| (Vector::from_array(other.velocity.linear) - z).length();
+    let strayed_m_s = copies().map(off).fold(0.0, f32::max);
+    let copy = *copy;
+    shared.strayed_m_s = strayed_m_s;
     let struck = strike::struck(body, &copy, rank, &mut strikes).filter(|_| body.is_dynamic());
     region.slot_mut(link.handle).led_by = Some(rank);
     region.push(link.handle, Vector::ZERO, Vector::ZERO);

@@ -45,6 +45,19 @@ pub(super) struct Islands {
     kept: usize,
     #[serde(skip)]
     open: Vec<RigidBodyHandle>,
+    /// Islands that are no more, for their memory.
+    #[serde(skip)]
+    spare: Spare,
+}
+
+/// Emptied islands, which a copy of the world leaves out.
+#[derive(Debug, Default)]
+struct Spare(Vec<Island>);
+
+impl Clone for Spare {
+    fn clone(&self) -> Self {
+        Self::default()
+    }
 }
 
 /// An island: awake bodies that touch or are tied by joints, as far as this region sees them.
@@ -286,7 +299,7 @@ impl Islands {
         let limit = moment.settings.island_limit;
         let from = self.touched.len();
         let mut joins = None;
-        let mut island = Island::default();
+        let mut island = self.spare.0.pop().unwrap_or_default();
         self.open.clear();
         self.enter(seed);
         while let Some(handle) = self.open.pop() {
@@ -366,20 +379,25 @@ impl Islands {
         for handle in self.touched.drain(..) {
             self.of[handle.into_raw_parts().0 as usize] = 0;
         }
+        let Self { found, spare, .. } = self;
         if moment.tick.0.is_multiple_of(WALK_TICKS) {
-            self.found.clear();
+            spare.0.extend(found.drain(..).map(Island::emptied));
         }
-        self.found.retain_mut(|island| {
+        found.retain_mut(|island| {
             let here = |link: &BodyRef| {
                 region.role_of(link.handle) == Some((link.id, Ownership::Owner))
                     && takes_part(region, link.handle)
             };
             let large = island.members.len() > LARGE && !island.big && island.target == region.rank();
-            large && {
+            let stays = large && {
                 island.members.retain(here);
                 island.begin_anew(|link| held_by(region, shared, link.handle));
                 island.members.len() > LARGE
+            };
+            if !stays {
+                spare.0.push(std::mem::take(island).emptied());
             }
+            stays
         });
         self.kept = self.found.len();
         for (place, island) in self.found.iter().enumerate() {
@@ -392,6 +410,17 @@ impl Islands {
 }
 
 impl Island {
+    /// Returns an island of no bodies, with the memory of this one.
+    fn emptied(self) -> Self {
+        let Self { mut members, mut beside, mut unheard, mut parts, mut elsewhere, .. } = self;
+        members.clear();
+        beside.clear();
+        unheard.clear();
+        parts.clear();
+        elsewhere.clear();
+        Self { members, beside, unheard, parts, elsewhere, ..Self::default() }
+    }
+
     /// Returns whether bodies of other regions belong to it.
     pub(super) fn spans(&self) -> bool {
         self.ghosts > 0 || !self.beside.is_empty()

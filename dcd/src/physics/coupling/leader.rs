@@ -27,14 +27,18 @@ pub(super) struct Leaders {
     /// By place of a group's root.
     leaders: Vec<Option<usize>>,
     copies: Vec<Copied>,
+    /// The sets of regions that hold bodies, in order, each with the number by which it is sorted.
+    sets: Vec<(RegionSet, u32)>,
+    /// The copies by set of regions, rank, island, place of their body, and their own.
+    order: Vec<(u32, u32, BodyId, u32, u32)>,
     views: Vec<View>,
 }
 
 /// One region's copy of a body.
 #[derive(Clone, Copy, Debug)]
 struct Copied {
-    /// The regions that hold the body.
-    members: RegionSet,
+    /// The number of the set of regions that hold the body.
+    set: u32,
     rank: usize,
     island: BodyId,
     /// The body's place in [`Leaders::parents`].
@@ -66,6 +70,7 @@ impl Leaders {
             self.of[handle.into_raw_parts().0 as usize] = 0;
         }
         self.copies.clear();
+        self.sets.clear();
         self.parents.clear();
         for link in bodies {
             if let Some(shared) = shared.get(link.handle) {
@@ -84,9 +89,10 @@ impl Leaders {
     /// Enters a body that touches something in any region.
     fn enter(&mut self, region: &Region, handle: RigidBodyHandle, shared: &Shared) {
         let counts = |copy: &CopyState| copy.sound && !copy.sleeping;
-        let all = || shared.heard.iter().copied().chain([(region.rank(), shared.own)]);
+        let heard = || shared.heard.iter().map(|(rank, copy)| (*rank, copy));
+        let all = || heard().chain([(region.rank(), &shared.own)]);
         if !region.physics().bodies[handle].is_dynamic()
-            || !all().any(|(_, copy)| counts(&copy) && copy.seen > 1)
+            || !all().any(|(_, copy)| counts(copy) && copy.seen > 1)
         {
             return;
         }
@@ -98,16 +104,30 @@ impl Leaders {
         self.of[index] = place + 1;
         self.touched.push(handle);
         self.parents.push(place);
+        let set = match self.sets.binary_search_by_key(&shared.members, |(set, _)| *set) {
+            Ok(at) => self.sets[at].1,
+            Err(at) => {
+                let number = self.sets.len() as u32;
+                self.sets.insert(at, (shared.members, number));
+                number
+            }
+        };
         for (rank, copy) in all().filter(|(_, copy)| counts(copy)) {
-            let CopyState { island, held_by, .. } = copy;
+            let &CopyState { island, held_by, .. } = copy;
             let view = View { root: place, rank, held_by, seen: copy.seen.into(), size: copy.size.into() };
-            self.copies.push(Copied { members: shared.members, rank, island, place, view });
+            self.copies.push(Copied { set, rank, island, place, view });
         }
     }
 
     /// Finds the groups of the copies entered, and their leaders.
     fn lead(&mut self) {
-        self.copies.sort_unstable_by_key(|copied| (copied.members, copied.rank, copied.island, copied.place));
+        let key = |(at, copied): (usize, &Copied)| {
+            (copied.set, copied.rank as u32, copied.island, copied.place, at as u32)
+        };
+        self.order.clear();
+        self.order.extend(self.copies.iter().enumerate().map(key));
+        // Not the copies, which are large.
+        self.order.sort_unstable();
         self.join();
         self.choose();
     }
@@ -115,19 +135,20 @@ impl Leaders {
     /// Joins the bodies of each island of each region, and adds up what each region sees of a group.
     fn join(&mut self) {
         self.views.clear();
-        let same = |a: &Copied, b: &Copied| (a.members, a.rank, a.island) == (b.members, b.rank, b.island);
-        let copies = std::mem::take(&mut self.copies);
-        for island in copies.chunk_by(same) {
-            let mut all = island[0].view;
-            for copied in island {
-                let (a, b) = (self.root(island[0].place), self.root(copied.place));
+        let (copies, order) = (std::mem::take(&mut self.copies), std::mem::take(&mut self.order));
+        for island in order.chunk_by(|a, b| (a.0, a.1, a.2) == (b.0, b.1, b.2)) {
+            let copies = island.iter().map(|&(.., at)| &copies[at as usize]);
+            let first = copies.clone().next().expect("an island has copies");
+            let mut all = first.view;
+            for copied in copies {
+                let (a, b) = (self.root(first.place), self.root(copied.place));
                 self.parents[a.max(b) as usize] = a.min(b);
                 all.held_by = all.held_by.intersection(copied.view.held_by);
                 (all.seen, all.size) = (all.seen.max(copied.view.seen), all.size.max(copied.view.size));
             }
             self.views.push(all);
         }
-        self.copies = copies;
+        (self.copies, self.order) = (copies, order);
         self.flatten();
         let mut views = std::mem::take(&mut self.views);
         views.iter_mut().for_each(|view| view.root = self.root(view.root));
@@ -180,13 +201,7 @@ mod tests {
         let copied = |&(place, rank, island, seen, held_by): &Seen<'_>| {
             let held_by = held_by.iter().copied().collect();
             let view = View { root: place, rank, held_by, seen, size: 0 };
-            Copied {
-                members: [0, 1].into_iter().collect(),
-                rank,
-                island: BodyId::persistent(island),
-                place,
-                view,
-            }
+            Copied { set: 0, rank, island: BodyId::persistent(island), place, view }
         };
         let mut all = Leaders { parents: (0..bodies).collect(), ..Leaders::default() };
         all.copies = copies.iter().map(copied).collect();

@@ -19,12 +19,10 @@ pub(super) fn gather(side: &mut Side, moment: Moment<'_>) {
     if moment.last {
         ownership::survey(side, moment);
     }
-    for place in 0..side.region.held_elsewhere_count() {
-        tell_copy(side, side.region.held_elsewhere_at(place), moment);
-    }
-    for message in side.outbox.begun() {
-        // Owned and replicated bodies come one after the other.
-        message.copies.sort_unstable_by_key(|copy| copy.id);
+    // In id order, as copies are told.
+    let mut told = (0, 0);
+    while let Some(link) = side.region.next_held_elsewhere(&mut told) {
+        tell_copy(side, link, moment);
     }
     if moment.last {
         side.border.islands.tell(&side.region, &mut side.outbox);

@@ -260,7 +260,8 @@ fn candidates(region: &Region, border: &Border) -> Vec<BodyRef> {
     all.extend(border.predicted.near.iter().filter(|near| !stays(near)).map(|near| near.link));
     let moving = border.islands.found.iter().filter(|island| !island.big && island.target != region.rank());
     all.extend(moving.flat_map(|island| &island.members));
-    all.sort_unstable_by_key(|link| link.id);
+    // Runs of it are in order: those are merged.
+    all.sort_by_key(|link| link.id);
     all.dedup_by_key(|link| link.id);
     all.retain(|link| !region.is_articulated(link.handle));
     // Those inserted in this tick have been decided on already.

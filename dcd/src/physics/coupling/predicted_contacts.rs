@@ -48,6 +48,10 @@ pub(super) struct PredictedContacts {
     inner: (Vector, Vector),
     /// Scratch.
     lists: Vec<Vec<NearbyBody>>,
+    #[serde(skip)]
+    looked: Vec<(BodyRef, bool)>,
+    #[serde(skip)]
+    former: Vec<Near>,
 }
 
 /// A body owned here near the border, with its AABB and its swept AABB.
@@ -147,18 +151,21 @@ impl PredictedContacts {
 
     /// Predicts contacts with the regions whose lists changed.
     pub(super) fn meet(&mut self) {
-        for rank in std::mem::take(&mut self.changed).iter() {
-            let meetings = &mut self.meetings;
-            meetings.retain(|meeting| meeting.rank != rank);
-            let ahead_s = f64::from(self.ahead_s);
-            for_each_overlap(&self.shown[rank].bodies, &self.seen[rank].bodies, ahead_s, |own, other| {
+        let changed = std::mem::take(&mut self.changed);
+        if changed.is_empty() {
+            return;
+        }
+        let Self { meetings, shown, seen, ahead_s, .. } = self;
+        meetings.retain(|meeting| !changed.contains(meeting.rank));
+        for rank in changed.iter() {
+            for_each_overlap(&shown[rank].bodies, &seen[rank].bodies, f64::from(*ahead_s), |own, other| {
                 if own.awake || other.awake {
                     let NearbyBody { island, stays, articulated, goes, .. } = *other;
                     meetings.push(Meeting { own: own.id, rank, island, stays, articulated, goes });
                 }
             });
-            meetings.sort_unstable_by_key(|meeting| (meeting.own, meeting.rank, meeting.island));
         }
+        meetings.sort_unstable_by_key(|meeting| (meeting.own, meeting.rank, meeting.island));
     }
 
     /// Returns the regions with whose bodies contacts are predicted, and those that such bodies may come to.
@@ -343,7 +350,9 @@ pub(super) fn see(region: &Region, border: &mut Border, rank: usize, message: &B
         border.overlooked.extend(found.filter_map(|(_, collider)| collider.parent()));
     }
     let predicted = &mut border.predicted;
-    predicted.seen[rank] = nearby.clone();
+    let seen = &mut predicted.seen[rank];
+    (seen.extent, seen.visitors) = (nearby.extent, nearby.visitors);
+    seen.bodies.clone_from(&nearby.bodies);
     predicted.changed.insert(rank);
 }
 
@@ -379,30 +388,38 @@ pub(super) fn look(
     predicted.ahead_s = ahead_ticks(moment) * moment.settings.dt_s;
     let now = moment.tick.0 as u32;
     predicted.find_inner(region);
-    // By Rapier's handle, not by id: nothing is hashed.
-    let own = |near: &Near| region.role_of(near.link.handle) == Some((near.link.id, Ownership::Owner));
-    predicted.near.retain(own);
+    let mut looked = std::mem::take(&mut predicted.looked);
     for &handle in handles {
         let slot = region.slot(handle);
         if slot.role != Ownership::Owner {
             continue;
         }
         let link = BodyRef { id: slot.id, handle };
-        let place = predicted.near.binary_search_by_key(&link.id, |near| near.link.id);
         let rest = predicted.rest_of(region, handle);
         if rest > 0 {
             region.rest_until(handle, now + rest);
-            if let Ok(place) = place {
-                predicted.near.remove(place);
-            }
-            continue;
         }
-        let near = near(region, link, predicted.ahead_s);
-        match place {
-            Ok(place) => predicted.near[place] = near,
-            Err(place) => predicted.near.insert(place, near),
+        looked.push((link, rest == 0));
+    }
+    looked.sort_unstable_by_key(|(link, _)| link.id);
+    looked.dedup_by_key(|(link, _)| link.id);
+    // By Rapier's handle, not by id: nothing is hashed.
+    let own = |near: &Near| region.role_of(near.link.handle) == Some((near.link.id, Ownership::Owner));
+    let mut former = std::mem::take(&mut predicted.former);
+    std::mem::swap(&mut former, &mut predicted.near);
+    let mut kept = former.iter().filter(|near| own(near)).peekable();
+    for (link, is_near) in looked.drain(..) {
+        while let Some(near) = kept.next_if(|near| near.link.id < link.id) {
+            predicted.near.push(*near);
+        }
+        kept.next_if(|near| near.link.id == link.id);
+        if is_near {
+            predicted.near.push(near(region, link, predicted.ahead_s));
         }
     }
+    predicted.near.extend(kept);
+    former.clear();
+    (predicted.looked, predicted.former) = (looked, former);
     let PredictedContacts { near, seen, .. } = predicted;
     near.retain_mut(|near| {
         near.awake = !region.physics().bodies[near.link.handle].is_sleeping();
@@ -532,9 +549,10 @@ pub(super) fn show(
             if visitors.contains(rank) { visitors.without(RegionSet::only(rank)) } else { RegionSet::EMPTY };
         let shown = &mut predicted.shown[rank];
         if (shown.extent, shown.visitors) != (extent, met) || shown.bodies != *list {
-            *shown = NearbyBodies { extent, visitors: met, bodies: std::mem::take(list) };
+            (shown.extent, shown.visitors) = (extent, met);
+            std::mem::swap(&mut shown.bodies, list);
             predicted.changed.insert(rank);
-            outbox.to(rank).nearby = Some(predicted.shown[rank].clone());
+            outbox.to(rank).nearby = Some(shown.clone());
         }
         list.clear();
     }

@@ -12,8 +12,8 @@ pub(super) fn swept(bounds: &Bounds, velocity: [f32; 3], ahead_s: f64) -> Bounds
     })
 }
 
-/// Visits every pair of boxes that will overlap within `ahead_s`, found by sweep and prune along the axis on which the second list
-/// is widest.
+/// Visits every pair of boxes that will overlap within `ahead_s`, found by sweep and prune: along the axis on which those that may meet lie
+/// farthest apart, in strips across the second one.
 pub(super) fn for_each_overlap(
     first: &[NearbyBody],
     second: &[NearbyBody],
@@ -21,27 +21,88 @@ pub(super) fn for_each_overlap(
     mut visit: impl FnMut(&NearbyBody, &NearbyBody),
 ) {
     let boxes = |list: &[NearbyBody]| -> Vec<_> {
-        list.iter().map(|nearby| (swept(&nearby.bounds, nearby.velocity, ahead_s), *nearby)).collect()
+        list.iter().map(|nearby| swept(&nearby.bounds, nearby.velocity, ahead_s)).collect()
     };
-    let (mut first, mut second) = (boxes(first), boxes(second));
-    let Some(around) = second.iter().map(|(bounds, _)| *bounds).reduce(|a, b| a.union(&b)) else { return };
-    let axis = around.longest_axis().index();
-    for list in [&mut first, &mut second] {
-        list.sort_unstable_by(|(a, _), (b, _)| a.min[axis].total_cmp(&b.min[axis]));
+    let (ours, theirs) = (boxes(first), boxes(second));
+    let around = |boxes: &[Bounds]| boxes.iter().copied().reduce(|a, b| a.union(&b));
+    let (Some(around_ours), Some(around_theirs)) = (around(&ours), around(&theirs)) else { return };
+    if !around_ours.touches(&around_theirs) {
+        return;
     }
-    let longest = second.iter().map(|(bounds, _)| bounds.max[axis] - bounds.min[axis]).fold(0.0, f64::max);
-    let mut from = 0;
-    for (bounds, own) in &first {
-        while second.get(from).is_some_and(|(other, _)| other.min[axis] < bounds.min[axis] - longest) {
-            from += 1;
-        }
-        for (others, other) in &second[from..] {
-            if others.min[axis] > bounds.max[axis] {
-                break;
+    // Of most regions only the bodies in a corner may meet.
+    let strips = Strips::of(&theirs, &around_ours.intersection(&around_theirs));
+    for (bounds, a) in ours.iter().zip(first) {
+        strips.for_each_near(bounds, |place| {
+            let b = &second[place];
+            if bounds.touches(&theirs[place]) && meet_after(a, b).is_some_and(|after_s| after_s <= ahead_s) {
+                visit(a, b);
             }
-            if bounds.touches(others) && meet_after(own, other).is_some_and(|after_s| after_s <= ahead_s) {
-                visit(own, other);
+        });
+    }
+}
+
+/// The most strips: beyond, to go over them takes longer than it saves.
+const MOST_STRIPS: f64 = 64.0;
+
+/// Boxes in strips along one axis, each in order of where they begin.
+struct Strips {
+    /// The axis along which they lie, and the one across.
+    along: usize,
+    across: usize,
+    /// Where the first strip begins, and how wide each is.
+    from: f64,
+    width: f64,
+    /// The longest box along the strips; none across is wider than a strip.
+    longest: f64,
+    /// The strip in which a box begins, where it begins along that, and its place.
+    boxes: Vec<(i32, f64, usize)>,
+}
+
+impl Strips {
+    /// Divides those of some boxes that touch another one.
+    fn of(boxes: &[Bounds], common: &Bounds) -> Self {
+        let size = common.size();
+        let along = common.longest_axis().index();
+        let others = [(along + 1) % 3, (along + 2) % 3];
+        let across = if size[others[0]] >= size[others[1]] { others[0] } else { others[1] };
+        let near = || boxes.iter().enumerate().filter(|(_, bounds)| bounds.touches(common));
+        // A little more, so that none is passed over by rounding.
+        let most =
+            |axis: usize| near().map(|(_, bounds)| bounds.size()[axis]).fold(0.0, f64::max) * (1.0 + 1e-9);
+        let from = near().map(|(_, bounds)| bounds.min[across]).fold(f64::INFINITY, f64::min);
+        // Endless ones leave one strip.
+        let width = most(across).max(size[across] / MOST_STRIPS).max(f64::MIN_POSITIVE);
+        let mut strips = Self { along, across, from, width, longest: most(along), boxes: Vec::new() };
+        let all =
+            near().map(|(place, bounds)| (strips.strip_at(bounds.min[across]), bounds.min[along], place));
+        strips.boxes = all.collect();
+        strips.boxes.sort_unstable_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)).then(a.2.cmp(&b.2)));
+        strips
+    }
+
+    /// Returns the strip at a coordinate; what is no number lies in the first one.
+    fn strip_at(&self, at: f64) -> i32 {
+        ((at - self.from) / self.width).floor() as i32
+    }
+
+    /// Visits the places of all boxes that may touch this one.
+    fn for_each_near(&self, bounds: &Bounds, mut visit: impl FnMut(usize)) {
+        let (least, most) = (bounds.min[self.along] - self.longest, bounds.max[self.along]);
+        let last = self.strip_at(bounds.max[self.across]);
+        let mut strip = self.strip_at(bounds.min[self.across]).saturating_sub(1);
+        let mut rest = &self.boxes[..];
+        while strip <= last {
+            rest = &rest[rest.partition_point(|&(of, at, _)| (of, at) < (strip, least))..];
+            // Strips without a box are passed over.
+            let Some(&(next, ..)) = rest.first() else { return };
+            if next > strip {
+                strip = next;
+                continue;
             }
+            for &(_, _, place) in rest.iter().take_while(|&&(of, at, _)| of == strip && at <= most) {
+                visit(place);
+            }
+            strip = strip.saturating_add(1);
         }
     }
 }

@@ -138,8 +138,10 @@ impl Region {
         let slot = self.slot_mut(handle);
         slot.holders = holders;
         let link = BodyRef { id: slot.id, handle };
-        self.unlist(link.id);
-        self.list(link);
+        if !self.is_listed(link) {
+            self.unlist(link.id);
+            self.list(link);
+        }
     }
 
     /// Forgets who holds what, after membership has changed: the holders of this region's bodies, and whether its own replicas are
@@ -206,6 +208,18 @@ impl Region {
     }
 
     /// Puts a body on the list of its ownership: shared or replica.
+    /// Returns whether a body that is held elsewhere, too, is in the list where it belongs.
+    fn is_listed(&self, link: BodyRef) -> bool {
+        let slot = self.slot(link.handle);
+        let list = match slot.role {
+            Ownership::Owner if !slot.holders.is_empty() => &self.shared,
+            Ownership::Replica { .. } => &self.replicas,
+            _ => return false,
+        };
+        let place = list.binary_search_by_key(&link.id, |other| other.id);
+        place.is_ok_and(|place| list[place].handle == link.handle)
+    }
+
     pub(in crate::physics) fn list(&mut self, link: BodyRef) {
         let slot = self.slot(link.handle);
         let list = match slot.role {

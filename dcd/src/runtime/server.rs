@@ -459,7 +459,8 @@ impl ServerProcess {
         self.failure().map_or_else(|| Ok(self.summary()), Err)
     }
 
-    fn end(&mut self) {
+    /// Does the same, and leaves the handle, which tells how it ended. Of a server that is over already it changes nothing.
+    pub(crate) fn end(&mut self) {
         let _ = self.inbox.send(Input::Stop);
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();

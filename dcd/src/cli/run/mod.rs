@@ -172,16 +172,17 @@ impl Run {
             ("--view", self.view.is_some()),
             ("--record", self.record.is_some()),
             ("--gltf", self.film.is_given()),
-            ("--balance", self.cuts.balances()),
             ("--fidelity", self.fidelity.is_given()),
+            ("--threads", self.threads.is_some()),
         ];
-        if let Some((name, _)) = needs.into_iter().find(|(_, given)| self.regions == Some(0) && *given) {
+        let given = needs.into_iter().find(|(_, given)| *given).map(|(name, _)| name);
+        if let Some(name) = given.or(self.cuts.first_given()).filter(|_| self.regions == Some(0)) {
             return Err(Failure::usage(format!(
                 "{name} takes a world of regions, --regions 0 is one bare Rapier world; leave one of them out"
             )));
         }
         let mut scene = scenes::open(&self.scene, &Params::from_args(&self.set)?)?;
-        self.fidelity.apply(&mut scene);
+        self.fidelity.apply(&mut scene)?;
         let plan = self.plan(&scene)?;
         let subject = plan.subject(&scene).map_err(|error| explained(error, &scene))?;
         Ok((Cast::of_scene(&scene), plan, subject))
@@ -226,7 +227,7 @@ impl Run {
         if self.regions == Some(0) {
             return Ok(Plan { config: None, ticks });
         }
-        let mut config = self.cuts.config(scene, self.regions)?;
+        let mut config = self.cuts.local_config(scene, self.regions)?;
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         config.threads = self.threads.map_or(cores, usize::from);
         Ok(Plan { config: Some(config), ticks })

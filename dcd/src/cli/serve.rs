@@ -22,7 +22,8 @@ use crate::cluster::{GroupPolicy, Grouping, PollRules};
 use crate::net::JoinRole;
 use crate::protocol::{DelayThresholds, MAX_LAG, MAX_STATE_TICKS, Pace, Thresholds, View, ViewNumber};
 use crate::runtime::{
-    self, GroupConfig, LocalWorld, Origin, ProcessError, ServeConfig, ServerProcess, ServerSummary, WorldConfig,
+    self, GroupConfig, LocalWorld, Origin, ProcessError, ServeConfig, ServerProcess, ServerSummary,
+    WorldConfig,
 };
 use crate::scene::{Params, Scene};
 use crate::space::{Allocation, MAX_REGIONS, Tick};
@@ -353,22 +354,33 @@ fn start(
     notifier: &Notifier,
     interrupt: Interrupt,
 ) -> Result<Option<ServerProcess>, Failure> {
-    let mut told = false;
-    let mut stand_by = |holder: &str| {
+    let fails = |error| match (error, origin) {
+        (ProcessError::World(error), Beginning::Scene(scene)) => explained(error, &scene.0),
+        (ProcessError::Host(error), Beginning::Scene(scene)) => explained(error.into(), &scene.0),
+        (error, _) => error.into(),
+    };
+    let mut told = None;
+    let mut stand_by = |why: &str, stands_by: bool| {
         notifier.alive();
-        if !std::mem::replace(&mut told, true) {
-            notifier.ready(&format!("standing by for {holder}"));
+        // Who holds the world counts, and not how etcd puts each time that it does not answer.
+        let news = Some(if stands_by { why.to_owned() } else { String::new() });
+        if told != news {
+            told = news;
+            if stands_by {
+                notifier.ready(why);
+            }
             // What cannot be printed keeps nobody from standing by.
-            let _ = print(&format!("standing by for {holder}"));
+            let _ = print(why);
         }
         !interrupt.asked()
     };
-    let origin = match origin {
+    let beginning = runtime::Beginning::of(match origin {
         Beginning::Scene(scene) => Origin::Scene(&scene.0, &scene.1),
         Beginning::Snapshot(world) => Origin::World(world),
-    };
-    let beginning = runtime::Beginning::of(origin)?;
-    Ok(ServerProcess::start_or_stand_by(beginning, config, &mut stand_by)?)
+    });
+    let started =
+        beginning.and_then(|beginning| ServerProcess::start_or_stand_by(beginning, config, &mut stand_by));
+    started.map_err(fails)
 }
 
 /// Returns who is a member and has which regions.

@@ -174,7 +174,7 @@ impl ServerProcess {
 
     /// Does the same with what the world begins with.
     pub(crate) fn start_from(beginning: Beginning, config: ServeConfig) -> Result<Self, ProcessError> {
-        let started = Self::start_or_stand_by(beginning, config, &mut |_| true)?;
+        let started = Self::start_or_stand_by(beginning, config, &mut |_, _| true)?;
         started.ok_or_else(|| ProcessError::Ended("this server was not to wait on".to_owned()))
     }
 

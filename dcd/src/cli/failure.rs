@@ -83,6 +83,7 @@ impl From<ProcessError> for Failure {
                 | DirectoryError::Unreadable { .. },
             )
             | ProcessError::Record { .. }
+            | ProcessError::Metrics { .. }
             | ProcessError::Token(_)
             | ProcessError::Tree(_)
             | ProcessError::Shape(_)

@@ -188,8 +188,9 @@ impl ServerProcess {
         if let Some(path) = &config.record {
             Background::check(path).map_err(|cause| ProcessError::Record { path: path.clone(), cause })?;
         }
-        // A port that is taken leaves no new folder behind.
+        // A port that is taken leaves no new folder behind, no beginning of a recording, and a stored world where it is.
         check_address(config.listen)?;
+        config.metrics.map_or(Ok(()), super::metrics::check)?;
         let Some(opened) = directory::open(&config, goes_on)? else { return Ok(None) };
         let Opened { mut directory, authority, folder_lock } = opened;
         let net = NetConfig {

@@ -11,6 +11,7 @@ mod completions;
 mod config_file;
 mod demo;
 mod diff;
+mod draft;
 mod drain;
 mod end;
 mod failure;

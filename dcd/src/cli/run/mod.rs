@@ -17,7 +17,7 @@ use super::failure::Failure;
 use super::film::FilmArgs;
 use super::interrupt::Interrupt;
 use super::scenes;
-use super::values::address;
+use super::values::{address, unused};
 use super::view::{self, ANY_PORT};
 use super::world::{CutArgs, explained};
 use crate::Viewer;
@@ -88,6 +88,7 @@ pub(super) struct Run {
 
 impl Run {
     pub(super) fn execute(self, common: &Common) -> Result<ExitCode, Failure> {
+        self.record.as_deref().map_or(Ok(()), unused)?;
         let (cast, plan, mut subject) = self.start(common)?;
         let interrupt = Interrupt::listen()?;
         let out = self.out.map(csv::Target::check).transpose()?;

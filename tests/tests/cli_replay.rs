@@ -35,6 +35,7 @@ fn a_world_is_recorded_and_replayed_and_a_flipped_bit_is_found() {
         "ragdolls --set count=6 --regions 2 --coupling overlap",
         "convoy --set cars=8 --set road=400 --regions 2",
     ] {
+        let _ = std::fs::remove_file(folder.join("a.dcdr"));
         let plain = json(folder, &format!("run {scene} --seconds 2"), 0);
         let recorded = json(folder, &format!("run {scene} --seconds 2 --record a.dcdr"), 0);
         assert_eq!(plain["state_hash"], recorded["state_hash"], "{scene}: nothing changes by being recorded");

@@ -97,6 +97,60 @@ fn what_is_not_computed_in_full_is_said() {
     assert!(error(&["run", "tower", "--fidelity", "sharp"], 2).contains("off, auto"));
     assert!(error(&["run", "tower", "--viewpoint", "1,2,3"], 2).contains("10,2,-5,50"));
     assert!(error(&["run", "tower", "--regions", "0", "--fidelity", "auto"], 2).contains("--fidelity"));
+    let alone = ["run", "tower", "--regions", "2", "--viewpoint", "0,0,0,20"];
+    assert!(error(&alone, 2).contains("add --fidelity auto"));
+}
+
+#[test]
+fn a_bare_world_takes_no_option_that_it_would_ignore() {
+    for given in [["--coupling", "owner"], ["--exchanges", "4"], ["--preset", "game"], ["--threads", "2"]] {
+        let said = error(&[&["run", "tower", "--regions", "0"], &given[..]].concat(), 2);
+        assert!(said.contains(&format!("{} takes a world of regions", given[0])), "{said}");
+    }
+}
+
+#[test]
+fn balance_keeps_the_regions_that_bodies_far_apart_need_and_says_where_it_has_nothing_to_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("far.toml");
+    let town = |x: i32| {
+        format!("[[body]]\nposition = [{x}, 1, 0]\n[[body.collider]]\nshape = \"sphere\"\nradius = 0.5\n")
+    };
+    std::fs::write(&path, town(-30_000) + &town(30_000)).unwrap();
+    let far = ["run", path.to_str().unwrap(), "--seconds", "2"];
+    assert_eq!(json(&far)["regions"], 2);
+    assert_eq!(json(&[&far[..], &["--balance"]].concat())["regions"], 2);
+    assert!(error(&["run", "pile", "--balance"], 2).contains("--balance 1-8"));
+}
+
+#[test]
+fn a_scene_that_asks_for_what_cannot_be_is_named_before_anything_is_done() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("fast.toml");
+    let ball = "velocity = [20, 0, 0]\n[[body.collider]]\nshape = \"sphere\"\nradius = 0.5\n";
+    std::fs::write(&path, format!("[world]\nspeed_limit = 10\n[[body]]\n{ball}")).unwrap();
+    let (path, data) = (path.to_str().unwrap(), folder.path().join("data"));
+    let serve = ["serve", path, "--listen", "127.0.0.1:0", "--data", data.to_str().unwrap()];
+    for args in [&["run", path][..], &serve] {
+        let said = error(args, 2);
+        assert!(said.contains("the scene `fast`") && said.contains("20 m/s"), "{said}");
+    }
+    assert!(!data.exists());
+}
+
+#[test]
+fn a_run_that_cannot_begin_leaves_no_file_and_records_over_none() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let (csv, film, nowhere) = (file("new.csv"), file("new.glb"), file("no/such/x.dcd"));
+    error(&["run", "tower", "--out", &csv, "--gltf", &film, "--save", &nowhere], 2);
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    let recording = file("a.dcdr");
+    let run = ["run", "tower", "--seconds", "0.1", "--record", &recording];
+    json(&run);
+    let recorded = std::fs::read(&recording).unwrap();
+    assert!(error(&run, 2).contains("is there already"));
+    assert_eq!(std::fs::read(&recording).unwrap(), recorded);
 }
 
 #[test]
@@ -221,6 +275,8 @@ fn shipped_scene_files_go_by_their_bare_names() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../dcd/scenes/dominoes.toml");
     assert_eq!(report["state_hash"], json(&["run", path, "--seconds", "0.1"])["state_hash"]);
     assert!(error(&["run", "domino"], 2).contains("no scene `domino`"));
+    let told = dcd(&["scenes", "dominoes"]);
+    assert!(text(&told.stdout).contains("scenes/dominoes.toml"), "{}", text(&told.stdout));
 }
 
 #[test]
@@ -429,6 +485,8 @@ fn a_model_file_runs_in_a_hundred_copies_and_says_what_it_lacks() {
     assert_eq!(report["bodies"], 25);
     let output = dcd(&["run", ant.to_str().unwrap(), "--seconds", "0.1"]);
     assert!(text(&output.stderr).contains("joint armature of"), "{}", text(&output.stderr));
+    let said = error(&["run", quadruped.to_str().unwrap(), "--set", "key=1"], 2);
+    assert!(said.contains("a URDF has no keyframes"), "{said}");
     let error = error(&["run", "none.urdf"], 2);
     assert!(error.contains("none.urdf"), "{error}");
 }

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use dcd::network::{JoinConfig, JoinRole, ServeConfig};
 use dcd::prelude::*;
 use dcd::protocol::Pace;
-use dcd::{Axis, Instead, StepSettings, Tick, Unsupported};
+use dcd::{Axis, BodyChange, Instead, StepSettings, Tick, Unsupported};
 
 const LIMIT: Duration = Duration::from_secs(30);
 const G: f32 = 9.81;
@@ -168,6 +168,37 @@ fn a_game_goes_back_for_its_clients_with_all_that_came_and_went() {
     until("and the avatar obeys", &mut [&mut server, &mut client], |worlds| {
         place(worlds[1], late)[0] > x + 1.0
     });
+}
+
+#[test]
+fn a_body_that_goes_and_comes_again_between_two_steps_is_told_in_that_order() {
+    let (local, [first, ..]) = game();
+    let folder = tempfile::tempdir().unwrap();
+    let config = ServeConfig { nodes: 1, ..ServeConfig::new(folder.path()) };
+    let mut server = local.serve_copy(config).unwrap();
+    let _node = node(&server);
+    let [mut stalls, mut watches] =
+        [(); 2].map(|()| World::connect(&join(&server, JoinRole::Client)).unwrap());
+    until("both see it", &mut [&mut server, &mut stalls, &mut watches], |worlds| {
+        worlds.iter().all(|world| world.contains(first))
+    });
+    let mut saved = Vec::new();
+    server.save(&mut saved).unwrap();
+    server.remove(first).unwrap();
+    until("it is gone", &mut [&mut server, &mut watches], |worlds| !worlds[1].contains(first));
+    server.reload(&saved[..]).unwrap();
+    let goes_on = server.tick().0 + 30;
+    until("it is back", &mut [&mut server, &mut watches], |worlds| {
+        worlds[1].contains(first) && worlds[1].tick() > Tick(goes_on)
+    });
+    let mut told = Vec::new();
+    until("the other hears of both", &mut [&mut stalls], |worlds| {
+        let of_it = |change: &&BodyChange| matches!(change, BodyChange::Appeared(id) | BodyChange::Removed(id) if *id == first);
+        told.extend(worlds[0].changes().iter().filter(of_it).copied());
+        told.len() > 1
+    });
+    assert_eq!(told, [BodyChange::Removed(first), BodyChange::Appeared(first)]);
+    assert!(stalls.contains(first));
 }
 
 #[test]

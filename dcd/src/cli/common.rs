@@ -44,7 +44,13 @@ impl Common {
             2 => "info,dcd=debug",
             _ => "trace",
         };
-        let filter = EnvFilter::try_from_default_env().unwrap_or_else(|_| EnvFilter::new(level));
+        // Files of units and containers set it empty where nobody has a wish.
+        let asked = std::env::var(EnvFilter::DEFAULT_ENV).ok().filter(|asked| !asked.trim().is_empty());
+        let (filter, unread) = match asked.map(EnvFilter::try_new) {
+            None => (EnvFilter::new(level), None),
+            Some(Ok(filter)) => (filter, None),
+            Some(Err(error)) => (EnvFilter::new(level), Some(error)),
+        };
         let said: Directive = format!("{SAID}=info").parse().expect("it is a directive");
         let filter = filter.add_directive(said);
         // Fails only if there is a log already, which then serves.
@@ -54,6 +60,9 @@ impl Common {
             LogFormat::Text => log.try_init(),
             LogFormat::Json => log.json().flatten_event(true).with_span_list(false).try_init(),
         };
+        if let Some(error) = unread {
+            tracing::warn!(%error, "RUST_LOG cannot be read, so that -v counts; write it as warn,dcd=debug");
+        }
     }
 
     /// Returns whether people want to see nothing but the result.

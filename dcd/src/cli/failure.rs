@@ -26,8 +26,9 @@ impl Failure {
         Self { message: message.into(), code: 1 }
     }
 
-    /// Creates a failure after which there is nothing to go on with: the world has ended, and who starts its server again begins it anew.
-    pub(super) fn world_ended(message: impl Into<String>) -> Self {
+    /// Creates a failure after which there is nothing to go on with: the world has ended, and who starts its server again begins it anew; or
+    /// a node has ended in order.
+    pub(super) fn ended(message: impl Into<String>) -> Self {
         Self { message: message.into(), code: 3 }
     }
 
@@ -72,7 +73,7 @@ impl From<ProcessError> for Failure {
         let message = error.to_string();
         match error {
             ProcessError::World(error) => error.into(),
-            ProcessError::WorldEnded => Self::world_ended(message),
+            ProcessError::WorldEnded => Self::ended(message),
             // What the user gave cannot be used, and nothing was said to a server yet.
             ProcessError::Restore(_)
             | ProcessError::Directory(
@@ -82,6 +83,7 @@ impl From<ProcessError> for Failure {
                 | DirectoryError::Unreadable { .. },
             )
             | ProcessError::Record { .. }
+            | ProcessError::Metrics { .. }
             | ProcessError::Token(_)
             | ProcessError::Tree(_)
             | ProcessError::Shape(_)

@@ -1,10 +1,10 @@
 //! Films the world of a subcommand into a glTF file: the moment at its end, or a stretch as an animation.
 
-use std::fs::OpenOptions;
 use std::ops::Range;
 use std::path::PathBuf;
 
 use super::common::Common;
+use super::draft::Draft;
 use super::failure::Failure;
 use crate::drawing::{Film, GltfError, Source};
 
@@ -32,11 +32,11 @@ impl FilmArgs {
     /// Opens the file: a long run is not to be lost to a wrong path. Its content stays until the end.
     pub(super) fn open(self) -> Result<Option<Camera>, Failure> {
         let Some(path) = self.gltf else { return Ok(None) };
-        let opened = OpenOptions::new().append(true).create(true).open(&path);
-        opened.map_err(|error| Failure::usage(refused(&path, &error.into())))?;
+        let draft = Draft::check(path.clone());
+        let draft = draft.map_err(|error| Failure::usage(refused(&path, &error.into())))?;
         let next_s = self.gltf_seconds.as_ref().map_or(0.0, |stretch| stretch.start);
         Ok(Some(Camera {
-            path,
+            draft,
             stretch: self.gltf_seconds,
             period_s: 1.0 / f64::from(self.gltf_rate),
             next_s,
@@ -49,7 +49,7 @@ impl FilmArgs {
 
 /// A film in the making.
 pub(super) struct Camera {
-    path: PathBuf,
+    draft: Draft,
     stretch: Option<Range<f64>>,
     period_s: f64,
     /// When the next picture is due.
@@ -86,9 +86,10 @@ impl Camera {
         {
             self.take(world, seconds);
         }
-        let Self { path, film, taken, failed, .. } = self;
-        let written = failed.map_or_else(|| film.save(&path), Err);
-        written.map_err(|error| Failure::run(refused(&path, &error)))?;
+        let Self { draft, film, taken, failed, .. } = self;
+        let path = draft.path();
+        let written = failed.map_or_else(|| draft.write(|path| film.save(path)), Err);
+        written.map_err(|error| Failure::run(refused(path, &error)))?;
         let megabytes = path.metadata().map_or(0.0, |metadata| metadata.len() as f64 / 1e6);
         common.say(&format!("wrote {}: {taken} moments in {megabytes:.1} MB", path.display()));
         Ok(())

@@ -24,7 +24,15 @@ pub(super) struct TokenArgs {
 impl TokenArgs {
     /// Returns the token; none, if its file is gone and not needed.
     pub(super) fn read(self, is_needed: bool) -> Result<String, Failure> {
-        let Some(path) = &self.token_file else { return Ok(self.token.unwrap_or_default()) };
+        let Some(path) = &self.token_file else {
+            return match self.token {
+                None if is_needed => Err(Failure::usage(
+                    "no token is given, and only a node whose --identity has its file already needs none; give --token or \
+                     --token-file with one of `dcd token`",
+                )),
+                token => Ok(token.unwrap_or_default()),
+            };
+        };
         if path.to_string_lossy().starts_with(TOKEN_BEGINS) {
             return Err(Failure::usage(
                 "--token-file names a file, and was given a token itself; give that by --token",

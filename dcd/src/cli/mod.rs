@@ -11,6 +11,7 @@ mod completions;
 mod config_file;
 mod demo;
 mod diff;
+mod draft;
 mod drain;
 mod end;
 mod failure;
@@ -102,7 +103,7 @@ fn version() -> &'static str {
 
 const EXIT_CODES: &str = "\
 Exit codes: 0 done; 1 failed while it ran; 2 what was given cannot be used (options, files, tokens), nothing was done; 3 a
-server's world has ended, with something to report: started again it would begin the world anew; 130 ended by Ctrl-C, with what there was to report (a server keeps its world: 0). A second Ctrl-C ends at once; `dcd serve --help` says what it does there. Results go to standard output, everything else to standard error.";
+server's world, or a node's part in it, has ended with something to report: it is not to be started again by itself, a server would begin the world anew; 130 ended by Ctrl-C, with what there was to report (a server keeps its world: 0). A second Ctrl-C ends at once; `dcd serve --help` says what it does there. Results go to standard output, everything else to standard error.";
 
 /// Runs the command line with the process's arguments.
 pub fn main() -> ExitCode {

@@ -15,7 +15,7 @@ use super::summary::{Computed, Summary};
 use super::values::{GIVE_UP, SERVER, address, joining, unused, wall_seconds};
 use super::view::{self, ANY_PORT};
 use crate::net::JoinRole;
-use crate::runtime::{JoinConfig, Member, MemberConfig, Onlooker};
+use crate::runtime::{JoinConfig, Member, MemberConfig, Onlooker, ProcessError};
 
 /// Interval at which Ctrl-C is looked for.
 const LOOK: Duration = Duration::from_millis(50);
@@ -33,7 +33,8 @@ const LOOK: Duration = Duration::from_millis(50);
     after_long_help = "--json prints the summary with the keys node tick bodies regions tick_ms{mean,p50,p99,max} transfers replicas_mean\n\
         exchanges_mean disagreement_max_m_s speculative\n\
                        bytes bytes_per_s seconds; tick_ms is the time of computing, without waiting for others, from the 31st tick on;\n\
-                       speculative counts ticks that were computed for clients alone while other nodes were waited for."
+                       speculative counts ticks that were computed for clients alone while other nodes were waited for. Exits with 3, and is\n\
+                       not to be started again by itself, when it has ended in order and --record is not whole."
 )]
 pub(super) struct Node {
     /// Where the server is; with servers that stand by (`dcd serve --directory`) all addresses, separated by commas
@@ -130,7 +131,13 @@ impl Node {
             common.say(&format!("the server ends this node: {why}"));
         }
         Computed::from(&node.summary()).show(self.json)?;
-        node.finish()?;
-        Ok(interrupt.exit_code())
+        match node.finish() {
+            Ok(_) => Ok(interrupt.exit_code()),
+            // The node itself has ended in order, and who was drained is not to come back for it.
+            Err(error @ ProcessError::Record { .. }) => {
+                Err(Failure::ended(format!("the recording is not whole: {error}")))
+            }
+            Err(error) => Err(error.into()),
+        }
     }
 }

@@ -21,10 +21,11 @@ impl Scenes {
             print(&overview())?;
             return Ok(ExitCode::SUCCESS);
         };
-        match library().iter().find(|info| info.name == name) {
-            Some(info) => print(&describe(info))?,
+        match (library().iter().find(|info| info.name == name), shipped(&name)) {
+            (Some(info), _) => print(&describe(info))?,
+            (None, Some(path)) => print(&format!("  {name}: the scene file {path}"))?,
             // Says which scenes there are.
-            None => drop(Scene::named(&name, &Params::new())?),
+            (None, None) => drop(Scene::named(&name, &Params::new())?),
         }
         Ok(ExitCode::SUCCESS)
     }

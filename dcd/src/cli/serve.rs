@@ -22,7 +22,8 @@ use crate::cluster::{GroupPolicy, Grouping, PollRules};
 use crate::net::JoinRole;
 use crate::protocol::{DelayThresholds, MAX_LAG, MAX_STATE_TICKS, Pace, Thresholds, View, ViewNumber};
 use crate::runtime::{
-    self, GroupConfig, LocalWorld, Origin, ServeConfig, ServerProcess, ServerSummary, WorldConfig,
+    self, GroupConfig, LocalWorld, Origin, ProcessError, ServeConfig, ServerProcess, ServerSummary,
+    WorldConfig,
 };
 use crate::scene::{Params, Scene};
 use crate::space::{Allocation, MAX_REGIONS, Tick};
@@ -137,7 +138,7 @@ impl Serve {
         let config = self.config()?;
         requests::forget(&self.data);
         let notifier = Notifier::from_environment();
-        let Some(server) = start(&origin, config, &notifier, interrupt)? else {
+        let Some(mut server) = start(&origin, config, &notifier, interrupt)? else {
             // As a server that keeps its world.
             return Ok(ExitCode::SUCCESS);
         };
@@ -153,19 +154,23 @@ impl Serve {
             server.suspend();
             watched?;
         }
-        let (failure, is_kept) = (server.failure(), server.is_suspended());
-        match failure {
-            Some(failure) => Err(failure.into()),
-            None if is_kept => {
-                self.tell_of_suspension(&server.summary(), common);
-                Ok(ExitCode::SUCCESS)
-            }
-            None => {
-                // Whatever it is, it was no usage.
-                let summary = server.stop().map_err(|error| Failure::run(error.to_string()))?;
-                self.tell_of_end(&summary).map(|()| interrupt.exit_code())
-            }
+        // Unless it is suspended or over, the world ends.
+        server.end();
+        let (failure, is_kept, summary) = (server.failure(), server.is_suspended(), server.summary());
+        let unrecorded = match failure {
+            None => None,
+            // The world went on without its recording.
+            Some(error @ ProcessError::Record { .. }) => Some(format!("the recording is not whole: {error}")),
+            // Whatever it is, it was no usage.
+            Some(error) => return Err(Failure::run(error.to_string())),
+        };
+        if is_kept {
+            self.tell_of_suspension(&summary, common);
+            return unrecorded.map_or(Ok(ExitCode::SUCCESS), |why| Err(Failure::run(why)));
         }
+        self.tell_of_end(&summary)?;
+        // Started again it would begin the world anew.
+        unrecorded.map_or_else(|| Ok(interrupt.exit_code()), |why| Err(Failure::ended(why)))
     }
 
     fn config(&self) -> Result<ServeConfig, Failure> {
@@ -238,12 +243,12 @@ impl Serve {
     fn tell_of_end(&self, summary: &ServerSummary) -> Result<(), Failure> {
         Served::new(summary, self.ticks.map(Tick)).show(self.json)?;
         if summary.unaudited {
-            return Err(Failure::world_ended(
+            return Err(Failure::ended(
                 "the nodes did not say at the end what they own, so nobody knows whether bodies are lost; see their logs",
             ));
         }
         if summary.lost + summary.doubled > 0 {
-            return Err(Failure::world_ended(format!(
+            return Err(Failure::ended(format!(
                 "{} bodies are lost and {} doubled: this is a fault of dcd; please report it with the logs (-vv)",
                 summary.lost, summary.doubled
             )));
@@ -349,22 +354,33 @@ fn start(
     notifier: &Notifier,
     interrupt: Interrupt,
 ) -> Result<Option<ServerProcess>, Failure> {
-    let mut told = false;
-    let mut stand_by = |holder: &str| {
+    let fails = |error| match (error, origin) {
+        (ProcessError::World(error), Beginning::Scene(scene)) => explained(error, &scene.0),
+        (ProcessError::Host(error), Beginning::Scene(scene)) => explained(error.into(), &scene.0),
+        (error, _) => error.into(),
+    };
+    let mut told = None;
+    let mut stand_by = |why: &str, stands_by: bool| {
         notifier.alive();
-        if !std::mem::replace(&mut told, true) {
-            notifier.ready(&format!("standing by for {holder}"));
+        // Who holds the world counts, and not how etcd puts each time that it does not answer.
+        let news = Some(if stands_by { why.to_owned() } else { String::new() });
+        if told != news {
+            told = news;
+            if stands_by {
+                notifier.ready(why);
+            }
             // What cannot be printed keeps nobody from standing by.
-            let _ = print(&format!("standing by for {holder}"));
+            let _ = print(why);
         }
         !interrupt.asked()
     };
-    let origin = match origin {
+    let beginning = runtime::Beginning::of(match origin {
         Beginning::Scene(scene) => Origin::Scene(&scene.0, &scene.1),
         Beginning::Snapshot(world) => Origin::World(world),
-    };
-    let beginning = runtime::Beginning::of(origin)?;
-    Ok(ServerProcess::start_or_stand_by(beginning, config, &mut stand_by)?)
+    });
+    let started =
+        beginning.and_then(|beginning| ServerProcess::start_or_stand_by(beginning, config, &mut stand_by));
+    started.map_err(fails)
 }
 
 /// Returns who is a member and has which regions.
@@ -399,7 +415,7 @@ fn after_help() -> String {
          --json as an object with the keys tick bodies regions nodes views repartitions lost doubled audited state_hash bytes seconds kept (state_hash\n\
          with --ticks only; views, repartitions and seconds since this start; kept: whether the world goes on). Exits with 3, and is not to be\n\
          started again by itself, when the world has ended and the last look at it finds bodies lost or doubled or finds nodes that do not\n\
-         say what they own, and when it has ended while this server stood by.\n\n\
+         say what they own, when it has ended and --record is not whole, and when it has ended while this server stood by.\n\n\
          A server that dies is to be started again with the same options: nodes compute on meanwhile, and they and clients dial\n\
          it again. Nodes may be some seconds ahead of tick N. SIGTERM, SIGHUP and Ctrl-C stop the server in the same way, with exit\n\
          code 0: the world goes on. `dcd end --data DIR` ends it for all, and so does a second Ctrl-C within two seconds\n\

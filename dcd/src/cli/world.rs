@@ -3,7 +3,7 @@
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 
 use super::failure::Failure;
-use crate::physics::{Coupling, CouplingChoice, Method, Preset};
+use crate::physics::{Coupling, CouplingChoice, HostError, Method, Preset};
 use crate::protocol::{BIG_ISLAND, MAX_DEPTH, MAX_ROUNDS};
 use crate::runtime::{Partitioning, WorldConfig, WorldError};
 use crate::scene::Scene;
@@ -46,7 +46,7 @@ pub(super) struct CutArgs {
 
 impl CutArgs {
     /// Returns the configuration of the world that the scene and the arguments ask for; `regions` are made by halving.
-    pub(super) fn config(&self, scene: &Scene, regions: Option<u16>) -> Result<WorldConfig, Failure> {
+    fn config(&self, scene: &Scene, regions: Option<u16>) -> Result<WorldConfig, Failure> {
         let mut config = WorldConfig::for_scene(scene);
         if let Some(count) = regions {
             config.partitioning = Partitioning::Regions(count.into());
@@ -61,18 +61,32 @@ impl CutArgs {
             config.partitioning = Partitioning::Cuts(self.cut.clone());
         }
         if let Some(Range(range)) = self.balance {
-            let regions = config.tree().map_err(|error| explained(error.into(), scene))?.leaf_count();
-            let (least_regions, most_regions) = range.unwrap_or((regions, regions));
-            config.balance =
-                Some(Balance { least_regions, most_regions, ..config.balance.unwrap_or_default() });
+            let balance = config.balance.unwrap_or_default();
+            let regions = config.tree_of(scene).map_err(|error| explained(error.into(), scene))?.leaf_count();
+            let (least_regions, most_regions) = match (range, &config.partitioning) {
+                (Some(range), _) => range,
+                // As many as its scene says.
+                (None, Partitioning::Auto) if config.balance.is_some() => {
+                    (balance.least_regions, balance.most_regions)
+                }
+                (None, _) => (regions, regions),
+            };
+            config.balance = Some(Balance { least_regions, most_regions, ..balance });
         }
         config.step = self.choice().applied_to(config.step);
         Ok(config)
     }
 
-    /// Returns whether the regions are to follow the load.
-    pub(super) fn balances(&self) -> bool {
-        self.balance.is_some()
+    /// Does the same for a world of this process, where one region has nothing to be balanced with.
+    pub(super) fn local_config(&self, scene: &Scene, regions: Option<u16>) -> Result<WorldConfig, Failure> {
+        let config = self.config(scene, regions)?;
+        if self.balance.is_some() && config.balance.is_some_and(|balance| balance.most_regions == 1) {
+            return Err(Failure::usage(
+                "--balance has one region here, and nothing to balance it with; say how many by --regions N, or from how many to \
+                 how many, as --balance 1-8",
+            ));
+        }
+        Ok(config)
     }
 
     /// Returns the same for a world that nodes share: unless told otherwise, islands that are too large for one of them are cut, and
@@ -164,9 +178,15 @@ fn plane(text: &str) -> Result<(Axis, f64), String> {
     if at.is_finite() { Ok((axis, at)) } else { Err(wrong()) }
 }
 
+/// Returns why a scene cannot be made a world.
 pub(super) fn explained(error: WorldError, scene: &Scene) -> Failure {
     match error {
         WorldError::Tree(TreeError::Plane { axis, at }) => outside(axis, at, scene),
+        // Threads are the machine's; all else is what the scene asks for.
+        WorldError::Host(HostError::Threads { .. }) => error.into(),
+        WorldError::Host(_) | WorldError::TooFast { .. } => {
+            Failure::usage(format!("the scene `{}` cannot be: {error}", scene.name))
+        }
         error => error.into(),
     }
 }

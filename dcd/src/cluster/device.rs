@@ -146,7 +146,7 @@ pub struct TickStats {
     pub replicas: u32,
     /// Contact pairs.
     pub contacts: u32,
-    /// Bodies that left for another region.
+    /// Bodies that came to a region of this device from another.
     pub transfers: u32,
     /// Microseconds of computing.
     pub compute_us: u32,

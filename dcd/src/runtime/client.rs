@@ -10,7 +10,7 @@ use std::net::SocketAddr;
 
 use super::bandwidth::{Bandwidth, COSTLIEST};
 use super::ending::GIVE_UP;
-use super::{Connections, Member, MemberConfig, NodeSummary, ProcessError, metrics};
+use super::{Connections, Member, MemberConfig, NodeSummary, Presence, ProcessError, metrics};
 use crate::cluster::{BodyView, Client, ClientEvent};
 use crate::net::{Identity, JoinRole, NetError, PeerStats, Token, check_address, join, renew};
 use crate::physics::{ShapeError, ShapeLibrary};
@@ -141,10 +141,8 @@ pub struct ClientEvents {
     pub forces: Vec<(Tick, ContactForce)>,
     /// Bodies whose change of owner became known.
     pub handovers: Vec<Handover>,
-    /// Bodies that appeared.
-    pub appeared: Vec<BodyId>,
-    /// Bodies that disappeared.
-    pub disappeared: Vec<BodyId>,
+    /// Bodies that appeared and disappeared, in the order in which that was heard: one that went and came again is there.
+    pub changes: Vec<Presence>,
     /// Inputs that were refused.
     pub refusals: Vec<(Option<BodyId>, Refusal)>,
 }
@@ -301,7 +299,7 @@ impl ClientWorld {
         self.member.shared.lock().client.as_ref()?.world().cloned()
     }
 
-    /// Inserts an avatar of this client into the world. It appears in [`ClientEvents::appeared`] once it is there; a refusal
+    /// Inserts an avatar of this client into the world. It appears in [`ClientEvents::changes`] once it is there; a refusal
     /// comes in [`ClientEvents::refusals`].
     pub fn spawn(
         &mut self,
@@ -513,8 +511,7 @@ impl ClientWorld {
             touches,
             forces,
             handovers,
-            appeared: std::mem::take(&mut state.appeared).into(),
-            disappeared: std::mem::take(&mut state.disappeared).into(),
+            changes: std::mem::take(&mut state.changes).into(),
             refusals: std::mem::take(&mut state.refusals).into(),
         }
     }

@@ -1,5 +1,6 @@
 //! Defines the settings of a world: its box, cut, threads and steps; and the errors of a local one.
 
+use super::choice;
 use crate::physics::{ControlError, Fidelity, HostError, StepSettings};
 use crate::protocol::{BodyKind, BodyRecord};
 use crate::scene::Scene;
@@ -99,6 +100,14 @@ impl WorldConfig {
                 DistributionTree::halved_across(self.bounds, *count, axes)
             }
             Partitioning::Cuts(planes) => DistributionTree::cut_by(self.bounds, planes),
+        }
+    }
+
+    /// Returns the distribution tree of a world that is made of a scene by this configuration.
+    pub(crate) fn tree_of(&self, scene: &Scene) -> Result<DistributionTree, TreeError> {
+        match self.partitioning {
+            Partitioning::Auto => choice::tree_for(scene, self.bounds),
+            _ => self.tree(),
         }
     }
 }

@@ -27,8 +27,8 @@ pub(super) struct Opened {
     pub(super) folder_lock: Option<FolderLock>,
 }
 
-/// Asks who stands by, with who holds the world, whether to wait on.
-pub(crate) type GoesOn<'a> = &'a mut dyn FnMut(&str) -> bool;
+/// Asks whether to wait on, with why it waits, for people, and whether it stands by for another server.
+pub(crate) type GoesOn<'a> = &'a mut dyn FnMut(&str, bool) -> bool;
 
 /// Opens what the configuration names. In etcd this waits until no other server holds the world; `None`: it was not to wait on.
 pub(super) fn open(config: &ServeConfig, goes_on: GoesOn<'_>) -> Result<Option<Opened>, ProcessError> {
@@ -71,7 +71,7 @@ fn in_etcd(address: &str, config: &ServeConfig, goes_on: GoesOn<'_>) -> Result<O
                     "standing by: another server holds the world"
                 );
             }
-            goes_on(&other)
+            goes_on(&format!("standing by for {other}"), true)
         }
         etcd::Wait::Away(why) => {
             if !std::mem::replace(&mut is_away, true) {
@@ -81,7 +81,7 @@ fn in_etcd(address: &str, config: &ServeConfig, goes_on: GoesOn<'_>) -> Result<O
                     "etcd does not answer as it should; asking again"
                 );
             }
-            goes_on(&why)
+            goes_on(&format!("waiting for etcd: {why}"), false)
         }
     };
     let Some(directory) = world.open(&holder, config.fresh, &mut wait_on)? else {

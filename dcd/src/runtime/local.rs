@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use rapier3d::prelude::*;
 
-use super::choice::{self, Choice, Why};
+use super::choice::{Choice, Why};
 use super::config::{Partitioning, WorldConfig, WorldError, check_speed};
 use super::joint_strength::Strengths;
 use super::tape::{Copies, Tape};
@@ -112,10 +112,7 @@ impl LocalWorld {
 
     /// Makes a world with everything that a scene holds: its body `i` becomes `BodyId::persistent(i)`.
     pub fn from_scene(scene: &Scene, config: WorldConfig) -> Result<Self, WorldError> {
-        let tree = match config.partitioning {
-            Partitioning::Auto => choice::tree_for(scene, config.bounds)?,
-            _ => config.tree()?,
-        };
+        let tree = config.tree_of(scene)?;
         let mut world = Self::with_tree(config, tree)?;
         let (bodies, joints) = scene.records(world.host.shapes_mut()).map_err(HostError::from)?;
         world.next_body = bodies.len() as u32;

@@ -137,6 +137,15 @@ pub struct Member {
     metrics: Option<Endpoint>,
 }
 
+/// A body that came or went.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Presence {
+    /// It appeared.
+    Appeared(BodyId),
+    /// It disappeared.
+    Disappeared(BodyId),
+}
+
 /// The state that the loop and its user share.
 pub(super) struct Shared {
     /// The beginning of its time.
@@ -148,8 +157,7 @@ pub(super) struct Shared {
 pub(super) struct State {
     pub client: Option<Client>,
     pub refusals: VecDeque<(Option<BodyId>, Refusal)>,
-    pub appeared: VecDeque<BodyId>,
-    pub disappeared: VecDeque<BodyId>,
+    pub changes: VecDeque<Presence>,
     pub updates: u64,
     pub traffic: PeerStats,
     pub received: Received,
@@ -231,8 +239,7 @@ impl Member {
         let state = State {
             client,
             refusals: VecDeque::new(),
-            appeared: VecDeque::new(),
-            disappeared: VecDeque::new(),
+            changes: VecDeque::new(),
             updates: 0,
             traffic: PeerStats::default(),
             received: Received::default(),

@@ -80,7 +80,7 @@ pub use error::ProcessError;
 pub use joint_strength::JointOverload;
 pub use local::{LocalWorld, Stats};
 #[cfg(feature = "net")]
-pub use member::{Member, MemberConfig, NodeSummary, Onlooker};
+pub use member::{Member, MemberConfig, NodeSummary, Onlooker, Presence};
 #[cfg(feature = "net")]
 pub(crate) use origin::Beginning;
 #[cfg(feature = "net")]

@@ -49,9 +49,9 @@ impl Beginning {
                 config.check()?;
                 let mut shapes = ShapeLibrary::default();
                 let (bodies, joints) = scene.records(&mut shapes)?;
-                let (tree, halo_m, step) = (config.tree()?, config.halo_m, config.step);
+                let (tree, halo_m, step) = (config.tree_of(scene)?, config.halo_m, config.step);
                 let is_uncut = matches!(config.partitioning, Partitioning::Auto);
-                let balance = config.balance.or_else(|| is_uncut.then(Balance::by_nodes));
+                let balance = config.balance.or_else(|| is_uncut.then(|| by_nodes(&tree)));
                 Ok(Self { tree, balance, halo_m, step, shapes: shapes.records(), bodies, joints })
             }
             Origin::World(world) => {
@@ -62,10 +62,16 @@ impl Beginning {
                 joints.retain(|joint| [joint.a, joint.b].iter().all(|id| id.client().is_none()));
                 // Its owner in the other world means nothing in this one.
                 bodies.iter_mut().for_each(|body| body.epoch = Epoch(0));
-                let is_cut = matches!(world.chosen().why, Why::Asked | Why::Saved);
+                let tree = host.partition().tree().clone();
+                let is_cut = match world.chosen().why {
+                    Why::Asked => true,
+                    // What was saved does not say who cut it, and of one region nobody did.
+                    Why::Saved => tree.leaf_count() > 1,
+                    _ => false,
+                };
                 Ok(Self {
-                    tree: host.partition().tree().clone(),
-                    balance: host.balance().copied().or_else(|| (!is_cut).then(Balance::by_nodes)),
+                    balance: host.balance().copied().or_else(|| (!is_cut).then(|| by_nodes(&tree))),
+                    tree,
                     // An empty world has none, unless it was given.
                     halo_m: Some(host.partition().halo_m()).filter(|halo_m| *halo_m > 0.0),
                     step: host.asked_settings(),
@@ -76,6 +82,13 @@ impl Beginning {
             }
         }
     }
+}
+
+/// Returns how a world that nobody cut follows its nodes: with no fewer regions than it begins with, which are one, or as many as keep
+/// millimetres in f32.
+fn by_nodes(tree: &DistributionTree) -> Balance {
+    let (least_regions, by_nodes) = (tree.leaf_count(), Balance::by_nodes());
+    Balance { least_regions, most_regions: by_nodes.most_regions.max(least_regions), ..by_nodes }
 }
 
 /// Returns the properties of the world as sent to all processes. The halo is that of a local world with the same bodies, so that
@@ -140,7 +153,51 @@ pub(super) fn world_of(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::Params;
     use crate::sim::sim_world;
+
+    fn of_scene(scene: &Scene) -> Beginning {
+        Beginning::of(Origin::Scene(scene, &WorldConfig::for_scene(scene))).unwrap()
+    }
+
+    #[test]
+    fn a_level_that_was_saved_uncut_follows_its_nodes_and_one_that_was_cut_stays() {
+        let saved = |partitioning| {
+            let world = LocalWorld::new(WorldConfig { partitioning, ..WorldConfig::default() }).unwrap();
+            let mut file = Vec::new();
+            world.save(&mut file).unwrap();
+            let level = LocalWorld::restore(&file[..], 1).unwrap();
+            Beginning::of(Origin::World(&level)).unwrap().balance
+        };
+        assert_eq!(saved(Partitioning::Auto), Some(Balance::by_nodes()));
+        assert_eq!(saved(Partitioning::Regions(2)), None);
+    }
+
+    #[test]
+    fn towns_that_are_far_apart_have_a_region_each_also_where_they_are_served() {
+        let town = |x: f64| {
+            format!("[[body]]\nposition = [{x}, 1, 0]\n[[body.collider]]\nshape = \"sphere\"\nradius = 0.5\n")
+        };
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("far.toml");
+        std::fs::write(&path, town(-30_000.0) + &town(30_000.0)).unwrap();
+        let far = Scene::load(&path, &Params::new()).unwrap();
+        let local = LocalWorld::from_scene(&far, WorldConfig::for_scene(&far)).unwrap();
+        for begun in [of_scene(&far), Beginning::of(Origin::World(&local)).unwrap()] {
+            assert_eq!((begun.tree.leaf_count(), begun.balance.unwrap().least_regions), (2, 2));
+        }
+        let near = Scene::named("tower", &Params::new()).unwrap();
+        assert_eq!(of_scene(&near).balance, Some(Balance::by_nodes()));
+    }
+
+    #[test]
+    fn a_scene_that_says_how_it_is_balanced_is_so_where_it_is_served() {
+        let mut scene = Scene::named("tower", &Params::new()).unwrap();
+        scene.regions = Some(2);
+        assert_eq!(of_scene(&scene).balance, None);
+        scene.balance = Some(Balance { most_regions: 8, ..Balance::default() });
+        assert_eq!(of_scene(&scene).balance, scene.balance);
+    }
 
     #[test]
     fn shapes_that_cannot_be_sent_are_refused_before_a_server_runs() {

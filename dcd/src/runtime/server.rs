@@ -86,7 +86,9 @@ pub struct ServerProcess {
     thread: Option<JoinHandle<()>>,
     authority: Arc<Authority>,
     connections: Connections,
-    metrics: Option<Endpoint>,
+    /// Until it is suspended.
+    metrics: Mutex<Option<Endpoint>>,
+    metrics_address: Option<SocketAddr>,
     /// Where it listens.
     pub address: SocketAddr,
     /// The tick from which it goes on with a world that was stored; the nodes may be farther already.
@@ -172,7 +174,7 @@ impl ServerProcess {
 
     /// Does the same with what the world begins with.
     pub(crate) fn start_from(beginning: Beginning, config: ServeConfig) -> Result<Self, ProcessError> {
-        let started = Self::start_or_stand_by(beginning, config, &mut |_| true)?;
+        let started = Self::start_or_stand_by(beginning, config, &mut |_, _| true)?;
         started.ok_or_else(|| ProcessError::Ended("this server was not to wait on".to_owned()))
     }
 
@@ -186,8 +188,9 @@ impl ServerProcess {
         if let Some(path) = &config.record {
             Background::check(path).map_err(|cause| ProcessError::Record { path: path.clone(), cause })?;
         }
-        // A port that is taken leaves no new folder behind.
+        // A port that is taken leaves no new folder behind, no beginning of a recording, and a stored world where it is.
         check_address(config.listen)?;
+        config.metrics.map_or(Ok(()), super::metrics::check)?;
         let Some(opened) = directory::open(&config, goes_on)? else { return Ok(None) };
         let Opened { mut directory, authority, folder_lock } = opened;
         let net = NetConfig {
@@ -259,7 +262,8 @@ impl ServerProcess {
             thread: Some(thread),
             authority,
             connections,
-            metrics: endpoint,
+            metrics_address: endpoint.as_ref().map(Endpoint::address),
+            metrics: Mutex::new(endpoint),
             address,
             resumed,
             next_ids,
@@ -301,7 +305,7 @@ impl ServerProcess {
 
     /// Returns where the server answers with its metrics, if it does.
     pub fn metrics_address(&self) -> Option<SocketAddr> {
-        self.metrics.as_ref().map(Endpoint::address)
+        self.metrics_address
     }
 
     /// Returns the traffic over the network.
@@ -449,7 +453,10 @@ impl ServerProcess {
     pub fn suspend(&self) {
         let _ = self.inbox.send(Input::Suspend);
         let state = self.shared.lock();
-        let _over = self.shared.changed.wait_while(state, |state| !state.over);
+        drop(self.shared.changed.wait_while(state, |state| !state.over));
+        // Whoever hears of it may start another server here, and the handle stays.
+        let metrics = self.metrics.lock().unwrap_or_else(PoisonError::into_inner).take();
+        drop(metrics);
     }
 
     /// Audits the world, tells all processes that it ends, and waits for the end. What fails on the way is an error, as it is of
@@ -459,7 +466,8 @@ impl ServerProcess {
         self.failure().map_or_else(|| Ok(self.summary()), Err)
     }
 
-    fn end(&mut self) {
+    /// Does the same, and leaves the handle, which tells how it ended. Of a server that is over already it changes nothing.
+    pub(crate) fn end(&mut self) {
         let _ = self.inbox.send(Input::Stop);
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
@@ -525,12 +533,15 @@ mod tests {
     use crate::runtime::WorldConfig;
 
     #[test]
-    fn a_server_that_has_stopped_leaves_its_folder_to_the_next() {
+    fn a_server_that_has_stopped_leaves_its_folder_and_its_address_to_the_next() {
         let folder = tempfile::tempdir().unwrap();
         let world = LocalWorld::new(WorldConfig::default()).unwrap();
-        let start = || ServerProcess::start(Origin::World(&world), ServeConfig::new(folder.path()));
+        let free = std::net::TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap();
+        let config = || ServeConfig { metrics: Some(free), ..ServeConfig::new(folder.path()) };
+        let start = || ServerProcess::start(Origin::World(&world), config());
         let former = start().unwrap();
         former.suspend();
+        assert_eq!(former.metrics_address(), Some(free));
         // Its handle is still there.
         drop(start().unwrap());
         assert!(!former.authority.has_named(NodeId(1)));

@@ -31,7 +31,7 @@ pub struct Scene {
     pub regions: Option<usize>,
     /// The first cuts, when the scene says so: an axis and metres on it, each cut dividing all regions it meets.
     pub cuts: Vec<(Axis, f64)>,
-    /// Load balancing of regions in a world of one process, when the scene says so.
+    /// Load balancing of regions, when the scene says so: in a world of one process, and in a served one.
     pub balance: Option<Balance>,
     /// How much of a world of one process is computed in full.
     pub fidelity: Fidelity,

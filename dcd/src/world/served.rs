@@ -28,7 +28,7 @@ use crate::protocol::{
     Area, BodyKind, BodyRecord, Check, Controller, Drive, EnvironmentProperties, Handover, JointRecord, Push,
     Query, QueryResult, Refusal, ShapeHash, ShapeRecord, Velocity, WorldEvents, WorldPose,
 };
-use crate::runtime::{ClientWorld, ProcessError, Stats, WorldError};
+use crate::runtime::{ClientWorld, Presence, ProcessError, Stats, WorldError};
 use crate::space::{BodyId, ClientId, DistributionTree, JointId, RegionId, Tick};
 
 /// A client's or participant's world.
@@ -122,7 +122,8 @@ impl Served {
             self.author.iter_mut().for_each(|author| author.begin_anew((body, joint.into())));
         }
         self.departed.trim();
-        for &id in &heard.disappeared {
+        for change in &heard.changes {
+            let &Presence::Disappeared(id) = change else { continue };
             let user_data = self.user_data(id);
             self.departed.insert(id, user_data.unwrap_or(0));
             self.leaving.remove(&id);
@@ -154,8 +155,10 @@ impl Served {
         self.events.forces.extend(heard.forces.into_iter().map(|(_, force)| force));
         self.handovers = heard.handovers;
         self.changes.clear();
-        self.changes.extend(heard.appeared.into_iter().map(BodyChange::Appeared));
-        self.changes.extend(heard.disappeared.into_iter().map(BodyChange::Removed));
+        self.changes.extend(heard.changes.into_iter().map(|change| match change {
+            Presence::Appeared(id) => BodyChange::Appeared(id),
+            Presence::Disappeared(id) => BodyChange::Removed(id),
+        }));
         for (body, why) in heard.refusals {
             let user_data = body.and_then(|id| self.user_data(id)).unwrap_or(0);
             // An avatar gets no other input before it is in the world.

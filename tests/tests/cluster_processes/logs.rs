@@ -46,3 +46,22 @@ fn each_line_of_a_json_log_is_an_object_that_says_who_wrote_it() {
         (Some("node".into()), Some("n1".into()))
     );
 }
+
+#[test]
+fn an_empty_filter_is_none_and_one_that_cannot_be_read_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |filter: &str| {
+        let args = ["run", "tower", "--seconds", "0.1", "-v"];
+        Process::start(dcd(&args).current_dir(folder.path()).env("RUST_LOG", filter)).end()
+    };
+    for empty in ["", " "] {
+        let ended = run(empty);
+        assert!(ended.errors.contains("stepping") && !ended.errors.contains("RUST_LOG"), "{ended:?}");
+    }
+    let wrong = run("dcd=inof");
+    assert!(
+        wrong.errors.contains("stepping") && wrong.errors.contains("RUST_LOG cannot be read"),
+        "{wrong:?}"
+    );
+    assert_eq!(run("off").errors, "");
+}

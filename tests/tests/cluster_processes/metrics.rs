@@ -233,10 +233,12 @@ fn an_address_for_metrics_that_is_taken_is_named_and_stops_the_process() {
     let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
     let at = taken.local_addr().unwrap().to_string();
     let folder = tempfile::tempdir().unwrap();
-    let args = ["serve", "pile", "--listen", "127.0.0.1:0", "--metrics", &at, "--data"];
-    let ended = Process::start(dcd(&args).arg(folder.path())).end();
-    assert_ne!(ended.code(), Some(0));
+    let (data, record) = (folder.path().join("data"), folder.path().join("server.dcdr"));
+    let args = ["serve", "pile", "--listen", "127.0.0.1:0", "--fresh", "--metrics", &at, "--data"];
+    let ended = Process::start(dcd(&args).arg(&data).arg("--record").arg(&record)).end();
+    assert_eq!(ended.code(), Some(2), "{ended:?}");
     assert!(ended.errors.contains(&at) && ended.errors.contains("free address"), "{ended:?}");
+    assert!(!data.exists() && record.metadata().is_ok_and(|file| file.len() == 0), "nothing was done");
 }
 
 #[test]

@@ -54,7 +54,9 @@ fn the_units_start_a_server_and_nodes_with_the_options_in_their_files() {
     options("node.toml", &address);
     let data = root.join("var/lib/dcd");
     fs::write(root.join("etc/dcd/node-token"), token(&data, "node")).unwrap();
-    let args = started(&installed("systemd/dcd-node.service", root));
+    let unit = installed("systemd/dcd-node.service", root);
+    assert!(unit.lines().any(|known| known == "RestartPreventExitStatus=3"));
+    let args = started(&unit);
     let mut node = Process::start(&mut dcd(&args.iter().map(String::as_str).collect::<Vec<_>>()));
     assert_eq!(node.line("joined as "), "n1");
     assert!(server.line("view ").contains("n1 leads"));

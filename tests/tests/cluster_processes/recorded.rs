@@ -108,6 +108,28 @@ fn a_server_whose_recording_is_not_whole_says_so_at_its_end() {
         "--data",
     ];
     let ended = Process::start(dcd(&args).arg(folder.path())).end();
-    assert_eq!(ended.code(), Some(1), "{ended:?}");
+    assert_eq!(ended.code(), Some(3), "{ended:?}");
     assert!(ended.errors.contains("/dev/full"), "{ended:?}");
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_recording_that_is_not_whole_costs_no_summary_and_starts_nobody_again() {
+    let unrecorded = ["--record", "/dev/full"];
+    let ends = |args: &[&str]| Server::start(&[&["tower", "--unpaced"], args, &unrecorded].concat());
+    let server = ends(&["--ticks", "30"]);
+    let (_, node) = server.node_with(&unrecorded);
+    let served = server.process.end();
+    assert_eq!((served.code(), &served.json()["tick"]), (Some(3), &30.into()), "{served:?}");
+    assert!(served.errors.contains("the recording is not whole: cannot record to /dev/full"), "{served:?}");
+    let node = node.end();
+    assert_eq!((node.code(), &node.json()["node"]), (Some(3), &"n1".into()), "{node:?}");
+
+    let mut server = ends(&[]);
+    let (_, _node) = server.node();
+    server.view();
+    server.process.signal("-TERM");
+    let served = server.process.end();
+    assert_eq!((served.code(), &served.json()["kept"]), (Some(1), &true.into()), "{served:?}");
+    assert!(served.errors.contains("the same command goes on with it"), "{served:?}");
 }

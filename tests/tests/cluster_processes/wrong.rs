@@ -93,6 +93,11 @@ fn a_process_that_is_not_let_in_says_why() {
     let other = if good.ends_with('a') { "b" } else { "a" };
     let mistyped = format!("{}{other}", &good[..good.len() - 1]);
     has(&join("node", &mistyped, 2), &["mistyped or cut off", "copy the whole line"]);
+    for kind in ["node", "client"] {
+        let identity = server.folder.path().join("nobody");
+        let args = [kind, "--server", &server.address, "--identity", identity.to_str().unwrap()];
+        has(&error(&args, 2), &["no token is given", "--token-file"]);
+    }
     has(&join("node", "hello", 2), &["no dcd token", "dcd1-"]);
     let mut elsewhere = dcd(&["token", "--new", "--role", "node", "--data"]);
     let foreign = Process::start(elsewhere.arg(server.folder.path().join("other"))).end().lines[0].clone();

@@ -1,29 +1,27 @@
 //! Writes the state of all movable bodies as CSV.
 
-use std::fs::{File, OpenOptions};
+use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
+use crate::cli::draft::Draft;
 use crate::cli::failure::Failure;
 use crate::physics::Measured;
 
 const HEADER: &str = "id,x,y,z,qx,qy,qz,qw,vx,vy,vz,wx,wy,wz,region";
 
 /// A file that could be written to before the run began.
-pub(super) struct Target(PathBuf);
+pub(super) struct Target(Draft);
 
 impl Target {
     /// Checks that the file can be written: a long run is not to be lost to a wrong path. Its content stays until the run is over.
     pub(super) fn check(path: PathBuf) -> Result<Self, Failure> {
-        match OpenOptions::new().append(true).create(true).open(&path) {
-            Ok(_) => Ok(Self(path)),
-            Err(error) => Err(Failure::usage(refused(&path, &error))),
-        }
+        Draft::check(path.clone()).map(Self).map_err(|error| Failure::usage(refused(&path, &error)))
     }
 
     pub(super) fn write(&self, world: &impl Measured) -> Result<(), Failure> {
-        let written = File::create(&self.0).and_then(|file| write_states(BufWriter::new(file), world));
-        written.map_err(|error| Failure::run(refused(&self.0, &error)))
+        let written = self.0.write(|path| write_states(BufWriter::new(File::create(path)?), world));
+        written.map_err(|error| Failure::run(refused(self.0.path(), &error)))
     }
 }
 

@@ -1,5 +1,6 @@
 //! Says how much of a world is computed in full: the options of `dcd run` for that.
 
+use crate::cli::failure::Failure;
 use crate::physics::Fidelity;
 use crate::scene::Scene;
 use crate::space::Viewpoint;
@@ -22,11 +23,17 @@ impl FidelityArgs {
     }
 
     /// Has a scene looked at from the viewpoints that were given, and computed as was said.
-    pub(super) fn apply(&self, scene: &mut Scene) {
+    pub(super) fn apply(&self, scene: &mut Scene) -> Result<(), Failure> {
         scene.fidelity = self.fidelity.unwrap_or(scene.fidelity);
         if !self.viewpoint.is_empty() {
+            if scene.fidelity == Fidelity::Off {
+                return Err(Failure::usage(
+                    "--viewpoint says what is computed in full, and without a fidelity all is; add --fidelity auto, or leave it out",
+                ));
+            }
             scene.viewpoints.clone_from(&self.viewpoint);
         }
+        Ok(())
     }
 }
 

@@ -17,7 +17,7 @@ use super::failure::Failure;
 use super::film::FilmArgs;
 use super::interrupt::Interrupt;
 use super::scenes;
-use super::values::address;
+use super::values::{address, unused};
 use super::view::{self, ANY_PORT};
 use super::world::{CutArgs, explained};
 use crate::Viewer;
@@ -88,6 +88,7 @@ pub(super) struct Run {
 
 impl Run {
     pub(super) fn execute(self, common: &Common) -> Result<ExitCode, Failure> {
+        self.record.as_deref().map_or(Ok(()), unused)?;
         let (cast, plan, mut subject) = self.start(common)?;
         let interrupt = Interrupt::listen()?;
         let out = self.out.map(csv::Target::check).transpose()?;
@@ -172,16 +173,17 @@ impl Run {
             ("--view", self.view.is_some()),
             ("--record", self.record.is_some()),
             ("--gltf", self.film.is_given()),
-            ("--balance", self.cuts.balances()),
             ("--fidelity", self.fidelity.is_given()),
+            ("--threads", self.threads.is_some()),
         ];
-        if let Some((name, _)) = needs.into_iter().find(|(_, given)| self.regions == Some(0) && *given) {
+        let given = needs.into_iter().find(|(_, given)| *given).map(|(name, _)| name);
+        if let Some(name) = given.or(self.cuts.first_given()).filter(|_| self.regions == Some(0)) {
             return Err(Failure::usage(format!(
                 "{name} takes a world of regions, --regions 0 is one bare Rapier world; leave one of them out"
             )));
         }
         let mut scene = scenes::open(&self.scene, &Params::from_args(&self.set)?)?;
-        self.fidelity.apply(&mut scene);
+        self.fidelity.apply(&mut scene)?;
         let plan = self.plan(&scene)?;
         let subject = plan.subject(&scene).map_err(|error| explained(error, &scene))?;
         Ok((Cast::of_scene(&scene), plan, subject))
@@ -226,7 +228,7 @@ impl Run {
         if self.regions == Some(0) {
             return Ok(Plan { config: None, ticks });
         }
-        let mut config = self.cuts.config(scene, self.regions)?;
+        let mut config = self.cuts.local_config(scene, self.regions)?;
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         config.threads = self.threads.map_or(cores, usize::from);
         Ok(Plan { config: Some(config), ticks })

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use tracing::{debug, info, warn};
 
 use super::recorded_node::RecordedNode;
-use super::{Input, Onlooker, QUEUE, Shared};
+use super::{Input, Onlooker, Presence, QUEUE, Shared};
 use crate::cluster::{
     Client, ClientEvent, ClientOutput, NodeEvent, NodeOutput, Peer, PhysicsCommand, PhysicsEvent, WORLD_ENDED,
 };
@@ -476,9 +476,10 @@ impl Loop {
     fn client_output(&mut self, output: ClientOutput) {
         let mut state = self.shared.lock();
         match output {
-            ClientOutput::Inserted(id) => keep(&mut state.appeared, id),
-            ClientOutput::Removed(id) => keep(&mut state.disappeared, id),
-            ClientOutput::Rejected { body, reason } => keep(&mut state.refusals, (body, reason)),
+            // All of a world may go and come again at once.
+            ClientOutput::Inserted(id) => keep(2 * EVENTS, &mut state.changes, Presence::Appeared(id)),
+            ClientOutput::Removed(id) => keep(2 * EVENTS, &mut state.changes, Presence::Disappeared(id)),
+            ClientOutput::Rejected { body, reason } => keep(EVENTS, &mut state.refusals, (body, reason)),
             ClientOutput::Joined | ClientOutput::Lost => {}
             ClientOutput::Send { to, message } => self.links.send(to, &message),
             // A participant's node dials for both.
@@ -500,8 +501,8 @@ impl Loop {
 }
 
 /// Keeps an event for the user; the oldest go first.
-fn keep<T>(events: &mut VecDeque<T>, event: T) {
-    if events.len() == EVENTS {
+fn keep<T>(most: usize, events: &mut VecDeque<T>, event: T) {
+    if events.len() == most {
         events.pop_front();
     }
     events.push_back(event);
@@ -561,7 +562,7 @@ mod tests {
     #[test]
     fn of_events_that_nobody_takes_the_newest_are_kept() {
         let mut events = VecDeque::new();
-        (0..EVENTS + 3).for_each(|event| keep(&mut events, event));
+        (0..EVENTS + 3).for_each(|event| keep(EVENTS, &mut events, event));
         assert_eq!((events.len(), events.front()), (EVENTS, Some(&3)));
     }
 

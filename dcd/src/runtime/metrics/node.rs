@@ -220,7 +220,8 @@ impl Source for NodeMetrics {
         text.gauge("dcd_ghosts", "Copies of bodies of other regions, held here.").is(n.last.replicas.into());
         text.gauge("dcd_contact_pairs", "Pairs of colliders that touch or nearly do.")
             .is(n.last.contacts.into());
-        text.counter("dcd_transfers_total", "Bodies that left for another region.").is(n.transfers as f64);
+        text.counter("dcd_transfers_total", "Bodies that came to a region of this node from another.")
+            .is(n.transfers as f64);
         text.counter("dcd_exchanges_total", "Exchanges of regions with their neighbours.")
             .is(n.exchanges as f64);
         text.histogram(

@@ -62,6 +62,19 @@ impl TryFrom<[f64; 3]> for Place {
     }
 }
 
+/// A coordinate in world space, metres.
+#[derive(Clone, Copy, Debug, Deserialize)]
+#[serde(try_from = "f64")]
+pub(super) struct Coordinate(pub(super) f64);
+
+impl TryFrom<f64> for Coordinate {
+    type Error = String;
+
+    fn try_from(value: f64) -> Result<Self, String> {
+        Place::try_from([value, 0.0, 0.0]).map(|place| Self(place.0[0]))
+    }
+}
+
 /// A unit quaternion x, y, z, w.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(try_from = "[f32; 4]")]

@@ -281,6 +281,9 @@ fn a_file_may_cut_a_library_scene_otherwise() {
     assert_eq!(cut("regions = 4"), (Some(4), 0), "cuts would win");
     assert_eq!(cut("cuts = []"), (None, 0));
     assert_eq!(cut("regions = 4\ncuts = [{ axis = \"x\", at = 0 }]"), (Some(4), 1));
+    let far = "[library]\nscene = \"tower\"\n[world]\nbounds = { min = [-2e5, -1, -1], max = [2e5, 1, 1] }\n";
+    let far = read(&format!("{far}cuts = [{{ axis = \"x\", at = 100000.3 }}]\n")).unwrap();
+    assert_eq!(far.cuts, [(Axis::X, 100_000.3)], "as --cut says it");
     let middle = "bounds = { min = [-70, 0, -50], max = [70, 30, 50] }";
     assert_eq!(cut(middle), (None, 4), "the other planes are beside it");
 }

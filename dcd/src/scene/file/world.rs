@@ -6,7 +6,7 @@ use std::ops::RangeInclusive;
 use rapier3d::prelude::Rotation;
 use serde::Deserialize;
 
-use super::numbers::{Finite, NonNegative, Place, Positive, Quaternion};
+use super::numbers::{Coordinate, Finite, NonNegative, Place, Positive, Quaternion};
 use super::source::Fault;
 use crate::physics::{Coupling, CouplingChoice, Method, Preset};
 use crate::scene::model::world_pose;
@@ -57,7 +57,7 @@ struct BoundsDef {
 #[serde(deny_unknown_fields)]
 struct CutDef {
     axis: Axis,
-    at: Finite,
+    at: Coordinate,
 }
 
 /// The start and the velocity of an avatar.
@@ -96,7 +96,7 @@ impl WorldDef {
         scene.speed_limit_m_s = self.speed_limit.map_or(scene.speed_limit_m_s, |limit| limit.0);
         scene.regions = within("regions", self.regions, 1..=MAX_REGIONS)?.or(scene.regions);
         if let Some(cuts) = &self.cuts {
-            scene.cuts = cuts.iter().map(|cut| (cut.axis, f64::from(cut.at.0))).collect();
+            scene.cuts = cuts.iter().map(|cut| (cut.axis, cut.at.0)).collect();
         } else if self.regions.is_some() {
             // Cuts win over a number, so those of the library go.
             scene.cuts.clear();

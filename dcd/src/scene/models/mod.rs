@@ -89,6 +89,10 @@ pub(super) fn load(path: &Path, params: &Params) -> Result<Scene, SceneError> {
     };
     let source = Source::read(path)?;
     let mut model = match kind(path) {
+        Some(Kind::Urdf) if params.key > 0 => {
+            let message = format!("`key={}`: a URDF has no keyframes", params.key);
+            return Err(source.fault(Fault::new(message, "leave it out, or take an MJCF file")));
+        }
         Some(Kind::Urdf) => urdf::read(&source, &params)?,
         _ => mjcf::read(&source, &params)?,
     };

@@ -53,7 +53,7 @@ pub(super) fn hold(
                 // Whose it is then is seen by reading it.
                 match keys.gateway.transact(&[Compare::Created(key.clone(), 0)], &[create]) {
                     Ok(_) => continue,
-                    Err(error) => Wait::Away(format!("nobody, but etcd takes no writes: {error}")),
+                    Err(error) => Wait::Away(format!("it takes no writes: {error}")),
                 }
             }
             Ok(Some(found)) if found.value == holder.as_bytes() => {
@@ -63,12 +63,14 @@ pub(super) fn hold(
                 let unchanged = Compare::Written(key.clone(), found.written);
                 match keys.gateway.transact(&[unchanged], &[Op::delete(&key)]) {
                     Ok(_) => continue,
-                    Err(error) => Wait::Away(format!("one that is gone, but etcd takes no writes: {error}")),
+                    Err(error) => Wait::Away(format!(
+                        "it takes no writes, and a server that is gone has its world: {error}"
+                    )),
                 }
             }
             Ok(Some(found)) => Wait::Held(String::from_utf8_lossy(&found.value).into_owned()),
             // Who has never reached it has a wrong address.
-            Err(GatewayError::Away(cause)) if reached => Wait::Away(format!("nobody knows whom: {cause}")),
+            Err(GatewayError::Away(cause)) if reached => Wait::Away(format!("it is out of reach: {cause}")),
             Err(error) => return Err(keys.unreadable(&error)),
         };
         if !goes_on(wait) {
@@ -289,7 +291,7 @@ mod tests {
         let mut waits = 0;
         let hold = hold(keys(address), "one", &mut |wait| {
             waits += 1;
-            matches!(wait, Wait::Away(why) if why.contains("no writes: ") && why.contains("no leader"))
+            matches!(wait, Wait::Away(why) if why.starts_with("it takes no writes: ") && why.contains("no leader"))
         });
         assert!(hold.unwrap().is_some());
         assert_eq!(waits, 2);

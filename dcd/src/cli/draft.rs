@@ -1,0 +1,87 @@
+//! Writes a file of results beside its place first: a run that fails leaves neither a part of it nor costs what was there.
+
+use std::fs::{self, File, OpenOptions};
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// A place for a file that could be written to before the run began: a long run is not to be lost to a wrong path.
+pub(super) struct Draft {
+    path: PathBuf,
+    /// Where it is written first; devices and pipes are written to as they are.
+    beside: Option<PathBuf>,
+}
+
+impl Draft {
+    /// Checks that the file can be written, and leaves all as it was.
+    pub(super) fn check(path: PathBuf) -> io::Result<Self> {
+        let found = fs::metadata(&path);
+        if found.is_ok() {
+            OpenOptions::new().append(true).open(&path)?;
+        }
+        // What is there below /dev, standard output for instance, may be a file that others have open.
+        if found.is_ok_and(|found| !found.is_file()) || path.starts_with("/dev") {
+            return Ok(Self { path, beside: None });
+        }
+        let mut beside = place_of(&path).into_os_string();
+        beside.push(".part");
+        let beside = PathBuf::from(beside);
+        File::create(&beside)?;
+        fs::remove_file(&beside)?;
+        Ok(Self { path, beside: Some(beside) })
+    }
+
+    /// Returns where the file will be.
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Has the file written, and puts it in its place once it is whole.
+    pub(super) fn write<E: From<io::Error>>(
+        &self,
+        write: impl FnOnce(&Path) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let Some(beside) = &self.beside else { return write(&self.path) };
+        let written = write(beside).and_then(|()| Ok(fs::rename(beside, place_of(&self.path))?));
+        if written.is_err() {
+            let _ = fs::remove_file(beside);
+        }
+        written
+    }
+}
+
+/// Returns where a file is, or will be: where a symbolic link leads to.
+fn place_of(path: &Path) -> PathBuf {
+    fs::canonicalize(path).unwrap_or_else(|_| path.to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_there_stays_until_all_is_written_and_a_failure_leaves_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let names = || fs::read_dir(folder.path()).unwrap().count();
+        let path = folder.path().join("out.csv");
+        let draft = Draft::check(path.clone()).unwrap();
+        assert_eq!(names(), 0, "a check makes no file");
+        draft.write(|to| fs::write(to, "one")).unwrap();
+        let fails = |to: &Path| fs::write(to, "tw").and(Err(io::Error::other("the disk is full")));
+        Draft::check(path.clone()).unwrap().write(fails).unwrap_err();
+        assert_eq!((fs::read_to_string(&path).unwrap().as_str(), names()), ("one", 1));
+        assert!(Draft::check(folder.path().join("no/out.csv")).is_err());
+        assert!(Draft::check(folder.path().to_owned()).is_err(), "a folder");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_stays_and_leads_to_the_new_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let [file, link] = ["file", "link"].map(|name| folder.path().join(name));
+        fs::write(&file, "old").unwrap();
+        std::os::unix::fs::symlink(&file, &link).unwrap();
+        Draft::check(link.clone()).unwrap().write(|to| fs::write(to, "new")).unwrap();
+        assert_eq!(fs::read_to_string(&file).unwrap(), "new");
+        assert!(link.is_symlink());
+    }
+}

@@ -2,6 +2,7 @@
 
 use dcd::physics::ShapeError;
 use dcd::protocol::{BodyKind, BodyTraits, ExtraMass};
+use rapier3d::dynamics::RigidBodyAdditionalMassProps;
 use rapier3d::prelude::*;
 
 use crate::guard::guard;
@@ -47,7 +48,8 @@ pub struct DcdBodyProperties {
     pub extra_mass: f32,
     /// Metres.
     pub extra_centre: [f32; 3],
-    /// kg m².
+    /// kg m², about the body's x, y and z. Of a part of a model (MJCF, URDF) it is about the principal axes of the part, which are turned
+    /// on the body, and stay so whatever is changed of the three. A body whose extra mass was 0 has it about x, y and z.
     pub extra_inertia: [f32; 3],
     /// Iterations of the solver.
     pub extra_solver_iterations: u32,
@@ -172,7 +174,7 @@ impl DcdBodyProperties {
             .additional_solver_iterations(self.extra_solver_iterations as usize)
             .additional_pgs_iterations(self.extra_pgs_iterations as usize)
             .user_data(u128::from(self.user_data));
-        Ok(match self.extra_properties() {
+        Ok(match self.extra_properties(Rotation::IDENTITY) {
             Some(properties) => builder.additional_mass_properties(properties),
             None => builder.additional_mass(self.extra_mass),
         })
@@ -211,7 +213,7 @@ impl DcdBodyProperties {
         }
         let mass = |own: &Self| (own.extra_mass, own.extra_centre, own.extra_inertia);
         if mass(self) != mass(before) {
-            match self.extra_properties() {
+            match self.extra_properties(principal_frame(body)) {
                 Some(properties) => body.set_additional_mass_properties(properties, true),
                 None => body.set_additional_mass(self.extra_mass, true),
             }
@@ -250,13 +252,19 @@ impl DcdBodyProperties {
         LockedAxes::from_bits_truncate(self.locked as u8)
     }
 
-    /// Its extra mass, if more than a number is given.
-    fn extra_properties(&self) -> Option<MassProperties> {
+    /// Its extra mass, if more than a number is given; `frame` turns the body's axes to those of its inertia.
+    fn extra_properties(&self, frame: Rotation) -> Option<MassProperties> {
         let given = (self.extra_centre, self.extra_inertia) != ([0.0; 3], [0.0; 3]);
-        let vector = Vector::from_array;
-        given.then(|| {
-            MassProperties::new(vector(self.extra_centre), self.extra_mass, vector(self.extra_inertia))
-        })
+        let [centre, inertia] = [self.extra_centre, self.extra_inertia].map(Vector::from_array);
+        given.then(|| MassProperties::with_principal_inertia_frame(centre, self.extra_mass, inertia, frame))
+    }
+}
+
+/// The rotation from a body's axes to those of the inertia of its extra mass: those of a model's parts are not its own.
+fn principal_frame(body: &RigidBody) -> Rotation {
+    match body.mass_properties().additional_local_mprops.as_deref() {
+        Some(RigidBodyAdditionalMassProps::MassProps(extra)) => extra.principal_inertia_local_frame,
+        _ => Rotation::IDENTITY,
     }
 }
 

@@ -1195,6 +1195,32 @@ static void what_has_no_mass_does_not_hang_in_the_air(void)
         NEAR(pose_of(world, falls).p[1], -5.0, 0.2);
         OK(dcd_world_destroy(world));
     }
+
+    /* Nor what has lost all that it had besides. */
+    DcdWorld world = make_world(2, 1, -10.0f);
+    DcdBodyDef def = crate(world, 0.0, 10.0);
+    def.density = 0.0f;
+    def.extra_mass = 5.0f;
+    DcdBodyId falls = add(world, def);
+    def.body_type = DCD_KINEMATIC;
+    def.pose.p[0] = 10.0;
+    DcdBodyId stays = add(world, def);
+    steps(world, 1);
+    DcdBodyProperties as = properties_of(world, stays);
+    as.body_type = DCD_DYNAMIC;
+    as.extra_mass = 0.0f;
+    FAILS(dcd_body_set_properties(world, stays, &as), DCD_ERR_ARGUMENT, "no mass");
+    HOLDS(info_of(world, stays).body_type == DCD_KINEMATIC && properties_of(world, stays).extra_mass == 5.0f);
+    FAILS(dcd_body_set_properties(world, falls, &as), DCD_ERR_ARGUMENT, "no mass");
+    as.body_type = DCD_KINEMATIC;
+    OK(dcd_body_set_properties(world, stays, &as));
+    as.body_type = DCD_DYNAMIC;
+    FAILS(dcd_body_set_properties(world, stays, &as), DCD_ERR_ARGUMENT, "no mass");
+    as.extra_mass = 5.0f;
+    OK(dcd_body_set_properties(world, stays, &as));
+    steps(world, 60);
+    NEAR(velocity_of(world, stays).linear[1], -10.0, 0.2);
+    OK(dcd_world_destroy(world));
 }
 
 /* A leg of a model lies across its axes. Whatever is changed of its mass, its inertia stays about the leg's own. */

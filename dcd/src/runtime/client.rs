@@ -320,18 +320,21 @@ impl ClientWorld {
         body: &RigidBody,
         colliders: &[ColliderBuilder],
     ) -> Result<BodyId, ProcessError> {
-        // Avatars that an earlier stay left behind return some time after joining.
-        let after = self.own_avatars().last().map_or(0, |id| id.index() + 1);
-        self.next_avatar = self.next_avatar.max(after);
-        let id = BodyId::avatar(self.client, self.next_avatar);
+        let id = self.next_avatar();
         let body = self.shapes.describe(id, pose, body, colliders)?.with_controller(controller);
         if !body.suits_clients(|hash| self.shapes.record_of(hash)) {
             return Err(ShapeError::Avatar.into());
         }
         let shapes = self.shapes.records_of([&body]).into_iter().map(|(_, shape)| shape.clone()).collect();
         self.member.submit(ClientEvent::Spawn { body, shapes })?;
-        self.next_avatar += 1;
+        self.next_avatar = id.index() + 1;
         Ok(id)
+    }
+
+    /// Returns the id of the next avatar. Avatars that an earlier stay left behind return some time after joining.
+    pub(crate) fn next_avatar(&self) -> BodyId {
+        let after = self.own_avatars().last().map_or(0, |id| id.index() + 1);
+        BodyId::avatar(self.client, self.next_avatar.max(after))
     }
 
     /// Removes an avatar from the world for good.

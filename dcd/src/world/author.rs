@@ -264,6 +264,13 @@ impl Author {
         Ok(id)
     }
 
+    /// Takes back the bodies that were inserted last, since the last step, as if they had never been: their names are given again.
+    pub(super) fn take_back(&mut self, bodies: &[BodyId]) {
+        let Some(&first) = bodies.first() else { return };
+        self.bodies.retain(|body| body.id < first);
+        self.next_body = first.index();
+    }
+
     /// Returns an error if a shape is too long to be sent.
     fn check_shapes(&mut self, body: &BodyRecord) -> Result<(), Error> {
         for hash in body.traits.colliders.iter().map(|collider| collider.shape) {

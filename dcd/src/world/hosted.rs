@@ -219,6 +219,11 @@ impl Remote for Hosted {
         self.written("make bodies")?.1.insert(pose, body, colliders, controller)
     }
 
+    fn take_back(&mut self, bodies: &[BodyId]) -> Result<(), Error> {
+        self.written("destroy bodies")?.1.take_back(bodies);
+        Ok(())
+    }
+
     fn can_remove(&self, _id: BodyId) -> Result<(), Error> {
         self.look()?;
         match &self.process {

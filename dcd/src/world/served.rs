@@ -4,6 +4,8 @@
 //! Between two steps only the caller changes anything, as in a local world: each step copies what the client received, and sends
 //! the inputs of avatars, and what is to be built.
 
+mod avatars;
+
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
@@ -21,7 +23,7 @@ use super::seen::Seen;
 use super::view::{Body, BodyChange, MovableBody, Owner, RegionInfo};
 use crate::cluster::BodyView as Heard;
 use crate::net::PeerStats;
-use crate::physics::{ShapeLibrary, StepSettings};
+use crate::physics::StepSettings;
 use crate::playback::{Motion, ViewTime};
 use crate::prediction::Prediction;
 use crate::protocol::{
@@ -341,26 +343,31 @@ impl Remote for Served {
             let (author, _) = self.builder(None, "make bodies", Instead::MakeAvatars)?;
             return author.insert(pose, body, colliders, None);
         }
-        let unsupported = match body.body_type() {
-            _ if has_own_sleep(body.activation()) => {
-                Some(("set when its avatars fall asleep", Instead::UsualSleep))
-            }
-            RigidBodyType::Fixed => Some(("make fixed bodies", Instead::FixedInScene)),
-            RigidBodyType::KinematicPositionBased => {
-                Some(("make bodies that follow poses", Instead::KinematicByVelocity))
-            }
-            _ => None,
-        };
-        if let Some((what, instead)) = unsupported {
-            return Err(self.unsupported(what, instead));
-        }
-        self.check_link()?;
-        let awaited = ShapeLibrary::default().describe(BodyId::default(), pose, body, colliders)?;
-        let awaited = awaited.with_controller(controller);
-        awaited.check().map_err(refused)?;
+        let awaited = self.next_avatar(pose, body, colliders, controller)?;
         let id = self.world.spawn_as(controller, pose, body, colliders)?;
         self.awaited.insert(id, BodyRecord { id, ..awaited });
         Ok(id)
+    }
+
+    fn can_insert(
+        &self,
+        pose: WorldPose,
+        body: &RigidBody,
+        colliders: &[ColliderBuilder],
+    ) -> Result<(), Error> {
+        // What is built is told with the next step, and can be taken back.
+        match self.author {
+            Some(_) => Ok(()),
+            None => self.next_avatar(pose, body, colliders, None).map(drop),
+        }
+    }
+
+    fn take_back(&mut self, bodies: &[BodyId]) -> Result<(), Error> {
+        match &mut self.author {
+            Some(author) => author.take_back(bodies),
+            None => bodies.iter().try_for_each(|&id| self.remove(id))?,
+        }
+        Ok(())
     }
 
     fn can_remove(&self, id: BodyId) -> Result<(), Error> {
@@ -695,13 +702,4 @@ impl Remote for Served {
         };
         tree.leaves().map(info).collect()
     }
-}
-
-/// Returns whether a body has thresholds of sleep other than Rapier's usual ones, with which it may or may not sleep.
-fn has_own_sleep(body: &RigidBodyActivation) -> bool {
-    let thresholds = |body: &RigidBodyActivation| {
-        (body.normalized_linear_threshold, body.angular_threshold, body.time_until_sleep)
-    };
-    let usual = [RigidBodyActivation::default(), RigidBodyActivation::cannot_sleep()];
-    !usual.iter().any(|usual| thresholds(usual) == thresholds(body))
 }

@@ -1223,6 +1223,28 @@ static void what_has_no_mass_does_not_hang_in_the_air(void)
     OK(dcd_world_destroy(world));
 }
 
+/* Of several bodies of which one is refused none has been there. */
+static void several_bodies_come_all_or_none(void)
+{
+    const float corners[12] = { -1, 0, -1, -1, 0, 1, 1, 0, 1, 1, 0, -1 };
+    const uint32_t triangles[6] = { 0, 1, 2, 0, 2, 3 };
+    DcdWorld world = make_world(2, 1, -10.0f);
+    DcdBodyDef defs[2] = { crate(world, -5.0, 10.0), crate(world, 5.0, 10.0) };
+    DcdBodyId made[2] = { { 7 }, { 7 } }, found;
+    DcdStateView view = DCD_STATE_VIEW_INIT;
+    OK(dcd_shape_mesh(world, corners, 4, triangles, 2, &defs[1].shape));
+    FAILS(dcd_bodies_create(world, defs, 2, made), DCD_ERR_ARGUMENT, "no mass");
+    HOLDS(made[0].v == 7 && made[1].v == 7);
+    const DcdBodyId next = add(world, defs[0]);
+    OK(dcd_body_at(world, 0, &found));
+    HOLDS(found.v == next.v);
+    OK(dcd_state_view(world, &view));
+    HOLDS(view.count == 1);
+    steps(world, 60);
+    NEAR(velocity_of(world, next).linear[1], -10.0, 0.2);
+    OK(dcd_world_destroy(world));
+}
+
 /* A leg of a model lies across its axes. Whatever is changed of its mass, its inertia stays about the leg's own. */
 static void a_part_of_a_model_keeps_its_axes(const char *path)
 {
@@ -2121,6 +2143,7 @@ int main(int count, char **texts)
     worlds_are_cut_upright_unless_told_otherwise();
     speed_has_a_limit_that_is_named();
     what_has_no_mass_does_not_hang_in_the_air();
+    several_bodies_come_all_or_none();
     a_part_of_a_model_keeps_its_axes(count > 1 ? texts[1] : "behaviour");
     a_destroyed_sensor_ends_its_contacts_as_a_sensor();
     casts_name_the_triangle_of_terrain_that_rays_do();

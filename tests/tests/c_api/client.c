@@ -204,6 +204,24 @@ static void looks(DcdWorld world, DcdBodyId avatar)
     HOLDS(boxes >= 100 && weight > 90.0);
 }
 
+/* Of several avatars of which one is refused nobody hears. */
+static void makes_all_or_none(DcdWorld world)
+{
+    DcdBodyDef defs[2] = { avatar_def(world), avatar_def(world) };
+    DcdBodyId made[2] = { { 7 }, { 7 } };
+    DcdEventView events = DCD_EVENT_VIEW_INIT;
+    defs[1].body_type = DCD_FIXED;
+    FAILS(dcd_bodies_create(world, defs, 2, made), DCD_ERR_UNSUPPORTED, "fixed");
+    HOLDS(made[0].v == 7 && made[1].v == 7);
+    size_t changes = 0;
+    for (int i = 0; i < 60; i++) {
+        OK(step(world));
+        OK(dcd_events(world, &events));
+        changes += events.change_count;
+    }
+    HOLDS(changes == 0);
+}
+
 /* What is shown of an avatar that moves east at 10 m/s: where the world says, or a moment ago, at an even pace. */
 static void shows(DcdWorld world, DcdBodyId avatar)
 {
@@ -280,6 +298,7 @@ static void plays(DcdWorld world, DcdRole expected, const char *role)
     OK(dcd_state_view(world, &view));
     HOLDS(view.count == 101 && view.ids[100].v == avatar.v && view.user_data[100] == 7);
     asks_the_owners(world, avatar);
+    makes_all_or_none(world);
     DcdVelocity east = { { 10.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } };
     OK(dcd_body_set_velocity(world, avatar, &east));
     HOLDS(gets_beyond(world, avatar, -10.0));

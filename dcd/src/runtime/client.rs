@@ -494,7 +494,7 @@ impl ClientWorld {
             let predictor = self.predictor.as_ref();
             let ahead = predictor.and_then(|predictor| predictor.tick_of(id, time));
             let is_own = id.client() == Some(self.client);
-            let tick = ahead.unwrap_or(if is_own { time.now } else { time.shown });
+            let tick = ahead.unwrap_or(if is_own { time.predicted } else { time.shown });
             let predicted = predictor.and_then(|predictor| predictor.at(id, tick));
             predicted.or_else(|| state.client.as_ref()?.view(id, tick))
         };

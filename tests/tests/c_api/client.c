@@ -265,6 +265,17 @@ static void answers(DcdWorld world, DcdBodyId avatar)
     OK(dcd_prediction_set(world, false));
     OK(dcd_prediction(world, &prediction));
     HOLDS(prediction.bodies == 0);
+    /* It is shown when it is asked to be, predicted or not. */
+    DcdStateView view = DCD_STATE_VIEW_INIT;
+    DcdPose at;
+    OK(dcd_view_time(world, &time));
+    HOLDS(time.predicted == time.now && time.shown < time.now);
+    for (int i = 0; i < 2; i++) {
+        OK(dcd_view_state(world, &time, &view));
+        OK(dcd_view_body(world, avatar, time.predicted, &at, NULL));
+        HOLDS(view.ids[100].v == avatar.v && view.poses[100].p[0] == at.p[0]);
+        time.predicted = time.shown;
+    }
     OK(dcd_prediction_set(world, true));
 }
 

@@ -185,6 +185,16 @@ impl Author {
         self.leaving.contains_key(&id)
     }
 
+    /// Returns whether anything was done since the last step.
+    pub(super) fn has_news(&self) -> bool {
+        let (bodies, joints) = (self.altered_bodies.values(), self.altered_joints.values());
+        let mut altered = bodies.map(|altered| altered.sent).chain(joints.map(|(_, sent)| *sent));
+        let made = !self.bodies.is_empty() || !self.joints.is_empty();
+        let removed = !self.removed.is_empty() || !self.removed_joints.is_empty();
+        let moved = !self.moves.is_empty() || !self.pushes.is_empty();
+        made || removed || moved || altered.any(|sent| sent.is_none())
+    }
+
     /// Returns what was done since the last step.
     pub(super) fn take(&mut self, world: &dyn Known) -> Vec<BuildOp> {
         let answered = world.answered();

@@ -44,6 +44,8 @@ pub(super) struct Hosted {
     departed: Departed,
     /// How many queries were submitted.
     questions: u64,
+    /// Those that wait for the next step, as what was done before them does.
+    waiting: Vec<Query>,
 }
 
 impl Hosted {
@@ -60,7 +62,7 @@ impl Hosted {
         };
         let network = Network::new(connections.clone());
         let (events, departed) = Default::default();
-        Self { network, author, process, settings, events, departed, questions: 0 }
+        Self { network, author, process, settings, events, departed, questions: 0, waiting: Vec::new() }
     }
 
     /// Returns the server with its program's changes, or why a node has none.
@@ -104,13 +106,15 @@ impl Hosted {
             },
         }
     }
-}
 
-/// Sends what a server's program has done since the last step.
-fn flush(author: &mut Author, server: &ServerProcess) {
-    let ops = author.take(server);
-    if !ops.is_empty() {
-        server.change(ops);
+    /// Sends what a server's program has done since the last step, and what it has asked about that.
+    fn flush(&mut self) {
+        let (Process::Server(server), Some(author)) = (&self.process, &mut self.author) else { return };
+        let ops = author.take(server);
+        if !ops.is_empty() {
+            server.change(ops);
+        }
+        self.waiting.drain(..).for_each(|question| server.ask(question));
     }
 }
 
@@ -188,9 +192,7 @@ impl Remote for Hosted {
         let events = self.server().map(ServerProcess::take_events);
         self.events = events.unwrap_or_default();
         self.look()?;
-        if let (Process::Server(server), Some(author)) = (&self.process, &mut self.author) {
-            flush(author, server);
-        }
+        self.flush();
         Ok(())
     }
 
@@ -293,8 +295,9 @@ impl Remote for Hosted {
             Process::Server(server) if server.is_suspended() => return Ok(()),
             Process::Server(_) => {}
         }
-        let (server, author) = self.written("be suspended")?;
-        flush(author, server);
+        self.written("be suspended")?;
+        self.flush();
+        let server = self.server_to("be suspended")?;
         server.suspend();
         match server.failure() {
             Some(failure) => Err(failure.into()),
@@ -357,10 +360,12 @@ impl Remote for Hosted {
         let number = self.questions + 1;
         let question = Query { number, ..question };
         question.check().map_err(refused)?;
-        let (server, author) = self.written("ask by rays, shapes and points")?;
-        // What the program did before is there for its question.
-        flush(author, server);
-        server.ask(question);
+        // What the program did before is there for its question: that goes with it. Sent by itself it would part bodies that are to be tied.
+        let waits = self.written("ask by rays, shapes and points")?.1.has_news();
+        self.waiting.push(question);
+        if !waits {
+            self.flush();
+        }
         self.questions = number;
         Ok(number)
     }
@@ -376,6 +381,7 @@ impl Remote for Hosted {
     }
 
     fn forget(&mut self, number: u64) {
+        self.waiting.retain(|question| question.number != number);
         if let Process::Server(server) = &self.process {
             server.forget(number);
         }

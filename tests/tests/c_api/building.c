@@ -363,6 +363,10 @@ int main(int argc, char **argv)
     FAILS(dcd_server_suspend(client), DCD_ERR_UNSUPPORTED, "client");
     OK(dcd_world_destroy(server));
     def.listen = address;
+    const float speed = def.avatar_speed;
+    def.avatar_speed = speed + 1.0f;
+    FAILS(dcd_server_create(&def, &server), DCD_ERR_ARGUMENT, "another world");
+    def.avatar_speed = speed;
     OK(dcd_server_create(&def, &server));
     OK(dcd_world_destroy(local));
     OK(dcd_body_at(server, BOXES, &bodies[BOXES]));

@@ -5,6 +5,7 @@
 //! the inputs of avatars, and what is to be built.
 
 mod avatars;
+mod inputs;
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -12,6 +13,7 @@ use std::time::{Duration, Instant};
 
 use rapier3d::prelude::*;
 
+use self::inputs::PendingInput;
 use super::author::{Author, Names, refused};
 use super::bodies::{CHANGE_BODY, CHANGE_SURFACE};
 use super::departed::Departed;
@@ -63,13 +65,6 @@ pub(super) struct Served {
     last_step: Duration,
     /// Why the world is lost, said by every later step.
     lost: Option<String>,
-}
-
-#[derive(Default)]
-struct PendingInput {
-    velocity: Option<Velocity>,
-    pose: Option<WorldPose>,
-    drive: Option<Drive>,
 }
 
 impl Served {
@@ -204,28 +199,6 @@ impl Served {
         let Self { author: Some(author), bodies, world, environment, .. } = self else { return Ok(()) };
         let ops = author.take(&Seen { bodies, world, environment });
         if ops.is_empty() { Ok(()) } else { world.build(ops) }
-    }
-
-    fn send_inputs(&mut self) -> Result<(), ProcessError> {
-        let (waiting, due): (BTreeMap<_, _>, BTreeMap<_, _>) =
-            std::mem::take(&mut self.inputs).into_iter().partition(|(id, _)| self.awaited.contains_key(id));
-        self.inputs = waiting;
-        for (id, input) in due {
-            let Some(body) = self.heard(id) else { continue };
-            // An input says the one or the other, and a leader takes in both.
-            if input.velocity.is_some() || input.pose.is_some() {
-                let kinematic = body.body.traits.kind != BodyKind::Dynamic;
-                let now = body.body.asked();
-                let driven = if kinematic { self.driven.get(&id).copied() } else { None };
-                let velocity = input.velocity.or(driven).unwrap_or(now);
-                self.driven.insert(id, velocity);
-                self.world.send_input(id, velocity, input.pose)?;
-            }
-            if let Some(drive) = input.drive {
-                self.world.drive(id, drive)?;
-            }
-        }
-        Ok(())
     }
 
     fn place(&self, id: BodyId) -> Result<usize, usize> {
@@ -404,6 +377,7 @@ impl Remote for Served {
         }
         self.check_link()?;
         velocity.check().map_err(refused)?;
+        self.check_speed(id, velocity)?;
         self.inputs.entry(id).or_default().velocity = Some(velocity);
         if let Some(awaited) = self.awaited.get_mut(&id) {
             awaited.steer(velocity);

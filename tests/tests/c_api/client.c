@@ -371,6 +371,18 @@ static void plays(DcdWorld world, DcdRole expected, const char *role)
     HOLDS(await_change(world, avatar, DCD_BODY_REMOVED).user_data == 7);
     OK(dcd_own_avatars(world, NULL, 0, &count));
     HOLDS(count == 0);
+
+    /* What the world would not let it reach is refused at once. */
+    def.body_type = DCD_DYNAMIC;
+    def.velocity.linear[0] = 500.0f;
+    FAILS(dcd_body_create(world, &def, &avatar), DCD_ERR_ARGUMENT, "500 m/s");
+    def.velocity.linear[0] = 0.0f;
+    OK(dcd_body_create(world, &def, &avatar));
+    fast.linear[0] = 500.0f;
+    FAILS(dcd_body_set_velocity(world, avatar, &fast), DCD_ERR_ARGUMENT, "500 m/s");
+    await_change(world, avatar, DCD_BODY_APPEARED);
+    FAILS(dcd_body_set_velocity(world, avatar, &fast), DCD_ERR_ARGUMENT, "500 m/s");
+    OK(dcd_body_destroy(world, avatar));
 }
 
 /* How many movable bodies the interest does not reach. */

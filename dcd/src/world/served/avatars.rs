@@ -5,6 +5,7 @@ use rapier3d::prelude::*;
 use super::Served;
 use crate::physics::{ShapeError, ShapeLibrary};
 use crate::protocol::{BodyRecord, Check, Controller, WorldPose};
+use crate::runtime::check_speed;
 use crate::world::author::refused;
 use crate::world::error::Error;
 use crate::world::remote::Remote;
@@ -37,6 +38,7 @@ impl Served {
         let avatar = shapes.describe(self.world.next_avatar(), pose, body, colliders)?;
         let avatar = avatar.with_controller(controller);
         avatar.check().map_err(refused)?;
+        check_speed(&avatar, self.speed_limit_m_s())?;
         if !avatar.suits_clients(|hash| shapes.record_of(hash)) {
             return Err(ShapeError::Avatar.into());
         }

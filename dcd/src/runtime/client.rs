@@ -284,7 +284,7 @@ impl ClientWorld {
             Some(Ok(())) => Err(ProcessError::Stopped),
             // Said in the same words every time.
             Some(Err(error)) => {
-                let again = ProcessError::Ended(error.to_string());
+                let again = error.again();
                 state.end.replace(Err(again)).map_or(Ok(()), |end| end)
             }
         }

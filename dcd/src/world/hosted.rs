@@ -21,7 +21,7 @@ use crate::protocol::{
     BodyRecord, Check, Controller, Drive, JointRecord, Push, Query, QueryResult, ShapeHash, ShapeRecord,
     Velocity, WorldEvents, WorldPose,
 };
-use crate::runtime::{LocalWorld, Member, SUSPENDED, ServerProcess, Stats};
+use crate::runtime::{LocalWorld, Member, ProcessError, SUSPENDED, ServerProcess, Stats};
 use crate::space::{BodyId, DistributionTree, JointId, Tick};
 
 /// The process that runs behind the world, on threads of its own.
@@ -99,6 +99,7 @@ impl Hosted {
                 None if server.is_over() => over("the world has ended".to_owned()),
                 None => Ok(()),
             },
+            Process::Node(node) if node.is_faulty() => Err(ProcessError::Fault.into()),
             Process::Node(node) => match node.ended() {
                 Some(Some(cause)) => over(cause),
                 Some(None) => over("the world has ended, or its server let this node go".to_owned()),

@@ -64,7 +64,7 @@ pub(super) struct Served {
     tick: Tick,
     last_step: Duration,
     /// Why the world is lost, said by every later step.
-    lost: Option<String>,
+    lost: Option<ProcessError>,
 }
 
 impl Served {
@@ -103,7 +103,8 @@ impl Served {
     fn check_link(&self) -> Result<(), Error> {
         match &self.lost {
             None => Ok(()),
-            Some(why) => Err(Error::Lost(why.clone())),
+            Some(ProcessError::Fault) => Err(ProcessError::Fault.into()),
+            Some(why) => Err(Error::Lost(why.to_string())),
         }
     }
 
@@ -288,7 +289,7 @@ impl Remote for Served {
         if self.lost.is_none() {
             // Whatever ended it, what its user must know is that the world goes on without us.
             let sent = self.world.check().and_then(|()| self.send_inputs()).and_then(|()| self.send_built());
-            self.lost = sent.err().map(|error| error.to_string());
+            self.lost = sent.err();
         }
         self.listen();
         self.network.listen();

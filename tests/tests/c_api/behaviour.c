@@ -1242,6 +1242,10 @@ static void several_bodies_come_all_or_none(void)
     HOLDS(view.count == 1);
     steps(world, 60);
     NEAR(velocity_of(world, next).linear[1], -10.0, 0.2);
+    /* Who has not asked for a time to show sees it as it is. */
+    DcdPose shown;
+    OK(dcd_view_body(world, next, 75.0, &shown, NULL));
+    HOLDS(shown.p[1] == pose_of(world, next).p[1]);
     OK(dcd_world_destroy(world));
 }
 

@@ -2045,6 +2045,7 @@ static void recordings_are_written(const char *path)
     OK(dcd_record(world, whole)); /* anew, in the place of the former */
     thrown = add(world, crate(world, 0.0, 20.0));
     steps(world, 20);
+    FAILS(dcd_record_keep(world, last), DCD_ERR_ARGUMENT, "file already");
     OK(dcd_body_set_velocity(world, thrown, &velocity));
     steps(world, 10);
     OK(dcd_record_stop(world));

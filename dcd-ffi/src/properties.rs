@@ -49,8 +49,8 @@ pub struct DcdBodyProperties {
     pub extra_mass: f32,
     /// Metres.
     pub extra_centre: [f32; 3],
-    /// kg m², about the body's x, y and z. Of a part of a model (MJCF, URDF) it is about the principal axes of the part, which are turned
-    /// on the body, and stay so whatever is changed of the three. A body whose extra mass was 0 has it about x, y and z.
+    /// kg m², about the body's x, y and z; of a part of a model (MJCF, URDF) about the part's principal axes, which may be turned on the
+    /// body, and which stay until its extra_mass is 0.
     pub extra_inertia: [f32; 3],
     /// Iterations of the solver.
     pub extra_solver_iterations: u32,

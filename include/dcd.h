@@ -440,7 +440,7 @@ typedef struct DcdWorldInfo {
     float dt;
     // m/s².
     float gravity[3];
-    // The number that the server knows this process by, from 1; 0 in a local world.
+    // The number that the server knows this client, builder or participant by, from 1; 0 for all others.
     uint32_t client;
     // The fastest that a dynamic body moves, m/s; 0 for a node.
     float speed_limit;
@@ -501,8 +501,10 @@ typedef struct DcdParticipantDef {
     const char *metrics;
 } DcdParticipantDef;
 
-// A body. 0 is null. An id is never given again, so that of a destroyed body stays stale for ever, unless dcd_checkpoint_restore
-// goes back to before it was given; an id of another world is stale in this one. A body has one id for as long as the world's
+// A body. 0 is null. An id is not given again, so that of a destroyed body stays stale for ever, unless dcd_checkpoint_restore
+// goes back to before it was given, and but for avatars: a client that leaves and joins again with its identity file numbers new ones from those on
+// that are left of its last stay, so that one may get the id of one that was destroyed. Forget ids at DCD_BODY_REMOVED. So may what a
+// builder makes after its server was started again. An id of another world is stale in this one. A body has one id for as long as the world's
 // handle lives, whoever owns it; other processes, and later handles of the same world, know it by other ids.
 typedef struct DcdBodyId {
     // Opaque.
@@ -902,7 +904,8 @@ typedef struct DcdBodyProperties {
     float extra_mass;
     // Metres.
     float extra_centre[3];
-    // kg m².
+    // kg m², about the body's x, y and z; of a part of a model (MJCF, URDF) about the part's principal axes, which may be turned on the
+    // body, and which stay until its extra_mass is 0.
     float extra_inertia[3];
     // Iterations of the solver.
     uint32_t extra_solver_iterations;
@@ -1065,7 +1068,7 @@ typedef struct DcdJointDef {
     uint64_t user_data;
 } DcdJointDef;
 
-// A joint. 0 is null; an id is never given again, but after dcd_checkpoint_restore as for bodies.
+// A joint. 0 is null; an id is not given again, but after dcd_checkpoint_restore, and of builders' joints, as for bodies.
 typedef struct DcdJointId {
     // Opaque.
     uint64_t v;
@@ -1199,7 +1202,7 @@ typedef struct DcdStateView {
     const uint64_t *user_data;
     // DCD_STATE_… bits.
     const uint32_t *flags;
-    // Their owners, as in DcdRegionInfo.
+    // Their owners, as in DcdRegionInfo; of a server, which is told no owners, the regions that they lie in.
     const uint32_t *regions;
     // Where you may keep your own of the bodies, in an array beside: a body has its slot, below `slot_count`, in every view of its
     // world (dcd_state_view and dcd_view_state alike) for as long as views show it, whatever its place in them. Low slots are given
@@ -1377,7 +1380,7 @@ typedef struct DcdConnectionInfo {
 // A contact event: two bodies began or ceased to touch. Told when either has DCD_EVENT_CONTACT, once per pair, whatever regions see it; in
 // a served world, of avatars of this process.
 typedef struct DcdContact {
-    // The body made first. It is stale when it was destroyed since.
+    // The body made first: of two that which dcd_bodies lists first. It is stale when it was destroyed since.
     DcdBodyId a;
     // The other one.
     DcdBodyId b;
@@ -1407,7 +1410,7 @@ typedef struct DcdContact {
 
 // A contact force event: a contact pressed harder than the force_threshold of a body with DCD_EVENT_FORCE.
 typedef struct DcdContactForce {
-    // The body made first.
+    // As in DcdContact.
     DcdBodyId a;
     // The other one.
     DcdBodyId b;
@@ -2505,11 +2508,16 @@ DcdStatus dcd_client_connect(const DcdClientDef *def,
 DCD_API DcdStatus dcd_participant_join(const DcdParticipantDef *def, DcdWorld *out);
 
 // Lists the avatars that this process hosts: those it made, in the world or on their way, and those that an earlier stay
-// left behind, which come back soon after joining (DCD_BODY_APPEARED). Into `out`, which has `cap` entries, and their number
+// left behind. These are in the world on joining, and then no DCD_BODY_APPEARED tells of them, or come back soon after it (DCD_BODY_APPEARED)
+// where who computed them had not let go of them yet. Into `out`, which has `cap` entries, and their number
 // into `count`; with `cap` 0 `out` may be null, to ask for the number. Oldest first. None in a local world.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not).
-DCD_API DcdStatus dcd_own_avatars(DcdWorld world, DcdBodyId *out, size_t cap, size_t *count);
+DCD_API
+DcdStatus dcd_own_avatars(DcdWorld world,
+                          DcdBodyId *out,
+                          size_t cap,
+                          size_t *count);
 
 // Creates a server: it holds a world, decides which node computes what, and lets clients in. It computes nothing itself; the
 // world begins with the nodes that join it (dcd_node_join, dcd_participant_join, or `dcd node` on other machines).
@@ -2899,7 +2907,7 @@ DCD_API DcdStatus dcd_body_properties(DcdWorld world, DcdBodyId body, DcdBodyPro
 //
 // `properties` is read during the call.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, to fix a link of a
-// multibody, or to make a body dynamic that has no mass; DCD_ERR_UNSUPPORTED in a served world but for its server and builders, which change movable bodies and let them be movable.
+// multibody, or where a dynamic body would have no mass; DCD_ERR_UNSUPPORTED in a served world but for its server and builders, which change movable bodies and let them be movable.
 DCD_API
 DcdStatus dcd_body_set_properties(DcdWorld world,
                                   DcdBodyId body,
@@ -3029,8 +3037,8 @@ DcdStatus dcd_shape_triangles(DcdWorld world,
 DCD_API DcdStatus dcd_shape_heights(DcdWorld world, DcdShapeId shape, float *heights, size_t cap, size_t *count);
 
 // Lists all bodies into `out`, which has `cap` entries, and their number into `count`: fixed ones too, in the order in which they were
-// made; in a served world those that this process has heard of, avatars last. With `cap` 0 `out` may be null, to ask for the
-// number.
+// made; in a served world those that this process has heard of: first those of the scene and the server's program, then avatars,
+// client by client, then what builders have built. With `cap` 0 `out` may be null, to ask for the number.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not),
 // DCD_ERR_UNSUPPORTED for a node.
@@ -3190,8 +3198,10 @@ DcdStatus dcd_joint_strength_set(DcdWorld world,
 // What dcd_state_view lent two steps ago is overwritten. Other calls on the world wait until the step is done; views lent
 // before may be read meanwhile.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_BUSY, DCD_ERR_PANIC, DCD_ERR_NETWORK once the link to the server is gone or
-// the world has ended (the last state stays readable, and what came before the loss is in dcd_events).
-DCD_API DcdStatus dcd_step(DcdWorld world);
+// the world has ended (the last state stays readable, and what came before the loss is in dcd_events), DCD_ERR_IO once a server could not
+// write its folder or its recording, and has stopped. Each later step says so again.
+DCD_API
+DcdStatus dcd_step(DcdWorld world);
 
 // Begins what dcd_step does, on a thread of the library, and returns at once; dcd_step_wait says what became of it. Meanwhile
 // draw what dcd_state_view lent, which stays as it is until the step after this one. Every other call on the world waits until
@@ -3337,8 +3347,8 @@ DcdStatus dcd_view_state(DcdWorld world,
 //
 // The functions are called by the calling thread, before this returns. They must return normally (no longjmp, no C++ exception). The
 // world is theirs meanwhile: calls of other threads on it wait, and every call on a world from within is DCD_ERR_BUSY.
-// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for unknown flags, a box without an inside and numbers that are not finite,
-// DCD_ERR_BUSY from within a callback, DCD_ERR_UNSUPPORTED for a node.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for unknown flags, a `min` that is above its `max`, NaN in them, and scales that are
+// not finite (corners may be infinite), DCD_ERR_BUSY from within a callback, DCD_ERR_UNSUPPORTED for a node.
 DCD_API
 DcdStatus dcd_debug_draw(DcdWorld world,
                          const DcdViewTime *time,
@@ -3589,7 +3599,8 @@ DcdStatus dcd_overlap_box_each(DcdWorld world,
 
 // Submits `count` rays, to find what each meets first; dcd_query_poll fetches the answer. As dcd_cast_rays, and in a served world too: a
 // client, a participant or the server's program asks the nodes, each answers for the bodies that it owns, as they are after one and the same step, and
-// the nearest counts. That takes some steps, longer while nodes join or leave. In a local world the answer is there at once.
+// the nearest counts. That takes some steps, longer while nodes join or leave. In a local world the answer is there at once. What a server's
+// program did since its last dcd_step is there for its question: that is sent with the next one then.
 //
 // `rays` and `filter` are read during the call. `out` receives the id of the query, which is open until it is fetched or cancelled.
 // Errors: as dcd_cast_rays; DCD_ERR_ARGUMENT also for more than DCD_MAX_SUBMITTED_COST, and for what is longer than 64 KiB on its

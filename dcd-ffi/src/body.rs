@@ -1,5 +1,6 @@
 //! Creates, finds and destroys bodies, and checks their definitions.
 
+use dcd::Role;
 use dcd::protocol::WorldPose;
 use dcd::space::BodyId;
 use rapier3d::prelude::*;
@@ -159,15 +160,20 @@ unsafe fn create(
                 _ => Failure::new(failure.status, format!("defs[{i}]: {}", failure.message)),
             })?;
         }
+        // Others hear at once of a client's avatars: it may have all of them, or it makes none.
+        if count > 1 && world.dcd.role() != Role::Local {
+            for def in defs {
+                let body = build(world, def)?;
+                world.dcd.can_insert(body.pose, &body.body, &[body.collider])?;
+            }
+        }
         let mut made = Vec::with_capacity(count);
         for def in defs {
             let body = build(world, def)?;
             match world.dcd.insert_at(body.pose, body.body, [body.collider]) {
                 Ok(id) => made.push(id),
                 Err(failure) => {
-                    for id in made {
-                        world.dcd.remove(id)?;
-                    }
+                    world.dcd.take_back(&made)?;
                     return Err(failure.into());
                 }
             }

@@ -151,8 +151,8 @@ unsafe impl Sized32 for DcdDebugDraw {
 ///
 /// The functions are called by the calling thread, before this returns. They must return normally (no longjmp, no C++ exception). The
 /// world is theirs meanwhile: calls of other threads on it wait, and every call on a world from within is DCD_ERR_BUSY.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for unknown flags, a box without an inside and numbers that are not finite,
-/// DCD_ERR_BUSY from within a callback, DCD_ERR_UNSUPPORTED for a node.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for unknown flags, a `min` that is above its `max`, NaN in them, and scales that are
+/// not finite (corners may be infinite), DCD_ERR_BUSY from within a callback, DCD_ERR_UNSUPPORTED for a node.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_debug_draw(
     world: DcdWorld,

@@ -31,7 +31,7 @@ pub const DCD_CONTACT_SENSOR: u32 = 1;
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdContact {
-    /// The body made first. It is stale when it was destroyed since.
+    /// The body made first: of two that which dcd_bodies lists first. It is stale when it was destroyed since.
     pub a: DcdBodyId,
     /// The other one.
     pub b: DcdBodyId,
@@ -63,7 +63,7 @@ pub struct DcdContact {
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdContactForce {
-    /// The body made first.
+    /// As in DcdContact.
     pub a: DcdBodyId,
     /// The other one.
     pub b: DcdBodyId,

@@ -8,8 +8,10 @@ pub struct DcdWorld {
     pub v: u64,
 }
 
-/// A body. 0 is null. An id is never given again, so that of a destroyed body stays stale for ever, unless dcd_checkpoint_restore
-/// goes back to before it was given; an id of another world is stale in this one. A body has one id for as long as the world's
+/// A body. 0 is null. An id is not given again, so that of a destroyed body stays stale for ever, unless dcd_checkpoint_restore
+/// goes back to before it was given, and but for avatars: a client that leaves and joins again with its identity file numbers new ones from those on
+/// that are left of its last stay, so that one may get the id of one that was destroyed. Forget ids at DCD_BODY_REMOVED. So may what a
+/// builder makes after its server was started again. An id of another world is stale in this one. A body has one id for as long as the world's
 /// handle lives, whoever owns it; other processes, and later handles of the same world, know it by other ids.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -26,7 +28,7 @@ pub struct DcdShapeId {
     pub v: u64,
 }
 
-/// A joint. 0 is null; an id is never given again, but after dcd_checkpoint_restore as for bodies.
+/// A joint. 0 is null; an id is not given again, but after dcd_checkpoint_restore, and of builders' joints, as for bodies.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct DcdJointId {

@@ -40,8 +40,8 @@ unsafe impl Sized32 for DcdBodyExtent {
 }
 
 /// Lists all bodies into `out`, which has `cap` entries, and their number into `count`: fixed ones too, in the order in which they were
-/// made; in a served world those that this process has heard of, avatars last. With `cap` 0 `out` may be null, to ask for the
-/// number.
+/// made; in a served world those that this process has heard of: first those of the scene and the server's program, then avatars,
+/// client by client, then what builders have built. With `cap` 0 `out` may be null, to ask for the number.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not),
 /// DCD_ERR_UNSUPPORTED for a node.

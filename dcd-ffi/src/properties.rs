@@ -1,13 +1,15 @@
 //! Reads and changes the properties of living bodies: type, damping, locked axes, thresholds of sleep, extra mass.
 
 use dcd::physics::ShapeError;
-use dcd::protocol::{BodyKind, BodyTraits, ExtraMass};
+use dcd::protocol::{BodyKind, BodyRecord, BodyTraits, ColliderMass, ExtraMass};
+use dcd::space::BodyId;
+use rapier3d::dynamics::RigidBodyAdditionalMassProps;
 use rapier3d::prelude::*;
 
 use crate::guard::guard;
 use crate::ids::{DcdBodyId, DcdWorld};
 use crate::pointer::{self, Out, Sized32, check_bits, check_not_negative, check_numbers, check_reserved};
-use crate::registry::{World, find, missing, with};
+use crate::registry::{World, missing, with};
 use crate::status::{DcdStatus, Failure};
 use crate::types::{
     DCD_BODY_CCD, DCD_BODY_DISABLED, DCD_BODY_FAST_SPIN, DCD_BODY_NO_GYRO, DCD_BODY_NO_SLEEP, DCD_DYNAMIC,
@@ -47,7 +49,8 @@ pub struct DcdBodyProperties {
     pub extra_mass: f32,
     /// Metres.
     pub extra_centre: [f32; 3],
-    /// kg m².
+    /// kg m², about the body's x, y and z; of a part of a model (MJCF, URDF) about the part's principal axes, which may be turned on the
+    /// body, and which stay until its extra_mass is 0.
     pub extra_inertia: [f32; 3],
     /// Iterations of the solver.
     pub extra_solver_iterations: u32,
@@ -172,7 +175,7 @@ impl DcdBodyProperties {
             .additional_solver_iterations(self.extra_solver_iterations as usize)
             .additional_pgs_iterations(self.extra_pgs_iterations as usize)
             .user_data(u128::from(self.user_data));
-        Ok(match self.extra_properties() {
+        Ok(match self.extra_properties(Rotation::IDENTITY) {
             Some(properties) => builder.additional_mass_properties(properties),
             None => builder.additional_mass(self.extra_mass),
         })
@@ -211,7 +214,7 @@ impl DcdBodyProperties {
         }
         let mass = |own: &Self| (own.extra_mass, own.extra_centre, own.extra_inertia);
         if mass(self) != mass(before) {
-            match self.extra_properties() {
+            match self.extra_properties(principal_frame(body)) {
                 Some(properties) => body.set_additional_mass_properties(properties, true),
                 None => body.set_additional_mass(self.extra_mass, true),
             }
@@ -250,13 +253,33 @@ impl DcdBodyProperties {
         LockedAxes::from_bits_truncate(self.locked as u8)
     }
 
-    /// Its extra mass, if more than a number is given.
-    fn extra_properties(&self) -> Option<MassProperties> {
+    /// Its extra mass, if more than a number is given; `frame` turns the body's axes to those of its inertia.
+    fn extra_properties(&self, frame: Rotation) -> Option<MassProperties> {
         let given = (self.extra_centre, self.extra_inertia) != ([0.0; 3], [0.0; 3]);
-        let vector = Vector::from_array;
-        given.then(|| {
-            MassProperties::new(vector(self.extra_centre), self.extra_mass, vector(self.extra_inertia))
-        })
+        let [centre, inertia] = [self.extra_centre, self.extra_inertia].map(Vector::from_array);
+        given.then(|| MassProperties::with_principal_inertia_frame(centre, self.extra_mass, inertia, frame))
+    }
+
+    /// Returns an error if a body becomes dynamic, or loses its extra mass, that has no other.
+    fn check_mass(&self, before: &Self, traits: &BodyTraits) -> Result<(), Failure> {
+        let weighs = traits.colliders.iter().filter(|collider| collider.enabled).any(|own| match own.mass {
+            ColliderMass::Density(value) | ColliderMass::Mass(value) => value > 0.0,
+            ColliderMass::Properties(mass) => mass.inv_mass > 0.0,
+        });
+        let changes = before.body_type != DCD_DYNAMIC || before.extra_mass != 0.0;
+        // A fixed or kinematic body may be hollow.
+        if changes && self.body_type == DCD_DYNAMIC && self.extra_mass == 0.0 && !weighs {
+            return Err(ShapeError::Massless.into());
+        }
+        Ok(())
+    }
+}
+
+/// The rotation from a body's axes to those of the inertia of its extra mass: those of a model's parts are not its own.
+fn principal_frame(body: &RigidBody) -> Rotation {
+    match body.mass_properties().additional_local_mprops.as_deref() {
+        Some(RigidBodyAdditionalMassProps::MassProps(extra)) => extra.principal_inertia_local_frame,
+        _ => Rotation::IDENTITY,
     }
 }
 
@@ -296,7 +319,7 @@ pub unsafe extern "C" fn dcd_body_properties(
         // SAFETY: the caller vouches for `out`.
         let out = unsafe { Out::sized(out, "out")? };
         with(world, |world| {
-            out.write(read(world, body)?);
+            out.write(DcdBodyProperties::of(&read(world, body)?.1.traits));
             Ok(())
         })
     })
@@ -308,7 +331,7 @@ pub unsafe extern "C" fn dcd_body_properties(
 ///
 /// `properties` is read during the call.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, to fix a link of a
-/// multibody, or to make a body dynamic that has no mass; DCD_ERR_UNSUPPORTED in a served world but for its server and builders, which change movable bodies and let them be movable.
+/// multibody, or where a dynamic body would have no mass; DCD_ERR_UNSUPPORTED in a served world but for its server and builders, which change movable bodies and let them be movable.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_body_set_properties(
     world: DcdWorld,
@@ -320,24 +343,17 @@ pub unsafe extern "C" fn dcd_body_set_properties(
         let after = unsafe { pointer::read_sized(properties, "properties")? };
         with(world, |world| {
             world.dcd.changes_bodies()?;
-            let (id, before) = (find(world, body)?, read(world, body)?);
+            let (id, record) = read(world, body)?;
+            let before = DcdBodyProperties::of(&record.traits);
             after.check()?;
-            let changed = world.dcd.update(id, |body| {
-                // A fixed or kinematic body may be hollow.
-                let begins = after.body_type == DCD_DYNAMIC && !body.is_dynamic();
-                if begins && after.extra_mass == 0.0 && body.mass_properties().local_mprops.mass() == 0.0 {
-                    return Err(Failure::from(ShapeError::Massless));
-                }
-                after.apply(&before, body);
-                Ok(())
-            });
-            changed.map_err(Failure::from)?
+            after.check_mass(&before, &record.traits)?;
+            world.dcd.update(id, |body| after.apply(&before, body)).map_err(Failure::from)
         })
     })
 }
 
-fn read(world: &World, body: DcdBodyId) -> Result<DcdBodyProperties, Failure> {
+fn read(world: &World, body: DcdBodyId) -> Result<(BodyId, BodyRecord), Failure> {
     let id = world.mark.body_id(body)?;
     let record = world.dcd.record(id).ok_or_else(|| missing(world, body))?;
-    Ok(DcdBodyProperties::of(&record.traits))
+    Ok((id, record))
 }

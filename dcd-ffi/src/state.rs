@@ -65,7 +65,7 @@ pub struct DcdStateView {
     pub user_data: *const u64,
     /// DCD_STATE_… bits.
     pub flags: *const u32,
-    /// Their owners, as in DcdRegionInfo.
+    /// Their owners, as in DcdRegionInfo; of a server, which is told no owners, the regions that they lie in.
     pub regions: *const u32,
     /// Where you may keep your own of the bodies, in an array beside: a body has its slot, below `slot_count`, in every view of its
     /// world (dcd_state_view and dcd_view_state alike) for as long as views show it, whatever its place in them. Low slots are given

@@ -3,6 +3,7 @@
 use std::cell::RefCell;
 use std::ffi::{CStr, c_char};
 
+use dcd::cluster::RestoreError;
 use dcd::error::{GltfError, RecordingError};
 use dcd::net::NetError;
 use dcd::physics::{HostError, ShapeError};
@@ -182,10 +183,11 @@ impl From<ProcessError> for Failure {
             | ProcessError::Directory(_)
             | ProcessError::Record { .. }
             | ProcessError::Backup { .. }
-            | ProcessError::Restore(_) => DCD_ERR_IO,
+            | ProcessError::Restore(RestoreError::NoWorld | RestoreError::Entry(_)) => DCD_ERR_IO,
             ProcessError::Fault => DCD_ERR_PANIC,
             ProcessError::Thread(_) | ProcessError::Net(NetError::Threads(_)) => DCD_ERR_LIMIT,
-            ProcessError::Net(NetError::Token(_))
+            ProcessError::Restore(RestoreError::OtherWorld)
+            | ProcessError::Net(NetError::Token(_))
             | ProcessError::Token(_)
             | ProcessError::Role { .. }
             | ProcessError::Lag { .. }

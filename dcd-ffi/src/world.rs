@@ -124,7 +124,7 @@ pub struct DcdWorldInfo {
     pub dt: f32,
     /// m/s².
     pub gravity: [f32; 3],
-    /// The number that the server knows this process by, from 1; 0 in a local world.
+    /// The number that the server knows this client, builder or participant by, from 1; 0 for all others.
     pub client: u32,
     /// The fastest that a dynamic body moves, m/s; 0 for a node.
     pub speed_limit: f32,

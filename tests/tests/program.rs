@@ -321,6 +321,32 @@ fn a_servers_program_asks_by_rays_and_shapes_and_is_answered_as_by_a_local_world
 }
 
 #[test]
+fn bodies_can_be_tied_whatever_was_asked_between_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut server = serve(ServeConfig::new(folder.path()));
+    let ball = |x: f32| RigidBodyBuilder::dynamic().translation(Vector::new(x, 2.0, 0.0)).gravity_scale(0.0);
+    let below = || Query::rays([RayQuery::new([5.0, 9.0, 0.0], [0.0, -1.0, 0.0]).up_to(9.0)]);
+    let a = server.insert(ball(5.0), ColliderBuilder::ball(0.5)).unwrap();
+    let (asked, gone) = (server.submit(below()).unwrap(), server.submit(below()).unwrap());
+    server.forget(gone);
+    let b = server.insert(ball(7.0), ColliderBuilder::ball(0.5)).unwrap();
+    let joint = server.insert_joint(a, b, SphericalJointBuilder::new()).unwrap();
+    server.step().unwrap();
+    assert!(server.joint(joint).is_some());
+    let _node = node(&server);
+    let QueryResult::Rays(hits) = answered(&mut server, asked) else { panic!("rays were asked for") };
+    assert_eq!(hits[0].map(|hit| hit.body), Some(a), "what was made before the question is there for it");
+    assert_eq!(server.answer(gone).unwrap(), None, "it was cancelled");
+    // Where nothing was done since, it does not wait for a step.
+    let again = server.submit(below()).unwrap();
+    let deadline = Instant::now() + LIMIT;
+    while server.answer(again).unwrap().is_none() {
+        assert!(Instant::now() < deadline, "the query is not answered within {LIMIT:?}");
+        server.poll(Duration::from_millis(5));
+    }
+}
+
+#[test]
 fn a_servers_program_hears_each_contact_once_that_a_body_asks_for() {
     let hears = |events: bool| {
         let folder = tempfile::tempdir().unwrap();

@@ -53,7 +53,8 @@ const _: () = assert!(
 
 /// Submits `count` rays, to find what each meets first; dcd_query_poll fetches the answer. As dcd_cast_rays, and in a served world too: a
 /// client, a participant or the server's program asks the nodes, each answers for the bodies that it owns, as they are after one and the same step, and
-/// the nearest counts. That takes some steps, longer while nodes join or leave. In a local world the answer is there at once.
+/// the nearest counts. That takes some steps, longer while nodes join or leave. In a local world the answer is there at once. What a server's
+/// program did since its last dcd_step is there for its question: that is sent with the next one then.
 ///
 /// `rays` and `filter` are read during the call. `out` receives the id of the query, which is open until it is fetched or cancelled.
 /// Errors: as dcd_cast_rays; DCD_ERR_ARGUMENT also for more than DCD_MAX_SUBMITTED_COST, and for what is longer than 64 KiB on its

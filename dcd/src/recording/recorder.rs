@@ -7,6 +7,7 @@ use bincode::Encode;
 use tracing::warn;
 
 use super::entry::{Beginning, Digests, Entry, NodeEntry, NodeSeed, Subject, put};
+use super::error::RecordingError;
 use super::local::{LocalEntry, Operation};
 use super::ring::Ring;
 use super::server::{self, ServerEntry};
@@ -208,11 +209,14 @@ impl Recorder {
     }
 
     /// Writes what is kept of the last seconds.
-    pub fn keep(&mut self, to: &mut impl Write) -> io::Result<()> {
+    pub fn keep(&mut self, to: &mut impl Write) -> Result<(), RecordingError> {
         self.flush();
         match &self.out {
-            Some(Out::Ring(ring)) => ring.write(to),
-            _ => Err(io::Error::other("it is recorded to a file already")),
+            Some(Out::Ring(ring)) => Ok(ring.write(to)?),
+            _ => Err(RecordingError::Unsuitable(
+                "it is recorded to a file already, and not in memory: that is begun by World::record_last"
+                    .into(),
+            )),
         }
     }
 

@@ -282,7 +282,7 @@ impl ClientWorld {
             Some(Ok(())) => Err(ProcessError::Stopped),
             // Said in the same words every time.
             Some(Err(error)) => {
-                let again = ProcessError::Ended(error.to_string());
+                let again = error.again();
                 state.end.replace(Err(again)).map_or(Ok(()), |end| end)
             }
         }
@@ -318,18 +318,21 @@ impl ClientWorld {
         body: &RigidBody,
         colliders: &[ColliderBuilder],
     ) -> Result<BodyId, ProcessError> {
-        // Avatars that an earlier stay left behind return some time after joining.
-        let after = self.own_avatars().last().map_or(0, |id| id.index() + 1);
-        self.next_avatar = self.next_avatar.max(after);
-        let id = BodyId::avatar(self.client, self.next_avatar);
+        let id = self.next_avatar();
         let body = self.shapes.describe(id, pose, body, colliders)?.with_controller(controller);
         if !body.suits_clients(|hash| self.shapes.record_of(hash)) {
             return Err(ShapeError::Avatar.into());
         }
         let shapes = self.shapes.records_of([&body]).into_iter().map(|(_, shape)| shape.clone()).collect();
         self.member.submit(ClientEvent::Spawn { body, shapes })?;
-        self.next_avatar += 1;
+        self.next_avatar = id.index() + 1;
         Ok(id)
+    }
+
+    /// Returns the id of the next avatar. Avatars that an earlier stay left behind return some time after joining.
+    pub(crate) fn next_avatar(&self) -> BodyId {
+        let after = self.own_avatars().last().map_or(0, |id| id.index() + 1);
+        BodyId::avatar(self.client, self.next_avatar.max(after))
     }
 
     /// Removes an avatar from the world for good.
@@ -489,7 +492,7 @@ impl ClientWorld {
             let predictor = self.predictor.as_ref();
             let ahead = predictor.and_then(|predictor| predictor.tick_of(id, time));
             let is_own = id.client() == Some(self.client);
-            let tick = ahead.unwrap_or(if is_own { time.now } else { time.shown });
+            let tick = ahead.unwrap_or(if is_own { time.predicted } else { time.shown });
             let predicted = predictor.and_then(|predictor| predictor.at(id, tick));
             predicted.or_else(|| state.client.as_ref()?.view(id, tick))
         };

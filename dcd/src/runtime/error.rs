@@ -1,5 +1,6 @@
 //! Defines the error with which a process of a cluster fails to start or to go on.
 
+use std::io;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -223,4 +224,44 @@ pub enum ProcessError {
     /// The operating system cannot start a thread.
     #[error("cannot start a thread: {0}; raise the limit of threads")]
     Thread(std::io::Error),
+}
+
+impl ProcessError {
+    /// Returns the error for who asks once more: in the same words, and what a bug or a disk has done as such.
+    pub(crate) fn again(&self) -> Self {
+        match self {
+            Self::Fault => Self::Fault,
+            Self::Directory(error) => Self::Directory(error.clone()),
+            Self::Record { path, cause } => {
+                let cause = io::Error::new(cause.kind(), cause.to_string());
+                Self::Record { path: path.clone(), cause }
+            }
+            other => Self::Ended(other.to_string()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::mem::discriminant;
+
+    use super::*;
+
+    #[test]
+    fn who_asks_again_hears_the_same_words_of_a_bug_and_of_a_disk_also_of_the_same_kind() {
+        let full = || io::Error::from(io::ErrorKind::StorageFull);
+        let (path, place) = (PathBuf::from("server.dcdr"), "world.redb".to_owned());
+        for (error, stays) in [
+            (ProcessError::Fault, true),
+            (DirectoryError::Unwritable { place, cause: full().to_string() }.into(), true),
+            (ProcessError::Record { path, cause: full() }, true),
+            (ProcessError::WorldEnded, false),
+        ] {
+            let again = error.again().again();
+            assert_eq!(again.to_string(), error.to_string());
+            let kind =
+                if stays { discriminant(&error) } else { discriminant(&ProcessError::Ended(String::new())) };
+            assert_eq!(discriminant(&again), kind, "{error}");
+        }
+    }
 }

@@ -176,6 +176,13 @@ impl LocalWorld {
         if done { Ok(()) } else { Err(WorldError::NoBody(body)) }
     }
 
+    /// Takes back the bodies that were inserted last, since the last step, as if they had never been: their ids are given again.
+    pub(crate) fn take_back(&mut self, bodies: &[BodyId]) -> Result<(), WorldError> {
+        bodies.iter().try_for_each(|&body| self.remove(body))?;
+        self.next_body = bodies.first().map_or(self.next_body, |first| first.index());
+        Ok(())
+    }
+
     /// Inserts a joint between two bodies.
     pub fn insert_joint(
         &mut self,

@@ -333,6 +333,11 @@ impl Member {
         state.end.as_ref().map(|end| end.as_ref().err().map(ToString::to_string))
     }
 
+    /// Returns whether the loop has ended by a bug.
+    pub(crate) fn is_faulty(&self) -> bool {
+        matches!(self.shared.lock().end, Some(Err(ProcessError::Fault)))
+    }
+
     /// Returns why the server ended the process, if it did and that is no failure.
     pub fn farewell(&self) -> Option<String> {
         self.shared.lock().farewell.clone()

@@ -41,7 +41,7 @@ impl LocalWorld {
     pub fn keep_recording(&mut self, to: &mut impl Write) -> Result<(), RecordingError> {
         let tape = self.tape.as_mut();
         let none = || RecordingError::Unsuitable("nothing is recorded: begin by World::record_last".into());
-        Ok(tape.ok_or_else(none)?.recorder.keep(to)?)
+        tape.ok_or_else(none)?.recorder.keep(to)
     }
 
     /// Ends the recording, and waits until it is written; an error if anything of it could not be.

@@ -339,12 +339,12 @@ impl ServerProcess {
         !timed_out.timed_out()
     }
 
-    /// Takes the error with which the server had to stop, if it had to; later calls return its words as [`ProcessError::Ended`].
+    /// Takes the error with which the server had to stop, if it had to; later calls return its words, of what is not a bug or a disk's as
+    /// [`ProcessError::Ended`].
     pub fn failure(&self) -> Option<ProcessError> {
         let mut state = self.shared.lock();
         let failure = state.failure.take()?;
-        // Who asks once more hears the same words.
-        state.failure = Some(ProcessError::Ended(failure.to_string()));
+        state.failure = Some(failure.again());
         Some(failure)
     }
 
@@ -547,5 +547,16 @@ mod tests {
         assert!(!former.authority.has_named(NodeId(1)));
         drop(start().unwrap());
         drop(former);
+    }
+
+    #[test]
+    fn a_fault_is_told_as_one_to_all_who_ask() {
+        let folder = tempfile::tempdir().unwrap();
+        let world = LocalWorld::new(WorldConfig::default()).unwrap();
+        let server = ServerProcess::start(Origin::World(&world), ServeConfig::new(folder.path())).unwrap();
+        server.shared.lock().failure = Some(ProcessError::Fault);
+        for _ in 0..3 {
+            assert!(matches!(server.failure(), Some(ProcessError::Fault)));
+        }
     }
 }

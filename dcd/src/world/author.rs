@@ -185,6 +185,16 @@ impl Author {
         self.leaving.contains_key(&id)
     }
 
+    /// Returns whether anything was done since the last step.
+    pub(super) fn has_news(&self) -> bool {
+        let (bodies, joints) = (self.altered_bodies.values(), self.altered_joints.values());
+        let mut altered = bodies.map(|altered| altered.sent).chain(joints.map(|(_, sent)| *sent));
+        let made = !self.bodies.is_empty() || !self.joints.is_empty();
+        let removed = !self.removed.is_empty() || !self.removed_joints.is_empty();
+        let moved = !self.moves.is_empty() || !self.pushes.is_empty();
+        made || removed || moved || altered.any(|sent| sent.is_none())
+    }
+
     /// Returns what was done since the last step.
     pub(super) fn take(&mut self, world: &dyn Known) -> Vec<BuildOp> {
         let answered = world.answered();
@@ -262,6 +272,13 @@ impl Author {
         self.next_body = self.next_body.checked_add(1).ok_or(WorldError::Full)?;
         self.bodies.push(record);
         Ok(id)
+    }
+
+    /// Takes back the bodies that were inserted last, since the last step, as if they had never been: their names are given again.
+    pub(super) fn take_back(&mut self, bodies: &[BodyId]) {
+        let Some(&first) = bodies.first() else { return };
+        self.bodies.retain(|body| body.id < first);
+        self.next_body = first.index();
     }
 
     /// Returns an error if a shape is too long to be sent.

@@ -164,6 +164,27 @@ impl World {
         }
     }
 
+    /// Returns an error if a body cannot be inserted, where others would hear at once of one that is: who inserts several of which all
+    /// or none are to be there asks for each before the first.
+    #[doc(hidden)]
+    pub fn can_insert(
+        &self,
+        pose: WorldPose,
+        body: &RigidBody,
+        colliders: &[ColliderBuilder],
+    ) -> Result<(), Error> {
+        self.remote().map_or(Ok(()), |world| world.can_insert(pose, body, colliders))
+    }
+
+    /// Takes back the bodies that were inserted last, since the last step, as if they had never been.
+    #[doc(hidden)]
+    pub fn take_back(&mut self, bodies: &[BodyId]) -> Result<(), Error> {
+        match &mut self.inner {
+            Inner::Local(world) => Ok(world.take_back(bodies)?),
+            Inner::Remote(world) => world.take_back(bodies),
+        }
+    }
+
     /// Removes a body with its colliders and joints, for good; a server or a builder any body with its next step, a client an avatar of its own.
     pub fn remove(&mut self, body: BodyId) -> Result<(), Error> {
         match &mut self.inner {

@@ -21,7 +21,7 @@ use crate::protocol::{
     BodyRecord, Check, Controller, Drive, JointRecord, Push, Query, QueryResult, ShapeHash, ShapeRecord,
     Velocity, WorldEvents, WorldPose,
 };
-use crate::runtime::{LocalWorld, Member, SUSPENDED, ServerProcess, Stats};
+use crate::runtime::{LocalWorld, Member, ProcessError, SUSPENDED, ServerProcess, Stats};
 use crate::space::{BodyId, DistributionTree, JointId, Tick};
 
 /// The process that runs behind the world, on threads of its own.
@@ -44,6 +44,8 @@ pub(super) struct Hosted {
     departed: Departed,
     /// How many queries were submitted.
     questions: u64,
+    /// Those that wait for the next step, as what was done before them does.
+    waiting: Vec<Query>,
 }
 
 impl Hosted {
@@ -60,7 +62,7 @@ impl Hosted {
         };
         let network = Network::new(connections.clone());
         let (events, departed) = Default::default();
-        Self { network, author, process, settings, events, departed, questions: 0 }
+        Self { network, author, process, settings, events, departed, questions: 0, waiting: Vec::new() }
     }
 
     /// Returns the server with its program's changes, or why a node has none.
@@ -97,6 +99,7 @@ impl Hosted {
                 None if server.is_over() => over("the world has ended".to_owned()),
                 None => Ok(()),
             },
+            Process::Node(node) if node.is_faulty() => Err(ProcessError::Fault.into()),
             Process::Node(node) => match node.ended() {
                 Some(Some(cause)) => over(cause),
                 Some(None) => over("the world has ended, or its server let this node go".to_owned()),
@@ -104,13 +107,15 @@ impl Hosted {
             },
         }
     }
-}
 
-/// Sends what a server's program has done since the last step.
-fn flush(author: &mut Author, server: &ServerProcess) {
-    let ops = author.take(server);
-    if !ops.is_empty() {
-        server.change(ops);
+    /// Sends what a server's program has done since the last step, and what it has asked about that.
+    fn flush(&mut self) {
+        let (Process::Server(server), Some(author)) = (&self.process, &mut self.author) else { return };
+        let ops = author.take(server);
+        if !ops.is_empty() {
+            server.change(ops);
+        }
+        self.waiting.drain(..).for_each(|question| server.ask(question));
     }
 }
 
@@ -188,9 +193,7 @@ impl Remote for Hosted {
         let events = self.server().map(ServerProcess::take_events);
         self.events = events.unwrap_or_default();
         self.look()?;
-        if let (Process::Server(server), Some(author)) = (&self.process, &mut self.author) {
-            flush(author, server);
-        }
+        self.flush();
         Ok(())
     }
 
@@ -217,6 +220,11 @@ impl Remote for Hosted {
         controller: Option<Controller<'_>>,
     ) -> Result<BodyId, Error> {
         self.written("make bodies")?.1.insert(pose, body, colliders, controller)
+    }
+
+    fn take_back(&mut self, bodies: &[BodyId]) -> Result<(), Error> {
+        self.written("destroy bodies")?.1.take_back(bodies);
+        Ok(())
     }
 
     fn can_remove(&self, _id: BodyId) -> Result<(), Error> {
@@ -288,8 +296,9 @@ impl Remote for Hosted {
             Process::Server(server) if server.is_suspended() => return Ok(()),
             Process::Server(_) => {}
         }
-        let (server, author) = self.written("be suspended")?;
-        flush(author, server);
+        self.written("be suspended")?;
+        self.flush();
+        let server = self.server_to("be suspended")?;
         server.suspend();
         match server.failure() {
             Some(failure) => Err(failure.into()),
@@ -352,10 +361,12 @@ impl Remote for Hosted {
         let number = self.questions + 1;
         let question = Query { number, ..question };
         question.check().map_err(refused)?;
-        let (server, author) = self.written("ask by rays, shapes and points")?;
-        // What the program did before is there for its question.
-        flush(author, server);
-        server.ask(question);
+        // What the program did before is there for its question: that goes with it. Sent by itself it would part bodies that are to be tied.
+        let waits = self.written("ask by rays, shapes and points")?.1.has_news();
+        self.waiting.push(question);
+        if !waits {
+            self.flush();
+        }
         self.questions = number;
         Ok(number)
     }
@@ -371,6 +382,7 @@ impl Remote for Hosted {
     }
 
     fn forget(&mut self, number: u64) {
+        self.waiting.retain(|question| question.number != number);
         if let Process::Server(server) = &self.process {
             server.forget(number);
         }

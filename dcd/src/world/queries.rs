@@ -34,7 +34,8 @@ impl World {
     }
 
     /// Submits a query to the processes that compute the world, and returns the number under which [`World::answer`] has the
-    /// answer: at once in a local world, some ticks later in a served one. `query.number` is ignored.
+    /// answer: at once in a local world, some ticks later in a served one. `query.number` is ignored. What a server's program did since its
+    /// last step is there for its question: that is sent with the next step then.
     ///
     /// ```
     /// use dcd::prelude::*;

@@ -78,6 +78,21 @@ pub(super) trait Remote: Send + Sync {
         Err(self.unsupported("make bodies", Instead::JoinAsClient))
     }
 
+    /// Returns an error if a body cannot be inserted, where others would hear at once of one that is.
+    fn can_insert(
+        &self,
+        _pose: WorldPose,
+        _body: &RigidBody,
+        _colliders: &[ColliderBuilder],
+    ) -> Result<(), Error> {
+        Ok(())
+    }
+
+    /// Takes back the bodies that were inserted last, since the last step, as if they had never been.
+    fn take_back(&mut self, bodies: &[BodyId]) -> Result<(), Error> {
+        bodies.iter().try_for_each(|&id| self.remove(id))
+    }
+
     /// Returns an error if this process may not remove a body that is there.
     fn can_remove(&self, _id: BodyId) -> Result<(), Error> {
         Err(self.unsupported("destroy bodies", Instead::JoinAsClient))

@@ -4,12 +4,16 @@
 //! Between two steps only the caller changes anything, as in a local world: each step copies what the client received, and sends
 //! the inputs of avatars, and what is to be built.
 
+mod avatars;
+mod inputs;
+
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use rapier3d::prelude::*;
 
+use self::inputs::PendingInput;
 use super::author::{Author, Names, refused};
 use super::bodies::{CHANGE_BODY, CHANGE_SURFACE};
 use super::departed::Departed;
@@ -21,7 +25,7 @@ use super::seen::Seen;
 use super::view::{Body, BodyChange, MovableBody, Owner, RegionInfo};
 use crate::cluster::BodyView as Heard;
 use crate::net::PeerStats;
-use crate::physics::{ShapeLibrary, StepSettings};
+use crate::physics::StepSettings;
 use crate::playback::{Motion, ViewTime};
 use crate::prediction::Prediction;
 use crate::protocol::{
@@ -60,14 +64,7 @@ pub(super) struct Served {
     tick: Tick,
     last_step: Duration,
     /// Why the world is lost, said by every later step.
-    lost: Option<String>,
-}
-
-#[derive(Default)]
-struct PendingInput {
-    velocity: Option<Velocity>,
-    pose: Option<WorldPose>,
-    drive: Option<Drive>,
+    lost: Option<ProcessError>,
 }
 
 impl Served {
@@ -106,7 +103,8 @@ impl Served {
     fn check_link(&self) -> Result<(), Error> {
         match &self.lost {
             None => Ok(()),
-            Some(why) => Err(Error::Lost(why.clone())),
+            Some(ProcessError::Fault) => Err(ProcessError::Fault.into()),
+            Some(why) => Err(Error::Lost(why.to_string())),
         }
     }
 
@@ -207,28 +205,6 @@ impl Served {
         if ops.is_empty() { Ok(()) } else { world.build(ops) }
     }
 
-    fn send_inputs(&mut self) -> Result<(), ProcessError> {
-        let (waiting, due): (BTreeMap<_, _>, BTreeMap<_, _>) =
-            std::mem::take(&mut self.inputs).into_iter().partition(|(id, _)| self.awaited.contains_key(id));
-        self.inputs = waiting;
-        for (id, input) in due {
-            let Some(body) = self.heard(id) else { continue };
-            // An input says the one or the other, and a leader takes in both.
-            if input.velocity.is_some() || input.pose.is_some() {
-                let kinematic = body.body.traits.kind != BodyKind::Dynamic;
-                let now = body.body.asked();
-                let driven = if kinematic { self.driven.get(&id).copied() } else { None };
-                let velocity = input.velocity.or(driven).unwrap_or(now);
-                self.driven.insert(id, velocity);
-                self.world.send_input(id, velocity, input.pose)?;
-            }
-            if let Some(drive) = input.drive {
-                self.world.drive(id, drive)?;
-            }
-        }
-        Ok(())
-    }
-
     fn place(&self, id: BodyId) -> Result<usize, usize> {
         self.bodies.binary_search_by_key(&id, |body| body.body.id)
     }
@@ -316,7 +292,7 @@ impl Remote for Served {
         if self.lost.is_none() {
             // Whatever ended it, what its user must know is that the world goes on without us.
             let sent = self.world.check().and_then(|()| self.send_inputs()).and_then(|()| self.send_built());
-            self.lost = sent.err().map(|error| error.to_string());
+            self.lost = sent.err();
         }
         self.listen();
         self.network.listen();
@@ -344,26 +320,31 @@ impl Remote for Served {
             let (author, _) = self.builder(None, "make bodies", Instead::MakeAvatars)?;
             return author.insert(pose, body, colliders, None);
         }
-        let unsupported = match body.body_type() {
-            _ if has_own_sleep(body.activation()) => {
-                Some(("set when its avatars fall asleep", Instead::UsualSleep))
-            }
-            RigidBodyType::Fixed => Some(("make fixed bodies", Instead::FixedInScene)),
-            RigidBodyType::KinematicPositionBased => {
-                Some(("make bodies that follow poses", Instead::KinematicByVelocity))
-            }
-            _ => None,
-        };
-        if let Some((what, instead)) = unsupported {
-            return Err(self.unsupported(what, instead));
-        }
-        self.check_link()?;
-        let awaited = ShapeLibrary::default().describe(BodyId::default(), pose, body, colliders)?;
-        let awaited = awaited.with_controller(controller);
-        awaited.check().map_err(refused)?;
+        let awaited = self.next_avatar(pose, body, colliders, controller)?;
         let id = self.world.spawn_as(controller, pose, body, colliders)?;
         self.awaited.insert(id, BodyRecord { id, ..awaited });
         Ok(id)
+    }
+
+    fn can_insert(
+        &self,
+        pose: WorldPose,
+        body: &RigidBody,
+        colliders: &[ColliderBuilder],
+    ) -> Result<(), Error> {
+        // What is built is told with the next step, and can be taken back.
+        match self.author {
+            Some(_) => Ok(()),
+            None => self.next_avatar(pose, body, colliders, None).map(drop),
+        }
+    }
+
+    fn take_back(&mut self, bodies: &[BodyId]) -> Result<(), Error> {
+        match &mut self.author {
+            Some(author) => author.take_back(bodies),
+            None => bodies.iter().try_for_each(|&id| self.remove(id))?,
+        }
+        Ok(())
     }
 
     fn can_remove(&self, id: BodyId) -> Result<(), Error> {
@@ -400,6 +381,7 @@ impl Remote for Served {
         }
         self.check_link()?;
         velocity.check().map_err(refused)?;
+        self.check_speed(id, velocity)?;
         self.inputs.entry(id).or_default().velocity = Some(velocity);
         if let Some(awaited) = self.awaited.get_mut(&id) {
             awaited.steer(velocity);
@@ -698,13 +680,4 @@ impl Remote for Served {
         };
         tree.leaves().map(info).collect()
     }
-}
-
-/// Returns whether a body has thresholds of sleep other than Rapier's usual ones, with which it may or may not sleep.
-fn has_own_sleep(body: &RigidBodyActivation) -> bool {
-    let thresholds = |body: &RigidBodyActivation| {
-        (body.normalized_linear_threshold, body.angular_threshold, body.time_until_sleep)
-    };
-    let usual = [RigidBodyActivation::default(), RigidBodyActivation::cannot_sleep()];
-    !usual.iter().any(|usual| thresholds(usual) == thresholds(body))
 }

@@ -50,6 +50,9 @@ impl LastStep {
     }
 
     fn motion(&self, id: BodyId, now: Motion, world: &LocalWorld, at: f64) -> Motion {
+        if self.stepped.is_none() {
+            return now;
+        }
         let dt_s = f64::from(world.host().settings().dt_s);
         let after = at - world.tick().0 as f64;
         if after >= 0.0 {
@@ -145,5 +148,29 @@ impl World {
             let now = Motion { pose: body.pose, velocity: body.velocity };
             body.moved_to(self.last_step.motion(body.id, now, world, shown))
         }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rapier3d::prelude::*;
+
+    use super::*;
+    use crate::runtime::WorldConfig;
+
+    #[test]
+    fn a_world_is_shown_as_it_is_until_somebody_asks_for_a_time() {
+        let mut world = World::new(WorldConfig::default()).unwrap();
+        let ball = RigidBodyBuilder::dynamic().linvel(Vector::new(6.0, 0.0, 0.0));
+        let ball = world.insert(ball, ColliderBuilder::ball(0.5)).unwrap();
+        world.step().unwrap();
+        let now = world.motion(ball).unwrap();
+        for tick in [0.5, 1.0, 16.0] {
+            assert_eq!(world.motion_at(ball, tick), Some(now), "{tick}");
+        }
+        let shown = world.movable_bodies_at(&ViewTime::new(16.0, 16.0)).next().unwrap();
+        assert_eq!((shown.pose, shown.velocity), now);
+        world.view_time();
+        assert!(world.motion_at(ball, 16.0).unwrap().0.translation[0] > now.0.translation[0] + 0.5);
     }
 }

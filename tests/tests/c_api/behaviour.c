@@ -1195,6 +1195,129 @@ static void what_has_no_mass_does_not_hang_in_the_air(void)
         NEAR(pose_of(world, falls).p[1], -5.0, 0.2);
         OK(dcd_world_destroy(world));
     }
+
+    /* Nor what has lost all that it had besides. */
+    DcdWorld world = make_world(2, 1, -10.0f);
+    DcdBodyDef def = crate(world, 0.0, 10.0);
+    def.density = 0.0f;
+    def.extra_mass = 5.0f;
+    DcdBodyId falls = add(world, def);
+    def.body_type = DCD_KINEMATIC;
+    def.pose.p[0] = 10.0;
+    DcdBodyId stays = add(world, def);
+    steps(world, 1);
+    DcdBodyProperties as = properties_of(world, stays);
+    as.body_type = DCD_DYNAMIC;
+    as.extra_mass = 0.0f;
+    FAILS(dcd_body_set_properties(world, stays, &as), DCD_ERR_ARGUMENT, "no mass");
+    HOLDS(info_of(world, stays).body_type == DCD_KINEMATIC && properties_of(world, stays).extra_mass == 5.0f);
+    FAILS(dcd_body_set_properties(world, falls, &as), DCD_ERR_ARGUMENT, "no mass");
+    as.body_type = DCD_KINEMATIC;
+    OK(dcd_body_set_properties(world, stays, &as));
+    as.body_type = DCD_DYNAMIC;
+    FAILS(dcd_body_set_properties(world, stays, &as), DCD_ERR_ARGUMENT, "no mass");
+    as.extra_mass = 5.0f;
+    OK(dcd_body_set_properties(world, stays, &as));
+    steps(world, 60);
+    NEAR(velocity_of(world, stays).linear[1], -10.0, 0.2);
+    OK(dcd_world_destroy(world));
+}
+
+/* Of several bodies of which one is refused none has been there. */
+static void several_bodies_come_all_or_none(void)
+{
+    const float corners[12] = { -1, 0, -1, -1, 0, 1, 1, 0, 1, 1, 0, -1 };
+    const uint32_t triangles[6] = { 0, 1, 2, 0, 2, 3 };
+    DcdWorld world = make_world(2, 1, -10.0f);
+    DcdBodyDef defs[2] = { crate(world, -5.0, 10.0), crate(world, 5.0, 10.0) };
+    DcdBodyId made[2] = { { 7 }, { 7 } }, found;
+    DcdStateView view = DCD_STATE_VIEW_INIT;
+    OK(dcd_shape_mesh(world, corners, 4, triangles, 2, &defs[1].shape));
+    FAILS(dcd_bodies_create(world, defs, 2, made), DCD_ERR_ARGUMENT, "no mass");
+    HOLDS(made[0].v == 7 && made[1].v == 7);
+    const DcdBodyId next = add(world, defs[0]);
+    OK(dcd_body_at(world, 0, &found));
+    HOLDS(found.v == next.v);
+    OK(dcd_state_view(world, &view));
+    HOLDS(view.count == 1);
+    steps(world, 60);
+    NEAR(velocity_of(world, next).linear[1], -10.0, 0.2);
+    /* Who has not asked for a time to show sees it as it is. */
+    DcdPose shown;
+    OK(dcd_view_body(world, next, 75.0, &shown, NULL));
+    HOLDS(shown.p[1] == pose_of(world, next).p[1]);
+    OK(dcd_world_destroy(world));
+}
+
+/* A leg of a model lies across its axes. Whatever is changed of its mass, its inertia stays about the leg's own. */
+static void a_part_of_a_model_keeps_its_axes(const char *path)
+{
+    char name[600];
+    DcdWorld world = { 0 };
+    DcdBodyId all[8], leg = { 0 };
+    size_t count = 0;
+    DcdBodyExtent before = DCD_BODY_EXTENT_INIT, after = DCD_BODY_EXTENT_INIT;
+    snprintf(name, sizeof name, "%s.leg.xml", path);
+    FILE *file = fopen(name, "w");
+    HOLDS(file != NULL);
+    if (file == NULL) {
+        return;
+    }
+    fputs("<mujoco><worldbody><body name='leg' pos='0 0 5'><freejoint/>"
+          "<geom type='capsule' fromto='0 0 0 0.4 0.4 0' size='0.08' density='1000'/></body></worldbody></mujoco>",
+          file);
+    fclose(file);
+    OK(dcd_world_open_scene(name, NULL, 0, NULL, &world));
+    OK(dcd_bodies(world, all, 8, &count));
+    for (size_t i = 0; i < count; i++) {
+        if (properties_of(world, all[i]).body_type == DCD_DYNAMIC) {
+            leg = all[i];
+        }
+    }
+    OK(dcd_body_extent(world, leg, &before));
+    HOLDS(before.mass > 1.0f && fabsf(before.axes[3]) < 0.99f);
+    for (int changed = 0; changed < 3; changed++) {
+        DcdBodyProperties as = properties_of(world, leg);
+        as.extra_mass *= 2.0f;
+        if (changed == 1) {
+            as.extra_centre[0] += 0.1f;
+        }
+        for (int axis = 0; axis < 3 && changed == 2; axis++) {
+            as.extra_inertia[axis] *= 2.0f;
+        }
+        OK(dcd_body_set_properties(world, leg, &as));
+        OK(dcd_body_extent(world, leg, &after));
+        NEAR(after.mass, 2.0f * before.mass, 1e-3);
+        for (int axis = 0; axis < 4; axis++) {
+            NEAR(after.axes[axis], before.axes[axis], 1e-5);
+        }
+        for (int axis = 0; axis < 3; axis++) {
+            NEAR(after.inertia[axis], before.inertia[axis] * (changed == 2 ? 2.0f : 1.0f), 1e-4);
+        }
+        before = after;
+    }
+    /* Without that mass it has no axes but the body's own, to which it may be given another. */
+    DcdBodyProperties as = properties_of(world, leg);
+    as.body_type = DCD_KINEMATIC;
+    as.extra_mass = 0.0f;
+    memset(as.extra_centre, 0, sizeof as.extra_centre);
+    memset(as.extra_inertia, 0, sizeof as.extra_inertia);
+    OK(dcd_body_set_properties(world, leg, &as));
+    as.body_type = DCD_DYNAMIC;
+    as.extra_mass = 4.0f;
+    as.extra_inertia[0] = 1.0f;
+    as.extra_inertia[1] = 2.0f;
+    as.extra_inertia[2] = 3.0f;
+    OK(dcd_body_set_properties(world, leg, &as));
+    OK(dcd_body_extent(world, leg, &after));
+    const float x = after.axes[0], y = after.axes[1], z = after.axes[2], w = after.axes[3];
+    const float east[3] = { 1.0f - 2.0f * (y * y + z * z), 2.0f * (x * y - w * z), 2.0f * (x * z + w * y) };
+    float about_x = 0.0f;
+    for (int axis = 0; axis < 3; axis++) {
+        about_x += east[axis] * east[axis] * after.inertia[axis];
+    }
+    NEAR(about_x, 1.0, 1e-4);
+    OK(dcd_world_destroy(world));
 }
 
 static void a_destroyed_sensor_ends_its_contacts_as_a_sensor(void)
@@ -1922,6 +2045,7 @@ static void recordings_are_written(const char *path)
     OK(dcd_record(world, whole)); /* anew, in the place of the former */
     thrown = add(world, crate(world, 0.0, 20.0));
     steps(world, 20);
+    FAILS(dcd_record_keep(world, last), DCD_ERR_ARGUMENT, "file already");
     OK(dcd_body_set_velocity(world, thrown, &velocity));
     steps(world, 10);
     OK(dcd_record_stop(world));
@@ -2024,6 +2148,8 @@ int main(int count, char **texts)
     worlds_are_cut_upright_unless_told_otherwise();
     speed_has_a_limit_that_is_named();
     what_has_no_mass_does_not_hang_in_the_air();
+    several_bodies_come_all_or_none();
+    a_part_of_a_model_keeps_its_axes(count > 1 ? texts[1] : "behaviour");
     a_destroyed_sensor_ends_its_contacts_as_a_sensor();
     casts_name_the_triangle_of_terrain_that_rays_do();
     views_and_bulk_agree();

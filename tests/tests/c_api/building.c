@@ -314,7 +314,12 @@ int main(int argc, char **argv)
     bob.shape = box;
     bob.pose.p[1] = 3.0;
     bob.pose.p[2] = 40.0;
+    DcdRay down = DCD_RAY_INIT;
+    DcdQueryId query;
+    down.direction[1] = -1.0f;
     OK(dcd_body_create(server, &lift, &rope.a));
+    OK(dcd_rays_submit(server, &down, 1, NULL, &query)); /* a question does not part what is to be tied */
+    OK(dcd_query_cancel(server, query));
     OK(dcd_body_create(server, &bob, &rope.b));
     rope.joint_type = DCD_JOINT_SPHERICAL;
     rope.frame_b.p[1] = 2.0f;
@@ -358,6 +363,10 @@ int main(int argc, char **argv)
     FAILS(dcd_server_suspend(client), DCD_ERR_UNSUPPORTED, "client");
     OK(dcd_world_destroy(server));
     def.listen = address;
+    const float speed = def.avatar_speed;
+    def.avatar_speed = speed + 1.0f;
+    FAILS(dcd_server_create(&def, &server), DCD_ERR_ARGUMENT, "another world");
+    def.avatar_speed = speed;
     OK(dcd_server_create(&def, &server));
     OK(dcd_world_destroy(local));
     OK(dcd_body_at(server, BOXES, &bodies[BOXES]));

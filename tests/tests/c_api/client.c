@@ -204,6 +204,24 @@ static void looks(DcdWorld world, DcdBodyId avatar)
     HOLDS(boxes >= 100 && weight > 90.0);
 }
 
+/* Of several avatars of which one is refused nobody hears. */
+static void makes_all_or_none(DcdWorld world)
+{
+    DcdBodyDef defs[2] = { avatar_def(world), avatar_def(world) };
+    DcdBodyId made[2] = { { 7 }, { 7 } };
+    DcdEventView events = DCD_EVENT_VIEW_INIT;
+    defs[1].body_type = DCD_FIXED;
+    FAILS(dcd_bodies_create(world, defs, 2, made), DCD_ERR_UNSUPPORTED, "fixed");
+    HOLDS(made[0].v == 7 && made[1].v == 7);
+    size_t changes = 0;
+    for (int i = 0; i < 60; i++) {
+        OK(step(world));
+        OK(dcd_events(world, &events));
+        changes += events.change_count;
+    }
+    HOLDS(changes == 0);
+}
+
 /* What is shown of an avatar that moves east at 10 m/s: where the world says, or a moment ago, at an even pace. */
 static void shows(DcdWorld world, DcdBodyId avatar)
 {
@@ -247,6 +265,17 @@ static void answers(DcdWorld world, DcdBodyId avatar)
     OK(dcd_prediction_set(world, false));
     OK(dcd_prediction(world, &prediction));
     HOLDS(prediction.bodies == 0);
+    /* It is shown when it is asked to be, predicted or not. */
+    DcdStateView view = DCD_STATE_VIEW_INIT;
+    DcdPose at;
+    OK(dcd_view_time(world, &time));
+    HOLDS(time.predicted == time.now && time.shown < time.now);
+    for (int i = 0; i < 2; i++) {
+        OK(dcd_view_state(world, &time, &view));
+        OK(dcd_view_body(world, avatar, time.predicted, &at, NULL));
+        HOLDS(view.ids[100].v == avatar.v && view.poses[100].p[0] == at.p[0]);
+        time.predicted = time.shown;
+    }
     OK(dcd_prediction_set(world, true));
 }
 
@@ -280,6 +309,7 @@ static void plays(DcdWorld world, DcdRole expected, const char *role)
     OK(dcd_state_view(world, &view));
     HOLDS(view.count == 101 && view.ids[100].v == avatar.v && view.user_data[100] == 7);
     asks_the_owners(world, avatar);
+    makes_all_or_none(world);
     DcdVelocity east = { { 10.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } };
     OK(dcd_body_set_velocity(world, avatar, &east));
     HOLDS(gets_beyond(world, avatar, -10.0));
@@ -341,6 +371,18 @@ static void plays(DcdWorld world, DcdRole expected, const char *role)
     HOLDS(await_change(world, avatar, DCD_BODY_REMOVED).user_data == 7);
     OK(dcd_own_avatars(world, NULL, 0, &count));
     HOLDS(count == 0);
+
+    /* What the world would not let it reach is refused at once. */
+    def.body_type = DCD_DYNAMIC;
+    def.velocity.linear[0] = 500.0f;
+    FAILS(dcd_body_create(world, &def, &avatar), DCD_ERR_ARGUMENT, "500 m/s");
+    def.velocity.linear[0] = 0.0f;
+    OK(dcd_body_create(world, &def, &avatar));
+    fast.linear[0] = 500.0f;
+    FAILS(dcd_body_set_velocity(world, avatar, &fast), DCD_ERR_ARGUMENT, "500 m/s");
+    await_change(world, avatar, DCD_BODY_APPEARED);
+    FAILS(dcd_body_set_velocity(world, avatar, &fast), DCD_ERR_ARGUMENT, "500 m/s");
+    OK(dcd_body_destroy(world, avatar));
 }
 
 /* How many movable bodies the interest does not reach. */

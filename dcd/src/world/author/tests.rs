@@ -83,6 +83,23 @@ fn a_change_is_seen_until_it_is_answered_and_then_whatever_is_told() {
 }
 
 #[test]
+fn what_is_taken_back_is_sent_to_nobody_and_its_names_are_given_again() {
+    let body = sim_body(BodyId::persistent(0), [0.0; 3]);
+    let told = Told { body, joint: None, answered: 0, looks: Cell::new(0) };
+    for names in [Names::Program, Names::Builder(ClientId(1))] {
+        let mut author = Author::new(names, (1, 0), 100.0);
+        let (body, ball) = (RigidBodyBuilder::dynamic().build(), [ColliderBuilder::ball(0.5)]);
+        let insert = |author: &mut Author| author.insert(WorldPose::default(), &body, &ball, None).unwrap();
+        let [_, second, third] = [(); 3].map(|()| insert(&mut author));
+        author.take_back(&[second, third]);
+        assert_eq!(insert(&mut author), second);
+        author.take_back(&[]);
+        let [BuildOp::Insert { bodies, .. }] = &author.take(&told)[..] else { panic!("one insertion") };
+        assert_eq!(bodies.iter().map(|body| body.id.index()).collect::<Vec<_>>(), [1, 2]);
+    }
+}
+
+#[test]
 fn joints_are_there_once_made_and_gone_once_removed_whatever_is_on_record_yet() {
     let mut told = Told {
         body: sim_body(BodyId::persistent(0), [0.0; 3]),

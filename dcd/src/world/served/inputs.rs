@@ -1,0 +1,50 @@
+//! Keeps what a client asks of its avatars until the next step, and sends it then.
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+
+use super::Served;
+use crate::protocol::{BodyKind, Drive, Velocity, WorldPose};
+use crate::runtime::{ProcessError, WorldError, check_speed};
+use crate::space::BodyId;
+use crate::world::remote::Remote;
+
+/// What an avatar is asked to do by the next step.
+#[derive(Default)]
+pub(super) struct PendingInput {
+    pub velocity: Option<Velocity>,
+    pub pose: Option<WorldPose>,
+    pub drive: Option<Drive>,
+}
+
+impl Served {
+    /// Returns an error if an avatar would be faster so than the world lets it be.
+    pub(super) fn check_speed(&self, id: BodyId, velocity: Velocity) -> Result<(), WorldError> {
+        let Some(mut avatar) = self.known(id).map(Cow::into_owned) else { return Ok(()) };
+        avatar.state.velocity = velocity;
+        check_speed(&avatar, self.speed_limit_m_s())
+    }
+
+    /// Sends what avatars were asked since the last step; those that are not in the world yet wait.
+    pub(super) fn send_inputs(&mut self) -> Result<(), ProcessError> {
+        let (waiting, due): (BTreeMap<_, _>, BTreeMap<_, _>) =
+            std::mem::take(&mut self.inputs).into_iter().partition(|(id, _)| self.awaited.contains_key(id));
+        self.inputs = waiting;
+        for (id, input) in due {
+            let Some(body) = self.heard(id) else { continue };
+            // An input says the one or the other, and a leader takes in both.
+            if input.velocity.is_some() || input.pose.is_some() {
+                let kinematic = body.body.traits.kind != BodyKind::Dynamic;
+                let now = body.body.asked();
+                let driven = if kinematic { self.driven.get(&id).copied() } else { None };
+                let velocity = input.velocity.or(driven).unwrap_or(now);
+                self.driven.insert(id, velocity);
+                self.world.send_input(id, velocity, input.pose)?;
+            }
+            if let Some(drive) = input.drive {
+                self.world.drive(id, drive)?;
+            }
+        }
+        Ok(())
+    }
+}

@@ -43,7 +43,7 @@ use super::settings::StepSettings;
 use super::shapes::ShapeLibrary;
 use super::statics::Statics;
 use crate::protocol::{BodyRecord, BorderMessage, Handover, JointRecord, RegionEvents, Velocity, WorldPose};
-use crate::space::{BodyId, RegionId, RegionSet, Tick};
+use crate::space::{BodyId, JointId, RegionId, RegionSet, Tick};
 
 /// Some regions of a world, stepped together. Its serde form is part of snapshots
 /// ([`LocalWorld::save`](crate::runtime::LocalWorld::save)) and is checked by nothing else.
@@ -130,7 +130,10 @@ impl RegionHost {
 
     /// Completes a restore from a snapshot: tells Rapier again what its own part of the snapshot left out.
     pub(crate) fn resume(&mut self) {
-        self.sides.iter_mut().for_each(|side| side.region.repeat_joint_changes());
+        for Side { region, .. } in &mut self.sides {
+            region.repeat_joint_changes();
+            region.find_awake();
+        }
     }
 
     /// Sets the number of threads that step it; 1 uses the calling thread, as a world of few bodies does anyhow. Results do not
@@ -598,6 +601,22 @@ impl RegionHost {
     /// Returns every movable body owned here, in id order, with its region and Rapier's handle there.
     pub fn owned_bodies(&self) -> impl Iterator<Item = (BodyId, &Region, RigidBodyHandle)> {
         self.owner_index.homes().filter_map(|(id, home)| Some((id, self.region_at(home.rank)?, home.handle)))
+    }
+
+    /// Returns the movable bodies owned here that do not sleep.
+    pub(crate) fn awake_bodies(&self) -> BTreeSet<BodyId> {
+        let awake = self.regions().flat_map(|region| region.awake().map(move |handle| (region, handle)));
+        let owned = awake.filter_map(|(region, handle)| {
+            let (id, _) = region.role_of(handle)?;
+            let here = Home { rank: region.rank(), handle };
+            (self.owner_index.home(id) == Some(here)).then_some(id)
+        });
+        owned.collect()
+    }
+
+    /// Returns the joints here of bodies that do not sleep, some more than once.
+    pub(crate) fn awake_joints(&self) -> impl Iterator<Item = JointId> {
+        self.regions().flat_map(Region::awake_joints)
     }
 
     /// Returns every movable body held here, owned or replica, in id order.

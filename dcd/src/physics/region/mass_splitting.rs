@@ -169,6 +169,7 @@ impl Region {
     pub(super) fn set_aside(&mut self, handle: RigidBodyHandle) {
         let Some(slot) = self.slot_at(handle) else { return };
         self.quarantined.push(slot.id);
+        self.note_awake(handle, false);
         match self.mass_split_mut(handle) {
             Some(mass_split) => mass_split.broken = true,
             None => self.read_disabled(handle),

@@ -165,6 +165,7 @@ impl Region {
 
     /// Removes a body from Rapier's world; its joints stay until the next step begins.
     pub(in crate::physics) fn remove_from_rapier(&mut self, handle: RigidBodyHandle) {
+        self.unstepped.remove(&handle.into_raw_parts().0);
         let PhysicsWorld {
             bodies, islands, colliders, impulse_joints, multibody_joints, soft_bodies, ..
         } = self.world_mut();

@@ -53,6 +53,10 @@ impl Region {
         if self.world.bodies[handle].is_enabled() != before.1 {
             self.tie_anew(handle);
         }
+        if (self.world.bodies[handle].is_enabled(), self.world.bodies[handle].body_type()) != (before.1, kind)
+        {
+            self.look_at_ties();
+        }
         if place(self) == before {
             self.moved = found;
         } else {

@@ -68,6 +68,8 @@ pub struct RegionHost {
     /// Messages from regions computed elsewhere, for the next exchange.
     incoming: Vec<BorderMessage>,
     balancer: Option<repartition::Balancer>,
+    #[serde(skip)]
+    giants: giants::KnownGiants,
     /// Whether all regions meet in the next tick, not only neighbours; and whether they do in every tick.
     meets: bool,
     meets_always: bool,
@@ -110,6 +112,7 @@ impl RegionHost {
             trial: Trial::default(),
             incoming: Vec::new(),
             balancer: None,
+            giants: giants::KnownGiants::default(),
             meets: true,
             meets_always: false,
             governor: None,
@@ -636,6 +639,7 @@ impl RegionHost {
     }
 
     fn index(&mut self) {
+        self.giants.forget();
         self.place_of.fill(None);
         for (place, side) in self.sides.iter().enumerate() {
             self.place_of[side.region.rank()] = Some(place);

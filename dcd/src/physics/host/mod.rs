@@ -10,6 +10,8 @@ mod giants;
 mod place;
 #[cfg(test)]
 pub(super) mod processes;
+#[cfg(test)]
+mod quiet;
 mod repartition;
 mod replace;
 mod rounds;
@@ -73,6 +75,9 @@ pub struct RegionHost {
     /// Whether all regions meet in the next tick, not only neighbours; and whether they do in every tick.
     meets: bool,
     meets_always: bool,
+    /// Whether all regions know which cells are near theirs, as the tree is.
+    #[serde(skip)]
+    settled: bool,
     /// Chooses the rates at which regions are stepped, where not all is computed in full.
     governor: Option<Governor>,
     tick: Tick,
@@ -115,6 +120,7 @@ impl RegionHost {
             giants: giants::KnownGiants::default(),
             meets: true,
             meets_always: false,
+            settled: false,
             governor: None,
             tick: Tick(0),
             rounds: settings.coupling.first_steps(settings.exchanges),
@@ -319,8 +325,9 @@ impl RegionHost {
         let regions = self.partition.len();
         let behind =
             self.sides.iter().filter(|side| side.is_behind()).map(|side| side.region.rank()).collect();
+        let settles = self.meets && !std::mem::replace(&mut self.settled, true);
         for side in &mut self.sides {
-            if self.meets {
+            if settles {
                 side.border.neighbours.settle(&side.region, &self.partition);
             }
             side.meet(regions, all, behind);
@@ -644,6 +651,7 @@ impl RegionHost {
         for (place, side) in self.sides.iter().enumerate() {
             self.place_of[side.region.rank()] = Some(place);
         }
+        self.settled = false;
         self.owner_index = OwnerIndex::default();
         for Side { region, .. } in &self.sides {
             for (id, role, handle, _) in region.bodies() {

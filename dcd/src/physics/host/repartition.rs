@@ -214,6 +214,7 @@ impl RegionHost {
     /// Adopts a tree with the same leaves whose planes have moved: gives every region its cell, with the immovable bodies there.
     pub(crate) fn refit(&mut self, tree: DistributionTree) -> Result<(), HostError> {
         Arc::make_mut(&mut self.partition).set_tree(tree);
+        self.settled = false;
         self.meet_all();
         for Side { region, border, .. } in &mut self.sides {
             let cell = *self.partition.cell(region.rank());

@@ -3,6 +3,7 @@
 
 mod body_view;
 mod building;
+mod changed;
 mod hearing;
 mod newest;
 mod requests;
@@ -149,6 +150,8 @@ pub struct Client {
     world: Option<EnvironmentProperties>,
     joined: bool,
     bodies: BTreeMap<BodyId, BodyView>,
+    /// Bodies that changed since they were last taken; `None`: any may have.
+    changed: Option<BTreeSet<BodyId>>,
     /// Bodies that the server has not sent yet while it sends the world again.
     unspoken: BTreeSet<BodyId>,
     /// The newest tick of its group heard of.
@@ -209,6 +212,7 @@ impl Client {
             world: None,
             joined: false,
             bodies: BTreeMap::new(),
+            changed: None,
             unspoken: BTreeSet::new(),
             tick: Tick(0),
             shapes: BTreeMap::new(),
@@ -546,6 +550,7 @@ impl Client {
                 (self.joined, self.has_arrived) = (true, true);
                 for id in std::mem::take(&mut self.unspoken) {
                     self.bodies.remove(&id);
+                    self.note_change(id);
                     self.forget(id);
                     // What it asked to have removed is: that is told once.
                     self.unanswered.retain(|asked| *asked != FromClient::Despawn(id));
@@ -572,6 +577,7 @@ impl Client {
                     for view in self.bodies.values_mut() {
                         (view.settled, view.owner) = Default::default();
                     }
+                    self.changed = None;
                 }
                 self.follow(leader);
                 // What the last leader had taken in and not passed on is gone with it.
@@ -594,6 +600,7 @@ impl Client {
                 // Who removes a body that is on its way out, or away, has all told once more.
                 let is_news = self.answered(id, None) | self.bodies.remove(&id).is_some();
                 self.newest.forget(id);
+                self.note_change(id);
                 self.forget(id);
                 self.joints.remove_of(id);
                 self.outputs.extend(is_news.then_some(ClientOutput::Removed(id)));
@@ -601,6 +608,7 @@ impl Client {
             ToClient::Altered(Alteration::Body { body, traits, .. }) => {
                 if let Some(view) = self.bodies.get_mut(&body) {
                     view.body.set_traits(traits);
+                    self.note_change(body);
                 }
             }
             ToClient::Altered(Alteration::Joint(joint)) => self.joints.alter(*joint),
@@ -631,6 +639,9 @@ impl Client {
                             if outside {
                                 showing.stand(state.id);
                             }
+                        }
+                        if is_news {
+                            self.note_change(state.id);
                         }
                         keep_newest(&mut self.handovers, handover);
                     } else if !outside {
@@ -705,7 +716,9 @@ impl Client {
             let outside = self.hearing().misses(&body);
             self.receiver.remember(body.id);
             self.showing.iter_mut().for_each(|showing| showing.forget(body.id));
-            self.bodies.insert(body.id, BodyView { outside, ..BodyView::new(body) });
+            let id = body.id;
+            self.bodies.insert(id, BodyView { outside, ..BodyView::new(body) });
+            self.note_change(id);
         }
     }
 

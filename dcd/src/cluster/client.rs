@@ -464,6 +464,11 @@ impl Client {
         self.joints.values()
     }
 
+    /// Returns the joints of a body that it was told of, in id order.
+    pub fn joints_of(&self, body: BodyId) -> impl Iterator<Item = &JointRecord> {
+        self.joints.of(body)
+    }
+
     /// Returns the beginnings and ends of contacts of own avatars since the last call.
     pub fn take_touches(&mut self) -> impl Iterator<Item = (Tick, Touch)> {
         std::mem::take(&mut self.touches).into_iter()

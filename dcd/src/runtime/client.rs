@@ -239,11 +239,15 @@ impl ClientWorld {
         self.member.shared.lock().client.as_ref()?.joint(id).cloned()
     }
 
-    /// Returns the joints of the bodies that it was told of, of which this holds.
-    pub(crate) fn joints(&self, holds: &dyn Fn(&JointRecord) -> bool) -> Vec<JointRecord> {
+    /// Returns the joints of the bodies that it was told of.
+    pub(crate) fn joints(&self) -> Vec<JointRecord> {
+        self.member.shared.lock().client.iter().flat_map(Client::joints).cloned().collect()
+    }
+
+    /// Returns the joints of a body.
+    pub(crate) fn joints_of(&self, body: BodyId) -> Vec<JointRecord> {
         let state = self.member.shared.lock();
-        let joints = state.client.iter().flat_map(|client| client.joints());
-        joints.filter(|joint| holds(joint)).cloned().collect()
+        state.client.iter().flat_map(|client| client.joints_of(body)).cloned().collect()
     }
 
     /// Returns this process's id as a node, for a participant.

@@ -24,8 +24,8 @@ impl Known for Seen<'_> {
         self.bodies.get(&id).map(|heard| heard.body.clone())
     }
 
-    fn bodies(&self) -> Vec<BodyRecord> {
-        self.bodies.values().map(|heard| heard.body.clone()).collect()
+    fn for_each_body(&self, look: &mut dyn FnMut(&BodyRecord)) {
+        self.bodies.values().for_each(|heard| look(&heard.body));
     }
 
     fn shape(&self, hash: ShapeHash) -> Option<ShapeRecord> {
@@ -40,8 +40,12 @@ impl Known for Seen<'_> {
         self.world.joint(id)
     }
 
-    fn joints(&self, holds: &dyn Fn(&JointRecord) -> bool) -> Vec<JointRecord> {
-        self.world.joints(holds)
+    fn joints(&self) -> Vec<JointRecord> {
+        self.world.joints()
+    }
+
+    fn joints_of(&self, body: BodyId) -> Vec<JointRecord> {
+        self.world.joints_of(body)
     }
 
     fn tree(&self) -> DistributionTree {

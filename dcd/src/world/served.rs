@@ -485,13 +485,12 @@ impl Remote for Served {
     }
 
     fn joints_of(&self, body: BodyId) -> Vec<JointId> {
-        let of = |joint: &JointRecord| joint.a == body || joint.b == body;
-        let joints = self.author.as_ref().map(|author| author.joints(&self.seen(), &of));
+        let joints = self.author.as_ref().map(|author| author.joints_of(&self.seen(), body));
         joints.unwrap_or_default().into_iter().map(|joint| joint.id).collect()
     }
 
     fn joints(&self) -> Vec<JointRecord> {
-        self.author.as_ref().map(|author| author.joints(&self.seen(), &|_| true)).unwrap_or_default()
+        self.author.as_ref().map(|author| author.joints(&self.seen())).unwrap_or_default()
     }
 
     fn contains(&self, id: BodyId) -> bool {

@@ -460,7 +460,7 @@ impl Client {
     }
 
     /// Returns the joints of the bodies that it was told of, in id order.
-    pub fn joints(&self) -> impl Iterator<Item = &JointRecord> + Clone {
+    pub fn joints(&self) -> impl Iterator<Item = &JointRecord> {
         self.joints.values()
     }
 

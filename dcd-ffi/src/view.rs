@@ -44,7 +44,7 @@ unsafe impl Sized32 for DcdViewTime {
 /// In a served world states come some times per second, late, unevenly, and not all of them: `shown` is as little behind the world as
 /// that allows, and goes forward evenly. From the first call on a client pings the node that tells it of the world, and keeps the
 /// states that it was told last. In a local world `shown` goes from one step to the next as time goes by since the last dcd_step, and
-/// from the first call on steps keep how bodies were before, some 50 ns each. A server shows its world as it was heard of last.
+/// from the first call on steps keep how awake bodies were before, some 50 ns each. A server shows its world as it was heard of last.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED for a node.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_view_time(world: DcdWorld, out: *mut DcdViewTime) -> DcdStatus {

@@ -3,6 +3,7 @@
 
 mod body_view;
 mod building;
+mod changed;
 mod hearing;
 mod newest;
 mod requests;
@@ -152,6 +153,8 @@ pub struct Client {
     world: Option<EnvironmentProperties>,
     joined: bool,
     bodies: BTreeMap<BodyId, BodyView>,
+    /// Bodies that changed since they were last taken; `None`: any may have.
+    changed: Option<BTreeSet<BodyId>>,
     /// Bodies that the server has not sent yet while it sends the world again.
     unspoken: BTreeSet<BodyId>,
     /// The newest tick of its group heard of, and the newest that is no guess.
@@ -215,6 +218,7 @@ impl Client {
             world: None,
             joined: false,
             bodies: BTreeMap::new(),
+            changed: None,
             unspoken: BTreeSet::new(),
             tick: Tick(0),
             settled: Tick(0),
@@ -465,8 +469,13 @@ impl Client {
     }
 
     /// Returns the joints of the bodies that it was told of, in id order.
-    pub fn joints(&self) -> impl Iterator<Item = &JointRecord> + Clone {
+    pub fn joints(&self) -> impl Iterator<Item = &JointRecord> {
         self.joints.values()
+    }
+
+    /// Returns the joints of a body that it was told of, in id order.
+    pub fn joints_of(&self, body: BodyId) -> impl Iterator<Item = &JointRecord> {
+        self.joints.of(body)
     }
 
     /// Returns the beginnings and ends of contacts of own avatars since the last call.
@@ -555,6 +564,7 @@ impl Client {
                 (self.joined, self.has_arrived) = (true, true);
                 for id in std::mem::take(&mut self.unspoken) {
                     self.bodies.remove(&id);
+                    self.note_change(id);
                     self.forget(id);
                     // What it asked to have removed is: that is told once.
                     self.unanswered.retain(|asked| *asked != FromClient::Despawn(id));
@@ -581,6 +591,7 @@ impl Client {
                     for view in self.bodies.values_mut() {
                         (view.settled, view.owner) = Default::default();
                     }
+                    self.changed = None;
                 }
                 self.follow(leader);
                 // What the last leader had taken in and not passed on is gone with it.
@@ -603,6 +614,7 @@ impl Client {
                 // Who removes a body that is on its way out, or away, has all told once more.
                 let is_news = self.answered(id, None) | self.bodies.remove(&id).is_some();
                 self.newest.forget(id);
+                self.note_change(id);
                 self.forget(id);
                 self.joints.remove_of(id);
                 self.outputs.extend(is_news.then_some(ClientOutput::Removed(id)));
@@ -610,6 +622,7 @@ impl Client {
             ToClient::Altered(Alteration::Body { body, traits, .. }) => {
                 if let Some(view) = self.bodies.get_mut(&body) {
                     view.body.set_traits(traits);
+                    self.note_change(body);
                 }
             }
             ToClient::Altered(Alteration::Joint(joint)) => self.joints.alter(*joint),
@@ -640,6 +653,9 @@ impl Client {
                             if outside {
                                 showing.stand(state.id);
                             }
+                        }
+                        if is_news {
+                            self.note_change(state.id);
                         }
                         keep_newest(&mut self.handovers, handover);
                     } else if !outside {
@@ -714,7 +730,9 @@ impl Client {
             let outside = self.hearing().misses(&body);
             self.receiver.remember(body.id);
             self.showing.iter_mut().for_each(|showing| showing.forget(body.id));
-            self.bodies.insert(body.id, BodyView { outside, ..BodyView::new(body) });
+            let id = body.id;
+            self.bodies.insert(id, BodyView { outside, ..BodyView::new(body) });
+            self.note_change(id);
         }
     }
 

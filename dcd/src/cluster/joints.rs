@@ -13,14 +13,14 @@ use crate::space::{BodyId, JointId};
 
 /// Joints, in id order.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Joints {
+pub(crate) struct Joints {
     all: BTreeMap<JointId, JointRecord>,
     of_bodies: BTreeMap<BodyId, BTreeSet<JointId>>,
 }
 
 impl Joints {
     /// Adds a joint, in place of the one of its id.
-    pub(super) fn insert(&mut self, joint: JointRecord) {
+    pub(crate) fn insert(&mut self, joint: JointRecord) {
         self.remove(joint.id);
         for body in [joint.a, joint.b] {
             self.of_bodies.entry(body).or_default().insert(joint.id);
@@ -28,25 +28,25 @@ impl Joints {
         self.all.insert(joint.id, joint);
     }
 
-    pub(super) fn extend(&mut self, joints: Vec<JointRecord>) {
+    pub(crate) fn extend(&mut self, joints: Vec<JointRecord>) {
         joints.into_iter().for_each(|joint| self.insert(joint));
     }
 
     /// Changes a joint that is known.
-    pub(super) fn alter(&mut self, joint: JointRecord) {
+    pub(crate) fn alter(&mut self, joint: JointRecord) {
         if self.all.contains_key(&joint.id) {
             self.insert(joint);
         }
     }
 
     /// Forgets the joints of a body.
-    pub(super) fn remove_of(&mut self, body: BodyId) {
+    pub(crate) fn remove_of(&mut self, body: BodyId) {
         let of_it: Vec<_> = self.of(body).map(|joint| joint.id).collect();
         of_it.into_iter().for_each(|id| _ = self.remove(id));
     }
 
     /// Forgets a joint; returns it, if there was one.
-    pub(super) fn remove(&mut self, id: JointId) -> Option<JointRecord> {
+    pub(crate) fn remove(&mut self, id: JointId) -> Option<JointRecord> {
         let joint = self.all.remove(&id)?;
         for body in [joint.a, joint.b] {
             if let Some(own) = self.of_bodies.get_mut(&body) {
@@ -60,7 +60,7 @@ impl Joints {
     }
 
     /// Returns the joints of a body, in id order.
-    pub(super) fn of(&self, body: BodyId) -> impl Iterator<Item = &JointRecord> {
+    pub(crate) fn of(&self, body: BodyId) -> impl Iterator<Item = &JointRecord> {
         let own = self.of_bodies.get(&body).into_iter().flatten();
         own.filter_map(|id| self.all.get(id))
     }

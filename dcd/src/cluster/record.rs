@@ -264,7 +264,7 @@ impl Record {
     }
 
     /// Returns the joints of a body, in id order.
-    pub(super) fn joints_of(&self, body: BodyId) -> impl Iterator<Item = &JointRecord> {
+    pub fn joints_of(&self, body: BodyId) -> impl Iterator<Item = &JointRecord> {
         self.joints.of(body)
     }
 

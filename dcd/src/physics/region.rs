@@ -1,6 +1,7 @@
 //! Defines one region: a Rapier world with its own origin (anchor), and the ownership of the bodies in it.
 
 mod assembly;
+mod awake;
 mod change;
 mod characters;
 mod contacts;
@@ -120,6 +121,17 @@ pub struct Region {
     signals: Signals,
     /// Bodies inserted or changed since the last step, perhaps more than once; and their colliders as queries find them.
     touched: Vec<RigidBodyHandle>,
+    /// Bodies that were woken since the last step by what changed them.
+    #[serde(skip)]
+    roused: Vec<RigidBodyHandle>,
+    /// By Rapier's body index: movable bodies that were awake when they were disabled or fixed.
+    #[serde(skip)]
+    unstepped: BTreeMap<u32, RigidBodyHandle>,
+    /// Counts the changes of what is held here, of where it is, and of what touches; and what it was after the last step.
+    #[serde(skip)]
+    revision: u64,
+    #[serde(skip)]
+    stepped: u64,
     #[serde(skip)]
     moved: OnceLock<Moved>,
     #[serde(skip)]
@@ -166,6 +178,10 @@ impl Region {
             strained: false,
             signals: Signals::default(),
             touched: Vec::new(),
+            roused: Vec::new(),
+            unstepped: BTreeMap::new(),
+            revision: 0,
+            stepped: 0,
             moved: OnceLock::new(),
             profile: Profile::default(),
         }
@@ -331,6 +347,17 @@ impl Region {
         self.stirred = true;
     }
 
+    /// Notes that something was changed here.
+    fn unsettle(&mut self) {
+        self.stirred = true;
+        self.revision += 1;
+    }
+
+    /// Returns a number that is another after every change of what is held here, of where it is, and of what touches.
+    pub(super) fn revision(&self) -> u64 {
+        self.revision
+    }
+
     /// Returns whether it rests in the present tick: it is not stepped.
     pub(super) fn rests(&self) -> bool {
         self.rests
@@ -383,7 +410,7 @@ impl Region {
     }
 
     pub(super) fn world_mut(&mut self) -> &mut PhysicsWorld {
-        self.stirred = true;
+        self.unsettle();
         self.moved.take();
         &mut self.world
     }

@@ -266,7 +266,9 @@ impl Predictor {
         let parts = whole().flat_map(ShapeRecord::parts).filter_map(|hash| find(&hash));
         let shapes = parts.chain(whole()).cloned().collect();
         let holds = |id: &BodyId| chosen.movable.contains(id) || chosen.scenery.contains(id);
-        let joints = client.joints().filter(|joint| holds(&joint.a) && holds(&joint.b));
+        let joints = chosen.movable.iter().flat_map(|id| client.joints_of(*id));
+        let joints: BTreeMap<_, _> = joints.map(|joint| (joint.id, joint)).collect();
+        let joints = joints.into_values().filter(|joint| holds(&joint.a) && holds(&joint.b));
         let joints = joints.cloned().collect();
         self.changes = Some(Changes { chosen, bodies, shapes, joints });
     }

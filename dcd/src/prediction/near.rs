@@ -125,46 +125,32 @@ fn nearest(mut bodies: Vec<(f64, BodyId)>, most: usize) -> BTreeSet<BodyId> {
 fn tied(client: &Client, movable: BTreeSet<BodyId>, mut scenery: BTreeSet<BodyId>) -> Chosen {
     let kind = |id: &BodyId| client.body(*id).map(|view| view.body.traits.kind);
     let is_movable = |id: &BodyId| kind(id).is_some_and(|kind| kind != BodyKind::Fixed);
-    let joints = client.joints();
-    let ties = Ties::new(joints.clone());
     let mut all = movable;
-    ties.spread(&mut all, |id, size| size < 2 * MOVABLE && is_movable(id));
+    spread(client, &mut all, |id, size| size < 2 * MOVABLE && is_movable(id));
     let is_left_out = |id: &BodyId| is_movable(id) && !all.contains(id);
-    let parts = joints.filter(|joint| all.contains(&joint.a) || all.contains(&joint.b));
+    let parts = || all.iter().flat_map(|id| client.joints_of(*id));
     let broken =
-        parts.clone().filter(|joint| joint.link.is_some() || is_left_out(&joint.a) || is_left_out(&joint.b));
+        parts().filter(|joint| joint.link.is_some() || is_left_out(&joint.a) || is_left_out(&joint.b));
     let mut without: BTreeSet<_> = broken.flat_map(|joint| [joint.a, joint.b]).collect();
-    ties.spread(&mut without, |id, _| all.contains(id));
-    let anchors = parts.flat_map(|joint| [joint.a, joint.b]);
+    spread(client, &mut without, |id, _| all.contains(id));
+    let anchors = parts().flat_map(|joint| [joint.a, joint.b]);
     scenery.extend(anchors.filter(|id| kind(id) == Some(BodyKind::Fixed)));
     Chosen { movable: all.difference(&without).copied().collect(), scenery }
 }
 
-/// Which bodies joints tie to which, both ways, in order: each body is found at once, however many there are.
-struct Ties(Vec<(BodyId, BodyId)>);
-
-impl Ties {
-    fn new<'a>(joints: impl Iterator<Item = &'a JointRecord>) -> Self {
-        let mut ties: Vec<_> = joints.flat_map(|joint| [(joint.a, joint.b), (joint.b, joint.a)]).collect();
-        ties.sort_unstable();
-        Self(ties)
-    }
-
-    /// Returns what is tied to a body.
-    fn of(&self, body: BodyId) -> impl Iterator<Item = BodyId> {
-        let from = self.0.partition_point(|(one, _)| *one < body);
-        self.0[from..].iter().take_while(move |(one, _)| *one == body).map(|(_, other)| *other)
-    }
-
-    /// Adds what is tied to these bodies, and what is tied to that, as far as allowed; `is_allowed` is told how many there are.
-    fn spread(&self, bodies: &mut BTreeSet<BodyId>, is_allowed: impl Fn(&BodyId, usize) -> bool) {
-        let mut new: VecDeque<_> = bodies.iter().copied().collect();
-        while let Some(body) = new.pop_front() {
-            for other in self.of(body) {
-                if !bodies.contains(&other) && is_allowed(&other, bodies.len()) {
-                    bodies.insert(other);
-                    new.push_back(other);
-                }
+/// Adds what is tied to these bodies, and what is tied to that, as far as allowed; `is_allowed` is told how many there are.
+fn spread(client: &Client, bodies: &mut BTreeSet<BodyId>, is_allowed: impl Fn(&BodyId, usize) -> bool) {
+    let mut new: VecDeque<_> = bodies.iter().copied().collect();
+    while let Some(body) = new.pop_front() {
+        let other = |joint: &JointRecord| if joint.a == body { joint.b } else { joint.a };
+        let mut tied: Vec<_> = client.joints_of(body).map(other).collect();
+        tied.sort_unstable();
+        for other in tied {
+            #[cfg(test)]
+            tests::LOOKS.set(tests::LOOKS.get() + 1);
+            if !bodies.contains(&other) && is_allowed(&other, bodies.len()) {
+                bodies.insert(other);
+                new.push_back(other);
             }
         }
     }
@@ -173,26 +159,40 @@ impl Ties {
 #[cfg(test)]
 mod tests {
     use std::cell::Cell;
+    use std::time::Duration;
 
     use super::*;
-    use crate::space::JointId;
+    use crate::cluster::{ClientEvent, Peer};
+    use crate::protocol::{Chunk, Message, ToClient};
+    use crate::space::{ClientId, JointId};
+
+    thread_local! {
+        pub(super) static LOOKS: Cell<usize> = const { Cell::new(0) };
+    }
 
     #[test]
-    fn what_joints_tie_is_found_in_as_many_looks_as_there_are_joints() {
+    fn what_joints_tie_is_found_in_as_many_looks_as_joints_hold_it() {
         let rope = rapier3d::prelude::RopeJointBuilder::new(1.0).build();
         let [base, end] = [1_000_000, 1_000].map(BodyId::persistent);
-        let tie = |a, b| crate::physics::joint_record(JointId(0), a, b, &rope.into());
         // The far end first, and each link held by a body that is not allowed.
         let links = (0..1_000).rev().map(BodyId::persistent);
-        let joints: Vec<_> =
-            links.flat_map(|id| [tie(id, BodyId::persistent(id.index() + 1)), tie(base, id)]).collect();
-        let asked = Cell::new(0);
+        let ties = links.flat_map(|id| [(id, BodyId::persistent(id.index() + 1)), (base, id)]);
+        // As many that are elsewhere.
+        let elsewhere = (2_000..4_000).map(|i| (BodyId::persistent(i), BodyId::persistent(i + 1)));
+        let joints = (0..).zip(ties.chain(elsewhere));
+        let joints = joints.map(|(id, (a, b))| crate::physics::joint_record(JointId(id), a, b, &rope.into()));
+        let message = ToClient::Chunk(Chunk::Joints(joints.collect()));
+        let message = Message::ToClient(ClientId(1), message);
+        let mut client = Client::new(ClientId(1), None, None);
+        client.handle(Duration::ZERO, ClientEvent::Message { from: Peer::Server, message });
         let mut bodies = BTreeSet::from([BodyId::persistent(0)]);
-        Ties::new(joints.iter()).spread(&mut bodies, |id, _| {
-            asked.set(asked.get() + 1);
-            *id != base
-        });
+        let before = LOOKS.get();
+        spread(&client, &mut bodies, |id, _| *id != base);
         assert_eq!((bodies.len(), bodies.last()), (1_001, Some(&end)));
-        assert!(asked.get() <= joints.len(), "{} looks", asked.get());
+        let looks = LOOKS.get() - before;
+        assert!(looks <= 3_000, "{looks} looks at joints of the rope, from both ends and from the base");
+        let before = LOOKS.get();
+        spread(&client, &mut BTreeSet::from([BodyId::persistent(7)]), |_, _| false);
+        assert_eq!(LOOKS.get() - before, 3);
     }
 }

@@ -22,6 +22,9 @@ pub struct WorldEvents {
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct ContactLedger {
     seen_by: BTreeMap<ContactKey, Vec<RegionId>>,
+    /// The contacts below their second bodies, once those of a body are to be found: not all worlds ask for that.
+    #[serde(skip)]
+    by_second: Option<BTreeSet<(BodyId, ContactKey)>>,
 }
 
 impl ContactLedger {
@@ -33,6 +36,9 @@ impl ContactLedger {
         let mut changed: BTreeMap<ContactKey, TouchChange> = BTreeMap::new();
         for events in regions {
             for touch in &events.touches {
+                if let Some(by_second) = &mut self.by_second {
+                    by_second.insert((touch.key.b, touch.key));
+                }
                 let seen_by = self.seen_by.entry(touch.key).or_default();
                 let change = changed.entry(touch.key).or_insert(TouchChange {
                     before: !seen_by.is_empty(),
@@ -54,7 +60,7 @@ impl ContactLedger {
         for (key, change) in changed {
             let now = !self.seen_by[&key].is_empty();
             if !now {
-                self.seen_by.remove(&key);
+                self.remove(key);
             }
             if !change.before {
                 out.touches.extend(change.began);
@@ -88,11 +94,31 @@ impl ContactLedger {
             seen_by.retain(|&region| is_kept(region));
             !seen_by.is_empty()
         });
+        self.by_second = None;
     }
 
     /// Forgets the contacts of bodies that are no longer in the world.
     pub fn forget_bodies(&mut self, bodies: &BTreeSet<BodyId>) {
-        self.seen_by.retain(|key, _| !bodies.contains(&key.a) && !bodies.contains(&key.b));
+        let named = |key: &ContactKey| (key.b, *key);
+        let by_second = self.by_second.get_or_insert_with(|| self.seen_by.keys().map(named).collect());
+        let lowest = BodyId::from_bits(0);
+        let mut gone = Vec::new();
+        for &id in bodies {
+            let first = ContactKey { a: id, b: lowest, collider_a: 0, collider_b: 0 };
+            gone.extend(self.seen_by.range(first..).map(|(key, _)| *key).take_while(|key| key.a == id));
+            let first = (id, ContactKey { a: lowest, ..first });
+            gone.extend(by_second.range(first..).map(|(_, key)| *key).take_while(|key| key.b == id));
+        }
+        #[cfg(test)]
+        tests::LOOKS.set(tests::LOOKS.get() + gone.len());
+        gone.into_iter().for_each(|key| self.remove(key));
+    }
+
+    fn remove(&mut self, key: ContactKey) {
+        self.seen_by.remove(&key);
+        if let Some(by_second) = &mut self.by_second {
+            by_second.remove(&(key.b, key));
+        }
     }
 }
 
@@ -104,8 +130,52 @@ struct TouchChange {
 
 #[cfg(test)]
 mod tests {
+    use std::cell::Cell;
+
     use super::*;
     use crate::space::Tick;
+
+    thread_local! {
+        pub(super) static LOOKS: Cell<usize> = const { Cell::new(0) };
+    }
+
+    #[test]
+    fn of_bodies_that_go_the_contacts_alone_are_looked_at() {
+        let key = |a, b| ContactKey {
+            a: BodyId::persistent(a),
+            b: BodyId::persistent(b),
+            collider_a: 0,
+            collider_b: 0,
+        };
+        // A row, each touching the next, and one that all touch.
+        let keys = (1..1_000).map(|a| key(a, a + 1)).chain((1..1_000).map(|b| key(0, b)));
+        let touches: Vec<_> = keys.map(|key| Touch { key, ..touch(true) }).collect();
+        let mut ledger = ContactLedger::default();
+        let tell = |ledger: &mut ContactLedger, touches: Vec<Touch>| {
+            ledger.merge(&[RegionEvents { touches, ..seen(1, &[]) }], &mut WorldEvents::default());
+        };
+        tell(&mut ledger, touches);
+        let mut left: BTreeSet<_> = ledger.seen_by.keys().copied().collect();
+        let mut forget = |ledger: &mut ContactLedger, ids: &[u32]| {
+            let ids: BTreeSet<_> = ids.iter().copied().map(BodyId::persistent).collect();
+            let before = LOOKS.get();
+            ledger.forget_bodies(&ids);
+            left.retain(|key| !ids.contains(&key.a) && !ids.contains(&key.b));
+            assert!(ledger.seen_by.keys().eq(&left));
+            LOOKS.get() - before
+        };
+        assert_eq!(forget(&mut ledger, &[500]), 3);
+        assert_eq!(forget(&mut ledger, &[500]), 0);
+        assert_eq!(forget(&mut ledger, &[501]), 2);
+        // What began and what ended since is known too.
+        tell(&mut ledger, vec![Touch { key: key(7, 8), ..touch(false) }]);
+        assert_eq!(ledger.seen_by.len(), 1_998 - 3 - 2 - 1);
+        let mut again = ledger.clone();
+        again.by_second = None;
+        ledger.forget_bodies(&[BodyId::persistent(8)].into());
+        again.forget_bodies(&[BodyId::persistent(8)].into());
+        assert!(ledger.seen_by == again.seen_by && ledger.by_second == again.by_second);
+    }
 
     fn touch(began: bool) -> Touch {
         let key =

@@ -237,11 +237,15 @@ impl ClientWorld {
         self.member.shared.lock().client.as_ref()?.joint(id).cloned()
     }
 
-    /// Returns the joints of the bodies that it was told of, of which this holds.
-    pub(crate) fn joints(&self, holds: &dyn Fn(&JointRecord) -> bool) -> Vec<JointRecord> {
+    /// Returns the joints of the bodies that it was told of.
+    pub(crate) fn joints(&self) -> Vec<JointRecord> {
+        self.member.shared.lock().client.iter().flat_map(Client::joints).cloned().collect()
+    }
+
+    /// Returns the joints of a body.
+    pub(crate) fn joints_of(&self, body: BodyId) -> Vec<JointRecord> {
         let state = self.member.shared.lock();
-        let joints = state.client.iter().flat_map(|client| client.joints());
-        joints.filter(|joint| holds(joint)).cloned().collect()
+        state.client.iter().flat_map(|client| client.joints_of(body)).cloned().collect()
     }
 
     /// Returns this process's id as a node, for a participant.
@@ -431,7 +435,8 @@ impl ClientWorld {
 
     /// Returns this client's avatars in the world, also those of an earlier stay, in id order.
     pub fn own_avatars(&self) -> Vec<BodyId> {
-        self.with_bodies(|body| (body.body.id.client() == Some(self.client)).then_some(body.body.id))
+        let state = self.member.shared.lock();
+        state.client.iter().flat_map(|client| client.own_avatars()).map(|body| body.body.id).collect()
     }
 
     /// Returns a body as last received.
@@ -448,6 +453,11 @@ impl ClientWorld {
     /// Returns whether the server has told of a shape.
     pub(crate) fn has_heard_of(&self, hash: ShapeHash) -> bool {
         self.member.shared.lock().client.as_ref().is_some_and(|client| client.shapes().contains_key(&hash))
+    }
+
+    /// Calls `look` with what was received so far, while nothing more comes in.
+    pub(crate) fn with_client<R>(&self, look: impl FnOnce(&mut Client) -> R) -> Option<R> {
+        self.member.shared.lock().client.as_mut().map(look)
     }
 
     /// Calls `look` for every body in id order, as last received, and collects what it returns.

@@ -195,11 +195,8 @@ impl PhysicsDevice {
         apply(copy, ops, band_m);
         copy.step()?;
         copy.clear_events();
-        let awake = copy
-            .owned_bodies()
-            .filter(|(_, region, handle)| !region.physics().bodies[*handle].is_sleeping())
-            .map(|(_, region, handle)| region.shared_state(handle));
-        Ok(awake.collect())
+        let awake = copy.awake_bodies().into_iter().filter_map(|id| copy.owned(id));
+        Ok(awake.map(|(region, handle)| region.shared_state(handle)).collect())
     }
 
     /// Returns the distance within which a body of another group is not corrected, metres: half the inter-group threshold.
@@ -443,13 +440,10 @@ impl Sampler {
             Sampling::Nothing => BTreeSet::new(),
             Sampling::All => host.owned_bodies().map(|(id, ..)| id).collect(),
             Sampling::Moved => {
-                let awake: BTreeSet<_> = host
-                    .owned_bodies()
-                    .filter(|(_, region, handle)| !region.physics().bodies[*handle].is_sleeping())
-                    .map(|(id, ..)| id)
-                    .collect();
-                let before = std::mem::replace(&mut self.awake, awake.clone());
-                awake.union(&before).copied().collect()
+                let awake = host.awake_bodies();
+                let moved = awake.union(&self.awake).copied().collect();
+                self.awake = awake;
+                moved
             }
         }
     }
@@ -458,11 +452,58 @@ impl Sampler {
 #[cfg(all(test, feature = "sim"))]
 mod tests {
     use super::*;
-    use crate::physics::joint_record;
-    use crate::protocol::{Placed, Velocity};
+    use crate::physics::{Region, joint_record};
+    use crate::protocol::{Placed, Velocity, WorldPose};
     use crate::sim::{sim_body, sim_world};
     use crate::space::JointId;
     use rapier3d::prelude::FixedJointBuilder;
+
+    #[test]
+    fn of_bodies_those_alone_are_looked_at_that_do_not_sleep() {
+        let mut physics = PhysicsDevice::new(1);
+        let world = sim_world(1);
+        let tree = world.tree.clone();
+        let regions: Vec<_> = tree.leaves().collect();
+        physics.run(PhysicsCommand::World(world)).unwrap();
+        let ids = [1, 2, 3, 4].map(BodyId::persistent);
+        let placed = ids.map(|id| {
+            let mut body = sim_body(id, [2.0 * f64::from(id.index()), 4.0, 4.0]);
+            body.state.sleeping = id != ids[0];
+            if id == ids[3] {
+                body.state.sleeping = false;
+                std::sync::Arc::make_mut(&mut body.traits).enabled = false;
+            }
+            Placed { region: regions[0], body }
+        });
+        let (placed, joints) = (placed.to_vec(), Vec::new());
+        let rebuild =
+            PhysicsCommand::Rebuild { tick: Tick(3), tree, regions, placed, joints, drop: Vec::new() };
+        physics.run(rebuild).unwrap();
+        let accept = |tick, report| PhysicsCommand::Accept {
+            tick: Tick(tick),
+            round: 1,
+            incoming: Vec::new(),
+            report,
+            checkpoint: Sampling::Nothing,
+            load: false,
+        };
+        physics.run(accept(3, Sampling::Nothing)).unwrap();
+        for tick in 4..7 {
+            let elsewhere = [8.0, tick as f64, 4.0];
+            physics.host_mut().unwrap().move_copies(ids[3], WorldPose::at(elsewhere));
+            physics.run(PhysicsCommand::Step { tick: Tick(tick), rounds: 1, ops: Vec::new() }).unwrap();
+            let before = Region::looks().0;
+            let Some(PhysicsEvent::Settled { report, .. }) =
+                physics.run(accept(tick, Sampling::Moved)).unwrap()
+            else {
+                panic!("it answers");
+            };
+            let reported: Vec<_> = report.iter().map(|state| state.id).collect();
+            assert_eq!(reported, [ids[0], ids[3]], "one that is disabled and put elsewhere is told");
+            assert_eq!(report[1].pose.translation, elsewhere);
+            assert_eq!(Region::looks().0 - before, 2);
+        }
+    }
 
     #[test]
     fn a_body_that_is_tied_to_one_held_elsewhere_moves_on_while_others_are_waited_for() {

@@ -25,6 +25,12 @@ pub(super) struct Strengths {
     /// Newtons and newton metres.
     by_joint: BTreeMap<JointId, [f32; 2]>,
     overloads: Vec<JointOverload>,
+    /// Joints of bodies that were awake when it looked last, and joints whose strength was set since: perhaps more than once.
+    #[serde(skip)]
+    due: Vec<JointId>,
+    /// How many joints there were when it looked at all.
+    #[serde(skip)]
+    swept: usize,
 }
 
 impl Strengths {
@@ -34,6 +40,7 @@ impl Strengths {
             self.by_joint.remove(&joint);
         } else {
             self.by_joint.insert(joint, [force_n, torque_n_m]);
+            self.due.push(joint);
         }
     }
 
@@ -41,19 +48,116 @@ impl Strengths {
         &self.overloads
     }
 
-    /// Compares what joints bore in the last step with their strengths, in id order.
+    /// Compares what joints bore in the last step with their strengths, in id order. A joint of bodies that sleep bears what it bore.
     pub(super) fn look(&mut self, host: &RegionHost) {
-        self.overloads.clear();
-        let overloads = &mut self.overloads;
-        self.by_joint.retain(|&joint, &mut [most_n, most_n_m]| {
-            // It is gone with one of its bodies, or was removed.
-            let Some(load) = host.joint_load(joint) else { return false };
-            let length = |axes: &[f32]| axes.iter().map(|v| v * v).sum::<f32>().sqrt();
-            let (force_n, torque_n_m) = (length(&load[..3]), length(&load[3..]));
-            if force_n > most_n || torque_n_m > most_n_m {
-                overloads.push(JointOverload { joint, force_n, torque_n_m });
+        let before = std::mem::take(&mut self.overloads);
+        if self.by_joint.is_empty() {
+            return;
+        }
+        let mut due = std::mem::replace(&mut self.due, host.awake_joints().collect());
+        due.extend_from_slice(&self.due);
+        due.extend(before.iter().map(|overload| overload.joint));
+        // Those that are gone are forgotten now and then.
+        if due.len() >= self.by_joint.len() || self.by_joint.len() > 2 * self.swept {
+            self.look_at_all(host);
+            return;
+        }
+        due.sort_unstable();
+        due.dedup();
+        for joint in due {
+            let Some(&strength) = self.by_joint.get(&joint) else { continue };
+            match overload(host, joint, strength) {
+                Some(overload) => self.overloads.extend(overload),
+                None => _ = self.by_joint.remove(&joint),
             }
-            true
+        }
+    }
+
+    fn look_at_all(&mut self, host: &RegionHost) {
+        let overloads = &mut self.overloads;
+        self.by_joint.retain(|&joint, &mut strength| {
+            let found = overload(host, joint, strength);
+            overloads.extend(found.flatten());
+            found.is_some()
         });
+        self.swept = self.by_joint.len();
+    }
+}
+
+/// Returns whether a joint bears more than its strength; `None` where it is gone with one of its bodies, or was removed.
+fn overload(host: &RegionHost, joint: JointId, strength: [f32; 2]) -> Option<Option<JointOverload>> {
+    #[cfg(test)]
+    tests::LOOKS.set(tests::LOOKS.get() + 1);
+    let load = host.joint_load(joint)?;
+    let length = |axes: &[f32]| axes.iter().map(|v| v * v).sum::<f32>().sqrt();
+    let (force_n, torque_n_m) = (length(&load[..3]), length(&load[3..]));
+    let is_over = force_n > strength[0] || torque_n_m > strength[1];
+    Some(is_over.then_some(JointOverload { joint, force_n, torque_n_m }))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::Cell;
+
+    use rapier3d::prelude::*;
+
+    use super::*;
+    use crate::runtime::{LocalWorld, Partitioning, WorldConfig};
+    use crate::space::Axis;
+
+    thread_local! {
+        pub(super) static LOOKS: Cell<usize> = const { Cell::new(0) };
+    }
+
+    /// A hundred balls that hang by joints, in eight regions; the first is too heavy for its joint.
+    fn hung() -> (LocalWorld, Vec<JointId>) {
+        let cuts = [-30.0, -20.0, -10.0, 0.0, 10.0, 20.0, 30.0].map(|at| (Axis::X, at));
+        let config =
+            WorldConfig { partitioning: Partitioning::Cuts(cuts.to_vec()), ..WorldConfig::default() };
+        let mut world = LocalWorld::new(config).unwrap();
+        let joints = (0..100).map(|i| {
+            let x = 0.8 * i as f32 - 39.7;
+            let nail = RigidBodyBuilder::fixed().translation(Vector::new(x, 10.0, 0.0));
+            let nail = world.insert(nail, ColliderBuilder::ball(0.05)).unwrap();
+            let ball = RigidBodyBuilder::dynamic().translation(Vector::new(x, 9.0, 0.0));
+            let mass = if i == 0 { 1_000.0 } else { 100.0 };
+            let ball = world.insert(ball, ColliderBuilder::ball(0.05).mass(mass)).unwrap();
+            let tie = FixedJointBuilder::new().local_anchor2(Vector::Y);
+            let joint = world.insert_joint(nail, ball, tie).unwrap();
+            world.set_joint_strength(joint, 5_000.0, f32::INFINITY).unwrap();
+            joint
+        });
+        let joints = joints.collect();
+        for _ in 0..300 {
+            world.step().unwrap();
+        }
+        (world, joints)
+    }
+
+    fn step(world: &mut LocalWorld) -> (usize, Vec<JointId>) {
+        let before = LOOKS.get();
+        world.step().unwrap();
+        (LOOKS.get() - before, world.joint_overloads().iter().map(|overload| overload.joint).collect())
+    }
+
+    #[test]
+    fn of_joints_that_sleep_those_alone_are_looked_at_that_bear_too_much() {
+        let (mut world, joints) = hung();
+        assert_eq!(step(&mut world), (1, vec![joints[0]]));
+        // Of others the strength is set, or the body is woken.
+        world.set_joint_strength(joints[7], 1.0, f32::INFINITY).unwrap();
+        assert_eq!(step(&mut world), (2, vec![joints[0], joints[7]]));
+        let ball = world.joint(joints[20]).unwrap().b;
+        world.update(ball, |body| body.set_linvel(Vector::new(0.0, 0.0, 1e-3), true)).unwrap();
+        assert!(step(&mut world).0 >= 3);
+        let mut saved = Vec::new();
+        world.save(&mut saved).unwrap();
+        let mut again = LocalWorld::restore(&saved[..], 1).unwrap();
+        for _ in 0..300 {
+            assert_eq!(step(&mut again).1, step(&mut world).1);
+        }
+        assert_eq!(step(&mut world), (2, vec![joints[0], joints[7]]));
+        world.remove_joint(joints[0]).unwrap();
+        assert_eq!(step(&mut world).1, [joints[7]]);
     }
 }

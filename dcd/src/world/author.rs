@@ -12,15 +12,16 @@ use super::error::Error;
 use super::remote::check_vehicle;
 use super::role::{Instead, Role, Unsupported};
 use super::view::{Body, MovableBody};
+use crate::cluster::Joints;
 use crate::physics::{
     ShapeError, ShapeLibrary, hangs, joint_record, try_on_body, try_on_collider, try_on_joint,
 };
 use crate::protocol::{
-    Alteration, BodyKind, BodyRecord, BodyTraits, BuildOp, Check, Controller, Drive, Input, Invalid,
-    JointRecord, Push, ShapeHash, ShapeRecord, Velocity, WorldPose,
+    Alteration, BodyKind, BodyRecord, BodyState, BodyTraits, BuildOp, Check, Controller, Drive, Input,
+    Invalid, JointRecord, Push, ShapeHash, ShapeRecord, Velocity, WorldPose,
 };
 use crate::runtime::{WorldError, check_speed};
-use crate::space::{BodyId, ClientId, DistributionTree, JointId, Tick};
+use crate::space::{BodyId, ClientId, DistributionTree, JointId, RegionId, Tick};
 
 /// The world as its author knows it.
 pub(super) trait Known {
@@ -28,14 +29,14 @@ pub(super) trait Known {
     fn knows(&self, id: BodyId) -> bool;
     /// Returns a body that is there.
     fn body(&self, id: BodyId) -> Option<BodyRecord>;
-    /// Returns the bodies that are there, in one look.
-    fn bodies(&self) -> Vec<BodyRecord>;
+    /// Looks at the bodies that are there, in id order. Who computes the world may have to wait meanwhile.
+    fn for_each_body(&self, look: &mut dyn FnMut(&BodyRecord));
     fn shape(&self, hash: ShapeHash) -> Option<ShapeRecord>;
     /// Returns whether the world is known to have a shape.
     fn has_shape(&self, hash: ShapeHash) -> bool;
     fn joint(&self, id: JointId) -> Option<JointRecord>;
-    /// Returns the joints of which this holds.
-    fn joints(&self, holds: &dyn Fn(&JointRecord) -> bool) -> Vec<JointRecord>;
+    fn joints(&self) -> Vec<JointRecord>;
+    fn joints_of(&self, body: BodyId) -> Vec<JointRecord>;
     fn tree(&self) -> DistributionTree;
     /// Returns how many of the sends of its author, from the first on, were done, as far as they may.
     fn answered(&self) -> u64;
@@ -86,20 +87,22 @@ pub(super) struct Author {
     sends: u64,
     next_body: u32,
     next_joint: u64,
-    /// New bodies of this step, in id order.
-    bodies: Vec<BodyRecord>,
-    joints: Vec<JointRecord>,
+    /// New bodies and joints of this step.
+    bodies: BTreeMap<BodyId, BodyRecord>,
+    joints: Joints,
     /// Changes of this step, and of earlier ones that are not answered yet: what is changed next builds on them.
     altered_bodies: BTreeMap<BodyId, Altered>,
     /// Likewise, and with which send each was sent.
     altered_joints: BTreeMap<JointId, (JointRecord, Option<u64>)>,
     moves: BTreeMap<BodyId, Move>,
-    pushes: Vec<Push>,
+    /// By body, each with its place among all.
+    pushes: BTreeMap<BodyId, Vec<(usize, Push)>>,
+    pushed: usize,
     removed_joints: Vec<JointId>,
     removed: Vec<BodyId>,
     /// Bodies and joints of earlier steps that are not on record yet.
     awaited: BTreeMap<BodyId, BodyRecord>,
-    awaited_joints: BTreeMap<JointId, JointRecord>,
+    awaited_joints: Joints,
     /// Bodies and joints that were removed, and with which send: they are on record still, or may yet come onto it.
     leaving: BTreeMap<BodyId, u64>,
     leaving_joints: BTreeMap<JointId, u64>,
@@ -119,6 +122,14 @@ struct Move {
     drive: Option<Drive>,
 }
 
+impl Move {
+    /// Returns the state of a body after it.
+    fn of(&self, state: &BodyState) -> BodyState {
+        let (velocity, pose) = (self.velocity.unwrap_or(state.velocity), self.pose.unwrap_or(state.pose));
+        BodyState { velocity, pose, ..*state }
+    }
+}
+
 impl Author {
     pub(super) fn new(names: Names, (next_body, next_joint): (u32, u64), speed_limit_m_s: f32) -> Self {
         Self {
@@ -130,16 +141,17 @@ impl Author {
             sends: 0,
             next_body,
             next_joint,
-            bodies: Vec::new(),
-            joints: Vec::new(),
+            bodies: BTreeMap::new(),
+            joints: Joints::default(),
             altered_bodies: BTreeMap::new(),
             altered_joints: BTreeMap::new(),
             moves: BTreeMap::new(),
-            pushes: Vec::new(),
+            pushes: BTreeMap::new(),
+            pushed: 0,
             removed_joints: Vec::new(),
             removed: Vec::new(),
             awaited: BTreeMap::new(),
-            awaited_joints: BTreeMap::new(),
+            awaited_joints: Joints::default(),
             leaving: BTreeMap::new(),
             leaving_joints: BTreeMap::new(),
         }
@@ -150,7 +162,7 @@ impl Author {
         self.next_body = self.next_body.max(next_body);
         self.next_joint = self.next_joint.max(next_joint);
         self.bodies.clear();
-        self.joints.clear();
+        self.joints = Joints::default();
         self.altered_bodies.clear();
         self.altered_joints.clear();
         self.moves.clear();
@@ -158,7 +170,7 @@ impl Author {
         self.removed_joints.clear();
         self.removed.clear();
         self.awaited.clear();
-        self.awaited_joints.clear();
+        self.awaited_joints = Joints::default();
         self.leaving.clear();
         self.leaving_joints.clear();
     }
@@ -168,7 +180,7 @@ impl Author {
         match id {
             Some(id) => {
                 self.awaited.remove(&id);
-                self.awaited_joints.retain(|_, joint| joint.a != id && joint.b != id);
+                self.awaited_joints.remove_of(id);
                 self.leaving.remove(&id);
                 self.altered_bodies.retain(|known, altered| *known != id || altered.sent.is_none());
             }
@@ -199,7 +211,9 @@ impl Author {
     pub(super) fn take(&mut self, world: &dyn Known) -> Vec<BuildOp> {
         let answered = world.answered();
         self.awaited.retain(|id, _| !world.knows(*id));
-        self.awaited_joints.retain(|id, _| world.joint(*id).is_none());
+        let told: Vec<_> =
+            self.awaited_joints.keys().copied().filter(|id| world.joint(*id).is_some()).collect();
+        told.into_iter().for_each(|id| _ = self.awaited_joints.remove(id));
         self.leaving.retain(|id, sent| *sent > answered || world.knows(*id));
         self.leaving_joints.retain(|id, sent| *sent > answered || world.joint(*id).is_some());
         let is_open = |sent: Option<u64>| sent.is_none_or(|send| send > answered);
@@ -214,11 +228,12 @@ impl Author {
                 // Who brought it may have been refused.
                 Names::Builder(_) => !world.has_shape(*hash),
             };
-            let shapes = self.shapes.records_of(&bodies).into_iter().filter(new);
+            let shapes = self.shapes.records_of(bodies.values()).into_iter().filter(new);
             let shapes = shapes.map(|(_, shape)| shape.clone()).collect();
-            self.awaited.extend(bodies.iter().map(|body| (body.id, body.clone())));
-            self.awaited_joints.extend(joints.iter().map(|joint| (joint.id, joint.clone())));
-            ops.push(BuildOp::Insert { bodies, shapes, joints });
+            let joints: Vec<_> = joints.values().cloned().collect();
+            self.awaited_joints.extend(joints.clone());
+            ops.push(BuildOp::Insert { bodies: bodies.values().cloned().collect(), shapes, joints });
+            self.awaited.extend(bodies);
         }
         for (&body, Altered { traits, wakes, sent }) in &mut self.altered_bodies {
             if sent.is_none() {
@@ -250,7 +265,9 @@ impl Author {
                 ops.push(BuildOp::Move(Input { pose: None, drive, ..input }));
             }
         }
-        ops.extend(std::mem::take(&mut self.pushes).into_iter().map(BuildOp::Push));
+        let mut pushes: Vec<_> = std::mem::take(&mut self.pushes).into_values().flatten().collect();
+        pushes.sort_unstable_by_key(|(place, _)| *place);
+        ops.extend(pushes.into_iter().map(|(_, push)| BuildOp::Push(push)));
         ops.extend(std::mem::take(&mut self.removed_joints).into_iter().map(BuildOp::RemoveJoint));
         ops.extend(std::mem::take(&mut self.removed).into_iter().map(BuildOp::Remove));
         self.sends += u64::from(!ops.is_empty());
@@ -270,7 +287,7 @@ impl Author {
         check_speed(&record, self.speed_limit_m_s)?;
         self.check_shapes(&record)?;
         self.next_body = self.next_body.checked_add(1).ok_or(WorldError::Full)?;
-        self.bodies.push(record);
+        self.bodies.insert(id, record);
         Ok(id)
     }
 
@@ -301,19 +318,13 @@ impl Author {
         self.found(world, id)?;
         self.moves.remove(&id);
         self.altered_bodies.remove(&id);
-        self.pushes.retain(|push| push.body != id);
-        match self.fresh(id) {
-            Some(place) => {
-                self.bodies.remove(place);
-                self.joints.retain(|joint| joint.a != id && joint.b != id);
-            }
-            None => {
-                self.removed.push(id);
-                self.leaving.insert(id, self.sends + 1);
-                self.awaited.remove(&id);
-                self.awaited_joints.retain(|_, joint| joint.a != id && joint.b != id);
-                self.joints.retain(|joint| joint.a != id && joint.b != id);
-            }
+        self.pushes.remove(&id);
+        self.joints.remove_of(id);
+        if self.bodies.remove(&id).is_none() {
+            self.removed.push(id);
+            self.leaving.insert(id, self.sends + 1);
+            self.awaited.remove(&id);
+            self.awaited_joints.remove_of(id);
         }
         Ok(())
     }
@@ -329,9 +340,11 @@ impl Author {
         body.state.velocity = velocity;
         check_speed(&body, self.speed_limit_m_s)?;
         // Moves are sent before pushes: of the impulses up to now nothing is left.
-        self.pushes.retain(|push| push.body != id || push.lasts);
-        match self.fresh(id) {
-            Some(place) => self.bodies[place].steer(velocity),
+        if let Some(pushes) = self.pushes.get_mut(&id) {
+            pushes.retain(|(_, push)| push.lasts);
+        }
+        match self.bodies.get_mut(&id) {
+            Some(body) => body.steer(velocity),
             None => self.moves.entry(id).or_default().velocity = Some(velocity),
         }
         Ok(())
@@ -339,8 +352,8 @@ impl Author {
 
     pub(super) fn drive(&mut self, world: &dyn Known, id: BodyId, drive: Drive) -> Result<(), Error> {
         check_vehicle(id, self.known(world, id).as_ref())?;
-        match self.fresh(id) {
-            Some(place) => self.bodies[place].state.drive = Some(drive),
+        match self.bodies.get_mut(&id) {
+            Some(body) => body.state.drive = Some(drive),
             None => self.moves.entry(id).or_default().drive = Some(drive),
         }
         Ok(())
@@ -350,12 +363,12 @@ impl Author {
         pose.check().map_err(refused)?;
         let from = self.movable(world, id, "move fixed bodies")?.state.pose.translation;
         // Moves are sent before pushes: those up to now go along, so that their arms stay as long.
-        let pushes = self.pushes.iter_mut().filter(|push| push.body == id);
-        for point in pushes.filter_map(|push| push.point.as_mut()) {
+        let pushes = self.pushes.get_mut(&id).into_iter().flatten();
+        for point in pushes.filter_map(|(_, push)| push.point.as_mut()) {
             *point = std::array::from_fn(|i| point[i] + pose.translation[i] - from[i]);
         }
-        match self.fresh(id) {
-            Some(place) => self.bodies[place].state.pose = pose,
+        match self.bodies.get_mut(&id) {
+            Some(body) => body.state.pose = pose,
             None => self.moves.entry(id).or_default().pose = Some(pose),
         }
         Ok(())
@@ -366,7 +379,8 @@ impl Author {
         if self.found(world, push.body)?.traits.kind != BodyKind::Dynamic {
             return Err(self.unsupported("push bodies that are not dynamic", Instead::SetVelocity));
         }
-        self.pushes.push(*push);
+        self.pushes.entry(push.body).or_default().push((self.pushed, *push));
+        self.pushed += 1;
         Ok(())
     }
 
@@ -388,8 +402,8 @@ impl Author {
         if tried.traits.kind == BodyKind::Fixed {
             return Err(self.unsupported("fix what moves", Instead::InsertAnew));
         }
-        let is_part = |joint: &JointRecord| joint.link.is_some() && [joint.a, joint.b].contains(&id);
-        if tried.traits.kind != BodyKind::Dynamic && !self.joints(world, &is_part).is_empty() {
+        let is_part = || self.joints_of(world, id).iter().any(|joint| joint.link.is_some());
+        if tried.traits.kind != BodyKind::Dynamic && is_part() {
             let what = "make a link or the root of a multibody other than dynamic";
             return Err(self.unsupported(what, Instead::InsertAnew));
         }
@@ -426,9 +440,8 @@ impl Author {
             return Err(ShapeError::Massless.into());
         }
         let traits = Arc::new(traits);
-        match self.fresh(known.id) {
-            Some(place) => {
-                let body = &mut self.bodies[place];
+        match self.bodies.get_mut(&known.id) {
+            Some(body) => {
                 body.set_traits(traits);
                 body.state.sleeping &= !wakes;
             }
@@ -467,11 +480,9 @@ impl Author {
         let known = self.joint(world, id).ok_or(WorldError::NoJoint(id))?;
         let joint = try_on_joint(&known, change);
         joint.check().map_err(refused)?;
-        match self.fresh_joint(id) {
-            Some(place) => self.joints[place] = joint,
-            None => {
-                self.altered_joints.insert(id, (joint, None));
-            }
+        match self.joints.contains_key(&id) {
+            true => self.joints.insert(joint),
+            false => _ = self.altered_joints.insert(id, (joint, None)),
         }
         Ok(())
     }
@@ -486,8 +497,9 @@ impl Author {
         let mut is_new = false;
         for id in [a, b] {
             let kind = self.found(world, id)?.traits.kind;
-            is_new |= self.fresh(id).is_some() && kind != BodyKind::Fixed;
-            if kind != BodyKind::Fixed && self.fresh(id).is_none() {
+            let is_fresh = self.bodies.contains_key(&id);
+            is_new |= is_fresh && kind != BodyKind::Fixed;
+            if kind != BodyKind::Fixed && !is_fresh {
                 return Err(self.unsupported("tie bodies that are computed already", Instead::TieAtBirth));
             }
         }
@@ -498,42 +510,54 @@ impl Author {
         let record = joint_record(id, a, b, joint);
         record.check().map_err(refused)?;
         self.next_joint += 1;
-        self.joints.push(record);
+        self.joints.insert(record);
         Ok(id)
     }
 
     pub(super) fn remove_joint(&mut self, world: &dyn Known, id: JointId) -> Result<(), Error> {
         self.joint(world, id).ok_or(WorldError::NoJoint(id))?;
-        match self.fresh_joint(id) {
-            Some(place) => drop(self.joints.remove(place)),
-            None => {
-                self.altered_joints.remove(&id);
-                self.awaited_joints.remove(&id);
-                self.removed_joints.push(id);
-                self.leaving_joints.insert(id, self.sends + 1);
-            }
+        if self.joints.remove(id).is_none() {
+            self.altered_joints.remove(&id);
+            self.awaited_joints.remove(id);
+            self.removed_joints.push(id);
+            self.leaving_joints.insert(id, self.sends + 1);
         }
         Ok(())
     }
 
     /// Returns a joint as it is on record, or as it was made, with what was done to it since.
     pub(super) fn joint(&self, world: &dyn Known, id: JointId) -> Option<JointRecord> {
-        if let Some(place) = self.fresh_joint(id) {
-            return Some(self.joints[place].clone());
+        if let Some(joint) = self.joints.get(&id) {
+            return Some(joint.clone());
         }
         let joint = world.joint(id).or_else(|| self.awaited_joints.get(&id).cloned())?;
         self.is_left(&joint).then(|| self.as_altered(joint))
     }
 
-    /// Returns the joints of which this holds, in id order, as [`Author::joint`].
-    pub(super) fn joints(&self, world: &dyn Known, holds: &dyn Fn(&JointRecord) -> bool) -> Vec<JointRecord> {
+    /// Returns the joints, in id order, as [`Author::joint`].
+    pub(super) fn joints(&self, world: &dyn Known) -> Vec<JointRecord> {
+        let own = (self.awaited_joints.values(), self.joints.values());
+        self.with_own(world.joints(), own.0, own.1)
+    }
+
+    /// Returns the joints of a body.
+    pub(super) fn joints_of(&self, world: &dyn Known, body: BodyId) -> Vec<JointRecord> {
+        self.with_own(world.joints_of(body), self.awaited_joints.of(body), self.joints.of(body))
+    }
+
+    /// Returns joints that are on record, those that are awaited there, and fresh ones.
+    fn with_own<'a>(
+        &self,
+        told: Vec<JointRecord>,
+        awaited: impl Iterator<Item = &'a JointRecord>,
+        fresh: impl Iterator<Item = &'a JointRecord>,
+    ) -> Vec<JointRecord> {
         let named = |joint: JointRecord| (joint.id, joint);
-        let awaited = self.awaited_joints.values().filter(|joint| holds(joint)).cloned();
-        let mut joints: BTreeMap<_, _> = awaited.map(named).collect();
-        joints.extend(world.joints(holds).into_iter().map(named));
+        let mut joints: BTreeMap<_, _> = awaited.cloned().map(named).collect();
+        joints.extend(told.into_iter().map(named));
         let of_before = joints.into_values().filter(|joint| self.is_left(joint));
         let mut joints: Vec<_> = of_before.map(|joint| self.as_altered(joint)).collect();
-        joints.extend(self.joints.iter().filter(|joint| holds(joint)).cloned());
+        joints.extend(fresh.cloned());
         joints
     }
 
@@ -552,7 +576,7 @@ impl Author {
         if self.leaving.contains_key(&id) {
             return None;
         }
-        let fresh = self.fresh(id).map(|place| self.bodies[place].clone());
+        let fresh = self.bodies.get(&id).cloned();
         let body = fresh.or_else(|| world.body(id)).or_else(|| self.awaited.get(&id).cloned())?;
         Some(self.as_changed(body))
     }
@@ -562,9 +586,8 @@ impl Author {
         if let Some(Altered { traits, .. }) = self.altered_bodies.get(&id) {
             body.set_traits(traits.clone());
         }
-        if let Some(Move { velocity, pose, .. }) = self.moves.get(&id) {
-            body.state.velocity = velocity.unwrap_or(body.state.velocity);
-            body.state.pose = pose.unwrap_or(body.state.pose);
+        if let Some(moved) = self.moves.get(&id) {
+            body.state = moved.of(&body.state);
         }
         body
     }
@@ -585,36 +608,61 @@ impl Author {
 
     /// Returns the movable bodies in id order.
     pub(super) fn movable_bodies(&self, world: &dyn Known) -> Vec<MovableBody> {
+        let mut bodies = Vec::new();
+        self.for_each_known(world, |id, traits, state| {
+            if traits.kind != BodyKind::Fixed {
+                bodies.push(MovableBody {
+                    id,
+                    region: RegionId(0),
+                    pose: state.pose,
+                    velocity: state.velocity,
+                    user_data: traits.user_data,
+                    sleeping: state.sleeping,
+                    outside: false,
+                });
+            }
+        });
         let tree = world.tree();
-        let movable = |BodyRecord { id, state, traits, .. }: BodyRecord| {
-            (traits.kind != BodyKind::Fixed).then(|| MovableBody {
-                id,
-                region: tree.leaf_at(state.pose.translation),
-                pose: state.pose,
-                velocity: state.velocity,
-                user_data: traits.user_data,
-                sleeping: state.sleeping,
-                outside: false,
-            })
-        };
-        self.known_bodies(world).filter_map(movable).collect()
+        bodies.iter_mut().for_each(|body| body.region = tree.leaf_at(body.pose.translation));
+        bodies
     }
 
-    /// Returns all bodies in id order, as [`Author::known`].
-    fn known_bodies(&self, world: &dyn Known) -> impl Iterator<Item = BodyRecord> {
-        let named = |body: BodyRecord| (body.id, body);
-        let mut bodies: BTreeMap<_, _> = self.awaited.values().cloned().map(named).collect();
-        bodies.extend(world.bodies().into_iter().map(named));
-        bodies.extend(self.bodies.iter().cloned().map(named));
-        let is_left = |body: &BodyRecord| !self.is_leaving(body.id);
-        bodies.into_values().filter(is_left).map(|body| self.as_changed(body))
+    pub(super) fn movable_count(&self, world: &dyn Known) -> usize {
+        let mut count = 0;
+        self.for_each_known(world, |_, traits, _| count += usize::from(traits.kind != BodyKind::Fixed));
+        count
+    }
+
+    /// Looks at all bodies in id order, as [`Author::known`], and copies none: who computes the world waits for it.
+    fn for_each_known(&self, world: &dyn Known, mut look: impl FnMut(BodyId, &BodyTraits, &BodyState)) {
+        let mut look = |body: &BodyRecord| {
+            if !self.is_leaving(body.id) {
+                let altered = self.altered_bodies.get(&body.id).map(|altered| &altered.traits);
+                let moved = self.moves.get(&body.id).map(|moved| moved.of(&body.state));
+                look(body.id, altered.unwrap_or(&body.traits), moved.as_ref().unwrap_or(&body.state));
+            }
+        };
+        // Of one that is told what is told counts, unless it is of this step.
+        let mut own: BTreeMap<_, _> = self.awaited.iter().collect();
+        own.extend(&self.bodies);
+        let mut own = own.into_iter().peekable();
+        world.for_each_body(&mut |told| {
+            while let Some((_, body)) = own.next_if(|(id, _)| **id < told.id) {
+                look(body);
+            }
+            let same = own.next_if(|(id, _)| **id == told.id);
+            look(same.map_or(told, |(id, _)| self.bodies.get(id).unwrap_or(told)));
+        });
+        own.for_each(|(_, body)| look(body));
     }
 
     /// Returns the fixed bodies in id order.
     pub(super) fn fixed_bodies(&self, world: &dyn Known) -> Vec<(BodyId, WorldPose)> {
-        let fixed =
-            |body: BodyRecord| (body.traits.kind == BodyKind::Fixed).then_some((body.id, body.state.pose));
-        self.known_bodies(world).filter_map(fixed).collect()
+        let mut fixed = Vec::new();
+        self.for_each_known(world, |id, traits, state| {
+            fixed.extend((traits.kind == BodyKind::Fixed).then_some((id, state.pose)));
+        });
+        fixed
     }
 
     /// Returns a shape of a body on record, or of one that the program inserted.
@@ -625,16 +673,6 @@ impl Author {
 
     fn unsupported(&self, what: &'static str, instead: Instead) -> Error {
         Unsupported { role: self.names.role(), what, instead }.into()
-    }
-
-    /// Returns the place of a body that was inserted since the last step.
-    fn fresh(&self, id: BodyId) -> Option<usize> {
-        self.bodies.binary_search_by_key(&id, |body| body.id).ok()
-    }
-
-    /// Does the same for a joint.
-    fn fresh_joint(&self, id: JointId) -> Option<usize> {
-        self.joints.binary_search_by_key(&id, |joint| joint.id).ok()
     }
 
     fn found(&self, world: &dyn Known, id: BodyId) -> Result<BodyRecord, Error> {

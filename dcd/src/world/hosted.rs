@@ -130,8 +130,8 @@ impl Known for ServerProcess {
         self.read(|record| record.body(id).filter(|_| is_there(record)).cloned())
     }
 
-    fn bodies(&self) -> Vec<BodyRecord> {
-        self.read(|record| record.present().cloned().collect())
+    fn for_each_body(&self, look: &mut dyn FnMut(&BodyRecord)) {
+        self.read(|record| record.present().for_each(look));
     }
 
     fn shape(&self, hash: ShapeHash) -> Option<ShapeRecord> {
@@ -146,8 +146,12 @@ impl Known for ServerProcess {
         self.read(|record| record.joint(id).cloned())
     }
 
-    fn joints(&self, holds: &dyn Fn(&JointRecord) -> bool) -> Vec<JointRecord> {
-        self.read(|record| record.joints().filter(|joint| holds(joint)).cloned().collect())
+    fn joints(&self) -> Vec<JointRecord> {
+        self.read(|record| record.joints().cloned().collect())
+    }
+
+    fn joints_of(&self, body: BodyId) -> Vec<JointRecord> {
+        self.read(|record| record.joints_of(body).cloned().collect())
     }
 
     fn tree(&self) -> DistributionTree {
@@ -353,8 +357,7 @@ impl Remote for Hosted {
 
     fn joints_of(&self, body: BodyId) -> Vec<JointId> {
         let Some((server, author)) = self.read() else { return Vec::new() };
-        let of = |joint: &JointRecord| joint.a == body || joint.b == body;
-        author.joints(server, &of).into_iter().map(|joint| joint.id).collect()
+        author.joints_of(server, body).into_iter().map(|joint| joint.id).collect()
     }
 
     fn submit(&mut self, question: Query) -> Result<u64, Error> {
@@ -412,7 +415,7 @@ impl Remote for Hosted {
     }
 
     fn joints(&self) -> Vec<JointRecord> {
-        self.read().map(|(server, author)| author.joints(server, &|_| true)).unwrap_or_default()
+        self.read().map(|(server, author)| author.joints(server)).unwrap_or_default()
     }
 
     fn tree(&self) -> Option<DistributionTree> {
@@ -441,7 +444,7 @@ impl Remote for Hosted {
     }
 
     fn movable_count(&self) -> usize {
-        self.movable_bodies().count()
+        self.read().map_or(0, |(server, author)| author.movable_count(server))
     }
 
     fn poll(&self, timeout: Duration) -> bool {

@@ -15,6 +15,8 @@ mod error;
 mod fidelity;
 mod forces;
 #[cfg(feature = "net")]
+mod heard;
+#[cfg(feature = "net")]
 mod hosted;
 #[cfg(feature = "net")]
 mod join;

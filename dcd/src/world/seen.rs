@@ -1,5 +1,7 @@
 //! Shows the author of a client that may build what the client has heard of the world.
 
+use std::collections::BTreeMap;
+
 use super::author::Known;
 use crate::cluster::BodyView as Heard;
 use crate::protocol::{BodyRecord, EnvironmentProperties, JointRecord, ShapeHash, ShapeRecord};
@@ -8,29 +10,22 @@ use crate::space::{BodyId, DistributionTree, JointId};
 
 /// What was heard of the world up to the last step.
 pub(super) struct Seen<'a> {
-    /// In id order.
-    pub bodies: &'a [Heard],
+    pub bodies: &'a BTreeMap<BodyId, Heard>,
     pub world: &'a ClientWorld,
     pub environment: &'a EnvironmentProperties,
 }
 
-impl Seen<'_> {
-    fn place(&self, id: BodyId) -> Result<usize, usize> {
-        self.bodies.binary_search_by_key(&id, |body| body.body.id)
-    }
-}
-
 impl Known for Seen<'_> {
     fn knows(&self, id: BodyId) -> bool {
-        self.place(id).is_ok()
+        self.bodies.contains_key(&id)
     }
 
     fn body(&self, id: BodyId) -> Option<BodyRecord> {
-        self.place(id).ok().map(|place| self.bodies[place].body.clone())
+        self.bodies.get(&id).map(|heard| heard.body.clone())
     }
 
-    fn bodies(&self) -> Vec<BodyRecord> {
-        self.bodies.iter().map(|body| body.body.clone()).collect()
+    fn for_each_body(&self, look: &mut dyn FnMut(&BodyRecord)) {
+        self.bodies.values().for_each(|heard| look(&heard.body));
     }
 
     fn shape(&self, hash: ShapeHash) -> Option<ShapeRecord> {
@@ -45,8 +40,12 @@ impl Known for Seen<'_> {
         self.world.joint(id)
     }
 
-    fn joints(&self, holds: &dyn Fn(&JointRecord) -> bool) -> Vec<JointRecord> {
-        self.world.joints(holds)
+    fn joints(&self) -> Vec<JointRecord> {
+        self.world.joints()
+    }
+
+    fn joints_of(&self, body: BodyId) -> Vec<JointRecord> {
+        self.world.joints_of(body)
     }
 
     fn tree(&self) -> DistributionTree {

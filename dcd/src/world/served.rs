@@ -1,14 +1,14 @@
 //! Implements a client's or participant's view of a served world: the states received up to the last step, and the inputs made
 //! since.
 //!
-//! Between two steps only the caller changes anything, as in a local world: each step copies what the client received, and sends
-//! the inputs of avatars, and what is to be built.
+//! Between two steps only the caller changes anything, as in a local world: each step copies what the client received since the one
+//! before, and sends the inputs of avatars, and what is to be built.
 
 mod avatars;
 mod inputs;
 
 use std::borrow::Cow;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::{Duration, Instant};
 
 use rapier3d::prelude::*;
@@ -18,6 +18,7 @@ use super::author::{Author, Names, refused};
 use super::bodies::{CHANGE_BODY, CHANGE_SURFACE};
 use super::departed::Departed;
 use super::error::Error;
+use super::heard;
 use super::network::Network;
 use super::remote::{Remote, check_vehicle};
 use super::role::{Instead, Role};
@@ -44,8 +45,8 @@ pub(super) struct Served {
     /// How often another world came in place of the one before.
     replacements: u64,
     environment: EnvironmentProperties,
-    /// Bodies as received up to the last step, in id order.
-    bodies: Vec<Heard>,
+    /// Bodies as received up to the last step.
+    bodies: BTreeMap<BodyId, Heard>,
     /// Avatars that were inserted here and have not appeared in the world yet.
     awaited: BTreeMap<BodyId, BodyRecord>,
     /// Inputs of avatars since the last step.
@@ -81,7 +82,7 @@ impl Served {
             network: Network::new(world.connections().clone()),
             world,
             environment,
-            bodies: Vec::new(),
+            bodies: BTreeMap::new(),
             awaited: BTreeMap::new(),
             inputs: BTreeMap::new(),
             driven: BTreeMap::new(),
@@ -120,31 +121,29 @@ impl Served {
             self.author.iter_mut().for_each(|author| author.begin_anew((body, joint.into())));
         }
         self.departed.trim();
+        // What is no longer on its way out is looked at, though nothing was told of it.
+        let mut again = BTreeSet::new();
         for change in &heard.changes {
             let &Presence::Disappeared(id) = change else { continue };
             let user_data = self.user_data(id);
             self.departed.insert(id, user_data.unwrap_or(0));
-            self.leaving.remove(&id);
+            again.extend(self.leaving.remove(&id).map(|_| id));
             self.driven.remove(&id);
         }
         // Who is to be destroyed is refused for these; inputs of before for others, too.
         for (id, why) in &heard.refusals {
             if let (Some(id), Refusal::NotYours | Refusal::Unknown) = (id, why) {
-                self.leaving.remove(id);
+                again.extend(self.leaving.remove(id).map(|_| *id));
             }
         }
         // Before the bodies: what comes in between is of a later tick.
         self.tick = self.tick.max(self.world.tick());
-        let (bodies, leaving, tick) = (&mut self.bodies, &self.leaving, &mut self.tick);
-        bodies.clear();
-        self.world.with_bodies(|body| {
-            *tick = (*tick).max(body.tick);
-            if !leaving.contains_key(&body.body.id) {
-                bodies.push(body.clone());
-            }
-            None::<()>
-        });
-        for body in bodies.iter() {
+        let (bodies, leaving) = (&mut self.bodies, &self.leaving);
+        let copied = self
+            .world
+            .with_client(|client| heard::follow(bodies, client, again, |id| leaving.contains_key(&id)));
+        for body in copied.iter().flatten().filter_map(|id| self.bodies.get(id)) {
+            self.tick = self.tick.max(body.tick);
             self.awaited.remove(&body.body.id);
         }
         self.events.touches.clear();
@@ -205,12 +204,8 @@ impl Served {
         if ops.is_empty() { Ok(()) } else { world.build(ops) }
     }
 
-    fn place(&self, id: BodyId) -> Result<usize, usize> {
-        self.bodies.binary_search_by_key(&id, |body| body.body.id)
-    }
-
     fn heard(&self, id: BodyId) -> Option<&Heard> {
-        self.place(id).ok().map(|place| &self.bodies[place])
+        self.bodies.get(&id)
     }
 
     /// Returns a body as last received, or, if it is awaited, as inserted; one that it may change as it is to be.
@@ -234,7 +229,7 @@ impl Served {
     }
 
     fn heard_movable(&self) -> impl Iterator<Item = &Heard> {
-        self.bodies.iter().filter(|body| body.body.traits.kind != BodyKind::Fixed && self.is_there(body))
+        self.bodies.values().filter(|body| body.body.traits.kind != BodyKind::Fixed && self.is_there(body))
     }
 }
 
@@ -368,9 +363,7 @@ impl Remote for Served {
         self.awaited.remove(&id);
         self.inputs.remove(&id);
         self.driven.remove(&id);
-        if let Ok(place) = self.place(id) {
-            self.bodies.remove(place);
-        }
+        self.bodies.remove(&id);
         Ok(())
     }
 
@@ -477,13 +470,12 @@ impl Remote for Served {
     }
 
     fn joints_of(&self, body: BodyId) -> Vec<JointId> {
-        let of = |joint: &JointRecord| joint.a == body || joint.b == body;
-        let joints = self.author.as_ref().map(|author| author.joints(&self.seen(), &of));
+        let joints = self.author.as_ref().map(|author| author.joints_of(&self.seen(), body));
         joints.unwrap_or_default().into_iter().map(|joint| joint.id).collect()
     }
 
     fn joints(&self) -> Vec<JointRecord> {
-        self.author.as_ref().map(|author| author.joints(&self.seen(), &|_| true)).unwrap_or_default()
+        self.author.as_ref().map(|author| author.joints(&self.seen())).unwrap_or_default()
     }
 
     fn contains(&self, id: BodyId) -> bool {
@@ -501,7 +493,7 @@ impl Remote for Served {
 
     fn for_each_fixed(&self, look: &mut dyn FnMut(BodyId, &WorldPose)) {
         let is_fixed = |heard: &&Heard| heard.body.traits.kind == BodyKind::Fixed && self.is_there(heard);
-        let fixed = self.bodies.iter().filter(is_fixed).map(|heard| &heard.body);
+        let fixed = self.bodies.values().filter(is_fixed).map(|heard| &heard.body);
         fixed.for_each(|body| look(body.id, &body.state.pose));
     }
 
@@ -625,8 +617,9 @@ impl Remote for Served {
     }
 
     fn own_avatars(&self) -> Vec<BodyId> {
-        let own = |id: &BodyId| id.client() == Some(self.world.id());
-        let mut ids: Vec<_> = self.bodies.iter().map(|body| body.body.id).filter(own).collect();
+        let [first, last] = [0, u32::MAX].map(|index| BodyId::avatar(self.world.id(), index));
+        let own = self.bodies.range(first..=last);
+        let mut ids: Vec<_> = own.map(|(&id, _)| id).collect();
         ids.extend(self.awaited.keys());
         ids.sort_unstable();
         ids

@@ -28,10 +28,11 @@ impl LastStep {
             return;
         }
         self.before.clear();
-        self.before.extend(world.host().owned_bodies().filter_map(|(id, region, handle)| {
+        let host = world.host();
+        self.before.extend(host.awake_bodies().into_iter().filter_map(|id| {
+            let (region, handle) = host.owned(id)?;
             let (pose, velocity) = region.motion(handle);
-            let is_awake = !region.physics().bodies[handle].is_sleeping();
-            is_awake.then_some((id, Motion { pose, velocity }))
+            Some((id, Motion { pose, velocity }))
         }));
         self.stepped = Some(Instant::now());
     }
@@ -70,7 +71,7 @@ impl World {
     /// In a served world states come some times per second, late, unevenly, and not all of them: [`ViewTime::shown`] is as little
     /// behind the world as that allows, and goes forward evenly; [`ViewTime::now`] is where the world is. From the first call on a
     /// client pings the node that tells it of the world, and keeps what states it was told. In a local world `shown` goes from one
-    /// step to the next as time goes by since the last [`World::step`], and steps keep how bodies were before (some 50 ns each).
+    /// step to the next as time goes by since the last [`World::step`], and steps keep how awake bodies were before (some 50 ns each).
     ///
     /// ```
     /// # use dcd::prelude::*;

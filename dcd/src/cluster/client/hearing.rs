@@ -51,6 +51,7 @@ impl Client {
                 showing.stand(body.id);
             }
         }
+        self.changed = None;
         self.send_interest();
         if let Some(message) = self.surroundings.turn_to(area) {
             self.ask_server(message);

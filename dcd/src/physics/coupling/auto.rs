@@ -8,6 +8,8 @@
 //! Both sides of a border see the same copies, so that both come to the same result. A region announces in the last exchange of a
 //! tick how many substeps it will take in the next; a body is exchanged as often as all its members step.
 
+use std::sync::OnceLock;
+
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -65,6 +67,9 @@ pub(in crate::physics) struct Pace {
     wanted: u8,
     /// By rank of the other region: the number that it was told last.
     told: Vec<u8>,
+    /// Whether all are told what is wanted and all borders are at rung 0, once looked, until anything of it changes.
+    #[serde(skip)]
+    level: OnceLock<bool>,
 }
 
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
@@ -102,6 +107,7 @@ impl Pace {
             borders: vec![BorderPace::idle(); regions],
             wanted: steps,
             told: vec![steps; regions],
+            level: OnceLock::new(),
         }
     }
 
@@ -125,6 +131,7 @@ impl Pace {
     /// Returns the substeps that this region, of rank `own`, announces for the next tick, and those of these regions that have to be
     /// told.
     pub(super) fn tell(&mut self, own: usize, to: RegionSet) -> (u8, RegionSet) {
+        self.level.take();
         (self.steps[own].1, self.told[own]) = (self.wanted, self.wanted);
         let unaware: RegionSet = to.iter().filter(|&rank| self.told[rank] != self.wanted).collect();
         unaware.iter().for_each(|rank| self.told[rank] = self.wanted);
@@ -136,19 +143,25 @@ impl Pace {
         ranks.list(&mut self.steps, || (1, 1));
         ranks.list(&mut self.borders, BorderPace::idle);
         ranks.list(&mut self.told, || 1);
+        self.level.take();
     }
 
     /// Lets all regions take so many substeps in the next tick; what this one wants beyond that it announces again.
     pub(in crate::physics) fn restart(&mut self, steps: usize) {
         self.steps.fill((steps as u8, steps as u8));
         self.told.fill(steps as u8);
+        self.level.take();
     }
 
     /// Returns whether this region, of rank `own`, has no new number of substeps to announce, and all its borders are at rung 0.
     pub(in crate::physics) fn is_settled(&self, own: usize) -> bool {
-        self.steps[own] == (self.wanted, self.wanted)
-            && self.told.iter().all(|&told| told == self.wanted)
-            && self.borders.iter().all(|border| border.rung == 0)
+        let is_level = || {
+            #[cfg(test)]
+            WALKS.set(WALKS.get() + 1);
+            self.told.iter().all(|&told| told == self.wanted)
+                && self.borders.iter().all(|border| border.rung == 0)
+        };
+        self.steps[own] == (self.wanted, self.wanted) && *self.level.get_or_init(is_level)
     }
 
     /// Ends the tick: the substeps announced for the next tick are the present ones from now on.
@@ -166,6 +179,7 @@ impl Pace {
     /// Adds up how far copies shared with each other region disagreed in an exchange; none where nothing is shared. After the last
     /// exchange of a tick it decides how many substeps to want, with the coupling `auto`.
     pub(super) fn judge(&mut self, disagreement: &[Option<Disagreement>], moment: Moment<'_>) {
+        self.level.take();
         let top = top_rung(moment.settings.exchanges);
         let decides = moment.settings.coupling == Coupling::Auto;
         for (border, disagreement) in self.borders.iter_mut().zip(disagreement) {
@@ -280,8 +294,20 @@ fn largest_power(most: usize) -> u8 {
 }
 
 #[cfg(test)]
+thread_local! {
+    pub(super) static WALKS: std::cell::Cell<usize> = const { std::cell::Cell::new(0) };
+}
+
+#[cfg(test)]
 mod tests {
     use super::*;
+
+    impl Pace {
+        /// Forgets whether it is settled.
+        pub(in crate::physics::coupling) fn forget(&mut self) {
+            self.level.take();
+        }
+    }
 
     /// Runs `count` ticks in which copies disagree by `disagreement` of the rung; returns how many of them were not on the lowest rung.
     fn ticks(border: &mut BorderPace, count: usize, disagreement: impl Fn(u8) -> f32) -> usize {

@@ -139,10 +139,12 @@ fn hold(
 fn write_whole(region: &mut Region, handle: RigidBodyHandle, body: &BodyRecord) {
     let state = &body.state;
     let pose = convert::region_from_world(region.anchor(), &state.pose);
+    let mut is_another = false;
     let rigid_body = &mut region.world_mut().bodies[handle];
     // A kinematic ghost of the proxy coupling would not take the forces.
     if body.traits.kind == BodyKind::Dynamic && !rigid_body.is_dynamic() {
         rigid_body.set_body_type(RigidBodyType::Dynamic, false);
+        is_another = true;
     }
     rigid_body.set_position(pose, false);
     rigid_body.set_linvel(convert::vector(state.velocity.linear), false);
@@ -153,6 +155,9 @@ fn write_whole(region: &mut Region, handle: RigidBodyHandle, body: &BodyRecord) 
     rigid_body.add_torque(convert::vector(state.torque), false);
     rigid_body.activation_mut().time_since_can_sleep = state.still_s;
     let wakes = !state.sleeping && rigid_body.is_sleeping();
+    if is_another {
+        region.look_at_ties();
+    }
     region.set_gait(body.id, state.gait);
     region.set_drive(body.id, state.drive);
     if wakes {

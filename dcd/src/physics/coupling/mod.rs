@@ -97,7 +97,8 @@ impl Side {
     /// Begins a tick, in which all regions meet or only neighbours exchange messages, and some stay behind.
     pub(super) fn meet(&mut self, regions: usize, all: bool, behind: RegionSet) {
         let Self { region, border, clock, .. } = self;
-        border.neighbours.begin(region, border.predicted.acquainted(), regions, all);
+        let acquainted = border.predicted.acquainted();
+        border.neighbours.begin(region, acquainted, regions, all);
         border.neighbours.leave_behind(behind, clock.span > 0);
     }
 
@@ -371,5 +372,25 @@ impl Ground<'_> {
     /// Returns the rank of a message's sender.
     fn rank_of(&self, message: &BorderMessage) -> usize {
         self.partition.rank_of(message.from).expect("messages come from regions of this tree")
+    }
+}
+
+/// Returns how often this thread has looked, up to now, at what another region's bodies reach, at all borders of a region, and at all
+/// cells for those near one.
+#[cfg(test)]
+pub(super) fn looks() -> [usize; 3] {
+    [predicted_contacts::LOOKS.get(), auto::WALKS.get(), neighbours::SETTLED.get()]
+}
+
+#[cfg(test)]
+impl Side {
+    /// Returns whether what it remembers of its borders is what it would find there.
+    pub(super) fn remembers_right(&self) -> bool {
+        let [mut known, mut found] = [self.border.clone(), self.border.clone()];
+        found.predicted.forget();
+        found.pace.forget();
+        let rank = self.region.rank();
+        known.predicted.acquainted() == found.predicted.acquainted()
+            && known.pace.is_settled(rank) == found.pace.is_settled(rank)
     }
 }

@@ -58,6 +58,8 @@ pub(in crate::physics) struct Neighbours {
 impl Neighbours {
     /// Finds the regions whose cells are near; to be called whenever the tree has changed.
     pub(in crate::physics) fn settle(&mut self, region: &Region, partition: &Partition) {
+        #[cfg(test)]
+        SETTLED.set(SETTLED.get() + 1);
         let cell = region.cell();
         let near = |rank: &usize| cell.gap_m(partition.cell(*rank)) <= partition.near_m();
         self.beside = (0..partition.len()).filter(near).collect();
@@ -176,6 +178,11 @@ pub(super) fn held_with(region: &Region) -> RegionSet {
             _ => all,
         }
     })
+}
+
+#[cfg(test)]
+thread_local! {
+    pub(super) static SETTLED: std::cell::Cell<usize> = const { std::cell::Cell::new(0) };
 }
 
 #[cfg(test)]

@@ -39,6 +39,9 @@ pub(super) struct PredictedContacts {
     seen: Vec<NearbyBodies>,
     /// Regions with a list that changed, so that contacts with them must be predicted anew.
     changed: RegionSet,
+    /// What [`PredictedContacts::acquainted`] found, for as long as no list has changed.
+    #[serde(skip)]
+    acquainted: Option<RegionSet>,
     /// The predicted contacts, in order of body.
     pub meetings: Vec<Meeting>,
     /// The length of a tick, and how far ahead contacts are predicted, seconds.
@@ -135,6 +138,7 @@ impl PredictedContacts {
             }
         }
         self.changed = ranks.set(self.changed);
+        self.acquainted = None;
         self.meetings.retain(|meeting| ranks.to[meeting.rank].is_some());
         for meeting in &mut self.meetings {
             meeting.rank = ranks.rank(meeting.rank);
@@ -265,12 +269,17 @@ impl PredictedContacts {
 
     /// Returns the regions with which lists were exchanged that are not empty, and those of which these said that they visit the same
     /// cell. Of both, the other region knows as well.
-    pub(super) fn acquainted(&self) -> RegionSet {
+    pub(super) fn acquainted(&mut self) -> RegionSet {
+        if let Some(known) = self.acquainted {
+            return known;
+        }
+        #[cfg(test)]
+        LOOKS.set(LOOKS.get() + self.seen.len());
         let listed = |lists: &[NearbyBodies], rank: usize| lists[rank] != NearbyBodies::default();
         let listed =
             (0..self.seen.len()).filter(|&rank| listed(&self.shown, rank) || listed(&self.seen, rank));
         let visitors = self.seen.iter().map(|nearby| nearby.visitors);
-        visitors.fold(listed.collect(), RegionSet::union)
+        *self.acquainted.insert(visitors.fold(listed.collect(), RegionSet::union))
     }
 
     /// Returns the regions to which the extent of this region's bodies is sent: the regions it touches, and those whose bodies reach
@@ -354,6 +363,7 @@ pub(super) fn see(region: &Region, border: &mut Border, rank: usize, message: &B
     (seen.extent, seen.visitors) = (nearby.extent, nearby.visitors);
     seen.bodies.clone_from(&nearby.bodies);
     predicted.changed.insert(rank);
+    predicted.acquainted = None;
 }
 
 /// Returns the parts of a box that do not lie in another: a slab for each face that sticks out.
@@ -421,12 +431,14 @@ pub(super) fn look(
     former.clear();
     (predicted.looked, predicted.former) = (looked, former);
     let PredictedContacts { near, seen, .. } = predicted;
+    // Of most of many regions nothing reaches out of their cells.
+    let extents: Vec<_> = seen.iter().filter_map(|nearby| nearby.extent).collect();
     near.retain_mut(|near| {
         near.awake = !region.physics().bodies[near.link.handle].is_sleeping();
         // A body that sleeps where no other region's bodies reach concerns none, until it wakes or their extent reaches it.
         near.awake
             || !region.cell().contains_box(&near.swept)
-            || seen.iter().any(|nearby| nearby.extent.is_some_and(|extent| extent.touches(&near.swept)))
+            || extents.iter().any(|extent| extent.touches(&near.swept))
     });
 }
 
@@ -496,15 +508,19 @@ pub(super) fn show(
     let has_strangers = neighbours.has_strangers(moment.partition.len());
     let mut extent: Option<Bounds> = None;
     let fast: Vec<_> = predicted.seen.iter().map(|nearby| fast_bounds(nearby, predicted.ahead_s)).collect();
+    let extents = predicted.seen.iter().enumerate();
+    let extents: Vec<_> = extents.filter_map(|(rank, nearby)| Some((rank, nearby.extent?))).collect();
     for near in &predicted.near {
         let bounds = near.swept;
         if !region.cell().contains_box(&bounds) {
             extent = Some(extent.map_or(bounds, |extent| extent.union(&bounds)));
         }
         let mut viewers = moment.partition.touching(&bounds);
-        for (rank, nearby) in predicted.seen.iter().enumerate() {
-            if nearby.extent.is_some_and(|extent| extent.touches(&bounds)) {
-                viewers.insert(rank);
+        for (rank, extent) in &extents {
+            #[cfg(test)]
+            LOOKS.set(LOOKS.get() + 1);
+            if extent.touches(&bounds) {
+                viewers.insert(*rank);
             }
         }
         if has_strangers {
@@ -551,8 +567,9 @@ pub(super) fn show(
         if (shown.extent, shown.visitors) != (extent, met) || shown.bodies != *list {
             (shown.extent, shown.visitors) = (extent, met);
             std::mem::swap(&mut shown.bodies, list);
-            predicted.changed.insert(rank);
             outbox.to(rank).nearby = Some(shown.clone());
+            predicted.changed.insert(rank);
+            predicted.acquainted = None;
         }
         list.clear();
     }
@@ -566,11 +583,23 @@ fn fast_bounds(nearby: &NearbyBodies, ahead_s: f32) -> Option<Bounds> {
 }
 
 #[cfg(test)]
+thread_local! {
+    pub(super) static LOOKS: std::cell::Cell<usize> = const { std::cell::Cell::new(0) };
+}
+
+#[cfg(test)]
 mod tests {
     use rand_chacha::ChaCha8Rng;
     use rand_chacha::rand_core::{Rng, SeedableRng};
 
     use super::*;
+
+    impl PredictedContacts {
+        /// Forgets with which regions lists were exchanged.
+        pub(in crate::physics::coupling) fn forget(&mut self) {
+            self.acquainted = None;
+        }
+    }
 
     #[test]
     fn parts_beyond_a_box_cover_what_is_not_in_it_and_nothing_twice() {

@@ -32,5 +32,6 @@ fn set_kind(region: &mut Region, handle: RigidBodyHandle, kind: RigidBodyType) {
     let dynamic = region.slot(handle).traits.kind == BodyKind::Dynamic;
     if dynamic && region.physics().bodies[handle].body_type() != kind {
         region.world_mut().bodies[handle].set_body_type(kind, false);
+        region.look_at_ties();
     }
 }

@@ -10,6 +10,8 @@ mod giants;
 mod place;
 #[cfg(test)]
 pub(super) mod processes;
+#[cfg(test)]
+mod quiet;
 mod repartition;
 mod replace;
 mod rounds;
@@ -43,7 +45,7 @@ use super::settings::StepSettings;
 use super::shapes::ShapeLibrary;
 use super::statics::Statics;
 use crate::protocol::{BodyRecord, BorderMessage, Handover, JointRecord, RegionEvents, Velocity, WorldPose};
-use crate::space::{BodyId, RegionId, RegionSet, Tick};
+use crate::space::{BodyId, JointId, RegionId, RegionSet, Tick};
 
 /// Some regions of a world, stepped together. Its serde form is part of snapshots
 /// ([`LocalWorld::save`](crate::runtime::LocalWorld::save)) and is checked by nothing else.
@@ -68,9 +70,14 @@ pub struct RegionHost {
     /// Messages from regions computed elsewhere, for the next exchange.
     incoming: Vec<BorderMessage>,
     balancer: Option<repartition::Balancer>,
+    #[serde(skip)]
+    giants: giants::KnownGiants,
     /// Whether all regions meet in the next tick, not only neighbours; and whether they do in every tick.
     meets: bool,
     meets_always: bool,
+    /// Whether all regions know which cells are near theirs, as the tree is.
+    #[serde(skip)]
+    settled: bool,
     /// Chooses the rates at which regions are stepped, where not all is computed in full.
     governor: Option<Governor>,
     tick: Tick,
@@ -110,8 +117,10 @@ impl RegionHost {
             trial: Trial::default(),
             incoming: Vec::new(),
             balancer: None,
+            giants: giants::KnownGiants::default(),
             meets: true,
             meets_always: false,
+            settled: false,
             governor: None,
             tick: Tick(0),
             rounds: settings.coupling.first_steps(settings.exchanges),
@@ -130,7 +139,10 @@ impl RegionHost {
 
     /// Completes a restore from a snapshot: tells Rapier again what its own part of the snapshot left out.
     pub(crate) fn resume(&mut self) {
-        self.sides.iter_mut().for_each(|side| side.region.repeat_joint_changes());
+        for Side { region, .. } in &mut self.sides {
+            region.repeat_joint_changes();
+            region.find_awake();
+        }
     }
 
     /// Sets the number of threads that step it; 1 uses the calling thread, as a world of few bodies does anyhow. Results do not
@@ -313,8 +325,9 @@ impl RegionHost {
         let regions = self.partition.len();
         let behind =
             self.sides.iter().filter(|side| side.is_behind()).map(|side| side.region.rank()).collect();
+        let settles = self.meets && !std::mem::replace(&mut self.settled, true);
         for side in &mut self.sides {
-            if self.meets {
+            if settles {
                 side.border.neighbours.settle(&side.region, &self.partition);
             }
             side.meet(regions, all, behind);
@@ -600,6 +613,22 @@ impl RegionHost {
         self.owner_index.homes().filter_map(|(id, home)| Some((id, self.region_at(home.rank)?, home.handle)))
     }
 
+    /// Returns the movable bodies owned here that do not sleep.
+    pub(crate) fn awake_bodies(&self) -> BTreeSet<BodyId> {
+        let awake = self.regions().flat_map(|region| region.awake().map(move |handle| (region, handle)));
+        let owned = awake.filter_map(|(region, handle)| {
+            let (id, _) = region.role_of(handle)?;
+            let here = Home { rank: region.rank(), handle };
+            (self.owner_index.home(id) == Some(here)).then_some(id)
+        });
+        owned.collect()
+    }
+
+    /// Returns the joints here of bodies that do not sleep, some more than once.
+    pub(crate) fn awake_joints(&self) -> impl Iterator<Item = JointId> {
+        self.regions().flat_map(Region::awake_joints)
+    }
+
     /// Returns every movable body held here, owned or replica, in id order.
     pub fn held_bodies(&self) -> BTreeSet<BodyId> {
         let held = self.regions().flat_map(Region::bodies);
@@ -617,10 +646,12 @@ impl RegionHost {
     }
 
     fn index(&mut self) {
+        self.giants.forget();
         self.place_of.fill(None);
         for (place, side) in self.sides.iter().enumerate() {
             self.place_of[side.region.rank()] = Some(place);
         }
+        self.settled = false;
         self.owner_index = OwnerIndex::default();
         for Side { region, .. } in &self.sides {
             for (id, role, handle, _) in region.bodies() {

@@ -118,7 +118,7 @@ impl RegionHost {
             self.statics.remove(id);
         }
         let steps = self.settings.coupling.first_steps(self.settings.exchanges);
-        self.rounds = steps;
+        (self.rounds, self.settled) = (steps, false);
         for side in &mut self.sides {
             side.forget_holders(self.partition.len(), steps);
         }

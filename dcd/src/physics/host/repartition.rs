@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::giants::Giants;
 use super::{HostError, RegionHost};
 use crate::physics::coupling::Side;
 use crate::physics::rank_remap::RankRemap;
@@ -128,11 +127,10 @@ impl RegionHost {
 
     /// Returns every awake body computed here with its part of its region's load, and the sleeping bodies of islands that are too
     /// large to move whole; and boxes around those islands. Couplings that move no islands pay the cost of a cut at every border.
-    pub fn burdens(&self, load: Load) -> (Vec<Burden>, Vec<Bounds>) {
-        let giants = if self.settings.coupling.moves_islands() {
-            Giants::find(&self.sides, self.settings.island_limit.max(BALANCED_ISLAND))
-        } else {
-            Giants::default()
+    pub fn burdens(&mut self, load: Load) -> (Vec<Burden>, Vec<Bounds>) {
+        let giants = match self.settings.coupling.moves_islands() {
+            true => self.giants.find(&self.sides, self.settings.island_limit.max(BALANCED_ISLAND)),
+            false => Arc::default(),
         };
         let mut burdens = Vec::new();
         for Side { region, clock, .. } in &self.sides {
@@ -146,12 +144,8 @@ impl RegionHost {
                 island: giants.of(id),
             }));
         }
-        for (id, island) in giants.members() {
-            let owned = self.owned(id).filter(|(region, body)| region.physics().bodies[*body].is_sleeping());
-            let place = owned.map(|(region, body)| region.centre_of(body));
-            burdens.extend(place.map(|place| Burden { place, weight: 0.0, island: Some(island) }));
-        }
-        (burdens, giants.boxes)
+        burdens.extend_from_slice(&giants.asleep);
+        (burdens, giants.boxes.clone())
     }
 
     /// Changes the tree between two ticks, all of this or none: every process that computes a part of the world does so with the
@@ -220,6 +214,7 @@ impl RegionHost {
     /// Adopts a tree with the same leaves whose planes have moved: gives every region its cell, with the immovable bodies there.
     pub(crate) fn refit(&mut self, tree: DistributionTree) -> Result<(), HostError> {
         Arc::make_mut(&mut self.partition).set_tree(tree);
+        self.settled = false;
         self.meet_all();
         for Side { region, border, .. } in &mut self.sides {
             let cell = *self.partition.cell(region.rank());

@@ -19,6 +19,7 @@ impl Region {
     /// Notes that a body is not, or may not be, what and where it was in the last step.
     pub(in crate::physics) fn touch(&mut self, handle: RigidBodyHandle) {
         self.moved.take();
+        self.revision += 1;
         if self.touched.last() != Some(&handle) {
             self.touched.push(handle);
         }
@@ -45,9 +46,16 @@ impl Region {
             (*body.position(), body.is_enabled())
         };
         let (before, found) = (place(self), std::mem::take(&mut self.moved));
+        let (was_asleep, kind) =
+            (self.world.bodies[handle].is_sleeping(), self.world.bodies[handle].body_type());
         let result = self.change_unseen(handle, change);
+        self.note_awake(handle, was_asleep);
         if self.world.bodies[handle].is_enabled() != before.1 {
             self.tie_anew(handle);
+        }
+        if (self.world.bodies[handle].is_enabled(), self.world.bodies[handle].body_type()) != (before.1, kind)
+        {
+            self.look_at_ties();
         }
         if place(self) == before {
             self.moved = found;

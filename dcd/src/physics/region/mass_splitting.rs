@@ -154,6 +154,7 @@ impl Region {
     pub(in crate::physics) fn mend_copy(&mut self, handle: RigidBodyHandle) {
         if self.mass_split_mut(handle).is_some_and(|mass_split| std::mem::take(&mut mass_split.broken)) {
             self.world_mut().bodies[handle].set_enabled(true);
+            self.look_at_ties();
         }
     }
 
@@ -169,6 +170,7 @@ impl Region {
     pub(super) fn set_aside(&mut self, handle: RigidBodyHandle) {
         let Some(slot) = self.slot_at(handle) else { return };
         self.quarantined.push(slot.id);
+        self.note_awake(handle, false);
         match self.mass_split_mut(handle) {
             Some(mass_split) => mass_split.broken = true,
             None => self.read_disabled(handle),

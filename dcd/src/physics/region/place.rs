@@ -58,6 +58,9 @@ impl Region {
     /// a part that is large enough.
     pub(in crate::physics) fn wake_left_behind(&mut self, leaving: RegionSet) {
         let was_passed_over = std::mem::take(&mut self.passed_over) || leaving.contains(self.rank);
+        if !was_passed_over && leaving.is_empty() {
+            return;
+        }
         for handle in self.own_resting() {
             let centre = convert::world_point(self.anchor, self.world.bodies[handle].center_of_mass());
             let is_held_there = !self.slot(handle).holders.intersection(leaving).is_empty();
@@ -74,6 +77,8 @@ impl Region {
         let mut resting: Vec<_> =
             owned.map(|slot| BodyRef { id: slot.id, handle: self.by_id[&slot.id] }).collect();
         resting.retain(|link| {
+            #[cfg(test)]
+            super::awake::LOOKS.set(super::awake::LOOKS.get() + 1);
             let body = &self.world.bodies[link.handle];
             body.is_sleeping() || !body.is_enabled()
         });
@@ -89,12 +94,20 @@ impl Region {
             owned && !self.world.bodies[handle].is_sleeping()
         };
         let owner = |collider| self.world.colliders.get(collider).and_then(Collider::parent);
-        let touches = |pair: &&ContactPair| {
-            let ends = [pair.collider1, pair.collider2];
-            pair.has_any_active_contact() && ends.into_iter().filter_map(owner).any(counts)
+        let contacts = |collider: &ColliderHandle| {
+            // A pair of two awake bodies counts once, at its first collider.
+            let is_first = |pair: &ContactPair| {
+                pair.collider1 == *collider || !owner(pair.collider1).is_some_and(counts)
+            };
+            let pairs = self.world.narrow_phase.contact_pairs_with(*collider).inspect(|_| {
+                #[cfg(test)]
+                super::awake::PAIRS.set(super::awake::PAIRS.get() + 1);
+            });
+            pairs.filter(|pair| pair.has_any_active_contact() && is_first(pair)).count()
         };
+        let colliders = self.own_awake().into_iter().flat_map(|handle| self.world.bodies[handle].colliders());
         let bodies = self.world.islands.active_bodies().filter(|&handle| counts(handle)).count();
-        (bodies + self.world.contact_pairs().filter(touches).count()) as f64
+        (bodies + colliders.map(contacts).sum::<usize>()) as f64
     }
 
     /// Returns the centres of its own awake bodies, in world space.

@@ -19,6 +19,8 @@ impl Region {
     /// Steps the Rapier world by one of `steps` substeps of a tick.
     pub(in crate::physics) fn step(&mut self, parameters: &IntegrationParameters, steps: usize) {
         let before = std::mem::replace(&mut self.world.integration_parameters, *parameters);
+        let is_still = |region: &Self| region.world.islands.num_active_bodies() == 0;
+        let unchanged = Some(self.revision).filter(|revision| *revision == self.stepped && is_still(self));
         if self.targets.is_first() {
             self.quarantined.clear();
             self.walk(parameters.dt * steps as f32);
@@ -27,7 +29,7 @@ impl Region {
         kinematic_targets::approach(self, steps);
         self.tell_joints();
         self.stirred = false;
-        self.touched.clear();
+        self.hand_awake_over();
         self.moved.take();
         let start = Instant::now();
         match self.hooks.as_deref() {
@@ -49,6 +51,8 @@ impl Region {
         for handle in self.world.quarantine().bodies().to_vec() {
             self.set_aside(handle);
         }
+        self.revision = unchanged.filter(|_| is_still(self)).unwrap_or(self.revision + 1);
+        self.stepped = self.revision;
     }
 
     /// Notes the length of the substep in which the contacts of awake bodies have been solved. Sleeping bodies keep their impulses,

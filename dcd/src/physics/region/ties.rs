@@ -36,6 +36,9 @@ enum Solver {
 pub(super) struct JointNews {
     /// In order of insertion.
     tied: Vec<JointId>,
+    /// Whether those that are `tied` are known to have nothing to move, or a disabled end: they wait until a body changes in that.
+    #[serde(skip)]
+    waits: bool,
     untied: Vec<Solver>,
     /// Removed bodies.
     gone: Vec<RigidBodyHandle>,
@@ -62,16 +65,19 @@ impl Region {
         for handle in news.woken.drain(..) {
             self.world_mut().wake_up(handle, true);
         }
-        let (mut linked, mut unmoved) = (Vec::new(), Vec::new());
-        for id in news.tied.drain(..) {
-            let Some(mut held) = self.joints.remove(&id) else { continue };
-            let ends = (self.handle_of(held.record.a), self.handle_of(held.record.b));
-            if let (None, (Some(a), Some(b))) = (held.handle, ends) {
-                if !self.is_solvable(a, b) {
-                    unmoved.push(id);
-                    self.joints.insert(id, held);
-                    continue;
-                }
+        let mut linked = Vec::new();
+        let tied = if news.waits { Vec::new() } else { std::mem::take(&mut news.tied) };
+        news.waits = true;
+        for id in tied {
+            #[cfg(test)]
+            tests::LOOKS.set(tests::LOOKS.get() + 1);
+            let ends = self.joint_ends(id).filter(|_| self.joints[&id].handle.is_none());
+            let Some((a, b)) = ends else { continue };
+            if !self.is_solvable(a, b) {
+                news.tied.push(id);
+                continue;
+            }
+            if let Some(mut held) = self.joints.remove(&id) {
                 held.handle = match held.record.link {
                     Some(_) => self.link(a, b, &held.record).map(Solver::Multibody),
                     None => {
@@ -84,8 +90,8 @@ impl Region {
                 if let Some(Solver::Multibody(_)) = held.handle {
                     linked.push(id);
                 }
+                self.joints.insert(id, held);
             }
-            self.joints.insert(id, held);
         }
         for id in linked {
             let held = &self.joints[&id];
@@ -94,8 +100,18 @@ impl Region {
             }
         }
         news.changed.clear();
-        news.tied = unmoved;
         self.joint_news = news;
+    }
+
+    /// Has the next step insert a joint into Rapier.
+    fn await_solver(&mut self, id: JointId) {
+        self.joint_news.tied.push(id);
+        self.joint_news.waits = false;
+    }
+
+    /// Has the next step look whether joints that wait can be solved: a body was enabled, or is of another type.
+    pub(in crate::physics) fn look_at_ties(&mut self) {
+        self.joint_news.waits = false;
     }
 
     /// Takes the joints of a body out of Rapier after it was enabled or disabled, and lets them wait until they can be solved: Rapier itself does not
@@ -107,7 +123,7 @@ impl Region {
                 held.record = self.whole_record(&held);
                 held.handle = None;
                 self.joint_news.untied.push(solver);
-                self.joint_news.tied.push(id);
+                self.await_solver(id);
             }
             self.joints.insert(id, held);
         }
@@ -150,7 +166,7 @@ impl Region {
             if held.record.link.is_some() {
                 let owned = !matches!(self.slot(handle).role, Ownership::Replica { .. });
                 match held.handle {
-                    None if owned => self.joint_news.tied.push(id),
+                    None if owned => self.await_solver(id),
                     Some(solver) if !owned => {
                         held.record = self.whole_record(&held);
                         self.joint_news.untied.push(solver);
@@ -165,6 +181,7 @@ impl Region {
 
     /// Removes a body from Rapier's world; its joints stay until the next step begins.
     pub(in crate::physics) fn remove_from_rapier(&mut self, handle: RigidBodyHandle) {
+        self.unstepped.remove(&handle.into_raw_parts().0);
         let PhysicsWorld {
             bodies, islands, colliders, impulse_joints, multibody_joints, soft_bodies, ..
         } = self.world_mut();
@@ -203,8 +220,8 @@ impl Region {
         };
         self.waiting.remove(&joint.id);
         self.joints.insert(joint.id, HeldJoint { record: joint.clone(), handle: None, parts: 1 });
-        self.joint_news.tied.push(joint.id);
-        self.stirred = true;
+        self.await_solver(joint.id);
+        self.unsettle();
         for end in [a, b] {
             self.slot_mut(end).joints.push(joint.id);
         }
@@ -225,9 +242,10 @@ impl Region {
             self.joint_news.untied.push(handle);
             let ends = [joint.record.a, joint.record.b].map(|end| self.handle_of(end));
             self.joint_news.woken.extend(ends.into_iter().flatten());
+        } else {
+            self.joint_news.tied.retain(|&other| other != id);
         }
-        self.joint_news.tied.retain(|&other| other != id);
-        self.stirred = true;
+        self.unsettle();
         for end in [joint.record.a, joint.record.b] {
             if let Some(end) = self.handle_of(end) {
                 self.slot_mut(end).joints.retain(|&other| other != id);
@@ -435,5 +453,74 @@ impl Region {
         let slot = self.slot(handle);
         let waiting = self.waiting.values().filter(|joint| joint.a == slot.id || joint.b == slot.id).cloned();
         slot.joints.iter().filter_map(|&id| self.joint_record(id)).chain(waiting)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::Cell;
+
+    use rapier3d::prelude::*;
+
+    use crate::runtime::{LocalWorld, WorldConfig};
+    use crate::space::BodyId;
+
+    thread_local! {
+        pub(super) static LOOKS: Cell<usize> = const { Cell::new(0) };
+    }
+
+    /// Steps a world, and returns how many joints were looked at that are not in Rapier.
+    fn step(world: &mut LocalWorld) -> usize {
+        let before = LOOKS.get();
+        world.step().unwrap();
+        LOOKS.get() - before
+    }
+
+    #[test]
+    fn joints_of_what_is_disabled_wait_without_being_looked_at_until_it_is_enabled() {
+        let mut world = LocalWorld::new(WorldConfig { threads: 1, ..WorldConfig::default() }).unwrap();
+        let ball = |world: &mut LocalWorld, x: f32, y: f32, enabled: bool| {
+            let body = RigidBodyBuilder::dynamic().translation(Vector::new(x, y, 0.0)).enabled(enabled);
+            world.insert(body.can_sleep(false), ColliderBuilder::ball(0.1)).unwrap()
+        };
+        ball(&mut world, 100.0, 0.0, true);
+        let pairs: Vec<_> = (0..50)
+            .map(|i| {
+                let [a, b] = [0.0, 1.0].map(|down| ball(&mut world, 3.0 * i as f32, -down, false));
+                world.insert_joint(a, b, RopeJointBuilder::new(1.0)).unwrap();
+                (a, b)
+            })
+            .collect();
+        assert_eq!(step(&mut world), 50);
+        for _ in 0..10 {
+            assert_eq!(step(&mut world), 0);
+        }
+        let (a, b) = pairs[7];
+        world.update(a, |body| body.set_enabled(true)).unwrap();
+        world.update(a, |body| body.set_body_type(RigidBodyType::KinematicPositionBased, true)).unwrap();
+        step(&mut world);
+        assert_eq!(step(&mut world), 0, "its other end is disabled still");
+        world.update(b, |body| body.set_enabled(true)).unwrap();
+        for _ in 0..60 {
+            step(&mut world);
+        }
+        let depth = |world: &LocalWorld, id: BodyId| -world.motion(id).unwrap().0.translation[1];
+        assert!((depth(&world, b) - 1.0).abs() < 0.05, "it hangs: {} m", depth(&world, b));
+        // Two that cannot move wait too, until one of them can.
+        let (c, d) = pairs[8];
+        for id in [c, d] {
+            let fixes = |body: &mut RigidBody| {
+                body.set_enabled(true);
+                body.set_body_type(RigidBodyType::KinematicPositionBased, true);
+            };
+            world.update(id, fixes).unwrap();
+        }
+        step(&mut world);
+        assert_eq!(step(&mut world), 0);
+        world.update(d, |body| body.set_body_type(RigidBodyType::Dynamic, true)).unwrap();
+        for _ in 0..60 {
+            step(&mut world);
+        }
+        assert!((depth(&world, d) - 1.0).abs() < 0.05, "it hangs: {} m", depth(&world, d));
     }
 }

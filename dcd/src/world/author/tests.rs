@@ -10,7 +10,7 @@ struct Told {
     body: BodyRecord,
     joint: Option<JointRecord>,
     answered: u64,
-    /// How often a body was asked for.
+    /// How often a body was asked for, and how many joints were shown.
     looks: Cell<u32>,
 }
 
@@ -24,8 +24,8 @@ impl Known for Told {
         self.knows(id).then(|| self.body.clone())
     }
 
-    fn bodies(&self) -> Vec<BodyRecord> {
-        vec![self.body.clone()]
+    fn for_each_body(&self, look: &mut dyn FnMut(&BodyRecord)) {
+        look(&self.body);
     }
 
     fn shape(&self, _hash: ShapeHash) -> Option<ShapeRecord> {
@@ -40,8 +40,13 @@ impl Known for Told {
         self.joint.clone().filter(|joint| joint.id == id)
     }
 
-    fn joints(&self, holds: &dyn Fn(&JointRecord) -> bool) -> Vec<JointRecord> {
-        self.joint.iter().filter(|joint| holds(joint)).cloned().collect()
+    fn joints(&self) -> Vec<JointRecord> {
+        self.joint.iter().inspect(|_| self.looks.set(self.looks.get() + 1)).cloned().collect()
+    }
+
+    fn joints_of(&self, body: BodyId) -> Vec<JointRecord> {
+        let of_it = self.joint.iter().filter(|joint| [joint.a, joint.b].contains(&body));
+        of_it.inspect(|_| self.looks.set(self.looks.get() + 1)).cloned().collect()
     }
 
     fn tree(&self) -> DistributionTree {
@@ -61,7 +66,7 @@ fn a_change_is_seen_until_it_is_answered_and_then_whatever_is_told() {
     let mut author = Author::new(Names::Builder(ClientId(1)), (0, 0), 100.0);
     let seen = |author: &Author, told: &Told| {
         let damping = author.known(told, body.id).map(|body| body.traits.linear_damping);
-        (damping, author.joints(told, &|_| true)[0].contacts_enabled)
+        (damping, author.joints(told)[0].contacts_enabled)
     };
     let before = (Some(0.0), joint.contacts_enabled);
     author.update(&told, body.id, &mut |body| body.set_linear_damping(0.5)).unwrap();
@@ -113,7 +118,7 @@ fn joints_are_there_once_made_and_gone_once_removed_whatever_is_on_record_yet() 
         [0.0, 2.0, 4.0].map(|x| author.insert(WorldPose::at([x, 0.0, 0.0]), &body, &ball, None).unwrap());
     let [first, second] =
         [[a, b], [b, c]].map(|ends| author.insert_joint(&told, ends, &GenericJoint::default()).unwrap());
-    let there = |author: &Author, told: &Told| author.joints(told, &|_| true).len();
+    let there = |author: &Author, told: &Told| author.joints(told).len();
     assert_eq!(author.take(&told).len(), 1);
     assert!(author.take(&told).is_empty());
     assert_eq!(there(&author, &told), 2);
@@ -134,6 +139,17 @@ fn joints_are_there_once_made_and_gone_once_removed_whatever_is_on_record_yet() 
     (told.joint, told.answered) = (None, 2);
     assert!(author.take(&told).is_empty());
     assert!(author.joint(&told, first).is_none());
+    // Those of one body are found without a look at others.
+    let elsewhere = [8, 9].map(BodyId::persistent);
+    told.joint = Some(joint_record(JointId(70), elsewhere[0], elsewhere[1], &GenericJoint::default()));
+    told.looks.set(0);
+    let of = |author: &Author, id| {
+        author.joints_of(&told, id).into_iter().map(|joint| joint.id).collect::<Vec<_>>()
+    };
+    assert_eq!((of(&author, b), of(&author, a)), (vec![second], vec![]));
+    assert_eq!(told.looks.get(), 0);
+    assert_eq!(of(&author, elsewhere[1]), [JointId(70)]);
+    told.joint = None;
     // A joint goes with either of its bodies.
     author.remove(&told, c).unwrap();
     assert!(author.joint(&told, second).is_none() && there(&author, &told) == 0);
@@ -167,6 +183,67 @@ fn what_is_done_to_a_body_counts_in_the_order_in_which_it_was_asked() {
     let moved = Push { point: Some([101.0, 2.0, 0.0]), ..impulse };
     assert_eq!(sent(&[&pushes_there, &goes]), [moved], "its arm stays as long");
     assert_eq!(sent(&[&goes, &pushes_there]), [at_point]);
+}
+
+#[test]
+fn pushes_of_many_bodies_are_sent_in_the_order_in_which_they_were_asked_for() {
+    let told = &Told {
+        body: sim_body(BodyId::persistent(0), [0.0; 3]),
+        joint: None,
+        answered: 0,
+        looks: Cell::new(0),
+    };
+    let mut author = Author::new(Names::Program, (1, 0), 100.0);
+    let (body, ball) = (RigidBodyBuilder::dynamic().build(), [ColliderBuilder::ball(0.5)]);
+    let ids: Vec<_> =
+        (0..300).map(|_| author.insert(WorldPose::default(), &body, &ball, None).unwrap()).collect();
+    author.take(told);
+    let pushes: Vec<_> =
+        (0..3_000_u32).map(|i| Push::impulse(ids[(i * 7 % 300) as usize], [i as f32, 0.0, 0.0])).collect();
+    pushes.iter().for_each(|push| author.push(told, push).unwrap());
+    // Of these nothing is left.
+    author.set_velocity(told, ids[3], Velocity::default()).unwrap();
+    author.remove(told, ids[5]).unwrap();
+    let sent = author.take(told).into_iter().filter_map(|op| match op {
+        BuildOp::Push(push) => Some(push),
+        _ => None,
+    });
+    let left = |push: &Push| ![ids[3], ids[5]].contains(&push.body);
+    assert_eq!(sent.collect::<Vec<_>>(), pushes.into_iter().filter(left).collect::<Vec<_>>());
+}
+
+#[test]
+fn bodies_that_are_taken_away_as_they_are_made_leave_the_others_with_their_joints() {
+    let told = &Told {
+        body: sim_body(BodyId::persistent(0), [0.0; 3]),
+        joint: None,
+        answered: 0,
+        looks: Cell::new(0),
+    };
+    let mut author = Author::new(Names::Program, (1, 0), 100.0);
+    let (body, ball) = (RigidBodyBuilder::dynamic().build(), [ColliderBuilder::ball(0.5)]);
+    let ids: Vec<_> =
+        (0..100).map(|_| author.insert(WorldPose::default(), &body, &ball, None).unwrap()).collect();
+    let tie = |author: &mut Author, ends: &[BodyId]| {
+        author.insert_joint(told, [ends[0], ends[1]], &GenericJoint::default()).unwrap()
+    };
+    let joints: Vec<_> = ids.windows(2).map(|ends| tie(&mut author, ends)).collect();
+    ids[..50].iter().for_each(|id| author.remove(told, *id).unwrap());
+    author.remove_joint(told, joints[60]).unwrap();
+    let is_left = |place: &usize| (50..99).contains(place) && *place != 60;
+    let left: Vec<_> = (0..99).filter(is_left).map(|place| joints[place]).collect();
+    let there = |author: &Author| author.joints(told).iter().map(|joint| joint.id).collect::<Vec<_>>();
+    assert_eq!(there(&author), left);
+    let ops = author.take(told);
+    let [BuildOp::Insert { bodies, joints: tied, .. }] = &ops[..] else { panic!("{} ops", ops.len()) };
+    assert!(bodies.iter().map(|body| body.id).eq(ids[50..].iter().copied()));
+    assert!(tied.iter().map(|joint| joint.id).eq(left.iter().copied()));
+    assert_eq!(there(&author), left);
+    // Before they are on record they go as well.
+    author.remove(told, ids[70]).unwrap();
+    assert_eq!(there(&author).len(), left.len() - 2);
+    assert_eq!(author.movable_count(told), 50);
+    assert_eq!(author.movable_bodies(told).len(), 50);
 }
 
 #[test]

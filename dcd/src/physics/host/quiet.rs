@@ -1,0 +1,81 @@
+//! Tests that a tick of many regions costs what moves in it, not what there is of them.
+
+use rapier3d::prelude::*;
+
+use super::RegionHost;
+use crate::physics::coupling::looks;
+use crate::physics::{Coupling, Partition, StepSettings};
+use crate::protocol::{BodyRecord, Velocity, WorldPose};
+use crate::space::{Axis, BodyId, Bounds, DistributionTree, RegionId, TreeChange};
+
+const REGIONS: usize = 64;
+
+fn described(host: &mut RegionHost, id: u32, at: [f64; 3]) -> BodyRecord {
+    let (body, collider) = match id {
+        0 => (RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(400.0, 0.5, 400.0)),
+        _ => (RigidBodyBuilder::dynamic(), ColliderBuilder::cuboid(0.5, 0.5, 0.5)),
+    };
+    let id = BodyId::persistent(id);
+    host.shapes_mut().describe(id, WorldPose::at(at), &body.build(), &[collider]).unwrap()
+}
+
+/// A box asleep in each of many regions, and some regions without one.
+fn asleep(coupling: Coupling) -> RegionHost {
+    let bounds = Bounds::new([-400.0, -1.0, -400.0], [400.0, 50.0, 400.0]);
+    let partition = Partition::new(DistributionTree::halved(bounds, REGIONS).unwrap(), None);
+    let leaves = partition.leaves().to_vec();
+    let centres: Vec<_> = leaves.iter().map(|&leaf| partition.tree().part(leaf).centre()).collect();
+    let settings = StepSettings::default().with_coupling(coupling);
+    let mut host = RegionHost::new(partition, settings, 1, &leaves).unwrap();
+    let mut bodies = vec![described(&mut host, 0, [0.0, -0.5, 0.0])];
+    for (id, [x, _, z]) in (1..).zip(centres.into_iter().take(60)) {
+        bodies.push(described(&mut host, id, [x, 0.5, z]));
+    }
+    host.insert(bodies, &[]).unwrap();
+    for _ in 0..300 {
+        host.step().unwrap();
+    }
+    assert!(host.awake_bodies().is_empty());
+    host
+}
+
+/// Steps a host, and returns how often it looked at what others' bodies reach, at all borders of a region, and at all cells.
+fn step(host: &mut RegionHost) -> [usize; 3] {
+    let before = looks();
+    host.step().unwrap();
+    let after = looks();
+    assert!(host.sides.iter().all(super::Side::remembers_right));
+    std::array::from_fn(|i| after[i] - before[i])
+}
+
+#[test]
+fn a_tick_of_many_regions_looks_at_those_in_which_something_moves() {
+    for coupling in [Coupling::Auto, Coupling::Owner] {
+        let mut host = asleep(coupling);
+        for _ in 0..9 {
+            assert_eq!(step(&mut host), [0, 0, 0], "{coupling:?}: nothing moves");
+        }
+        // One that comes, and one that is put elsewhere, change no cell.
+        let newcomer = described(&mut host, 100, [30.0, 5.0, 30.0]);
+        host.insert(vec![newcomer], &[]).unwrap();
+        let [_, _, cells] = step(&mut host);
+        assert_eq!(cells, 0, "{coupling:?}");
+        host.teleport(BodyId::persistent(1), WorldPose::at([-30.0, 9.0, 30.0])).unwrap();
+        assert_eq!(step(&mut host)[2], 0, "{coupling:?}");
+        // Some that fly over borders.
+        for id in 1..6 {
+            host.steer(BodyId::persistent(id), &Velocity { linear: [40.0, 3.0, 9.0], ..Velocity::default() });
+        }
+        let mut reached = 0;
+        for _ in 0..120 {
+            let [looks, ..] = step(&mut host);
+            reached = reached.max(looks);
+        }
+        assert!(reached < 40 * REGIONS, "{coupling:?}: {reached} looks");
+        // A plane that moves does.
+        let (axis, at) = host.partition().tree().cut_of(RegionId(0)).unwrap();
+        assert!(axis != Axis::Y);
+        host.repartition(&[TreeChange::Move { vertex: RegionId(0), at: at + 1.0 }], true).unwrap();
+        assert_eq!(step(&mut host)[2], REGIONS, "{coupling:?}");
+    }
+}

@@ -1,0 +1,191 @@
+//! Finds the bodies of a region that do not sleep at the price of these, not of all.
+
+use std::collections::BTreeSet;
+
+use rapier3d::prelude::*;
+
+use super::{Ownership, Region};
+use crate::space::JointId;
+
+impl Region {
+    /// Returns the bodies that do not sleep, in no order and some more than once. Rapier's list of active ones has neither what was
+    /// inserted or woken since its last step nor what it does not step: what is disabled does not sleep.
+    pub(in crate::physics) fn awake(&self) -> impl Iterator<Item = RigidBodyHandle> {
+        let stepped = self.world.islands.active_bodies();
+        let others = self.touched.iter().chain(&self.roused).chain(self.unstepped.values());
+        stepped.chain(others.copied()).filter(|&handle| {
+            #[cfg(test)]
+            LOOKS.set(LOOKS.get() + 1);
+            self.world.bodies.get(handle).is_some_and(|body| !body.is_sleeping())
+        })
+    }
+
+    /// Returns the joints of the bodies that do not sleep, some more than once.
+    pub(in crate::physics) fn awake_joints(&self) -> impl Iterator<Item = JointId> {
+        self.awake().filter_map(|handle| self.slot_at(handle)).flat_map(|slot| slot.joints.iter().copied())
+    }
+
+    /// Returns those of them that it owns, each once.
+    pub(super) fn own_awake(&self) -> Vec<RigidBodyHandle> {
+        let owned = |handle: &RigidBodyHandle| {
+            self.slot_at(*handle).is_some_and(|slot| slot.role == Ownership::Owner)
+        };
+        let mut awake: Vec<_> = self.awake().filter(owned).collect();
+        awake.sort_unstable_by_key(|handle| handle.into_raw_parts());
+        awake.dedup();
+        awake
+    }
+
+    /// Notes that a body may have woken, or may have become one that Rapier does not step.
+    pub(super) fn note_awake(&mut self, handle: RigidBodyHandle, was_asleep: bool) {
+        let Some(body) = self.world.bodies.get(handle).filter(|body| !body.is_sleeping()) else { return };
+        if was_asleep {
+            self.roused.push(handle);
+        }
+        let (is_stepped, index) = (body.is_enabled() && !body.is_fixed(), handle.into_raw_parts().0);
+        let can_move = self.slot_at(handle).is_some_and(|slot| slot.role != Ownership::Immovable);
+        if can_move && !is_stepped {
+            self.unstepped.insert(index, handle);
+        } else {
+            self.unstepped.remove(&index);
+        }
+    }
+
+    /// Begins a step, after which Rapier has all on its list that it steps.
+    pub(super) fn hand_awake_over(&mut self) {
+        for place in 0..self.touched.len() {
+            self.note_awake(self.touched[place], false);
+        }
+        self.touched.clear();
+        self.roused.clear();
+    }
+
+    /// Finds those that are not on Rapier's list, after the region was restored from a snapshot.
+    pub(in crate::physics) fn find_awake(&mut self) {
+        let stepped: BTreeSet<_> =
+            self.world.islands.active_bodies().map(RigidBodyHandle::into_raw_parts).collect();
+        for link in self.links() {
+            self.note_awake(link.handle, !stepped.contains(&link.handle.into_raw_parts()));
+        }
+    }
+}
+
+#[cfg(test)]
+thread_local! {
+    pub(super) static LOOKS: std::cell::Cell<usize> = const { std::cell::Cell::new(0) };
+    pub(super) static PAIRS: std::cell::Cell<usize> = const { std::cell::Cell::new(0) };
+}
+
+#[cfg(test)]
+impl Region {
+    /// Returns how many bodies this thread has looked at up to now to find those that do or do not sleep, and how many contacts.
+    pub(crate) fn looks() -> (usize, usize) {
+        (LOOKS.get(), PAIRS.get())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+    use crate::physics::host::RegionHost;
+    use crate::physics::{Partition, StepSettings};
+    use crate::protocol::{Velocity, WorldPose};
+    use crate::space::{Axis, BodyId, Bounds, DistributionTree, RegionSet};
+
+    /// So many boxes on either side of a border, asleep on one floor.
+    fn sleepers(count: u32) -> RegionHost {
+        let bounds = Bounds::around([0.0; 3], [100.0, 20.0, 20.0]);
+        let tree = DistributionTree::cut_by(bounds, &[(Axis::X, 0.0)]).unwrap();
+        let partition = Partition::new(tree, None);
+        let leaves = partition.leaves().to_vec();
+        let mut host = RegionHost::new(partition, StepSettings::default(), 1, &leaves).unwrap();
+        let floor = (0, RigidBodyBuilder::fixed(), [0.0, -0.5, 0.0], [100.0, 0.5, 20.0]);
+        let boxes = (1..=count).flat_map(|i| [(2 * i - 1, 1.0), (2 * i, -1.0)]);
+        let boxes = boxes.map(|(id, side)| {
+            let at = [side * (8.0 + 1.5 * f64::from(id.div_ceil(2))), 0.5, 0.0];
+            (id, RigidBodyBuilder::dynamic(), at, [0.5; 3])
+        });
+        let records = std::iter::once(floor).chain(boxes).map(|(id, body, at, [x, y, z])| {
+            let (id, collider) = (BodyId::persistent(id), ColliderBuilder::cuboid(x, y, z));
+            host.shapes_mut().describe(id, WorldPose::at(at), &body.build(), &[collider]).unwrap()
+        });
+        let records = records.collect();
+        host.insert(records, &[]).unwrap();
+        for _ in 0..300 {
+            host.step().unwrap();
+        }
+        assert!(host.awake_bodies().is_empty());
+        host
+    }
+
+    /// Does something, and returns how many bodies and contacts were looked at for it.
+    fn looks_of<R>(work: impl FnOnce() -> R) -> (usize, usize) {
+        let before = Region::looks();
+        work();
+        let after = Region::looks();
+        (after.0 - before.0, after.1 - before.1)
+    }
+
+    #[test]
+    fn who_measures_the_load_looks_at_no_sleeper() {
+        let mut host = sleepers(50);
+        assert_eq!(looks_of(|| host.wake_left_behind()), (0, 0));
+        let activity = |host: &RegionHost| host.regions().map(Region::activity).sum::<f64>();
+        assert_eq!(looks_of(|| activity(&host)), (0, 0));
+        host.steer(BodyId::persistent(1), &Velocity::linear([0.0, 0.0, 1.0]));
+        host.step().unwrap();
+        let (bodies, contacts) = looks_of(|| assert_eq!(activity(&host), 2.0, "a box, and the floor"));
+        assert!(bodies <= 2 && contacts <= 2, "{bodies} bodies, {contacts} contacts");
+        // What an emptied region or a plane leaves behind is looked for.
+        let region = &mut host.regions().next().unwrap().clone();
+        assert!(looks_of(|| region.wake_left_behind(RegionSet::only(1))).0 > 50);
+        region.set_cell(*region.cell());
+        assert!(looks_of(|| region.wake_left_behind(RegionSet::EMPTY)).0 > 50);
+    }
+
+    #[test]
+    fn whatever_is_done_to_a_body_it_is_awake_where_it_does_not_sleep() {
+        let mut host = sleepers(4);
+        let flagged = |host: &RegionHost| {
+            let owned = host.owned_bodies();
+            let awake = owned.filter(|(_, region, handle)| !region.physics().bodies[*handle].is_sleeping());
+            awake.map(|(id, ..)| id).collect::<BTreeSet<_>>()
+        };
+        let id = BodyId::persistent;
+        let record = host.record(id(8)).unwrap();
+        type Deed<'a> = &'a dyn Fn(&mut RegionHost);
+        let deeds: [Deed<'_>; 12] = [
+            &|host| _ = host.update(id(1), |body| body.wake_up(true)).unwrap(),
+            &|host| _ = host.update(id(2), |body| body.set_enabled(false)).unwrap(),
+            &|host| _ = host.steer(id(3), &Velocity::linear([0.0, 1.0, 0.0])),
+            &|host| _ = host.update(id(3), |body| body.set_enabled(false)).unwrap(),
+            &|host| _ = host.move_copies(id(3), WorldPose::at([15.0, 9.0, 0.0])),
+            &|host| _ = host.update(id(4), |body| body.set_linvel(Vector::Y, true)).unwrap(),
+            &|host| _ = host.update(id(4), |body| body.sleep()).unwrap(),
+            &|host| _ = host.update(id(3), |body| body.set_enabled(true)).unwrap(),
+            &|host| _ = host.remove(id(8)),
+            &|host| host.insert(vec![record.clone()], &[]).unwrap(),
+            &|host| _ = host.teleport(id(5), WorldPose::at([-20.0, 3.0, 0.0])).unwrap(),
+            &|host| _ = host.update(id(6), |body| body.set_linvel(Vector::splat(f32::NAN), true)).unwrap(),
+        ];
+        for (place, deed) in deeds.into_iter().enumerate() {
+            deed(&mut host);
+            for step in 0..3 {
+                assert_eq!(host.awake_bodies(), flagged(&host), "deed {place}, step {step}");
+                host.step().unwrap();
+            }
+            for mut region in host.regions().cloned() {
+                let before: BTreeSet<_> =
+                    region.own_awake().into_iter().map(RigidBodyHandle::into_raw_parts).collect();
+                (region.roused, region.unstepped) = Default::default();
+                region.find_awake();
+                let after: BTreeSet<_> =
+                    region.own_awake().into_iter().map(RigidBodyHandle::into_raw_parts).collect();
+                assert_eq!(before, after, "deed {place}, restored");
+            }
+        }
+        assert!(flagged(&host).contains(&id(6)), "one that is not finite is disabled");
+    }
+}

@@ -294,7 +294,7 @@ impl Author {
     /// Takes back the bodies that were inserted last, since the last step, as if they had never been: their names are given again.
     pub(super) fn take_back(&mut self, bodies: &[BodyId]) {
         let Some(&first) = bodies.first() else { return };
-        self.bodies.retain(|body| body.id < first);
+        self.bodies.retain(|id, _| *id < first);
         self.next_body = first.index();
     }
 

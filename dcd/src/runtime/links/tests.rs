@@ -150,6 +150,24 @@ fn a_node_greets_for_its_own_client_alone() {
 }
 
 #[test]
+fn a_participant_that_is_closed_in_one_role_is_gone_in_the_other() {
+    for as_node in [true, false] {
+        let mut pair = Pair::new(crate::net::JoinRole::Participant);
+        let who = pair.other.who();
+        let roles = [Peer::Node(who.node().unwrap()), Peer::Client(who.client().unwrap())];
+        let [closed, other] = if as_node { roles } else { [roles[1], roles[0]] };
+        pair.links.close(closed, Ending::Refused, "it greets too often");
+        let gone = pair.links.take_given_up().into_iter().map(|event| match event {
+            LinkEvent::Disconnected { peer, ending: Some(Ending::Refused), .. } => peer,
+            other => panic!("{other:?}"),
+        });
+        assert_eq!(gone.collect::<Vec<_>>(), [other]);
+        assert_eq!(roles.map(|role| pair.links.key(role)), [None, None]);
+    }
+}
+
+
+#[test]
 fn a_client_may_be_slow_while_it_is_told_of_the_world_and_not_afterwards() {
     let mut pair = Pair::new(crate::net::JoinRole::Client);
     pair.tell_world(60);

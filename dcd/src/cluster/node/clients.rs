@@ -7,6 +7,8 @@ use crate::space::ClientId;
 
 /// The most inputs kept from clients that hear of their new leader before it does.
 const EARLY_INPUTS: usize = 1_024;
+/// The most that one node, which is no member yet, passes on of them.
+const EARLY_OF_ONE: usize = 256;
 
 impl Node {
     /// Passes on a message of the client in this process; none is sent while this node leads.
@@ -44,12 +46,16 @@ impl Node {
             Peer::Server => true,
         };
         let changes = self.view.is_none() || self.change.is_some();
+        let early = &self.early_words;
+        let has_room = |node| {
+            let of_it = early.iter().filter(|(of, ..)| *of == node).count();
+            early.len() < EARLY_INPUTS && of_it < EARLY_OF_ONE
+        };
         match from {
+            _ if !is_for_leader(&message) => self.counters.refused += 1,
             _ if speaks_for => self.lead_client(client, message),
             // It may be a member of the coming view, which has begun there.
-            Peer::Node(node) if changes && self.early_words.len() < EARLY_INPUTS => {
-                self.early_words.push((node, client, message));
-            }
+            Peer::Node(node) if changes && has_room(node) => self.early_words.push((node, client, message)),
             _ => self.counters.refused += 1,
         }
     }
@@ -67,20 +73,10 @@ impl Node {
             (Some(leader), FromClient::Heard(heard)) => leader.heard(client, heard),
             // Of another leader's states.
             (None, FromClient::Heard(_)) => {}
-            // What lasts is put on record before it happens.
-            (
-                _,
-                message @ (FromClient::Spawn { .. }
-                | FromClient::Despawn(_)
-                | FromClient::Introduce(_)
-                | FromClient::Build { .. }
-                | FromClient::Leave),
-            ) => {
-                self.send(Peer::Server, Message::FromClient(client, message));
-            }
             // The client may hear of its new leader before the leader does.
             (None, message) if self.inputs.len() < EARLY_INPUTS => self.inputs.push((client, message)),
             (None, _) => self.counters.overflow += 1,
+            (Some(_), _) => self.counters.refused += 1,
         }
     }
 
@@ -145,4 +141,11 @@ impl Node {
             (route, message) => self.send(route, Message::ToClient(client, message)),
         }
     }
+}
+
+/// Returns whether a client says this to its leader. None of that is longer than a client's frame; what lasts, and may be longer, is for the
+/// server, which puts it on record before it happens.
+fn is_for_leader(message: &FromClient) -> bool {
+    use FromClient::{Ask, Heard, Input, Interest};
+    matches!(message, Input(_) | Interest(_) | Ask(_) | Heard(_))
 }

@@ -1,0 +1,47 @@
+//! Tests what a node hears of clients.
+
+use super::*;
+
+/// What a client asks of the server, which may be long.
+fn lasting() -> FromClient {
+    FromClient::Spawn { body: sim_body(BodyId::avatar(ClientId(5), 0), [1.0; 3]), shapes: Vec::new() }
+}
+
+fn says(node: &mut Node, from: Peer, message: FromClient) {
+    let message = Message::FromClient(ClientId(5), message);
+    node.handle(NOW, NodeEvent::Message { from, message });
+}
+
+#[test]
+fn a_node_that_is_no_member_yet_fills_no_memory_while_the_view_changes() {
+    let mut node = member();
+    server(&mut node, ToNode::Settle { view: ViewNumber(2) });
+    for _ in 0..2_000 {
+        says(&mut node, Peer::Node(NodeId(3)), lasting());
+    }
+    assert_eq!((node.early_words.len(), node.counters().refused), (0, 2_000));
+}
+
+#[test]
+fn a_node_that_is_no_member_yet_leaves_room_for_what_others_say_of_their_clients() {
+    let mut node = member();
+    server(&mut node, ToNode::Settle { view: ViewNumber(2) });
+    let [one, other] = [3, 4].map(|id| Peer::Node(NodeId(id)));
+    for _ in 0..2_000 {
+        says(&mut node, one, FromClient::Interest(None));
+    }
+    let kept = node.early_words.len();
+    assert!((1..1_000).contains(&kept), "{kept}");
+    says(&mut node, other, FromClient::Interest(None));
+    assert_eq!(node.early_words.len(), kept + 1, "others are not its judge");
+}
+
+#[test]
+fn what_lasts_goes_to_the_server_by_the_clients_own_link_alone() {
+    let mut node = member();
+    let client = Peer::Client(ClientId(5));
+    node.handle(NOW, NodeEvent::Connected(client));
+    drain(&mut node);
+    says(&mut node, client, lasting());
+    assert_eq!((drain(&mut node), node.counters().refused), (vec![], 1));
+}

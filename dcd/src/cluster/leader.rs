@@ -270,6 +270,7 @@ impl Leader {
             balancing.hear(from, done.tick, load);
         }
         self.questions.answered(from, done.answers);
+        self.questions.done(from, done.tick);
         self.messages.extend(self.questions.tell());
         done.events.retain(|events| self.computes(from, events.region, done.tick));
         self.events.extend(done.events.into_iter().map(|events| (events.region, events)));
@@ -378,7 +379,7 @@ impl Leader {
         }
         ops.extend(self.take_inputs().map(WorldOp::Input));
         ops.extend(self.corrections());
-        ops.extend(self.questions.dispatch(&self.members));
+        ops.extend(self.questions.dispatch(self.tick, &self.members));
         self.questions.allow();
         self.messages.extend(self.questions.tell());
         // Members that are not in step cannot exchange within a tick.

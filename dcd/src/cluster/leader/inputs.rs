@@ -38,8 +38,8 @@ pub(super) struct Taken {
 /// An avatar in the world.
 #[derive(Clone, Debug)]
 struct Avatar {
-    /// The logical time of its newest input.
-    newest: Option<u64>,
+    /// The logical times of its newest inputs of each kind; 0: none.
+    newest: [u64; 2],
     /// Its inputs by the tick that is to take them, and their kind.
     waiting: BTreeMap<(Tick, bool), Taken>,
     /// As last heard of, or where it jumps to.
@@ -58,7 +58,7 @@ impl Inputs {
     /// Notes where an avatar is after this tick.
     pub(super) fn see(&mut self, avatar: BodyId, place: [f64; 3], tick: Tick) {
         let jump_m = self.limits.longest_jump_m();
-        let new = || Avatar { newest: None, waiting: BTreeMap::new(), place, jump_m, since: tick };
+        let new = || Avatar { newest: [0; 2], waiting: BTreeMap::new(), place, jump_m, since: tick };
         self.avatars.entry(avatar).or_insert_with(new).place = place;
     }
 
@@ -96,13 +96,15 @@ impl Inputs {
 
     fn admit(&mut self, input: Input, now: Tick) -> Result<(), Refusal> {
         let avatar = self.avatars.get_mut(&input.body).ok_or(Refusal::Unknown)?;
+        let (_, kind) = input.slot();
+        let newest = &mut avatar.newest[usize::from(kind)];
         // Sent again because it might have been lost.
-        if avatar.newest == Some(input.logical_time) {
+        if *newest == input.logical_time {
             return Ok(());
         }
         let next = now.next();
         let names_tick = input.tick != Tick(0);
-        if avatar.newest > Some(input.logical_time) {
+        if *newest > input.logical_time {
             // One that is said twice, since packets are lost, may come before one that was said before it.
             return if names_tick { Ok(()) } else { Err(Refusal::Late) };
         }
@@ -116,14 +118,13 @@ impl Inputs {
             (avatar.jump_m, avatar.since) = (reach_m - way_m, now);
             avatar.place = pose.translation;
         }
-        avatar.newest = Some(input.logical_time);
+        *newest = input.logical_time;
         let client = input.body.client().unwrap_or(ClientId::NOBODY);
         let count = self.counts.get(&client).copied().unwrap_or(0);
         let waits = names_tick && input.tick.0 <= next.0 + AHEAD_TICKS && count < WAITING;
         let tick = if waits { input.tick.max(next) } else { next };
         let early = if names_tick { input.tick.0 as i64 - next.0 as i64 } else { 0 };
         let early = early.clamp(i8::MIN.into(), i8::MAX.into()) as i8;
-        let (_, kind) = input.slot();
         // What was to come with it or after it is older: where that jumped, it was found that it may.
         let older = avatar.waiting.range((tick, false)..).map(|(&key, _)| key);
         let older: Vec<_> = older.filter(|&(_, of)| of == kind).collect();

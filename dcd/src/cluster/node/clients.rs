@@ -94,8 +94,8 @@ impl Node {
         }
     }
 
-    /// Tells the client in this process who leads a view that has begun: it may have heard so from the server, and sent its
-    /// inputs again to the leader of the last view.
+    /// Tells the client in this process who leads a view that has begun, or is linked again, so that it says again what may be lost: it may have
+    /// heard so from the server, and sent its inputs again to the leader of the last view.
     pub(super) fn tell_own_client(&mut self) {
         let Some(view) = self.view.as_ref().filter(|_| self.config.client.is_some()) else { return };
         let message = ToClient::LeaderIs {

@@ -1,4 +1,4 @@
-//! Tests what a node hears of clients.
+//! Tests what a node hears of clients, and what it tells the one in its process.
 
 use super::*;
 
@@ -44,4 +44,15 @@ fn what_lasts_goes_to_the_server_by_the_clients_own_link_alone() {
     drain(&mut node);
     says(&mut node, client, lasting());
     assert_eq!((drain(&mut node), node.counters().refused), (vec![], 1));
+}
+
+#[test]
+fn the_client_in_a_members_process_says_again_what_may_be_lost_with_the_link_to_the_leader() {
+    let mut node = member_with(Some(ClientId(7)), 1, sim_world(2));
+    drain(&mut node);
+    let leader = Peer::Node(NodeId(1));
+    node.handle(NOW, NodeEvent::Disconnected(leader));
+    node.handle(NOW, NodeEvent::Connected(leader));
+    let is_told = |output: &NodeOutput| matches!(output, NodeOutput::Client(ToClient::LeaderIs { .. }));
+    assert!(drain(&mut node).iter().any(is_told));
 }

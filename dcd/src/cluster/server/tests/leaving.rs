@@ -1,6 +1,8 @@
-//! Tests that who is sent away is gone.
+//! Tests that who is sent away is gone, and that nothing is kept of bodies that are.
 
 use super::*;
+use crate::cluster::Key;
+use crate::protocol::{Alteration, BodyKind, BuildOp};
 
 const PLAYER: ClientId = ClientId(5);
 const WHY: &str = "cheating";
@@ -41,4 +43,29 @@ fn who_is_sent_away_is_no_node_again_by_a_greeting_on_the_link_that_it_has() {
     obey(&mut server, 1, outputs);
     assert_eq!(server.linked_nodes().collect::<Vec<_>>(), [NodeId(1)]);
     assert_eq!(server.view().map(|view| view.members.len()), Some(1));
+}
+
+#[test]
+fn nothing_is_kept_of_bodies_that_are_gone() {
+    let [one, wall] = [0, 2].map(BodyId::persistent);
+    let mut bodies: Vec<_> =
+        (0..3).map(|i| sim_body(BodyId::persistent(i), [f64::from(i), 1.0, 1.0])).collect();
+    Arc::make_mut(&mut bodies[2].traits).kind = BodyKind::Fixed;
+    let joints = vec![vicinity::joint(1, 0, 1), vicinity::joint(2, 1, 2)];
+    let mut server = Server::new(config(1), Record::new(bodies, Vec::new(), joints.clone()));
+    let outputs = hello(&mut server, 1, VERSION);
+    obey(&mut server, 1, outputs);
+    let brief = sim_body(BodyId::persistent(7), [3.0; 3]);
+    let insert = BuildOp::Insert { bodies: vec![brief.clone()], shapes: Vec::new(), joints: Vec::new() };
+    let alter = joints.into_iter().map(|joint| BuildOp::Alter(Alteration::Joint(Box::new(joint))));
+    server.handle(NOW, ServerEvent::Program(alter.chain([insert]).collect()));
+    assert_eq!((server.main().retold.keys().len(), server.main().arriving.len()), (2, 1));
+    let gone = [one, brief.id].map(|id| server.record().body(id).unwrap().clone());
+    let remove = [one, brief.id, wall].map(BuildOp::Remove);
+    server.handle(NOW, ServerEvent::Program(remove.to_vec()));
+    let view = server.view().unwrap().number;
+    let removed = ToServer::Removed { view, tick: Tick(1), bodies: gone.to_vec() };
+    tell(&mut server, 1, Message::ToServer(removed));
+    let kept = (server.main().retold.keys(), server.main().arriving.len());
+    assert_eq!(kept, ([Key::GoneScenery(wall)].into(), 0));
 }

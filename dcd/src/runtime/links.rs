@@ -21,7 +21,7 @@ use super::bandwidth::{LinkTotals, Received};
 use super::connections::{Connections, Delivery, Sent};
 use super::ending::{Cause, Ending, Reason};
 use super::fan_out::{Keys, Outlet};
-use super::repeats::Repeats;
+use super::repeats::{Repeats, is_awaited};
 use crate::cluster::Peer;
 use crate::net::{CloseCause, CloseCode, Net, NetError, NetEvent, NetTotals, PeerKey, PeerName, SendError};
 use crate::protocol::{self, CodecError, Hello, JoinAs, Lane, Message, ToClient};
@@ -392,6 +392,7 @@ impl Links {
 
     /// Translates a network event into link events.
     pub(super) fn translate(&mut self, event: NetEvent) -> Vec<LinkEvent> {
+        let is_datagram = matches!(event, NetEvent::Datagram { .. });
         match event {
             NetEvent::Connected { peer: key, who, addr } => {
                 self.dialled.remove(&key);
@@ -432,6 +433,10 @@ impl Links {
                     self.received.count(message.subject(), bytes.len());
                 }
                 let heard = match message {
+                    Ok(message) if is_datagram && !may_overtake(&message) => Err((
+                        Ending::BrokeRule,
+                        "a message that keeps its place among others came in a datagram".to_owned(),
+                    )),
                     Ok(Message::Program(program)) => match self.connections.heard(key, program) {
                         Ok(()) => return Vec::new(),
                         Err(rule) => Err((Ending::BrokeRule, rule.to_owned())),
@@ -558,6 +563,11 @@ impl Links {
 fn speaks_for_another(who: PeerName, message: &Message) -> bool {
     let Message::Hello(Hello { role: JoinAs::Node { client, .. }, .. }) = message else { return false };
     who.node().is_some() && *client != who.client()
+}
+
+/// Returns whether a message may come in a datagram, before others that were sent earlier.
+fn may_overtake(message: &Message) -> bool {
+    message.lane() == Lane::State || is_awaited(message)
 }
 
 /// Returns the events that the end of a link means for the peers behind it.

@@ -5,10 +5,10 @@ use std::time::SystemTime;
 
 use super::*;
 use crate::net::{Authority, Identity, Limits, NetConfig, NetEvents, join};
-use crate::protocol::{Chunk, Program};
+use crate::protocol::{Chunk, FromClient, Input, Program, Velocity};
 use crate::runtime::{Cause, ConnectionChange, ConnectionError};
 use crate::sim::{sim_body, sim_world};
-use crate::space::BodyId;
+use crate::space::{BodyId, Tick};
 
 const PATIENCE: Duration = Duration::from_secs(20);
 
@@ -166,6 +166,34 @@ fn a_participant_that_is_closed_in_one_role_is_gone_in_the_other() {
     }
 }
 
+#[test]
+fn only_what_may_overtake_others_comes_in_a_datagram() {
+    let input = |tick| Input {
+        body: BodyId::avatar(ClientId(1), 0),
+        logical_time: 1,
+        tick: Tick(tick),
+        velocity: Velocity::default(),
+        pose: None,
+        drive: None,
+    };
+    for (tick, is_heard) in [(7, true), (0, false)] {
+        let mut pair = Pair::new(crate::net::JoinRole::Client);
+        let NetEvent::Connected { peer: server, .. } = pair.other_events.recv_timeout(PATIENCE).unwrap()
+        else {
+            panic!("it is linked")
+        };
+        let message = Message::FromClient(ClientId(1), FromClient::Input(input(tick)));
+        pair.other.send_datagram(server, protocol::encode(&message)).unwrap();
+        let events = pair.hear();
+        match is_heard {
+            true => assert!(matches!(events[..], [LinkEvent::Message { .. }]), "{events:?}"),
+            false => assert!(
+                matches!(events[..], [LinkEvent::Disconnected { ending: Some(Ending::BrokeRule), .. }]),
+                "{events:?}"
+            ),
+        }
+    }
+}
 
 #[test]
 fn a_client_may_be_slow_while_it_is_told_of_the_world_and_not_afterwards() {

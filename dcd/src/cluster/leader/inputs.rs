@@ -26,6 +26,10 @@ pub(super) struct Inputs {
     counts: BTreeMap<ClientId, usize>,
     /// Newest inputs of each kind for avatars not heard of yet, and since when they wait.
     early: BTreeMap<(BodyId, bool), (Input, Tick)>,
+    /// The logical times of the newest inputs of each kind that were done before the view.
+    done: BTreeMap<(BodyId, bool), u64>,
+    /// Clients that have said such inputs again, and up to which, since the last tick.
+    said_again: BTreeMap<ClientId, u64>,
 }
 
 /// An input for a tick, and how many ticks before the one that it names it came.
@@ -52,13 +56,33 @@ struct Avatar {
 impl Inputs {
     pub(super) fn new(world: &EnvironmentProperties) -> Self {
         let limits = AvatarLimits::of(world);
-        Self { limits, avatars: BTreeMap::new(), counts: BTreeMap::new(), early: BTreeMap::new() }
+        Self {
+            limits,
+            avatars: BTreeMap::new(),
+            counts: BTreeMap::new(),
+            early: BTreeMap::new(),
+            done: BTreeMap::new(),
+            said_again: BTreeMap::new(),
+        }
     }
 
-    /// Notes where an avatar is after this tick.
-    pub(super) fn see(&mut self, avatar: BodyId, place: [f64; 3], tick: Tick) {
+    /// Passes over inputs that were done before the view, where the avatar lives on in it.
+    pub(super) fn pass_over(&mut self, done: BTreeMap<(BodyId, bool), u64>) {
+        self.done = done;
+    }
+
+    /// Returns the clients that have said inputs again that were done before the view, and up to which, since the last call.
+    pub(super) fn take_said_again(&mut self) -> BTreeMap<ClientId, u64> {
+        std::mem::take(&mut self.said_again)
+    }
+
+    /// Notes where an avatar is after this tick, and whether it is as it was in the view before: placed anew, it may be as it was before its
+    /// last inputs.
+    pub(super) fn see(&mut self, avatar: BodyId, place: [f64; 3], tick: Tick, lives_on: bool) {
         let jump_m = self.limits.longest_jump_m();
-        let new = || Avatar { newest: [0; 2], waiting: BTreeMap::new(), place, jump_m, since: tick };
+        let done = |kind| self.done.get(&(avatar, kind)).copied().filter(|_| lives_on).unwrap_or_default();
+        let newest = [done(false), done(true)];
+        let new = || Avatar { newest, waiting: BTreeMap::new(), place, jump_m, since: tick };
         self.avatars.entry(avatar).or_insert_with(new).place = place;
     }
 
@@ -100,6 +124,11 @@ impl Inputs {
         let newest = &mut avatar.newest[usize::from(kind)];
         // Sent again because it might have been lost.
         if *newest == input.logical_time {
+            if self.done.get(&input.slot()) == Some(newest) {
+                let client = input.body.client().unwrap_or(ClientId::NOBODY);
+                let newest = self.said_again.entry(client).or_default();
+                *newest = input.logical_time.max(*newest);
+            }
             return Ok(());
         }
         let next = now.next();

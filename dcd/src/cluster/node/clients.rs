@@ -2,8 +2,8 @@
 
 use super::{Node, NodeOutput};
 use crate::cluster::{Leader, Peer, ReplicationEvent};
-use crate::protocol::{FromClient, Message, ToClient};
-use crate::space::ClientId;
+use crate::protocol::{FromClient, Message, ToClient, WorldOp};
+use crate::space::{BodyId, ClientId};
 
 /// The most inputs kept from clients that hear of their new leader before it does.
 const EARLY_INPUTS: usize = 1_024;
@@ -78,6 +78,32 @@ impl Node {
             (None, _) => self.counters.overflow += 1,
             (Some(_), _) => self.counters.refused += 1,
         }
+    }
+
+    /// Notes the inputs that a tick does: whoever made them may say them again to the next leader.
+    pub(super) fn note_inputs(&mut self, ops: &[WorldOp]) {
+        for op in ops {
+            match op {
+                WorldOp::Input(input) if input.logical_time > 0 => {
+                    let newest = self.done_inputs.entry(input.slot()).or_default();
+                    *newest = input.logical_time.max(*newest);
+                }
+                WorldOp::Remove(id) => self.forget_inputs(*id),
+                _ => {}
+            }
+        }
+    }
+
+    /// Tells the leader of a view that begins, if that is here, which inputs are done. Bodies are dropped with the one before.
+    pub(super) fn hand_inputs_on(&mut self, dropped: &[BodyId]) {
+        dropped.iter().for_each(|&id| self.forget_inputs(id));
+        if let Some(leader) = &mut self.leader {
+            leader.pass_over(self.done_inputs.clone());
+        }
+    }
+
+    fn forget_inputs(&mut self, id: BodyId) {
+        [false, true].into_iter().for_each(|kind| _ = self.done_inputs.remove(&(id, kind)));
     }
 
     /// Handles, once a view has begun, what clients sent this node in advance, if it leads.

@@ -56,3 +56,48 @@ fn the_client_in_a_members_process_says_again_what_may_be_lost_with_the_link_to_
     let is_told = |output: &NodeOutput| matches!(output, NodeOutput::Client(ToClient::LeaderIs { .. }));
     assert!(drain(&mut node).iter().any(is_told));
 }
+
+#[test]
+fn a_leader_does_no_jump_again_that_it_has_done_as_a_member_and_one_of_an_avatar_that_is_gone() {
+    let jump = |client: u32| Input {
+        body: BodyId::avatar(ClientId(client), 0),
+        logical_time: 7,
+        tick: Tick(0),
+        velocity: Velocity::default(),
+        pose: Some(Default::default()),
+        drive: None,
+    };
+    let mut node = member();
+    border(&mut node, 1, 0, vec![]);
+    settle(&mut node);
+    let [stays, goes] = [1, 2].map(jump);
+    begin(&mut node, 1, vec![WorldOp::Input(stays), WorldOp::Input(goes)]);
+    border(&mut node, 1, 1, vec![]);
+    settle(&mut node);
+    begin(&mut node, 2, vec![WorldOp::Remove(goes.body)]);
+    border(&mut node, 1, 2, vec![]);
+    settle(&mut node);
+    change_view(&mut node, 2);
+    node.handle(NOW, NodeEvent::Physics(PhysicsEvent::Surveyed(vec![])));
+    let present = node.view().unwrap().clone();
+    let view = View { number: ViewNumber(2), tick: Tick(2), leader: NodeId(2), ..present };
+    server(&mut node, ToNode::Adopt { view, drop: vec![] });
+    let state = |input: Input| crate::protocol::SharedState {
+        id: input.body,
+        owner: RegionId(1),
+        epoch: crate::space::Epoch(1),
+        pose: Default::default(),
+        velocity: Velocity::default(),
+        sleeping: false,
+    };
+    let states = [stays, goes].map(state).to_vec();
+    let report = Message::Report(crate::protocol::Report { view: ViewNumber(2), tick: Tick(2), states });
+    node.handle(NOW, NodeEvent::Message { from: Peer::Node(NodeId(1)), message: report });
+    for input in [stays, goes] {
+        let from = Peer::Client(input.body.client().unwrap());
+        let message = Message::FromClient(input.body.client().unwrap(), FromClient::Input(input));
+        node.handle(NOW, NodeEvent::Message { from, message });
+    }
+    let due: Vec<_> = node.leader().unwrap().inputs().collect();
+    assert_eq!((due, node.counters().refused), (vec![goes], 0));
+}

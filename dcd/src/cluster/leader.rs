@@ -29,7 +29,7 @@ use crate::protocol::{
     Query, Refusal, RegionEvents, Repartition, Report, SharedState, Thresholds, ToClient, ToServer, View,
     ViewNumber, WorldOp, encoded_len, most_items,
 };
-use crate::space::{Allocation, BodyId, ClientId, NodeId, RegionId, Renaming, Tick};
+use crate::space::{Allocation, BodyId, ClientId, Epoch, NodeId, RegionId, Renaming, Tick};
 
 /// The most bytes of the server's operations in one tick, unless the first is longer: what is left over waits.
 const OPS_BYTES: usize = 4 << 20;
@@ -270,6 +270,7 @@ impl Leader {
             balancing.hear(from, done.tick, load);
         }
         self.questions.answered(from, done.answers);
+        self.questions.done(from, done.tick);
         self.messages.extend(self.questions.tell());
         done.events.retain(|events| self.computes(from, events.region, done.tick));
         self.events.extend(done.events.into_iter().map(|events| (events.region, events)));
@@ -317,7 +318,8 @@ impl Leader {
             self.moved.insert(state.id);
             self.moved_here(state.id);
             if state.id.client().is_some() {
-                self.inputs.see(state.id, state.pose.translation, report.tick);
+                let lives_on = state.epoch < Epoch::placed_in(self.view.0);
+                self.inputs.see(state.id, state.pose.translation, report.tick, lives_on);
             }
         }
         refused
@@ -378,7 +380,7 @@ impl Leader {
         }
         ops.extend(self.take_inputs().map(WorldOp::Input));
         ops.extend(self.corrections());
-        ops.extend(self.questions.dispatch(&self.members));
+        ops.extend(self.questions.dispatch(self.tick, &self.members));
         self.questions.allow();
         self.messages.extend(self.questions.tell());
         // Members that are not in step cannot exchange within a tick.
@@ -390,10 +392,13 @@ impl Leader {
     /// Takes the inputs of the tick, and notes up to which each client's are applied.
     fn take_inputs(&mut self) -> impl Iterator<Item = Input> + use<> {
         let taken = self.inputs.take(self.tick);
-        for Taken { input, early } in &taken {
-            if let Some(client) = input.body.client().filter(|client| self.clients.contains_key(client)) {
+        let said_again = self.inputs.take_said_again().into_iter().map(|(client, time)| (client, (time, 0)));
+        let newest =
+            |Taken { input, early }: &Taken| Some((input.body.client()?, (input.logical_time, *early)));
+        for (client, newest) in said_again.chain(taken.iter().filter_map(newest)) {
+            if self.clients.contains_key(&client) {
                 let applied = self.applied.entry(client).or_default();
-                *applied = (input.logical_time, *early).max(*applied);
+                *applied = newest.max(*applied);
                 self.news.has_applied(client, *applied);
             }
         }
@@ -476,7 +481,7 @@ impl Leader {
     /// Notes that a body is inserted in the present tick.
     fn appears(&mut self, body: &BodyRecord) {
         if body.id.client().is_some() {
-            self.inputs.see(body.id, body.state.pose.translation, self.tick);
+            self.inputs.see(body.id, body.state.pose.translation, self.tick, false);
         }
         if let Some(since) = self.gone.get_mut(&body.id) {
             *since = self.tick;
@@ -541,6 +546,11 @@ impl Leader {
             });
         }
         self.contacts = contacts;
+    }
+
+    /// Passes over inputs that are said again, of each kind for each avatar up to this logical time: ticks before the view have done them.
+    pub(super) fn pass_over(&mut self, done: BTreeMap<(BodyId, bool), u64>) {
+        self.inputs.pass_over(done);
     }
 
     /// Returns whether there are clients to send states to.

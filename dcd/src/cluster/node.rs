@@ -156,6 +156,8 @@ pub struct Node {
     inputs: Vec<(ClientId, FromClient)>,
     /// What nodes that are no members yet passed on of their clients.
     early_words: Vec<(NodeId, ClientId, FromClient)>,
+    /// The logical times of the newest inputs of each kind that ticks have done here, for the leader that this node may be.
+    done_inputs: BTreeMap<(BodyId, bool), u64>,
     /// The newest interest of the client in this process.
     interest: Option<FromClient>,
     links: BTreeSet<Peer>,
@@ -256,6 +258,7 @@ impl Node {
             replication: None,
             inputs: Vec::new(),
             early_words: Vec::new(),
+            done_inputs: BTreeMap::new(),
             interest,
             links: BTreeSet::new(),
             link: Links::default(),

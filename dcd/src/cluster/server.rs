@@ -24,7 +24,7 @@ mod vicinity;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
-use self::common::{ABSENCE, ClientEntry, Common};
+use self::common::{ABSENCE, ClientEntry, Common, NodeEntry};
 use self::group::Group;
 use self::nodes::Resumption;
 use self::questions::Questions;
@@ -530,7 +530,13 @@ impl Server {
                     Resumption::Member(group) => self.resume(member, group),
                     Resumption::Undecided => self.link_again(member),
                     Resumption::Anew => {
+                        let unwanted = self.common.nodes.get(&node).and_then(|entry| entry.unwanted.clone());
                         self.lose(node);
+                        if let Some((farewell @ Farewell::SentAway, reason)) = unwanted {
+                            // Its link stays until it has handed its regions over, and it has let go of them.
+                            self.common.dismiss(node, farewell, reason);
+                            return self.common.tell_roster();
+                        }
                         // Who could not reach it before may do so now.
                         for entry in self.common.nodes.values_mut() {
                             entry.delays.remove(&node);
@@ -568,6 +574,14 @@ impl Server {
     }
 
     fn welcome_client(&mut self, client: ClientId, interest: Option<Area>) {
+        let is_sent_away = |entry: &NodeEntry| {
+            entry.member.client == Some(client) && matches!(entry.unwanted, Some((Farewell::SentAway, _)))
+        };
+        // It is told why over the link that it shares with its node, once that has handed its regions over.
+        if self.common.nodes.values().any(is_sent_away) {
+            self.common.stale += 1;
+            return;
+        }
         if !self.common.allowances.entry(client).or_default().welcome(self.common.now) {
             self.common.send_client(client, ToClient::Rejected { body: None, reason: Refusal::TooMany });
             self.common.close(Peer::Client(client), Farewell::Refused, Refusal::TooMany.to_string());

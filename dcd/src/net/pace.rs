@@ -1,7 +1,7 @@
 //! Paces the reading of a client's frames: a flood is left where it is, at its sender, and costs us nothing (generic cell rate
-//! algorithm, ITU-T I.371).
+//! algorithm, ITU-T I.371). Of a flood of datagrams the rest is dropped.
 
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 /// What may come at once after a pause: all of this time.
@@ -25,11 +25,30 @@ impl Pace {
 
     /// Counts a frame of this length. Returns when it may be read, if not now.
     pub(super) fn count(&self, now: Instant, bytes: usize) -> Option<Instant> {
-        let frames = u32::try_from(bytes / FRAME_BYTES).unwrap_or(u32::MAX).saturating_add(1);
-        let mut even_at = self.even_at.lock().unwrap_or_else(PoisonError::into_inner);
-        let next = even_at.map_or(now, |at| at.max(now)) + self.per_frame.saturating_mul(frames);
+        let mut even_at = self.even_at();
+        let next = self.next(*even_at, now, bytes);
         *even_at = Some(next);
         next.checked_sub(BURST).filter(|at| *at > now)
+    }
+
+    /// Counts a datagram of this length, if it may be read now. Returns whether it may: once it had waited it would be of no use.
+    pub(super) fn admits(&self, now: Instant, bytes: usize) -> bool {
+        let mut even_at = self.even_at();
+        let next = self.next(*even_at, now, bytes);
+        let is_due = next.checked_sub(BURST).is_none_or(|at| at <= now);
+        if is_due {
+            *even_at = Some(next);
+        }
+        is_due
+    }
+
+    fn next(&self, even_at: Option<Instant>, now: Instant, bytes: usize) -> Instant {
+        let frames = u32::try_from(bytes / FRAME_BYTES).unwrap_or(u32::MAX).saturating_add(1);
+        even_at.map_or(now, |at| at.max(now)) + self.per_frame.saturating_mul(frames)
+    }
+
+    fn even_at(&self) -> MutexGuard<'_, Option<Instant>> {
+        self.even_at.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -51,5 +70,15 @@ mod tests {
         assert!(long.count(start, 10).is_some(), "a long frame counts as several");
         let free = Pace::new(None);
         assert!((0..10_000).all(|_| free.count(start, 1 << 20).is_none()));
+        assert!((0..10_000).all(|_| free.admits(start, 1 << 10)));
+    }
+
+    #[test]
+    fn datagrams_that_come_faster_are_refused_and_put_nothing_off() {
+        let (pace, start) = (Pace::new(Some(100)), Instant::now());
+        let admitted = |at: Instant, sent: usize| (0..sent).filter(|_| pace.admits(at, 10)).count();
+        assert_eq!(admitted(start, 10_000), 100, "a second's worth at once");
+        assert_eq!(admitted(start + Duration::from_millis(500), 10_000), 50, "and then those of the pace");
+        assert!(pace.count(start + Duration::from_millis(500), 10).is_some(), "frames count with them");
     }
 }

@@ -278,8 +278,9 @@ impl Peer {
         let inbox = Arc::new(Semaphore::new(DATAGRAM_INBOX_BYTES));
         while let Ok(bytes) = self.connection.read_datagram().await {
             count(&self.counters.datagrams_in, &self.counters.bytes_in, bytes.len());
-            let Ok(share) = inbox.clone().try_acquire_many_owned(share_of(bytes.len(), DATAGRAM_INBOX_BYTES))
-            else {
+            let share = share_of(bytes.len(), DATAGRAM_INBOX_BYTES);
+            let share = inbox.clone().try_acquire_many_owned(share);
+            let Some(share) = share.ok().filter(|_| self.pace.admits(Instant::now(), bytes.len())) else {
                 self.counters.datagrams_dropped.fetch_add(1, Ordering::Relaxed);
                 continue;
             };

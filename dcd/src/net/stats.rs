@@ -26,7 +26,7 @@ pub struct PeerStats {
     pub datagrams_in: u64,
     /// Datagrams given to send.
     pub datagrams_out: u64,
-    /// Datagrams that we dropped: the link was congested, or our own loop was slow to read them.
+    /// Datagrams that we dropped: the link was congested, our own loop was slow to read them, or a client sent more than it may.
     pub datagrams_dropped: u64,
     /// Bytes that wait because the peer or the link is slow.
     pub bytes_waiting: u64,

@@ -243,6 +243,9 @@ impl PhysicsDevice {
         for message in &incoming {
             let bodies = message.replicas.iter().map(|body| body.id);
             let transfers = message.transfers.iter().map(|transfer| transfer.body.id);
+            // Whoever had them tells of them no more, and they may sleep before the next sample here.
+            self.report.awake.extend(transfers.clone());
+            self.checkpoint.awake.extend(transfers.clone());
             self.avatars.extend(bodies.chain(transfers).filter(|id| id.client().is_some()));
         }
         let host = self.host.as_mut().expect("a world comes before commands");
@@ -428,7 +431,7 @@ fn contact_pairs(world: &PhysicsWorld) -> u32 {
     world.narrow_phase.contact_graph().interactions().count() as u32
 }
 
-/// The bodies that were awake at the last sample, so that falling asleep is reported once.
+/// The bodies that were awake at the last sample, or came since, so that falling asleep is reported once.
 #[derive(Default)]
 struct Sampler {
     awake: BTreeSet<BodyId>,
@@ -436,15 +439,14 @@ struct Sampler {
 
 impl Sampler {
     fn sample(&mut self, host: &RegionHost, sampling: Sampling) -> BTreeSet<BodyId> {
+        if sampling == Sampling::Nothing {
+            return BTreeSet::new();
+        }
+        let awake = host.awake_bodies();
+        let before = std::mem::replace(&mut self.awake, awake.clone());
         match sampling {
-            Sampling::Nothing => BTreeSet::new(),
             Sampling::All => host.owned_bodies().map(|(id, ..)| id).collect(),
-            Sampling::Moved => {
-                let awake = host.awake_bodies();
-                let moved = awake.union(&self.awake).copied().collect();
-                self.awake = awake;
-                moved
-            }
+            _ => awake.union(&before).copied().collect(),
         }
     }
 }
@@ -453,9 +455,9 @@ impl Sampler {
 mod tests {
     use super::*;
     use crate::physics::{Region, joint_record};
-    use crate::protocol::{Placed, Velocity, WorldPose};
+    use crate::protocol::{Placed, Transfer, Velocity, WorldPose};
     use crate::sim::{sim_body, sim_world};
-    use crate::space::JointId;
+    use crate::space::{Epoch, JointId, RegionSet};
     use rapier3d::prelude::FixedJointBuilder;
 
     #[test]
@@ -527,5 +529,58 @@ mod tests {
             panic!("it answers");
         };
         assert_eq!(awake.iter().map(|state| state.id).collect::<Vec<_>>(), [near]);
+    }
+
+    /// Ends a tick with this sample of each kind; returns the bodies that they tell of.
+    fn sampled(
+        physics: &mut PhysicsDevice,
+        tick: Tick,
+        incoming: Vec<BorderMessage>,
+        sampling: Sampling,
+    ) -> [Vec<BodyId>; 2] {
+        let (report, checkpoint) = (sampling, sampling);
+        let accept = PhysicsCommand::Accept { tick, round: 0, incoming, report, checkpoint, load: false };
+        let Some(PhysicsEvent::Settled { report, checkpoint, .. }) = physics.run(accept).unwrap() else {
+            panic!("it answers");
+        };
+        let checkpoint = checkpoint.iter().map(|body| body.id).collect();
+        [report.iter().map(|state| state.id).collect(), checkpoint]
+    }
+
+    #[test]
+    fn what_was_placed_or_came_awake_and_sleeps_before_the_next_sample_is_told_of_once() {
+        let mut physics = PhysicsDevice::new(1);
+        let world = sim_world(2);
+        let tree = world.tree.clone();
+        let regions: Vec<_> = tree.leaves().collect();
+        let (own, other) = (regions[0], regions[1]);
+        physics.run(PhysicsCommand::World(world)).unwrap();
+        let [placed, comes] = [1, 2].map(BodyId::persistent);
+        let nearly_asleep = |id, x| {
+            let mut body = sim_body(id, [x, 1.0, 1.0]);
+            (body.epoch, body.state.still_s) = (Epoch(1), 1.999);
+            body
+        };
+        let bodies = vec![Placed { region: own, body: nearly_asleep(placed, 1.0) }];
+        let (regions, joints, drop) = (vec![own], Vec::new(), Vec::new());
+        physics
+            .run(PhysicsCommand::Rebuild { tick: Tick(3), tree, regions, placed: bodies, joints, drop })
+            .unwrap();
+        assert_eq!(sampled(&mut physics, Tick(3), vec![], Sampling::All), [vec![placed], vec![placed]]);
+        let body = nearly_asleep(comes, 3.0);
+        let transfers = vec![Transfer { body, holders: RegionSet::EMPTY, whole: false }];
+        let message =
+            BorderMessage { from: other, to: own, tick: Tick(4), transfers, ..BorderMessage::default() };
+        let mut ends = |tick: u64, incoming, sampling| {
+            physics.run(PhysicsCommand::Step { tick: Tick(tick), rounds: 1, ops: Vec::new() }).unwrap();
+            sampled(&mut physics, Tick(tick), incoming, sampling)
+        };
+        ends(4, vec![message], Sampling::Nothing);
+        for tick in 5..10 {
+            ends(tick, vec![], Sampling::Nothing);
+        }
+        let both = vec![placed, comes];
+        assert_eq!(ends(10, vec![], Sampling::Moved), [both.clone(), both]);
+        assert_eq!(ends(11, vec![], Sampling::Moved), [vec![], vec![]], "they have slept before");
     }
 }

@@ -21,7 +21,7 @@ use super::bandwidth::{LinkTotals, Received};
 use super::connections::{Connections, Delivery, Sent};
 use super::ending::{Cause, Ending, Reason};
 use super::fan_out::{Keys, Outlet};
-use super::repeats::Repeats;
+use super::repeats::{Repeats, is_awaited};
 use crate::cluster::Peer;
 use crate::net::{CloseCause, CloseCode, Net, NetError, NetEvent, NetTotals, PeerKey, PeerName, SendError};
 use crate::protocol::{self, CodecError, Hello, JoinAs, Lane, Message, ToClient};
@@ -309,12 +309,12 @@ impl Links {
         })
     }
 
-    /// Takes the events of links that were given up here, for our own state machines.
+    /// Takes the events of links that ended here, for our own state machines.
     pub(super) fn take_given_up(&mut self) -> Vec<LinkEvent> {
         let given_up = std::mem::take(&mut self.given_up);
         for event in &given_up {
             if let LinkEvent::Disconnected { peer, .. } = event {
-                // Queued before we gave the peer up.
+                // Queued before we ended it.
                 self.waiting.remove(peer);
             }
         }
@@ -326,7 +326,7 @@ impl Links {
         let who = self.key(peer).and_then(|key| self.names.get(&key));
         let peers = who.map_or_else(|| vec![peer], |&who| self.peers_of(who));
         for &peer in &peers {
-            self.end(peer, Ending::TooSlow);
+            self.cut(peer, Ending::TooSlow, Ending::TooSlow.words());
         }
         let gone = gone(peers, Some(Ending::TooSlow), Ending::TooSlow.words());
         self.given_up.extend(gone);
@@ -349,8 +349,18 @@ impl Links {
         self.close(peer, ending, ending.words());
     }
 
-    /// Ends a link after what was sent has arrived, with a text of the caller's.
+    /// Ends a link after what was sent has arrived, with a text of the caller's. Our own state machines hear of it from the others behind it: a
+    /// participant is gone as a node and as a client.
     pub(super) fn close(&mut self, peer: Peer, ending: Ending, words: &str) {
+        let who = self.key(peer).and_then(|key| self.names.get(&key).copied());
+        let mut others = who.map(|who| self.peers_of(who)).unwrap_or_default();
+        others.retain(|&other| other != peer);
+        self.cut(peer, ending, words);
+        self.given_up.extend(gone(others, Some(ending), words));
+    }
+
+    /// Does so where all behind it are known to be gone.
+    fn cut(&mut self, peer: Peer, ending: Ending, words: &str) {
         self.waiting.remove(&peer);
         self.told.remove(&peer);
         let key = self.keys_mut().remove(&peer);
@@ -382,6 +392,7 @@ impl Links {
 
     /// Translates a network event into link events.
     pub(super) fn translate(&mut self, event: NetEvent) -> Vec<LinkEvent> {
+        let is_datagram = matches!(event, NetEvent::Datagram { .. });
         match event {
             NetEvent::Connected { peer: key, who, addr } => {
                 self.dialled.remove(&key);
@@ -422,6 +433,10 @@ impl Links {
                     self.received.count(message.subject(), bytes.len());
                 }
                 let heard = match message {
+                    Ok(message) if is_datagram && !may_overtake(&message) => Err((
+                        Ending::BrokeRule,
+                        "a message that keeps its place among others came in a datagram".to_owned(),
+                    )),
                     Ok(Message::Program(program)) => match self.connections.heard(key, program) {
                         Ok(()) => return Vec::new(),
                         Err(rule) => Err((Ending::BrokeRule, rule.to_owned())),
@@ -441,7 +456,7 @@ impl Links {
                         warn!(?who, error, "a peer sent what it may not and is disconnected");
                         let peers = self.peers_of(who);
                         for &peer in &peers {
-                            self.close(peer, ending, &error);
+                            self.cut(peer, ending, &error);
                         }
                         gone(peers, Some(ending), &error)
                     }
@@ -548,6 +563,11 @@ impl Links {
 fn speaks_for_another(who: PeerName, message: &Message) -> bool {
     let Message::Hello(Hello { role: JoinAs::Node { client, .. }, .. }) = message else { return false };
     who.node().is_some() && *client != who.client()
+}
+
+/// Returns whether a message may come in a datagram, before others that were sent earlier.
+fn may_overtake(message: &Message) -> bool {
+    message.lane() == Lane::State || is_awaited(message)
 }
 
 /// Returns the events that the end of a link means for the peers behind it.

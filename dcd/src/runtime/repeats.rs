@@ -49,13 +49,8 @@ impl Repeats {
 
     /// Keeps a message that was sent now, if a tick waits for it, the link loses packets, and it fits into one.
     pub(super) fn sent(&mut self, now: Instant, link: Peer, message: &Message, bytes: &[u8]) {
-        let is_awaited = match message {
-            Message::Border(_) | Message::Dispatch(_) => true,
-            Message::FromClient(_, FromClient::Input(input)) => input.tick != Tick(0),
-            _ => false,
-        };
         let is_lossy = self.links.get(&link).is_some_and(|losses| losses.share > LOSSY);
-        if is_awaited && is_lossy && bytes.len() <= DATAGRAM_BYTES {
+        if is_awaited(message) && is_lossy && bytes.len() <= DATAGRAM_BYTES {
             self.waiting.push_back((now + LATER, link, bytes.to_vec()));
         }
     }
@@ -74,6 +69,15 @@ impl Repeats {
     /// Forgets all links but these.
     pub(super) fn retain(&mut self, is_up: impl Fn(&Peer) -> bool) {
         self.links.retain(|link, _| is_up(link));
+    }
+}
+
+/// Returns whether a tick waits for a message, which may overtake others.
+pub(super) fn is_awaited(message: &Message) -> bool {
+    match message {
+        Message::Border(_) | Message::Dispatch(_) => true,
+        Message::FromClient(_, FromClient::Input(input)) => input.tick != Tick(0),
+        _ => false,
     }
 }
 

@@ -11,7 +11,8 @@ use crate::space::BodyId;
 /// An input that a leader has answered is not said again to the next one when it is older than this: much may have happened since.
 const STILL_MEANT: Duration = Duration::from_secs(5);
 
-/// A jump goes along with later inputs that are said again for so long: the avatar has moved on, if a leader did it without an answer.
+/// A jump that was done, or may have been without an answer, is said again for so long, as the leader may have taken it with it: by then the
+/// avatar has moved on.
 const JUMP_MEANT: Duration = Duration::from_secs(1);
 
 /// The newest input of each kind for each avatar.
@@ -88,10 +89,13 @@ impl NewestInputs {
             !is_answered || kept.made + STILL_MEANT >= now
         };
         let said = |kept: &Kept| {
-            // Where an older one said that it jumps, and a leader has answered that, or may have done it long ago, it does not jump again.
             let is_open = kept.jumped > self.applied && !kept.is_refused;
-            let is_meant = is_open && (!kept.is_jump_sent || kept.jumped_at + JUMP_MEANT >= now);
-            let jumps = kept.jumped == kept.input.logical_time || is_meant;
+            let is_recent = kept.jumped_at + JUMP_MEANT >= now;
+            let jumps = match kept.jumped == kept.input.logical_time {
+                true => is_open || is_recent,
+                // Where an older one said that it jumps, and a leader has answered that, or may have done it long ago, it does not jump again.
+                false => is_open && (!kept.is_jump_sent || is_recent),
+            };
             Input { pose: kept.input.pose.filter(|_| jumps), ..kept.input }
         };
         let mut inputs: Vec<_> = self.inputs.values().filter(is_due).map(said).collect();
@@ -203,6 +207,25 @@ mod tests {
         newest.are_refused(avatar);
         newest.keep(input(6, None), Duration::ZERO, true);
         assert_eq!(again(&newest), [input(6, None)], "it may not jump there");
+    }
+
+    #[test]
+    fn a_jump_that_was_done_is_not_said_again_long_after_though_nothing_was_asked_since() {
+        let mut newest = NewestInputs::default();
+        let input = Input {
+            body: BodyId::avatar(ClientId(1), 0),
+            logical_time: 1,
+            tick: Tick(0),
+            velocity: Velocity::default(),
+            pose: Some(WorldPose::at([1.0, 2.0, 3.0])),
+            drive: None,
+        };
+        newest.keep(input, Duration::ZERO, true);
+        let again = |newest: &NewestInputs, at| newest.to_say_again(Duration::from_secs(at));
+        assert_eq!(again(&newest, 2), [input], "nobody may have heard it");
+        newest.are_applied(1);
+        assert_eq!(again(&newest, 1), [input], "the leader may have taken it with it");
+        assert_eq!(again(&newest, 2), [Input { pose: None, ..input }]);
     }
 
     #[test]

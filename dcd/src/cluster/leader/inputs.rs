@@ -26,6 +26,10 @@ pub(super) struct Inputs {
     counts: BTreeMap<ClientId, usize>,
     /// Newest inputs of each kind for avatars not heard of yet, and since when they wait.
     early: BTreeMap<(BodyId, bool), (Input, Tick)>,
+    /// The logical times of the newest inputs of each kind that were done before the view.
+    done: BTreeMap<(BodyId, bool), u64>,
+    /// Clients that have said such inputs again, and up to which, since the last tick.
+    said_again: BTreeMap<ClientId, u64>,
 }
 
 /// An input for a tick, and how many ticks before the one that it names it came.
@@ -38,8 +42,8 @@ pub(super) struct Taken {
 /// An avatar in the world.
 #[derive(Clone, Debug)]
 struct Avatar {
-    /// The logical time of its newest input.
-    newest: Option<u64>,
+    /// The logical times of its newest inputs of each kind; 0: none.
+    newest: [u64; 2],
     /// Its inputs by the tick that is to take them, and their kind.
     waiting: BTreeMap<(Tick, bool), Taken>,
     /// As last heard of, or where it jumps to.
@@ -52,13 +56,33 @@ struct Avatar {
 impl Inputs {
     pub(super) fn new(world: &EnvironmentProperties) -> Self {
         let limits = AvatarLimits::of(world);
-        Self { limits, avatars: BTreeMap::new(), counts: BTreeMap::new(), early: BTreeMap::new() }
+        Self {
+            limits,
+            avatars: BTreeMap::new(),
+            counts: BTreeMap::new(),
+            early: BTreeMap::new(),
+            done: BTreeMap::new(),
+            said_again: BTreeMap::new(),
+        }
     }
 
-    /// Notes where an avatar is after this tick.
-    pub(super) fn see(&mut self, avatar: BodyId, place: [f64; 3], tick: Tick) {
+    /// Passes over inputs that were done before the view, where the avatar lives on in it.
+    pub(super) fn pass_over(&mut self, done: BTreeMap<(BodyId, bool), u64>) {
+        self.done = done;
+    }
+
+    /// Returns the clients that have said inputs again that were done before the view, and up to which, since the last call.
+    pub(super) fn take_said_again(&mut self) -> BTreeMap<ClientId, u64> {
+        std::mem::take(&mut self.said_again)
+    }
+
+    /// Notes where an avatar is after this tick, and whether it is as it was in the view before: placed anew, it may be as it was before its
+    /// last inputs.
+    pub(super) fn see(&mut self, avatar: BodyId, place: [f64; 3], tick: Tick, lives_on: bool) {
         let jump_m = self.limits.longest_jump_m();
-        let new = || Avatar { newest: None, waiting: BTreeMap::new(), place, jump_m, since: tick };
+        let done = |kind| self.done.get(&(avatar, kind)).copied().filter(|_| lives_on).unwrap_or_default();
+        let newest = [done(false), done(true)];
+        let new = || Avatar { newest, waiting: BTreeMap::new(), place, jump_m, since: tick };
         self.avatars.entry(avatar).or_insert_with(new).place = place;
     }
 
@@ -96,13 +120,20 @@ impl Inputs {
 
     fn admit(&mut self, input: Input, now: Tick) -> Result<(), Refusal> {
         let avatar = self.avatars.get_mut(&input.body).ok_or(Refusal::Unknown)?;
+        let (_, kind) = input.slot();
+        let newest = &mut avatar.newest[usize::from(kind)];
         // Sent again because it might have been lost.
-        if avatar.newest == Some(input.logical_time) {
+        if *newest == input.logical_time {
+            if self.done.get(&input.slot()) == Some(newest) {
+                let client = input.body.client().unwrap_or(ClientId::NOBODY);
+                let newest = self.said_again.entry(client).or_default();
+                *newest = input.logical_time.max(*newest);
+            }
             return Ok(());
         }
         let next = now.next();
         let names_tick = input.tick != Tick(0);
-        if avatar.newest > Some(input.logical_time) {
+        if *newest > input.logical_time {
             // One that is said twice, since packets are lost, may come before one that was said before it.
             return if names_tick { Ok(()) } else { Err(Refusal::Late) };
         }
@@ -116,14 +147,13 @@ impl Inputs {
             (avatar.jump_m, avatar.since) = (reach_m - way_m, now);
             avatar.place = pose.translation;
         }
-        avatar.newest = Some(input.logical_time);
+        *newest = input.logical_time;
         let client = input.body.client().unwrap_or(ClientId::NOBODY);
         let count = self.counts.get(&client).copied().unwrap_or(0);
         let waits = names_tick && input.tick.0 <= next.0 + AHEAD_TICKS && count < WAITING;
         let tick = if waits { input.tick.max(next) } else { next };
         let early = if names_tick { input.tick.0 as i64 - next.0 as i64 } else { 0 };
         let early = early.clamp(i8::MIN.into(), i8::MAX.into()) as i8;
-        let (_, kind) = input.slot();
         // What was to come with it or after it is older: where that jumped, it was found that it may.
         let older = avatar.waiting.range((tick, false)..).map(|(&key, _)| key);
         let older: Vec<_> = older.filter(|&(_, of)| of == kind).collect();

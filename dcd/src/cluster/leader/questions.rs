@@ -1,13 +1,13 @@
 //! Answers clients' questions about bodies (rays, shape casts, overlaps): each is dispatched with a tick to all members, whose
-//! answers come when they have completed it. A question whose answer does not come, because the members change, is asked again
-//! by its client.
+//! answers come when they have completed it; one that says nothing then has nothing to say. A question whose answer does not
+//! come, because the members change, is asked again by its client.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use crate::protocol::{
     Answer, MAX_COST, MAX_OPEN_COST, MAX_OPEN_QUERIES, Query, QueryResult, ToClient, WorldOp, encoded_len,
 };
-use crate::space::{ClientId, NodeId};
+use crate::space::{ClientId, NodeId, Tick};
 
 /// Bytes of answers that a client may be sent per tick before the rest waits: a client that reads too slowly loses its link,
 /// and several long answers at once are more than may wait for it.
@@ -26,6 +26,8 @@ pub(super) struct Questions {
 /// A question under way.
 #[derive(Clone, Debug)]
 struct Open {
+    /// The tick that it is dispatched with.
+    tick: Tick,
     missing: BTreeSet<NodeId>,
     cost: usize,
     found: QueryResult,
@@ -66,7 +68,7 @@ impl Questions {
     }
 
     /// Returns the questions that go with the next tick: as much as one question may cost; the rest waits.
-    pub(super) fn dispatch(&mut self, members: &BTreeSet<NodeId>) -> Vec<WorldOp> {
+    pub(super) fn dispatch(&mut self, tick: Tick, members: &BTreeSet<NodeId>) -> Vec<WorldOp> {
         let (mut ops, mut cost) = (Vec::new(), 0);
         while let Some((client, question)) = self.waiting.pop_front() {
             let own = question.cost();
@@ -75,7 +77,7 @@ impl Questions {
                 self.waiting.push_front((client, question));
                 break;
             }
-            let open = Open { missing: members.clone(), cost: own, found: question.parts.nothing() };
+            let open = Open { tick, missing: members.clone(), cost: own, found: question.parts.nothing() };
             self.open.insert((client, question.number), open);
             ops.push(WorldOp::Ask { client, question });
         }
@@ -89,11 +91,27 @@ impl Questions {
             if open.missing.contains(&node) && open.found.join(found) {
                 open.missing.remove(&node);
             }
-            if open.missing.is_empty()
-                && let Some(Open { cost, found, .. }) = self.open.remove(&(client, number))
-            {
-                self.ready.push_back(Ready { client, number, cost, found });
-            }
+            self.close((client, number));
+        }
+    }
+
+    /// Notes that a member has completed a tick: its answers to what was dispatched until then have come with it, and one that it left out
+    /// keeps nobody waiting.
+    pub(super) fn done(&mut self, node: NodeId, tick: Tick) {
+        let mut over = Vec::new();
+        for (&key, open) in self.open.iter_mut().filter(|(_, open)| open.tick <= tick) {
+            over.extend(open.missing.remove(&node).then_some(key));
+        }
+        over.into_iter().for_each(|key| self.close(key));
+    }
+
+    /// Has the answer to a question told, if nobody's is missing any more.
+    fn close(&mut self, key: (ClientId, u64)) {
+        if self.open.get(&key).is_some_and(|open| open.missing.is_empty())
+            && let Some(Open { cost, found, .. }) = self.open.remove(&key)
+        {
+            let (client, number) = key;
+            self.ready.push_back(Ready { client, number, cost, found });
         }
     }
 
@@ -163,7 +181,7 @@ mod tests {
     fn the_nearest_of_all_members_answers_is_told_once_all_have_answered() {
         let (mut questions, members) = (Questions::default(), MEMBERS.into());
         questions.ask(CLIENT, question(7, 3));
-        assert_eq!(questions.dispatch(&members).len(), 1);
+        assert_eq!(questions.dispatch(Tick(1), &members).len(), 1);
         let [one, two] = MEMBERS;
         for (node, answer) in [
             (one, answer(7, vec![hit(1, 5.0), hit(2, 2.0), None])),
@@ -184,6 +202,30 @@ mod tests {
     }
 
     #[test]
+    fn a_member_that_leaves_an_answer_out_keeps_nobody_waiting_for_it() {
+        let (mut questions, members) = (Questions::default(), MEMBERS.into());
+        let [one, two] = MEMBERS;
+        for number in [7, 8] {
+            questions.ask(CLIENT, question(number, 1));
+            questions.dispatch(Tick(number), &members);
+        }
+        questions.answered(one, answer(7, vec![hit(1, 5.0)]));
+        questions.done(one, Tick(7));
+        questions.answered(two, vec![Answer { client: CLIENT, number: 7, found: QueryResult::TooMuch }]);
+        questions.done(two, Tick(6));
+        assert_eq!(questions.tell(), [], "its answer may come yet");
+        questions.done(two, Tick(7));
+        let found = QueryResult::Rays(vec![hit(1, 5.0)]);
+        assert_eq!(questions.tell(), [(CLIENT, ToClient::Answer { number: 7, found })]);
+        // Of the next tick neither has said anything yet.
+        questions.done(one, Tick(8));
+        assert_eq!(questions.tell(), []);
+        questions.answered(two, answer(8, vec![None]));
+        let found = QueryResult::Rays(vec![None]);
+        assert_eq!(questions.tell(), [(CLIENT, ToClient::Answer { number: 8, found })]);
+    }
+
+    #[test]
     fn a_question_said_again_is_asked_once_and_a_client_has_so_many_at_most() {
         let (mut questions, members) = (Questions::default(), MEMBERS.into());
         for number in 0..2 * MAX_OPEN_QUERIES as u64 {
@@ -191,13 +233,13 @@ mod tests {
             questions.ask(CLIENT, question(number, 1));
         }
         questions.ask(ClientId(5), question(0, 1));
-        assert_eq!(questions.dispatch(&members).len(), MAX_OPEN_QUERIES + 1);
+        assert_eq!(questions.dispatch(Tick(1), &members).len(), MAX_OPEN_QUERIES + 1);
         questions.ask(CLIENT, question(0, 1));
         questions.ask(CLIENT, question(1_000, 1));
-        assert_eq!(questions.dispatch(&members), [], "they are under way");
+        assert_eq!(questions.dispatch(Tick(1), &members), [], "they are under way");
         questions.forget(CLIENT);
         questions.ask(CLIENT, question(1_000, 1));
-        assert_eq!(questions.dispatch(&members).len(), 1);
+        assert_eq!(questions.dispatch(Tick(1), &members).len(), 1);
     }
 
     #[test]
@@ -206,7 +248,7 @@ mod tests {
         for number in 0..5 {
             questions.ask(CLIENT, question(number, MAX_COST / 2));
         }
-        let counts: Vec<_> = (0..4).map(|_| questions.dispatch(&members).len()).collect();
+        let counts: Vec<_> = (0..4).map(|_| questions.dispatch(Tick(1), &members).len()).collect();
         assert_eq!(counts, [2, 2, 1, 0]);
         for number in 5..20 {
             questions.ask(CLIENT, question(number, MAX_COST / 2));
@@ -220,7 +262,7 @@ mod tests {
         let (mut questions, members) = (Questions::default(), [MEMBERS[0]].into());
         for number in 0..4 {
             questions.ask(CLIENT, question(number, MAX_COST));
-            questions.dispatch(&members);
+            questions.dispatch(Tick(1), &members);
             questions.answered(MEMBERS[0], answer(number, vec![hit(1, 1.0); MAX_COST]));
         }
         questions.ask(CLIENT, question(9, 1));
@@ -238,7 +280,7 @@ mod tests {
         for number in 9..20 {
             questions.ask(CLIENT, question(number, 1));
         }
-        questions.dispatch(&members);
+        questions.dispatch(Tick(1), &members);
         for number in 9..20 {
             questions.answered(MEMBERS[0], answer(number, vec![hit(1, 1.0)]));
         }

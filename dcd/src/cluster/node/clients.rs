@@ -2,11 +2,13 @@
 
 use super::{Node, NodeOutput};
 use crate::cluster::{Leader, Peer, ReplicationEvent};
-use crate::protocol::{FromClient, Message, ToClient};
-use crate::space::ClientId;
+use crate::protocol::{FromClient, Message, ToClient, WorldOp};
+use crate::space::{BodyId, ClientId};
 
 /// The most inputs kept from clients that hear of their new leader before it does.
 const EARLY_INPUTS: usize = 1_024;
+/// The most that one node, which is no member yet, passes on of them.
+const EARLY_OF_ONE: usize = 256;
 
 impl Node {
     /// Passes on a message of the client in this process; none is sent while this node leads.
@@ -44,12 +46,16 @@ impl Node {
             Peer::Server => true,
         };
         let changes = self.view.is_none() || self.change.is_some();
+        let early = &self.early_words;
+        let has_room = |node| {
+            let of_it = early.iter().filter(|(of, ..)| *of == node).count();
+            early.len() < EARLY_INPUTS && of_it < EARLY_OF_ONE
+        };
         match from {
+            _ if !is_for_leader(&message) => self.counters.refused += 1,
             _ if speaks_for => self.lead_client(client, message),
             // It may be a member of the coming view, which has begun there.
-            Peer::Node(node) if changes && self.early_words.len() < EARLY_INPUTS => {
-                self.early_words.push((node, client, message));
-            }
+            Peer::Node(node) if changes && has_room(node) => self.early_words.push((node, client, message)),
             _ => self.counters.refused += 1,
         }
     }
@@ -67,21 +73,37 @@ impl Node {
             (Some(leader), FromClient::Heard(heard)) => leader.heard(client, heard),
             // Of another leader's states.
             (None, FromClient::Heard(_)) => {}
-            // What lasts is put on record before it happens.
-            (
-                _,
-                message @ (FromClient::Spawn { .. }
-                | FromClient::Despawn(_)
-                | FromClient::Introduce(_)
-                | FromClient::Build { .. }
-                | FromClient::Leave),
-            ) => {
-                self.send(Peer::Server, Message::FromClient(client, message));
-            }
             // The client may hear of its new leader before the leader does.
             (None, message) if self.inputs.len() < EARLY_INPUTS => self.inputs.push((client, message)),
             (None, _) => self.counters.overflow += 1,
+            (Some(_), _) => self.counters.refused += 1,
         }
+    }
+
+    /// Notes the inputs that a tick does: whoever made them may say them again to the next leader.
+    pub(super) fn note_inputs(&mut self, ops: &[WorldOp]) {
+        for op in ops {
+            match op {
+                WorldOp::Input(input) if input.logical_time > 0 => {
+                    let newest = self.done_inputs.entry(input.slot()).or_default();
+                    *newest = input.logical_time.max(*newest);
+                }
+                WorldOp::Remove(id) => self.forget_inputs(*id),
+                _ => {}
+            }
+        }
+    }
+
+    /// Tells the leader of a view that begins, if that is here, which inputs are done. Bodies are dropped with the one before.
+    pub(super) fn hand_inputs_on(&mut self, dropped: &[BodyId]) {
+        dropped.iter().for_each(|&id| self.forget_inputs(id));
+        if let Some(leader) = &mut self.leader {
+            leader.pass_over(self.done_inputs.clone());
+        }
+    }
+
+    fn forget_inputs(&mut self, id: BodyId) {
+        [false, true].into_iter().for_each(|kind| _ = self.done_inputs.remove(&(id, kind)));
     }
 
     /// Handles, once a view has begun, what clients sent this node in advance, if it leads.
@@ -98,8 +120,8 @@ impl Node {
         }
     }
 
-    /// Tells the client in this process who leads a view that has begun: it may have heard so from the server, and sent its
-    /// inputs again to the leader of the last view.
+    /// Tells the client in this process who leads a view that has begun, or is linked again, so that it says again what may be lost: it may have
+    /// heard so from the server, and sent its inputs again to the leader of the last view.
     pub(super) fn tell_own_client(&mut self) {
         let Some(view) = self.view.as_ref().filter(|_| self.config.client.is_some()) else { return };
         let message = ToClient::LeaderIs {
@@ -145,4 +167,11 @@ impl Node {
             (route, message) => self.send(route, Message::ToClient(client, message)),
         }
     }
+}
+
+/// Returns whether a client says this to its leader. None of that is longer than a client's frame; what lasts, and may be longer, is for the
+/// server, which puts it on record before it happens.
+fn is_for_leader(message: &FromClient) -> bool {
+    use FromClient::{Ask, Heard, Input, Interest};
+    matches!(message, Input(_) | Interest(_) | Ask(_) | Heard(_))
 }

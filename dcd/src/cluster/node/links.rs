@@ -182,6 +182,8 @@ impl Node {
                 self.send(Peer::Node(node), Message::Done(done));
             }
             self.repeat_interest();
+            // Its inputs may be lost with the link, too.
+            self.tell_own_client();
         }
     }
 

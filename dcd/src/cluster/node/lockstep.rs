@@ -149,6 +149,7 @@ impl Node {
         self.placed.clear();
         self.joints.clear();
         self.early.clear();
+        self.done_inputs.clear();
         self.end_leading();
         self.done.clear();
         self.link.tell_again();
@@ -356,6 +357,7 @@ impl Node {
             return self.drain(now);
         }
         changes.into_iter().for_each(|change| self.repartition(tick, change));
+        self.note_inputs(&ops);
         self.phase = Phase::Computing(tick, 0);
         self.end_speculation();
         self.ask(PhysicsCommand::Step { tick, rounds, ops });
@@ -386,6 +388,7 @@ impl Node {
         if let (Some(leader), Some(legacy)) = (&mut self.leader, legacy) {
             leader.inherit(legacy);
         }
+        self.hand_inputs_on(&drop);
         for peer in &self.links {
             if let (Peer::Client(client), Some(leader)) = (peer, &mut self.leader) {
                 leader.admit(*client);

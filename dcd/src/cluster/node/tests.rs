@@ -1,5 +1,7 @@
 //! Tests which messages a node refuses, keeps and drops, and what becomes of bodies on their way when the view changes.
 
+mod clients;
+
 use super::*;
 use crate::protocol::{Border, Chunk, Input, ToNode, Velocity, WorldOp};
 use crate::sim::{sim_body, sim_world};

@@ -180,17 +180,23 @@ impl Group {
 
     /// Parks, brings back or forgets a body that no node holds any more.
     pub(super) fn rest(&mut self, common: &mut Common, id: BodyId, park: bool, back: bool) {
+        self.arriving.remove(&id);
         match (park, back) {
             (false, _) => {
-                self.record.remove(id);
+                self.forget_body(id);
                 self.owners.remove(&id);
-                [Key::AlteredBody(id), Key::WokenBody(id)]
-                    .into_iter()
-                    .for_each(|key| self.retold.forget(key));
             }
             (true, false) => self.record.set_life(id, Life::Parked),
             (true, true) => self.revive(common, id),
         }
+    }
+
+    /// Forgets a body and its joints for good, and that they were altered.
+    pub(super) fn forget_body(&mut self, id: BodyId) {
+        let joints = self.record.joints_of(id).map(|joint| Key::AlteredJoint(joint.id));
+        let altered: Vec<_> = joints.chain([Key::AlteredBody(id), Key::WokenBody(id)]).collect();
+        altered.into_iter().for_each(|key| self.retold.forget(key));
+        self.record.remove(id);
     }
 
     fn revive(&mut self, common: &mut Common, id: BodyId) {

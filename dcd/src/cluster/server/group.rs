@@ -34,6 +34,8 @@ pub(super) struct Group {
     /// The view before it, by which members are known that never heard of the present one.
     pub former: Option<View>,
     pub change: Option<ViewChange>,
+    /// What the leader of a group that fell silent in a view change had handed over, for who takes over from it.
+    pub left_over: Vec<WorldOp>,
     divisions: Divisions,
     /// Members that have told all they know of the world's last tick.
     pub at_last_tick: BTreeSet<NodeId>,
@@ -70,6 +72,7 @@ impl Group {
             view: None,
             former: None,
             change: None,
+            left_over: Vec::new(),
             divisions: Divisions::default(),
             at_last_tick: BTreeSet::new(),
             arriving: BTreeSet::new(),
@@ -336,7 +339,9 @@ impl Group {
 
     /// Marks the group as held, as no member has a link: it may be dead, or computing on where it is not heard.
     pub(super) fn fall_silent(&mut self, common: &mut Common) {
-        self.change = None;
+        if let Some(change) = self.change.take() {
+            self.left_over = change.handed_over();
+        }
         self.silent_since.get_or_insert(common.now);
         if !self.held {
             self.held = true;

@@ -129,6 +129,8 @@ impl Server {
         }
         if let Some(group) = self.groups.get_mut(&id) {
             group.unsure = true;
+            // They went on as before, and did what was to be handed over.
+            group.left_over.clear();
             if group.change.is_some() {
                 group.begin_change(&mut self.common);
             }

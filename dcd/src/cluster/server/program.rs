@@ -141,7 +141,7 @@ impl Group {
         if body.traits.kind != BodyKind::Fixed {
             return self.retire(common, id, false);
         }
-        self.record.remove(id);
+        self.forget_body(id);
         // Who is loading the world, or computes it, may hold it.
         for entry in common.nodes.values_mut() {
             entry.scenery.remove(&id);

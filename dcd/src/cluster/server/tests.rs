@@ -3,6 +3,7 @@
 mod asked;
 mod building;
 mod hostile;
+mod leaving;
 mod lying;
 mod status;
 mod vicinity;

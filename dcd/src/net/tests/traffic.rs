@@ -83,6 +83,25 @@ fn a_client_that_floods_is_read_at_its_pace_and_a_node_at_its_own() {
 }
 
 #[test]
+fn of_a_client_that_floods_with_datagrams_some_are_dropped_and_of_a_node_none() {
+    let server = Server::with_limits(Limits { client_frames_per_s: 1, ..Limits::default() });
+    let processes = [JoinRole::Client, JoinRole::Node].map(|role| server.process(role));
+    for (process, is_paced) in processes.iter().zip([true, false]) {
+        let (here, there) = process.connect_to(&server.process);
+        let stats = || server.process.net.stats(there).unwrap();
+        for sent in 0..100 {
+            process.net.send_datagram(here, vec![3; 10]).unwrap();
+            while stats().datagrams_in <= sent {
+                std::thread::yield_now();
+            }
+        }
+        assert_eq!(stats().datagrams_dropped > 0, is_paced, "{:?}", process.net.who());
+        assert!(matches!(server.process.next(), NetEvent::Datagram { .. }), "those of its pace are read");
+        while server.process.events.recv_timeout(Duration::ZERO).is_ok() {}
+    }
+}
+
+#[test]
 fn nodes_and_participants_know_one_another_by_name() {
     let server = Server::start();
     let (node, both) = (server.process(JoinRole::Node), server.process(JoinRole::Participant));

@@ -5,10 +5,10 @@ use std::time::SystemTime;
 
 use super::*;
 use crate::net::{Authority, Identity, Limits, NetConfig, NetEvents, join};
-use crate::protocol::{Chunk, Program};
+use crate::protocol::{Chunk, FromClient, Input, Program, Velocity};
 use crate::runtime::{Cause, ConnectionChange, ConnectionError};
 use crate::sim::{sim_body, sim_world};
-use crate::space::BodyId;
+use crate::space::{BodyId, Tick};
 
 const PATIENCE: Duration = Duration::from_secs(20);
 
@@ -146,6 +146,52 @@ fn a_node_greets_for_its_own_client_alone() {
             matches!(event, LinkEvent::Disconnected { ending: Some(Ending::BrokeRule), .. })
         };
         assert_eq!((is_heard, events.iter().all(is_ended)), (own, !own));
+    }
+}
+
+#[test]
+fn a_participant_that_is_closed_in_one_role_is_gone_in_the_other() {
+    for as_node in [true, false] {
+        let mut pair = Pair::new(crate::net::JoinRole::Participant);
+        let who = pair.other.who();
+        let roles = [Peer::Node(who.node().unwrap()), Peer::Client(who.client().unwrap())];
+        let [closed, other] = if as_node { roles } else { [roles[1], roles[0]] };
+        pair.links.close(closed, Ending::Refused, "it greets too often");
+        let gone = pair.links.take_given_up().into_iter().map(|event| match event {
+            LinkEvent::Disconnected { peer, ending: Some(Ending::Refused), .. } => peer,
+            other => panic!("{other:?}"),
+        });
+        assert_eq!(gone.collect::<Vec<_>>(), [other]);
+        assert_eq!(roles.map(|role| pair.links.key(role)), [None, None]);
+    }
+}
+
+#[test]
+fn only_what_may_overtake_others_comes_in_a_datagram() {
+    let input = |tick| Input {
+        body: BodyId::avatar(ClientId(1), 0),
+        logical_time: 1,
+        tick: Tick(tick),
+        velocity: Velocity::default(),
+        pose: None,
+        drive: None,
+    };
+    for (tick, is_heard) in [(7, true), (0, false)] {
+        let mut pair = Pair::new(crate::net::JoinRole::Client);
+        let NetEvent::Connected { peer: server, .. } = pair.other_events.recv_timeout(PATIENCE).unwrap()
+        else {
+            panic!("it is linked")
+        };
+        let message = Message::FromClient(ClientId(1), FromClient::Input(input(tick)));
+        pair.other.send_datagram(server, protocol::encode(&message)).unwrap();
+        let events = pair.hear();
+        match is_heard {
+            true => assert!(matches!(events[..], [LinkEvent::Message { .. }]), "{events:?}"),
+            false => assert!(
+                matches!(events[..], [LinkEvent::Disconnected { ending: Some(Ending::BrokeRule), .. }]),
+                "{events:?}"
+            ),
+        }
     }
 }
 

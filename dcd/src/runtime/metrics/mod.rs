@@ -73,8 +73,11 @@ fn write_common(text: &mut Text, role: &str, links: &LinkTotals, refused: &[(&st
     text.counter("dcd_packets_sent_total", "Packets of QUIC sent.").is(traffic.packets_out as f64);
     text.counter("dcd_packets_lost_total", "Packets of QUIC lost on their way, as far as it knows.")
         .is(traffic.packets_lost as f64);
-    text.counter("dcd_datagrams_dropped_total", "Datagrams dropped here: a link, or this process, was slow.")
-        .is(traffic.datagrams_dropped as f64);
+    text.counter(
+        "dcd_datagrams_dropped_total",
+        "Datagrams dropped here: a link, or this process, was slow, or a client sent too many.",
+    )
+    .is(traffic.datagrams_dropped as f64);
     text.counter(
         "dcd_frames_held_back_total",
         "Frames of clients that sent faster than they may, read later.",

@@ -77,6 +77,46 @@ fn a_jump_is_not_lost_as_other_inputs_follow_it_before_a_tick_does_it() {
 }
 
 #[test]
+fn what_a_client_says_again_of_both_kinds_as_its_link_is_back_is_refused_of_neither() {
+    let mut leader = leader();
+    leader.dispatch(Duration::ZERO);
+    let put = Input { pose: None, ..input(3, 1.0) };
+    let driven = Input { drive: Some(Default::default()), ..Input { pose: None, ..input(4, 1.0) } };
+    for _ in 0..2 {
+        assert_eq!([put, driven].map(|input| leader.accept_input(CLIENT, input)), [Ok(()); 2]);
+    }
+    assert_eq!(taken(&mut leader), [3, 4]);
+    assert_eq!([put, driven].map(|input| leader.accept_input(CLIENT, input)), [Ok(()); 2]);
+    assert_eq!(taken(&mut leader), Vec::<u64>::new());
+    assert_eq!(leader.accept_input(CLIENT, Input { logical_time: 2, ..put }), Err(Refusal::Late));
+}
+
+#[test]
+fn an_input_that_was_done_before_the_view_is_answered_and_not_done_again_where_the_avatar_lives_on() {
+    use crate::space::Epoch;
+    for (epoch, again) in [(Epoch(0), vec![]), (Epoch::placed_in(1), vec![7])] {
+        let mut leader = leader();
+        leader.pass_over([((AVATAR, false), 7)].into());
+        // It may come before anything is heard of the avatar, or later.
+        assert_eq!(leader.accept_input(CLIENT, input(7, 1.0)), Ok(()));
+        let state = SharedState {
+            id: AVATAR,
+            owner: RegionId(1),
+            epoch,
+            pose: WorldPose::default(),
+            velocity: Velocity::default(),
+            sleeping: false,
+        };
+        leader.report(NodeId(1), Report { view: ViewNumber(1), tick: Tick(0), states: vec![state] });
+        assert_eq!(leader.accept_input(CLIENT, input(7, 1.0)), Ok(()));
+        assert_eq!(taken(&mut leader), again);
+        assert_eq!(leader.applied.get(&CLIENT), Some(&(7, 0)));
+        assert_eq!(leader.accept_input(CLIENT, input(8, 1.0)), Ok(()));
+        assert_eq!(taken(&mut leader), [8]);
+    }
+}
+
+#[test]
 fn of_a_vehicle_not_heard_of_yet_what_it_does_and_where_it_is_put_both_wait() {
     let car = BodyId::avatar(CLIENT, 7);
     let jump = Input { body: car, ..input(1, 1.0) };

@@ -84,6 +84,15 @@ impl ViewChange {
         }
         self.at = now.min(self.since + self.patience);
     }
+
+    /// Returns what the leader handed over: it counts until it has said it all again, as it may die before; and what it has begun to say, if it
+    /// never said it all.
+    pub(super) fn handed_over(self) -> Vec<WorldOp> {
+        match self.undone.is_empty() {
+            true => self.telling,
+            false => self.undone,
+        }
+    }
 }
 
 impl Group {
@@ -96,11 +105,8 @@ impl Group {
         for &node in &survivors {
             common.send_node(node, ToNode::Settle { view: number });
         }
-        // What a leader handed over counts until it has said it all again: it may die before; and what it has begun to say, if it never said it all.
-        let undone = self.change.take().map_or_else(Vec::new, |before| match before.undone.is_empty() {
-            true => before.telling,
-            false => before.undone,
-        });
+        let left_over = std::mem::take(&mut self.left_over);
+        let undone = self.change.take().map_or(left_over, ViewChange::handed_over);
         self.change = Some(ViewChange {
             number,
             at: common.now,

@@ -201,6 +201,48 @@ fn what_a_leader_handed_over_is_not_lost_as_another_node_dies_before_it() {
     assert_eq!(applied(obey(&mut again, 2, outputs)), [push(2.0), push(3.0)]);
 }
 
+/// Returns a server of two nodes that have fallen silent once their leader had handed a push over; and it, and their view.
+fn fallen_silent() -> (Server, WorldOp, ViewNumber) {
+    let push = WorldOp::Push(Push::impulse(BodyId::persistent(0), [1.0, 0.0, 0.0]));
+    let mut server = server_of_two();
+    let present = server.view().unwrap().number;
+    server.handle(NOW, ServerEvent::Save);
+    let (view, undone) = (server.common.number, vec![push.clone()]);
+    let settling = ToServer::Settling { view, dispatches: Vec::new(), undone, last: true };
+    tell(&mut server, 1, Message::ToServer(settling));
+    for node in [1, 2] {
+        server.handle(NOW, ServerEvent::Disconnected(Peer::Node(NodeId(node))));
+    }
+    while !server.main().held {
+        server.handle_timeout(server.poll_timeout().expect("they are given up"));
+    }
+    (server, push, present)
+}
+
+/// Returns what the leader of the view after this one is told to do; a node is alone in it.
+fn told_next(server: &mut Server, present: ViewNumber, node: u32, outputs: Vec<ServerOutput>) -> Vec<WorldOp> {
+    let mut outputs = obey(server, node, outputs);
+    while server.view().is_none_or(|view| view.number == present) {
+        outputs = wait(server);
+        outputs = obey(server, node, outputs);
+    }
+    applied(outputs)
+}
+
+#[test]
+fn what_a_leader_handed_over_before_all_fell_silent_is_done_by_who_takes_over() {
+    let (mut server, push, present) = fallen_silent();
+    let outputs = hello(&mut server, 3, VERSION);
+    assert_eq!(told_next(&mut server, present, 3, outputs), [push]);
+}
+
+#[test]
+fn what_a_leader_handed_over_before_all_fell_silent_is_not_done_again_by_who_went_on_with_it() {
+    let (mut server, _, present) = fallen_silent();
+    let outputs = back(&mut server, 2, present);
+    assert_eq!(told_next(&mut server, present, 2, outputs), []);
+}
+
 #[test]
 fn what_a_leader_was_told_as_its_view_began_the_next_is_told_too_where_it_may_not_have_done_it() {
     let joint = vicinity::joint(1, 0, 1);

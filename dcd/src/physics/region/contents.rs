@@ -207,7 +207,6 @@ impl Region {
         }
     }
 
-    /// Puts a body on the list of its ownership: shared or replica.
     /// Returns whether a body that is held elsewhere, too, is in the list where it belongs.
     fn is_listed(&self, link: BodyRef) -> bool {
         let slot = self.slot(link.handle);
@@ -220,6 +219,7 @@ impl Region {
         place.is_ok_and(|place| list[place].handle == link.handle)
     }
 
+    /// Puts a body on the list of its ownership: shared or replica.
     pub(in crate::physics) fn list(&mut self, link: BodyRef) {
         let slot = self.slot(link.handle);
         let list = match slot.role {

@@ -186,7 +186,8 @@ impl Group {
         }
         let mut dispatches = Vec::new();
         if let Some(view) = &self.view {
-            let (counted, refused) = agreement::dispatches(view, self.tick, &change.settled);
+            let lag = common.config.world.protocol.lag_ticks();
+            let (counted, refused) = agreement::dispatches(view, self.tick, lag, &change.settled);
             change.last = counted.last().map_or(view.tick, |last| last.tick);
             common.stale += refused;
             dispatches = counted;

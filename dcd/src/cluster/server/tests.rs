@@ -4,6 +4,7 @@ mod asked;
 mod building;
 mod hostile;
 mod lying;
+mod participants;
 mod status;
 mod vicinity;
 

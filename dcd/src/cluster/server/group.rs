@@ -63,6 +63,8 @@ pub(super) struct Group {
     pub saving: bool,
     /// Lost and doubled bodies by the last survey of a world that ends.
     pub audit: Option<(Vec<BodyId>, Vec<BodyId>)>,
+    /// How often each member has come back in the present view change, which began anew with it.
+    returns: BTreeMap<NodeId, u32>,
 }
 
 impl Group {
@@ -89,6 +91,7 @@ impl Group {
             held: false,
             saving: false,
             audit: None,
+            returns: BTreeMap::new(),
         }
     }
 
@@ -304,8 +307,8 @@ impl Group {
 
     /// Decides which members have to go, as members that cannot reach one another cannot share a tree. Those that most others
     /// complain of go, of equals a participant, then the one with the highest id; each is named once, dead ones first. A node that is dead or
-    /// hangs does not complain itself.
-    pub(super) fn decide_complaints(&mut self, common: &Common) -> Vec<NodeId> {
+    /// hangs does not complain itself. Returns them, and whether it is a fault of their own: a participant alone may say what it likes.
+    pub(super) fn decide_complaints(&mut self, common: &Common) -> Vec<(NodeId, bool)> {
         self.hearing = None;
         // Who is on its way out already neither accuses nor is accused.
         let serving = self.serving(common);
@@ -329,7 +332,7 @@ impl Group {
             let named = |accuser| open.iter().filter(|(a, _)| *a == accuser).count();
             let liar = lone.filter(|&lone| self.overreaches(common, lone, worst, named(lone)));
             let goes = liar.unwrap_or(worst);
-            going.push(goes);
+            going.push((goes, liar.is_some() || lone.is_none() && !is_gone(&worst)));
             open.retain(|&(a, b)| a != goes && b != goes);
         }
         going

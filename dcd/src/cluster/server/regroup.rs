@@ -125,12 +125,13 @@ impl Server {
             let hints = &self.common.config.grouping.hints;
             let best = best_group(node, &groups, |a, b| self.delay_ms(a, b), &self.rules(), hints);
             let best = best.and_then(|index| members.keys().nth(index).copied());
-            let group = match best {
+            let fails = self.common.fails_often(node);
+            let group = match best.filter(|_| !fails) {
                 Some(group) => group,
                 // Whom the world waits for.
                 None if !members.contains_key(&self.main) => self.main,
                 None => {
-                    if self.common.config.world.thresholds.delay.is_none() {
+                    if self.common.config.world.thresholds.delay.is_none() && !fails {
                         self.common.outputs.push_back(ServerOutput::Unreached(node));
                     }
                     self.new_group()
@@ -178,7 +179,8 @@ impl Server {
         let apart = members.iter().filter(|(id, _)| **id != largest).flat_map(|(_, nodes)| nodes);
         let apart: Vec<_> = apart.map(|&node| (node, self.common.nodes[&node].in_group_since)).collect();
         let returning = apart.iter().find(|&&(node, since)| {
-            since + APART <= now && members[&largest].iter().all(|&other| self.reaches(node, other))
+            let is_due = since + APART <= now && !self.common.fails_often(node);
+            is_due && members[&largest].iter().all(|&other| self.reaches(node, other))
         });
         if let Some(&(node, _)) = returning {
             if members[&largest].len() < self.common.config.grouping.max_size {
@@ -260,7 +262,9 @@ impl Server {
         }
         let group = outcome.group.iter().find_map(|node| self.common.nodes.get(node)?.group);
         match (outcome.motion, group) {
-            (Motion::Include(node), Some(group)) if self.groups.contains_key(&group) => {
+            (Motion::Include(node), Some(group))
+                if self.groups.contains_key(&group) && !self.common.fails_often(node) =>
+            {
                 self.put(node, group);
             }
             (Motion::Reject(node), _) => {

@@ -63,8 +63,19 @@ fn a_participant_that_accuses_all_others_goes_itself() {
     assert_eq!(accuse(&mut server, &[(4, 1)]), [2, 3, 4], "it may not reach that one");
     server.handle_timeout(server.common.now + BEAT);
     assert_eq!(accuse(&mut server, &[(4, 2)]), [2, 3]);
+    assert!(server.common.failures.contains_key(&NodeId(4)));
     // The last dedicated one.
     assert_eq!(accuse(&mut server_of(3, &[2, 3]), &[(3, 1)]), [1, 2]);
+}
+
+#[test]
+fn who_is_accused_by_a_participant_alone_may_have_done_nothing() {
+    let mut server = server_of(4, &[3, 4]);
+    assert_eq!(accuse(&mut server, &[(4, 3)]), [1, 2, 4]);
+    assert!(server.common.failures.is_empty());
+    let mut server = server_of(4, &[3, 4]);
+    assert_eq!(accuse(&mut server, &[(4, 3), (1, 3)]), [1, 2, 4]);
+    assert!(server.common.failures.keys().eq([&NodeId(3)]));
 }
 
 #[test]
@@ -94,4 +105,101 @@ fn one_participant_does_not_keep_a_dedicated_node_out_for_good() {
     reaches(&mut server, 2, 3);
     live(&mut server, 9, honest);
     assert_eq!(members(&server), [1, 2, 3]);
+}
+
+/// Returns what nodes but this one answer; that one loads the world, and answers nothing else.
+fn all_but(silent: u32) -> impl Fn(&Server, NodeId, ToNode) -> Option<ToServer> {
+    move |server, node, message| match message {
+        ToNode::WorldEnd => Some(ToServer::Loaded),
+        message => (node != NodeId(silent)).then(|| answer(server, message)).flatten(),
+    }
+}
+
+#[test]
+fn a_member_that_comes_back_again_and_again_does_not_keep_a_view_change_from_its_end() {
+    let mut server = server_of(3, &[]);
+    let present = server.main().view.as_ref().unwrap().number;
+    server.main_mut().unsure = true;
+    for _ in 0..6 {
+        live(&mut server, 1, all_but(3));
+        let outputs =
+            if members(&server).len() == 3 { comes(&mut server, 3, false, Some(present)) } else { vec![] };
+        obey_by(&mut server, outputs, all_but(3));
+    }
+    assert!(!members(&server).contains(&3) || server.main().view.as_ref().unwrap().number > present);
+    assert!(server.main().change.is_none());
+}
+
+#[test]
+fn members_that_all_come_back_again_and_again_are_members_still() {
+    let mut server = server_of(2, &[]);
+    let present = server.main().view.as_ref().unwrap().number;
+    server.main_mut().unsure = true;
+    server.finish(0);
+    for node in [1, 2].repeat(9) {
+        let outputs = comes(&mut server, node, false, Some(present));
+        assert!(
+            !outputs.contains(&ServerOutput::Expelled(NodeId(node))),
+            "it is the server's link that breaks"
+        );
+    }
+}
+
+#[test]
+fn a_participant_that_stops_the_others_again_and_again_computes_apart_from_them() {
+    // It greets, or says that it has no world, and then nothing; or hangs in a tick.
+    for way in 0..3 {
+        let mut server = server_of(3, &[3]);
+        let stops = |server: &mut Server| {
+            if members(server).len() < 3 || server.main().change.is_some() {
+                return;
+            }
+            let view = server.main().view.as_ref().unwrap().number;
+            let outputs = match way {
+                0 => comes(server, 3, true, Some(view)),
+                1 => tell(server, 3, Message::ToServer(ToServer::Loaded)),
+                _ => [1, 2]
+                    .into_iter()
+                    .flat_map(|node| {
+                        tell(server, node, Message::ToServer(ToServer::LinkLost { view, node: NodeId(3) }))
+                    })
+                    .collect(),
+            };
+            obey_by(server, outputs, all_but(3));
+        };
+        let stopped = |server: &mut Server, for_s: u64| {
+            (0..for_s)
+                .filter(|_| {
+                    stops(server);
+                    live(server, 1, all_but(3));
+                    members(server).len() == 3 || server.main().change.is_some()
+                })
+                .count()
+        };
+        let first = stopped(&mut server, 120);
+        assert!(first > 0, "{way}");
+        assert_eq!(stopped(&mut server, 150), 0, "{way}");
+        assert!(server.linked_nodes().any(|node| node == NodeId(3)), "{way}: it may still compute apart");
+        // In time it may try again.
+        assert!(stopped(&mut server, 300) > 0, "{way}");
+    }
+}
+
+#[test]
+fn a_member_that_says_that_it_has_loaded_a_world_without_end_is_sent_no_world_without_end() {
+    let mut server = server_of(2, &[2]);
+    let mut said = Vec::new();
+    for _ in 0..200 {
+        let outputs = tell(&mut server, 2, Message::ToServer(ToServer::Loaded));
+        said.extend(obey_by(&mut server, outputs, |server, _, message| answer(server, message)));
+    }
+    let welcomes = said.iter().filter(|output| {
+        matches!(output, ServerOutput::Send { message: Message::ToNode(ToNode::Welcome { .. }), .. })
+    });
+    assert!(welcomes.count() < 40);
+    let is_closed =
+        |output: &ServerOutput| matches!(output, ServerOutput::Close { peer: Peer::Node(NodeId(2)), .. });
+    assert!(said.iter().any(is_closed));
+    assert!(server.linked_nodes().eq([NodeId(1)]));
+    assert_eq!(members(&server), [1]);
 }

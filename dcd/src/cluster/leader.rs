@@ -102,6 +102,8 @@ pub struct Leader {
     balancing: Option<Balancing>,
     /// Who computes which regions, from which tick on: what a member says counts of its own regions only.
     computed_by: VecDeque<(Tick, Allocation)>,
+    /// The newest view in which the server has placed a body that members may report, of whatever group.
+    newest_view: u64,
 }
 
 impl Leader {
@@ -145,6 +147,7 @@ impl Leader {
                 .balance
                 .map(|settings| Balancing::new(settings, view.clone(), world.protocol.lag_ticks() > 0)),
             computed_by: [(view.tick, view.allocation.clone())].into(),
+            newest_view: view.number.0,
         }
     }
 
@@ -156,6 +159,11 @@ impl Leader {
     /// Returns the newest tick, when it was opened, and how long a tick is.
     pub fn opened(&self) -> (Tick, Duration, Duration) {
         (self.tick, self.opened, self.dt)
+    }
+
+    /// Notes that bodies of the view were placed in one of this number or before.
+    pub(super) fn knows_view(&mut self, number: u64) {
+        self.newest_view = self.newest_view.max(number);
     }
 
     /// Adds the server's operations to the next tick.
@@ -287,7 +295,7 @@ impl Leader {
     }
 
     /// Takes in the states of bodies that moved in one member's regions. Returns how many are not believed: those of bodies in regions
-    /// that others compute, and of a tick that has not been opened.
+    /// that others compute, of a tick that has not been opened, and at an epoch that cannot be: every true state would be older.
     pub fn report(&mut self, from: NodeId, report: Report) -> u64 {
         if report.tick > self.tick {
             return report.states.len() as u64;
@@ -295,8 +303,7 @@ impl Leader {
         let mut refused = 0;
         for state in report.states {
             let is_own = self.computes(from, state.owner, report.tick);
-            // Which views there are of other groups, by which bodies are placed too, the server alone knows.
-            if !is_own || state.epoch.transfers() > report.tick.0 {
+            if !is_own || !state.epoch.is_possible(self.newest_view, report.tick) {
                 refused += 1;
                 continue;
             }
@@ -480,6 +487,8 @@ impl Leader {
 
     /// Notes that a body is inserted in the present tick.
     fn appears(&mut self, body: &BodyRecord) {
+        // The server counts views of all groups: an avatar that returns is placed in its newest.
+        self.knows_view(body.epoch.view());
         if body.id.client().is_some() {
             self.inputs.see(body.id, body.state.pose.translation, self.tick, false);
         }

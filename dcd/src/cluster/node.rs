@@ -1,6 +1,7 @@
 //! Implements a node, a process that computes regions: it takes part in the group's lockstep and view changes, and leads the
 //! group if the server says so. The physics is a device behind [`PhysicsCommand`] and [`PhysicsEvent`].
 
+mod borders;
 mod clients;
 mod links;
 mod lockstep;
@@ -20,9 +21,6 @@ use crate::protocol::{
     Member, Message, Placed, ToClient, ToServer, View, ViewNumber,
 };
 use crate::space::{BodyId, ClientId, NodeId, Tick};
-
-/// Early border messages kept from one member beside those of the ticks that members may be apart.
-const EARLY_BORDERS: usize = 4;
 
 /// The configuration of a node.
 #[derive(Clone, Debug)]
@@ -117,6 +115,8 @@ pub struct Node {
     view: Option<View>,
     /// How often the tree has changed in the view.
     division: u32,
+    /// The newest view in which the server has placed a body that members may have, of whatever group.
+    newest_view: u64,
     /// Members whose border messages are waited for; not this node.
     others: BTreeSet<NodeId>,
     tick: Tick,
@@ -232,6 +232,7 @@ impl Node {
             world: None,
             view: None,
             division: 0,
+            newest_view: 0,
             others: BTreeSet::new(),
             tick: Tick(0),
             phase: Phase::Resting,

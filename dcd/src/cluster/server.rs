@@ -223,6 +223,7 @@ impl Server {
             clients: BTreeMap::new(),
             allowances: BTreeMap::new(),
             greetings: BTreeMap::new(),
+            failures: BTreeMap::new(),
             number: ViewNumber(0),
             begun: false,
             stopping: false,
@@ -350,10 +351,16 @@ impl Server {
             self.groups.values().filter(|group| is_over(group.hearing)).map(|group| group.id).collect();
         for id in due {
             let going = self.groups.get_mut(&id).map(|group| group.decide_complaints(&self.common));
-            going.unwrap_or_default().into_iter().for_each(|node| self.set_apart(node));
+            for (node, is_at_fault) in going.unwrap_or_default() {
+                if is_at_fault {
+                    self.common.has_failed(node);
+                }
+                self.set_apart(node);
+            }
         }
         let mute: Vec<_> = self.groups.values_mut().flat_map(|group| group.mute(now)).collect();
         for node in mute {
+            self.common.has_failed(node);
             self.begin_anew(node);
         }
         self.handle_regrouping();

@@ -232,6 +232,14 @@ impl BorderMessage {
             && self.islands.iter().all(|part| usize::from(part.rank) < regions)
     }
 
+    /// Returns the epochs of all bodies in it.
+    pub(crate) fn epochs(&self) -> impl Iterator<Item = Epoch> {
+        let states = self.states.iter().map(|state| state.epoch);
+        let replicas = self.replicas.iter().map(|body| body.epoch);
+        let transfers = self.transfers.iter().map(|transfer| transfer.body.epoch);
+        states.chain(replicas).chain(transfers).chain(self.members.iter().map(|member| member.epoch))
+    }
+
     /// Extrapolates all bodies in it by `seconds` at their velocities (dead reckoning, thesis 3.3.11).
     pub fn extrapolate(&mut self, seconds: f64) {
         let ahead = |pose: &mut WorldPose, velocity: &Velocity, sleeping: bool| {

@@ -198,11 +198,16 @@ impl Epoch {
         self.0 & ((1 << Self::TRANSFER_BITS) - 1)
     }
 
+    /// Returns the number of the view in which the body was placed.
+    pub(crate) const fn view(self) -> u64 {
+        self.0 >> Self::TRANSFER_BITS
+    }
+
     /// Returns whether a body can have this epoch after this tick when no view has a higher number than this: it was placed in one of
     /// those, and transferred at most once per tick.
     #[doc(hidden)]
     pub const fn is_possible(self, newest_view: u64, tick: Tick) -> bool {
-        self.0 >> Self::TRANSFER_BITS <= newest_view && self.transfers() <= tick.0
+        self.view() <= newest_view && self.transfers() <= tick.0
     }
 
     /// Returns the epoch after one more transfer.

@@ -1,6 +1,7 @@
 //! Tests what a leader dispatches, believes, and tells clients.
 
 mod between_groups;
+mod lying;
 mod many;
 mod silent;
 mod waiting;

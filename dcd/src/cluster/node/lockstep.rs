@@ -183,34 +183,6 @@ impl Node {
         self.dispatches.extend(held);
     }
 
-    /// Keeps a border message until its round is reached here; old ones are dropped.
-    pub(super) fn keep_early(&mut self, from: NodeId, border: Border) {
-        let next_round = match self.phase {
-            Phase::Resting => (self.tick.next(), 0),
-            Phase::Computing(tick, round) | Phase::Exchanging(Exchange { tick, round, .. }) => (tick, round),
-        };
-        let due = match self.heard_after(next_round.0) {
-            Some(tick) => (self.number(), tick, if self.lag() == 0 { next_round.1 } else { 0 }),
-            None => (self.number(), Tick(0), 0),
-        };
-        let bound = super::EARLY_BORDERS + 2 * self.lag() as usize;
-        let queue = self.early.entry(from).or_default();
-        let key = |border: &Border| (border.view, border.tick, border.round);
-        if key(&border) < due {
-            self.counters.stale += 1;
-            return;
-        }
-        queue.retain(|kept| key(kept) >= due);
-        if queue.iter().any(|kept| key(kept) == key(&border)) {
-            return;
-        }
-        queue.push_back(border);
-        if queue.len() > bound {
-            queue.pop_front();
-            self.counters.overflow += 1;
-        }
-    }
-
     pub(super) fn physics(&mut self, now: Duration, event: PhysicsEvent) {
         if self.void > 0 {
             self.void -= 1;
@@ -358,6 +330,7 @@ impl Node {
         }
         changes.into_iter().for_each(|change| self.repartition(tick, change));
         self.note_inputs(&ops);
+        self.learn_epochs(&ops);
         self.phase = Phase::Computing(tick, 0);
         self.end_speculation();
         self.ask(PhysicsCommand::Step { tick, rounds, ops });
@@ -406,6 +379,7 @@ impl Node {
             view.allocation.iter().filter(|&(_, &node)| node == me).map(|(&region, _)| region).collect();
         let mut placed = std::mem::take(&mut self.placed);
         placed.sort_by_key(|placed| placed.body.id);
+        self.begin_epochs(view.number, &placed);
         let joints = std::mem::take(&mut self.joints);
         let (tick, tree) = (view.tick, view.tree.clone());
         self.ask(PhysicsCommand::Rebuild { tick, tree, regions, placed, joints, drop });
@@ -509,19 +483,12 @@ impl Node {
         if !with.iter().all(|node| arrived.contains_key(node)) {
             return;
         }
-        let view = self.view.as_ref().expect("only members exchange");
         let me = self.config.id;
         let mut incoming: Vec<BorderMessage> = Vec::new();
         for (node, messages) in std::mem::take(arrived) {
             for message in messages {
-                let between = |region, owner| view.allocation.get(&region) == Some(&owner);
                 let said = if node == me { Some(tick) } else { heard };
-                let is_sound = node == me || message.names_only(view.allocation.len());
-                if between(message.from, node)
-                    && between(message.to, me)
-                    && Some(message.tick) == said
-                    && is_sound
-                {
+                if Some(message.tick) == said && self.can_be(node, &message) {
                     incoming.push(message);
                 } else {
                     self.counters.refused += 1;
@@ -576,7 +543,7 @@ impl Node {
 
     /// Returns the tick whose messages are taken in at the end of this one: an earlier one when members are not in step.
     /// `None`: none yet.
-    fn heard_after(&self, tick: Tick) -> Option<Tick> {
+    pub(super) fn heard_after(&self, tick: Tick) -> Option<Tick> {
         let view = self.view.as_ref().map_or(Tick(0), |view| view.tick);
         let lag = self.lag();
         match lag {
@@ -606,18 +573,12 @@ impl Node {
     fn unheard(&self) -> Option<Vec<BorderMessage>> {
         let Some(view) = self.view.as_ref().filter(|_| self.lag() > 0) else { return Some(Vec::new()) };
         let from = self.heard_after(self.tick).unwrap_or(view.tick).max(self.drained).next();
-        let between = |region, owner| view.allocation.get(&region) == Some(&owner);
         let mut unheard = Vec::new();
         for tick in (from.0..=self.tick.0).map(Tick) {
             for &node in &self.others {
                 let mut said = self.early.get(&node).into_iter().flatten();
                 let border = said.find(|border| (border.view, border.tick) == (view.number, tick))?;
-                let is_sound = |message: &&BorderMessage| {
-                    between(message.from, node)
-                        && between(message.to, self.config.id)
-                        && message.names_only(view.allocation.len())
-                };
-                unheard.extend(border.messages.iter().filter(is_sound).cloned());
+                unheard.extend(border.messages.iter().filter(|message| self.can_be(node, message)).cloned());
             }
         }
         unheard.sort_by_key(|message| (message.tick, message.from, message.to));

@@ -2,10 +2,11 @@
 
 mod clients;
 
+use super::borders::EARLY_BORDERS;
 use super::*;
 use crate::protocol::{Border, Chunk, Input, ToNode, Velocity, WorldOp};
 use crate::sim::{sim_body, sim_world};
-use crate::space::{BodyId, RegionId};
+use crate::space::{BodyId, Epoch, RegionId};
 
 const NOW: Duration = Duration::ZERO;
 
@@ -166,6 +167,30 @@ fn a_message_that_names_regions_which_are_not_there_is_refused() {
         "{outputs:?}"
     );
     assert_eq!(node.counters().refused, 1);
+}
+
+#[test]
+fn a_message_that_names_an_epoch_which_cannot_be_is_refused() {
+    let (one, two) = (Epoch::placed_in(1), Epoch::placed_in(2));
+    let says = |node: &mut Node, tick, epoch: Epoch| {
+        let mut said = handing_over(tick, &[OTHER]);
+        said.transfers[0].body.epoch = epoch;
+        let before = node.counters().refused;
+        border(node, 1, tick, vec![said]);
+        node.counters().refused == before
+    };
+    for (epoch, counts) in
+        [(one, true), (one.next(), false), (two, false), (Epoch::placed_in(1 << 38), false)]
+    {
+        assert_eq!(says(&mut member(), 0, epoch), counts, "{epoch}");
+    }
+    let mut member = member();
+    assert!(says(&mut member, 0, one));
+    settle(&mut member);
+    let mut body = sim_body(BodyId::persistent(5), [9.0, 1.0, 1.0]);
+    body.epoch = two;
+    begin(&mut member, 1, vec![WorldOp::Insert { bodies: vec![body], shapes: vec![], joints: vec![] }]);
+    assert!(says(&mut member, 1, two.next()), "placed in a later view of another group");
 }
 
 #[test]

@@ -21,6 +21,9 @@ pub(super) const RETURN_OF_CLIENTS: Duration = CLIENT_IDLE_TIMEOUT.saturating_ad
 /// Bounds how often a node may greet at once, and then per second: a link that breaks is made anew after a second at most.
 const GREETINGS: f64 = 32.0;
 const GREETINGS_PER_S: f64 = 1.0;
+/// Bounds how often a participant may make the others of its group stop, and then per second: who hangs more often computes apart from them.
+const FAILURES: f64 = 8.0;
+const FAILURES_PER_S: f64 = 1.0 / 300.0;
 
 /// A node that has joined.
 #[derive(Clone, Debug)]
@@ -87,6 +90,8 @@ pub(super) struct Common {
     pub allowances: BTreeMap<ClientId, Allowance>,
     /// Counts how often nodes have greeted, those included that are gone.
     pub greetings: BTreeMap<NodeId, Account>,
+    /// Counts how often participants have made others stop, those included that are gone.
+    pub failures: BTreeMap<NodeId, Account>,
     /// The newest view number in use, over all groups.
     pub number: ViewNumber,
     pub begun: bool,
@@ -105,6 +110,23 @@ impl Common {
     pub(super) fn may_greet(&mut self, node: NodeId) -> bool {
         let now = self.now;
         self.greetings.entry(node).or_default().ask(now, 1.0, GREETINGS, GREETINGS_PER_S)
+    }
+
+    /// Counts that a participant makes the others of its group stop.
+    pub(super) fn has_failed(&mut self, node: NodeId) {
+        let now = self.now;
+        let Some(entry) = self.nodes.get(&node).filter(|entry| entry.member.client.is_some()) else { return };
+        let serves = entry.serving;
+        let computes_with = |other: (&NodeId, &NodeEntry)| *other.0 != node && other.1.serving == serves;
+        if serves.is_some() && self.nodes.iter().any(computes_with) {
+            let _ = self.failures.entry(node).or_default().ask(now, 1.0, FAILURES, FAILURES_PER_S);
+        }
+    }
+
+    /// Returns whether a node has made others stop so often that it computes apart from them for now.
+    pub(super) fn fails_often(&self, node: NodeId) -> bool {
+        let account = self.failures.get(&node).copied();
+        account.is_some_and(|mut account| !account.ask(self.now, 1.0, FAILURES, FAILURES_PER_S))
     }
 
     pub(super) fn send_node(&mut self, node: NodeId, message: ToNode) {

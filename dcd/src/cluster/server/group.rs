@@ -21,6 +21,8 @@ use crate::space::{Allocation, BodyId, DistributionTree, GroupId, NodeId, Region
 
 /// How long complaints about lost links are collected before one of those concerned has to go.
 const HEARING: Duration = Duration::from_millis(50);
+/// How long after a participant was believed that accused a member alone it is not believed of another one.
+const BELIEVED: Duration = Duration::from_secs(10);
 
 /// A complaint: the node that complains, and the node that it cannot reach.
 type Complaint = (NodeId, NodeId);
@@ -47,6 +49,8 @@ pub(super) struct Group {
     /// The regions that own bodies, as members told in the present view: for operators.
     pub owners: BTreeMap<BodyId, RegionId>,
     complaints: BTreeSet<Complaint>,
+    /// When participants were believed that accused a member alone.
+    believed: BTreeMap<NodeId, Duration>,
     /// When they are decided on.
     pub hearing: Option<Duration>,
     /// Whether a member's link broke, so that what was sent over it may be lost: all is to be compared.
@@ -61,6 +65,8 @@ pub(super) struct Group {
     pub saving: bool,
     /// Lost and doubled bodies by the last survey of a world that ends.
     pub audit: Option<(Vec<BodyId>, Vec<BodyId>)>,
+    /// How often each member has come back in the present view change, which began anew with it.
+    returns: BTreeMap<NodeId, u32>,
 }
 
 impl Group {
@@ -80,6 +86,7 @@ impl Group {
             retold: Retold::default(),
             owners: BTreeMap::new(),
             complaints: BTreeSet::new(),
+            believed: BTreeMap::new(),
             hearing: None,
             unsure: false,
             confirmed: false,
@@ -87,6 +94,7 @@ impl Group {
             held: false,
             saving: false,
             audit: None,
+            returns: BTreeMap::new(),
         }
     }
 
@@ -301,13 +309,15 @@ impl Group {
     }
 
     /// Decides which members have to go, as members that cannot reach one another cannot share a tree. Those that most others
-    /// complain of go, of equals the one with the highest id; each is named once, dead ones first. A node that is dead or hangs
-    /// does not complain itself.
-    pub(super) fn decide_complaints(&mut self, common: &Common) -> Vec<NodeId> {
+    /// complain of go, of equals a participant, then the one with the highest id; each is named once, dead ones first. A node that is dead or
+    /// hangs does not complain itself. Returns them, and whether it is a fault of their own: a participant alone may say what it likes.
+    pub(super) fn decide_complaints(&mut self, common: &Common) -> Vec<(NodeId, bool)> {
         self.hearing = None;
+        // Who is on its way out already neither accuses nor is accused.
+        let serving = self.serving(common);
         let mut open: BTreeSet<_> = std::mem::take(&mut self.complaints)
             .into_iter()
-            .filter(|&(a, b)| self.is_member(a) && self.is_member(b))
+            .filter(|(a, b)| serving.contains(a) && serving.contains(b))
             .collect();
         let mut going = Vec::new();
         while !open.is_empty() {
@@ -315,13 +325,45 @@ impl Group {
             for &(_, accused) in &open {
                 *votes.entry(accused).or_default() += 1;
             }
-            let is_gone = |node| !common.nodes.get(node).is_some_and(|entry| entry.linked);
-            let worst = votes.iter().max_by_key(|&(node, &count)| (is_gone(node), count, *node));
-            let Some((&worst, _)) = worst else { break };
-            going.push(worst);
-            open.retain(|&(a, b)| a != worst && b != worst);
+            let is_gone = |node: &NodeId| !common.nodes.get(node).is_some_and(|entry| entry.linked);
+            let worst = votes
+                .iter()
+                .max_by_key(|&(node, &count)| (is_gone(node), count, !self.is_dedicated(*node), *node));
+            let Some((&worst, &count)) = worst else { break };
+            let lone = open.iter().find(|(_, accused)| *accused == worst).map(|(accuser, _)| *accuser);
+            let lone = lone.filter(|lone| count == 1 && !is_gone(&worst) && self.is_doubtful(*lone));
+            let named = |accuser| open.iter().filter(|(a, _)| *a == accuser).count();
+            let liar = lone.filter(|&lone| self.overreaches(common, lone, worst, named(lone)));
+            let goes = liar.unwrap_or(worst);
+            going.push((goes, liar.is_some() || lone.is_none() && !is_gone(&worst)));
+            open.retain(|&(a, b)| a != goes && b != goes);
         }
         going
+    }
+
+    fn is_dedicated(&self, node: NodeId) -> bool {
+        let mut members = self.view.iter().flat_map(|view| &view.members);
+        members.any(|member| member.node == node && member.client.is_none())
+    }
+
+    /// Returns whether a node's word alone may be a lie: a participant's, that does not lead.
+    fn is_doubtful(&self, node: NodeId) -> bool {
+        !self.leads(node) && !self.is_dedicated(node)
+    }
+
+    /// Returns whether such a one accuses alone, and more than its word is good for: several members, one more than shortly before, or the last
+    /// dedicated one. Then its own links are at fault, or it wants the world for itself.
+    fn overreaches(&mut self, common: &Common, accuser: NodeId, accused: NodeId, named: usize) -> bool {
+        let others = self.serving(common).into_iter().filter(|node| *node != accused);
+        let is_last = self.is_dedicated(accused) && !others.into_iter().any(|node| self.is_dedicated(node));
+        let now = common.now;
+        self.believed.retain(|_, at| now < *at + BELIEVED);
+        let was_believed = self.believed.contains_key(&accuser);
+        let overreaches = named > 1 || is_last || was_believed;
+        if !overreaches {
+            self.believed.insert(accuser, now);
+        }
+        overreaches
     }
 
     /// Closes the audit, when all have told what they own or there is nobody to ask: lists what is lost and what is doubled.

@@ -7,7 +7,7 @@ use super::common::{ABSENCE, NodeEntry, RETURN};
 use super::group::Group;
 use super::{Server, ServerOutput};
 use crate::cluster::Peer;
-use crate::protocol::{Delay, Farewell, Member, ToNode, ToServer, ViewNumber};
+use crate::protocol::{Delay, Farewell, Member, Refusal, ToNode, ToServer, ViewNumber};
 use crate::space::{GroupId, NodeId};
 
 /// How long a group whose members are all out of reach is left alone before others take over.
@@ -132,6 +132,10 @@ impl Server {
             // They went on as before, and did what was to be handed over.
             group.left_over.clear();
             if group.change.is_some() {
+                if group.returns_too_often(&self.common, node) {
+                    self.common.has_failed(node);
+                    return self.begin_anew(node);
+                }
                 group.begin_change(&mut self.common);
             }
         }
@@ -203,8 +207,12 @@ impl Server {
         if entry.loading > 0 {
             return;
         }
-        // It was taken for a member of a former view while it loaded, and holds nothing of it.
+        // It was taken for a member of a former view while it loaded, and holds nothing of it; or it says so to be sent another world.
         if entry.serving.is_some() {
+            if !self.common.may_greet(node) {
+                return self.turn_away(Peer::Node(node), Refusal::TooMany.to_string());
+            }
+            self.common.has_failed(node);
             return self.begin_anew(node);
         }
         entry.loaded = true;

@@ -19,6 +19,8 @@ use crate::space::{ClientId, GroupId, NodeId};
 const MEASURE: Duration = Duration::from_secs(2);
 /// How long a node that was out of reach stays alone at least, when groups do not depend on delay.
 const APART: Duration = Duration::from_secs(3);
+/// How long a dedicated node that all others reach waits for a participant that alone does not.
+const DENIED: Duration = Duration::from_secs(10);
 
 /// How often it is checked which nodes can reach each other again.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
@@ -123,12 +125,13 @@ impl Server {
             let hints = &self.common.config.grouping.hints;
             let best = best_group(node, &groups, |a, b| self.delay_ms(a, b), &self.rules(), hints);
             let best = best.and_then(|index| members.keys().nth(index).copied());
-            let group = match best {
+            let fails = self.common.fails_often(node);
+            let group = match best.filter(|_| !fails) {
                 Some(group) => group,
                 // Whom the world waits for.
                 None if !members.contains_key(&self.main) => self.main,
                 None => {
-                    if self.common.config.world.thresholds.delay.is_none() {
+                    if self.common.config.world.thresholds.delay.is_none() && !fails {
                         self.common.outputs.push_back(ServerOutput::Unreached(node));
                     }
                     self.new_group()
@@ -173,16 +176,31 @@ impl Server {
         members.retain(|id, _| is_calm(id));
         let rank = |id: &GroupId| (members[id].len(), *id == self.main, std::cmp::Reverse(*id));
         let Some(largest) = members.keys().copied().max_by_key(|id| rank(id)) else { return };
-        let returning =
-            members.iter().filter(|(id, _)| **id != largest).flat_map(|(_, nodes)| nodes).find(|&&node| {
-                self.common.nodes[&node].in_group_since + APART <= now
-                    && members[&largest].iter().all(|&other| self.reaches(node, other))
-            });
-        if let Some(&node) = returning
-            && members[&largest].len() < self.common.config.grouping.max_size
-        {
-            self.put(node, largest);
+        let apart = members.iter().filter(|(id, _)| **id != largest).flat_map(|(_, nodes)| nodes);
+        let apart: Vec<_> = apart.map(|&node| (node, self.common.nodes[&node].in_group_since)).collect();
+        let returning = apart.iter().find(|&&(node, since)| {
+            let is_due = since + APART <= now && !self.common.fails_often(node);
+            is_due && members[&largest].iter().all(|&other| self.reaches(node, other))
+        });
+        if let Some(&(node, _)) = returning {
+            if members[&largest].len() < self.common.config.grouping.max_size {
+                self.put(node, largest);
+            }
+            return;
         }
+        // Else one that lies would keep a dedicated node out for good. With the next look that one is back.
+        let denier = apart.iter().find_map(|&(node, since)| {
+            let is_due = since + DENIED <= now && !self.plays(node) && members[&largest].len() > 1;
+            let mut away = members[&largest].iter().filter(|&&other| !self.reaches(node, other));
+            let denier = away.next().filter(|_| is_due)?;
+            (away.next().is_none() && self.plays(*denier)).then_some(*denier)
+        });
+        denier.into_iter().for_each(|node| self.set_apart(node));
+    }
+
+    /// Returns whether a node is a participant's.
+    fn plays(&self, node: NodeId) -> bool {
+        self.common.nodes.get(&node).is_some_and(|entry| entry.member.client.is_some())
     }
 
     pub(super) fn regrouping_at(&self) -> Option<Duration> {
@@ -244,7 +262,9 @@ impl Server {
         }
         let group = outcome.group.iter().find_map(|node| self.common.nodes.get(node)?.group);
         match (outcome.motion, group) {
-            (Motion::Include(node), Some(group)) if self.groups.contains_key(&group) => {
+            (Motion::Include(node), Some(group))
+                if self.groups.contains_key(&group) && !self.common.fails_often(node) =>
+            {
                 self.put(node, group);
             }
             (Motion::Reject(node), _) => {

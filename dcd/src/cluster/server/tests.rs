@@ -5,6 +5,7 @@ mod building;
 mod hostile;
 mod leaving;
 mod lying;
+mod participants;
 mod status;
 mod vicinity;
 

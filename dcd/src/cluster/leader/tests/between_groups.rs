@@ -43,7 +43,7 @@ fn cost(dead_reckoning_m: f32) -> [f64; 3] {
         .map(|i| SharedState {
             id: BodyId::persistent(i),
             owner: RegionId(1),
-            epoch: crate::space::Epoch::placed_in(3),
+            epoch: crate::space::Epoch::placed_in(1),
             pose: WorldPose::at([f64::from(i % 20), 3.0 * random.unit(), f64::from(i / 20)]),
             velocity: Velocity { linear: [0.0; 3], angular: [1.0, 2.0, 3.0] },
             sleeping: false,

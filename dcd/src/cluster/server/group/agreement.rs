@@ -2,12 +2,14 @@
 //! ticks, and how the world is cut.
 //!
 //! The leader made both, so that its word counts while it is there. Of the others' each is checked against the rest: what the leader
-//! sent to all must be known to most. Inputs went to the members that hold the avatar alone, and count by one member's word.
+//! sent to all must be known to most. Inputs went to the members that hold the avatar alone, and count by one member's word. A leader that dies
+//! may have told a few of a tick: it is completed, but what participants alone say was to be done in it to all that there is, is not.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::protocol::{Dispatch, View, WorldOp, encode_value};
+use crate::cluster::state_replication::TELL_TICK;
+use crate::protocol::{Dispatch, Input, View, WorldOp, encode_value};
 use crate::space::{Allocation, DistributionTree, NodeId, Tick};
 
 /// A tree, and which member computes each region.
@@ -17,10 +19,11 @@ pub(super) type Division = (DistributionTree, Allocation);
 const UNHEARD_TICKS: u64 = 1 << 32;
 
 /// Returns the dispatches of a view that its survivors are to complete, in order, and how many of those that were named do not count.
-/// `heard` is the tick up to which the server has heard of the world.
+/// `heard` is the tick up to which the server has heard of the world, and `lag` is how many ticks members may be apart.
 pub(super) fn dispatches(
     view: &View,
     heard: Tick,
+    lag: u64,
     named: &BTreeMap<NodeId, Vec<Dispatch>>,
 ) -> (Vec<Dispatch>, u64) {
     let led = named.get(&view.leader);
@@ -37,8 +40,15 @@ pub(super) fn dispatches(
         }
     }
     // Survivors are at most so far apart that what they name follows on; without the leader that of most of them counts, of equals what is
-    // nearest to the tick that was heard of.
+    // later, but no more so than the leader may have gone on unheard, or else what is nearest to the tick that was heard of.
     if led.is_none() {
+        let least = Tick(heard.0.saturating_sub(lag + 1));
+        let may_be = least..=Tick(heard.0.saturating_add(2 * (TELL_TICK + lag)));
+        // Who names nothing has heard of no tick of this view, unless it began anew or lies: nobody else is so far behind the leader.
+        let silent = named.values().filter(|own| own.is_empty() && view.tick >= least).count();
+        if silent > 0 {
+            by_tick.entry(view.tick).or_default();
+        }
         let mut runs: Vec<BTreeMap<Tick, Vec<(NodeId, &Dispatch)>>> = Vec::new();
         for (tick, of) in std::mem::take(&mut by_tick) {
             match runs.last_mut() {
@@ -48,22 +58,49 @@ pub(super) fn dispatches(
                 _ => runs.push([(tick, of)].into()),
             }
         }
-        let size = |run: &BTreeMap<_, Vec<(NodeId, _)>>| {
-            run.values().flatten().map(|(node, _)| *node).collect::<BTreeSet<_>>().len()
-        };
         let all: usize = runs.iter().flat_map(BTreeMap::values).map(Vec::len).sum();
-        let away = |run: &BTreeMap<Tick, _>| {
-            run.last_key_value().map_or(u64::MAX, |(last, _)| last.0.abs_diff(heard.0))
+        let rank = |run: &BTreeMap<Tick, Vec<(NodeId, &Dispatch)>>| {
+            let last = run.last_key_value().map_or(view.tick, |(last, _)| *last);
+            let size = ends(run, view.tick, silent).len();
+            (size, Some(last).filter(|last| may_be.contains(last)), Reverse(last.0.abs_diff(heard.0)))
         };
-        let best = runs.into_iter().rev().max_by_key(|run| (size(run), Reverse(away(run))));
+        let best = runs.into_iter().rev().max_by_key(rank);
         by_tick = best.unwrap_or_default();
+        // A leader opens no tick before all have done those of which it may be ahead: nobody knows of later ones.
+        let ends = ends(&by_tick, view.tick, silent);
+        if let Some(end) = ends.get(ends.len().saturating_sub(1) / 2) {
+            by_tick.retain(|tick, _| tick.0 <= end.0 + lag + 1);
+        }
+        by_tick.remove(&view.tick);
         refused += (all - by_tick.values().map(Vec::len).sum::<usize>()) as u64;
     }
+    let is_dedicated = |node| view.members.iter().any(|one| one.node == node && one.client.is_none());
     let counts = |of: Vec<(NodeId, &Dispatch)>| match of.iter().find(|(node, _)| *node == view.leader) {
         Some((_, own)) => (*own).clone(),
-        None => merged(&of.into_iter().map(|(_, one)| one).collect::<Vec<_>>()),
+        None => {
+            let is_sure = 2 * of.len() > named.len() || of.iter().any(|(node, _)| is_dedicated(*node));
+            let mut one = merged(&of.into_iter().map(|(_, one)| one).collect::<Vec<_>>());
+            // What else a leader did is on record, or is lost as if it had died a moment before.
+            one.ops.retain(|op| is_sure || is_for_some(op) || matches!(op, WorldOp::Ask { .. }));
+            one
+        }
     };
     (by_tick.into_values().map(counts).collect(), refused)
+}
+
+/// Returns the newest tick that each member names which takes part in this run, in order. Those that are silent are at the view's tick.
+fn ends(run: &BTreeMap<Tick, Vec<(NodeId, &Dispatch)>>, first: Tick, silent: usize) -> Vec<Tick> {
+    let named = run.iter().flat_map(|(&tick, of)| of.iter().map(move |(node, _)| (*node, tick)));
+    let newest: BTreeMap<NodeId, Tick> = named.collect();
+    let silent = if run.contains_key(&first) { silent } else { 0 };
+    let mut ends: Vec<_> = newest.into_values().chain(std::iter::repeat_n(first, silent)).collect();
+    ends.sort_unstable();
+    ends
+}
+
+/// Returns whether a leader tells this those members alone that it concerns: an avatar's input, but no jump.
+fn is_for_some(op: &WorldOp) -> bool {
+    matches!(op, WorldOp::Input(Input { body, pose: None, .. }) if body.client().is_some())
 }
 
 /// Returns one dispatch of what several members were sent of it.
@@ -74,8 +111,7 @@ fn merged(parts: &[&Dispatch]) -> Dispatch {
         own.into_iter().for_each(|op| *known.entry(op).or_default() += 1);
     }
     let counts = |op: &WorldOp| match op {
-        // All of it concerns somebody.
-        WorldOp::Input(input) if input.body.client().is_some() => true,
+        op if is_for_some(op) => true,
         op => 2 * known[&encode_value(op)] > parts.len(),
     };
     let mut listed = BTreeSet::new();
@@ -159,7 +195,7 @@ mod tests {
         let forged = vec![dispatch(8, vec![remove(2), input(1)]), dispatch(9, vec![remove(3)])];
         let later = vec![dispatch(1 << 40, Vec::new())];
         let named = [(ONE, own.clone()), (TWO, forged), (THREE, later)].into();
-        assert_eq!(dispatches(&view(), Tick(7), &named), (own, 2));
+        assert_eq!(dispatches(&view(), Tick(7), 0, &named), (own, 2));
     }
 
     #[test]
@@ -167,7 +203,7 @@ mod tests {
         let empty =
             |ticks: &[u64]| -> Vec<_> { ticks.iter().map(|&tick| dispatch(tick, Vec::new())).collect() };
         let counted = |named: &[(NodeId, Vec<Dispatch>)]| {
-            let (counted, refused) = dispatches(&view(), Tick(20), &named.iter().cloned().collect());
+            let (counted, refused) = dispatches(&view(), Tick(20), 0, &named.iter().cloned().collect());
             (counted.iter().map(|one| one.tick.0).collect::<Vec<_>>(), refused)
         };
         let liar = NodeId(4);
@@ -186,6 +222,77 @@ mod tests {
         );
     }
 
+    fn ticks_of(heard: u64, lag: u64, named: &[(NodeId, &[u64])]) -> Vec<u64> {
+        let own = |ticks: &[u64]| ticks.iter().map(|&tick| dispatch(tick, Vec::new())).collect();
+        let named = named.iter().map(|&(node, ticks)| (node, own(ticks))).collect();
+        dispatches(&view(), Tick(heard), lag, &named).0.iter().map(|one| one.tick.0).collect()
+    }
+
+    #[test]
+    fn who_has_heard_of_no_tick_counts_as_well() {
+        let liar = NodeId(4);
+        assert!(ticks_of(7, 0, &[(TWO, &[]), (THREE, &[]), (liar, &[1 << 31])]).is_empty());
+        assert!(ticks_of(7, 0, &[(TWO, &[]), (liar, &[1 << 31])]).is_empty(), "what may be counts");
+        assert_eq!(ticks_of(7, 0, &[(TWO, &[]), (THREE, &[8])]), [8]);
+        assert_eq!(ticks_of(7, 6, &[(TWO, &[]), (THREE, &[8, 9, 10, 11, 12, 13, 14])]).last(), Some(&14));
+    }
+
+    #[test]
+    fn who_began_anew_does_not_take_the_world_back() {
+        assert_eq!(ticks_of(480, 0, &[(TWO, &[]), (THREE, &[]), (NodeId(4), &[500])]), [500]);
+    }
+
+    #[test]
+    fn no_tick_is_done_that_a_leader_could_not_have_opened() {
+        let liar = NodeId(4);
+        assert_eq!(ticks_of(20, 0, &[(TWO, &[20]), (THREE, &[20]), (liar, &[20, 21, 22, 23])]), [20, 21]);
+        assert_eq!(ticks_of(20, 0, &[(TWO, &[20]), (liar, &[20, 21, 22, 23])]), [20, 21]);
+        assert_eq!(
+            ticks_of(20, 0, &[(TWO, &[20, 21]), (THREE, &[21, 22]), (liar, &[19, 20])]),
+            [19, 20, 21, 22]
+        );
+        let (honest, lie): (Vec<u64>, Vec<u64>) = ((20..=26).collect(), (20..=47).collect());
+        assert_eq!(ticks_of(20, 6, &[(TWO, &honest), (THREE, &honest), (liar, &lie)]).last(), Some(&33));
+    }
+
+    #[test]
+    fn the_world_does_not_go_back_for_one_of_two() {
+        let liar = NodeId(4);
+        // The server last heard of tick 10: the leader told it no more before it died.
+        assert_eq!(ticks_of(10, 0, &[(TWO, &[20, 21]), (liar, &[10])]), [20, 21]);
+        assert_eq!(ticks_of(10, 0, &[(TWO, &[20, 21]), (liar, &[])]), [20, 21]);
+        assert_eq!(ticks_of(10, 0, &[(TWO, &[20, 21]), (liar, &[1 << 20])]), [20, 21]);
+    }
+
+    #[test]
+    fn what_participants_alone_say_was_done_to_all_is_not_done() {
+        let jump = |body| {
+            let velocity = Velocity::default();
+            let pose = Some(crate::protocol::WorldPose::at([9.0; 3]));
+            WorldOp::Input(Input { body, logical_time: 1, tick: Tick(0), velocity, pose, drive: None })
+        };
+        let others = [jump(BodyId::persistent(1)), jump(BodyId::avatar(ClientId(2), 0)), remove(1)];
+        let ops = [others.to_vec(), vec![input(1)]].concat();
+        let named = [
+            (TWO, vec![dispatch(8, Vec::new())]),
+            (THREE, vec![dispatch(8, others.to_vec()), dispatch(9, ops.clone())]),
+        ];
+        let of_nine = |view: &View, named: &[(NodeId, Vec<Dispatch>)]| {
+            let (counted, _) = dispatches(view, Tick(8), 0, &named.iter().cloned().collect());
+            assert_eq!(counted[0].ops, [], "of two, most are both");
+            counted[1].ops.clone()
+        };
+        let mut view = view();
+        assert_eq!(of_nine(&view, &named), ops, "a dedicated node may have been the last one to be told");
+        view.members[2].client = Some(ClientId(1));
+        assert_eq!(of_nine(&view, &named), [input(1)]);
+        let both = named.clone().map(|(node, own)| match node {
+            TWO => (node, vec![own[0].clone(), dispatch(9, ops.clone())]),
+            _ => (node, own),
+        });
+        assert_eq!(of_nine(&view, &both), ops, "most know of it");
+    }
+
     #[test]
     fn without_the_leader_what_it_sent_to_all_counts_if_most_know_it_and_inputs_if_one_does() {
         let honest = |client| vec![dispatch(8, vec![remove(1), remove(1), input(client)])];
@@ -196,7 +303,7 @@ mod tests {
         };
         let forged = vec![dispatch(8, vec![insert, remove(2)])];
         let named = [(TWO, honest(1)), (THREE, honest(2)), (NodeId(4), forged)].into();
-        let (counted, refused) = dispatches(&view(), Tick(7), &named);
+        let (counted, refused) = dispatches(&view(), Tick(7), 0, &named);
         assert_eq!(counted, [dispatch(8, vec![remove(1), remove(1), input(1), input(2)])]);
         assert_eq!(refused, 0);
     }
@@ -205,7 +312,7 @@ mod tests {
     fn a_dispatch_of_another_view_or_of_a_tick_before_this_one_is_refused() {
         let other = Dispatch { view: ViewNumber(3), ..dispatch(8, Vec::new()) };
         let named = [(TWO, vec![dispatch(7, Vec::new()), other])].into();
-        assert_eq!(dispatches(&view(), Tick(7), &named), (Vec::new(), 2));
+        assert_eq!(dispatches(&view(), Tick(7), 0, &named), (Vec::new(), 2));
     }
 
     #[test]

@@ -24,6 +24,8 @@ const MUTE: Duration = Duration::from_secs(5);
 const PARTS: Duration = Duration::from_secs(20);
 /// How much longer for each body that is fetched: some 300 bytes.
 const PART: Duration = Duration::from_millis(1);
+/// How many times more than the others a member may come back in one view change, each of which begins it anew.
+const RETURNS: u32 = 3;
 /// The most bytes that a leader hands over of what it has not passed on.
 const UNDONE_BYTES: usize = 64 << 20;
 
@@ -99,6 +101,9 @@ impl Group {
     /// Begins a view change, anew if one is under way.
     pub(in crate::cluster::server) fn begin_change(&mut self, common: &mut Common) {
         self.unsure = false;
+        if self.change.is_none() {
+            self.returns.clear();
+        }
         common.number = common.number.next();
         let number = common.number;
         let survivors = self.serving(common);
@@ -124,6 +129,18 @@ impl Group {
             plan: None,
         });
         self.finish(common);
+    }
+
+    /// Counts that a member comes back amid a view change. Returns whether it does so again and again, and others that are linked do not: the
+    /// change would never end. Where it is the server's link that breaks, all come back as often.
+    pub(in crate::cluster::server) fn returns_too_often(&mut self, common: &Common, node: NodeId) -> bool {
+        let own = self.returns.entry(node).or_default();
+        *own += 1;
+        let own = *own;
+        let is_other = |other: &NodeId| *other != node && common.nodes[other].linked;
+        let others = self.serving(common).into_iter().filter(is_other);
+        let least = others.map(|other| self.returns.get(&other).copied().unwrap_or_default()).min();
+        least.is_some_and(|least| own > least + RETURNS)
     }
 
     /// Returns when members that owe an answer are given up.
@@ -192,7 +209,8 @@ impl Group {
         }
         let mut dispatches = Vec::new();
         if let Some(view) = &self.view {
-            let (counted, refused) = agreement::dispatches(view, self.tick, &change.settled);
+            let lag = common.config.world.protocol.lag_ticks();
+            let (counted, refused) = agreement::dispatches(view, self.tick, lag, &change.settled);
             change.last = counted.last().map_or(view.tick, |last| last.tick);
             common.stale += refused;
             dispatches = counted;

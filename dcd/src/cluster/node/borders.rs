@@ -1,0 +1,68 @@
+//! Keeps border messages until their round is reached, and checks what members say in them.
+
+use super::{Exchange, Node, Phase};
+use crate::protocol::{Border, BorderMessage, Placed, ViewNumber, WorldOp};
+use crate::space::{NodeId, Tick};
+
+/// Early border messages kept from one member beside those of the ticks that members may be apart.
+pub(super) const EARLY_BORDERS: usize = 4;
+
+impl Node {
+    /// Keeps a border message until its round is reached here; old ones are dropped.
+    pub(super) fn keep_early(&mut self, from: NodeId, border: Border) {
+        let next_round = match self.phase {
+            Phase::Resting => (self.tick.next(), 0),
+            Phase::Computing(tick, round) | Phase::Exchanging(Exchange { tick, round, .. }) => (tick, round),
+        };
+        let due = match self.heard_after(next_round.0) {
+            Some(tick) => (self.number(), tick, if self.lag() == 0 { next_round.1 } else { 0 }),
+            None => (self.number(), Tick(0), 0),
+        };
+        let bound = EARLY_BORDERS + 2 * self.lag() as usize;
+        let queue = self.early.entry(from).or_default();
+        let key = |border: &Border| (border.view, border.tick, border.round);
+        if key(&border) < due {
+            self.counters.stale += 1;
+            return;
+        }
+        queue.retain(|kept| key(kept) >= due);
+        if queue.iter().any(|kept| key(kept) == key(&border)) {
+            return;
+        }
+        queue.push_back(border);
+        if queue.len() > bound {
+            queue.pop_front();
+            self.counters.overflow += 1;
+        }
+    }
+
+    /// Returns whether a member may say this: from its own region to one of ours, of regions that there are, and, if it is another one, of
+    /// bodies at epochs that can be: an owner at any other would be believed by nobody else.
+    pub(super) fn can_be(&self, from: NodeId, message: &BorderMessage) -> bool {
+        let Some(view) = &self.view else { return false };
+        let (me, computes) = (self.config.id, |region, node| view.allocation.get(&region) == Some(&node));
+        let is_possible = || message.epochs().all(|epoch| epoch.is_possible(self.newest_view, message.tick));
+        computes(message.from, from)
+            && computes(message.to, me)
+            && (from == me || message.names_only(view.allocation.len()) && is_possible())
+    }
+
+    /// Notes in which views the bodies were placed with which a view begins. An avatar that returned meanwhile was placed in the newest of all
+    /// groups.
+    pub(super) fn begin_epochs(&mut self, view: ViewNumber, placed: &[Placed]) {
+        let newest = placed.iter().map(|placed| placed.body.epoch.view()).fold(view.0, u64::max);
+        self.newest_view = newest;
+        if let Some(leader) = &mut self.leader {
+            leader.knows_view(newest);
+        }
+    }
+
+    /// Notes in which views the bodies were placed that come in a tick.
+    pub(super) fn learn_epochs(&mut self, ops: &[WorldOp]) {
+        let come = ops.iter().flat_map(|op| match op {
+            WorldOp::Insert { bodies, .. } => &bodies[..],
+            _ => &[],
+        });
+        self.newest_view = come.map(|body| body.epoch.view()).fold(self.newest_view, u64::max);
+    }
+}

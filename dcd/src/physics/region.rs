@@ -48,7 +48,7 @@ use super::contact_listener::ContactListener;
 use super::convert;
 use super::hooks::ContactHooks;
 use super::partition::HUB_REACH_M;
-use crate::protocol::{JointRecord, RegionEvents};
+use crate::protocol::{BodyTraits, JointRecord, RegionEvents};
 use crate::space::{BodyId, Bounds, Cell, JointId, RegionId, Tick};
 
 /// Immovable bodies are held this far beyond the cell, so that bodies that reach out of it find their ground.
@@ -209,6 +209,11 @@ impl Region {
         links.sort_unstable_by_key(|link| link.id);
         links
     }
+    /// Returns what is fixed of every body held here, in no order.
+    pub(super) fn all_traits(&self) -> impl Iterator<Item = &BodyTraits> {
+        self.slots.iter().flatten().map(|slot| &*slot.traits)
+    }
+
 
     /// Returns the id and the ownership of the body behind a handle of [`Region::physics`].
     pub fn role_of(&self, handle: RigidBodyHandle) -> Option<(BodyId, Ownership)> {

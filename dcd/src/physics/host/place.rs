@@ -211,13 +211,11 @@ impl RegionHost {
     /// Forgets the shapes that no body has any more, now and then: terrain that is dug, or debris, would fill memory, checkpoints and saves.
     /// Only where all regions are computed here no message names a shape that is in no body.
     pub(crate) fn forget_unused_shapes(&mut self) {
-        if !self.shapes.has_grown() || self.sides.len() != self.partition.len() {
+        if !self.shapes.has_grown(self.owned_count()) || self.sides.len() != self.partition.len() {
             return;
         }
-        let movable = self
-            .regions()
-            .flat_map(|region| region.bodies().map(|(_, _, handle, _)| &*region.slot(handle).traits));
-        let all = movable.chain(self.statics.bodies().map(|body| &*body.traits));
+        let held = self.regions().flat_map(Region::all_traits);
+        let all = held.chain(self.statics.bodies().map(|body| &*body.traits));
         let used = all.flat_map(|traits| &traits.colliders).map(|collider| collider.shape).collect();
         self.shapes.keep(used);
     }

@@ -51,6 +51,12 @@ use super::partition::HUB_REACH_M;
 use crate::protocol::{BodyTraits, JointRecord, RegionEvents};
 use crate::space::{BodyId, Bounds, Cell, JointId, RegionId, Tick};
 
+#[cfg(test)]
+thread_local! {
+    /// How many times a region was asked for the handle of a body.
+    pub(super) static LOOKS: std::cell::Cell<usize> = const { std::cell::Cell::new(0) };
+}
+
 /// Immovable bodies are held this far beyond the cell, so that bodies that reach out of it find their ground.
 const COVER_M: f64 = 4.0 * HUB_REACH_M as f64;
 
@@ -361,7 +367,14 @@ impl Region {
 
     /// Returns the handle of a body, if it is held here.
     pub fn handle_of(&self, id: BodyId) -> Option<RigidBodyHandle> {
+        #[cfg(test)]
+        LOOKS.set(LOOKS.get() + 1);
         self.by_id.get(&id).copied()
+    }
+
+    /// Returns whether a body is held here.
+    pub(super) fn holds(&self, id: BodyId) -> bool {
+        self.by_id.contains_key(&id)
     }
 
     /// Makes the Rapier world one that the next copy of the region shares until it changes.

@@ -7,6 +7,7 @@ mod checkpoint;
 mod error;
 mod fidelity;
 mod giants;
+mod holders;
 mod place;
 #[cfg(test)]
 pub(super) mod processes;
@@ -71,6 +72,9 @@ pub struct RegionHost {
     /// Whether all regions meet in the next tick, not only neighbours; and whether they do in every tick.
     meets: bool,
     meets_always: bool,
+    /// Whether owners may not know who holds their bodies, since membership has changed.
+    #[serde(skip)]
+    holders_unsure: bool,
     /// Chooses the rates at which regions are stepped, where not all is computed in full.
     governor: Option<Governor>,
     tick: Tick,
@@ -112,6 +116,7 @@ impl RegionHost {
             balancer: None,
             meets: true,
             meets_always: false,
+            holders_unsure: false,
             governor: None,
             tick: Tick(0),
             rounds: settings.coupling.first_steps(settings.exchanges),
@@ -583,7 +588,8 @@ impl RegionHost {
 
     /// Returns the whole records of one body's joints, in order of insertion.
     pub fn joints_of(&self, id: BodyId) -> impl Iterator<Item = JointRecord> {
-        let held = self.regions().find_map(|region| Some((region, region.handle_of(id)?)));
+        let mut holders = self.places_of(id).map(|place| &self.sides[place].region);
+        let held = holders.find_map(|region| Some((region, region.handle_of(id)?)));
         held.into_iter().flat_map(|(region, handle)| region.joints_of(handle))
     }
 

@@ -133,6 +133,7 @@ impl RegionHost {
         placed.sort_by_key(|(_, body)| body.id);
         let mut owners: Vec<_> =
             placed.iter().map(|(region, _)| self.partition.rank_of(*region).unwrap_or(usize::MAX)).collect();
+        self.holders_unsure = true;
         let bodies: Vec<_> = placed.into_iter().map(|(_, body)| body).collect();
         let mut whole = vec![false; bodies.len()];
         let placement = Placement::of(&bodies, joints, &self.shapes, &self.settings)?;
@@ -201,7 +202,6 @@ impl RegionHost {
     pub fn remove(&mut self, id: BodyId) -> bool {
         let mut held = self.statics.remove(id);
         for Side { region, .. } in &mut self.sides {
-            held |= region.remove(id);
             region.forget_ties(id);
         }
         self.owner_index.remove(id);
@@ -209,11 +209,17 @@ impl RegionHost {
     }
 
     /// Forgets the shapes that no body has any more, now and then: terrain that is dug, or debris, would fill memory, checkpoints and saves.
+        self.holders_unsure = false;
     /// Only where all regions are computed here no message names a shape that is in no body.
     pub(crate) fn forget_unused_shapes(&mut self) {
         if !self.shapes.has_grown(self.owned_count()) || self.sides.len() != self.partition.len() {
             return;
+        let places = self.places_of(id);
         }
+        for place in places {
+            held |= self.sides[place].region.remove(id);
+        }
+        // Joints wait for it where it never was.
         let held = self.regions().flat_map(Region::all_traits);
         let all = held.chain(self.statics.bodies().map(|body| &*body.traits));
         let used = all.flat_map(|traits| &traits.colliders).map(|collider| collider.shape).collect();
@@ -330,10 +336,6 @@ impl RegionHost {
             Some((region, handle)) => Some(&region.slot(handle).traits),
             None => self.statics.body(id).map(|body| &*body.traits),
         }
-    }
-
-    pub(super) fn held(&self, id: BodyId) -> bool {
-        self.statics.body(id).is_some() || self.regions().any(|region| region.handle_of(id).is_some())
     }
 
     /// Inserts bodies in id order, as one Rapier world would be filled; `owners` are ranks, `whole` are bodies whose island lies

@@ -52,9 +52,9 @@ mod tests {
     use rapier3d::prelude::*;
 
     use crate::physics::region::LOOKS;
-    use crate::physics::{Coupling, Partition, RegionHost, StepSettings};
+    use crate::physics::{Coupling, Partition, RegionHost, StepSettings, joint_record};
     use crate::protocol::{Push, Velocity, WorldPose};
-    use crate::space::{BodyId, Bounds, DistributionTree};
+    use crate::space::{BodyId, Bounds, DistributionTree, JointId};
 
     #[test]
     fn a_call_on_a_body_looks_for_it_where_it_is_held_alone() {
@@ -99,5 +99,29 @@ mod tests {
         assert!(host.remove(new) && host.remove(shared));
         assert_eq!(LOOKS.get() - before, 0, "what is removed is looked for by its removal alone");
         assert!(host.regions().all(|region| !region.holds(new) && !region.holds(shared)));
+    }
+
+    #[test]
+    fn a_joint_in_a_world_of_one_region_costs_the_same_however_long_the_chain_is() {
+        let tree = DistributionTree::halved(Bounds::around([0.0; 3], [100.0; 3]), 1).unwrap();
+        let partition = Partition::new(tree, None);
+        let leaves = partition.leaves().to_vec();
+        let mut host = RegionHost::new(partition, StepSettings::default(), 1, &leaves).unwrap();
+        let links: Vec<_> = (0..50).map(BodyId::persistent).collect();
+        let bodies = links.iter().zip(0_u8..).map(|(&id, place)| {
+            let at = WorldPose::at([f64::from(place), 0.0, 0.0]);
+            let body = RigidBodyBuilder::dynamic().build();
+            host.shapes_mut().describe(id, at, &body, &[ColliderBuilder::ball(0.3)]).unwrap()
+        });
+        let bodies = bodies.collect();
+        host.insert(bodies, &[]).unwrap();
+        let looks = links.windows(2).zip(0..).map(|(pair, id)| {
+            let joint = SphericalJointBuilder::new().local_anchor2(-Vector::X).build();
+            let before = LOOKS.get();
+            host.tie(joint_record(JointId(id), pair[0], pair[1], &joint.data)).unwrap();
+            LOOKS.get() - before
+        });
+        let looks: Vec<_> = looks.collect();
+        assert!(looks.iter().all(|&count| count == looks[0]), "{looks:?}");
     }
 }

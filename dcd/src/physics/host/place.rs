@@ -248,6 +248,9 @@ impl RegionHost {
         self.reinsert(bodies.into_values().collect(), &ties.into_values().collect::<Vec<_>>())
     }
 
+        if self.partition.len() == 1 {
+            return self.insert(Vec::new(), &[joint]);
+        }
     /// Checks that Rapier can have these joints in multibodies, beside those that are there and tie none of these bodies.
     fn check_links(&self, joints: &[JointRecord], bodies: &[BodyRecord]) -> Result<(), HostError> {
         let mut parents = BTreeMap::new();

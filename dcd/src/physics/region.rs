@@ -127,7 +127,7 @@ pub struct Region {
     /// Bodies inserted or changed since the last step, perhaps more than once; and their colliders as queries find them.
     touched: Vec<RigidBodyHandle>,
     #[serde(skip)]
-    moved: OnceLock<Moved>,
+    moved: OnceLock<Box<Moved>>,
     #[serde(skip)]
     profile: Profile,
 }
@@ -209,17 +209,17 @@ impl Region {
             .map(|(&id, &handle)| (id, self.slot(handle).role, handle, &self.world.bodies[handle]))
     }
 
+    /// Returns what is fixed of every body held here, in no order.
+    pub(super) fn all_traits(&self) -> impl Iterator<Item = &BodyTraits> {
+        self.slots.iter().flatten().map(|slot| &*slot.traits)
+    }
+
     /// Returns every body held here, in id order.
     fn links(&self) -> Vec<BodyRef> {
         let mut links: Vec<_> = self.by_id.iter().map(|(&id, &handle)| BodyRef { id, handle }).collect();
         links.sort_unstable_by_key(|link| link.id);
         links
     }
-    /// Returns what is fixed of every body held here, in no order.
-    pub(super) fn all_traits(&self) -> impl Iterator<Item = &BodyTraits> {
-        self.slots.iter().flatten().map(|slot| &*slot.traits)
-    }
-
 
     /// Returns the id and the ownership of the body behind a handle of [`Region::physics`].
     pub fn role_of(&self, handle: RigidBodyHandle) -> Option<(BodyId, Ownership)> {
@@ -396,7 +396,7 @@ impl Region {
 
     /// Returns the colliders that are not where Rapier's own queries would find them.
     pub(super) fn moved(&self) -> &Moved {
-        self.moved.get_or_init(|| Moved::of(self, &self.touched))
+        self.moved.get_or_init(|| Box::new(Moved::of(self, &self.touched)))
     }
 
     pub(super) fn slot(&self, handle: RigidBodyHandle) -> &Slot {

@@ -121,7 +121,12 @@ impl ShapeLibrary {
 
     /// Returns the shape with this hash.
     pub fn shape(&self, hash: ShapeHash) -> Result<SharedShape, ShapeError> {
-        self.shapes.get(&hash).map(|(_, shape)| shape.clone()).ok_or(ShapeError::Unknown(hash))
+        self.look_at(hash).cloned()
+    }
+
+    /// Returns the shape with this hash, for who only looks at it.
+    pub(super) fn look_at(&self, hash: ShapeHash) -> Result<&SharedShape, ShapeError> {
+        self.shapes.get(&hash).map(|(_, shape)| shape).ok_or(ShapeError::Unknown(hash))
     }
 
     /// Returns a shape that a compound may be made of; Parry stops at others, or lets all fall through them.
@@ -357,11 +362,6 @@ pub(crate) fn can_build(known: &BTreeMap<ShapeHash, ShapeRecord>, shapes: &[Shap
     })
 }
 
-/// Returns whether a shape is made of parts, so that no compound can have it.
-fn is_composite(shape: &ShapeRecord) -> bool {
-    matches!(
-        shape,
-        ShapeRecord::TriMesh(..)
 /// Returns how many points, heights or voxels a shape has; 0 for what has few.
 fn points_of(shape: &ShapeRecord) -> usize {
     match shape {
@@ -375,6 +375,11 @@ fn points_of(shape: &ShapeRecord) -> usize {
     }
 }
 
+/// Returns whether a shape is made of parts, so that no compound can have it.
+fn is_composite(shape: &ShapeRecord) -> bool {
+    matches!(
+        shape,
+        ShapeRecord::TriMesh(..)
             | ShapeRecord::HeightField(..)
             | ShapeRecord::Polyline(..)
             | ShapeRecord::Voxels(..)

@@ -1,7 +1,8 @@
 //! Creates, finds and destroys bodies, and checks their definitions.
 
 use dcd::Role;
-use dcd::protocol::WorldPose;
+use dcd::protocol::{BodyKind, BodyState, BodyTraits, Velocity, WorldPose};
+use dcd::query::ShapeHash;
 use dcd::space::BodyId;
 use rapier3d::prelude::*;
 
@@ -10,13 +11,13 @@ use crate::guard::{guard, guard_value};
 use crate::handle::stale;
 use crate::ids::{DcdBodyId, DcdShapeId, DcdWorld};
 use crate::pointer::{self, Out, Sized32};
-use crate::properties::DcdBodyProperties;
+use crate::properties::{DcdBodyProperties, recorded_kind};
 use crate::registry::{World, find, with};
 use crate::shape;
 use crate::status::{DcdStatus, Failure};
 use crate::types::{
-    DCD_BODY_ANY_GROUP, DCD_BODY_ASLEEP, DCD_BODY_SENSOR, DCD_DYNAMIC, DcdBodyType, DcdFrame, DcdPose,
-    DcdVelocity, check_pose, check_velocity,
+    DCD_BODY_ANY_GROUP, DCD_BODY_ASLEEP, DCD_BODY_NO_SLEEP, DCD_BODY_SENSOR, DCD_DYNAMIC, DcdBodyType,
+    DcdFrame, DcdPose, DcdVelocity, check_pose, check_velocity,
 };
 
 /// The definition of a body. Start from DCD_BODY_DEF_INIT and give at least `shape`. dcd_body_set_properties and
@@ -154,11 +155,16 @@ unsafe fn create(
     // SAFETY: the caller vouches for `count` entries.
     let defs = unsafe { pointer::slice(defs, count, "defs")? };
     with(world, |world| {
+        if let [def] = defs {
+            check(world, def)?;
+            let id = insert(world, def)?;
+            // SAFETY: not null, aligned, and the caller vouches for one entry.
+            unsafe { out.write(world.mark.body(id)) };
+            return Ok(());
+        }
         for (i, def) in defs.iter().enumerate() {
-            check(world, def).map_err(|failure| match count {
-                1 => failure,
-                _ => Failure::new(failure.status, format!("defs[{i}]: {}", failure.message)),
-            })?;
+            check(world, def)
+                .map_err(|failure| Failure::new(failure.status, format!("defs[{i}]: {}", failure.message)))?;
         }
         // Others hear at once of a client's avatars: it may have all of them, or it makes none.
         if count > 1 && world.dcd.role() != Role::Local {
@@ -169,12 +175,11 @@ unsafe fn create(
         }
         let mut made = Vec::with_capacity(count);
         for def in defs {
-            let body = build(world, def)?;
-            match world.dcd.insert_at(body.pose, body.body, [body.collider]) {
+            match insert(world, def) {
                 Ok(id) => made.push(id),
                 Err(failure) => {
                     world.dcd.take_back(&made)?;
-                    return Err(failure.into());
+                    return Err(failure);
                 }
             }
         }
@@ -186,6 +191,16 @@ unsafe fn create(
     })
 }
 
+/// Inserts a body by its checked definition.
+fn insert(world: &mut World, def: &DcdBodyDef) -> Result<BodyId, Failure> {
+    if world.dcd.role() != Role::Local {
+        let body = build(world, def)?;
+        return Ok(world.dcd.insert_at(body.pose, body.body, [body.collider])?);
+    }
+    let (kind, shape) = (recorded_kind(def.body_type)?, shape::find(world, def.shape)?.clone());
+    Ok(world.dcd.insert_recorded(def.state(), &shape, |shape| def.traits(kind, shape))?)
+}
+
 /// A checked definition.
 pub(crate) struct NewBody {
     pub pose: WorldPose,
@@ -194,6 +209,26 @@ pub(crate) struct NewBody {
 }
 
 impl DcdBodyDef {
+    /// Returns how the body is recorded to be at first, as Rapier's builder makes it.
+    fn state(&self) -> BodyState {
+        let sleeping = self.flags & (DCD_BODY_ASLEEP | DCD_BODY_NO_SLEEP) == DCD_BODY_ASLEEP;
+        let DcdVelocity { linear, angular } = self.velocity;
+        BodyState {
+            pose: self.pose.into(),
+            velocity: if sleeping { Velocity::default() } else { Velocity { linear, angular } },
+            force: [0.0; 3],
+            torque: [0.0; 3],
+            sleeping,
+            still_s: if sleeping { RigidBodyActivation::default_time_until_sleep() } else { 0.0 },
+            gait: None,
+            drive: None,
+        }
+    }
+
+    fn traits(&self, kind: BodyKind, shape: ShapeHash) -> BodyTraits {
+        self.properties().traits(kind, vec![self.collider().record(shape)])
+    }
+
     fn properties(&self) -> DcdBodyProperties {
         DcdBodyProperties {
             struct_size: size_of::<DcdBodyProperties>() as u32,
@@ -274,6 +309,10 @@ fn check(world: &World, def: &DcdBodyDef) -> Result<(), Failure> {
 
 /// Turns a checked definition into Rapier's builders.
 fn build(world: &World, def: &DcdBodyDef) -> Result<NewBody, Failure> {
+    described(def, shape::find(world, def.shape)?.clone())
+}
+
+fn described(def: &DcdBodyDef, shape: SharedShape) -> Result<NewBody, Failure> {
     let properties = def.properties();
     let mut body = properties
         .builder()?
@@ -282,7 +321,7 @@ fn build(world: &World, def: &DcdBodyDef) -> Result<NewBody, Failure> {
         .sleeping(def.flags & DCD_BODY_ASLEEP != 0)
         .build();
     properties.set_thresholds(&mut body);
-    let collider = def.collider().builder(shape::find(world, def.shape)?.clone());
+    let collider = def.collider().builder(shape);
     Ok(NewBody { pose: def.pose.into(), body, collider })
 }
 
@@ -310,18 +349,25 @@ pub extern "C" fn dcd_body_destroy(world: DcdWorld, body: DcdBodyId) -> DcdStatu
 
 fn destroy(world: DcdWorld, bodies: &[DcdBodyId]) -> Result<(), Failure> {
     with(world, |world| {
+        if let [body] = *bodies {
+            let id = find(world, body)?;
+            world.dcd.can_remove(id)?;
+            return remove(world, id);
+        }
         let mut ids: Vec<_> = bodies.iter().map(|&body| find(world, body)).collect::<Result<_, _>>()?;
         ids.sort_unstable();
         if let Some(twice) = ids.windows(2).find(|pair| pair[0] == pair[1]) {
             return Err(stale("body", world.mark.body(twice[0]).v));
         }
         ids.iter().try_for_each(|&id| world.dcd.can_remove(id))?;
-        for id in ids {
-            world.events.departs(id, world.dcd.user_data(id).unwrap_or(0) as u64);
-            world.dcd.remove(id)?;
-        }
-        Ok(())
+        ids.into_iter().try_for_each(|id| remove(world, id))
     })
+}
+
+/// Removes a body that this process may remove.
+fn remove(world: &mut World, id: BodyId) -> Result<(), Failure> {
+    world.events.departs(id, world.dcd.user_data(id).unwrap_or(0) as u64);
+    Ok(world.dcd.remove(id)?)
 }
 
 /// Returns whether the id names a body of this world. False too from within a function that the library calls, and once the
@@ -349,4 +395,91 @@ pub unsafe extern "C" fn dcd_body_at(world: DcdWorld, index: u32, out: *mut DcdB
             Ok(())
         })
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use dcd::physics::ShapeLibrary;
+
+    use super::*;
+    use crate::ids::DcdShapeId;
+    use crate::types::{
+        DCD_BODY_CCD, DCD_BODY_DISABLED, DCD_BODY_FAST_SPIN, DCD_BODY_NO_GYRO, DCD_FIXED, DCD_KINEMATIC,
+        DCD_KINEMATIC_POSE,
+    };
+
+    /// A definition with nothing at its default.
+    fn unusual() -> DcdBodyDef {
+        DcdBodyDef {
+            struct_size: size_of::<DcdBodyDef>() as u32,
+            body_type: DCD_DYNAMIC,
+            pose: DcdPose { p: [100_000.125, -2.0, 3.0], q: [0.5, 0.5, 0.5, 0.5] },
+            velocity: DcdVelocity { linear: [1.0, 2.0, 3.0], angular: [0.1, 0.2, 0.3] },
+            shape: DcdShapeId { v: 0 },
+            density: 3.0,
+            mass: 0.0,
+            friction: 0.9,
+            restitution: 0.4,
+            friction_rule: 2,
+            restitution_rule: 5,
+            contact_skin: 0.01,
+            linear_damping: 0.25,
+            angular_damping: 0.75,
+            gravity_scale: -0.5,
+            flags: 0,
+            locked: 0,
+            events: 3,
+            force_threshold: 12.0,
+            groups: 5,
+            mask: 6,
+            solver_groups: 7,
+            solver_mask: 1 << 31,
+            pairs: 42,
+            dominance: -3,
+            soft_ccd: 0.125,
+            sleep_linear: 0.07,
+            sleep_angular: 0.08,
+            sleep_after: 3.0,
+            extra_mass: 0.0,
+            extra_centre: [0.0; 3],
+            extra_inertia: [0.0; 3],
+            extra_solver_iterations: 4,
+            extra_pgs_iterations: 2,
+            hooks: 5,
+            user_data: u64::MAX - 5,
+            material: 77,
+        }
+    }
+
+    #[test]
+    fn a_definition_is_recorded_as_the_body_that_rapiers_builders_make_of_it() {
+        let flags = (0..8).map(|bit| DcdBodyDef { flags: 1 << bit, ..unusual() });
+        let asleep = [DCD_BODY_NO_SLEEP, DCD_BODY_DISABLED].map(|flag| flag | DCD_BODY_ASLEEP);
+        let several = [DCD_BODY_CCD | DCD_BODY_FAST_SPIN, DCD_BODY_NO_GYRO | DCD_BODY_ANY_GROUP, 0];
+        let flags =
+            flags.chain(asleep.into_iter().chain(several).map(|flags| DcdBodyDef { flags, ..unusual() }));
+        let kinds = [DCD_FIXED, DCD_KINEMATIC, DCD_KINEMATIC_POSE];
+        let kinds = kinds.map(|body_type| DcdBodyDef { body_type, flags: DCD_BODY_ASLEEP, ..unusual() });
+        let locked = (0..7).map(|bit| DcdBodyDef { locked: (1 << bit) & 63, ..unusual() });
+        let masses = [(2.5, [0.0; 3], [0.0; 3]), (2.5, [0.1, 0.2, 0.3], [1.0, 2.0, 0.0])];
+        let masses = masses.map(|(extra_mass, extra_centre, extra_inertia)| DcdBodyDef {
+            extra_mass,
+            extra_centre,
+            extra_inertia,
+            mass: 8.0,
+            ..unusual()
+        });
+        let mut shapes = ShapeLibrary::default();
+        for def in flags.chain(kinds).chain(locked).chain(masses) {
+            let shape = SharedShape::ball(0.5);
+            let (kind, name) = (recorded_kind(def.body_type).unwrap(), shapes.intern(&shape).unwrap());
+            let NewBody { pose, body, collider } = described(&def, shape).unwrap();
+            let record = shapes.describe(BodyId::persistent(0), pose, &body, &[collider]).unwrap();
+            assert_eq!(
+                (def.state(), def.traits(kind, name)),
+                (record.state, (*record.traits).clone()),
+                "{def:?}"
+            );
+        }
+    }
 }

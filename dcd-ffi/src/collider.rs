@@ -1,7 +1,12 @@
 //! Adds, changes, reads and removes the colliders of a body: shape, friction, restitution, mass, collision groups, events.
 
-use dcd::protocol::{ColliderMass, ColliderRecord};
-use rapier3d::prelude::*;
+use dcd::protocol::{ColliderMass, ColliderRecord, CombineRule, Groups, Pose};
+use dcd::query::ShapeHash;
+use rapier3d::geometry::ColliderMassProps;
+use rapier3d::prelude::{
+    ActiveCollisionTypes, ActiveEvents, ActiveHooks, CoefficientCombineRule, Collider, ColliderBuilder,
+    Group, InteractionGroups, InteractionTestMode, SharedShape,
+};
 
 use crate::guard::guard;
 use crate::ids::{DcdBodyId, DcdShapeId, DcdWorld};
@@ -114,6 +119,15 @@ const RULES: [CoefficientCombineRule; 6] = [
     CoefficientCombineRule::GeometricMean,
 ];
 
+const RECORDED_RULES: [CombineRule; 6] = [
+    CombineRule::Average,
+    CombineRule::Min,
+    CombineRule::Multiply,
+    CombineRule::Max,
+    CombineRule::ClampedSum,
+    CombineRule::GeometricMean,
+];
+
 /// In the order of DCD_PAIR_… bits.
 const PAIRS: [ActiveCollisionTypes; 6] = [
     ActiveCollisionTypes::DYNAMIC_DYNAMIC,
@@ -193,23 +207,59 @@ impl DcdColliderProperties {
 
     /// Builds a collider with these properties.
     pub(crate) fn builder(&self, shape: SharedShape) -> ColliderBuilder {
-        let builder = ColliderBuilder::new(shape)
-            .position(self.frame.pose())
-            .friction(self.friction)
-            .restitution(self.restitution)
-            .friction_combine_rule(RULES[self.friction_rule as usize])
-            .restitution_combine_rule(RULES[self.restitution_rule as usize])
-            .contact_skin(self.contact_skin)
-            .sensor(self.has(DCD_COLLIDER_SENSOR))
-            .enabled(!self.has(DCD_COLLIDER_DISABLED))
-            .active_events(active_events(self.events))
-            .contact_force_event_threshold(self.force_threshold)
-            .collision_groups(self.interaction(self.groups, self.mask))
-            .solver_groups(self.interaction(self.solver_groups, self.solver_mask))
-            .active_collision_types(self.collision_types())
-            .active_hooks(ActiveHooks::from_bits_truncate(self.hooks))
-            .user_data(u128::from(self.user_data));
-        if self.mass > 0.0 { builder.mass(self.mass) } else { builder.density(self.density) }
+        // Rapier's setters would copy the builder each: they are not inlined into this crate.
+        let mut builder = ColliderBuilder::new(shape);
+        builder.position = self.frame.pose();
+        builder.friction = self.friction;
+        builder.restitution = self.restitution;
+        builder.friction_combine_rule = RULES[self.friction_rule as usize];
+        builder.restitution_combine_rule = RULES[self.restitution_rule as usize];
+        builder.contact_skin = self.contact_skin;
+        builder.is_sensor = self.has(DCD_COLLIDER_SENSOR);
+        builder.enabled = !self.has(DCD_COLLIDER_DISABLED);
+        builder.active_events = active_events(self.events);
+        builder.contact_force_event_threshold = self.force_threshold;
+        builder.collision_groups = self.interaction(self.groups, self.mask);
+        builder.solver_groups = self.interaction(self.solver_groups, self.solver_mask);
+        builder.active_collision_types = self.collision_types();
+        builder.active_hooks = ActiveHooks::from_bits_truncate(self.hooks);
+        builder.user_data = u128::from(self.user_data);
+        builder.mass_properties = match self.mass > 0.0 {
+            true => ColliderMassProps::Mass(self.mass),
+            false => ColliderMassProps::Density(self.density),
+        };
+        builder
+    }
+
+    /// Returns what is recorded of a collider with these properties: the same as of what [`DcdColliderProperties::builder`] builds.
+    pub(crate) fn record(&self, shape: ShapeHash) -> ColliderRecord {
+        let groups = |memberships: u32, filter: u32| Groups {
+            memberships,
+            filter,
+            any: self.has(DCD_COLLIDER_ANY_GROUP),
+        };
+        ColliderRecord {
+            shape,
+            pose: Pose { translation: self.frame.p, rotation: self.frame.q },
+            mass: match self.mass > 0.0 {
+                true => ColliderMass::Mass(self.mass),
+                false => ColliderMass::Density(self.density),
+            },
+            friction: self.friction,
+            friction_rule: RECORDED_RULES[self.friction_rule as usize],
+            restitution: self.restitution,
+            restitution_rule: RECORDED_RULES[self.restitution_rule as usize],
+            sensor: self.has(DCD_COLLIDER_SENSOR),
+            enabled: !self.has(DCD_COLLIDER_DISABLED),
+            collision_groups: groups(self.groups, self.mask),
+            solver_groups: groups(self.solver_groups, self.solver_mask),
+            collision_types: self.collision_types().bits(),
+            events: active_events(self.events).bits(),
+            hooks: self.hooks & ALL_HOOKS,
+            force_event_threshold_n: self.force_threshold,
+            contact_skin_m: self.contact_skin,
+            user_data: self.user_data.into(),
+        }
     }
 
     /// Changes a collider from the properties `before` to these. What is as it was is not touched: of some of it Rapier knows

@@ -236,10 +236,24 @@ pub(crate) struct EventBuffers {
 /// What the user gave to what was taken away between two steps: its contacts end in the second.
 #[derive(Clone, Default)]
 struct Departed {
-    /// User data of bodies that were destroyed.
-    bodies: HashMap<BodyId, u64>,
+    /// User data of bodies that were destroyed: in the order in which they were, and by id once events are taken down.
+    bodies: Vec<(BodyId, u64)>,
     /// User data of the colliders, as they were numbered, of bodies that lost some.
     colliders: HashMap<BodyId, Vec<u64>>,
+}
+
+impl Departed {
+    /// Returns the user data of a body that was destroyed, once they are in order.
+    fn user_data(&self, id: BodyId) -> Option<u64> {
+        let place = self.bodies.binary_search_by_key(&id, |(body, _)| *body).ok()?;
+        Some(self.bodies[place].1)
+    }
+
+    /// Forgets all, and keeps the memory.
+    fn clear(&mut self) {
+        self.bodies.clear();
+        self.colliders.clear();
+    }
 }
 
 /// What events must know of a world that is kept, besides the world.
@@ -264,7 +278,7 @@ struct EventArrays {
 impl EventBuffers {
     /// Notes that a body is about to be destroyed.
     pub(crate) fn departs(&mut self, id: BodyId, user_data: u64) {
-        self.departed.bodies.insert(id, user_data);
+        self.departed.bodies.push((id, user_data));
     }
 
     /// Notes that a body is about to lose a collider, by which those after it get other numbers. Later losses are of numbers that no contact
@@ -288,20 +302,24 @@ impl EventBuffers {
 
     /// Forgets what was taken away: the world is another.
     pub(crate) fn forget(&mut self) {
-        self.departed = Departed::default();
+        self.departed.clear();
     }
 
     /// Takes down what happened in the step just done.
     pub(crate) fn fill(&mut self, world: &Dcd, mark: Mark) {
-        self.told = std::mem::take(&mut self.departed);
+        std::mem::swap(&mut self.told, &mut self.departed);
+        self.departed.clear();
         self.take_down(world, mark);
     }
 
     fn take_down(&mut self, world: &Dcd, mark: Mark) {
         self.newest = 1 - self.newest;
+        for departed in [&mut self.told, &mut self.departed] {
+            departed.bodies.sort_unstable_by_key(|(id, _)| *id);
+        }
         let (arrays, told, since) = (&mut self.sets[self.newest], &self.told, &self.departed);
         let events = world.events();
-        let departed = |id: BodyId| told.bodies.get(&id).or_else(|| since.bodies.get(&id)).copied();
+        let departed = |id: BodyId| told.user_data(id).or_else(|| since.user_data(id));
         // Colliders of bodies that have lost some since they were numbered like this.
         let former = |of: &Departed, body: BodyId, collider: u16| {
             let colliders = of.colliders.get(&body).filter(|_| world.contains(body))?;

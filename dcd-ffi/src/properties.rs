@@ -1,7 +1,7 @@
 //! Reads and changes the properties of living bodies: type, damping, locked axes, thresholds of sleep, extra mass.
 
 use dcd::physics::ShapeError;
-use dcd::protocol::{BodyKind, BodyRecord, BodyTraits, ColliderMass, ExtraMass};
+use dcd::protocol::{BodyKind, BodyRecord, BodyTraits, ColliderMass, ColliderRecord, ExtraMass, MassRecord};
 use dcd::space::BodyId;
 use rapier3d::dynamics::RigidBodyAdditionalMassProps;
 use rapier3d::prelude::*;
@@ -160,25 +160,67 @@ impl DcdBodyProperties {
 
     /// Builds a body with these properties; the thresholds of its sleep Rapier's builder does not know.
     pub(crate) fn builder(&self) -> Result<RigidBodyBuilder, Failure> {
-        let builder = RigidBodyBuilder::new(kind_of(self.body_type)?)
-            .linear_damping(self.linear_damping)
-            .angular_damping(self.angular_damping)
-            .gravity_scale(self.gravity_scale)
-            .locked_axes(self.locked_axes())
-            .dominance_group(self.dominance as i8)
-            .ccd_enabled(self.has(DCD_BODY_CCD))
-            .soft_ccd_prediction(self.soft_ccd)
-            .allow_fast_rotation(self.has(DCD_BODY_FAST_SPIN))
-            .gyroscopic_forces_enabled(!self.has(DCD_BODY_NO_GYRO))
-            .can_sleep(!self.has(DCD_BODY_NO_SLEEP))
-            .enabled(!self.has(DCD_BODY_DISABLED))
-            .additional_solver_iterations(self.extra_solver_iterations as usize)
-            .additional_pgs_iterations(self.extra_pgs_iterations as usize)
-            .user_data(u128::from(self.user_data));
+        // Rapier's setters would copy the builder each: they are not inlined into this crate.
+        let mut builder = RigidBodyBuilder::new(kind_of(self.body_type)?);
+        builder.linear_damping = self.linear_damping;
+        builder.angular_damping = self.angular_damping;
+        builder.gravity_scale = self.gravity_scale;
+        builder.dominance_group = self.dominance as i8;
+        builder.ccd_enabled = self.has(DCD_BODY_CCD);
+        builder.soft_ccd_prediction = self.soft_ccd;
+        builder.allow_fast_rotation = self.has(DCD_BODY_FAST_SPIN);
+        builder.gyroscopic_forces_enabled = !self.has(DCD_BODY_NO_GYRO);
+        builder.can_sleep = !self.has(DCD_BODY_NO_SLEEP);
+        builder.enabled = !self.has(DCD_BODY_DISABLED);
+        builder.additional_solver_iterations = self.extra_solver_iterations as usize;
+        builder.additional_pgs_iterations = self.extra_pgs_iterations as usize;
+        builder.user_data = u128::from(self.user_data);
+        if self.locked != 0 {
+            builder = builder.locked_axes(self.locked_axes());
+        }
         Ok(match self.extra_properties(Rotation::IDENTITY) {
             Some(properties) => builder.additional_mass_properties(properties),
+            None if self.extra_mass == 0.0 => builder,
             None => builder.additional_mass(self.extra_mass),
         })
+    }
+
+    /// Returns what is recorded of a body with these properties, but for its kind and its colliders. The same as of what
+    /// [`DcdBodyProperties::builder`] builds.
+    pub(crate) fn traits(&self, kind: BodyKind, colliders: Vec<ColliderRecord>) -> BodyTraits {
+        let never = self.has(DCD_BODY_NO_SLEEP);
+        BodyTraits {
+            kind,
+            enabled: !self.has(DCD_BODY_DISABLED),
+            linear_damping: self.linear_damping,
+            angular_damping: self.angular_damping,
+            gravity_scale: self.gravity_scale,
+            locked_axes: self.locked_axes().bits(),
+            dominance: self.dominance as i8,
+            ccd: self.has(DCD_BODY_CCD),
+            soft_ccd_m: self.soft_ccd,
+            fast_rotation: self.has(DCD_BODY_FAST_SPIN),
+            gyroscopic: !self.has(DCD_BODY_NO_GYRO),
+            extra_solver_iterations: self.extra_solver_iterations,
+            extra_pgs_iterations: self.extra_pgs_iterations,
+            sleep_linear_threshold: if never { -1.0 } else { self.sleep_linear },
+            sleep_angular_threshold: if never { -1.0 } else { self.sleep_angular },
+            sleep_after_s: self.sleep_after,
+            extra_mass: match self.extra_properties(Rotation::IDENTITY) {
+                Some(properties) => Some(ExtraMass::Properties(MassRecord {
+                    local_com: properties.local_com.to_array(),
+                    inv_mass: properties.inv_mass,
+                    inv_principal_inertia: properties.inv_principal_inertia.to_array(),
+                    principal_frame: properties.principal_inertia_local_frame.to_array(),
+                })),
+                None if self.extra_mass == 0.0 => None,
+                None => Some(ExtraMass::Mass(self.extra_mass)),
+            },
+            character: None,
+            vehicle: None,
+            colliders,
+            user_data: self.user_data.into(),
+        }
     }
 
     /// Changes a body from the properties `before` to these. What is as it was is not touched: of some of it Rapier knows
@@ -284,11 +326,20 @@ fn principal_frame(body: &RigidBody) -> Rotation {
 }
 
 fn kind_of(body_type: DcdBodyType) -> Result<RigidBodyType, Failure> {
+    Ok(match recorded_kind(body_type)? {
+        BodyKind::Fixed => RigidBodyType::Fixed,
+        BodyKind::Dynamic => RigidBodyType::Dynamic,
+        BodyKind::KinematicVelocity => RigidBodyType::KinematicVelocityBased,
+        BodyKind::KinematicPosition => RigidBodyType::KinematicPositionBased,
+    })
+}
+
+pub(crate) fn recorded_kind(body_type: DcdBodyType) -> Result<BodyKind, Failure> {
     Ok(match body_type {
-        DCD_FIXED => RigidBodyType::Fixed,
-        DCD_DYNAMIC => RigidBodyType::Dynamic,
-        DCD_KINEMATIC => RigidBodyType::KinematicVelocityBased,
-        DCD_KINEMATIC_POSE => RigidBodyType::KinematicPositionBased,
+        DCD_FIXED => BodyKind::Fixed,
+        DCD_DYNAMIC => BodyKind::Dynamic,
+        DCD_KINEMATIC => BodyKind::KinematicVelocity,
+        DCD_KINEMATIC_POSE => BodyKind::KinematicPosition,
         other => {
             return Err(Failure::argument(format!(
                 "body_type {other} is none; use DCD_FIXED, DCD_DYNAMIC, DCD_KINEMATIC or DCD_KINEMATIC_POSE"

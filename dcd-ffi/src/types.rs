@@ -3,7 +3,7 @@
 use dcd::protocol::{Velocity, WorldPose};
 use rapier3d::prelude as rapier;
 
-use crate::pointer::{check_numbers, check_point};
+use crate::pointer::{check_numbers, check_point, is_in_range};
 use crate::status::Failure;
 
 /// A pose in world space: position and rotation.
@@ -63,10 +63,11 @@ impl From<DcdVelocity> for Velocity {
 impl DcdFrame {
     /// Checks that it is a position and a rotation.
     pub(crate) fn check(&self, name: &str) -> Result<(), Failure> {
-        check_numbers(&self.p, &format!("{name}.p"))?;
-        if (WorldPose { translation: [0.0; 3], rotation: self.q }).is_valid() {
+        let turns = (WorldPose { translation: [0.0; 3], rotation: self.q }).is_valid();
+        if turns && self.p.iter().all(|&v| is_in_range(v)) {
             return Ok(());
         }
+        check_numbers(&self.p, &format!("{name}.p"))?;
         Err(Failure::argument(format!("{name}.q is {:?}; give a quaternion x, y, z, w of length 1", self.q)))
     }
 

@@ -173,8 +173,13 @@ impl Partition {
     /// Widens the halo for a body of this reach. A body P that touches a body Q of the neighbour must be held there, so that Q's
     /// owner can solve the contact; P's AABB comes as near to Q's cell as Q reaches out of it.
     pub fn widen_halo(&mut self, reach_m: f32) {
-        if !self.fixed_halo && reach_m <= HUB_REACH_M {
-            self.halo_m = self.halo_m.max(f64::from(reach_m) + HALO_SLACK_M);
+        if self.is_widened_by(reach_m) {
+            self.halo_m = f64::from(reach_m) + HALO_SLACK_M;
         }
+    }
+
+    /// Returns whether the halo must be wider for a body of this reach.
+    pub(super) fn is_widened_by(&self, reach_m: f32) -> bool {
+        !self.fixed_halo && reach_m <= HUB_REACH_M && f64::from(reach_m) + HALO_SLACK_M > self.halo_m
     }
 }

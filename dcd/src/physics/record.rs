@@ -29,12 +29,21 @@ impl ShapeLibrary {
         for collider in colliders {
             records.push(collider_record(collider, self)?);
         }
-        let traits = Arc::new(traits_of(body, records));
+        let state = BodyState { pose, ..state_of(body, [0.0; 3]) };
+        self.record_of_new(id, state, traits_of(body, records))
+    }
+
+    /// Records a new body with shapes of the library.
+    pub(crate) fn record_of_new(
+        &self,
+        id: BodyId,
+        state: BodyState,
+        traits: BodyTraits,
+    ) -> Result<BodyRecord, ShapeError> {
         if hangs(&traits, self) {
             return Err(ShapeError::Massless);
         }
-        let state = BodyState { pose, ..state_of(body, [0.0; 3]) };
-        Ok(BodyRecord { id, epoch: Epoch(0), state, traits })
+        Ok(BodyRecord { id, epoch: Epoch(0), state, traits: Arc::new(traits) })
     }
 }
 
@@ -176,24 +185,27 @@ pub(super) fn body_type(kind: BodyKind) -> RigidBodyType {
 
 pub(super) fn build_body(record: &BodyRecord, anchor: [f64; 3]) -> RigidBody {
     let (traits, state) = (&record.traits, &record.state);
-    let mut builder = RigidBodyBuilder::new(body_type(traits.kind))
-        .pose(convert::region_from_world(anchor, &state.pose))
-        .linvel(vector(state.velocity.linear))
-        .angvel(vector(state.velocity.angular))
-        .linear_damping(traits.linear_damping)
-        .angular_damping(traits.angular_damping)
-        .gravity_scale(traits.gravity_scale)
-        .locked_axes(LockedAxes::from_bits_truncate(traits.locked_axes))
-        .dominance_group(traits.dominance)
-        .ccd_enabled(traits.ccd)
-        .soft_ccd_prediction(traits.soft_ccd_m)
-        .allow_fast_rotation(traits.fast_rotation)
-        .gyroscopic_forces_enabled(traits.gyroscopic)
-        .additional_solver_iterations(traits.extra_solver_iterations as usize)
-        .additional_pgs_iterations(traits.extra_pgs_iterations as usize)
-        .sleeping(state.sleeping)
-        .enabled(traits.enabled)
-        .user_data(traits.user_data);
+    // Rapier's setters would copy the builder each: they are not inlined into this crate.
+    let mut builder = RigidBodyBuilder::new(body_type(traits.kind));
+    builder.position = convert::region_from_world(anchor, &state.pose);
+    builder.linvel = vector(state.velocity.linear);
+    builder.angvel = vector(state.velocity.angular);
+    builder.linear_damping = traits.linear_damping;
+    builder.angular_damping = traits.angular_damping;
+    builder.gravity_scale = traits.gravity_scale;
+    builder.dominance_group = traits.dominance;
+    builder.ccd_enabled = traits.ccd;
+    builder.soft_ccd_prediction = traits.soft_ccd_m;
+    builder.allow_fast_rotation = traits.fast_rotation;
+    builder.gyroscopic_forces_enabled = traits.gyroscopic;
+    builder.additional_solver_iterations = traits.extra_solver_iterations as usize;
+    builder.additional_pgs_iterations = traits.extra_pgs_iterations as usize;
+    builder.sleeping = state.sleeping;
+    builder.enabled = traits.enabled;
+    builder.user_data = traits.user_data;
+    if traits.locked_axes != 0 {
+        builder = builder.locked_axes(LockedAxes::from_bits_truncate(traits.locked_axes));
+    }
     builder = match traits.extra_mass {
         None => builder,
         Some(ExtraMass::Mass(mass)) => builder.additional_mass(mass),
@@ -305,28 +317,30 @@ pub(crate) fn renewed(record: &ColliderRecord, collider: &Collider, heavier: boo
 }
 
 pub(super) fn build_collider(record: &ColliderRecord, shapes: &ShapeLibrary) -> Result<Collider, ShapeError> {
-    let builder = ColliderBuilder::new(shapes.shape(record.shape)?)
-        .position(convert::pose(record.pose))
-        .friction(record.friction)
-        .friction_combine_rule(rapier_rule(record.friction_rule))
-        .restitution(record.restitution)
-        .restitution_combine_rule(rapier_rule(record.restitution_rule))
-        .sensor(record.sensor)
-        .enabled(record.enabled)
-        .collision_groups(rapier_groups(record.collision_groups))
-        .solver_groups(rapier_groups(record.solver_groups))
-        .active_collision_types(ActiveCollisionTypes::from_bits_truncate(record.collision_types))
-        .active_events(ActiveEvents::from_bits_truncate(record.events))
-        .active_hooks(ActiveHooks::from_bits_truncate(record.hooks))
-        .contact_force_event_threshold(record.force_event_threshold_n)
-        .contact_skin(record.contact_skin_m)
-        .user_data(record.user_data);
-    Ok(match record.mass {
-        ColliderMass::Density(density) => builder.density(density),
-        ColliderMass::Mass(mass) => builder.mass(mass),
-        ColliderMass::Properties(props) => builder.mass_properties(mass_properties(&props)),
-    }
-    .build())
+    let mut builder = ColliderBuilder::new(shapes.shape(record.shape)?);
+    builder.position = convert::pose(record.pose);
+    builder.friction = record.friction;
+    builder.friction_combine_rule = rapier_rule(record.friction_rule);
+    builder.restitution = record.restitution;
+    builder.restitution_combine_rule = rapier_rule(record.restitution_rule);
+    builder.is_sensor = record.sensor;
+    builder.enabled = record.enabled;
+    builder.collision_groups = rapier_groups(record.collision_groups);
+    builder.solver_groups = rapier_groups(record.solver_groups);
+    builder.active_collision_types = ActiveCollisionTypes::from_bits_truncate(record.collision_types);
+    builder.active_events = ActiveEvents::from_bits_truncate(record.events);
+    builder.active_hooks = ActiveHooks::from_bits_truncate(record.hooks);
+    builder.contact_force_event_threshold = record.force_event_threshold_n;
+    builder.contact_skin = record.contact_skin_m;
+    builder.user_data = record.user_data;
+    builder.mass_properties = match record.mass {
+        ColliderMass::Density(density) => ColliderMassProps::Density(density),
+        ColliderMass::Mass(mass) => ColliderMassProps::Mass(mass),
+        ColliderMass::Properties(props) => {
+            ColliderMassProps::MassProperties(Box::new(mass_properties(&props)))
+        }
+    };
+    Ok(builder.build())
 }
 
 fn mass_record(props: &MassProperties) -> MassRecord {

@@ -49,8 +49,14 @@ use super::contact_listener::ContactListener;
 use super::convert;
 use super::hooks::ContactHooks;
 use super::partition::HUB_REACH_M;
-use crate::protocol::{JointRecord, RegionEvents};
+use crate::protocol::{BodyTraits, JointRecord, RegionEvents};
 use crate::space::{BodyId, Bounds, Cell, JointId, RegionId, Tick};
+
+#[cfg(test)]
+thread_local! {
+    /// How many times a region was asked for the handle of a body.
+    pub(super) static LOOKS: std::cell::Cell<usize> = const { std::cell::Cell::new(0) };
+}
 
 /// Immovable bodies are held this far beyond the cell, so that bodies that reach out of it find their ground.
 const COVER_M: f64 = 4.0 * HUB_REACH_M as f64;
@@ -133,7 +139,7 @@ pub struct Region {
     #[serde(skip)]
     stepped: u64,
     #[serde(skip)]
-    moved: OnceLock<Moved>,
+    moved: OnceLock<Box<Moved>>,
     #[serde(skip)]
     profile: Profile,
 }
@@ -217,6 +223,11 @@ impl Region {
         self.by_id
             .iter()
             .map(|(&id, &handle)| (id, self.slot(handle).role, handle, &self.world.bodies[handle]))
+    }
+
+    /// Returns what is fixed of every body held here, in no order.
+    pub(super) fn all_traits(&self) -> impl Iterator<Item = &BodyTraits> {
+        self.slots.iter().flatten().map(|slot| &*slot.traits)
     }
 
     /// Returns every body held here, in id order.
@@ -395,7 +406,14 @@ impl Region {
 
     /// Returns the handle of a body, if it is held here.
     pub fn handle_of(&self, id: BodyId) -> Option<RigidBodyHandle> {
+        #[cfg(test)]
+        LOOKS.set(LOOKS.get() + 1);
         self.by_id.get(&id).copied()
+    }
+
+    /// Returns whether a body is held here.
+    pub(super) fn holds(&self, id: BodyId) -> bool {
+        self.by_id.contains_key(&id)
     }
 
     /// Makes the Rapier world one that the next copy of the region shares until it changes.
@@ -417,7 +435,7 @@ impl Region {
 
     /// Returns the colliders that are not where Rapier's own queries would find them.
     pub(super) fn moved(&self) -> &Moved {
-        self.moved.get_or_init(|| Moved::of(self, &self.touched))
+        self.moved.get_or_init(|| Box::new(Moved::of(self, &self.touched)))
     }
 
     pub(super) fn slot(&self, handle: RigidBodyHandle) -> &Slot {

@@ -76,6 +76,9 @@ pub enum ShapeError {
 /// How many objects a library knows again by their addresses.
 const RECENT: usize = 16;
 
+/// A shape counts once more for each so many points, when those that nobody has are to be forgotten: it takes as much memory as many.
+const POINTS: usize = 4096;
+
 /// The shapes of the process, each by the hash of its record.
 #[derive(Clone, Default)]
 pub struct ShapeLibrary {
@@ -83,6 +86,8 @@ pub struct ShapeLibrary {
     shapes: Arc<BTreeMap<ShapeHash, (Arc<ShapeRecord>, SharedShape)>>,
     /// How many there were when those that nobody has were last forgotten.
     swept: usize,
+    /// How many have been added since, larger ones counted as several.
+    added: usize,
     /// Objects interned last, by their addresses: bodies made one after the other share few. They are kept alive, so that an address
     /// means the same object.
     recent: [Option<(SharedShape, ShapeHash)>; RECENT],
@@ -108,6 +113,7 @@ impl ShapeLibrary {
         let hash = record.hash();
         if !self.shapes.contains_key(&hash) {
             let shape = self.build(&record)?;
+            self.added += 1 + points_of(&record) / POINTS;
             Arc::make_mut(&mut self.shapes).insert(hash, (Arc::new(record), shape));
         }
         Ok(hash)
@@ -115,7 +121,12 @@ impl ShapeLibrary {
 
     /// Returns the shape with this hash.
     pub fn shape(&self, hash: ShapeHash) -> Result<SharedShape, ShapeError> {
-        self.shapes.get(&hash).map(|(_, shape)| shape.clone()).ok_or(ShapeError::Unknown(hash))
+        self.look_at(hash).cloned()
+    }
+
+    /// Returns the shape with this hash, for who only looks at it.
+    pub(super) fn look_at(&self, hash: ShapeHash) -> Result<&SharedShape, ShapeError> {
+        self.shapes.get(&hash).map(|(_, shape)| shape).ok_or(ShapeError::Unknown(hash))
     }
 
     /// Returns a shape that a compound may be made of; Parry stops at others, or lets all fall through them.
@@ -156,11 +167,13 @@ impl ShapeLibrary {
         self.shapes.len()
     }
 
-    /// Returns whether so many have been added since the last [`ShapeLibrary::keep`] that it is worth a look at all bodies.
-    pub(crate) fn has_grown(&self) -> bool {
+    /// Returns whether so many have been added since the last [`ShapeLibrary::keep`] that it is worth a look at all of these bodies.
+    pub(crate) fn has_grown(&self, bodies: usize) -> bool {
         /// So many that nobody has may be there at least.
         const UNUSED: usize = 8;
-        self.shapes.len() > 2 * self.swept + UNUSED
+        /// So many bodies are looked at for each shape that was added, at most.
+        const BODIES: usize = 100;
+        self.shapes.len() > 2 * self.swept + UNUSED && self.added >= bodies / BODIES
     }
 
     /// Forgets all shapes but these and their parts.
@@ -172,7 +185,7 @@ impl ShapeLibrary {
         for place in &mut self.recent {
             place.take_if(|(_, hash)| !used.contains(hash));
         }
-        self.swept = self.shapes.len();
+        (self.swept, self.added) = (self.shapes.len(), 0);
     }
 
     /// Returns all records, parts before the compounds that use them.
@@ -347,6 +360,19 @@ pub(crate) fn can_build(known: &BTreeMap<ShapeHash, ShapeRecord>, shapes: &[Shap
         parts.all(|part| !is_composite(part) && library.add(part.clone()).is_ok())
             && library.add(shape.clone()).is_ok()
     })
+}
+
+/// Returns how many points, heights or voxels a shape has; 0 for what has few.
+fn points_of(shape: &ShapeRecord) -> usize {
+    match shape {
+        ShapeRecord::TriMesh(points, ..)
+        | ShapeRecord::ConvexPolyhedron(points, ..)
+        | ShapeRecord::RoundConvexPolyhedron(points, ..)
+        | ShapeRecord::Polyline(points, ..) => points.len(),
+        ShapeRecord::HeightField(heights, ..) => heights.len(),
+        ShapeRecord::Voxels(_, voxels) => voxels.len(),
+        _ => 0,
+    }
 }
 
 /// Returns whether a shape is made of parts, so that no compound can have it.

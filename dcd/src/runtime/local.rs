@@ -14,8 +14,8 @@ use crate::physics::{
     StepSettings, joint_record,
 };
 use crate::protocol::{
-    Check, ContactLedger, Controller, Drive, Invalid, JointRecord, LinkMotion, Push, StateHasher, Velocity,
-    WorldEvents, WorldPose,
+    BodyRecord, BodyState, BodyTraits, Check, ContactLedger, Controller, Drive, Invalid, JointRecord,
+    LinkMotion, Push, ShapeHash, StateHasher, Velocity, WorldEvents, WorldPose,
 };
 use crate::recording::Operation;
 use crate::scene::Scene;
@@ -157,12 +157,30 @@ impl LocalWorld {
         colliders: &[ColliderBuilder],
     ) -> Result<BodyId, WorldError> {
         let id = BodyId::persistent(self.next_body);
-        let next = self.next_body.checked_add(1).ok_or(WorldError::Full)?;
         let record = self.host.shapes_mut().describe(id, pose, body, colliders).map_err(HostError::from)?;
-        let record = record.with_controller(controller);
+        self.insert_record(record.with_controller(controller))
+    }
+
+    /// Inserts a body with one collider as it is to be recorded, given the name of its shape.
+    pub(crate) fn insert_recorded(
+        &mut self,
+        state: BodyState,
+        shape: &SharedShape,
+        traits: impl FnOnce(ShapeHash) -> BodyTraits,
+    ) -> Result<BodyId, WorldError> {
+        let id = BodyId::persistent(self.next_body);
+        let shapes = self.host.shapes_mut();
+        let record = shapes.intern(shape).and_then(|name| shapes.record_of_new(id, state, traits(name)));
+        self.insert_record(record.map_err(HostError::from)?)
+    }
+
+    /// Inserts the body that is the next.
+    fn insert_record(&mut self, record: BodyRecord) -> Result<BodyId, WorldError> {
+        let id = record.id;
+        let next = self.next_body.checked_add(1).ok_or(WorldError::Full)?;
         check_speed(&record, self.host.settings().speed_limit_m_s())?;
         let taped = self.tape.is_some().then(|| record.clone());
-        self.host.insert(vec![record], &[])?;
+        self.host.insert_one(record)?;
         self.tape_bodies(taped.into_iter().collect());
         self.next_body = next;
         Ok(id)

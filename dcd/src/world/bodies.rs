@@ -7,7 +7,8 @@ use super::view::{Body, MovableBody};
 use super::{Error, Inner, World};
 use crate::physics::{ColliderId, Region};
 use crate::protocol::{
-    BodyKind, BodyRecord, BodyTraits, Character, Controller, Drive, Push, Vehicle, Velocity, WorldPose,
+    BodyKind, BodyRecord, BodyState, BodyTraits, Character, Controller, Drive, Push, ShapeHash, Vehicle,
+    Velocity, WorldPose,
 };
 use crate::runtime::WorldError;
 use crate::space::BodyId;
@@ -55,6 +56,19 @@ impl World {
             Inner::Local(world) => Ok(world.insert_at(pose, body, colliders)?),
             Inner::Remote(world) => world.insert(pose, &body.into(), colliders.as_ref(), None),
         }
+    }
+
+    /// Inserts a body with one collider into a local world as it is to be recorded, given the name of its shape: for who has no use for Rapier's
+    /// builders, which take most of the time of an insertion.
+    #[doc(hidden)]
+    pub fn insert_recorded(
+        &mut self,
+        state: BodyState,
+        shape: &SharedShape,
+        traits: impl FnOnce(ShapeHash) -> BodyTraits,
+    ) -> Result<BodyId, Error> {
+        let world = self.local_mut("make bodies by their records", Instead::MakeAvatars)?;
+        Ok(world.insert_recorded(state, shape, traits)?)
     }
 
     /// Inserts a character: a body, kinematic by velocity, that walks by itself where it is computed. [`World::set_velocity`] says

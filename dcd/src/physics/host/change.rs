@@ -78,7 +78,8 @@ impl RegionHost {
         mut change: impl FnMut(&mut RigidBody) -> R,
     ) -> Option<R> {
         let mut result = None;
-        for Side { region, .. } in &mut self.sides {
+        for place in self.places_of(id) {
+            let region = &mut self.sides[place].region;
             let Some(handle) = region.handle_of(id) else { continue };
             let role = region.slot(handle).role;
             let returned = region.change(handle, &mut change);
@@ -109,8 +110,8 @@ impl RegionHost {
     /// whether it is held.
     pub fn steer(&mut self, id: BodyId, velocity: &Velocity) -> bool {
         let mut walks = false;
-        for Side { region, .. } in &mut self.sides {
-            walks |= region.set_wanted(id, velocity.linear);
+        for place in self.places_of(id) {
+            walks |= self.sides[place].region.set_wanted(id, velocity.linear);
         }
         self.change_copies(id, |body| {
             if !walks {
@@ -124,8 +125,8 @@ impl RegionHost {
     /// Sets what the driver of a vehicle does, in every copy held here, and wakes it. Returns whether it is held and a vehicle.
     pub fn drive(&mut self, id: BodyId, drive: &Drive) -> bool {
         let mut drives = false;
-        for Side { region, .. } in &mut self.sides {
-            drives |= region.set_drive(id, Some(*drive));
+        for place in self.places_of(id) {
+            drives |= self.sides[place].region.set_drive(id, Some(*drive));
         }
         drives && self.change_copies(id, |body| body.wake_up(true)).is_some()
     }
@@ -175,7 +176,8 @@ impl RegionHost {
         let shape_of = |body: &BodyRecord| body.traits.colliders.get(index).map(|collider| collider.shape);
         let shape = self.record(id).as_ref().and_then(shape_of);
         let (mut result, mut reach_m) = (None, 0.0f32);
-        for Side { region, .. } in &mut self.sides {
+        for place in self.places_of(id) {
+            let region = &mut self.sides[place].region;
             let Some(handle) = region.handle_of(id) else { continue };
             let role = region.slot(handle).role;
             let Some(returned) = region.update_collider(handle, index, &mut self.shapes, &mut change) else {
@@ -252,7 +254,8 @@ impl RegionHost {
     /// Returns the whole records of a body's joints, by id; those of an immovable body lie in many regions, each of which has
     /// those of its own bodies.
     pub fn all_joints_of(&self, id: BodyId) -> BTreeMap<JointId, JointRecord> {
-        let holders = self.regions().filter_map(|region| Some((region, region.handle_of(id)?)));
+        let regions = self.places_of(id).map(|place| &self.sides[place].region);
+        let holders = regions.filter_map(|region| Some((region, region.handle_of(id)?)));
         let joints = holders.flat_map(|(region, handle)| region.joints_of(handle));
         joints.map(|joint| (joint.id, joint)).collect()
     }
@@ -276,7 +279,8 @@ impl RegionHost {
             return Err(HostError::NotFinite(id));
         }
         let mut held = false;
-        for Side { region, .. } in &mut self.sides {
+        for place in self.places_of(id) {
+            let region = &mut self.sides[place].region;
             if let Some(handle) = region.handle_of(id) {
                 let pose = convert::region_from_world(region.anchor(), &pose);
                 region.change(handle, |body| body.set_next_kinematic_position(pose));
@@ -386,7 +390,8 @@ impl RegionHost {
     /// region here holds it.
     pub fn move_copies(&mut self, id: BodyId, pose: WorldPose) -> bool {
         let mut held = false;
-        for Side { region, .. } in &mut self.sides {
+        for place in self.places_of(id) {
+            let region = &mut self.sides[place].region;
             if let Some(handle) = region.handle_of(id) {
                 let pose = convert::region_from_world(region.anchor(), &pose);
                 region.change(handle, |body| body.set_position(pose, true));

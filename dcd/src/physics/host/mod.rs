@@ -7,6 +7,7 @@ mod checkpoint;
 mod error;
 mod fidelity;
 mod giants;
+mod holders;
 mod place;
 #[cfg(test)]
 pub(super) mod processes;
@@ -78,6 +79,9 @@ pub struct RegionHost {
     /// Whether all regions know which cells are near theirs, as the tree is.
     #[serde(skip)]
     settled: bool,
+    /// Whether owners may not know who holds their bodies, since membership has changed.
+    #[serde(skip)]
+    holders_unsure: bool,
     /// Chooses the rates at which regions are stepped, where not all is computed in full.
     governor: Option<Governor>,
     tick: Tick,
@@ -121,6 +125,7 @@ impl RegionHost {
             meets: true,
             meets_always: false,
             settled: false,
+            holders_unsure: false,
             governor: None,
             tick: Tick(0),
             rounds: settings.coupling.first_steps(settings.exchanges),
@@ -596,7 +601,8 @@ impl RegionHost {
 
     /// Returns the whole records of one body's joints, in order of insertion.
     pub fn joints_of(&self, id: BodyId) -> impl Iterator<Item = JointRecord> {
-        let held = self.regions().find_map(|region| Some((region, region.handle_of(id)?)));
+        let mut holders = self.places_of(id).map(|place| &self.sides[place].region);
+        let held = holders.find_map(|region| Some((region, region.handle_of(id)?)));
         held.into_iter().flat_map(|(region, handle)| region.joints_of(handle))
     }
 

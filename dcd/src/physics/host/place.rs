@@ -73,7 +73,21 @@ impl RegionHost {
         self.insert_checked(bodies, joints)
     }
 
+    /// Inserts one body that no joint ties, as [`RegionHost::insert`] would.
+    pub(crate) fn insert_one(&mut self, body: BodyRecord) -> Result<(), HostError> {
+        self.meet_all();
+        if self.held(body.id) {
+            return Err(HostError::Taken(body.id));
+        }
+        self.check(std::slice::from_ref(&body), &[])?;
+        self.insert_alone(body)
+    }
+
     fn insert_checked(&mut self, bodies: Vec<BodyRecord>, joints: &[JointRecord]) -> Result<(), HostError> {
+        if joints.is_empty() && bodies.len() == 1 {
+            // Many come one by one: what a list costs is spared.
+            return bodies.into_iter().try_for_each(|body| self.insert_alone(body));
+        }
         let placement = Placement::of(&bodies, joints, &self.shapes, &self.settings)?;
         let owners = placement.owners(&bodies, &self.partition);
         // A scene comes at once, and nothing touches it but itself.
@@ -119,6 +133,7 @@ impl RegionHost {
         }
         let steps = self.settings.coupling.first_steps(self.settings.exchanges);
         (self.rounds, self.settled) = (steps, false);
+        self.holders_unsure = true;
         for side in &mut self.sides {
             side.forget_holders(self.partition.len(), steps);
         }
@@ -195,13 +210,18 @@ impl RegionHost {
                 }
             }
         }
+        self.holders_unsure = false;
     }
 
     /// Removes a body from every region. Returns whether any held it.
     pub fn remove(&mut self, id: BodyId) -> bool {
+        let places = self.places_of(id);
         let mut held = self.statics.remove(id);
+        for place in places {
+            held |= self.sides[place].region.remove(id);
+        }
+        // Joints wait for it where it never was.
         for Side { region, .. } in &mut self.sides {
-            held |= region.remove(id);
             region.forget_ties(id);
         }
         self.owner_index.remove(id);
@@ -211,13 +231,11 @@ impl RegionHost {
     /// Forgets the shapes that no body has any more, now and then: terrain that is dug, or debris, would fill memory, checkpoints and saves.
     /// Only where all regions are computed here no message names a shape that is in no body.
     pub(crate) fn forget_unused_shapes(&mut self) {
-        if !self.shapes.has_grown() || self.sides.len() != self.partition.len() {
+        if !self.shapes.has_grown(self.owned_count()) || self.sides.len() != self.partition.len() {
             return;
         }
-        let movable = self
-            .regions()
-            .flat_map(|region| region.bodies().map(|(_, _, handle, _)| &*region.slot(handle).traits));
-        let all = movable.chain(self.statics.bodies().map(|body| &*body.traits));
+        let held = self.regions().flat_map(Region::all_traits);
+        let all = held.chain(self.statics.bodies().map(|body| &*body.traits));
         let used = all.flat_map(|traits| &traits.colliders).map(|collider| collider.shape).collect();
         self.shapes.keep(used);
     }
@@ -230,6 +248,9 @@ impl RegionHost {
             return Err(HostError::Itself { joint: id, body: a });
         }
         self.check_links(std::slice::from_ref(&joint), &[])?;
+        if self.partition.len() == 1 {
+            return self.insert(Vec::new(), &[joint]);
+        }
         let (mut bodies, mut ties) = (BTreeMap::new(), BTreeMap::new());
         for body in [a, b] {
             self.gather_assembly(body, &mut bodies, &mut ties);
@@ -303,7 +324,7 @@ impl RegionHost {
                 return Err(HostError::NotFinite(body.id));
             }
             for collider in &body.traits.colliders {
-                self.shapes.shape(collider.shape)?;
+                self.shapes.look_at(collider.shape)?;
             }
         }
         if let Some(pair) = bodies.windows(2).find(|pair| pair[0].id == pair[1].id) {
@@ -334,8 +355,17 @@ impl RegionHost {
         }
     }
 
-    pub(super) fn held(&self, id: BodyId) -> bool {
-        self.statics.body(id).is_some() || self.regions().any(|region| region.handle_of(id).is_some())
+    /// Inserts one checked body: it belongs to where it is.
+    fn insert_alone(&mut self, body: BodyRecord) -> Result<(), HostError> {
+        if body.traits.kind == BodyKind::Fixed {
+            return self.insert_placed(vec![body], &[usize::MAX], &[false], &[]);
+        }
+        self.make_room(&body)?;
+        let owner = self.partition.rank_at(body.state.pose.translation);
+        let Some(place) = self.place_of[owner] else { return Ok(()) };
+        let region = &mut self.sides[place].region;
+        settle_origin(region, std::iter::once(&body));
+        Ok(self.insert_owned(place, &body, false)?)
     }
 
     /// Inserts bodies in id order, as one Rapier world would be filled; `owners` are ranks, `whole` are bodies whose island lies
@@ -349,32 +379,24 @@ impl RegionHost {
     ) -> Result<(), HostError> {
         for body in &bodies {
             if body.traits.kind != BodyKind::Fixed {
-                Arc::make_mut(&mut self.partition).widen_halo(reach_of_record(body, &self.shapes)?);
+                self.make_room(body)?;
             } else if self.statics.body(body.id).is_none() {
                 self.statics.add(body.clone(), &self.shapes)?;
             }
         }
         // Region by region: what Rapier allocates for the bodies of one world then lies together. Filled in turns, two
         // worlds share cache lines, which cost a tenth of the step (40,000 free boxes in two regions).
-        for Side { region, .. } in &mut self.sides {
+        for place in 0..self.sides.len() {
+            let region = &mut self.sides[place].region;
             let movable = |body: &BodyRecord| body.traits.kind != BodyKind::Fixed;
             let rank = region.rank();
             let own = bodies.iter().zip(owners).filter(|(body, owner)| **owner == rank && movable(body));
-            let mut places = own.map(|(body, _)| body.state.pose.translation).peekable();
-            if places.peek().is_some()
-                && !region.owns_any()
-                && let Some(anchor) = better_anchor(region.anchor(), places)
-            {
-                region.set_anchor(anchor);
-            }
+            settle_origin(region, own.map(|(body, _)| body));
             for ((body, &owner), &whole) in bodies.iter().zip(owners).zip(whole) {
                 if body.traits.kind == BodyKind::Fixed {
-                    self.statics.insert_near(body.id, region, &self.shapes)?;
-                } else if owner == region.rank() {
-                    let handle = region.insert(body, Ownership::Owner, RegionSet::EMPTY, &self.shapes)?;
-                    region.slot_mut(handle).whole = whole;
-                    self.statics.cover(region, handle, &self.shapes)?;
-                    self.owner_index.set(body.id, Home { rank: owner, handle });
+                    self.statics.insert_near(body.id, &mut self.sides[place].region, &self.shapes)?;
+                } else if owner == rank {
+                    self.insert_owned(place, body, whole)?;
                 }
             }
         }
@@ -391,6 +413,25 @@ impl RegionHost {
             }
             self.share_ends(joint, &bodies, owners);
         }
+        Ok(())
+    }
+
+    /// Widens the halo for a movable body. Where it is wide enough, checkpoints go on sharing the partition.
+    fn make_room(&mut self, body: &BodyRecord) -> Result<(), ShapeError> {
+        let reach_m = reach_of_record(body, &self.shapes)?;
+        if self.partition.is_widened_by(reach_m) {
+            Arc::make_mut(&mut self.partition).widen_halo(reach_m);
+        }
+        Ok(())
+    }
+
+    /// Inserts a movable body into the region that owns it, and notes that it does.
+    fn insert_owned(&mut self, place: usize, body: &BodyRecord, whole: bool) -> Result<(), ShapeError> {
+        let region = &mut self.sides[place].region;
+        let handle = region.insert(body, Ownership::Owner, RegionSet::EMPTY, &self.shapes)?;
+        region.slot_mut(handle).whole = whole;
+        self.statics.cover(region, handle, &self.shapes)?;
+        self.owner_index.set(body.id, Home { rank: region.rank(), handle });
         Ok(())
     }
 
@@ -438,11 +479,22 @@ impl RegionHost {
     }
 }
 
+/// Gives a region that owns no body yet an origin that suits those that are to come.
+fn settle_origin<'a>(region: &mut Region, own: impl Iterator<Item = &'a BodyRecord>) {
+    let mut places = own.map(|body| body.state.pose.translation).peekable();
+    if places.peek().is_some()
+        && !region.owns_any()
+        && let Some(anchor) = better_anchor(region.anchor(), places)
+    {
+        region.set_anchor(anchor);
+    }
+}
+
 /// Returns how far a recorded body reaches from its position, in metres.
 fn reach_of_record(body: &BodyRecord, shapes: &ShapeLibrary) -> Result<f32, ShapeError> {
     let mut reach = body.traits.vehicle.as_ref().map_or(0.0, Vehicle::reach_m);
     for collider in &body.traits.colliders {
-        let ball = shapes.shape(collider.shape)?.compute_bounding_sphere(&convert::pose(collider.pose));
+        let ball = shapes.look_at(collider.shape)?.compute_bounding_sphere(&convert::pose(collider.pose));
         reach = reach.max(ball.center.length() + ball.radius + collider.contact_skin_m);
     }
     Ok(reach)

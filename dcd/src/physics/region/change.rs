@@ -26,7 +26,7 @@ impl Region {
     }
 
     /// Notes the same, where nothing else has changed since queries `found` what was moved before.
-    pub(super) fn touch_only(&mut self, handle: RigidBodyHandle, mut found: OnceLock<Moved>) {
+    pub(super) fn touch_only(&mut self, handle: RigidBodyHandle, mut found: OnceLock<Box<Moved>>) {
         self.touch(handle);
         if let Some(found) = found.get_mut() {
             found.add(self, handle);

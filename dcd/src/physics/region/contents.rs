@@ -21,13 +21,14 @@ impl Region {
         holders: RegionSet,
         shapes: &ShapeLibrary,
     ) -> Result<RigidBodyHandle, ShapeError> {
-        assert!(!self.by_id.contains_key(&body.id), "{} is already held by {}", body.id, self.id);
         for collider in &body.traits.colliders {
-            shapes.shape(collider.shape)?;
+            shapes.look_at(collider.shape)?;
         }
         self.stirred = true;
         let found = std::mem::take(&mut self.moved);
         let handle = self.world.bodies.insert(record::build_body(body, self.anchor));
+        let before = self.by_id.insert(body.id, handle);
+        assert!(before.is_none(), "{} is already held by {}", body.id, self.id);
         for (place, record) in body.traits.colliders.iter().enumerate() {
             let collider = record::build_collider(record, shapes).expect("its shape has been looked at");
             let world = &mut *self.world;
@@ -79,7 +80,6 @@ impl Region {
             asleep_at: (body.state.sleeping)
                 .then(|| convert::region_from_world(self.anchor, &body.state.pose)),
         });
-        self.by_id.insert(body.id, handle);
         let link = BodyRef { id: body.id, handle };
         self.list(link);
         if role == Ownership::Owner {
@@ -95,12 +95,11 @@ impl Region {
 
     /// Removes a body, with its joints. Returns whether it was held here.
     pub(in crate::physics) fn remove(&mut self, id: BodyId) -> bool {
-        let Some(handle) = self.handle_of(id) else { return false };
+        let Some(handle) = self.by_id.remove(&id) else { return false };
         let joints: Vec<_> = self.joints_of(handle).collect();
         for joint in &joints {
             self.remove_joint(joint.id);
         }
-        self.by_id.remove(&id);
         // Joints whose other end is still held here wait for it.
         joints.iter().for_each(|joint| self.insert_joint(joint));
         self.listener.forget(id);

@@ -231,7 +231,9 @@ impl Region {
 
     /// Forgets the joints that wait for a removed body.
     pub(in crate::physics) fn forget_ties(&mut self, id: BodyId) {
-        self.waiting.retain(|_, joint| joint.a != id && joint.b != id);
+        if !self.waiting.is_empty() {
+            self.waiting.retain(|_, joint| joint.a != id && joint.b != id);
+        }
     }
 
     /// Removes a joint and wakes its bodies.

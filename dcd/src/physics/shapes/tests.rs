@@ -194,3 +194,26 @@ fn shapes_that_cannot_travel_or_cannot_exist_are_refused() {
     let pose = convert::pose_record(&Pose::IDENTITY);
     assert_eq!(library.add(ShapeRecord::Compound(vec![(pose, missing)])), Err(ShapeError::Unknown(missing)));
 }
+
+#[test]
+fn among_many_bodies_shapes_that_nobody_has_are_looked_for_seldom_and_sooner_where_they_are_large() {
+    let looks = |bodies: usize, side: usize| {
+        let mut library = ShapeLibrary::default();
+        let kept = library.add(ShapeRecord::Ball(1.0)).unwrap();
+        let mut looks = 0;
+        for dug in 0..500u16 {
+            let mut heights = vec![0.0; side * side];
+            heights[0] = -0.01 * f32::from(dug);
+            let field = Array2::new(side, side, heights);
+            library.intern(&SharedShape::heightfield(field, Vector::ONE)).unwrap();
+            if library.has_grown(bodies) {
+                looks += 1;
+                library.keep([kept].into());
+            }
+        }
+        looks
+    };
+    assert!((40..100).contains(&looks(100, 2)), "{}", looks(100, 2));
+    assert_eq!(looks(100_000, 2), 0);
+    assert!((2..10).contains(&looks(100_000, 128)), "{}", looks(100_000, 128));
+}

@@ -220,7 +220,12 @@ fn fallen_silent() -> (Server, WorldOp, ViewNumber) {
 }
 
 /// Returns what the leader of the view after this one is told to do; a node is alone in it.
-fn told_next(server: &mut Server, present: ViewNumber, node: u32, outputs: Vec<ServerOutput>) -> Vec<WorldOp> {
+fn told_next(
+    server: &mut Server,
+    present: ViewNumber,
+    node: u32,
+    outputs: Vec<ServerOutput>,
+) -> Vec<WorldOp> {
     let mut outputs = obey(server, node, outputs);
     while server.view().is_none_or(|view| view.number == present) {
         outputs = wait(server);

@@ -443,3 +443,25 @@ fn a_floor_that_a_change_moves_is_there_in_every_region_and_for_who_asks() {
         }
     }
 }
+/// The region on the right computes all of a heap whose last layer lies beyond the border, and does not walk through it in every tick.
+#[test]
+fn a_body_of_a_large_heap_is_placed_anew_in_any_tick() {
+    let mut config = halves(Coupling::Auto);
+    config.step.island_limit = StepSettings::default().island_limit;
+    let mut world = LocalWorld::new(config).unwrap();
+    insert_floor(&mut world);
+    let place = |i: i32| [i % 7, i / 7 % 7, i / 49].map(|k| 0.98 * k as f32);
+    let heap = (0..343).map(|i| {
+        let [x, y, z] = place(i);
+        world.insert(body_at(x - 0.5, y + 0.5, z - 3.0).can_sleep(false), cube()).unwrap()
+    });
+    let heap: Vec<_> = heap.collect();
+    steps(&mut world, 20);
+    let right = world.regions().nth(1).unwrap().id();
+    assert!(heap.iter().filter(|&&id| world.owner_of(id) == Some(right)).count() > 256);
+    for tick in 0..16u8 {
+        let shape = SharedShape::cuboid(0.5, 0.5, 0.5 - 0.001 * f32::from(tick));
+        world.update_collider(heap[9], 0, |collider| collider.set_shape(shape.clone())).unwrap();
+        steps(&mut world, 1);
+    }
+}

@@ -116,8 +116,7 @@ impl Region {
             let mut changed = own.clone();
             changed.set_contact_force_event_threshold(old.force_event_threshold_n);
             let result = change(&mut changed);
-            let is_heavier = changed.mass_properties() != own.mass_properties();
-            let mut new = record::renewed(old, &changed, is_heavier);
+            let mut new = record::renewed(old, &changed);
             if !Arc::ptr_eq(&changed.shared_shape().0, &own.shared_shape().0) {
                 new.shape = shapes.intern(changed.shared_shape())?;
             }

@@ -143,18 +143,11 @@ impl RegionHost {
             whole = placement.whole(&owners);
         } else {
             owners = placement.together(owners);
-            let pose_of = |id| {
+            // The server records what joints are, and of bodies alone where they are.
+            articulation::set_motions(&mut joints, |id| {
                 let place = bodies.binary_search_by_key(&id, |body| body.id).ok()?;
-                Some(bodies[place].state.pose)
-            };
-            for joint in &mut joints {
-                if let (Some(link), Some(a), Some(b)) = (&joint.link, pose_of(joint.a), pose_of(joint.b))
-                    && link.motion.is_none()
-                {
-                    let motion = Some(articulation::motion_between(&joints::joint_of(joint), &a, &b));
-                    joint.link = Some(crate::protocol::LinkRecord { motion, ..*link });
-                }
-            }
+                Some(&bodies[place].state)
+            });
         }
         self.insert_placed(bodies, &owners, &whole, &joints)
     }
@@ -446,4 +439,54 @@ fn reach_of_record(body: &BodyRecord, shapes: &ShapeLibrary) -> Result<f32, Shap
         reach = reach.max(ball.center.length() + ball.radius + collider.contact_skin_m);
     }
     Ok(reach)
+}
+
+#[cfg(test)]
+mod tests {
+    use rapier3d::prelude::*;
+
+    use super::*;
+    use crate::physics::{Coupling, LinkSettings, Partition, joint_record};
+    use crate::protocol::{LinkMotion, LinkRecord, Velocity, WorldPose};
+    use crate::space::Bounds;
+
+    #[test]
+    fn a_link_that_is_placed_anew_goes_on_from_where_its_bodies_are() {
+        let tree = DistributionTree::halved(Bounds::around([0.0; 3], [8.0; 3]), 1).unwrap();
+        let leaves: Vec<_> = tree.leaves().collect();
+        let partition = Partition::new(tree.clone(), None);
+        let step = StepSettings { gravity: [0.0; 3], ..StepSettings::default() };
+        let mut host = RegionHost::new(partition, step.with_coupling(Coupling::Owner), 1, &[]).unwrap();
+        let turned = Rotation::from_rotation_z(1.0);
+        let reach = turned * Vector::X;
+        let at = |way: Vector| way.to_array().map(f64::from);
+        let poses =
+            [WorldPose::at([0.0; 3]), WorldPose { rotation: turned.to_array(), ..WorldPose::at(at(reach)) }];
+        let cube = ColliderBuilder::cuboid(0.1, 0.1, 0.1);
+        let kinds = [RigidBodyBuilder::fixed(), RigidBodyBuilder::dynamic()];
+        let mut bodies = Vec::new();
+        for ((index, kind), pose) in (0..).zip(kinds).zip(poses) {
+            let body = kind.can_sleep(false).build();
+            let id = BodyId::persistent(index);
+            bodies.push(host.shapes_mut().describe(id, pose, &body, std::slice::from_ref(&cube)).unwrap());
+        }
+        let linear = (Vector::Z * 0.5).cross(reach).to_array();
+        bodies[1].state.velocity = Velocity { linear, angular: [0.0, 0.0, 0.5] };
+        let hinge: GenericJoint = RevoluteJointBuilder::new(Vector::Z).local_anchor2(-Vector::X).into();
+        let begun =
+            LinkMotion { rotation: [0.0, 0.0, 0.0, 1.0], velocity: [9.0; 6], ..LinkMotion::default() };
+        let link = LinkSettings { damping: Some([0.0; 6]), ..LinkSettings::default() }.record();
+        let link = Some(LinkRecord { motion: Some(begun), ..link });
+        let hinge = joint_record(JointId(1), bodies[0].id, bodies[1].id, &hinge);
+        let placed: Vec<_> = bodies.iter().map(|body| (leaves[0], body.clone())).collect();
+        host.set_tick(Tick(100));
+        host.rebuild(&tree, &leaves, placed, &[JointRecord { link, ..hinge }], &[]).unwrap();
+        host.announce();
+        host.exchange().unwrap();
+        (0..60).for_each(|_| host.step().unwrap());
+        let pose = host.record(bodies[1].id).unwrap().state.pose;
+        let there = Rotation::from_rotation_z(1.5) * Vector::X;
+        let apart = (0..3).map(|i| (pose.translation[i] - at(there)[i]).abs()).fold(0.0, f64::max);
+        assert!(apart < 5e-3, "{pose:?} instead of {there}");
+    }
 }

@@ -103,14 +103,35 @@ impl Region {
     pub(super) fn tie_anew(&mut self, handle: RigidBodyHandle) {
         for id in self.slot(handle).joints.clone() {
             let Some(mut held) = self.joints.remove(&id) else { continue };
-            if let Some(solver @ Solver::Impulses(_)) = held.handle {
+            if let Some(solver) = held.handle {
                 held.record = self.whole_record(&held);
                 held.handle = None;
                 self.joint_news.untied.push(solver);
                 self.joint_news.tied.push(id);
+            } else if let Some(motion) = self.present_motion(&held.record)
+                && let Some(link) = &mut held.record.link
+            {
+                // Its bodies may have moved while it waited.
+                link.motion = Some(motion);
             }
             self.joints.insert(id, held);
         }
+    }
+
+    /// Returns the motion of a link that is not in Rapier but was, from its bodies.
+    fn present_motion(&self, record: &JointRecord) -> Option<LinkMotion> {
+        let known = record.link?.motion?;
+        let [a, b] = [record.a, record.b].map(|end| self.handle_of(end));
+        let (a, b) = (a?, b?);
+        let parent = |&of: &RigidBodyHandle| {
+            let id = self.slot(of).id;
+            let above = self.slot(of).joints.iter().filter_map(|joint| self.joints.get(joint));
+            let mut links = above.filter(|above| above.record.link.is_some() && above.record.b == id);
+            self.handle_of(links.next()?.record.a)
+        };
+        let root = std::iter::successors(Some(a), parent).last()?;
+        let [a, b, root] = [a, b, root].map(|body| self.body_state(body));
+        Some(articulation::motion_of(&joints::joint_of(record), Some(&known), &a, &b, &root))
     }
 
     /// Returns whether a joint between two bodies has anything to move. Rapier would panic at one that has not, or whose end is

@@ -52,11 +52,11 @@ impl Region {
         for handle in news.untied.drain(..) {
             match handle {
                 Solver::Impulses(handle) => drop(self.world_mut().impulse_joints.remove(handle, false)),
-                Solver::Multibody(handle) => self.unlink(handle),
+                Solver::Multibody(handle) => self.world_mut().multibody_joints.remove(handle, false),
             }
         }
         for handle in news.gone.drain(..) {
-            // Of its joints nothing is left but the body's node in the joint graph.
+            // Of its joints nothing is left but the body's node in the joint graph. Multibodies have no body without a joint.
             self.world_mut().impulse_joints.remove_joints_attached_to_rigid_body(handle);
         }
         for handle in news.woken.drain(..) {
@@ -155,15 +155,6 @@ impl Region {
         articulation::insert_link(&mut self.world_mut().multibody_joints, a, b, joint, &record.link?)
     }
 
-    /// Removes a joint from its multibody. Its body may be the root of what is left of a multibody by now, since Rapier itself takes out the
-    /// joints of a removed body at once: it would take a root for a link, and forget all of that multibody.
-    fn unlink(&mut self, handle: MultibodyJointHandle) {
-        let joints = &mut self.world_mut().multibody_joints;
-        if joints.get(handle).is_some_and(|(_, index)| index > 0) {
-            joints.remove(handle, false);
-        }
-    }
-
     /// Inserts or removes the multibody joints of a body whose owner has changed: only its owner solves its multibody.
     pub(in crate::physics) fn relink(&mut self, handle: RigidBodyHandle) {
         for id in self.slot(handle).joints.clone() {
@@ -189,12 +180,13 @@ impl Region {
         let PhysicsWorld {
             bodies, islands, colliders, impulse_joints, multibody_joints, soft_bodies, ..
         } = self.world_mut();
-        if impulse_joints.attached_joints(handle).next().is_none() {
+        let is_tied = impulse_joints.attached_joints(handle).next().is_some();
+        if !is_tied && multibody_joints.rigid_body_link(handle).is_none() {
             bodies.remove(handle, islands, colliders, impulse_joints, multibody_joints, soft_bodies, true);
             return;
         }
-        let mut none = ImpulseJointSet::new();
-        bodies.remove(handle, islands, colliders, &mut none, multibody_joints, soft_bodies, true);
+        let (mut none, mut no_links) = (ImpulseJointSet::new(), MultibodyJointSet::new());
+        bodies.remove(handle, islands, colliders, &mut none, &mut no_links, soft_bodies, true);
         self.joint_news.gone.push(handle);
     }
 

@@ -215,8 +215,8 @@ impl RegionHost {
         self.shapes.keep(used);
     }
 
-    /// Inserts a joint between two bodies of the world. Their assemblies become one: if these lie in different regions, both are
-    /// placed anew, which costs them the warm starting of one step.
+    /// Inserts a joint between two bodies of the world, and wakes them. Their assemblies become one: if these lie in different regions, both
+    /// are placed anew, which costs them the warm starting of one step.
     pub fn tie(&mut self, joint: JointRecord) -> Result<(), HostError> {
         let JointRecord { id, a, b, .. } = joint;
         if a == b {
@@ -231,10 +231,16 @@ impl RegionHost {
         let linked = joint.link.is_some() || ties.values().any(|joint| joint.link.is_some());
         let shared = places.iter().any(|(_, holders)| !holders.is_empty());
         if places.windows(2).all(|pair| pair[0] == pair[1]) && !(linked && shared) {
-            return self.insert(Vec::new(), &[joint]);
+            self.insert(Vec::new(), &[joint])?;
+        } else {
+            ties.insert(id, joint);
+            self.reinsert(bodies.into_values().collect(), &ties.into_values().collect::<Vec<_>>())?;
         }
-        ties.insert(id, joint);
-        self.reinsert(bodies.into_values().collect(), &ties.into_values().collect::<Vec<_>>())
+        // As Rapier's world does; what comes with its joints may go on sleeping.
+        for end in [a, b].into_iter().filter(|&end| self.statics.body(end).is_none()).collect::<Vec<_>>() {
+            self.change_copies(end, |body| body.wake_up(true));
+        }
+        Ok(())
     }
 
     /// Checks that Rapier can have these joints in multibodies, beside those that are there and tie none of these bodies.

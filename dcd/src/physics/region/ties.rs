@@ -263,8 +263,10 @@ impl Region {
         }
         let Some(mut held) = self.joints.remove(&id) else { return false };
         let ends = [held.record.a, held.record.b].map(|end| self.handle_of(end));
-        if held.handle.is_some() {
-            self.joint_news.woken.extend(ends.into_iter().flatten());
+        if let [Some(a), Some(b)] = ends
+            && self.is_solvable(a, b)
+        {
+            self.joint_news.woken.extend([a, b]);
         }
         match held.handle {
             None => {

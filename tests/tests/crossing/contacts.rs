@@ -268,6 +268,32 @@ fn a_contact_whose_end_nobody_wanted_to_hear_of_is_told_when_it_comes_again() {
 }
 
 #[test]
+fn who_lies_where_a_sensor_comes_to_be_is_told_to_have_entered_it() {
+    let told = |world: &mut LocalWorld, plate: BodyId| {
+        let mut all = Vec::new();
+        for _ in 0..2 {
+            steps(world, 1);
+            let touches = world.events().touches.iter().filter(|touch| touch.key.a == plate);
+            all.extend(touches.map(|touch| (touch.began, touch.sensor)));
+        }
+        all
+    };
+    let configs = SHARING.map(halves).into_iter().chain([one_world(), halves(Coupling::Owner)]);
+    for config in configs {
+        let mut world = LocalWorld::new(config.clone()).unwrap();
+        let plate = ColliderBuilder::cuboid(5.0, 0.5, 5.0).active_events(ActiveEvents::COLLISION_EVENTS);
+        let plate = world.insert(fixed_at(-0.5), plate).unwrap();
+        world.insert(body_at(0.2, 0.5, 0.0).can_sleep(false), cube()).unwrap();
+        let coupling = config.step.coupling;
+        assert_eq!(told(&mut world, plate), [(true, false)], "{coupling:?}");
+        world.update_collider(plate, 0, |collider| collider.set_sensor(true)).unwrap();
+        assert_eq!(told(&mut world, plate), [(false, false), (true, true)], "{coupling:?}");
+        world.update_collider(plate, 0, |collider| collider.set_sensor(false)).unwrap();
+        assert_eq!(told(&mut world, plate), [(false, true), (true, false)], "{coupling:?}");
+    }
+}
+
+#[test]
 fn owner_and_proxy_tell_each_force_once() {
     for coupling in [Coupling::Owner, Coupling::Proxy] {
         let pairs = tellers(coupling);

@@ -325,7 +325,7 @@ impl RegionHost {
         Some(convert::region_from_world(region.anchor(), pose))
     }
 
-    /// Moves a body to a pose, in every copy; one that comes to lie in another region is placed anew.
+    /// Moves a body to a pose, in every copy; one that comes to lie in another region than before is placed anew.
     pub fn teleport(&mut self, id: BodyId, pose: WorldPose) -> Result<bool, HostError> {
         if !pose.is_valid() {
             return Err(HostError::NotFinite(id));
@@ -340,11 +340,12 @@ impl RegionHost {
         }
         let Some(record) = self.record(id) else { return Ok(false) };
         let joints: Vec<_> = self.joints_of(id).collect();
+        let [from, to] = [record.state.pose, pose].map(|pose| self.partition.rank_at(pose.translation));
         // A body that is moved wakes, wherever it comes to lie.
         let state = BodyState { pose, sleeping: false, still_s: 0.0, ..record.state };
         let moved = BodyRecord { state, ..record };
-        let owner = self.partition.rank_at(pose.translation);
-        if joints.is_empty() && owner != self.present_place(id).0 {
+        // Its island may have it computed elsewhere than where it lies.
+        if joints.is_empty() && to != from && to != self.present_place(id).0 {
             self.reinsert(vec![moved], &[])?;
             return Ok(true);
         }

@@ -286,18 +286,22 @@ impl RegionHost {
         Ok(held)
     }
 
+    /// Returns the kinematic target of a body owned here, if it has one.
+    pub(super) fn target_of(&self, id: BodyId) -> Option<WorldPose> {
+        let (owner, handle) = self.owned(id)?;
+        let body = &owner.physics().bodies[handle];
+        let is_sent = body.body_type() == RigidBodyType::KinematicPositionBased
+            && body.next_position() != body.position()
+            && !body.is_sleeping();
+        is_sent.then(|| convert::world_from_region(owner.anchor(), body.next_position()))
+    }
+
     /// Sets the kinematic targets of the first copies of new bodies. A record does not hold a target that was set before any
     /// step, so it is taken from the owner's copy.
     pub(super) fn target_newcomers(&mut self, fresh: &[BodyId]) {
         for &id in fresh {
-            let Some((owner, handle)) = self.owned(id) else { continue };
-            let body = &owner.physics().bodies[handle];
-            let is_sent = body.body_type() == RigidBodyType::KinematicPositionBased
-                && body.next_position() != body.position()
-                && !body.is_sleeping();
-            if is_sent {
-                let (rank, to) =
-                    (owner.rank(), convert::world_from_region(owner.anchor(), body.next_position()));
+            if let Some(to) = self.target_of(id) {
+                let rank = self.present_place(id).0;
                 for Side { region, .. } in self.sides.iter_mut().filter(|side| side.region.rank() != rank) {
                     if let Some(handle) = region.handle_of(id) {
                         let to = convert::region_from_world(region.anchor(), &to);

@@ -67,10 +67,19 @@ impl RegionHost {
         self.meet_all();
         bodies.sort_by_key(|body| body.id);
         self.check(&bodies, joints)?;
+        // A record holds no kinematic target. What is put elsewhere goes nowhere from there.
+        let stays = |body: &&BodyRecord| {
+            body.traits.kind == BodyKind::KinematicPosition
+                && self.record(body.id).is_some_and(|known| known.state.pose == body.state.pose)
+        };
+        let targets =
+            bodies.iter().filter(stays).filter_map(|body| Some((body.id, self.target_of(body.id)?)));
+        let targets: Vec<_> = targets.collect();
         for body in &bodies {
             self.remove(body.id);
         }
-        self.insert_checked(bodies, joints)
+        self.insert_checked(bodies, joints)?;
+        targets.into_iter().try_for_each(|(id, target)| self.send_to(id, target).map(drop))
     }
 
     fn insert_checked(&mut self, bodies: Vec<BodyRecord>, joints: &[JointRecord]) -> Result<(), HostError> {

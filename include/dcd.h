@@ -2967,7 +2967,8 @@ DcdStatus dcd_collider_set_shape(DcdWorld world,
 // Sets what dcd_events tells of a body, as DcdBodyDef.events and force_threshold do when it is made: DCD_EVENT_… bits and
 // newtons. `collider` is the number of one of its colliders, from 0, or DCD_ALL_COLLIDERS.
 //
-// Of a contact that is there already, the end is told only if the beginning was.
+// Of a contact that is there already, the end is told only if the beginning was; where none of its two colliders is to tell of it
+// any more, with the next step.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a collider that is not there, unknown bits or a threshold below 0,
 // DCD_ERR_UNSUPPORTED in a served world but for its server and builders, which change movable bodies.
 DCD_API
@@ -3084,7 +3085,7 @@ DcdStatus dcd_shape_part(DcdWorld world,
 // them and a fixed one. Clients that may not build, and nodes, have no joints (DCD_ERR_UNSUPPORTED); a server and builders may drive and destroy any. What
 // joints tie together is owned and moved whole by one region, so keep it small against a region.
 //
-// `def` is read during the call. The joint is gone when either body is destroyed.
+// `def` is read during the call. Both bodies wake. The joint is gone when either body is destroyed.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or a body), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, a
 // limit or motor of a joint without an axis of its own, or twice the same body.
 DCD_API

@@ -460,7 +460,8 @@ pub extern "C" fn dcd_collider_set_shape(
 /// Sets what dcd_events tells of a body, as DcdBodyDef.events and force_threshold do when it is made: DCD_EVENT_… bits and
 /// newtons. `collider` is the number of one of its colliders, from 0, or DCD_ALL_COLLIDERS.
 ///
-/// Of a contact that is there already, the end is told only if the beginning was.
+/// Of a contact that is there already, the end is told only if the beginning was; where none of its two colliders is to tell of it
+/// any more, with the next step.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a collider that is not there, unknown bits or a threshold below 0,
 /// DCD_ERR_UNSUPPORTED in a served world but for its server and builders, which change movable bodies.
 #[unsafe(no_mangle)]

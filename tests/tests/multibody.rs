@@ -439,3 +439,32 @@ fn an_arm_goes_where_its_fixed_base_is_put() {
     }
     assert!(joints.iter().all(|&joint| world.link_motion(joint).is_some()));
 }
+
+#[test]
+fn links_and_roots_that_are_disabled_let_go_and_are_links_again_when_they_are_enabled() {
+    for disabled in 0..4 {
+        let mut world = LocalWorld::new(WorldConfig::default()).unwrap();
+        let floor = RigidBodyBuilder::fixed().translation(Vector::Y * 1.0);
+        world.insert(floor, ColliderBuilder::cuboid(10.0, 0.5, 10.0)).unwrap();
+        let (bodies, joints) = hanging(&mut world, 3);
+        let bend = |joint: &mut GenericJoint| {
+            joint.set_motor_position(JointAxis::AngX, 0.3, 40.0, 6.0);
+        };
+        joints.iter().for_each(|&joint| world.update_joint(joint, bend).unwrap());
+        (0..30).for_each(|_| world.step().unwrap());
+        let before = world.pose(bodies[disabled]).unwrap();
+        world.update(bodies[disabled], |body| body.set_enabled(false)).unwrap();
+        (0..60).for_each(|_| world.step().unwrap());
+        assert_eq!(world.pose(bodies[disabled]).unwrap(), before, "body {disabled} waits");
+        let lowest = world.pose(bodies[3]).unwrap().translation[1];
+        assert_eq!(lowest < 2.0, disabled < 3, "what it let go of falls: {lowest}");
+        world.update(bodies[disabled], |body| body.set_enabled(true)).unwrap();
+        (0..60).for_each(|_| world.step().unwrap());
+        for pair in bodies[1..].windows(2) {
+            let gap = gap(&world, pair[0], pair[1]);
+            assert!(gap < 1e-3, "body {disabled}: {gap} m apart");
+        }
+        assert!(joints.iter().all(|&joint| world.link_motion(joint).is_some()));
+        assert_eq!((world.stats().quarantined, world.stats().bodies), (0, 3));
+    }
+}

@@ -17,7 +17,7 @@ use crate::types::DcdFrame;
 /// them and a fixed one. Clients that may not build, and nodes, have no joints (DCD_ERR_UNSUPPORTED); a server and builders may drive and destroy any. What
 /// joints tie together is owned and moved whole by one region, so keep it small against a region.
 ///
-/// `def` is read during the call. The joint is gone when either body is destroyed.
+/// `def` is read during the call. Both bodies wake. The joint is gone when either body is destroyed.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or a body), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, a
 /// limit or motor of a joint without an axis of its own, or twice the same body.
 #[unsafe(no_mangle)]

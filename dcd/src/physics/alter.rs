@@ -87,7 +87,7 @@ mod tests {
         Coupling, LinkSettings, Partition, StepSettings, joint_record, try_on_body, try_on_collider,
         try_on_joint,
     };
-    use crate::protocol::{BodyKind, BodyRecord, WorldPose};
+    use crate::protocol::{BodyKind, BodyRecord, BorderMessage, LinkMotion, LinkRecord, WorldPose};
     use crate::space::{Axis, BodyId, Bounds, DistributionTree, JointId};
 
     const BOX: BodyId = BodyId::persistent(2);
@@ -232,6 +232,26 @@ mod tests {
                 compare(name, coupling, in_place, by_record);
             }
         }
+    }
+
+    #[test]
+    fn a_link_that_is_on_its_way_moves_as_it_did_whatever_becomes_of_its_joint() {
+        let ids = [4, 5].map(BodyId::persistent);
+        let hinge: GenericJoint = RevoluteJointBuilder::new(Vector::Z).into();
+        let known = LinkSettings::default().record();
+        let known = JointRecord { link: Some(known), ..joint_record(HINGE, ids[0], ids[1], &hinge) };
+        let mut sent = known.clone();
+        sent.motors[3].impulse = 2.0;
+        let motion = LinkMotion { velocity: [1.0; 6], ..LinkMotion::default() };
+        sent.link = sent.link.map(|link| LinkRecord { motion: Some(motion), ..link });
+        let mut message = BorderMessage { joints: vec![sent], ..BorderMessage::default() };
+        let altered = try_on_joint(&known, &mut |joint| {
+            joint.set_motor_velocity(JointAxis::AngX, 4.0, 10.0);
+        });
+        message.alter(&Alteration::Joint(Box::new(altered)));
+        let found = &message.joints[0];
+        assert_eq!((found.motors[3].target_vel, found.motors[3].impulse), (4.0, 2.0));
+        assert_eq!(found.link.unwrap().motion, Some(motion));
     }
 
     #[test]

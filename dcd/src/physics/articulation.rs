@@ -1,10 +1,13 @@
 //! Records and restores the links of multibody joints (bodies in reduced coordinates). Rapier solves all links of a multibody
 //! together, so one region has all of it, with whatever other joints tie to it: it is never shared, and moves whole.
 
+use std::collections::BTreeMap;
+
 use rapier3d::prelude::*;
 
-use super::convert;
-use crate::protocol::{LinkMotion, LinkRecord, WorldPose};
+use super::{convert, joints};
+use crate::protocol::{BodyState, JointRecord, LinkMotion, LinkRecord, WorldPose};
+use crate::space::BodyId;
 
 /// The settings that a multibody joint has besides those of every joint.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -170,6 +173,65 @@ pub(crate) fn motion_between(joint: &GenericJoint, a: &WorldPose, b: &WorldPose)
         coordinates[axis] = nearest_turn(coordinates[axis], &joint.limits[axis]);
     }
     LinkMotion { coordinates, rotation: between.rotation.to_array(), ..LinkMotion::default() }
+}
+
+/// Gives links the motion that bodies have in these states, where those of both ends are known: what was recorded of a joint may be older.
+pub(crate) fn set_motions<'a>(
+    records: &mut [JointRecord],
+    state_of: impl Fn(BodyId) -> Option<&'a BodyState>,
+) {
+    let links = records.iter().filter(|record| record.link.is_some());
+    let parents: BTreeMap<_, _> = links.map(|record| (record.b, record.a)).collect();
+    for record in records.iter_mut().filter(|record| record.link.is_some()) {
+        let Some((a, b)) = state_of(record.a).zip(state_of(record.b)) else { continue };
+        // Bounded, should a record name a loop.
+        let above = std::iter::successors(Some(record.a), |id| parents.get(id).copied());
+        let root = above.take(parents.len()).last().and_then(&state_of);
+        let joint = joints::joint_of(record);
+        if let Some(link) = &mut record.link {
+            link.motion = Some(motion_of(&joint, link.motion.as_ref(), a, b, root.unwrap_or(a)));
+        }
+    }
+}
+
+/// Returns the motion of a link from the states of its two bodies and of the root of its multibody. Of what is `known` of it whole turns stay,
+/// which bodies do not tell, if it is where that says.
+pub(super) fn motion_of(
+    joint: &GenericJoint,
+    known: Option<&LinkMotion>,
+    a: &BodyState,
+    b: &BodyState,
+    root: &BodyState,
+) -> LinkMotion {
+    /// Metres or radians.
+    const SAME: f32 = 1e-3;
+    let now = motion_between(joint, &a.pose, &b.pose);
+    let agrees = |known: &&LinkMotion| {
+        let apart = (0..3).map(|axis| (known.coordinates[axis] - now.coordinates[axis]).abs());
+        let turned = convert::rotation(known.rotation).inverse() * convert::rotation(now.rotation);
+        apart.fold(2.0 * turned.xyz().length(), f32::max) < SAME
+    };
+    let LinkMotion { coordinates, rotation, .. } = known.filter(agrees).copied().unwrap_or(now);
+    let velocity = velocity_between(joint, a, b);
+    let mut root_velocity = [0.0; 6];
+    root_velocity[..3].copy_from_slice(&root.velocity.linear);
+    root_velocity[3..].copy_from_slice(&root.velocity.angular);
+    LinkMotion { coordinates, rotation, velocity, root_velocity }
+}
+
+/// Returns the velocities of a joint's degrees of freedom, as if the mass of its two bodies lay around their positions: where it does not, one
+/// that slides on what turns is told too fast or too slow.
+fn velocity_between(joint: &GenericJoint, a: &BodyState, b: &BodyState) -> [f32; 6] {
+    let [from, to] = [a, b].map(|state| convert::vector(state.velocity.linear));
+    let [turning, spinning] = [a, b].map(|state| convert::vector(state.velocity.angular));
+    let [frame, other] = [a, b].map(|state| convert::rotation(state.pose.rotation));
+    let apart = convert::region_from_world(a.pose.translation, &b.pose).translation;
+    let spin = spinning - turning;
+    let slide = to - from - turning.cross(apart) + spin.cross(other * joint.local_frame2.translation);
+    let into_joint = (frame * joint.local_frame1.rotation).inverse();
+    let (slide, spin) = ((into_joint * slide).to_array(), (into_joint * spin).to_array());
+    let all = [slide[0], slide[1], slide[2], spin[0], spin[1], spin[2]];
+    free_of(joint.locked_axes.bits(), all)
 }
 
 /// Returns the angle, or that of a turn more or less, whichever is nearest to being within the limits.

@@ -95,7 +95,17 @@ impl ContactListener {
     /// belong to another body. It is reported only after the next step here too, for by then the region that the body went to has
     /// seen these contacts, and the user is not told that they ceased.
     pub(super) fn forget(&mut self, body: BodyId) {
-        self.lost.extend(self.touching.take_of(body));
+        self.lost.extend(self.touching.take_of(body, |_| true));
+    }
+
+    /// Ends the contacts of a collider of which Rapier will not tell the end, as its user does not want to hear of them any more: all but those of
+    /// which the other one `tells`.
+    pub(super) fn mute(&mut self, of: (BodyId, u16), tells: impl Fn((BodyId, u16)) -> bool) {
+        let ended = self.touching.take_of(of.0, |key| {
+            let ends = [(key.a, key.collider_a), (key.b, key.collider_b)];
+            ends.contains(&of) && !ends.into_iter().any(|end| end != of && tells(end))
+        });
+        self.lost.extend(ended);
     }
 
     /// Makes Rapier look again, in the next step, at colliders whose force events were turned on or off. To be called after the

@@ -36,6 +36,8 @@ pub use crate::protocol::Handover;
 pub use articulation::LinkSettings;
 #[cfg(feature = "models")]
 pub(crate) use articulation::link_fault;
+#[cfg(feature = "net")]
+pub(crate) use articulation::set_motions;
 pub(crate) use articulation::{equip_link, insert_link, motion_between};
 pub use choice::{CouplingChoice, Method};
 pub use collider_id::ColliderId;

@@ -287,18 +287,12 @@ pub(super) fn collider_record(
     })
 }
 
-/// Returns the record of a collider that its user changed in place; `heavier` if its mass changed. Its shape and position are as
-/// in the old record.
-pub(crate) fn renewed(record: &ColliderRecord, collider: &Collider, heavier: bool) -> ColliderRecord {
+/// Returns the record of a collider that its user changed in place. Its shape and position are as in the old record.
+pub(crate) fn renewed(record: &ColliderRecord, collider: &Collider) -> ColliderRecord {
     ColliderRecord {
         shape: record.shape,
         pose: record.pose,
-        // Rapier forgets whether it was given a density or a mass.
-        mass: if heavier {
-            ColliderMass::Properties(mass_record(&collider.mass_properties()))
-        } else {
-            record.mass
-        },
+        mass: mass_of(collider),
         friction: collider.friction(),
         friction_rule: combine_rule(collider.friction_combine_rule()),
         restitution: collider.restitution(),
@@ -341,6 +335,26 @@ pub(super) fn build_collider(record: &ColliderRecord, shapes: &ShapeLibrary) -> 
         }
     };
     Ok(builder.build())
+}
+
+/// Returns where the mass of a collider is from. Rapier does not tell whether it was given a density, a mass or all of it: that shows by
+/// what it has with other shapes.
+fn mass_of(collider: &Collider) -> ColliderMass {
+    let mut tried = collider.clone();
+    let [small, large] = [1.0, 2.0].map(|radius| {
+        tried.set_shape(SharedShape::ball(radius));
+        tried.mass_properties()
+    });
+    if small.inv_mass != large.inv_mass {
+        ColliderMass::Density(collider.density())
+    } else if small != large {
+        ColliderMass::Mass(collider.mass())
+    } else if small == MassProperties::default() {
+        // Whichever of them is zero.
+        ColliderMass::Density(0.0)
+    } else {
+        ColliderMass::Properties(mass_record(&small))
+    }
 }
 
 fn mass_record(props: &MassProperties) -> MassRecord {

@@ -77,13 +77,12 @@ pub(crate) fn try_on_collider(
     let mut copied = Copied::new(known, shapes)?;
     let collider = copied.bodies[copied.body].colliders()[index];
     let collider = &mut copied.colliders[collider];
-    let (mass, shape) = (collider.mass_properties(), collider.shared_shape().clone());
+    let shape = collider.shared_shape().clone();
     let place = collider.position_wrt_parent().copied();
     change(collider);
     let stays =
         Arc::ptr_eq(&collider.shared_shape().0, &shape.0) && collider.position_wrt_parent().copied() == place;
-    let heavier = collider.mass_properties() != mass;
-    Ok(stays.then(|| record::renewed(&known.traits.colliders[index], collider, heavier)))
+    Ok(stays.then(|| record::renewed(&known.traits.colliders[index], collider)))
 }
 
 /// Lets a user change a copy of a joint.

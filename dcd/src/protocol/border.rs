@@ -298,7 +298,15 @@ impl BorderMessage {
             }
             Alteration::Joint(record) => {
                 for joint in self.joints.iter_mut().filter(|joint| joint.id == record.id) {
-                    joint.clone_from(record);
+                    let known = std::mem::replace(joint, (**record).clone());
+                    // Who alters it knows neither how it moves nor what was found out of it in the last step.
+                    if let (Some(link), Some(known)) = (&mut joint.link, &known.link) {
+                        link.motion = known.motion;
+                    }
+                    for axis in 0..known.limits.len() {
+                        joint.limits[axis].impulse = known.limits[axis].impulse;
+                        joint.motors[axis].impulse = known.motors[axis].impulse;
+                    }
                 }
             }
         }

@@ -18,7 +18,8 @@ pub struct WorldEvents {
 }
 
 /// Remembers which regions see each contact. A contact begins when the first region sees it and ceases when the last region no
-/// longer does, so a body that changes region does not seem to let go.
+/// longer does, so a body that changes region does not seem to let go. One whose collider becomes a sensor, or ceases to be one, ceases and
+/// begins.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct ContactLedger {
     seen_by: BTreeMap<ContactKey, Vec<RegionId>>,
@@ -61,6 +62,11 @@ impl ContactLedger {
             let now = !self.seen_by[&key].is_empty();
             if !now {
                 self.remove(key);
+            }
+            let turned = change.began.zip(change.ended).filter(|(began, ended)| began.sensor != ended.sensor);
+            if let Some((began, ended)) = turned.filter(|_| change.before && now) {
+                out.touches.extend([ended, began]);
+                continue;
             }
             if !change.before {
                 out.touches.extend(change.began);
@@ -224,6 +230,20 @@ mod tests {
         let mut ledger = ContactLedger::default();
         assert_eq!(merged(&mut ledger, &[seen(1, &[true])]), [true]);
         assert_eq!(merged(&mut ledger, &[seen(1, &[false]), seen(2, &[true])]), [] as [bool; 0]);
+        assert_eq!(merged(&mut ledger, &[seen(2, &[false])]), [false]);
+    }
+
+    #[test]
+    fn a_contact_that_becomes_that_of_a_sensor_ceases_and_begins_once() {
+        let turned = |region| {
+            let of = seen(region, &[false, true]);
+            let touches = of.touches.into_iter().map(|touch| Touch { sensor: touch.began, ..touch });
+            RegionEvents { touches: touches.collect(), ..of }
+        };
+        let mut ledger = ContactLedger::default();
+        assert_eq!(merged(&mut ledger, &[seen(1, &[true]), seen(2, &[true])]), [true]);
+        assert_eq!(merged(&mut ledger, &[turned(1), turned(2)]), [false, true]);
+        assert_eq!(merged(&mut ledger, &[seen(1, &[false])]), [] as [bool; 0]);
         assert_eq!(merged(&mut ledger, &[seen(2, &[false])]), [false]);
     }
 

@@ -10,9 +10,9 @@ use crate::cluster::{PhysicsCommand, PhysicsEvent, Sampling, TickStats, correcti
 use crate::physics::{HostError, Partition, RegionHost};
 use crate::protocol::{
     Answer, BodyCheckpoint, BodyKind, BodyRecord, BorderMessage, Chunk, Claim, EnvironmentProperties,
-    JointRecord, LoadReport, Query, RegionLoad, SharedState, WorldOp,
+    JointRecord, LoadReport, Push, Query, RegionLoad, SharedState, WorldOp,
 };
-use crate::space::{BodyId, ClientId, DistributionTree, Load, RegionId, Tick, summarised};
+use crate::space::{BodyId, ClientId, DistributionTree, Epoch, Load, RegionId, Tick, summarised};
 
 /// The error with which the physics cannot go on.
 #[derive(Debug, thiserror::Error)]
@@ -40,6 +40,10 @@ pub struct PhysicsDevice {
     /// Avatars that are or were held here.
     avatars: BTreeSet<BodyId>,
     world: Option<EnvironmentProperties>,
+    /// The pushes of the ticks for which a body may be on its way, each with its tick; none in lockstep.
+    pushes: Vec<(Tick, Push)>,
+    /// Bodies that are being taken over, with the tick that their records are of.
+    arriving: Vec<(BodyId, Epoch, Tick)>,
 }
 
 impl PhysicsDevice {
@@ -58,6 +62,8 @@ impl PhysicsDevice {
             copy: None,
             avatars: BTreeSet::new(),
             world: None,
+            pushes: Vec::new(),
+            arriving: Vec::new(),
         }
     }
 
@@ -116,6 +122,7 @@ impl PhysicsDevice {
                     _ => None,
                 });
                 self.questions = questions.collect();
+                self.note_pushes(tick, &ops);
                 let host = self.world();
                 assert_eq!(tick, host.tick().next(), "ticks are computed in order");
                 let new = ops.iter().flat_map(|op| match op {
@@ -142,6 +149,7 @@ impl PhysicsDevice {
             PhysicsCommand::Drain { tick, incoming } => {
                 self.hear(tick, incoming);
                 self.world().drain()?;
+                self.push_again();
                 Some(PhysicsEvent::Drained)
             }
             PhysicsCommand::Speculate(ops) => {
@@ -247,6 +255,8 @@ impl PhysicsDevice {
             self.report.awake.extend(transfers.clone());
             self.checkpoint.awake.extend(transfers.clone());
             self.avatars.extend(bodies.chain(transfers).filter(|id| id.client().is_some()));
+            let taken = message.transfers.iter().map(|transfer| &transfer.body);
+            self.arriving.extend(taken.map(|body| (body.id, body.epoch, message.tick)));
         }
         let host = self.host.as_mut().expect("a world comes before commands");
         for mut message in incoming {
@@ -254,6 +264,35 @@ impl PhysicsDevice {
                 message.extrapolate((tick.0 - message.tick.0) as f64 * dt_s);
             }
             host.accept(message);
+        }
+    }
+
+    /// Notes the pushes of a tick for as long as a body that they concern may be on its way here. What sets its velocity makes up for all
+    /// impulses before.
+    fn note_pushes(&mut self, tick: Tick, ops: &[WorldOp]) {
+        let lag = self.world.as_ref().map_or(0, |world| world.protocol.lag_ticks());
+        self.pushes.retain(|(at, _)| at.0 + lag > tick.0);
+        for op in ops.iter().filter(|_| lag > 0) {
+            match op {
+                WorldOp::Push(push) => self.pushes.push((tick, *push)),
+                WorldOp::Input(input) if input.drive.is_none() => {
+                    self.pushes.retain(|(_, push)| push.lasts || push.body != input.body);
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// Pushes again what was pushed while it was on its way: it is as it was when its record was written.
+    fn push_again(&mut self) {
+        for (id, epoch, written) in std::mem::take(&mut self.arriving) {
+            let host = self.host.as_mut().expect("a world comes before commands");
+            let is_taken = host.owned(id).is_some_and(|(region, handle)| region.epoch_of(handle) == epoch);
+            for (_, push) in self.pushes.iter().filter(|(at, push)| *at > written && push.body == id) {
+                if is_taken {
+                    host.push(push);
+                }
+            }
         }
     }
 
@@ -267,8 +306,9 @@ impl PhysicsDevice {
 
     fn accept(&mut self, report: Sampling, checkpoint: Sampling) -> Result<PhysicsEvent, DeviceError> {
         let (rebuilding, rounds_left) = (self.rebuilding, self.rounds_left);
+        self.world().exchange()?;
+        self.push_again();
         let host = self.world();
-        host.exchange()?;
         if rebuilding {
             host.drop_unconfirmed();
         } else if rounds_left > 0 {
@@ -455,10 +495,11 @@ impl Sampler {
 mod tests {
     use super::*;
     use crate::physics::{Region, joint_record};
-    use crate::protocol::{Placed, Transfer, Velocity, WorldPose};
+    use crate::protocol::{ExtraMass, Placed, SyncProtocol, Transfer, Velocity, WorldPose};
     use crate::sim::{sim_body, sim_world};
     use crate::space::{Epoch, JointId, RegionSet};
     use rapier3d::prelude::FixedJointBuilder;
+    use std::sync::Arc;
 
     #[test]
     fn of_bodies_those_alone_are_looked_at_that_do_not_sleep() {
@@ -582,5 +623,57 @@ mod tests {
         let both = vec![placed, comes];
         assert_eq!(ends(10, vec![], Sampling::Moved), [both.clone(), both]);
         assert_eq!(ends(11, vec![], Sampling::Moved), [vec![], vec![]], "they have slept before");
+    }
+
+    /// A message of the first tick is taken in after the third: what came with the second and third is not in it.
+    #[test]
+    fn a_push_on_a_body_that_is_on_its_way_here_is_not_lost() {
+        let mut physics = PhysicsDevice::new(1);
+        let protocol = SyncProtocol::Unsynchronised { lag_ticks: 2 };
+        let world = EnvironmentProperties { protocol, ..sim_world(2) };
+        let tree = world.tree.clone();
+        let [from, to] = [0, 1].map(|rank| tree.leaves().nth(rank).unwrap());
+        physics.run(PhysicsCommand::World(world)).unwrap();
+        let (regions, joints) = (vec![to], Vec::new());
+        let rebuild =
+            PhysicsCommand::Rebuild { tick: Tick(0), tree, regions, placed: vec![], joints, drop: vec![] };
+        physics.run(rebuild).unwrap();
+        let accept = |physics: &mut PhysicsDevice, tick, incoming| {
+            let (report, checkpoint) = (Sampling::Nothing, Sampling::Nothing);
+            let accept = PhysicsCommand::Accept { tick, round: 0, incoming, report, checkpoint, load: false };
+            physics.run(accept).unwrap();
+        };
+        accept(&mut physics, Tick(0), vec![]);
+        let [thrown, drawn, stopped] = [1, 2, 3].map(BodyId::persistent);
+        let transfer = |id: BodyId| {
+            let mut body = sim_body(id, [9.0, f64::from(id.bits() as u8), 1.0]);
+            body.epoch = Epoch(1);
+            Arc::make_mut(&mut body.traits).extra_mass = Some(ExtraMass::Mass(2.0));
+            Transfer { body, holders: RegionSet::EMPTY, whole: false }
+        };
+        let transfers = [thrown, drawn, stopped].map(transfer).to_vec();
+        let message = BorderMessage { from, to, tick: Tick(1), transfers, ..BorderMessage::default() };
+        let impulse = |id| WorldOp::Push(Push::impulse(id, [4.0, 0.0, 0.0]));
+        let halt = crate::protocol::Input {
+            body: stopped,
+            logical_time: 1,
+            tick: Tick(0),
+            velocity: Velocity::default(),
+            pose: None,
+            drive: None,
+        };
+        let ops = [
+            vec![impulse(thrown)],
+            vec![impulse(stopped), WorldOp::Push(Push::force(drawn, [5.0, 0.0, 0.0], [0.0; 3]))],
+            vec![WorldOp::Input(halt), impulse(thrown)],
+        ];
+        for (ops, tick) in ops.into_iter().zip(1..).map(|(ops, tick)| (ops, Tick(tick))) {
+            physics.run(PhysicsCommand::Step { tick, rounds: 1, ops }).unwrap();
+            accept(&mut physics, tick, if tick == Tick(3) { vec![message.clone()] } else { vec![] });
+        }
+        let state = |id| physics.host().unwrap().record(id).unwrap().state;
+        assert_eq!(state(thrown).velocity.linear, [2.0, 0.0, 0.0], "not what is in the message");
+        assert_eq!(state(drawn).force, [5.0, 0.0, 0.0]);
+        assert_eq!(state(stopped).velocity.linear, [0.0; 3]);
     }
 }

@@ -8,7 +8,7 @@ use super::choice::Why;
 use super::local::LocalWorld;
 use super::{ProcessError, WorldError};
 use crate::cluster::SavedWorld;
-use crate::physics::{HostError, Partition, RegionHost, ShapeError};
+use crate::physics::{HostError, Partition, RegionHost, ShapeError, set_motions};
 use crate::protocol::{
     BodyRecord, Check, ContactLedger, EnvironmentProperties, Invalid, JointRecord, ShapeRecord, WorldEvents,
 };
@@ -26,7 +26,7 @@ pub(super) fn contents(world: &LocalWorld) -> (Vec<BodyRecord>, Vec<ShapeRecord>
 
 /// Returns a local world with what was saved of a served one, its regions and its tick.
 pub(super) fn local_of(
-    saved: SavedWorld,
+    mut saved: SavedWorld,
     properties: &EnvironmentProperties,
 ) -> Result<LocalWorld, WorldError> {
     let partition = Partition::new(saved.tree, properties.halo_m);
@@ -39,6 +39,8 @@ pub(super) fn local_of(
         host.shapes_mut().add(shape).map_err(HostError::from)?;
     }
     host.set_tick(saved.tick);
+    let states: BTreeMap<_, _> = saved.bodies.iter().map(|body| (body.id, &body.state)).collect();
+    set_motions(&mut saved.joints, |id| states.get(&id).copied());
     host.insert(saved.bodies, &saved.joints)?;
     let (next_body, next_joint) = saved.next_ids;
     Ok(LocalWorld {
@@ -88,4 +90,66 @@ pub(super) fn saved_of(
         shapes,
         joints,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use rapier3d::prelude::*;
+
+    use super::*;
+    use crate::physics::{Coupling, LinkSettings, StepSettings};
+    use crate::protocol::LinkRecord;
+    use crate::runtime::{Partitioning, WorldConfig};
+    use crate::sim::sim_world;
+
+    /// A server records of a joint what it was in the beginning.
+    #[test]
+    fn a_multibody_that_was_saved_of_a_served_world_goes_on_from_where_its_bodies_are() {
+        let properties = sim_world(1);
+        let step = StepSettings { gravity: [0.0; 3], exchanges: 1, ..StepSettings::default() };
+        let step = step.with_coupling(Coupling::Owner);
+        let config = WorldConfig { partitioning: Partitioning::Regions(1), step, ..WorldConfig::default() };
+        let mut world = LocalWorld::new(config).unwrap();
+        let mut insert = |body: RigidBodyBuilder, x: f32| {
+            let body = body.translation(Vector::new(x, 1.0, 1.0)).can_sleep(false);
+            world.insert(body, ColliderBuilder::cuboid(0.4, 0.1, 0.1)).unwrap()
+        };
+        let bodies = [
+            insert(RigidBodyBuilder::dynamic(), 4.0),
+            insert(RigidBodyBuilder::dynamic(), 5.0),
+            insert(RigidBodyBuilder::dynamic(), 6.0),
+        ];
+        let half = Vector::X * 0.5;
+        let hinge = RevoluteJointBuilder::new(Vector::Z).local_anchor1(half).local_anchor2(-half);
+        let ball = SphericalJointBuilder::new().local_anchor1(half).local_anchor2(-half);
+        let settings = LinkSettings { damping: Some([0.0; 6]), ..LinkSettings::default() };
+        let first = world.insert_multibody_joint(bodies[0], bodies[1], hinge, settings).unwrap();
+        let second = world.insert_multibody_joint(bodies[1], bodies[2], ball, settings).unwrap();
+        world.step().unwrap();
+        let begun = world.joint(first).unwrap().link;
+        world.set_link_velocity(first, [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]).unwrap();
+        world.set_link_velocity(second, [0.5, -0.5, 0.2, 0.0, 0.0, 0.0]).unwrap();
+        (0..60).for_each(|_| world.step().unwrap());
+        let saved = || saved_of(&world, &properties).unwrap();
+        let forgotten = |link: LinkRecord| LinkRecord { motion: None, ..link };
+        let older = |link: LinkRecord| LinkRecord { motion: begun.unwrap().motion, ..link };
+        for what_is_known in [&forgotten as &dyn Fn(LinkRecord) -> LinkRecord, &older, &|link| link] {
+            let mut saved = saved();
+            saved.joints.iter_mut().for_each(|joint| joint.link = joint.link.map(what_is_known));
+            let mut again = local_of(saved, &properties).unwrap();
+            let mut whole = Vec::new();
+            world.save(&mut whole).unwrap();
+            let mut other = LocalWorld::restore(&whole[..], 1).unwrap();
+            for tick in 1..=30 {
+                again.step().unwrap();
+                other.step().unwrap();
+                for id in bodies {
+                    let [a, b] = [&again, &other].map(|world| world.pose(id).unwrap());
+                    let apart =
+                        (0..3).map(|i| (a.translation[i] - b.translation[i]).abs()).fold(0.0, f64::max);
+                    assert!(apart < 2e-3, "{id} is {apart} m off after {tick} ticks");
+                }
+            }
+        }
+    }
 }

@@ -443,3 +443,61 @@ fn a_floor_that_a_change_moves_is_there_in_every_region_and_for_who_asks() {
         }
     }
 }
+
+#[test]
+fn a_body_that_changes_its_shape_again_weighs_what_it_was_last_given() {
+    type Change = fn(&mut Collider);
+    let ball: Change = |collider| collider.set_shape(SharedShape::ball(1.0));
+    let plank: Change = |collider| collider.set_shape(SharedShape::cuboid(0.5, 1.0, 2.0));
+    let dense: Change = |collider| collider.set_density(4.0);
+    let given: Change = |collider| collider.set_mass(1.0);
+    let none: Change = |collider| collider.set_density(0.0);
+    let courses: [&[Change]; 4] =
+        [&[ball, plank], &[dense, ball, plank], &[given, ball, dense, given, plank], &[none, ball, dense]];
+    let all = MassProperties::new(Vector::X, 5.0, Vector::new(1.0, 2.0, 3.0));
+    let starts = [cube(), cube().density(2.0), cube().mass(2.0), cube().mass_properties(all)];
+    for (start, course) in starts.iter().flat_map(|start| courses.map(|course| (start, course))) {
+        for config in [one_world(), halves(Coupling::Overlap)] {
+            let mut world = LocalWorld::new(weightless(config)).unwrap();
+            let id = world.insert(body_at(-0.1, 0.0, 0.0).additional_mass(1.0), start.clone()).unwrap();
+            let mut bare = start.build();
+            for change in course {
+                world.update_collider(id, 0, change).unwrap();
+                change(&mut bare);
+                let mass_kg = bare.mass_properties().mass() + 1.0;
+                let found = world.mass_kg(id).unwrap();
+                assert!((found / mass_kg - 1.0).abs() < 1e-5, "{found} kg instead of {mass_kg}");
+                steps(&mut world, 2);
+            }
+            let (region, handle) = world.host().owned(id).unwrap();
+            if region.share_of(handle) == 1 {
+                let physics = region.physics();
+                let own = &physics.colliders[physics.bodies[handle].colliders()[0]];
+                assert_eq!(own.mass_properties(), bare.mass_properties());
+            }
+        }
+    }
+}
+
+/// The region on the right computes all of a heap whose last layer lies beyond the border, and does not walk through it in every tick.
+#[test]
+fn a_body_of_a_large_heap_is_placed_anew_in_any_tick() {
+    let mut config = halves(Coupling::Auto);
+    config.step.island_limit = StepSettings::default().island_limit;
+    let mut world = LocalWorld::new(config).unwrap();
+    insert_floor(&mut world);
+    let place = |i: i32| [i % 7, i / 7 % 7, i / 49].map(|k| 0.98 * k as f32);
+    let heap = (0..343).map(|i| {
+        let [x, y, z] = place(i);
+        world.insert(body_at(x - 0.5, y + 0.5, z - 3.0).can_sleep(false), cube()).unwrap()
+    });
+    let heap: Vec<_> = heap.collect();
+    steps(&mut world, 20);
+    let right = world.regions().nth(1).unwrap().id();
+    assert!(heap.iter().filter(|&&id| world.owner_of(id) == Some(right)).count() > 256);
+    for tick in 0..16u8 {
+        let shape = SharedShape::cuboid(0.5, 0.5, 0.5 - 0.001 * f32::from(tick));
+        world.update_collider(heap[9], 0, |collider| collider.set_shape(shape.clone())).unwrap();
+        steps(&mut world, 1);
+    }
+}

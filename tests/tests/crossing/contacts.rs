@@ -236,6 +236,64 @@ fn contacts_of_what_is_disabled_end_and_begin_again() {
 }
 
 #[test]
+fn a_contact_whose_end_nobody_wanted_to_hear_of_is_told_when_it_comes_again() {
+    let (silent, told) = (ActiveEvents::empty(), ActiveEvents::COLLISION_EVENTS);
+    for config in [one_world(), halves(Coupling::Auto), halves(Coupling::Overlap)] {
+        for other_tells in [false, true] {
+            let mut world = LocalWorld::new(weightless(config.clone())).unwrap();
+            let zone = ColliderBuilder::cuboid(2.0, 2.0, 2.0).sensor(true);
+            let zone = zone.active_events(if other_tells { told } else { silent });
+            world.insert(RigidBodyBuilder::fixed(), zone).unwrap();
+            let ball = ColliderBuilder::ball(0.5).active_events(told);
+            let ball = world.insert(body_at(0.1, 0.0, 0.0).can_sleep(false), ball).unwrap();
+            let began =
+                |world: &mut LocalWorld| touches(world, 3).iter().map(|touch| touch.3).collect::<Vec<_>>();
+            let listen = |world: &mut LocalWorld, events| {
+                world.update_collider(ball, 0, |collider| collider.set_active_events(events)).unwrap();
+            };
+            let put = |world: &mut LocalWorld, y| world.set_pose(ball, WorldPose::at([0.1, y, 0.0])).unwrap();
+            assert_eq!(began(&mut world), [true]);
+            listen(&mut world, silent);
+            assert_eq!(began(&mut world), if other_tells { vec![] } else { vec![false] });
+            put(&mut world, 9.0);
+            assert_eq!(began(&mut world), if other_tells { vec![false] } else { vec![] });
+            listen(&mut world, told);
+            assert!(began(&mut world).is_empty());
+            put(&mut world, 0.0);
+            assert_eq!(began(&mut world), [true]);
+            put(&mut world, 9.0);
+            assert_eq!(began(&mut world), [false]);
+        }
+    }
+}
+
+#[test]
+fn who_lies_where_a_sensor_comes_to_be_is_told_to_have_entered_it() {
+    let told = |world: &mut LocalWorld, plate: BodyId| {
+        let mut all = Vec::new();
+        for _ in 0..2 {
+            steps(world, 1);
+            let touches = world.events().touches.iter().filter(|touch| touch.key.a == plate);
+            all.extend(touches.map(|touch| (touch.began, touch.sensor)));
+        }
+        all
+    };
+    let configs = SHARING.map(halves).into_iter().chain([one_world(), halves(Coupling::Owner)]);
+    for config in configs {
+        let mut world = LocalWorld::new(config.clone()).unwrap();
+        let plate = ColliderBuilder::cuboid(5.0, 0.5, 5.0).active_events(ActiveEvents::COLLISION_EVENTS);
+        let plate = world.insert(fixed_at(-0.5), plate).unwrap();
+        world.insert(body_at(0.2, 0.5, 0.0).can_sleep(false), cube()).unwrap();
+        let coupling = config.step.coupling;
+        assert_eq!(told(&mut world, plate), [(true, false)], "{coupling:?}");
+        world.update_collider(plate, 0, |collider| collider.set_sensor(true)).unwrap();
+        assert_eq!(told(&mut world, plate), [(false, false), (true, true)], "{coupling:?}");
+        world.update_collider(plate, 0, |collider| collider.set_sensor(false)).unwrap();
+        assert_eq!(told(&mut world, plate), [(false, true), (true, false)], "{coupling:?}");
+    }
+}
+
+#[test]
 fn owner_and_proxy_tell_each_force_once() {
     for coupling in [Coupling::Owner, Coupling::Proxy] {
         let pairs = tellers(coupling);

@@ -270,3 +270,37 @@ fn small_assemblies_move_whole_under_island() {
         }
     }
 }
+
+#[test]
+fn a_joint_that_comes_to_what_sleeps_wakes_it() {
+    let configs = SHARING.map(halves).into_iter().chain([one_world()]).map(weightless);
+    for (config, fixed) in configs.flat_map(|config| [false, true].map(|fixed| (config.clone(), fixed))) {
+        let coupling = config.step.coupling;
+        let mut world = LocalWorld::new(config).unwrap();
+        let left = if fixed { RigidBodyBuilder::fixed() } else { RigidBodyBuilder::dynamic() };
+        let left = world.insert(left.translation(Vector::X * -2.0), cube()).unwrap();
+        let right = world.insert(body_at(2.0, 0.0, 0.0), cube()).unwrap();
+        steps(&mut world, 180);
+        assert!(world.body(right).unwrap().is_sleeping());
+        world.insert_joint(left, right, RopeJointBuilder::new(3.0)).unwrap();
+        steps(&mut world, 60);
+        let apart = distance(at(&world, left), at(&world, right));
+        assert!(apart < 3.1, "{coupling:?}, fixed {fixed}: {apart} m apart");
+    }
+}
+
+#[test]
+fn a_motor_wakes_its_bodies_also_before_the_first_step_of_its_joint() {
+    let mut world = LocalWorld::new(weightless(one_world())).unwrap();
+    let post = world.insert(fixed_at(0.0), ColliderBuilder::ball(0.1)).unwrap();
+    let door = world.insert(body_at(1.0, 0.0, 0.0), cube()).unwrap();
+    let hinge = RevoluteJointBuilder::new(Vector::Y).local_anchor2(-Vector::X).contacts_enabled(false);
+    let hinge = world.insert_joint(post, door, hinge).unwrap();
+    world.update(door, RigidBody::sleep).unwrap();
+    let turn = |joint: &mut GenericJoint| {
+        joint.set_motor_velocity(JointAxis::AngX, 1.0, 10.0);
+    };
+    world.update_joint(hinge, turn).unwrap();
+    steps(&mut world, 30);
+    assert!(at(&world, door)[2].abs() > 0.1, "{:?}", at(&world, door));
+}

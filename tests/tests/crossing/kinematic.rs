@@ -87,3 +87,29 @@ fn a_platform_carries_boxes_across_a_border() {
         }
     }
 }
+
+#[test]
+fn a_body_that_gets_a_collider_goes_where_it_was_sent_and_so_does_what_it_is_tied_to() {
+    for config in [one_world(), halves(Coupling::Auto), halves(Coupling::Overlap)] {
+        let mut world = LocalWorld::new(weightless(config)).unwrap();
+        let lift = RigidBodyBuilder::kinematic_position_based().translation(Vector::new(-0.2, 0.0, 0.0));
+        let lift = world.insert(lift, cube()).unwrap();
+        let hung = world.insert(body_at(-0.2, -2.0, 0.0).can_sleep(false), cube()).unwrap();
+        let rope = SphericalJointBuilder::new().local_anchor2(Vector::Y * 2.0);
+        world.insert_joint(lift, hung, rope).unwrap();
+        steps(&mut world, 3);
+        for (changed, y) in [(lift, 0.05), (hung, 0.1)] {
+            world.set_next_pose(lift, WorldPose::at([-0.2, y, 0.0])).unwrap();
+            world.insert_collider(changed, ColliderBuilder::ball(0.1)).unwrap();
+            steps(&mut world, 1);
+            let at = at(&world, lift);
+            assert!((at[1] - y).abs() < 1e-6, "{at:?}");
+        }
+        let free = RigidBodyBuilder::kinematic_position_based().translation(Vector::new(-5.0, 0.0, 0.0));
+        let free = world.insert(free, cube()).unwrap();
+        world.set_next_pose(free, WorldPose::at([-6.0, 0.0, 0.0])).unwrap();
+        world.set_pose(free, WorldPose::at([5.0, 0.0, 0.0])).unwrap();
+        steps(&mut world, 2);
+        assert_eq!(at(&world, free), [5.0, 0.0, 0.0], "what is put elsewhere stays there");
+    }
+}

@@ -270,3 +270,30 @@ fn a_force_goes_on_behind_a_border() {
         assert!((speed(&world, id)[0] - 4.0).abs() < 0.01, "{coupling:?}: {:?}", speed(&world, id));
     }
 }
+
+/// Both boxes are computed by one region, since they touch.
+#[test]
+fn what_is_moved_by_a_little_stays_where_its_island_is_computed() {
+    let mut config = halves(Coupling::Auto);
+    config.step.island_limit = dcd::physics::StepSettings::default().island_limit;
+    let mut world = LocalWorld::new(config).unwrap();
+    insert_floor(&mut world);
+    let pair = [-0.49, 0.49].map(|x| world.insert(body_at(x, 0.5, 0.0).can_sleep(false), cube()).unwrap());
+    steps(&mut world, 30);
+    assert_eq!(world.owner_of(pair[0]), world.owner_of(pair[1]));
+    let epochs = |world: &LocalWorld| {
+        pair.map(|id| {
+            let (region, handle) = world.host().owned(id).unwrap();
+            (region.id(), handle, region.epoch_of(handle))
+        })
+    };
+    let before = epochs(&world);
+    for id in pair {
+        let pose = world.pose(id).unwrap();
+        let [x, y, z] = pose.translation;
+        world.set_pose(id, WorldPose { translation: [x, y, z + 1e-4], ..pose }).unwrap();
+    }
+    assert_eq!(epochs(&world), before);
+    steps(&mut world, 20);
+    assert_eq!(epochs(&world), before);
+}

@@ -28,11 +28,16 @@ impl Touching {
         below_a.is_some()
     }
 
-    /// Removes and returns the contacts of a body, in the order of their keys.
-    pub(super) fn take_of(&mut self, body: BodyId) -> Vec<(ContactKey, bool)> {
+    /// Removes and returns those contacts of a body, in the order of their keys, that are to go.
+    pub(super) fn take_of(
+        &mut self,
+        body: BodyId,
+        goes: impl Fn(&ContactKey) -> bool,
+    ) -> Vec<(ContactKey, bool)> {
         let none = BodyId::from_bits(0);
         let first = ContactKey { a: none, b: none, collider_a: 0, collider_b: 0 };
         let all = self.by_body.range((body, first)..).take_while(|((of, _), _)| *of == body);
+        let all = all.filter(|((_, key), _)| goes(key));
         let all: Vec<_> = all.map(|((_, key), sensor)| (*key, *sensor)).collect();
         for (key, _) in &all {
             self.remove(*key);
@@ -76,19 +81,26 @@ mod tests {
     #[test]
     fn a_body_takes_its_contacts_with_it_as_the_lower_and_as_the_higher_one() {
         let mut touching = touching(&[(2, 3), (1, 2), (1, 3), (0, 1)]);
-        let ended = touching.take_of(BodyId::persistent(2));
+        let ended = touching.take_of(BodyId::persistent(2), |_| true);
         assert_eq!(ended, [(key(1, 2), true), (key(2, 3), false)]);
-        assert!(touching.take_of(BodyId::persistent(2)).is_empty());
+        assert!(touching.take_of(BodyId::persistent(2), |_| true).is_empty());
         assert!(!touching.remove(key(2, 3)), "neither body knows it any more");
         assert_eq!(left(touching), [key(0, 1), key(1, 3)]);
+    }
+
+    #[test]
+    fn what_is_not_to_go_stays() {
+        let mut touching = touching(&[(1, 2), (2, 3)]);
+        assert_eq!(touching.take_of(BodyId::persistent(2), |key| key.b == BodyId::persistent(2)).len(), 1);
+        assert_eq!(left(touching), [key(2, 3)]);
     }
 
     #[test]
     fn an_ended_contact_is_known_to_neither_body() {
         let mut touching = touching(&[(1, 2), (1, 3)]);
         assert!(touching.remove(key(1, 2)) && !touching.remove(key(1, 2)));
-        assert!(touching.take_of(BodyId::persistent(2)).is_empty());
-        assert_eq!(touching.take_of(BodyId::persistent(1)), [(key(1, 3), true)]);
+        assert!(touching.take_of(BodyId::persistent(2), |_| true).is_empty());
+        assert_eq!(touching.take_of(BodyId::persistent(1), |_| true), [(key(1, 3), true)]);
         assert!(touching.by_body.is_empty());
     }
 }

@@ -384,8 +384,10 @@ impl Islands {
             spare.0.extend(found.drain(..).map(Island::emptied));
         }
         found.retain_mut(|island| {
+            // What was inserted anew since may have its former place, but not its handle.
             let here = |link: &BodyRef| {
-                region.role_of(link.handle) == Some((link.id, Ownership::Owner))
+                region.physics().bodies.contains(link.handle)
+                    && region.role_of(link.handle) == Some((link.id, Ownership::Owner))
                     && takes_part(region, link.handle)
             };
             let large = island.members.len() > LARGE && !island.big && island.target == region.rank();

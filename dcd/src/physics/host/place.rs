@@ -67,10 +67,19 @@ impl RegionHost {
         self.meet_all();
         bodies.sort_by_key(|body| body.id);
         self.check(&bodies, joints)?;
+        // A record holds no kinematic target. What is put elsewhere goes nowhere from there.
+        let stays = |body: &&BodyRecord| {
+            body.traits.kind == BodyKind::KinematicPosition
+                && self.record(body.id).is_some_and(|known| known.state.pose == body.state.pose)
+        };
+        let targets =
+            bodies.iter().filter(stays).filter_map(|body| Some((body.id, self.target_of(body.id)?)));
+        let targets: Vec<_> = targets.collect();
         for body in &bodies {
             self.remove(body.id);
         }
-        self.insert_checked(bodies, joints)
+        self.insert_checked(bodies, joints)?;
+        targets.into_iter().try_for_each(|(id, target)| self.send_to(id, target).map(drop))
     }
 
     /// Inserts one body that no joint ties, as [`RegionHost::insert`] would.
@@ -158,18 +167,11 @@ impl RegionHost {
             whole = placement.whole(&owners);
         } else {
             owners = placement.together(owners);
-            let pose_of = |id| {
+            // The server records what joints are, and of bodies alone where they are.
+            articulation::set_motions(&mut joints, |id| {
                 let place = bodies.binary_search_by_key(&id, |body| body.id).ok()?;
-                Some(bodies[place].state.pose)
-            };
-            for joint in &mut joints {
-                if let (Some(link), Some(a), Some(b)) = (&joint.link, pose_of(joint.a), pose_of(joint.b))
-                    && link.motion.is_none()
-                {
-                    let motion = Some(articulation::motion_between(&joints::joint_of(joint), &a, &b));
-                    joint.link = Some(crate::protocol::LinkRecord { motion, ..*link });
-                }
-            }
+                Some(&bodies[place].state)
+            });
         }
         self.insert_placed(bodies, &owners, &whole, &joints)
     }
@@ -240,8 +242,8 @@ impl RegionHost {
         self.shapes.keep(used);
     }
 
-    /// Inserts a joint between two bodies of the world. Their assemblies become one: if these lie in different regions, both are
-    /// placed anew, which costs them the warm starting of one step.
+    /// Inserts a joint between two bodies of the world, and wakes them. Their assemblies become one: if these lie in different regions, both
+    /// are placed anew, which costs them the warm starting of one step.
     pub fn tie(&mut self, joint: JointRecord) -> Result<(), HostError> {
         let JointRecord { id, a, b, .. } = joint;
         if a == b {
@@ -259,10 +261,16 @@ impl RegionHost {
         let linked = joint.link.is_some() || ties.values().any(|joint| joint.link.is_some());
         let shared = places.iter().any(|(_, holders)| !holders.is_empty());
         if places.windows(2).all(|pair| pair[0] == pair[1]) && !(linked && shared) {
-            return self.insert(Vec::new(), &[joint]);
+            self.insert(Vec::new(), &[joint])?;
+        } else {
+            ties.insert(id, joint);
+            self.reinsert(bodies.into_values().collect(), &ties.into_values().collect::<Vec<_>>())?;
         }
-        ties.insert(id, joint);
-        self.reinsert(bodies.into_values().collect(), &ties.into_values().collect::<Vec<_>>())
+        // As Rapier's world does; what comes with its joints may go on sleeping.
+        for end in [a, b].into_iter().filter(|&end| self.statics.body(end).is_none()).collect::<Vec<_>>() {
+            self.change_copies(end, |body| body.wake_up(true));
+        }
+        Ok(())
     }
 
     /// Checks that Rapier can have these joints in multibodies, beside those that are there and tie none of these bodies.
@@ -498,4 +506,54 @@ fn reach_of_record(body: &BodyRecord, shapes: &ShapeLibrary) -> Result<f32, Shap
         reach = reach.max(ball.center.length() + ball.radius + collider.contact_skin_m);
     }
     Ok(reach)
+}
+
+#[cfg(test)]
+mod tests {
+    use rapier3d::prelude::*;
+
+    use super::*;
+    use crate::physics::{Coupling, LinkSettings, Partition, joint_record};
+    use crate::protocol::{LinkMotion, LinkRecord, Velocity, WorldPose};
+    use crate::space::Bounds;
+
+    #[test]
+    fn a_link_that_is_placed_anew_goes_on_from_where_its_bodies_are() {
+        let tree = DistributionTree::halved(Bounds::around([0.0; 3], [8.0; 3]), 1).unwrap();
+        let leaves: Vec<_> = tree.leaves().collect();
+        let partition = Partition::new(tree.clone(), None);
+        let step = StepSettings { gravity: [0.0; 3], ..StepSettings::default() };
+        let mut host = RegionHost::new(partition, step.with_coupling(Coupling::Owner), 1, &[]).unwrap();
+        let turned = Rotation::from_rotation_z(1.0);
+        let reach = turned * Vector::X;
+        let at = |way: Vector| way.to_array().map(f64::from);
+        let poses =
+            [WorldPose::at([0.0; 3]), WorldPose { rotation: turned.to_array(), ..WorldPose::at(at(reach)) }];
+        let cube = ColliderBuilder::cuboid(0.1, 0.1, 0.1);
+        let kinds = [RigidBodyBuilder::fixed(), RigidBodyBuilder::dynamic()];
+        let mut bodies = Vec::new();
+        for ((index, kind), pose) in (0..).zip(kinds).zip(poses) {
+            let body = kind.can_sleep(false).build();
+            let id = BodyId::persistent(index);
+            bodies.push(host.shapes_mut().describe(id, pose, &body, std::slice::from_ref(&cube)).unwrap());
+        }
+        let linear = (Vector::Z * 0.5).cross(reach).to_array();
+        bodies[1].state.velocity = Velocity { linear, angular: [0.0, 0.0, 0.5] };
+        let hinge: GenericJoint = RevoluteJointBuilder::new(Vector::Z).local_anchor2(-Vector::X).into();
+        let begun =
+            LinkMotion { rotation: [0.0, 0.0, 0.0, 1.0], velocity: [9.0; 6], ..LinkMotion::default() };
+        let link = LinkSettings { damping: Some([0.0; 6]), ..LinkSettings::default() }.record();
+        let link = Some(LinkRecord { motion: Some(begun), ..link });
+        let hinge = joint_record(JointId(1), bodies[0].id, bodies[1].id, &hinge);
+        let placed: Vec<_> = bodies.iter().map(|body| (leaves[0], body.clone())).collect();
+        host.set_tick(Tick(100));
+        host.rebuild(&tree, &leaves, placed, &[JointRecord { link, ..hinge }], &[]).unwrap();
+        host.announce();
+        host.exchange().unwrap();
+        (0..60).for_each(|_| host.step().unwrap());
+        let pose = host.record(bodies[1].id).unwrap().state.pose;
+        let there = Rotation::from_rotation_z(1.5) * Vector::X;
+        let apart = (0..3).map(|i| (pose.translation[i] - at(there)[i]).abs()).fold(0.0, f64::max);
+        assert!(apart < 5e-3, "{pose:?} instead of {there}");
+    }
 }

@@ -124,8 +124,7 @@ impl Region {
             let mut changed = own.clone();
             changed.set_contact_force_event_threshold(old.force_event_threshold_n);
             let result = change(&mut changed);
-            let is_heavier = changed.mass_properties() != own.mass_properties();
-            let mut new = record::renewed(old, &changed, is_heavier);
+            let mut new = record::renewed(old, &changed);
             if !Arc::ptr_eq(&changed.shared_shape().0, &own.shared_shape().0) {
                 new.shape = shapes.intern(changed.shared_shape())?;
             }
@@ -147,8 +146,19 @@ impl Region {
                     return Err(ShapeError::Massless);
                 }
             }
+            let tells = |own: &Collider| own.active_events().contains(ActiveEvents::COLLISION_EVENTS);
+            let is_muted = tells(own) && !tells(&changed);
             *own = changed;
-            region.listener.name(own, collider, (slot.id, index as u16), &slot.traits.colliders[index]);
+            let of = (slot.id, index as u16);
+            region.listener.name(own, collider, of, &slot.traits.colliders[index]);
+            if is_muted {
+                region.listener.mute(of, |(id, place)| {
+                    let other = region.by_id.get(&id).and_then(|&other| bodies.get(other));
+                    let other = other.and_then(|other| other.colliders().get(usize::from(place)));
+                    other.and_then(|&other| colliders.get(other)).is_some_and(tells)
+                });
+            }
+            let body = &mut bodies[handle];
             body.recompute_mass_properties_from_colliders(colliders);
             // Its skin may reach farther than before.
             slot.reach_m = record::reach_of(body, colliders, &slot.traits);

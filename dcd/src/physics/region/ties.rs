@@ -55,11 +55,11 @@ impl Region {
         for handle in news.untied.drain(..) {
             match handle {
                 Solver::Impulses(handle) => drop(self.world_mut().impulse_joints.remove(handle, false)),
-                Solver::Multibody(handle) => self.unlink(handle),
+                Solver::Multibody(handle) => self.world_mut().multibody_joints.remove(handle, false),
             }
         }
         for handle in news.gone.drain(..) {
-            // Of its joints nothing is left but the body's node in the joint graph.
+            // Of its joints nothing is left but the body's node in the joint graph. Multibodies have no body without a joint.
             self.world_mut().impulse_joints.remove_joints_attached_to_rigid_body(handle);
         }
         for handle in news.woken.drain(..) {
@@ -119,14 +119,35 @@ impl Region {
     pub(super) fn tie_anew(&mut self, handle: RigidBodyHandle) {
         for id in self.slot(handle).joints.clone() {
             let Some(mut held) = self.joints.remove(&id) else { continue };
-            if let Some(solver @ Solver::Impulses(_)) = held.handle {
+            if let Some(solver) = held.handle {
                 held.record = self.whole_record(&held);
                 held.handle = None;
                 self.joint_news.untied.push(solver);
                 self.await_solver(id);
+            } else if let Some(motion) = self.present_motion(&held.record)
+                && let Some(link) = &mut held.record.link
+            {
+                // Its bodies may have moved while it waited.
+                link.motion = Some(motion);
             }
             self.joints.insert(id, held);
         }
+    }
+
+    /// Returns the motion of a link that is not in Rapier but was, from its bodies.
+    fn present_motion(&self, record: &JointRecord) -> Option<LinkMotion> {
+        let known = record.link?.motion?;
+        let [a, b] = [record.a, record.b].map(|end| self.handle_of(end));
+        let (a, b) = (a?, b?);
+        let parent = |&of: &RigidBodyHandle| {
+            let id = self.slot(of).id;
+            let above = self.slot(of).joints.iter().filter_map(|joint| self.joints.get(joint));
+            let mut links = above.filter(|above| above.record.link.is_some() && above.record.b == id);
+            self.handle_of(links.next()?.record.a)
+        };
+        let root = std::iter::successors(Some(a), parent).last()?;
+        let [a, b, root] = [a, b, root].map(|body| self.body_state(body));
+        Some(articulation::motion_of(&joints::joint_of(record), Some(&known), &a, &b, &root))
     }
 
     /// Returns whether a joint between two bodies has anything to move. Rapier would panic at one that has not, or whose end is
@@ -148,15 +169,6 @@ impl Region {
         }
         let joint = joints::joint_of(record);
         articulation::insert_link(&mut self.world_mut().multibody_joints, a, b, joint, &record.link?)
-    }
-
-    /// Removes a joint from its multibody. Its body may be the root of what is left of a multibody by now, since Rapier itself takes out the
-    /// joints of a removed body at once: it would take a root for a link, and forget all of that multibody.
-    fn unlink(&mut self, handle: MultibodyJointHandle) {
-        let joints = &mut self.world_mut().multibody_joints;
-        if joints.get(handle).is_some_and(|(_, index)| index > 0) {
-            joints.remove(handle, false);
-        }
     }
 
     /// Inserts or removes the multibody joints of a body whose owner has changed: only its owner solves its multibody.
@@ -185,12 +197,13 @@ impl Region {
         let PhysicsWorld {
             bodies, islands, colliders, impulse_joints, multibody_joints, soft_bodies, ..
         } = self.world_mut();
-        if impulse_joints.attached_joints(handle).next().is_none() {
+        let is_tied = impulse_joints.attached_joints(handle).next().is_some();
+        if !is_tied && multibody_joints.rigid_body_link(handle).is_none() {
             bodies.remove(handle, islands, colliders, impulse_joints, multibody_joints, soft_bodies, true);
             return;
         }
-        let mut none = ImpulseJointSet::new();
-        bodies.remove(handle, islands, colliders, &mut none, multibody_joints, soft_bodies, true);
+        let (mut none, mut no_links) = (ImpulseJointSet::new(), MultibodyJointSet::new());
+        bodies.remove(handle, islands, colliders, &mut none, &mut no_links, soft_bodies, true);
         self.joint_news.gone.push(handle);
     }
 
@@ -270,8 +283,10 @@ impl Region {
         }
         let Some(mut held) = self.joints.remove(&id) else { return false };
         let ends = [held.record.a, held.record.b].map(|end| self.handle_of(end));
-        if held.handle.is_some() {
-            self.joint_news.woken.extend(ends.into_iter().flatten());
+        if let [Some(a), Some(b)] = ends
+            && self.is_solvable(a, b)
+        {
+            self.joint_news.woken.extend([a, b]);
         }
         match held.handle {
             None => {

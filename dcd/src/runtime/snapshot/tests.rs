@@ -288,6 +288,30 @@ fn a_multibody_that_changes_region_goes_on_too() {
     }
 }
 
+/// Rapier keeps its own list of what has become of a multibody in no snapshot.
+#[test]
+fn a_multibody_that_has_lost_a_body_since_the_last_step_goes_on_too() {
+    let mut world = LocalWorld::new(WorldConfig::default()).unwrap();
+    world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(30.0, 0.5, 30.0)).unwrap();
+    let links = [0.0, -1.2, 1.2, -2.4, 2.4].map(|x| {
+        let body = RigidBodyBuilder::dynamic().translation(Vector::new(x, 0.7, 0.0));
+        world.insert(body, ColliderBuilder::cuboid(0.4, 0.2, 0.4)).unwrap()
+    });
+    for (above, below, side) in [(0, 1, -0.6), (0, 2, 0.6), (1, 3, -0.6), (2, 4, 0.6)] {
+        let hinge = RevoluteJointBuilder::new(Vector::Y)
+            .local_anchor1(Vector::X * side)
+            .local_anchor2(Vector::X * -side);
+        let (above, below) = (links[above], links[below]);
+        world.insert_multibody_joint(above, below, hinge, LinkSettings::default()).unwrap();
+    }
+    (0..240).for_each(|_| world.step().unwrap());
+    assert!(world.body(links[4]).unwrap().is_sleeping());
+    world.remove(links[1]).unwrap();
+    let push = |body: &mut RigidBody| body.apply_impulse(Vector::new(0.0, 0.0, 1.0), true);
+    world.update(links[4], push).unwrap();
+    continues_alike(&mut world, 300, true, "without a link");
+}
+
 /// Returns a snapshot of some hundred kilobytes: more than one block if blocks are small.
 fn sample() -> Vec<u8> {
     let (mut world, ..) = busy(Coupling::Auto);

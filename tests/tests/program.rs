@@ -330,7 +330,8 @@ fn bodies_can_be_tied_whatever_was_asked_between_them() {
     let (asked, gone) = (server.submit(below()).unwrap(), server.submit(below()).unwrap());
     server.forget(gone);
     let b = server.insert(ball(7.0), ColliderBuilder::ball(0.5)).unwrap();
-    let joint = server.insert_joint(a, b, SphericalJointBuilder::new()).unwrap();
+    let bar = SphericalJointBuilder::new().local_anchor2(Vector::X * -2.0);
+    let joint = server.insert_joint(a, b, bar).unwrap();
     server.step().unwrap();
     assert!(server.joint(joint).is_some());
     let _node = node(&server);

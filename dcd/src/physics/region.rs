@@ -130,7 +130,7 @@ pub struct Region {
     /// Bodies that were woken since the last step by what changed them.
     #[serde(skip)]
     roused: Vec<RigidBodyHandle>,
-    /// By Rapier's body index: movable bodies that were awake when they were disabled or fixed.
+    /// By Rapier's body index: movable bodies that it does not step, since they are disabled or fixed.
     #[serde(skip)]
     unstepped: BTreeMap<u32, RigidBodyHandle>,
     /// Counts the changes of what is held here, of where it is, and of what touches; and what it was after the last step.

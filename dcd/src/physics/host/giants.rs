@@ -133,15 +133,15 @@ mod tests {
 
     use super::*;
     use crate::physics::host::RegionHost;
-    use crate::physics::{Partition, StepSettings};
+    use crate::physics::{Partition, StepSettings, joint_record};
     use crate::protocol::{Velocity, WorldPose};
-    use crate::space::{Axis, DistributionTree, Load};
+    use crate::space::{Axis, DistributionTree, JointId, Load};
 
     thread_local! {
         pub(super) static SEARCHES: Cell<usize> = const { Cell::new(0) };
     }
 
-    /// 300 boxes side by side that are asleep, across a border or beside it.
+    /// 300 boxes side by side and tied to one another that are asleep, across a border or beside it.
     fn row(cut: f64) -> RegionHost {
         let tree = DistributionTree::cut_by(Bounds::around([0.0; 3], [200.0; 3]), &[(Axis::X, cut)]).unwrap();
         let partition = Partition::new(tree, None);
@@ -155,7 +155,11 @@ mod tests {
             host.shapes_mut().describe(id, WorldPose::at(at), &body.build(), &[collider]).unwrap()
         });
         let records = records.collect();
-        host.insert(records, &[]).unwrap();
+        let rope = RopeJointBuilder::new(2.0).build().into();
+        let ties = (1..300_u32).map(|i| {
+            joint_record(JointId(i.into()), BodyId::persistent(i), BodyId::persistent(i + 1), &rope)
+        });
+        host.insert(records, &ties.collect::<Vec<_>>()).unwrap();
         for _ in 0..240 {
             host.step().unwrap();
         }

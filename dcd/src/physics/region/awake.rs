@@ -36,10 +36,11 @@ impl Region {
         awake
     }
 
-    /// Notes that a body may have woken, or may have become one that Rapier does not step.
+    /// Notes that a body may have woken, or may have become one that Rapier does not step: one that it disables in a step does not sleep
+    /// after that.
     pub(super) fn note_awake(&mut self, handle: RigidBodyHandle, was_asleep: bool) {
-        let Some(body) = self.world.bodies.get(handle).filter(|body| !body.is_sleeping()) else { return };
-        if was_asleep {
+        let Some(body) = self.world.bodies.get(handle) else { return };
+        if was_asleep && !body.is_sleeping() {
             self.roused.push(handle);
         }
         let (is_stepped, index) = (body.is_enabled() && !body.is_fixed(), handle.into_raw_parts().0);
@@ -140,9 +141,9 @@ mod tests {
         assert!(bodies <= 2 && contacts <= 2, "{bodies} bodies, {contacts} contacts");
         // What an emptied region or a plane leaves behind is looked for.
         let region = &mut host.regions().next().unwrap().clone();
-        assert!(looks_of(|| region.wake_left_behind(RegionSet::only(1))).0 > 50);
+        assert!(looks_of(|| region.wake_left_behind(RegionSet::only(1))).0 >= 50);
         region.set_cell(*region.cell());
-        assert!(looks_of(|| region.wake_left_behind(RegionSet::EMPTY)).0 > 50);
+        assert!(looks_of(|| region.wake_left_behind(RegionSet::EMPTY)).0 >= 50);
     }
 
     #[test]

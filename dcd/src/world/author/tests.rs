@@ -99,7 +99,8 @@ fn what_is_taken_back_is_sent_to_nobody_and_its_names_are_given_again() {
         author.take_back(&[second, third]);
         assert_eq!(insert(&mut author), second);
         author.take_back(&[]);
-        let [BuildOp::Insert { bodies, .. }] = &author.take(&told)[..] else { panic!("one insertion") };
+        let ops = author.take(&told);
+        let [BuildOp::Insert { bodies, .. }] = &ops[..] else { panic!("one insertion") };
         assert_eq!(bodies.iter().map(|body| body.id.index()).collect::<Vec<_>>(), [1, 2]);
     }
 }

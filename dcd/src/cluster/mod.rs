@@ -38,7 +38,7 @@ pub use correction::{correction, deviation_m};
 pub use device::{PhysicsCommand, PhysicsEvent, Sampling, TickStats};
 pub use directory::{Batch, Key};
 pub use groups::{GroupError, GroupPolicy, GroupRules, Hint, HintUse, best_group, form_groups};
-#[cfg(feature = "net")]
+#[cfg(all(feature = "net", feature = "physics"))]
 pub(crate) use joints::Joints;
 pub use leader::{Deviations, Leader};
 pub use node::{Node, NodeConfig, NodeCounters, NodeEvent, NodeOutput};

@@ -612,17 +612,23 @@ mod tests {
         let transfers = vec![Transfer { body, holders: RegionSet::EMPTY, whole: false }];
         let message =
             BorderMessage { from: other, to: own, tick: Tick(4), transfers, ..BorderMessage::default() };
-        let mut ends = |tick: u64, incoming, sampling| {
+        let ends = |physics: &mut PhysicsDevice, tick: u64, incoming, sampling| {
             physics.run(PhysicsCommand::Step { tick: Tick(tick), rounds: 1, ops: Vec::new() }).unwrap();
-            sampled(&mut physics, Tick(tick), incoming, sampling)
+            sampled(physics, Tick(tick), incoming, sampling)
         };
-        ends(4, vec![message], Sampling::Nothing);
-        for tick in 5..10 {
-            ends(tick, vec![], Sampling::Nothing);
+        ends(&mut physics, 4, vec![message], Sampling::Nothing);
+        let host = physics.host_mut().unwrap();
+        for id in [placed, comes] {
+            host.update(id, |body| body.sleep()).unwrap().unwrap();
         }
+        assert_eq!(ends(&mut physics, 5, vec![], Sampling::Nothing), [vec![], vec![]]);
         let both = vec![placed, comes];
-        assert_eq!(ends(10, vec![], Sampling::Moved), [both.clone(), both]);
-        assert_eq!(ends(11, vec![], Sampling::Moved), [vec![], vec![]], "they have slept before");
+        assert_eq!(ends(&mut physics, 6, vec![], Sampling::Moved), [both.clone(), both]);
+        assert_eq!(
+            ends(&mut physics, 7, vec![], Sampling::Moved),
+            [vec![], vec![]],
+            "they have slept before"
+        );
     }
 
     /// A message of the first tick is taken in after the third: what came with the second and third is not in it.

@@ -96,7 +96,7 @@ fn a_node_killed_at_any_event_loses_and_doubles_nothing() {
         let nodes = 2 + random.below(3) as u32;
         let mut sim = Sim::new(config(seed, nodes));
         if random.below(8) > 0 {
-            sim.run_to(Tick(1 + random.below(20))).unwrap();
+            sim.run_to(Tick(1 + random.below(20))).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
         }
         sim.run_events(random.below(400)).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
         let before = sim.server().view().map(|view| view.members.len()).unwrap_or_default();

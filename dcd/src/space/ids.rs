@@ -204,10 +204,10 @@ impl Epoch {
     }
 
     /// Returns whether a body can have this epoch after this tick when no view has a higher number than this: it was placed in one of
-    /// those, and transferred at most once per tick.
+    /// those, and transferred at most once per tick, and once in the exchange before the first.
     #[doc(hidden)]
     pub const fn is_possible(self, newest_view: u64, tick: Tick) -> bool {
-        self.view() <= newest_view && self.transfers() <= tick.0
+        self.view() <= newest_view && self.transfers() <= tick.0 + 1
     }
 
     /// Returns the epoch after one more transfer.

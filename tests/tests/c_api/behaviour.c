@@ -450,9 +450,6 @@ static void every_member_of_a_body_is_read_back(void)
     collider.user_data = 12;
     OK(dcd_collider_set_properties(world, other, 0, &collider));
     collider_again = collider_of(world, other, 0);
-    HOLDS(collider_again.density == 0.0f && fabsf(collider_again.mass - 500.0f) < 0.01f); /* changed later, it is a mass */
-    collider_again.density = collider.density;
-    collider_again.mass = collider.mass;
     HOLDS(memcmp(&collider_again, &collider, sizeof collider) == 0);
     /* And back again. */
     OK(dcd_body_set_properties(world, other, &usual));

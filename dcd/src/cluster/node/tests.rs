@@ -180,7 +180,7 @@ fn a_message_that_names_an_epoch_which_cannot_be_is_refused() {
         node.counters().refused == before
     };
     for (epoch, counts) in
-        [(one, true), (one.next(), false), (two, false), (Epoch::placed_in(1 << 38), false)]
+        [(one, true), (one.next(), true), (one.next().next(), false), (two, false), (Epoch::placed_in(1 << 38), false)]
     {
         assert_eq!(says(&mut member(), 0, epoch), counts, "{epoch}");
     }

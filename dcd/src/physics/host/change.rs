@@ -135,7 +135,8 @@ impl RegionHost {
     pub fn push(&mut self, push: &Push) -> bool {
         let linear = Vector::from_array(push.linear);
         let mut held = false;
-        for Side { region, .. } in &mut self.sides {
+        for place in self.places_of(push.body) {
+            let region = &mut self.sides[place].region;
             let Some(handle) = region.handle_of(push.body) else { continue };
             // Of each copy from its own centre: on nodes that is all there is of some.
             let centre = centre_in(region, handle);

@@ -146,7 +146,8 @@ mod tests {
         let tree = DistributionTree::cut_by(Bounds::around([0.0; 3], [200.0; 3]), &[(Axis::X, cut)]).unwrap();
         let partition = Partition::new(tree, None);
         let leaves = partition.leaves().to_vec();
-        let mut host = RegionHost::new(partition, StepSettings::default(), 1, &leaves).unwrap();
+        let settings = StepSettings { island_limit: 256, ..StepSettings::default() };
+        let mut host = RegionHost::new(partition, settings, 1, &leaves).unwrap();
         let floor = (RigidBodyBuilder::fixed(), [0.0, -0.5, 0.0], [200.0, 0.5, 200.0]);
         let boxes =
             (0..300).map(|i| (RigidBodyBuilder::dynamic(), [f64::from(i) - 149.5, 0.5, 0.0], [0.5; 3]));

@@ -925,7 +925,7 @@ typedef struct DcdColliderProperties {
     uint32_t flags;
     // Where it sits on the body.
     DcdFrame frame;
-    // kg/m³, 0 or more. Read later, it is 0 where the mass was given, or anything of it was changed.
+    // kg/m³, 0 or more. Read later, it is 0 where the mass was given, or centre and inertia with it (by Rapier's own setters).
     float density;
     // Kilograms; 0 follows from the density.
     float mass;
@@ -2508,16 +2508,12 @@ DcdStatus dcd_client_connect(const DcdClientDef *def,
 DCD_API DcdStatus dcd_participant_join(const DcdParticipantDef *def, DcdWorld *out);
 
 // Lists the avatars that this process hosts: those it made, in the world or on their way, and those that an earlier stay
-// left behind. These are in the world on joining, and then no DCD_BODY_APPEARED tells of them, or come back soon after it (DCD_BODY_APPEARED)
-// where who computed them had not let go of them yet. Into `out`, which has `cap` entries, and their number
+// left behind. These are in the world on joining, and then no DCD_BODY_APPEARED tells of them, or come back soon after it
+// (DCD_BODY_APPEARED) where who computed them had not let go of them yet. Into `out`, which has `cap` entries, and their number
 // into `count`; with `cap` 0 `out` may be null, to ask for the number. Oldest first. None in a local world.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not).
-DCD_API
-DcdStatus dcd_own_avatars(DcdWorld world,
-                          DcdBodyId *out,
-                          size_t cap,
-                          size_t *count);
+DCD_API DcdStatus dcd_own_avatars(DcdWorld world, DcdBodyId *out, size_t cap, size_t *count);
 
 // Creates a server: it holds a world, decides which node computes what, and lets clients in. It computes nothing itself; the
 // world begins with the nodes that join it (dcd_node_join, dcd_participant_join, or `dcd node` on other machines).
@@ -3199,10 +3195,9 @@ DcdStatus dcd_joint_strength_set(DcdWorld world,
 // What dcd_state_view lent two steps ago is overwritten. Other calls on the world wait until the step is done; views lent
 // before may be read meanwhile.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_BUSY, DCD_ERR_PANIC, DCD_ERR_NETWORK once the link to the server is gone or
-// the world has ended (the last state stays readable, and what came before the loss is in dcd_events), DCD_ERR_IO once a server could not
-// write its folder or its recording, and has stopped. Each later step says so again.
-DCD_API
-DcdStatus dcd_step(DcdWorld world);
+// the world has ended (the last state stays readable, and what came before the loss is in dcd_events), DCD_ERR_IO once a server
+// could not write its folder or its recording, and has stopped. Each later step says so again.
+DCD_API DcdStatus dcd_step(DcdWorld world);
 
 // Begins what dcd_step does, on a thread of the library, and returns at once; dcd_step_wait says what became of it. Meanwhile
 // draw what dcd_state_view lent, which stays as it is until the step after this one. Every other call on the world waits until

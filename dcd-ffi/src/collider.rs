@@ -68,7 +68,7 @@ pub struct DcdColliderProperties {
     pub flags: u32,
     /// Where it sits on the body.
     pub frame: DcdFrame,
-    /// kg/m³, 0 or more. Read later, it is 0 where the mass was given, or anything of it was changed.
+    /// kg/m³, 0 or more. Read later, it is 0 where the mass was given, or centre and inertia with it (by Rapier's own setters).
     pub density: f32,
     /// Kilograms; 0 follows from the density.
     pub mass: f32,

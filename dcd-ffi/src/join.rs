@@ -147,8 +147,8 @@ pub unsafe extern "C" fn dcd_participant_join(
 }
 
 /// Lists the avatars that this process hosts: those it made, in the world or on their way, and those that an earlier stay
-/// left behind. These are in the world on joining, and then no DCD_BODY_APPEARED tells of them, or come back soon after it (DCD_BODY_APPEARED)
-/// where who computed them had not let go of them yet. Into `out`, which has `cap` entries, and their number
+/// left behind. These are in the world on joining, and then no DCD_BODY_APPEARED tells of them, or come back soon after it
+/// (DCD_BODY_APPEARED) where who computed them had not let go of them yet. Into `out`, which has `cap` entries, and their number
 /// into `count`; with `cap` 0 `out` may be null, to ask for the number. Oldest first. None in a local world.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not).

@@ -20,8 +20,8 @@ pub const DCD_FOREVER: u64 = u64::MAX;
 /// What dcd_state_view lent two steps ago is overwritten. Other calls on the world wait until the step is done; views lent
 /// before may be read meanwhile.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_BUSY, DCD_ERR_PANIC, DCD_ERR_NETWORK once the link to the server is gone or
-/// the world has ended (the last state stays readable, and what came before the loss is in dcd_events), DCD_ERR_IO once a server could not
-/// write its folder or its recording, and has stopped. Each later step says so again.
+/// the world has ended (the last state stays readable, and what came before the loss is in dcd_events), DCD_ERR_IO once a server
+/// could not write its folder or its recording, and has stopped. Each later step says so again.
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_step(world: DcdWorld) -> DcdStatus {
     guard("dcd_step", || with(world, World::step))

@@ -88,6 +88,7 @@ fn a_function_more_breaks_nothing_and_any_other_change_is_found() {
     assert_eq!(broken(&now, &now), "");
     let step = "DCD_API DcdStatus dcd_step(";
     let more = now.replacen(step, &format!("DCD_API void dcd_more(void);\n{step}"), 1);
+    assert_ne!(more, now, "the header has that function on a line of its own");
     assert_eq!(broken(&now, &more), "");
     assert!(broken(&more, &now).contains("dcd_more"));
     let narrow = now.replacen("bool dcd_world_is_valid(", "uint32_t dcd_world_is_valid(", 1);

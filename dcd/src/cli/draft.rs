@@ -1,6 +1,6 @@
 //! Writes a file of results beside its place first: a run that fails leaves neither a part of it nor costs what was there.
 
-use std::fs::{self, File, OpenOptions};
+use std::fs::{self, OpenOptions};
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -18,15 +18,23 @@ impl Draft {
         if found.is_ok() {
             OpenOptions::new().append(true).open(&path)?;
         }
-        // What is there below /dev, standard output for instance, may be a file that others have open.
-        if found.is_ok_and(|found| !found.is_file()) || path.starts_with("/dev") {
+        let is_special = match &found {
+            // Standard output, for instance, may be a file that others have open.
+            Ok(found) => !found.is_file() || ["/dev", "/proc"].iter().any(|folder| path.starts_with(folder)),
+            Err(_) => path.is_symlink(),
+        };
+        if is_special {
             return Ok(Self { path, beside: None });
         }
         let mut beside = place_of(&path).into_os_string();
-        beside.push(".part");
+        beside.push(format!(".{}.part", std::process::id()));
         let beside = PathBuf::from(beside);
-        File::create(&beside)?;
-        fs::remove_file(&beside)?;
+        match OpenOptions::new().write(true).create_new(true).open(&beside) {
+            Ok(_) => fs::remove_file(&beside)?,
+            // Its folder takes no other.
+            Err(_) if found.is_ok() => return Ok(Self { path, beside: None }),
+            Err(error) => return Err(error),
+        }
         Ok(Self { path, beside: Some(beside) })
     }
 
@@ -41,11 +49,19 @@ impl Draft {
         write: impl FnOnce(&Path) -> Result<(), E>,
     ) -> Result<(), E> {
         let Some(beside) = &self.beside else { return write(&self.path) };
-        let written = write(beside).and_then(|()| Ok(fs::rename(beside, place_of(&self.path))?));
-        if written.is_err() {
-            let _ = fs::remove_file(beside);
-        }
+        let written = write(beside).and_then(|()| Ok(self.put(beside)?));
+        let _ = fs::remove_file(beside);
         written
+    }
+
+    /// Puts what is written in its place, with the permissions of what was there.
+    fn put(&self, beside: &Path) -> io::Result<()> {
+        let place = place_of(&self.path);
+        if let Ok(former) = fs::metadata(&place) {
+            fs::set_permissions(beside, former.permissions())?;
+        }
+        // One that is mounted by itself cannot be replaced.
+        fs::rename(beside, &place).or_else(|_| fs::copy(beside, &place).map(drop))
     }
 }
 
@@ -71,6 +87,20 @@ mod tests {
         assert_eq!((fs::read_to_string(&path).unwrap().as_str(), names()), ("one", 1));
         assert!(Draft::check(folder.path().join("no/out.csv")).is_err());
         assert!(Draft::check(folder.path().to_owned()).is_err(), "a folder");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn who_may_read_a_file_stays_as_it_was_and_other_files_beside_it_are_left_alone() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        let [file, other] = ["out.csv", "out.csv.part"].map(|name| folder.path().join(name));
+        fs::write(&file, "old").unwrap();
+        fs::write(&other, "another's").unwrap();
+        fs::set_permissions(&file, fs::Permissions::from_mode(0o600)).unwrap();
+        Draft::check(file.clone()).unwrap().write(|to| fs::write(to, "new")).unwrap();
+        assert_eq!(fs::metadata(&file).unwrap().permissions().mode() & 0o777, 0o600);
+        assert_eq!(fs::read_to_string(&other).unwrap(), "another's");
     }
 
     #[cfg(unix)]

@@ -35,6 +35,11 @@ impl Notifier {
         self.say(&format!("READY=1\nSTATUS={words}"));
     }
 
+    /// Says that the process is not ready yet, and waits for something that may take long.
+    pub(super) fn waits(&self, words: &str) {
+        self.say(&format!("EXTEND_TIMEOUT_USEC=300000000\nSTATUS={words}"));
+    }
+
     /// Says that it does not hang.
     pub(super) fn alive(&self) {
         if self.watchdog.is_some() {

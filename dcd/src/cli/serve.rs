@@ -362,6 +362,9 @@ fn start(
     let mut told = None;
     let mut stand_by = |why: &str, stands_by: bool| {
         notifier.alive();
+        if !stands_by {
+            notifier.waits(why);
+        }
         // Who holds the world counts, and not how etcd puts each time that it does not answer.
         let news = Some(if stands_by { why.to_owned() } else { String::new() });
         if told != news {

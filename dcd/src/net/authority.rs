@@ -237,12 +237,16 @@ impl Authority {
 
         let mut ledger = self.ledger(now).map_err(|error| failed(&error))?;
         let ledger = ledger.as_mut().expect("ledger() opens it");
-        if ledger.uses(&token.nonce) >= token.uses {
-            return Err(JoinRefusal::Used);
-        }
-        let who = ledger
-            .record(token.nonce, token.expires_unix_s, token.role, resumed, now_s)
-            .map_err(|error| failed(&error))?;
+        let key = request.key.mark();
+        // Who asks again by the same key never had its answer: the server that it asked may have died in between.
+        let again = ledger.given(&token.nonce, key, token.role);
+        let who = match again.filter(|who| self.barred_for(*who).is_none()) {
+            Some(who) => who,
+            None if ledger.uses(&token.nonce) >= token.uses => return Err(JoinRefusal::Used),
+            None => ledger
+                .record(token.nonce, token.expires_unix_s, token.role, resumed, key, now_s)
+                .map_err(|error| failed(&error))?,
+        };
         // Only the key is taken from the request: names are ours to give.
         let certificate =
             self.issue(who, &request.key, now, self.certificate_life).map_err(|error| failed(&error))?;

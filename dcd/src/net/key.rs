@@ -67,6 +67,12 @@ impl Key {
 }
 
 impl PublicKey {
+    /// Returns a number by which it is known where its private half was proved.
+    pub(super) fn mark(&self) -> u64 {
+        let [a, b, c, d, e, f, g, h, ..] = self.0;
+        u64::from_be_bytes([a, b, c, d, e, f, g, h])
+    }
+
     /// Returns what the owner of a certificate signs to have it renewed for this key.
     pub(super) fn renewal(&self) -> Vec<u8> {
         [RENEWAL, &self.0].concat()

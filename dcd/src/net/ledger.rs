@@ -24,6 +24,27 @@ pub(super) struct Ledger {
 struct Used {
     until_s: u64,
     times: u32,
+    last: Option<Given>,
+}
+
+/// The ids that were given for a token last, and the mark of the key that they were given to.
+#[derive(Clone, Copy)]
+struct Given {
+    key: u64,
+    node: u32,
+    client: u32,
+}
+
+/// Returns the name of a process in this role by its ids.
+fn name_of(role: JoinRole, node: u32, client: u32) -> PeerName {
+    let (node, client) = (NodeId(node), ClientId(client));
+    match role {
+        JoinRole::Server => PeerName::Server,
+        JoinRole::Node => PeerName::Node(node),
+        JoinRole::Client => PeerName::Client(client),
+        JoinRole::Participant => PeerName::Participant(node, client),
+        JoinRole::Builder => PeerName::Builder(client),
+    }
 }
 
 /// Returns whether a used token is remembered: for a week after it has expired, as a clock may be ahead and be set right.
@@ -32,13 +53,15 @@ fn is_kept(until_s: u64, now_s: u64) -> bool {
     until_s.saturating_add(WEEK_S) >= now_s
 }
 
-/// A line of the record: a token was used so many times, and these ids were given for it last; 0 is none.
+/// A line of the record: a token was used so many times, and these ids were given for it last; 0 is none. In a compact record, whose lines
+/// have no ids, `last` has those.
 struct Line {
     nonce: Nonce,
     until_s: u64,
     node: u32,
     client: u32,
     times: u32,
+    last: Option<Given>,
 }
 
 impl Ledger {
@@ -55,13 +78,14 @@ impl Ledger {
         // A last line without its end was cut by a crash; its joiner never got an answer.
         let whole = &content[..content.rfind('\n').map_or(0, |end| end + 1)];
         for line in whole.lines() {
-            let Line { nonce, until_s, node, client, times } = Line::parse(line).ok_or_else(|| {
+            let Line { nonce, until_s, node, client, times, last } = Line::parse(line).ok_or_else(|| {
                 NetError::Damaged { path: journal.place(), what: format!("the line `{line}`") }
             })?;
             last_node = last_node.max(node);
             last_client = last_client.max(client);
             if is_kept(until_s, now_s) {
-                let used = used.entry(nonce).or_insert(Used { until_s, times: 0 });
+                let used = used.entry(nonce).or_insert(Used { until_s, times: 0, last: None });
+                used.last = last.or(used.last);
                 // A line without ids is of a compact record, and says all: the lines before it may still be there.
                 used.times = if (node, client) == (0, 0) { times } else { used.times + times };
             }
@@ -81,9 +105,10 @@ impl Ledger {
     /// Returns all that is known in as few lines as it takes.
     fn compact(&self, ahead: u32) -> String {
         let (node, client) = (self.last_node.saturating_add(ahead), self.last_client.saturating_add(ahead));
-        let mut text = Line { nonce: [0; NONCE_BYTES], until_s: 0, node, client, times: 1 }.to_string();
-        for (&nonce, &Used { until_s, times }) in &self.used {
-            text.push_str(&Line { nonce, until_s, node: 0, client: 0, times }.to_string());
+        let ids = Line { nonce: [0; NONCE_BYTES], until_s: 0, node, client, times: 1, last: None };
+        let mut text = ids.to_string();
+        for (&nonce, &Used { until_s, times, last }) in &self.used {
+            text.push_str(&Line { nonce, until_s, node: 0, client: 0, times, last }.to_string());
         }
         text
     }
@@ -99,29 +124,29 @@ impl Ledger {
         (1..=self.last_node).contains(&node.0)
     }
 
-    /// Counts the use of a token and gives ids for `role`, or those of `resumed`. Kept when this returns.
+    /// Returns the name that was given for this token last, if it was to this key: its answer may never have come.
+    pub(super) fn given(&self, nonce: &Nonce, key: u64, role: JoinRole) -> Option<PeerName> {
+        let last = self.used.get(nonce)?.last.filter(|last| last.key == key)?;
+        Some(name_of(role, last.node, last.client))
+    }
+
+    /// Counts the use of a token by who has this key, and gives ids for `role`, or those of `resumed`. Kept when this returns.
     pub(super) fn record(
         &mut self,
         nonce: Nonce,
         until_s: u64,
         role: JoinRole,
         resumed: Option<PeerName>,
+        key: u64,
         now_s: u64,
     ) -> Result<PeerName, NetError> {
-        let who = resumed.unwrap_or_else(|| {
-            let (node, client) = (NodeId(self.last_node + 1), ClientId(self.last_client + 1));
-            match role {
-                JoinRole::Server => PeerName::Server,
-                JoinRole::Node => PeerName::Node(node),
-                JoinRole::Client => PeerName::Client(client),
-                JoinRole::Participant => PeerName::Participant(node, client),
-                JoinRole::Builder => PeerName::Builder(client),
-            }
-        });
+        let who = resumed.unwrap_or_else(|| name_of(role, self.last_node + 1, self.last_client + 1));
         let (node, client) = (who.node().unwrap_or_default().0, who.client().unwrap_or_default().0);
-        self.journal.append(&Line { nonce, until_s, node, client, times: 1 }.to_string())?;
+        let last = Some(Given { key, node, client });
+        self.journal.append(&Line { nonce, until_s, node, client, times: 1, last }.to_string())?;
         self.used.retain(|_, used| is_kept(used.until_s, now_s));
-        self.used.entry(nonce).or_insert(Used { until_s, times: 0 }).times += 1;
+        let used = self.used.entry(nonce).or_insert(Used { until_s, times: 0, last });
+        (used.times, used.last) = (used.times + 1, last);
         self.last_node = self.last_node.max(node);
         self.last_client = self.last_client.max(client);
         Ok(who)
@@ -130,11 +155,12 @@ impl Ledger {
 
 impl fmt::Display for Line {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { nonce, until_s, node, client, times } = self;
+        let Self { nonce, until_s, node, client, times, last } = self;
         write!(f, "{:032x} {until_s} {node} {client}", u128::from_be_bytes(*nonce))?;
-        match times {
-            1 => writeln!(f),
-            times => writeln!(f, " {times}"),
+        match (times, last) {
+            (1, None) => writeln!(f),
+            (times, None) => writeln!(f, " {times}"),
+            (times, Some(Given { key, node, client })) => writeln!(f, " {times} {key:016x} {node} {client}"),
         }
     }
 }
@@ -146,7 +172,15 @@ impl Line {
         let (until_s, node) = (words.next()?.parse().ok()?, words.next()?.parse().ok()?);
         let client = words.next()?.parse().ok()?;
         let times = words.next().map_or(Some(1), |times| times.parse().ok())?;
-        words.next().is_none().then_some(Self { nonce, until_s, node, client, times })
+        let last = match words.next() {
+            None => None,
+            Some(key) => Some(Given {
+                key: u64::from_str_radix(key, 16).ok()?,
+                node: words.next()?.parse().ok()?,
+                client: words.next()?.parse().ok()?,
+            }),
+        };
+        words.next().is_none().then_some(Self { nonce, until_s, node, client, times, last })
     }
 }
 
@@ -166,8 +200,8 @@ mod tests {
     fn nonces_and_ids_survive_reopening_until_they_expire() {
         let folder = tempfile::tempdir().unwrap();
         let mut ledger = open(folder.path(), 0).unwrap();
-        let first = ledger.record([1; 16], 100, JoinRole::Node, None, 0).unwrap();
-        let second = ledger.record([2; 16], 200, JoinRole::Participant, None, 0).unwrap();
+        let first = ledger.record([1; 16], 100, JoinRole::Node, None, 7, 0).unwrap();
+        let second = ledger.record([2; 16], 200, JoinRole::Participant, None, 7, 0).unwrap();
         assert_eq!(first, PeerName::Node(NodeId(1)));
         assert_eq!(second, PeerName::Participant(NodeId(2), ClientId(1)));
         drop(ledger);
@@ -180,7 +214,7 @@ mod tests {
         let mut ledger = open(folder.path(), later).unwrap();
         assert_eq!(ledger.uses(&[1; 16]), 0, "its token has expired, which is reason enough to refuse it");
         assert_eq!(ledger.uses(&[2; 16]), 1);
-        let third = ledger.record([3; 16], later + 100, JoinRole::Node, None, later).unwrap();
+        let third = ledger.record([3; 16], later + 100, JoinRole::Node, None, 7, later).unwrap();
         assert_eq!(third, PeerName::Node(NodeId(3)));
     }
 
@@ -191,10 +225,30 @@ mod tests {
             let mut ledger = open(folder.path(), 0).unwrap();
             assert_eq!(ledger.uses(&[1; 16]), 2 * restart);
             for _ in 0..2 {
-                ledger.record([1; 16], 100, JoinRole::Node, None, 0).unwrap();
+                ledger.record([1; 16], 100, JoinRole::Node, None, 7, 0).unwrap();
             }
         }
         assert_eq!(open(folder.path(), 0).unwrap().last_node, 8);
+    }
+
+    #[test]
+    fn who_was_given_a_name_for_a_token_is_known_by_its_key_over_restarts() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut ledger = open(folder.path(), 0).unwrap();
+        let first = ledger.record([1; 16], 100, JoinRole::Participant, None, 7, 0).unwrap();
+        let second = ledger.record([2; 16], 100, JoinRole::Node, None, 8, 0).unwrap();
+        drop(ledger);
+        for _ in 0..3 {
+            let ledger = open(folder.path(), 0).unwrap();
+            assert_eq!(ledger.given(&[1; 16], 7, JoinRole::Participant), Some(first));
+            assert_eq!(ledger.given(&[2; 16], 8, JoinRole::Node), Some(second));
+            assert_eq!(ledger.given(&[1; 16], 8, JoinRole::Participant), None, "another's");
+            assert_eq!((ledger.uses(&[1; 16]), ledger.uses(&[2; 16])), (1, 1));
+        }
+        let mut ledger = open(folder.path(), 0).unwrap();
+        let third = ledger.record([1; 16], 100, JoinRole::Participant, None, 9, 0).unwrap();
+        assert_eq!(ledger.given(&[1; 16], 9, JoinRole::Participant), Some(third));
+        assert_eq!(ledger.given(&[1; 16], 7, JoinRole::Participant), None, "of each token the last one");
     }
 
     #[test]
@@ -203,9 +257,9 @@ mod tests {
         let path = folder.path().join("joins.log");
         let mut ledger = open(folder.path(), 0).unwrap();
         for _ in 0..2 {
-            ledger.record([1; 16], 100, JoinRole::Node, None, 0).unwrap();
+            ledger.record([1; 16], 100, JoinRole::Node, None, 7, 0).unwrap();
         }
-        ledger.record([2; 16], 100, JoinRole::Node, None, 0).unwrap();
+        ledger.record([2; 16], 100, JoinRole::Node, None, 7, 0).unwrap();
         drop(ledger);
         let former = fs::read_to_string(&path).unwrap();
         drop(open(folder.path(), 0).unwrap());
@@ -214,7 +268,7 @@ mod tests {
         fs::write(&path, former + &compact).unwrap();
         let mut ledger = open(folder.path(), 0).unwrap();
         assert_eq!((ledger.uses(&[1; 16]), ledger.uses(&[2; 16])), (2, 1));
-        ledger.record([1; 16], 100, JoinRole::Node, None, 0).unwrap();
+        ledger.record([1; 16], 100, JoinRole::Node, None, 7, 0).unwrap();
         drop(ledger);
         assert_eq!(open(folder.path(), 0).unwrap().uses(&[1; 16]), 3);
     }
@@ -224,13 +278,13 @@ mod tests {
     fn who_goes_on_with_a_copy_gives_no_id_again_that_was_given_since() {
         let folder = tempfile::tempdir().unwrap();
         let mut ledger = open(folder.path(), 0).unwrap();
-        ledger.record([1; 16], 100, JoinRole::Participant, None, 0).unwrap();
+        ledger.record([1; 16], 100, JoinRole::Participant, None, 7, 0).unwrap();
         let copy = tempfile::tempdir().unwrap();
         fs::write(copy.path().join("joins.log"), ledger.copy()).unwrap();
-        let since = ledger.record([2; 16], 100, JoinRole::Participant, None, 0).unwrap();
+        let since = ledger.record([2; 16], 100, JoinRole::Participant, None, 7, 0).unwrap();
         let mut copied = open(copy.path(), 0).unwrap();
         assert_eq!(copied.uses(&[1; 16]), 1);
-        let next = copied.record([3; 16], 100, JoinRole::Participant, None, 0).unwrap();
+        let next = copied.record([3; 16], 100, JoinRole::Participant, None, 7, 0).unwrap();
         assert!(next.node() > since.node() && next.client() > since.client(), "{next} {since}");
     }
 

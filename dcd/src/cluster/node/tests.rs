@@ -179,9 +179,13 @@ fn a_message_that_names_an_epoch_which_cannot_be_is_refused() {
         border(node, 1, tick, vec![said]);
         node.counters().refused == before
     };
-    for (epoch, counts) in
-        [(one, true), (one.next(), true), (one.next().next(), false), (two, false), (Epoch::placed_in(1 << 38), false)]
-    {
+    for (epoch, counts) in [
+        (one, true),
+        (one.next(), true),
+        (one.next().next(), false),
+        (two, false),
+        (Epoch::placed_in(1 << 38), false),
+    ] {
         assert_eq!(says(&mut member(), 0, epoch), counts, "{epoch}");
     }
     let mut member = member();

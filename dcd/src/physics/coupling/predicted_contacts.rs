@@ -53,8 +53,6 @@ pub(super) struct PredictedContacts {
     lists: Vec<Vec<NearbyBody>>,
     #[serde(skip)]
     looked: Vec<(BodyRef, bool)>,
-    #[serde(skip)]
-    former: Vec<Near>,
 }
 
 /// A body owned here near the border, with its AABB and its swept AABB.
@@ -415,21 +413,31 @@ pub(super) fn look(
     looked.dedup_by_key(|(link, _)| link.id);
     // By Rapier's handle, not by id: nothing is hashed.
     let own = |near: &Near| region.role_of(near.link.handle) == Some((near.link.id, Ownership::Owner));
-    let mut former = std::mem::take(&mut predicted.former);
-    std::mem::swap(&mut former, &mut predicted.near);
-    let mut kept = former.iter().filter(|near| own(near)).peekable();
-    for (link, is_near) in looked.drain(..) {
-        while let Some(near) = kept.next_if(|near| near.link.id < link.id) {
-            predicted.near.push(*near);
+    let ahead_s = predicted.ahead_s;
+    let mut found = looked.iter().peekable();
+    let mut newcomers = Vec::new();
+    predicted.near.retain_mut(|known| {
+        while let Some(&(link, is_near)) = found.next_if(|(link, _)| link.id < known.link.id) {
+            newcomers.extend(is_near.then(|| near(region, link, ahead_s)));
         }
-        kept.next_if(|near| near.link.id == link.id);
-        if is_near {
-            predicted.near.push(near(region, link, predicted.ahead_s));
+        match found.next_if(|(link, _)| link.id == known.link.id) {
+            Some(&(link, is_near)) => {
+                if is_near {
+                    *known = near(region, link, ahead_s);
+                }
+                is_near
+            }
+            None => own(known),
         }
+    });
+    newcomers.extend(found.filter(|(_, is_near)| *is_near).map(|&(link, _)| near(region, link, ahead_s)));
+    if !newcomers.is_empty() {
+        predicted.near.append(&mut newcomers);
+        // Two lists in order, which are merged.
+        predicted.near.sort_by_key(|near| near.link.id);
     }
-    predicted.near.extend(kept);
-    former.clear();
-    (predicted.looked, predicted.former) = (looked, former);
+    looked.clear();
+    predicted.looked = looked;
     let PredictedContacts { near, seen, .. } = predicted;
     // Of most of many regions nothing reaches out of their cells.
     let extents: Vec<_> = seen.iter().filter_map(|nearby| nearby.extent).collect();

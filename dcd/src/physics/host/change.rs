@@ -301,7 +301,9 @@ impl RegionHost {
         let is_sent = body.body_type() == RigidBodyType::KinematicPositionBased
             && body.next_position() != body.position()
             && !body.is_sleeping();
-        is_sent.then(|| convert::world_from_region(owner.anchor(), body.next_position()))
+        let target = is_sent.then(|| convert::world_from_region(owner.anchor(), body.next_position()));
+        // What is not finite is set aside by the next step.
+        target.filter(WorldPose::is_valid)
     }
 
     /// Sets the kinematic targets of the first copies of new bodies. A record does not hold a target that was set before any

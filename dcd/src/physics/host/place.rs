@@ -251,26 +251,31 @@ impl RegionHost {
         }
         self.check_links(std::slice::from_ref(&joint), &[])?;
         if self.partition.len() == 1 {
-            return self.insert(Vec::new(), &[joint]);
-        }
-        let (mut bodies, mut ties) = (BTreeMap::new(), BTreeMap::new());
-        for body in [a, b] {
-            self.gather_assembly(body, &mut bodies, &mut ties);
-        }
-        let places: Vec<_> = bodies.keys().map(|&body| self.present_place(body)).collect();
-        let linked = joint.link.is_some() || ties.values().any(|joint| joint.link.is_some());
-        let shared = places.iter().any(|(_, holders)| !holders.is_empty());
-        if places.windows(2).all(|pair| pair[0] == pair[1]) && !(linked && shared) {
             self.insert(Vec::new(), &[joint])?;
         } else {
-            ties.insert(id, joint);
-            self.reinsert(bodies.into_values().collect(), &ties.into_values().collect::<Vec<_>>())?;
+            self.tie_over_regions(joint)?;
         }
         // As Rapier's world does; what comes with its joints may go on sleeping.
         for end in [a, b].into_iter().filter(|&end| self.statics.body(end).is_none()).collect::<Vec<_>>() {
             self.change_copies(end, |body| body.wake_up(true));
         }
         Ok(())
+    }
+
+    /// Inserts a joint, whose assemblies may lie in different regions.
+    fn tie_over_regions(&mut self, joint: JointRecord) -> Result<(), HostError> {
+        let (mut bodies, mut ties) = (BTreeMap::new(), BTreeMap::new());
+        for body in [joint.a, joint.b] {
+            self.gather_assembly(body, &mut bodies, &mut ties);
+        }
+        let places: Vec<_> = bodies.keys().map(|&body| self.present_place(body)).collect();
+        let linked = joint.link.is_some() || ties.values().any(|joint| joint.link.is_some());
+        let shared = places.iter().any(|(_, holders)| !holders.is_empty());
+        if places.windows(2).all(|pair| pair[0] == pair[1]) && !(linked && shared) {
+            return self.insert(Vec::new(), &[joint]);
+        }
+        ties.insert(joint.id, joint);
+        self.reinsert(bodies.into_values().collect(), &ties.into_values().collect::<Vec<_>>())
     }
 
     /// Checks that Rapier can have these joints in multibodies, beside those that are there and tie none of these bodies.

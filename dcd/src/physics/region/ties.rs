@@ -145,7 +145,8 @@ impl Region {
             let mut links = above.filter(|above| above.record.link.is_some() && above.record.b == id);
             self.handle_of(links.next()?.record.a)
         };
-        let root = std::iter::successors(Some(a), parent).last()?;
+        // Another process may have sent a loop.
+        let root = std::iter::successors(Some(a), parent).take(self.joints.len() + 1).last()?;
         let [a, b, root] = [a, b, root].map(|body| self.body_state(body));
         Some(articulation::motion_of(&joints::joint_of(record), Some(&known), &a, &b, &root))
     }

@@ -336,7 +336,11 @@ fn a_checkpoint_counts_of_the_senders_own_regions_and_at_an_epoch_that_can_be() 
     assert_eq!(say(&mut server, RegionId(2), first, 50.0), 1, "that region is another's");
     assert_eq!(say(&mut server, RegionId(7), first, 50.0), 1, "there is no such region");
     assert_eq!(say(&mut server, RegionId(1), Epoch::placed_in(view.0 + 1), 50.0), 1, "of a view to come");
-    assert_eq!(say(&mut server, RegionId(1), Epoch(first.0 + 11), 50.0), 1, "eleven transfers by the ninth tick");
+    assert_eq!(
+        say(&mut server, RegionId(1), Epoch(first.0 + 11), 50.0),
+        1,
+        "eleven transfers by the ninth tick"
+    );
     assert_eq!(x(&server), 0.0);
     assert_eq!(say(&mut server, RegionId(1), Epoch(first.0 + 10), 5.0), 0);
     assert_eq!(x(&server), 5.0);

@@ -4,6 +4,7 @@
 mod body_view;
 mod building;
 mod changed;
+mod following;
 mod hearing;
 mod newest;
 mod requests;
@@ -32,7 +33,7 @@ use crate::playback::Motion;
 use crate::protocol::{
     Alteration, Area, BodyKind, BodyRecord, BuildOp, Chunk, ContactForce, Drive, EnvironmentProperties,
     FromClient, Handover, Hello, Input, JoinAs, JointRecord, Member, Message, Query, QueryResult, Refusal,
-    ShapeHash, ShapeRecord, Stamp, ToClient, Touch, VERSION, Velocity, WorldPose,
+    ShapeHash, ShapeRecord, ToClient, Touch, VERSION, Velocity, WorldPose,
 };
 use crate::space::{
     Allocation, BodyId, ClientId, DistributionTree, GroupId, JointId, NodeId, RegionId, Tick,
@@ -46,9 +47,6 @@ const AGAIN: Duration = Duration::from_millis(250);
 
 /// The time after which an unanswered question is asked again, of whoever leads by then.
 const ASK_AGAIN: Duration = Duration::from_millis(500);
-
-/// A leader whose first states are so much older than what was told before has gone back: no message is as late.
-const GOES_BACK_TICKS: u64 = 60;
 
 /// An event for a client: a message, a link, or a request of its user.
 #[derive(Clone, Debug, PartialEq)]
@@ -738,42 +736,6 @@ impl Client {
 
     fn learn(&mut self, shapes: Vec<ShapeRecord>) {
         self.shapes.extend(shapes.into_iter().map(|shape| (shape.hash(), shape)));
-    }
-
-    /// Takes in which tick states are of. Where those who had computed most of a group are lost, it goes back to what others, or its
-    /// record, had: then ticks are counted anew from the first one that its next leader tells.
-    fn hear_tick(&mut self, stamp: &Stamp) {
-        if !stamp.speculative {
-            let is_first = std::mem::take(&mut self.is_leader_new);
-            if is_first && stamp.tick.0 + GOES_BACK_TICKS < self.settled.0 {
-                (self.tick, self.settled) = (stamp.tick, stamp.tick);
-                self.showing.iter_mut().for_each(|showing| showing.recount());
-            }
-            self.settled = self.settled.max(stamp.tick);
-        }
-        self.tick = self.tick.max(stamp.tick);
-    }
-
-    fn follow(&mut self, leader: Option<Member>) {
-        // One that was started again elsewhere is another, whatever its link seems to be.
-        let place = |member: &Member| (member.node, member.address);
-        let (former, next) = (self.leader.as_ref().map(place), leader.as_ref().map(place));
-        self.leader = leader.clone();
-        let former_node = former.map(|(node, _)| node);
-        if former != next {
-            self.receiver.reset();
-            self.vigil.rest();
-            self.is_leader_new = true;
-            self.showing.iter_mut().for_each(|showing| showing.change_leader(former_node));
-        }
-        if self.node.is_some() || (former == next && self.linked) {
-            return;
-        }
-        self.linked = false;
-        if former != next {
-            self.outputs.extend(former_node.map(ClientOutput::Disconnect));
-        }
-        self.outputs.extend(leader.map(ClientOutput::Connect));
     }
 }
 

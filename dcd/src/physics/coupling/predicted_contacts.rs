@@ -51,8 +51,6 @@ pub(super) struct PredictedContacts {
     inner: (Vector, Vector),
     /// Scratch.
     lists: Vec<Vec<NearbyBody>>,
-    #[serde(skip)]
-    looked: Vec<(BodyRef, bool)>,
 }
 
 /// A body owned here near the border, with its AABB and its swept AABB.
@@ -396,7 +394,7 @@ pub(super) fn look(
     predicted.ahead_s = ahead_ticks(moment) * moment.settings.dt_s;
     let now = moment.tick.0 as u32;
     predicted.find_inner(region);
-    let mut looked = std::mem::take(&mut predicted.looked);
+    let mut looked = Vec::with_capacity(handles.len());
     for &handle in handles {
         let slot = region.slot(handle);
         if slot.role != Ownership::Owner {
@@ -436,8 +434,6 @@ pub(super) fn look(
         // Two lists in order, which are merged.
         predicted.near.sort_by_key(|near| near.link.id);
     }
-    looked.clear();
-    predicted.looked = looked;
     let PredictedContacts { near, seen, .. } = predicted;
     // Of most of many regions nothing reaches out of their cells.
     let extents: Vec<_> = seen.iter().filter_map(|nearby| nearby.extent).collect();

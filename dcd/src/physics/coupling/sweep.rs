@@ -224,7 +224,15 @@ mod tests {
                 })
                 .collect()
         };
-        let (ours, theirs) = (list(0), list(100));
+        let (ours, mut theirs) = (list(0), list(100));
+        // Of any size, on either side of all others, and without an end.
+        for (id, half) in
+            [(200, [5.0, 0.1, 0.1]), (201, [0.1, 9.0, 0.2]), (202, [f64::INFINITY, 0.3, f64::INFINITY])]
+        {
+            let bounds = Bounds::around([-1.0, 2.0, 1.0], half);
+            let radius_m = f32::INFINITY;
+            theirs.push(NearbyBody { bounds, radius_m, ..nearby(id, [0.0; 3], [0.0, 1.0, 0.0]) });
+        }
         let pairs = |a: &[NearbyBody], b: &[NearbyBody], swapped: bool| {
             let mut found = Vec::new();
             for_each_overlap(a, b, 0.1, |a, b| {

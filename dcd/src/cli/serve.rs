@@ -59,7 +59,8 @@ pub(super) struct Serve {
     data: PathBuf,
     /// Keep the world in an etcd cluster instead: etcd://HOST:PORT[,HOST:PORT...]/NAME. Servers of the same NAME, each with a --data of its own and the
     /// same scene and settings, stand by for one another: when the one that serves the world is gone, another goes on with it. Nodes and
-    /// clients are given the addresses of all of them
+    /// clients are given the addresses of all of them. Over TLS, in quotes: 'etcds://...?cacert=FILE', with &cert=FILE&key=FILE where etcd asks for
+    /// certificates; where it has users, with user=NAME&password-file=FILE, or the password in the environment's DCD_ETCD_PASSWORD
     #[arg(long, value_name = "PLACE")]
     directory: Option<String>,
     /// Begins anew, and forgets a world that is stored
@@ -226,7 +227,9 @@ impl Serve {
     /// Says that the world is kept, and how to go on with it.
     fn tell_of_suspension(&self, summary: &ServerSummary, common: &Common) {
         let (tick, data) = (summary.tick.0, self.data.display());
-        common.say(&match (&self.directory, summary.kept) {
+        // Without the files by which it is reached.
+        let place = self.directory.as_deref().and_then(|place| place.split('?').next());
+        common.say(&match (place, summary.kept) {
             (Some(place), _) => format!(
                 "the world is kept in {place} at tick {tick}: a server that stands by goes on with it, or the same command"
             ),

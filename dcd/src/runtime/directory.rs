@@ -50,7 +50,10 @@ fn in_folder(folder: &Path, fresh: bool) -> Result<Opened, ProcessError> {
 
 #[cfg(feature = "etcd")]
 fn in_etcd(address: &str, config: &ServeConfig, goes_on: GoesOn<'_>) -> Result<Option<Opened>, ProcessError> {
-    let Some(mut world) = etcd::EtcdWorld::at(address) else { return Err(malformed(address)) };
+    // Without its options from here on: it is for people.
+    let (options, address) = (address, etcd::EtcdAddress::shown(address));
+    let options = etcd::EtcdAddress::parse(options).map_err(|range| malformed(address, range))?;
+    let mut world = etcd::EtcdWorld::at(options)?;
     let authority =
         Authority::load_or_adopt(&config.data, |own| world.authority(own).map_err(ProcessError::from))?;
     let authority = Arc::new(authority);
@@ -103,12 +106,13 @@ fn in_etcd(address: &str, config: &ServeConfig, goes_on: GoesOn<'_>) -> Result<O
 }
 
 #[cfg(feature = "etcd")]
-fn malformed(address: &str) -> ProcessError {
-    WorldError::Setting { what: "directory", value: address.to_owned(), range: etcd::WRITTEN }.into()
+fn malformed(address: &str, range: &'static str) -> ProcessError {
+    WorldError::Setting { what: "directory", value: address.to_owned(), range }.into()
 }
 
 #[cfg(not(feature = "etcd"))]
 fn in_etcd(address: &str, _: &ServeConfig, _: GoesOn<'_>) -> Result<Option<Opened>, ProcessError> {
     let range = "this dcd was built without the feature `etcd`: build it with that, as cargo install --features cli,etcd";
-    Err(WorldError::Setting { what: "directory", value: address.to_owned(), range }.into())
+    let value = address.split('?').next().unwrap_or_default().to_owned();
+    Err(WorldError::Setting { what: "directory", value, range }.into())
 }

@@ -21,7 +21,9 @@ pub struct ServeConfig {
     pub data: PathBuf,
     /// Where the world is kept, if not in `data`: `etcd://HOST:PORT[,HOST:PORT...]/NAME` names members of an etcd cluster, and the world
     /// there. Servers with the same place and the same origin stand by for one another: one serves, and the others wait until
-    /// it is gone. Needs the feature `etcd`.
+    /// it is gone. Over TLS it is `etcds://…/NAME?cacert=FILE`, the certificate of etcd's authority in PEM. More follows with `&` in
+    /// between: `cert=FILE` and `key=FILE`, where etcd asks for certificates, `user=NAME` and `password-file=FILE`, where it has users;
+    /// without a file the password is in the environment's `DCD_ETCD_PASSWORD`. Needs the feature `etcd`.
     pub directory: Option<String>,
     /// Begin anew, and forget a world that is stored there.
     pub fresh: bool,

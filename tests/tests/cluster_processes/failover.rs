@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use dcd::runtime::ClientWorld;
-use dcd_tests::etcd::EtcdCluster;
+use dcd_tests::etcd::{Certified, EtcdCluster};
 use dcd_tests::proxy::free_address;
 
 use crate::process::{Process, alone, dcd, playground, token};
@@ -19,6 +19,8 @@ const TAKEOVER_WHEN_BUSY: Duration = Duration::from_secs(8);
 /// Two servers of one world, of which one serves it, two nodes, a client that watches and one that plays.
 struct Pair {
     etcd: EtcdCluster,
+    /// The world there.
+    place: String,
     folder: tempfile::TempDir,
     addresses: [String; 2],
     /// By their number.
@@ -33,13 +35,18 @@ impl Pair {
     /// `None` where there is no etcd.
     fn start(members: usize) -> Option<Self> {
         let etcd = EtcdCluster::start(members)?;
+        let place = etcd.place("play");
+        Some(Self::start_at(place, etcd))
+    }
+
+    fn start_at(place: String, etcd: EtcdCluster) -> Self {
         let folder = tempfile::tempdir().unwrap();
         // Who stands by has no port yet, and others need to know it.
         let addresses = [(); 2].map(|()| free_address().to_string());
         let data = folder.path().join("0");
-        let mut active = serve(&etcd, &addresses[0], &data);
+        let mut active = serve(&place, &addresses[0], &data);
         active.line("listening ");
-        let mut standby = serve(&etcd, &addresses[1], &folder.path().join("1"));
+        let mut standby = serve(&place, &addresses[1], &folder.path().join("1"));
         let holder = standby.line("standing by for ");
         assert!(holder.starts_with(&addresses[0]), "{holder}");
         let both = addresses.join(",");
@@ -55,7 +62,7 @@ impl Pair {
         let player = join("client", &["client", "--json", "--avatars", "10"]);
         let witness = Witness::join(&both, token(&data, "client"));
         let servers = [Some(active), Some(standby)];
-        Some(Self { etcd, folder, addresses, servers, active: 0, nodes, player, witness })
+        Self { etcd, place, folder, addresses, servers, active: 0, nodes, player, witness }
     }
 
     fn data(&self, server: usize) -> PathBuf {
@@ -96,7 +103,7 @@ impl Pair {
     /// Starts the server again that was killed or replaced: it stands by.
     fn stand_by(&mut self) {
         let other = 1 - self.active;
-        let mut standby = serve(&self.etcd, &self.addresses[other], &self.data(other));
+        let mut standby = serve(&self.place, &self.addresses[other], &self.data(other));
         standby.line("standing by for ");
         self.servers[other] = Some(standby);
     }
@@ -144,11 +151,13 @@ impl Takeover {
     }
 }
 
-fn serve(etcd: &EtcdCluster, listen: &str, data: &Path) -> Process {
-    let place = etcd.place("play");
+/// The password of the user that servers have where etcd has users.
+const PASSWORD: &str = "of dcd";
+
+fn serve(place: &str, listen: &str, data: &Path) -> Process {
     let mut command =
-        dcd(&["serve", "--json", "--nodes", "2", "--listen", listen, "--directory", &place, "--data"]);
-    Process::start(command.arg(data).arg(playground()))
+        dcd(&["serve", "--json", "--nodes", "2", "--listen", listen, "--directory", place, "--data"]);
+    Process::start(command.env("DCD_ETCD_PASSWORD", PASSWORD).arg(data).arg(playground()))
 }
 
 #[test]
@@ -184,6 +193,42 @@ fn a_server_is_taken_over_while_a_member_of_etcd_is_down() {
     pair.take_over().check("killed with one member of three down");
     pair.stand_by();
     pair.end();
+}
+
+#[test]
+fn a_server_is_taken_over_in_an_etcd_with_tls_and_users() {
+    let _alone = alone();
+    let options = ["--auth-token-ttl", "1"];
+    let Some(etcd) = EtcdCluster::start_over_tls(&[Certified::Well; 3], &options) else { return };
+    etcd.add_user("dcd", PASSWORD, "dcd/play/");
+    etcd.enable_users();
+    let mut pair = Pair::start_at(etcd.place("play") + "&user=dcd", etcd);
+    // Who then answers has not given the token.
+    pair.etcd.kill(0);
+    let stood = pair.witness.watch_for(Duration::from_secs(4));
+    assert!(stood < PAUSE, "{stood:?}");
+    pair.active().kill();
+    pair.take_over().check("killed over TLS");
+    pair.stand_by();
+    pair.end();
+}
+
+#[test]
+fn a_server_without_a_users_password_says_what_is_missing() {
+    let Some(etcd) = EtcdCluster::start_over_tls(&[Certified::Well], &[]) else { return };
+    etcd.add_user("dcd", "another", "dcd/play/");
+    etcd.enable_users();
+    let folder = tempfile::tempdir().unwrap();
+    let place = etcd.place("play");
+    for (place, remedy) in [
+        (place.clone(), "user=NAME&password-file=FILE"),
+        (place + "&user=dcd", "user dcd with the password of the environment's DCD_ETCD_PASSWORD"),
+    ] {
+        let ended = serve(&place, "127.0.0.1:0", folder.path()).end();
+        assert!(ended.errors.contains(remedy), "{ended:?}");
+        assert!(!ended.errors.contains(PASSWORD), "{ended:?}");
+        assert!(!ended.status.success(), "{ended:?}");
+    }
 }
 
 /// A server stops, is taken over, and finds that out when it goes on.
@@ -231,14 +276,15 @@ fn a_server_that_is_told_to_stop_hands_over_to_the_one_that_stands_by() {
 fn a_world_that_has_not_begun_is_handed_over_too() {
     let Some(etcd) = EtcdCluster::start(1) else { return };
     let folder = tempfile::tempdir().unwrap();
-    let mut first = serve(&etcd, "127.0.0.1:0", &folder.path().join("0"));
+    let place = etcd.place("play");
+    let mut first = serve(&place, "127.0.0.1:0", &folder.path().join("0"));
     first.line("listening ");
-    let mut second = serve(&etcd, "127.0.0.1:0", &folder.path().join("1"));
+    let mut second = serve(&place, "127.0.0.1:0", &folder.path().join("1"));
     second.line("standing by for ");
     first.interrupt();
     assert_eq!(first.end().code(), Some(0));
     second.line("listening ");
-    let mut third = serve(&etcd, "127.0.0.1:0", &folder.path().join("2"));
+    let mut third = serve(&place, "127.0.0.1:0", &folder.path().join("2"));
     third.line("standing by for ");
     for stops in [third, second] {
         stops.interrupt();

@@ -19,20 +19,21 @@ mod gateway;
 mod journal;
 mod keys;
 mod lease;
+mod login;
 mod segment;
 #[cfg(test)]
 mod tests;
+mod tls;
 
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-use self::address::EtcdAddress;
 use self::gateway::Op;
 use self::keys::{Hold, Keys, VALUE_BYTES};
 use self::lease::Lease;
 use crate::cluster::directory::{Batch, Condition, Directory, DirectoryError, Entry, Key, Revision, Tenure};
 
-pub(super) use self::address::WRITTEN;
+pub(super) use self::address::EtcdAddress;
 pub(super) use self::journal::EtcdJournal;
 pub(super) use self::lease::Wait;
 
@@ -83,9 +84,9 @@ struct Head {
 }
 
 impl EtcdWorld {
-    /// Returns the world at an address; `None` if it is none.
-    pub(super) fn at(address: &str) -> Option<Self> {
-        EtcdAddress::parse(address).map(|address| Self { keys: Keys::new(address) })
+    /// Returns the world at an address, with what it takes to be let in there; an error names the file.
+    pub(super) fn at(address: EtcdAddress) -> Result<Self, DirectoryError> {
+        Keys::new(address).map(|keys| Self { keys })
     }
 
     /// Returns the authority of all servers of the world: `own` if there was none.

@@ -2,29 +2,39 @@
 //!
 //! Bytes are base64 there, and 64-bit numbers texts (<https://etcd.io/docs/v3.4/dev-guide/api_grpc_gateway/>).
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use data_encoding::BASE64;
 use serde_json::{Value, json};
 
 use super::address::EtcdAddress;
+use super::login::Login;
+use super::tls;
+use crate::cluster::directory::DirectoryError;
 
 /// How long one member may take to answer about a hold: one that hangs is passed by before the hold has run out.
 const ANSWER: Duration = Duration::from_millis(450);
 /// The same where much is read or written.
 const BULK_ANSWER: Duration = Duration::from_millis(1_500);
+/// The same for a login: etcd hashes passwords slowly, so that they are not guessed. Who stands by waits for longer.
+const LOG_IN: Duration = Duration::from_millis(1_000);
 /// The same for a connection.
 const CONNECT: Duration = Duration::from_millis(250);
 /// The most bytes of an answer: more than a page of values in base64.
 const ANSWER_BYTES: u64 = 64 << 20;
+/// The most letters of an answer that is no JSON, for people.
+const TEXT_CHARS: usize = 200;
 /// The most values of an answer.
 const PAGE: usize = 8;
 
-/// A way to an etcd cluster. Clones share connections.
+/// A way to an etcd cluster. Clones share connections and the login.
 #[derive(Clone, Debug)]
 pub(super) struct Gateway {
     agent: ureq::Agent,
+    scheme: &'static str,
     members: Vec<String>,
+    login: Option<Arc<Login>>,
     /// The member that answered last.
     current: usize,
     /// How long one may take.
@@ -38,6 +48,8 @@ pub(super) enum GatewayError {
     Away(String),
     /// It does not do such a thing.
     Refused(String),
+    /// It does not know who asks: it has not done it, and takes it from who logs in.
+    Unknown(String),
 }
 
 /// A write.
@@ -78,14 +90,28 @@ pub(super) struct Found {
 }
 
 impl Gateway {
-    pub(super) fn new(address: &EtcdAddress) -> Self {
-        let agent = ureq::Agent::config_builder()
+    /// Reads what it takes to be let in; an error names the file.
+    pub(super) fn new(address: &EtcdAddress) -> Result<Self, DirectoryError> {
+        let place = address.to_string();
+        let mut config = ureq::Agent::config_builder()
             .timeout_connect(Some(CONNECT))
             .http_status_as_error(false)
-            .proxy(None)
-            .build()
-            .into();
-        Self { agent, members: address.members.clone(), current: 0, answer: ANSWER }
+            .proxy(None);
+        if let Some(files) = &address.tls {
+            config = config.tls_config(tls::config(files, &place)?);
+        }
+        let login = address.user.clone().map(Login::new);
+        if let Some(login) = &login {
+            login.request().map_err(|cause| tls::unusable(login.place(), "the password", &place, cause))?;
+        }
+        Ok(Self {
+            agent: config.build().into(),
+            scheme: address.scheme(),
+            members: address.members.clone(),
+            login: login.map(Arc::new),
+            current: 0,
+            answer: ANSWER,
+        })
     }
 
     /// Returns a way by which much may be read and written.
@@ -137,10 +163,74 @@ impl Gateway {
         Err(GatewayError::Away(why))
     }
 
+    /// Returns the token of its last login.
+    #[cfg(test)]
+    pub(super) fn token(&self) -> Option<String> {
+        self.login.as_ref().and_then(|login| login.token())
+    }
+
+    /// Asks one member, and logs in first where it takes that.
     fn ask_member(&self, member: &str, what: &str, request: &str) -> Result<Value, GatewayError> {
-        let away = |error: ureq::Error| GatewayError::Away(error.to_string());
-        let asked = self.agent.post(format!("http://{member}/v3/kv/{what}"));
-        let asked = asked.config().timeout_global(Some(self.answer)).build();
+        let path = format!("kv/{what}");
+        let token = self.login.as_ref().and_then(|login| login.token());
+        let answer = self.post(member, &path, request, token.as_deref(), self.answer);
+        let Err(GatewayError::Unknown(cause)) = answer else { return answer };
+        let Some(login) = &self.login else {
+            return Err(GatewayError::Refused(format!(
+                "{cause}; this etcd has users: name one behind the world, by user=NAME&password-file=FILE"
+            )));
+        };
+        let token = match login.token() {
+            // Another clone has just got it.
+            Some(newer) if Some(&newer) != token.as_ref() => newer,
+            _ => self.log_in(member, login)?,
+        };
+        match self.post(member, &path, request, Some(&token), self.answer) {
+            Err(GatewayError::Unknown(cause)) => Err(GatewayError::Away(format!(
+                "it does not know the token that etcd has just given: {cause}"
+            ))),
+            answer => answer,
+        }
+    }
+
+    /// Gets a token for a password, and keeps it.
+    fn log_in(&self, member: &str, login: &Login) -> Result<String, GatewayError> {
+        // A file that is just being replaced is there in a moment.
+        let request =
+            login.request().map_err(|cause| GatewayError::Away(format!("{}: {cause}", login.place())))?;
+        let answer = match self.post(member, "auth/authenticate", &request, None, LOG_IN) {
+            // Users have just been turned off.
+            Err(GatewayError::Refused(cause)) if cause.contains("authentication is not enabled") => {
+                return Err(GatewayError::Away(cause));
+            }
+            Err(GatewayError::Refused(cause) | GatewayError::Unknown(cause)) => {
+                return Err(GatewayError::Refused(format!(
+                    "{cause}: {}; see to the user's name and its password (etcdctl user passwd)",
+                    login.described()
+                )));
+            }
+            answer => answer?,
+        };
+        let token = answer["token"].as_str().ok_or_else(unread)?;
+        login.set_token(token.to_owned());
+        Ok(token.to_owned())
+    }
+
+    fn post(
+        &self,
+        member: &str,
+        path: &str,
+        request: &str,
+        token: Option<&str>,
+        limit: Duration,
+    ) -> Result<Value, GatewayError> {
+        let is_tls = self.scheme == "https";
+        let away = |error: ureq::Error| GatewayError::Away(tls::explained(&error, is_tls));
+        let mut asked = self.agent.post(format!("{}://{member}/v3/{path}", self.scheme));
+        if let Some(token) = token {
+            asked = asked.header("authorization", token);
+        }
+        let asked = asked.config().timeout_global(Some(limit)).build();
         let mut answer = asked.content_type("application/json").send(request).map_err(away)?;
         let status = answer.status().as_u16();
         let body = answer.body_mut().with_config().limit(ANSWER_BYTES).read_to_vec().map_err(away)?;
@@ -148,15 +238,39 @@ impl Gateway {
         match (status, parsed) {
             (200, Ok(answer)) => Ok(answer),
             (200, Err(error)) => Err(GatewayError::Refused(format!("its answer is no JSON ({error})"))),
-            (status, parsed) => {
-                let text = parsed.ok().and_then(|answer| answer["error"].as_str().map(str::to_owned));
-                let text = text.unwrap_or_else(|| format!("HTTP status {status}"));
-                // No leader, a leader that changes, a time-out within the cluster, too much to do.
-                let passes = matches!(status, 408 | 429 | 500 | 502..=504);
-                Err(if passes { GatewayError::Away(text) } else { GatewayError::Refused(text) })
+            (status, Ok(answer)) if answer["error"].is_string() => {
+                Err(refusal(status, answer["error"].as_str().unwrap_or_default()))
+            }
+            (status, _) => {
+                let text: String = String::from_utf8_lossy(&body).trim().chars().take(TEXT_CHARS).collect();
+                Err(refusal(status, &format!("HTTP status {status} {text}")))
             }
         }
     }
+}
+
+/// What is said where it is asked without a token, and with one from before something about users was changed.
+const UNKNOWN: [&str; 2] = ["user name is empty", "revision of auth store is old"];
+
+fn refusal(status: u16, text: &str) -> GatewayError {
+    let with = |remedy: &str| GatewayError::Refused(format!("{text}; {remedy}"));
+    match status {
+        // No leader, a leader that changes, a time-out within the cluster, too much to do.
+        408 | 429 | 500 | 502..=504 => GatewayError::Away(text.to_owned()),
+        401 => GatewayError::Unknown(text.to_owned()),
+        403 => with(
+            "its user needs a role for the keys of this world: etcdctl role grant-permission ROLE --prefix=true readwrite dcd/NAME/",
+        ),
+        _ if UNKNOWN.iter().any(|unknown| text.contains(unknown)) => GatewayError::Unknown(text.to_owned()),
+        _ if text.contains("CommonName") => with(
+            "where it has users, its gateway takes no certificate that has a common name: issue one without for cert (-subj /O=dcd-server)",
+        ),
+        _ => GatewayError::Refused(text.to_owned()),
+    }
+}
+
+fn unread() -> GatewayError {
+    GatewayError::Refused("its answer is not etcd's".to_owned())
 }
 
 impl Op {
@@ -196,7 +310,6 @@ impl Compare {
 
 /// Reads the keys of an answer. What is 0 or empty is left out there.
 fn found(answer: &Value) -> Result<Vec<Found>, GatewayError> {
-    let unread = || GatewayError::Refused("its answer is not etcd's".to_owned());
     let bytes = |value: &Value| match value.as_str() {
         Some(text) => BASE64.decode(text.as_bytes()).map_err(|_| unread()),
         None => Ok(Vec::new()),
@@ -217,7 +330,7 @@ fn found(answer: &Value) -> Result<Vec<Found>, GatewayError> {
 impl std::fmt::Display for GatewayError {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::Away(cause) | Self::Refused(cause) => f.write_str(cause),
+            Self::Away(cause) | Self::Refused(cause) | Self::Unknown(cause) => f.write_str(cause),
         }
     }
 }

@@ -31,8 +31,8 @@ pub(super) struct Hold {
 }
 
 impl Keys {
-    pub(super) fn new(address: EtcdAddress) -> Self {
-        Self { gateway: Gateway::new(&address), address }
+    pub(super) fn new(address: EtcdAddress) -> Result<Self, DirectoryError> {
+        Ok(Self { gateway: Gateway::new(&address)?, address })
     }
 
     /// Returns where the world is, for people.

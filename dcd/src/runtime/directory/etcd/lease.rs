@@ -265,7 +265,7 @@ mod tests {
     }
 
     fn keys(address: SocketAddr) -> Keys {
-        Keys::new(EtcdAddress::parse(&format!("etcd://{address}/world")).unwrap())
+        Keys::new(EtcdAddress::parse(&format!("etcd://{address}/world")).unwrap()).unwrap()
     }
 
     fn held_by(holder: &str) -> Value {

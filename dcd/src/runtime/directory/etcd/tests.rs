@@ -11,10 +11,12 @@ use crate::space::BodyId;
 #[path = "../../../../../tests/src/etcd.rs"]
 mod cluster;
 
+mod secured;
+
 use cluster::EtcdCluster;
 
 fn world(place: &str) -> EtcdWorld {
-    EtcdWorld::at(place).unwrap()
+    EtcdWorld::at(EtcdAddress::parse(place).unwrap()).unwrap()
 }
 
 /// Opens a world, which waits for as long as another has it.
@@ -168,7 +170,7 @@ fn who_was_deposed_is_told_so_when_it_makes_sure_of_its_hold() {
     let place = etcd.place("deposed");
     let mut former = open(&place, "one");
     assert!(matches!(former.renew(), Ok(Tenure::For(_))));
-    let mut keys = Keys::new(EtcdAddress::parse(&place).unwrap());
+    let mut keys = Keys::new(EtcdAddress::parse(&place).unwrap()).unwrap();
     let holder = keys.holder();
     let found = keys.gateway.read(&holder).unwrap().unwrap();
     // Whoever renewed it meanwhile is looked for once more.

@@ -1,0 +1,78 @@
+//! Logs in to an etcd that has users: a password is exchanged for a token, again whenever etcd takes that no more.
+//!
+//! Tokens end: those of etcd's own kind when they were not used for five minutes, or when the member that is asked was started
+//! again; others (JWT) at their time, or when anything about users was changed. Whoever is told so asks for another, and asks again.
+
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use serde_json::json;
+
+use super::address::User;
+
+/// Where a password is that no file has.
+const ENVIRONMENT: &str = "DCD_ETCD_PASSWORD";
+
+/// A user of etcd, and the token that it has now.
+pub(super) struct Login {
+    user: User,
+    token: Mutex<Option<String>>,
+}
+
+impl Login {
+    pub(super) fn new(user: User) -> Self {
+        Self { user, token: Mutex::default() }
+    }
+
+    /// Returns the last token.
+    pub(super) fn token(&self) -> Option<String> {
+        self.lock().clone()
+    }
+
+    pub(super) fn set_token(&self, token: String) {
+        *self.lock() = Some(token);
+    }
+
+    /// Returns what etcd is to be told for a token. The password is read each time: it may have been changed.
+    pub(super) fn request(&self) -> Result<String, String> {
+        Ok(json!({ "name": self.user.name, "password": self.password()? }).to_string())
+    }
+
+    /// Returns the user and where its password is from, for people.
+    pub(super) fn described(&self) -> String {
+        format!("user {} with the password of {}", self.user.name, self.place())
+    }
+
+    /// Returns where the password is, for people.
+    pub(super) fn place(&self) -> String {
+        match &self.user.password_file {
+            Some(file) => file.display().to_string(),
+            None => format!("the environment's {ENVIRONMENT}"),
+        }
+    }
+
+    fn password(&self) -> Result<String, String> {
+        let password = match &self.user.password_file {
+            Some(file) => std::fs::read_to_string(file).map_err(|error| error.to_string())?,
+            None => std::env::var(ENVIRONMENT)
+                .map_err(|error| format!("{error}; set it, or write password-file=FILE behind the user"))?,
+        };
+        // As an editor ends a file.
+        let password = password.strip_suffix('\n').unwrap_or(&password);
+        let password = password.strip_suffix('\r').unwrap_or(password);
+        if password.is_empty() {
+            return Err("it is empty, and holds no password".to_owned());
+        }
+        Ok(password.to_owned())
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Option<String>> {
+        self.token.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Without the token.
+impl std::fmt::Debug for Login {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Login").field("user", &self.user).finish_non_exhaustive()
+    }
+}

@@ -20,11 +20,6 @@ impl Checkpoint {
         self.0.tick
     }
 
-    /// Returns how much was computed in full.
-    pub(crate) fn fidelity(&self) -> Fidelity {
-        self.0.fidelity()
-    }
-
     /// Returns the regions as they were.
     #[cfg(test)]
     pub(crate) fn regions(&self) -> impl Iterator<Item = &Region> {

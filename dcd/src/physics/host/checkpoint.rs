@@ -2,7 +2,6 @@
 
 use super::threads::Threads;
 use super::{HostError, RegionHost};
-use crate::physics::Fidelity;
 #[cfg(test)]
 use crate::physics::Region;
 #[cfg(feature = "net")]

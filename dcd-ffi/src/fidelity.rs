@@ -21,7 +21,7 @@ pub const DCD_FIDELITY_AUTO: DcdFidelity = 2;
 /// DcdWorldDef.fidelity_limit, m/s. The same on every machine, with any number of threads.
 pub const DCD_FIDELITY_TOLERANCE: DcdFidelity = 3;
 /// As much as fits into DcdWorldDef.fidelity_limit, milliseconds a step, what is looked at before all else. It depends on the time that
-/// steps take, so such a world cannot be recorded.
+/// steps take, so no two runs are the same; a recording keeps what was chosen (dcd_record).
 pub const DCD_FIDELITY_BUDGET: DcdFidelity = 4;
 
 /// A place that a world is looked at from.

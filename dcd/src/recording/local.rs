@@ -1,6 +1,6 @@
 //! Replays a local world: repeats what its program did to it between ticks, and steps it.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 
 use bincode::{Decode, Encode};
 
@@ -67,6 +67,8 @@ pub enum Operation {
     Look(Vec<Viewpoint>),
     /// The program's contact hooks answer otherwise than if there were none, in the step that follows.
     Answers(Vec<(HookCall, HookAnswer)>),
+    /// In the step that follows, and on, each region is stepped once per so many ticks: a world with a time budget.
+    Rates(BTreeMap<RegionId, u8>),
 }
 
 impl Operation {
@@ -95,7 +97,8 @@ impl Operation {
             | Self::RemoveJoint(_)
             | Self::UpdateJoint { .. }
             | Self::MovePlane(..)
-            | Self::Look(_) => (false, String::new()),
+            | Self::Look(_)
+            | Self::Rates(_) => (false, String::new()),
         };
         concerns.then_some(words)
     }

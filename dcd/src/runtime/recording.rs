@@ -7,8 +7,7 @@ use tracing::warn;
 
 use super::recorded::bodies_of;
 use super::tape::{Copies, Tape};
-use super::{LocalWorld, WorldError};
-use crate::physics::Fidelity;
+use super::LocalWorld;
 use crate::protocol::BodyRecord;
 use crate::recording::{Operation, Recorder, RecordingError, digest};
 use crate::space::{BodyId, JointId, Load};
@@ -17,7 +16,6 @@ impl LocalWorld {
     /// Begins to record what is done to this world, as it is now: a replay computes it again from that, bit for bit. A recording that was
     /// going on ends.
     pub fn record(&mut self, to: impl Write + Send + Sync + 'static) -> Result<(), RecordingError> {
-        self.can_be_recorded()?;
         self.end_former_recording();
         self.begin(Recorder::of_local(to)?);
         Ok(())
@@ -25,7 +23,6 @@ impl LocalWorld {
 
     /// Begins to record, in memory, and keeps at least the last so much time: [`LocalWorld::keep_recording`] writes it.
     pub fn record_last(&mut self, time: Duration) -> Result<(), RecordingError> {
-        self.can_be_recorded()?;
         self.end_former_recording();
         self.begin(Recorder::of_local_for(time));
         Ok(())
@@ -61,28 +58,6 @@ impl LocalWorld {
     /// Returns whether the world is recorded.
     pub fn is_recorded(&self) -> bool {
         self.tape.is_some()
-    }
-
-    /// Returns an error if this world cannot be recorded.
-    pub(crate) fn can_be_recorded(&self) -> Result<(), RecordingError> {
-        if matches!(self.host.fidelity(), Fidelity::Budget { .. }) {
-            let why = "a world with a time budget cannot be recorded: what it computes depends on the time that steps take; give it a \
-                       tolerance (Fidelity::AUTO) instead";
-            return Err(RecordingError::Unsuitable(why.into()));
-        }
-        Ok(())
-    }
-
-    /// Returns an error if the world is recorded and is to become one that cannot be.
-    pub(super) fn can_go_on_recording(&self, fidelity: Fidelity) -> Result<(), WorldError> {
-        match fidelity {
-            Fidelity::Budget { .. } if self.is_recorded() => {
-                let (what, value) = ("fidelity", format!("{fidelity:?}"));
-                let range = "no time budget as long as the world is recorded: end the recording first (World::stop_recording)";
-                Err(WorldError::Setting { what, value, range })
-            }
-            _ => Ok(()),
-        }
     }
 
     /// Records bodies that came.
@@ -133,6 +108,7 @@ impl LocalWorld {
     pub(super) fn tape_step(&mut self) {
         let Some(tape) = &mut self.tape else { return };
         tape.note_answers();
+        self.host.timed_rates().into_iter().for_each(|rates| tape.note_rates(rates));
         if !tape.recorder.has_failed() {
             let digests: Vec<_> =
                 self.host.regions().map(|region| (region.id(), digest(bodies_of(region)))).collect();
@@ -155,7 +131,7 @@ mod tests {
     use rapier3d::prelude::*;
 
     use super::*;
-    use crate::physics::{ContactHooks, HookedPair};
+    use crate::physics::{ContactHooks, Fidelity, HookedPair};
     use crate::protocol::{Push, Velocity, WorldPose};
     use crate::recording::{Flip, Mismatch, Replay, difference, open};
     use crate::runtime::replays::Here;
@@ -197,7 +173,7 @@ mod tests {
     }
 
     #[test]
-    fn a_world_of_which_less_is_computed_is_repeated_bit_for_bit_and_one_with_a_budget_is_refused() {
+    fn a_world_of_which_less_is_computed_is_repeated_bit_for_bit() {
         let scene = Scene::named("town", &Params::new().with("n", 600).with("cars", 2)).unwrap();
         let world = |fidelity| {
             LocalWorld::from_scene(&scene, WorldConfig { fidelity, ..WorldConfig::for_scene(&scene) })
@@ -217,16 +193,35 @@ mod tests {
         let bytes = memory.0.lock().unwrap().clone();
         let (matches, mismatch) = checked(bytes, None);
         assert!(mismatch.is_none() && matches >= 100, "{matches}, {mismatch:?}");
-        let mut hurried = world(Fidelity::Budget { tick_ms: 5.0 });
-        let refused = hurried.record(Memory::default()).unwrap_err();
-        assert!(refused.to_string().contains("budget"), "{refused}");
-        let mut saved = Vec::new();
-        hurried.save(&mut saved).unwrap();
-        walked.record(Memory::default()).unwrap();
-        let refused = walked.reload(&saved[..]).unwrap_err();
-        assert!(refused.to_string().contains("end the recording first"), "{refused}");
-        walked.stop_recording().unwrap();
-        walked.reload(&saved[..]).unwrap();
+    }
+
+    #[test]
+    fn a_world_with_a_time_budget_is_repeated_bit_for_bit_whatever_time_its_steps_take() {
+        let scene = Scene::named("town", &Params::new().with("n", 600).with("cars", 2)).unwrap();
+        let fidelity = Fidelity::Budget { tick_ms: 20.0 };
+        let mut world =
+            LocalWorld::from_scene(&scene, WorldConfig { fidelity, ..WorldConfig::for_scene(&scene) })
+                .unwrap();
+        let memory = Memory::default();
+        world.record(memory.clone()).unwrap();
+        let mut levels = Vec::new();
+        for tick in 0..120_u8 {
+            // As a machine would that is slower at times: no replay takes that long.
+            let took = Duration::from_millis(if (30..60).contains(&tick) { 40 } else { 0 });
+            world.host_mut().count_time(took);
+            world.step().unwrap();
+            levels.push(world.fidelity_report().unwrap().levels);
+            if tick == 90 {
+                // A recording that begins anew amid it has all that it needs, too.
+                world.tape_spoilt();
+            }
+        }
+        world.stop_recording().unwrap();
+        levels.dedup();
+        assert!(levels.len() > 2 && levels.iter().any(|levels| levels[2] > 0), "{levels:?}");
+        let bytes = memory.0.lock().unwrap().clone();
+        let (matches, mismatch) = checked(bytes, None);
+        assert!(mismatch.is_none() && matches >= 120, "{matches}, {mismatch:?}");
     }
 
     /// Does everything that a program can do to a world, and steps it in between.

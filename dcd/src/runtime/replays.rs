@@ -168,6 +168,10 @@ impl LocalPhysics for LocalComputer {
                 self.answers.extend(answers);
                 return Ok(());
             }
+            Operation::Rates(rates) => {
+                let can_be = world.host_mut().follow_rates(rates);
+                return can_be.then_some(()).ok_or_else(|| "regions are stepped at no such rates".to_owned());
+            }
             Operation::Seed(_) | Operation::Restore => Ok(()),
         };
         done.map_err(|error| error.to_string())

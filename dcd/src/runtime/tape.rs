@@ -1,6 +1,6 @@
 //! Keeps the recording of a local world: what it has already, and what it needs next.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::{self, Write};
 use std::sync::Arc;
 use std::time::Instant;
@@ -25,6 +25,8 @@ pub(super) struct Tape {
     since: Instant,
     /// Shapes that the recording has.
     known: BTreeSet<ShapeHash>,
+    /// How seldom regions are stepped, by the recording.
+    rates: BTreeMap<RegionId, u8>,
     /// Something happened that only a snapshot can tell.
     is_stale: bool,
     /// The program's hooks, with what they answer.
@@ -33,7 +35,8 @@ pub(super) struct Tape {
 
 impl Tape {
     pub(super) fn new(recorder: Recorder) -> Self {
-        Self { recorder, since: Instant::now(), known: BTreeSet::new(), is_stale: true, hooks: None }
+        let (known, rates) = (BTreeSet::new(), BTreeMap::new());
+        Self { recorder, since: Instant::now(), known, rates, is_stale: true, hooks: None }
     }
 
     /// Records an operation, unless a snapshot is to come that has it in it.
@@ -83,6 +86,14 @@ impl Tape {
         }
     }
 
+    /// Records how seldom regions were stepped in a step, where that is not as before.
+    pub(super) fn note_rates(&mut self, rates: &BTreeMap<RegionId, u8>) {
+        if *rates != self.rates {
+            self.rates.clone_from(rates);
+            self.put(Operation::Rates(self.rates.clone()));
+        }
+    }
+
     /// Records the digests of the regions after a step.
     pub(super) fn note_step(&mut self, tick: Tick, digests: &[(RegionId, u64)]) {
         self.recorder.stepped(self.since.elapsed(), tick, digests);
@@ -100,6 +111,7 @@ impl Tape {
         save: impl FnOnce(&mut Parts<'_>) -> Result<(), E>,
     ) -> Result<(), E> {
         self.is_stale = false;
+        self.rates.clear();
         // Of a step that failed: no replay does it.
         self.hooks.iter().for_each(|hooks| drop(hooks.take()));
         self.recorder.begin_segment();

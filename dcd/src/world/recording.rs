@@ -38,10 +38,9 @@ impl World {
     /// ```
     ///
     /// # Errors
-    /// [`Error::Recording`] where the file cannot be written, or the world has a time budget. [`Error::Unsupported`] in other roles.
+    /// [`Error::Recording`] where the file cannot be written. [`Error::Unsupported`] in other roles.
     pub fn record_to(&mut self, path: impl AsRef<Path>) -> Result<(), Error> {
         let world = self.local_mut(RECORD, Instead::RecordNodes)?;
-        world.can_be_recorded()?;
         // It may be to the same file.
         world.end_former_recording();
         let file = Background::create(path.as_ref()).map_err(RecordingError::from)?;

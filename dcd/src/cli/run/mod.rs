@@ -98,7 +98,6 @@ impl Run {
             self.view.map(|at| view::open(at, &cast.name).map(Viewer::with_controls)).transpose()?;
         if let (Some(path), Subject::Regions(world)) = (&self.record, &mut subject) {
             let fails = |error: RecordingError| Failure::usage(format!("{}: {error}", path.display()));
-            world.can_be_recorded().map_err(fails)?;
             let file = Background::create(path).map_err(|error| fails(error.into()))?;
             world.record(file).map_err(fails)?;
         }

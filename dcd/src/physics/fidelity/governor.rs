@@ -89,6 +89,12 @@ pub(in crate::physics) struct Governor {
     credit: f64,
     /// How many regions are stepped in every tick, in every second, in every fourth: more often than chosen where they are bound to others.
     levels: [usize; 3],
+    /// The rates of this tick, as chosen or told.
+    #[serde(skip)]
+    rates: BTreeMap<RegionId, u8>,
+    /// Whether rates are told, and not chosen.
+    #[serde(skip)]
+    is_told: bool,
 }
 
 impl Governor {
@@ -108,6 +114,8 @@ impl Governor {
             full_ms: 0.0,
             credit: 0.0,
             levels: [0; 3],
+            rates: BTreeMap::new(),
+            is_told: false,
         }
     }
 
@@ -119,10 +127,28 @@ impl Governor {
         self.viewpoints = viewpoints;
     }
 
-    /// Returns the rate of every region for the tick that begins.
-    pub(in crate::physics) fn rates(&mut self, regions: &[RegionState], dt_s: f32) -> Vec<(RegionId, u8)> {
+    /// Returns the rates that were chosen for the tick that is under way, or done.
+    pub(in crate::physics) fn rates(&self) -> &BTreeMap<RegionId, u8> {
+        &self.rates
+    }
+
+    /// Has regions keep these rates until others are told: what a recorded world chose by the time that its steps took. Returns whether
+    /// they are rates.
+    pub(in crate::physics) fn follow(&mut self, rates: BTreeMap<RegionId, u8>) -> bool {
+        let are_rates = rates.values().all(|rate| RATES.contains(rate));
+        if are_rates {
+            (self.rates, self.is_told) = (rates, true);
+        }
+        are_rates
+    }
+
+    /// Chooses the rate of every region for the tick that begins.
+    pub(in crate::physics) fn choose(&mut self, regions: &[RegionState], dt_s: f32) {
         let now = self.ticks;
         self.ticks += 1;
+        if self.is_told {
+            return;
+        }
         self.regions.retain(|id, _| regions.iter().any(|region| region.id == *id));
         for region in regions {
             let memory =
@@ -144,7 +170,8 @@ impl Governor {
                 Fidelity::Budget { tick_ms } => self.keep_time(tick_ms.into(), regions),
             }
         }
-        regions.iter().map(|region| (region.id, RATES[usize::from(self.regions[&region.id].level)])).collect()
+        let rate = |region: &RegionState| RATES[usize::from(self.regions[&region.id].level)];
+        self.rates = regions.iter().map(|region| (region.id, rate(region))).collect();
     }
 
     /// Lets unwatched regions become coarser, a level at a time, until audits find too large an error, or signals too long a step.
@@ -333,14 +360,13 @@ mod tests {
         governor
     }
 
+    fn rates(governor: &mut Governor, regions: &[RegionState]) -> Vec<u8> {
+        governor.choose(regions, 1.0 / 60.0);
+        governor.rates().values().copied().collect()
+    }
+
     fn rates_after(governor: &mut Governor, regions: &[RegionState], ticks: u64) -> Vec<u8> {
-        (0..ticks)
-            .map(|_| governor.rates(regions, 1.0 / 60.0))
-            .last()
-            .unwrap()
-            .into_iter()
-            .map(|(_, rate)| rate)
-            .collect()
+        (0..ticks).map(|_| rates(governor, regions)).last().unwrap()
     }
 
     #[test]
@@ -365,17 +391,16 @@ mod tests {
         let regions = row(4, 1.0);
         let mut fine = Vec::new();
         for tick in 0..4_000 {
-            let rates = governor.rates(&regions, 1.0 / 60.0);
-            for &(id, rate) in &rates {
+            let rates = rates(&mut governor, &regions);
+            for (id, &rate) in (0..).map(RegionId).zip(&rates) {
                 // The second region that is not seen errs at its lowest rate.
                 governor.note_error(id, if id == RegionId(3) && rate == 4 { 0.5 } else { 0.01 });
             }
-            if rates[3].1 < 4 && tick > 100 {
+            if rates[3] < 4 && tick > 100 {
                 fine.push(tick);
             }
         }
-        let rates: Vec<_> = governor.rates(&regions, 1.0 / 60.0).into_iter().map(|(_, rate)| rate).collect();
-        assert_eq!(rates[..3], [1, 4, 4]);
+        assert_eq!(rates_after(&mut governor, &regions, 1)[..3], [1, 4, 4]);
         let returns = fine.windows(2).filter(|two| two[1] > two[0] + 1).count();
         assert!((2..8).contains(&returns), "{returns} returns to the lowest rate in 4,000 ticks");
     }

@@ -2,7 +2,6 @@
 
 use super::threads::Threads;
 use super::{HostError, RegionHost};
-use crate::physics::Fidelity;
 #[cfg(test)]
 use crate::physics::Region;
 #[cfg(feature = "net")]
@@ -18,11 +17,6 @@ impl Checkpoint {
     /// Returns the tick after which it was made.
     pub(crate) fn tick(&self) -> Tick {
         self.0.tick
-    }
-
-    /// Returns how much was computed in full.
-    pub(crate) fn fidelity(&self) -> Fidelity {
-        self.0.fidelity()
     }
 
     /// Returns the regions as they were.

@@ -1,11 +1,13 @@
 //! Steps regions at the rates that a governor chooses, and audits what they compute.
 
+use std::collections::BTreeMap;
+
 use rapier3d::prelude::*;
 
 use super::RegionHost;
 use crate::physics::coupling::Side;
 use crate::physics::fidelity::{Audit, Fidelity, FidelityReport, Governor, RegionState};
-use crate::space::{Viewpoint, mixed};
+use crate::space::{RegionId, Viewpoint, mixed};
 
 /// Loads out of proportion are looked for every so many ticks.
 const REFINE_TICKS: u64 = 16;
@@ -51,6 +53,26 @@ impl RegionHost {
         }
     }
 
+    /// Returns how seldom each region was stepped in the last tick, where that followed the time that steps take: no other run chooses
+    /// the same.
+    pub(crate) fn timed_rates(&self) -> Option<&BTreeMap<RegionId, u8>> {
+        let governor = self.governor.as_ref()?;
+        matches!(governor.fidelity(), Fidelity::Budget { .. }).then(|| governor.rates())
+    }
+
+    /// Steps regions as seldom as it is told from now on, and no more by the time that steps take. Returns whether it can.
+    pub(crate) fn follow_rates(&mut self, rates: BTreeMap<RegionId, u8>) -> bool {
+        self.governor.as_mut().is_some_and(|governor| governor.follow(rates))
+    }
+
+    /// Counts so much time for each of the last steps of all regions.
+    #[cfg(test)]
+    pub(crate) fn count_time(&mut self, took: std::time::Duration) {
+        for side in &mut self.sides {
+            (0..100).for_each(|_| side.region.count_time(took, true));
+        }
+    }
+
     /// Sets the part of the time that audits may take.
     #[doc(hidden)]
     pub fn set_audited(&mut self, part: f64) {
@@ -83,9 +105,9 @@ impl RegionHost {
             step_ms: if side.is_idle() { 0.0 } else { side.region.mean_step_us() * 1e-3 },
             signals: side.region.signals(),
         });
-        let rates = governor.rates(&states.collect::<Vec<_>>(), self.settings.dt_s);
-        for (side, (_, rate)) in self.sides.iter_mut().zip(rates) {
-            side.clock.rate = rate;
+        governor.choose(&states.collect::<Vec<_>>(), self.settings.dt_s);
+        for side in &mut self.sides {
+            side.clock.rate = governor.rates().get(&side.region.id()).copied().unwrap_or(1);
         }
         // In turn, so that no tick takes much longer than another.
         let due = |side: &&mut Side| (self.tick.0 + side.region.rank() as u64).is_multiple_of(REFINE_TICKS);
@@ -238,9 +260,7 @@ mod tests {
         let bodies = bodies.collect();
         host.insert(bodies, &[]).unwrap();
         let levels_after_hard_work = |host: &mut RegionHost| {
-            for side in &mut host.sides {
-                (0..100).for_each(|_| side.region.count_time(Duration::from_secs(5), true));
-            }
+            host.count_time(Duration::from_secs(5));
             (0..16).for_each(|_| host.step().unwrap());
             host.fidelity_report().unwrap().levels
         };

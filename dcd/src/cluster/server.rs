@@ -8,6 +8,7 @@ mod builders;
 mod common;
 mod drain;
 mod group;
+mod moves;
 mod nodes;
 mod postponed;
 mod program;
@@ -531,11 +532,11 @@ impl Server {
             (Peer::Node(node), JoinAs::Node { .. }) if !self.common.may_greet(node) => {
                 self.turn_away(from, Refusal::TooMany.to_string());
             }
-            (Peer::Node(node), JoinAs::Node { address, client, resume }) => {
+            (Peer::Node(node), JoinAs::Node { address, client, resume, heard }) => {
                 let member = Member { node, address, client };
                 match resume.map_or(Resumption::Anew, |view| self.resumption(node, view)) {
-                    Resumption::Member(group) => self.resume(member, group),
-                    Resumption::Undecided => self.link_again(member),
+                    Resumption::Member(group) => self.resume(member, group, heard),
+                    Resumption::Undecided => self.link_again(member, resume.unwrap_or_default(), heard),
                     Resumption::Anew => {
                         let unwanted = self.common.nodes.get(&node).and_then(|entry| entry.unwanted.clone());
                         self.lose(node);

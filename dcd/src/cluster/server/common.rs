@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
 use super::budget::{Account, Allowance};
+use super::moves::Moves;
 use super::vicinity::Vicinity;
 use super::{ServerConfig, ServerOutput};
 use crate::cluster::{Peer, Record};
@@ -54,6 +55,8 @@ pub(super) struct NodeEntry {
     pub stale_scenery: BTreeSet<BodyId>,
     /// Round trips to others as it measures them; `None`: unreachable.
     pub delays: BTreeMap<NodeId, Option<f32>>,
+    /// What it was told to do to moving bodies, if it leads.
+    pub moves: Moves,
 }
 
 impl NodeEntry {

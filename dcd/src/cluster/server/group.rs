@@ -135,9 +135,17 @@ impl Group {
 
     /// Tells the leader what to do to the world; while membership changes, `Adopt` takes care of it.
     pub(super) fn apply(&self, common: &mut Common, ops: Vec<WorldOp>) {
-        if let Some(view) = self.view.as_ref().filter(|_| self.change.is_none()) {
-            common.send_node(view.leader, ToNode::Apply { view: view.number, ops });
+        if self.change.is_none() {
+            self.tell_leader(common, ops);
         }
+    }
+
+    /// Tells the leader of the present view what to do to the world, if it has a link.
+    pub(super) fn tell_leader(&self, common: &mut Common, ops: Vec<WorldOp>) {
+        let (now, Some(view)) = (common.now, &self.view) else { return };
+        let Some(leader) = common.nodes.get_mut(&view.leader).filter(|leader| leader.linked) else { return };
+        let first = leader.moves.are_sent(now, &ops);
+        common.send_node(view.leader, ToNode::Apply { view: view.number, first, ops });
     }
 
     /// Begins a view change if membership is not as it should be.

@@ -9,6 +9,7 @@ use super::agreement::{self, Division};
 use super::divisions::Divisions;
 use crate::cluster::server::ServerOutput;
 use crate::cluster::server::common::Common;
+use crate::cluster::server::moves::Moves;
 use crate::cluster::{Key, Life};
 use crate::protocol::{
     BodyRecord, CHUNK_BYTES, Chunk, Claim, Dispatch, Member, Placed, ToNode, View, ViewNumber, WorldOp,
@@ -506,6 +507,7 @@ impl Group {
             let node = member.node;
             let Some(entry) = common.nodes.get_mut(&node) else { continue };
             entry.serving = Some(view.number);
+            entry.moves = Moves::of_view(view.number);
             // A link that breaks may lose what it was told before.
             let retold = self.retold.keys().into_iter().filter_map(|key| match key {
                 Key::GoneScenery(id) if self.record.body(id).is_none() => Some(id),

@@ -19,7 +19,7 @@ fn server_of(nodes: u32, players: &[u32]) -> Server {
 
 fn comes(server: &mut Server, node: u32, plays: bool, resume: Option<ViewNumber>) -> Vec<ServerOutput> {
     let client = plays.then_some(ClientId(node));
-    let role = JoinAs::Node { address: ([127, 0, 0, 1], node as u16).into(), client, resume };
+    let role = JoinAs::Node { address: ([127, 0, 0, 1], node as u16).into(), client, resume, heard: 0 };
     tell(server, node, Message::Hello(Hello { version: VERSION, role }))
 }
 

@@ -478,6 +478,7 @@ impl Server {
             return;
         }
         self.forget_avatars();
+        self.part_from_astray();
         self.take_over();
         self.release();
         self.welcome_moved();

@@ -305,6 +305,13 @@ impl Server {
         self.common.tell_roster();
     }
 
+    /// Makes members begin anew that were told alone of a tick, and do in it what the others do not: it is no fault of theirs, and nobody waits for
+    /// them in vain.
+    pub(super) fn part_from_astray(&mut self) {
+        let astray: Vec<_> = self.groups.values_mut().flat_map(Group::take_astray).collect();
+        astray.into_iter().for_each(|node| self.begin_anew(node));
+    }
+
     /// Sets apart a member that others cannot reach: it goes on in a group of its own, or is removed if it is not linked.
     pub(super) fn set_apart(&mut self, node: NodeId) {
         let Some(entry) = self.common.nodes.get(&node) else { return };

@@ -52,6 +52,8 @@ pub(in crate::cluster::server) struct ViewChange {
     telling_bytes: usize,
     /// The last tick that the survivors complete.
     last: Tick,
+    /// Survivors that have begun that tick, or one before it, otherwise than the others are to do it.
+    astray: BTreeSet<NodeId>,
     surveys: BTreeMap<NodeId, Vec<Claim>>,
     /// How each survivor has the world cut after that tick, and who of them computes what.
     divisions: BTreeMap<NodeId, Option<Division>>,
@@ -125,6 +127,7 @@ impl Group {
             telling: Vec::new(),
             telling_bytes: 0,
             last: Tick(0),
+            astray: BTreeSet::new(),
             surveys: BTreeMap::new(),
             divisions: BTreeMap::new(),
             plan: None,
@@ -162,6 +165,11 @@ impl Group {
             None => !change.surveys.contains_key(node),
         };
         change.survivors.iter().filter(owes).copied().collect()
+    }
+
+    /// Returns the members that cannot complete the last tick with the others. The change goes on once they are gone.
+    pub(in crate::cluster::server) fn take_astray(&mut self) -> BTreeSet<NodeId> {
+        self.change.as_mut().map(|change| std::mem::take(&mut change.astray)).unwrap_or_default()
     }
 
     pub(in crate::cluster::server) fn settling(
@@ -214,6 +222,10 @@ impl Group {
             let (counted, refused) = agreement::dispatches(view, self.tick, lag, &change.settled);
             change.last = counted.last().map_or(view.tick, |last| last.tick);
             common.stale += refused;
+            change.astray = agreement::astray(view, lag, &change.settled, &counted);
+            if !change.astray.is_empty() {
+                return;
+            }
             dispatches = counted;
         }
         let survivors: Vec<_> = change.survivors.iter().copied().collect();

@@ -1,6 +1,7 @@
 //! Tests what a participant cannot do to the others of its group: send them away, keep them out, or stop them again and again.
 
 use super::*;
+use crate::protocol::{Dispatch, Input, Velocity, WorldOp, WorldPose};
 
 /// Returns a server whose main group has these members, of which some are participants, and all of which reach one another.
 fn server_of(nodes: u32, players: &[u32]) -> Server {
@@ -183,6 +184,36 @@ fn a_participant_that_stops_the_others_again_and_again_computes_apart_from_them(
         // In time it may try again.
         assert!(stopped(&mut server, 300) > 0, "{way}");
     }
+}
+
+#[test]
+fn a_participant_that_was_told_alone_of_a_jump_begins_anew_at_once() {
+    let mut server = server_of(3, &[3]);
+    let present = server.main().view.clone().unwrap();
+    assert_eq!(present.leader, NodeId(1));
+    server.handle(server.common.now, ServerEvent::Disconnected(Peer::Node(NodeId(1))));
+    let outputs = std::iter::repeat_with(|| wait(&mut server))
+        .find(|outputs| outputs.contains(&ServerOutput::Expelled(NodeId(1))))
+        .expect("it is given up");
+    let jump = WorldOp::Input(Input {
+        body: BodyId::persistent(1),
+        logical_time: 0,
+        tick: Tick(0),
+        velocity: Velocity::default(),
+        pose: Some(WorldPose::at([9.0; 3])),
+        drive: None,
+    });
+    let outputs = obey_by(&mut server, outputs, |server, node, message| match message {
+        ToNode::Settle { view } if node == NodeId(3) => {
+            let (tick, ops) = (present.tick.next(), vec![jump.clone()]);
+            let dispatches = vec![Dispatch { view: present.number, tick, rounds: 1, ops }];
+            Some(ToServer::Settling { view, dispatches, undone: Vec::new(), last: true })
+        }
+        message => answer(server, message),
+    });
+    assert!(outputs.contains(&ServerOutput::Expelled(NodeId(3))), "all meet in that tick by its word alone");
+    assert!(server.common.failures.is_empty() && server.main().change.is_none());
+    assert_eq!(members(&server), [2, 3]);
 }
 
 #[test]

@@ -361,6 +361,10 @@ impl Server {
         }
         let mute: Vec<_> = self.groups.values_mut().flat_map(|group| group.mute(now)).collect();
         for node in mute {
+            let group = self.group_of(node).and_then(|id| self.groups.get_mut(&id));
+            if let Some(accuser) = group.and_then(|group| group.was_denounced_by(node)) {
+                self.common.forgive(accuser);
+            }
             self.common.has_failed(node);
             self.begin_anew(node);
         }

@@ -126,6 +126,13 @@ impl Common {
         }
     }
 
+    /// Takes back that a node has failed: it said what was so.
+    pub(super) fn forgive(&mut self, node: NodeId) {
+        if let Some(account) = self.failures.get_mut(&node) {
+            account.give_back(1.0);
+        }
+    }
+
     /// Returns whether a node has made others stop so often that it computes apart from them for now.
     pub(super) fn fails_often(&self, node: NodeId) -> bool {
         let account = self.failures.get(&node).copied();

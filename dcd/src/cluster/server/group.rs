@@ -51,6 +51,8 @@ pub(super) struct Group {
     complaints: BTreeSet<Complaint>,
     /// When participants were believed that accused a member alone.
     believed: BTreeMap<NodeId, Duration>,
+    /// Who accused a member alone in the present view and went itself.
+    denounced: BTreeMap<NodeId, NodeId>,
     /// When they are decided on.
     pub hearing: Option<Duration>,
     /// Whether a member's link broke, so that what was sent over it may be lost: all is to be compared.
@@ -87,6 +89,7 @@ impl Group {
             owners: BTreeMap::new(),
             complaints: BTreeSet::new(),
             believed: BTreeMap::new(),
+            denounced: BTreeMap::new(),
             hearing: None,
             unsure: false,
             confirmed: false,
@@ -342,11 +345,17 @@ impl Group {
             let lone = lone.filter(|lone| count == 1 && !is_gone(&worst) && self.is_doubtful(*lone));
             let named = |accuser| open.iter().filter(|(a, _)| *a == accuser).count();
             let liar = lone.filter(|&lone| self.overreaches(common, lone, worst, named(lone)));
+            self.denounced.extend(liar.map(|liar| (worst, liar)));
             let goes = liar.unwrap_or(worst);
             going.push((goes, liar.is_some() || lone.is_none() && !is_gone(&worst)));
             open.retain(|&(a, b)| a != goes && b != goes);
         }
         going
+    }
+
+    /// Returns who accused this member alone, and went itself, though it hangs indeed.
+    pub(super) fn was_denounced_by(&mut self, mute: NodeId) -> Option<NodeId> {
+        self.denounced.remove(&mute)
     }
 
     fn is_dedicated(&self, node: NodeId) -> bool {

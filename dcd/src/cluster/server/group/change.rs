@@ -541,6 +541,7 @@ impl Group {
         }
         common.world_changed |= !std::mem::replace(&mut common.begun, true);
         self.arriving.clear();
+        self.denounced.clear();
         self.owners.clear();
         self.confirmed = false;
         self.divisions = Divisions::of_view(view.allocation.clone());

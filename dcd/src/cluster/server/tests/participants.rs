@@ -70,6 +70,22 @@ fn a_participant_that_accuses_all_others_goes_itself() {
 }
 
 #[test]
+fn who_accuses_the_last_dedicated_node_alone_is_not_to_blame_where_that_hangs() {
+    // How many faults the participant may have yet: of eight.
+    let left = |server: &Server| {
+        let mut account = server.common.failures.get(&NodeId(3)).copied().unwrap_or_default();
+        (0..9).filter(|_| account.ask(server.common.now, 1.0, 8.0, 0.0)).count()
+    };
+    for (hangs, faults) in [(0, 1), (1, 0)] {
+        let mut server = server_of(3, &[2, 3]);
+        let view = server.main().view.as_ref().unwrap().number;
+        tell(&mut server, 3, Message::ToServer(ToServer::LinkLost { view, node: NodeId(1) }));
+        live(&mut server, 7, all_but(hangs));
+        assert_eq!(left(&server), 8 - faults, "{hangs}");
+    }
+}
+
+#[test]
 fn who_is_accused_by_a_participant_alone_may_have_done_nothing() {
     let mut server = server_of(4, &[3, 4]);
     assert_eq!(accuse(&mut server, &[(4, 3)]), [1, 2, 4]);

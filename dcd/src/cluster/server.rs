@@ -162,7 +162,8 @@ pub enum ServerOutput {
     Dissolved(GroupId),
     /// A node was expelled from its view: it could not be reached, or is to be in another group.
     Expelled(NodeId),
-    /// A node that is new, or begins anew, and that some members do not reach: it computes the world by itself until they do.
+    /// A node that is new, or begins anew, and that some members do not reach, or a participant that alone does not reach a dedicated node: it
+    /// computes the world by itself until they do.
     Unreached(NodeId),
     /// An audit of what all members together own, when the world is to end; over all groups.
     Audited {

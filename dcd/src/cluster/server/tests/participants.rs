@@ -29,18 +29,20 @@ fn members(server: &Server) -> Vec<u32> {
     view.into_iter().flat_map(|view| &view.members).map(|member| member.node.0).collect()
 }
 
-/// Has the time pass, and nodes answer like this.
+/// Has the time pass, and nodes answer like this; returns all that the server wanted.
 fn live(
     server: &mut Server,
     for_s: u64,
     mut answer: impl FnMut(&Server, NodeId, ToNode) -> Option<ToServer>,
-) {
+) -> Vec<ServerOutput> {
     let end = server.common.now + Duration::from_secs(for_s);
+    let mut said = Vec::new();
     while server.common.now < end {
         server.handle_timeout(server.common.now + BEAT);
         let outputs = std::iter::from_fn(|| server.poll_output()).collect();
-        obey_by(server, outputs, &mut answer);
+        said.extend(obey_by(server, outputs, &mut answer));
     }
+    said
 }
 
 /// Has members accuse others, and all answer that are asked; returns the members of the main group then.
@@ -115,7 +117,8 @@ fn one_participant_does_not_keep_a_dedicated_node_out_for_good() {
     obey_by(&mut server, outputs, honest);
     live(&mut server, 9, honest);
     assert_eq!(members(&server), [1, 2], "its links may be on their way");
-    live(&mut server, 9, honest);
+    let said = live(&mut server, 9, honest);
+    assert!(said.contains(&ServerOutput::Unreached(NodeId(2))), "an operator is told who cannot reach whom");
     assert_eq!(members(&server), [1, 3]);
     live(&mut server, 30, honest);
     assert_eq!((members(&server), server.views().count()), (vec![1, 3], 2), "there it stays");

@@ -121,6 +121,10 @@ fn balance_keeps_the_regions_that_bodies_far_apart_need_and_says_where_it_has_no
     assert_eq!(json(&far)["regions"], 2);
     assert_eq!(json(&[&far[..], &["--balance"]].concat())["regions"], 2);
     assert!(error(&["run", "pile", "--balance"], 2).contains("--balance 1-8"));
+    let ranged = folder.path().join("ranged.toml");
+    std::fs::write(&ranged, format!("[world]\nbalance = {{ most_regions = 4 }}\n{}", town(0))).unwrap();
+    // Its scene says how many: of one region that may become four there is something to balance.
+    json(&["run", ranged.to_str().unwrap(), "--seconds", "0.1", "--balance"]);
 }
 
 #[test]

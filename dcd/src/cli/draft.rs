@@ -101,6 +101,31 @@ mod tests {
         Draft::check(file.clone()).unwrap().write(|to| fs::write(to, "new")).unwrap();
         assert_eq!(fs::metadata(&file).unwrap().permissions().mode() & 0o777, 0o600);
         assert_eq!(fs::read_to_string(&other).unwrap(), "another's");
+        fs::write(folder.path().join("new.csv.part"), "another's").unwrap();
+        assert!(Draft::check(folder.path().join("new.csv")).is_ok(), "that is no reason to refuse a new one");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_link_to_a_file_that_is_not_there_yet_stays_a_link() {
+        let folder = tempfile::tempdir().unwrap();
+        let [file, link] = ["file", "link"].map(|name| folder.path().join(name));
+        std::os::unix::fs::symlink(&file, &link).unwrap();
+        Draft::check(link.clone()).unwrap().write(|to| fs::write(to, "new")).unwrap();
+        assert_eq!(fs::read_to_string(&file).unwrap(), "new");
+        assert!(link.is_symlink());
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_file_that_others_have_open_by_its_number_is_written_to_as_it_is() {
+        use std::os::fd::AsRawFd;
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("open");
+        let open = fs::File::create(&path).unwrap();
+        let by_number = PathBuf::from(format!("/proc/self/fd/{}", open.as_raw_fd()));
+        let draft = Draft::check(by_number.clone()).unwrap();
+        draft.write(|to| (to == by_number).then_some(()).ok_or(io::Error::other("beside it"))).unwrap();
     }
 
     #[cfg(unix)]

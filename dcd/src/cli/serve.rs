@@ -111,7 +111,8 @@ pub(super) struct Serve {
     /// Record all that the server is given, to be replayed by `dcd replay` with the recordings of its nodes
     #[arg(long, value_name = "FILE.dcdr")]
     record: Option<PathBuf>,
-    /// Answer over HTTP at this address with metrics (/metrics, in Prometheus' format), and whether the server is well (/healthz, /readyz)
+    /// Answer over HTTP at this address with metrics (/metrics, in Prometheus' format), and whether the server is well (/healthz, /readyz); of servers
+    /// on one machine that stand by for one another each needs one of its own
     #[arg(long, value_name = "ADDR", value_parser = address)]
     metrics: Option<SocketAddr>,
     /// Show the world in the browser as a client is told of it, by a page at this address, which is printed on standard error: any free
@@ -357,9 +358,17 @@ fn start(
     notifier: &Notifier,
     interrupt: Interrupt,
 ) -> Result<Option<ServerProcess>, Failure> {
+    let stands_by = config.directory.is_some();
     let fails = |error| match (error, origin) {
         (ProcessError::World(error), Beginning::Scene(scene)) => explained(error, &scene.0),
         (ProcessError::Host(error), Beginning::Scene(scene)) => explained(error.into(), &scene.0),
+        (ProcessError::Lag { coupling }, Beginning::Snapshot(_)) => Failure::usage(format!(
+            "--lag is for worlds that agree by `owner`, and this snapshot goes on by `{coupling}`, as it was begun; leave --lag out, or serve the \
+             scene anew with --coupling owner"
+        )),
+        (error @ ProcessError::Metrics { .. }, _) if stands_by => Failure::usage(format!(
+            "{error}; of servers on one machine that stand by for one another each needs a --metrics of its own, as it does a --listen"
+        )),
         (error, _) => error.into(),
     };
     let mut told = None;

@@ -74,6 +74,8 @@ pub struct Leader {
     events: BTreeMap<RegionId, RegionEvents>,
     next_due: Duration,
     ops: Vec<WorldOp>,
+    /// How many of the server's operations that move bodies have come.
+    moves_heard: u64,
     inputs: Inputs,
     latest: Latest,
     /// Bodies that a tick has removed which not all members have completed, and that tick, or the one in which they came again: members that
@@ -127,6 +129,7 @@ impl Leader {
             events: BTreeMap::new(),
             next_due: now,
             ops: Vec::new(),
+            moves_heard: 0,
             inputs: Inputs::new(world),
             latest: Latest::new(),
             gone: BTreeMap::new(),
@@ -169,6 +172,25 @@ impl Leader {
     /// Adds the server's operations to the next tick.
     pub fn apply(&mut self, ops: Vec<WorldOp>) {
         self.ops.extend(ops);
+    }
+
+    /// Does the same with those of a message, of which the first that moves a body has this number. One that is not the next came over a new
+    /// link, before the server knew what was lost with the one before: it is passed over, and said again after that.
+    pub(super) fn hear_ops(&mut self, first: u64, mut ops: Vec<WorldOp>) {
+        let mut number = first;
+        ops.retain(|op| {
+            let moves = u64::from(op.moves().is_some());
+            let counts = moves == 0 || number == self.moves_heard;
+            number = number.saturating_add(moves);
+            self.moves_heard += if counts { moves } else { 0 };
+            counts
+        });
+        self.apply(ops);
+    }
+
+    /// Returns how many of the server's operations that move bodies have come.
+    pub(super) fn moves_heard(&self) -> u64 {
+        self.moves_heard
     }
 
     /// Has the states for clients chosen and coded by whoever is given the events of [`Leader::take_replication_events`], from the first on.

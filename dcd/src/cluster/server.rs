@@ -8,6 +8,7 @@ mod builders;
 mod common;
 mod drain;
 mod group;
+mod moves;
 mod nodes;
 mod postponed;
 mod program;
@@ -161,7 +162,8 @@ pub enum ServerOutput {
     Dissolved(GroupId),
     /// A node was expelled from its view: it could not be reached, or is to be in another group.
     Expelled(NodeId),
-    /// A node that is new, or begins anew, and that some members do not reach: it computes the world by itself until they do.
+    /// A node that is new, or begins anew, and that some members do not reach, or a participant that alone does not reach a dedicated node: it
+    /// computes the world by itself until they do.
     Unreached(NodeId),
     /// An audit of what all members together own, when the world is to end; over all groups.
     Audited {
@@ -360,6 +362,10 @@ impl Server {
         }
         let mute: Vec<_> = self.groups.values_mut().flat_map(|group| group.mute(now)).collect();
         for node in mute {
+            let group = self.group_of(node).and_then(|id| self.groups.get_mut(&id));
+            if let Some(accuser) = group.and_then(|group| group.was_denounced_by(node)) {
+                self.common.forgive(accuser);
+            }
             self.common.has_failed(node);
             self.begin_anew(node);
         }
@@ -477,6 +483,7 @@ impl Server {
             return;
         }
         self.forget_avatars();
+        self.part_from_astray();
         self.take_over();
         self.release();
         self.welcome_moved();
@@ -531,11 +538,11 @@ impl Server {
             (Peer::Node(node), JoinAs::Node { .. }) if !self.common.may_greet(node) => {
                 self.turn_away(from, Refusal::TooMany.to_string());
             }
-            (Peer::Node(node), JoinAs::Node { address, client, resume }) => {
+            (Peer::Node(node), JoinAs::Node { address, client, resume, heard }) => {
                 let member = Member { node, address, client };
                 match resume.map_or(Resumption::Anew, |view| self.resumption(node, view)) {
-                    Resumption::Member(group) => self.resume(member, group),
-                    Resumption::Undecided => self.link_again(member),
+                    Resumption::Member(group) => self.resume(member, group, heard),
+                    Resumption::Undecided => self.link_again(member, resume.unwrap_or_default(), heard),
                     Resumption::Anew => {
                         let unwanted = self.common.nodes.get(&node).and_then(|entry| entry.unwanted.clone());
                         self.lose(node);

@@ -34,7 +34,7 @@ pub struct Limits {
     /// The longest frame from a process that is a client only.
     pub client_frame_bytes: usize,
     /// How many frames per second are read from a process that is a client only, after a second's worth at once; of 256 bytes, a longer
-    /// one counts as several. More wait at their sender.
+    /// one counts as several. More wait at their sender. As many datagrams are read beside them; more are dropped.
     pub client_frames_per_s: u32,
     /// How much may wait for a slow server or node, beside what is in flight; then sending is refused.
     pub queue_bytes: usize,

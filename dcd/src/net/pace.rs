@@ -1,5 +1,5 @@
 //! Paces the reading of a client's frames: a flood is left where it is, at its sender, and costs us nothing (generic cell rate
-//! algorithm, ITU-T I.371). Of a flood of datagrams the rest is dropped.
+//! algorithm, ITU-T I.371). Of a flood of datagrams, which have a pace of their own, the rest is dropped.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -79,6 +79,5 @@ mod tests {
         let admitted = |at: Instant, sent: usize| (0..sent).filter(|_| pace.admits(at, 10)).count();
         assert_eq!(admitted(start, 10_000), 100, "a second's worth at once");
         assert_eq!(admitted(start + Duration::from_millis(500), 10_000), 50, "and then those of the pace");
-        assert!(pace.count(start + Duration::from_millis(500), 10).is_some(), "frames count with them");
     }
 }

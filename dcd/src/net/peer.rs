@@ -33,6 +33,8 @@ pub(super) struct Peer {
     /// The longest frame accepted from the peer.
     frame_limit: usize,
     pace: Pace,
+    /// That of datagrams, which are dropped beyond it, and so hold no frame back.
+    datagram_pace: Pace,
     counters: Counters,
     /// The rule that the peer broke, if it did.
     violation: Mutex<Option<String>>,
@@ -132,6 +134,7 @@ impl Peer {
             inbox_bytes: limits.inbox_bytes_of(who),
             frame_limit: limits.frame_bytes_of(who),
             pace: Pace::new(limits.frames_per_s_of(who)),
+            datagram_pace: Pace::new(limits.frames_per_s_of(who)),
             counters: Counters::default(),
             violation: Mutex::new(None),
         });
@@ -280,7 +283,8 @@ impl Peer {
             count(&self.counters.datagrams_in, &self.counters.bytes_in, bytes.len());
             let share = share_of(bytes.len(), DATAGRAM_INBOX_BYTES);
             let share = inbox.clone().try_acquire_many_owned(share);
-            let Some(share) = share.ok().filter(|_| self.pace.admits(Instant::now(), bytes.len())) else {
+            let Some(share) = share.ok().filter(|_| self.datagram_pace.admits(Instant::now(), bytes.len()))
+            else {
                 self.counters.datagrams_dropped.fetch_add(1, Ordering::Relaxed);
                 continue;
             };

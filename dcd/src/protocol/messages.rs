@@ -210,6 +210,8 @@ pub enum JoinAs {
         client: Option<ClientId>,
         /// The view that it is computing, if its link broke and it calls again; else it begins anew.
         resume: Option<ViewNumber>,
+        /// If it leads that view: how many of the server's operations that move bodies it has heard in it.
+        heard: u64,
     },
     /// Hosts avatars.
     Client {

@@ -1,8 +1,12 @@
 //! Tests what servers and nodes tell systemd, at the socket that it would give them.
 
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{SocketAddr, TcpListener};
 use std::os::unix::net::UnixDatagram;
 use std::path::Path;
 use std::time::Instant;
+
+use serde_json::{Value, json};
 
 use crate::process::{LIMIT, Process, dcd, playground, token};
 
@@ -84,5 +88,75 @@ fn systemd_hears_when_a_server_and_its_nodes_are_ready_that_they_live_and_that_t
     assert_eq!(node.end().code(), Some(130));
     server.interrupt();
     of_server.line("STOPPING=1");
+    assert_eq!(server.end().code(), Some(0));
+}
+
+/// Answers as an etcd would that keeps the first key that it is given, and takes no writes any more. Ends with the test's process.
+fn etcd_without_a_leader() -> SocketAddr {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let address = listener.local_addr().unwrap();
+    std::thread::spawn(move || {
+        let mut kept: Option<(Value, Value)> = None;
+        for stream in listener.incoming() {
+            let mut reader = BufReader::new(stream.unwrap());
+            let head: Vec<_> =
+                reader.by_ref().lines().map_while(Result::ok).take_while(|line| !line.is_empty()).collect();
+            let length = head.iter().find_map(|line| {
+                let (name, value) = line.split_once(':')?;
+                name.eq_ignore_ascii_case("content-length").then(|| value.trim().parse::<u64>().ok())?
+            });
+            let mut body = Vec::new();
+            let _ = reader.by_ref().take(length.unwrap_or(0)).read_to_end(&mut body);
+            let asked: Value = serde_json::from_slice(&body).unwrap_or_default();
+            let put = &asked["success"][0]["request_put"];
+            let (status, answer) = match &kept {
+                None if put.is_object() => {
+                    kept = Some((put["key"].clone(), put["value"].clone()));
+                    (200, json!({ "succeeded": true }))
+                }
+                _ if asked["success"].is_array() => (503, json!({ "error": "no leader" })),
+                Some((key, value)) if asked["key"] == *key => {
+                    let found =
+                        json!({ "key": key, "value": value, "create_revision": "2", "mod_revision": "2" });
+                    (200, json!({ "kvs": [found] }))
+                }
+                _ => (200, json!({})),
+            };
+            let (answer, mut stream) = (answer.to_string(), reader.into_inner());
+            let length = answer.len();
+            let _ = write!(
+                stream,
+                "HTTP/1.1 {status} -\r\nConnection: close\r\nContent-Length: {length}\r\n\r\n{answer}"
+            );
+        }
+    });
+    address
+}
+
+#[test]
+fn a_server_that_waits_for_etcd_says_so_and_is_not_ready_for_systemd_which_is_to_be_patient() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut systemd = Supervisor::at(&folder.path().join("server"));
+    let data = folder.path().join("data");
+    let place = format!("etcd://{}/w", etcd_without_a_leader());
+    let serve = [
+        "serve",
+        "tower",
+        "--listen",
+        "127.0.0.1:0",
+        "--directory",
+        &place,
+        "--data",
+        data.to_str().unwrap(),
+    ];
+    let mut server = systemd.start(&serve);
+    let why = server.line("waiting for etcd: ");
+    assert!(why.contains("takes no writes"), "{why}");
+    systemd.line("EXTEND_TIMEOUT_USEC=");
+    for _ in 0..3 {
+        systemd.line("WATCHDOG=1");
+    }
+    assert!(!systemd.has_heard("READY=1"), "{:?}", systemd.heard);
+    server.interrupt();
     assert_eq!(server.end().code(), Some(0));
 }

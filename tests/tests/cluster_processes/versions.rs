@@ -34,7 +34,7 @@ fn refusal(server: &Server, greeting: &[u8]) -> String {
 #[test]
 fn a_server_refuses_a_node_of_another_version_and_both_are_told_both_versions() {
     let server = Server::start(&["tower"]);
-    let role = JoinAs::Node { address: "127.0.0.1:9".parse().unwrap(), client: None, resume: None };
+    let role = JoinAs::Node { address: "127.0.0.1:9".parse().unwrap(), client: None, resume: None, heard: 0 };
     let before = Message::Hello(Hello { version: VERSION - 1, role });
     // One that greets otherwise.
     let after = [protocol::encode_value(&(0_u32, VERSION + 1)), vec![250; 9]].concat();

@@ -31,6 +31,21 @@ fn a_server_that_cannot_start_says_why() {
     let address = taken.local_addr().unwrap().to_string();
     let said = error(&["serve", "tower", "--listen", &address, "--data", data], 1);
     has(&said, &[&address, "in use by another process", "port 0"]);
+    let page = TcpListener::bind("127.0.0.1:0").unwrap();
+    let metrics = page.local_addr().unwrap().to_string();
+    let stands_by = ["serve", "tower", "--directory", "etcd://127.0.0.1:9/w", "--listen", "127.0.0.1:0"];
+    let stands_by = [&stands_by[..], &["--metrics", &metrics, "--data", data]].concat();
+    has(&error(&stands_by, 2), &[&metrics, "stand by for one another", "of its own"]);
+    let level = folder.path().join("level.dcd");
+    let level = level.to_str().unwrap();
+    let saved = Process::start(&mut dcd(&["run", "tower", "--seconds", "0.1", "--save", level])).end();
+    assert_eq!(saved.code(), Some(0), "{saved:?}");
+    let said = error(&["serve", level, "--lag", "4", "--listen", "127.0.0.1:0", "--data", data], 2);
+    has(
+        &said,
+        &["this snapshot goes on by", "leave --lag out", "serve the scene anew with --coupling owner"],
+    );
+    assert!(!said.contains("add --coupling owner"), "{said}");
     let fresh = folder.path().join("fresh");
     error(&["serve", "tower", "--listen", &address, "--data", fresh.to_str().unwrap()], 1);
     assert!(!fresh.exists(), "a server that cannot listen leaves no folder behind");

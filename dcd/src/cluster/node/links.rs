@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
 use super::{Node, NodeOutput, Phase};
-use crate::cluster::Peer;
+use crate::cluster::{Leader, Peer};
 use crate::protocol::link::HANDSHAKE_TIMEOUT;
 use crate::protocol::{Border, Delay, Hello, JoinAs, Member, Message, Pong, ToServer, VERSION};
 use crate::space::NodeId;
@@ -91,7 +91,8 @@ impl Node {
         self.placed.clear();
         self.joints.clear();
         let resume = self.view.as_ref().map(|view| view.number);
-        let role = JoinAs::Node { address: self.config.address, client: self.config.client, resume };
+        let heard = self.leader.as_ref().map_or(0, Leader::moves_heard);
+        let role = JoinAs::Node { address: self.config.address, client: self.config.client, resume, heard };
         self.send(Peer::Server, Message::Hello(Hello { version: VERSION, role }));
         if self.leader.is_some() {
             // It may have begun anew, or what it was told may be lost with the link.

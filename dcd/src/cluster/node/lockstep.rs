@@ -73,8 +73,8 @@ impl Node {
                 Some(leader) if view == leader.view() => leader.ask_for_server(question),
                 _ => self.counters.stale += 1,
             },
-            ToNode::Apply { view, ops } => match &mut self.leader {
-                Some(leader) if leader.view() == view => leader.apply(ops),
+            ToNode::Apply { view, first, ops } => match &mut self.leader {
+                Some(leader) if leader.view() == view => leader.hear_ops(first, ops),
                 _ => self.counters.stale += 1,
             },
             ToNode::Roster(members) => {

@@ -1,6 +1,7 @@
 //! Tests which messages a node refuses, keeps and drops, and what becomes of bodies on their way when the view changes.
 
 mod clients;
+mod said_again;
 
 use super::borders::EARLY_BORDERS;
 use super::*;
@@ -575,7 +576,8 @@ fn a_leader_that_stops_tells_what_it_had_not_passed_on() {
     let view = View { number: ViewNumber(2), leader: NodeId(2), ..node.view().unwrap().clone() };
     server(&mut node, ToNode::Adopt { view, drop: vec![] });
     let push = WorldOp::Push(crate::protocol::Push::impulse(OTHER, [1.0; 3]));
-    server(&mut node, ToNode::Apply { view: ViewNumber(2), ops: vec![push.clone(), WorldOp::Remove(OTHER)] });
+    let ops = vec![push.clone(), WorldOp::Remove(OTHER)];
+    server(&mut node, ToNode::Apply { view: ViewNumber(2), first: 0, ops });
     drain(&mut node);
     server(&mut node, ToNode::Settle { view: ViewNumber(3) });
     let said = drain(&mut node);

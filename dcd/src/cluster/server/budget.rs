@@ -68,6 +68,11 @@ impl Account {
         }
         may
     }
+
+    /// Takes back what was counted.
+    pub(super) fn give_back(&mut self, cost: f64) {
+        self.asked = (self.asked - cost).max(0.0);
+    }
 }
 
 /// What one client may build, and has asked for.

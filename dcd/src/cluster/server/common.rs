@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
 use super::budget::{Account, Allowance};
+use super::moves::Moves;
 use super::vicinity::Vicinity;
 use super::{ServerConfig, ServerOutput};
 use crate::cluster::{Peer, Record};
@@ -54,6 +55,8 @@ pub(super) struct NodeEntry {
     pub stale_scenery: BTreeSet<BodyId>,
     /// Round trips to others as it measures them; `None`: unreachable.
     pub delays: BTreeMap<NodeId, Option<f32>>,
+    /// What it was told to do to moving bodies, if it leads.
+    pub moves: Moves,
 }
 
 impl NodeEntry {
@@ -120,6 +123,13 @@ impl Common {
         let computes_with = |other: (&NodeId, &NodeEntry)| *other.0 != node && other.1.serving == serves;
         if serves.is_some() && self.nodes.iter().any(computes_with) {
             let _ = self.failures.entry(node).or_default().ask(now, 1.0, FAILURES, FAILURES_PER_S);
+        }
+    }
+
+    /// Takes back that a node has failed: it said what was so.
+    pub(super) fn forgive(&mut self, node: NodeId) {
+        if let Some(account) = self.failures.get_mut(&node) {
+            account.give_back(1.0);
         }
     }
 

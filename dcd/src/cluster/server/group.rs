@@ -51,6 +51,8 @@ pub(super) struct Group {
     complaints: BTreeSet<Complaint>,
     /// When participants were believed that accused a member alone.
     believed: BTreeMap<NodeId, Duration>,
+    /// Who accused a member alone in the present view and went itself.
+    denounced: BTreeMap<NodeId, NodeId>,
     /// When they are decided on.
     pub hearing: Option<Duration>,
     /// Whether a member's link broke, so that what was sent over it may be lost: all is to be compared.
@@ -87,6 +89,7 @@ impl Group {
             owners: BTreeMap::new(),
             complaints: BTreeSet::new(),
             believed: BTreeMap::new(),
+            denounced: BTreeMap::new(),
             hearing: None,
             unsure: false,
             confirmed: false,
@@ -135,9 +138,17 @@ impl Group {
 
     /// Tells the leader what to do to the world; while membership changes, `Adopt` takes care of it.
     pub(super) fn apply(&self, common: &mut Common, ops: Vec<WorldOp>) {
-        if let Some(view) = self.view.as_ref().filter(|_| self.change.is_none()) {
-            common.send_node(view.leader, ToNode::Apply { view: view.number, ops });
+        if self.change.is_none() {
+            self.tell_leader(common, ops);
         }
+    }
+
+    /// Tells the leader of the present view what to do to the world, if it has a link.
+    pub(super) fn tell_leader(&self, common: &mut Common, ops: Vec<WorldOp>) {
+        let (now, Some(view)) = (common.now, &self.view) else { return };
+        let Some(leader) = common.nodes.get_mut(&view.leader).filter(|leader| leader.linked) else { return };
+        let first = leader.moves.are_sent(now, &ops);
+        common.send_node(view.leader, ToNode::Apply { view: view.number, first, ops });
     }
 
     /// Begins a view change if membership is not as it should be.
@@ -334,11 +345,17 @@ impl Group {
             let lone = lone.filter(|lone| count == 1 && !is_gone(&worst) && self.is_doubtful(*lone));
             let named = |accuser| open.iter().filter(|(a, _)| *a == accuser).count();
             let liar = lone.filter(|&lone| self.overreaches(common, lone, worst, named(lone)));
+            self.denounced.extend(liar.map(|liar| (worst, liar)));
             let goes = liar.unwrap_or(worst);
             going.push((goes, liar.is_some() || lone.is_none() && !is_gone(&worst)));
             open.retain(|&(a, b)| a != goes && b != goes);
         }
         going
+    }
+
+    /// Returns who accused this member alone, and went itself, though it hangs indeed.
+    pub(super) fn was_denounced_by(&mut self, mute: NodeId) -> Option<NodeId> {
+        self.denounced.remove(&mute)
     }
 
     fn is_dedicated(&self, node: NodeId) -> bool {

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use super::common::{ABSENCE, NodeEntry, RETURN};
 use super::group::Group;
+use super::moves::Moves;
 use super::{Server, ServerOutput};
 use crate::cluster::Peer;
 use crate::protocol::{Delay, Farewell, Member, Refusal, ToNode, ToServer, ViewNumber};
@@ -91,17 +92,20 @@ impl Server {
         }
     }
 
-    /// Links again a node of which it is not known yet whether it is a member.
-    pub(super) fn link_again(&mut self, member: Member) {
+    /// Links again a node of which it is not known yet whether it is a member, and which has heard so many operations in this view.
+    pub(super) fn link_again(&mut self, member: Member, view: ViewNumber, heard: u64) {
         if let Some(entry) = self.common.nodes.get_mut(&member.node) {
             (entry.member, entry.linked, entry.absent_until) = (member, true, None);
             entry.loading = 0;
+            // What is lost of that view was told to another one, if anybody.
+            entry.moves.are_heard(view, heard, |_| false);
         }
         self.common.tell_roster();
     }
 
-    /// Resumes a member whose link broke and is back: what was sent over it may be lost, so all is compared in a view change.
-    pub(super) fn resume(&mut self, member: Member, id: GroupId) {
+    /// Resumes a member whose link broke and is back: what was sent over it may be lost, so all is compared in a view change. As the leader it has
+    /// `heard` so many of the operations that no comparison finds.
+    pub(super) fn resume(&mut self, member: Member, id: GroupId, heard: u64) {
         let (node, until) = (member.node, self.common.now + RETURN);
         if let Some(entry) = self.common.nodes.get_mut(&node) {
             entry.member = member;
@@ -131,6 +135,10 @@ impl Server {
             group.unsure = true;
             // They went on as before, and did what was to be handed over.
             group.left_over.clear();
+            // It hands them over in the change that follows, if it has not done them.
+            if group.leads(node) {
+                group.say_again(&mut self.common, heard);
+            }
             if group.change.is_some() {
                 if group.returns_too_often(&self.common, node) {
                     self.common.has_failed(node);
@@ -165,6 +173,7 @@ impl Server {
             scenery,
             stale_scenery: BTreeSet::new(),
             delays: BTreeMap::new(),
+            moves: Moves::default(),
         };
         self.common.nodes.insert(node, entry);
         let world = self.common.config.world.clone();
@@ -294,6 +303,13 @@ impl Server {
             _ => {}
         }
         self.common.tell_roster();
+    }
+
+    /// Makes members begin anew that were told alone of a tick, and do in it what the others do not: it is no fault of theirs, and nobody waits for
+    /// them in vain.
+    pub(super) fn part_from_astray(&mut self) {
+        let astray: Vec<_> = self.groups.values_mut().flat_map(Group::take_astray).collect();
+        astray.into_iter().for_each(|node| self.begin_anew(node));
     }
 
     /// Sets apart a member that others cannot reach: it goes on in a group of its own, or is removed if it is not linked.

@@ -203,6 +203,17 @@ impl Group {
         }
     }
 
+    /// Tells a leader that is back, and has heard so many of them, those operations again that were sent into its link when that was dead and
+    /// nobody knew: members do not say what has moved.
+    pub(super) fn say_again(&self, common: &mut Common, heard: u64) {
+        let Some(view) = &self.view else { return };
+        let Some(leader) = common.nodes.get_mut(&view.leader) else { return };
+        let lost = leader.moves.are_heard(view.number, heard, |id| self.record.body(id).is_some());
+        for ops in split(lost, INSERT_BYTES) {
+            self.tell_leader(common, ops);
+        }
+    }
+
     /// Moves bodies on record as they were to move when the last node went: by what its leader had not passed on, and by what came after.
     pub(super) fn steer_record(&mut self, common: &mut Common, undone: Vec<WorldOp>) {
         let later = std::mem::take(&mut self.postponed).ops(|_| true);

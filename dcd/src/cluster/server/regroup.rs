@@ -195,7 +195,10 @@ impl Server {
             let denier = away.next().filter(|_| is_due)?;
             (away.next().is_none() && self.plays(*denier)).then_some(*denier)
         });
-        denier.into_iter().for_each(|node| self.set_apart(node));
+        if let Some(node) = denier {
+            self.common.outputs.push_back(ServerOutput::Unreached(node));
+            self.set_apart(node);
+        }
     }
 
     /// Returns whether a node is a participant's.

@@ -8,6 +8,7 @@ use bincode::{Decode, Encode};
 
 use super::common::{ClientEntry, NodeEntry, RETURN, RETURN_OF_CLIENTS};
 use super::group::Group;
+use super::moves::Moves;
 use super::retold::Retold;
 use super::{Server, ServerConfig, ServerOutput};
 use crate::cluster::directory::Entry;
@@ -202,6 +203,7 @@ impl Server {
                 scenery: BTreeSet::new(),
                 stale_scenery: BTreeSet::new(),
                 delays: BTreeMap::new(),
+                moves: Moves::default(),
             };
             self.common.nodes.insert(member.node, entry);
         }

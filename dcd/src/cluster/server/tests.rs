@@ -38,7 +38,8 @@ fn server() -> Server {
 }
 
 fn hello(server: &mut Server, node: u32, version: u32) -> Vec<ServerOutput> {
-    let role = JoinAs::Node { address: ([127, 0, 0, 1], node as u16).into(), client: None, resume: None };
+    let role =
+        JoinAs::Node { address: ([127, 0, 0, 1], node as u16).into(), client: None, resume: None, heard: 0 };
     tell(server, node, Message::Hello(Hello { version, role }))
 }
 
@@ -68,7 +69,7 @@ fn a_node_of_another_version_is_told_so_and_let_go() {
 #[test]
 fn a_member_that_greets_as_another_version_or_role_amid_a_view_change_does_not_stop_the_world() {
     let client = JoinAs::Client { interest: None };
-    let node = JoinAs::Node { address: ([127, 0, 0, 1], 2).into(), client: None, resume: None };
+    let node = JoinAs::Node { address: ([127, 0, 0, 1], 2).into(), client: None, resume: None, heard: 0 };
     for (version, role) in [(VERSION + 1, node), (VERSION, client)] {
         let mut server = server_of_two();
         server.handle(NOW, ServerEvent::Save);
@@ -85,7 +86,7 @@ fn a_member_that_greets_as_another_version_or_role_amid_a_view_change_does_not_s
 #[test]
 fn a_client_that_greets_as_another_version_or_role_is_gone_with_its_avatars() {
     let client = JoinAs::Client { interest: None };
-    let node = JoinAs::Node { address: ([127, 0, 0, 1], 2).into(), client: None, resume: None };
+    let node = JoinAs::Node { address: ([127, 0, 0, 1], 2).into(), client: None, resume: None, heard: 0 };
     for (version, role) in [(VERSION + 1, client), (VERSION, node)] {
         let mut server = server();
         let (from, id) = (Peer::Client(ClientId(7)), BodyId::avatar(ClientId(7), 0));
@@ -498,7 +499,7 @@ fn what_was_placed_in_a_view_that_nobody_came_to_compute_is_placed_again_from_wh
 
 fn back(server: &mut Server, node: u32, view: ViewNumber) -> Vec<ServerOutput> {
     let address = ([127, 0, 0, 1], node as u16).into();
-    let role = JoinAs::Node { address, client: None, resume: Some(view) };
+    let role = JoinAs::Node { address, client: None, resume: Some(view), heard: 0 };
     tell(server, node, Message::Hello(Hello { version: VERSION, role }))
 }
 

@@ -119,6 +119,29 @@ fn request(token: &str) -> JoinRequest {
 }
 
 #[test]
+fn who_asks_again_by_the_same_key_is_given_the_same_name_also_by_a_server_that_goes_on() {
+    let Server { process, authority, folder } = Server::start();
+    let token = authority.issue_token(JoinRole::Participant, HOUR, SystemTime::now()).unwrap().to_string();
+    let (asked, other) = (request(&token), request(&token));
+    let admit = |authority: &Authority, request: &JoinRequest| {
+        authority.admit(request, SystemTime::now()).map(|admission| admission.who)
+    };
+    let first = admit(&authority, &asked).ok();
+    assert!(first.is_some());
+    assert_eq!(admit(&authority, &asked).ok(), first, "its answer may be lost with the server that it asked");
+    assert!(matches!(admit(&authority, &other), Err(JoinRefusal::Used)), "another's key");
+    drop((process, authority));
+    let next = Authority::load_or_create(folder.path()).unwrap();
+    assert_eq!(admit(&next, &asked).ok(), first);
+    assert!(matches!(admit(&next, &other), Err(JoinRefusal::Used)));
+    #[cfg(feature = "physics")]
+    {
+        next.bar(first.unwrap(), "cheating".to_owned());
+        assert!(matches!(admit(&next, &asked), Err(JoinRefusal::Used)), "it needs a new token");
+    }
+}
+
+#[test]
 fn a_mistyped_token_is_told_from_a_refused_one() {
     let server = Server::start();
     let request = request("dcd1-aaaaaaaaaaaaaaaa");

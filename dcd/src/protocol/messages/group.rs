@@ -60,6 +60,8 @@ pub enum ToNode {
     Apply {
         /// The present view.
         view: ViewNumber,
+        /// The number in the view of the first of them that moves a body, of those that do.
+        first: u64,
         /// In order.
         ops: Vec<WorldOp>,
     },

@@ -137,7 +137,7 @@ fn a_node_greets_for_its_own_client_alone() {
             true => pair.other.who().client(),
             false => Some(ClientId(99)),
         };
-        let role = JoinAs::Node { address: ([127, 0, 0, 1], 1).into(), client, resume: None };
+        let role = JoinAs::Node { address: ([127, 0, 0, 1], 1).into(), client, resume: None, heard: 0 };
         let hello = protocol::encode(&Message::Hello(Hello { version: protocol::VERSION, role }));
         pair.other.send(server, crate::net::Lane::Admin, &hello).unwrap();
         let events = pair.hear();

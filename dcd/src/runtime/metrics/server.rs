@@ -126,8 +126,11 @@ impl Source for ServerMetrics {
             .is(n.repartitions as f64);
         text.counter("dcd_world_expulsions_total", "Nodes without which the world went on.")
             .is(n.expelled as f64);
-        text.counter("dcd_world_unreached_total", "Nodes that joined and that others did not reach.")
-            .is(n.unreached as f64);
+        text.counter(
+            "dcd_world_unreached_total",
+            "Nodes apart, as they and others did not reach each other.",
+        )
+        .is(n.unreached as f64);
         text.counter(
             "dcd_votes_total",
             "Votes on membership, by what became of them; open ones and cancelled ones are in neither.",

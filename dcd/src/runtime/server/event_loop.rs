@@ -249,7 +249,7 @@ impl Loop {
                 }
                 ServerOutput::Unreached(node) => warn!(
                     %node,
-                    "other nodes do not reach a new one at the address that it gave: it computes the world by itself until they do; \
+                    "a node and others do not reach each other at the addresses that they gave: it computes the world by itself until they do; \
                      check its --advertise, and what is between"
                 ),
                 ServerOutput::Began { group, view } if group != self.server().main_group() => {

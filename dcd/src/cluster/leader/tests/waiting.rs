@@ -32,7 +32,7 @@ fn a_tick_takes_no_more_operations_than_who_reads_them_has_room_for() {
     let ops: Vec<_> = (0..200_000).map(|i| WorldOp::Remove(BodyId::persistent(i))).collect();
     // Nor does one message of the server.
     for ops in protocol::split(ops.clone(), 1 << 20) {
-        let apply = protocol::ToNode::Apply { view: ViewNumber(1), ops: ops.clone() };
+        let apply = protocol::ToNode::Apply { view: ViewNumber(1), first: 0, ops: ops.clone() };
         protocol::decode(&protocol::encode(&protocol::Message::ToNode(apply))).unwrap();
         leader.apply(ops);
     }

@@ -3,7 +3,8 @@
 //!
 //! The leader made both, so that its word counts while it is there. Of the others' each is checked against the rest: what the leader
 //! sent to all must be known to most. Inputs went to the members that hold the avatar alone, and count by one member's word. A leader that dies
-//! may have told a few of a tick: it is completed, but what participants alone say was to be done in it to all that there is, is not.
+//! may have told a few of a tick: it is completed, but what participants alone say was to be done in it to all that there is, is not. Where that
+//! decides who exchanges with whom, they cannot complete it with the others, and begin anew.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
@@ -88,6 +89,28 @@ pub(super) fn dispatches(
     (by_tick.into_values().map(counts).collect(), refused)
 }
 
+/// Returns the members that have begun a tick otherwise than these dispatches say, in which all regions meet, or are cut otherwise: the leader told
+/// them alone, and each would wait there for what the others never send.
+pub(super) fn astray(
+    view: &View,
+    lag: u64,
+    named: &BTreeMap<NodeId, Vec<Dispatch>>,
+    counted: &[Dispatch],
+) -> BTreeSet<NodeId> {
+    let Some(end) = counted.last().filter(|_| !named.contains_key(&view.leader)) else {
+        return BTreeSet::new();
+    };
+    let meets = |op: &&WorldOp| op.repartition().is_some() || op.concerns_all();
+    let differs = |own: &Dispatch| {
+        // What is older all have done, and some do not name it any more.
+        let one = counted.iter().find(|one| one.tick == own.tick && one.tick.0 + lag.max(1) > end.tick.0);
+        own.view == view.number
+            && one.is_some_and(|one| own.ops.iter().filter(meets).any(|op| !one.ops.contains(op)))
+    };
+    let is_astray = |(_, own): &(&NodeId, &Vec<Dispatch>)| own.iter().any(differs);
+    named.iter().filter(is_astray).map(|(&node, _)| node).collect()
+}
+
 /// Returns the newest tick that each member names which takes part in this run, in order. Those that are silent are at the view's tick.
 fn ends(run: &BTreeMap<Tick, Vec<(NodeId, &Dispatch)>>, first: Tick, silent: usize) -> Vec<Tick> {
     let named = run.iter().flat_map(|(&tick, of)| of.iter().map(move |(node, _)| (*node, tick)));
@@ -153,7 +176,7 @@ fn most_common<'a, T: PartialEq>(all: impl Iterator<Item = &'a T>) -> Option<&'a
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::protocol::{Input, Member, Velocity, ViewNumber};
+    use crate::protocol::{Input, Member, Repartition, Velocity, ViewNumber};
     use crate::sim::{sim_body, sim_world};
     use crate::space::{BodyId, ClientId, GroupId, RegionId};
 
@@ -291,6 +314,51 @@ mod tests {
             _ => (node, own),
         });
         assert_eq!(of_nine(&view, &both), ops, "most know of it");
+    }
+
+    #[test]
+    fn who_was_told_alone_that_all_regions_meet_or_are_cut_otherwise_is_astray() {
+        let mut view = view();
+        view.members[2].client = Some(ClientId(1));
+        let jump = WorldOp::Input(Input {
+            body: BodyId::persistent(1),
+            logical_time: 0,
+            tick: Tick(0),
+            velocity: Velocity::default(),
+            pose: Some(crate::protocol::WorldPose::at([9.0; 3])),
+            drive: None,
+        });
+        let cut = WorldOp::Repartition(Repartition { changes: Vec::new(), newborn: TWO });
+        let of = |named: &[(NodeId, Vec<Dispatch>)]| {
+            let named = named.iter().cloned().collect();
+            let (counted, _) = dispatches(&view, Tick(8), 0, &named);
+            astray(&view, 0, &named, &counted)
+        };
+        let before = || vec![dispatch(8, vec![remove(1)])];
+        for op in [jump, cut] {
+            let alone = [before(), vec![dispatch(9, vec![op.clone()])]].concat();
+            assert_eq!(of(&[(TWO, before()), (THREE, alone.clone())]), [THREE].into());
+            assert_eq!(
+                of(&[(TWO, alone.clone()), (THREE, before())]),
+                [].into(),
+                "a dedicated node's word counts"
+            );
+            assert_eq!(of(&[(TWO, alone[1..].to_vec()), (THREE, alone.clone())]), [].into(), "both know it");
+            assert_eq!(
+                of(&[(ONE, before()), (TWO, before()), (THREE, alone)]),
+                [].into(),
+                "the leader is there"
+            );
+            // The tick before all have done; one alone names it still.
+            let late = [vec![dispatch(8, vec![op])], vec![dispatch(9, Vec::new())]].concat();
+            assert_eq!(of(&[(TWO, late[1..].to_vec()), (THREE, late)]), [].into());
+        }
+        let harmless = vec![dispatch(8, Vec::new()), dispatch(9, vec![remove(1), input(1)])];
+        assert_eq!(
+            of(&[(TWO, vec![dispatch(8, Vec::new())]), (THREE, harmless)]),
+            [].into(),
+            "it goes on with them"
+        );
     }
 
     #[test]

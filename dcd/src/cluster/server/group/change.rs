@@ -9,6 +9,7 @@ use super::agreement::{self, Division};
 use super::divisions::Divisions;
 use crate::cluster::server::ServerOutput;
 use crate::cluster::server::common::Common;
+use crate::cluster::server::moves::Moves;
 use crate::cluster::{Key, Life};
 use crate::protocol::{
     BodyRecord, CHUNK_BYTES, Chunk, Claim, Dispatch, Member, Placed, ToNode, View, ViewNumber, WorldOp,
@@ -51,6 +52,8 @@ pub(in crate::cluster::server) struct ViewChange {
     telling_bytes: usize,
     /// The last tick that the survivors complete.
     last: Tick,
+    /// Survivors that have begun that tick, or one before it, otherwise than the others are to do it.
+    astray: BTreeSet<NodeId>,
     surveys: BTreeMap<NodeId, Vec<Claim>>,
     /// How each survivor has the world cut after that tick, and who of them computes what.
     divisions: BTreeMap<NodeId, Option<Division>>,
@@ -124,6 +127,7 @@ impl Group {
             telling: Vec::new(),
             telling_bytes: 0,
             last: Tick(0),
+            astray: BTreeSet::new(),
             surveys: BTreeMap::new(),
             divisions: BTreeMap::new(),
             plan: None,
@@ -161,6 +165,11 @@ impl Group {
             None => !change.surveys.contains_key(node),
         };
         change.survivors.iter().filter(owes).copied().collect()
+    }
+
+    /// Returns the members that cannot complete the last tick with the others. The change goes on once they are gone.
+    pub(in crate::cluster::server) fn take_astray(&mut self) -> BTreeSet<NodeId> {
+        self.change.as_mut().map(|change| std::mem::take(&mut change.astray)).unwrap_or_default()
     }
 
     pub(in crate::cluster::server) fn settling(
@@ -213,6 +222,10 @@ impl Group {
             let (counted, refused) = agreement::dispatches(view, self.tick, lag, &change.settled);
             change.last = counted.last().map_or(view.tick, |last| last.tick);
             common.stale += refused;
+            change.astray = agreement::astray(view, lag, &change.settled, &counted);
+            if !change.astray.is_empty() {
+                return;
+            }
             dispatches = counted;
         }
         let survivors: Vec<_> = change.survivors.iter().copied().collect();
@@ -506,6 +519,7 @@ impl Group {
             let node = member.node;
             let Some(entry) = common.nodes.get_mut(&node) else { continue };
             entry.serving = Some(view.number);
+            entry.moves = Moves::of_view(view.number);
             // A link that breaks may lose what it was told before.
             let retold = self.retold.keys().into_iter().filter_map(|key| match key {
                 Key::GoneScenery(id) if self.record.body(id).is_none() => Some(id),
@@ -527,6 +541,7 @@ impl Group {
         }
         common.world_changed |= !std::mem::replace(&mut common.begun, true);
         self.arriving.clear();
+        self.denounced.clear();
         self.owners.clear();
         self.confirmed = false;
         self.divisions = Divisions::of_view(view.allocation.clone());

@@ -124,6 +124,46 @@ fn what_the_program_does_while_no_leader_hears_it_is_told_to_the_next_but_for_im
 }
 
 #[test]
+fn what_the_program_did_into_a_dead_link_its_leader_is_told_again_before_it_is_to_stop() {
+    let mut server = server();
+    let outputs = hello(&mut server, 1, VERSION);
+    obey(&mut server, 1, outputs);
+    let present = server.view().expect("it has begun").number;
+    let body = BodyId::persistent(0);
+    let to = |speed, pose: Option<f64>| {
+        let velocity = Velocity::linear([speed, 0.0, 0.0]);
+        let pose = pose.map(|x| WorldPose::at([x, 0.0, 0.0]));
+        Input { body, logical_time: 0, tick: Tick(0), velocity, pose, drive: None }
+    };
+    let moves = [to(1.0, None), to(2.0, Some(5.0)), to(3.0, None)].map(BuildOp::Move).to_vec();
+    let ops = [moves, vec![BuildOp::Push(Push::impulse(body, [1.0; 3]))]].concat();
+    server.handle(NOW, ServerEvent::Program(ops));
+    assert_eq!(applied(std::iter::from_fn(|| server.poll_output()).collect()).len(), 4);
+    for (heard, lost) in
+        [(0, vec![to(3.0, Some(5.0))]), (1, vec![to(3.0, Some(5.0))]), (2, vec![to(3.0, None)]), (4, vec![])]
+    {
+        let mut server = server.clone();
+        let role =
+            JoinAs::Node { address: ([127, 0, 0, 1], 1).into(), client: None, resume: Some(present), heard };
+        let outputs = tell(&mut server, 1, Message::Hello(Hello { version: VERSION, role }));
+        let to_node = |output: &ServerOutput| match output {
+            ServerOutput::Send { message: Message::ToNode(message), .. } => Some(message.clone()),
+            _ => None,
+        };
+        let told: Vec<_> = outputs.iter().filter_map(to_node).collect();
+        let settles = told.iter().position(|message| matches!(message, ToNode::Settle { .. }));
+        let applies = told.iter().position(|message| matches!(message, ToNode::Apply { .. }));
+        assert!(settles.is_some() && applies < settles, "{told:?}");
+        let first = told.iter().find_map(|message| match message {
+            ToNode::Apply { first, .. } => Some(*first),
+            _ => None,
+        });
+        assert_eq!(first, (!lost.is_empty()).then_some(heard));
+        assert_eq!(applied(outputs), lost.into_iter().map(WorldOp::Input).collect::<Vec<_>>());
+    }
+}
+
+#[test]
 fn what_a_leader_that_goes_had_not_passed_on_the_next_one_does() {
     let body = BodyId::persistent(0);
     let push = |body, x| WorldOp::Push(Push::impulse(body, [x, 0.0, 0.0]));
@@ -319,7 +359,7 @@ fn restarted(stored: Stored) -> Server {
 fn a_server_that_is_started_again_waits_for_clients_that_say_nothing_until_their_links_break() {
     let (mut server, mut stored) = (server(), Stored::new());
     let (client, id) = (ClientId(7), BodyId::avatar(ClientId(7), 0));
-    let role = JoinAs::Node { address: ([127, 0, 0, 1], 1).into(), client: None, resume: None };
+    let role = JoinAs::Node { address: ([127, 0, 0, 1], 1).into(), client: None, resume: None, heard: 0 };
     let spawn = FromClient::Spawn { body: sim_body(id, [1.0; 3]), shapes: Vec::new() };
     let (node, client) = (Peer::Node(NodeId(1)), Peer::Client(client));
     for (from, message) in [
@@ -355,7 +395,7 @@ fn a_server_that_is_started_again_tells_what_nobody_may_have_heard_of() {
     let mut stored = BTreeMap::new();
     let mut does = |server: &mut Server, event| handled(server, event, &mut stored);
     let from = Peer::Node(NodeId(1));
-    let role = |resume| JoinAs::Node { address: ([127, 0, 0, 1], 1).into(), client: None, resume };
+    let role = |resume| JoinAs::Node { address: ([127, 0, 0, 1], 1).into(), client: None, resume, heard: 0 };
     let greets = |resume| Message::Hello(Hello { version: VERSION, role: role(resume) });
     does(&mut server, ServerEvent::Message { from, message: greets(None) });
     does(&mut server, ServerEvent::Message { from, message: Message::ToServer(ToServer::Loaded) });

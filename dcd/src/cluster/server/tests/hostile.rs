@@ -300,7 +300,7 @@ fn a_member_that_owes_nothing_does_not_keep_another_from_being_given_up() {
 fn a_member_that_greets_again_and_again_does_not_stop_the_world() {
     let (mut server, present) = server_of_two();
     let resume = Some(present);
-    let role = JoinAs::Node { address: ([127, 0, 0, 1], 2).into(), client: None, resume };
+    let role = JoinAs::Node { address: ([127, 0, 0, 1], 2).into(), client: None, resume, heard: 0 };
     let greets = |server: &mut Server| tell(server, 2, Message::Hello(Hello { version: VERSION, role }));
     let sent_away = |outputs: &[ServerOutput]| {
         outputs.iter().any(|output| matches!(output, ServerOutput::Close { peer: Peer::Node(NodeId(2)), .. }))

@@ -1,6 +1,7 @@
 //! Tests what a participant cannot do to the others of its group: send them away, keep them out, or stop them again and again.
 
 use super::*;
+use crate::protocol::{Dispatch, Input, Velocity, WorldOp, WorldPose};
 
 /// Returns a server whose main group has these members, of which some are participants, and all of which reach one another.
 fn server_of(nodes: u32, players: &[u32]) -> Server {
@@ -19,7 +20,7 @@ fn server_of(nodes: u32, players: &[u32]) -> Server {
 
 fn comes(server: &mut Server, node: u32, plays: bool, resume: Option<ViewNumber>) -> Vec<ServerOutput> {
     let client = plays.then_some(ClientId(node));
-    let role = JoinAs::Node { address: ([127, 0, 0, 1], node as u16).into(), client, resume };
+    let role = JoinAs::Node { address: ([127, 0, 0, 1], node as u16).into(), client, resume, heard: 0 };
     tell(server, node, Message::Hello(Hello { version: VERSION, role }))
 }
 
@@ -28,18 +29,20 @@ fn members(server: &Server) -> Vec<u32> {
     view.into_iter().flat_map(|view| &view.members).map(|member| member.node.0).collect()
 }
 
-/// Has the time pass, and nodes answer like this.
+/// Has the time pass, and nodes answer like this; returns all that the server wanted.
 fn live(
     server: &mut Server,
     for_s: u64,
     mut answer: impl FnMut(&Server, NodeId, ToNode) -> Option<ToServer>,
-) {
+) -> Vec<ServerOutput> {
     let end = server.common.now + Duration::from_secs(for_s);
+    let mut said = Vec::new();
     while server.common.now < end {
         server.handle_timeout(server.common.now + BEAT);
         let outputs = std::iter::from_fn(|| server.poll_output()).collect();
-        obey_by(server, outputs, &mut answer);
+        said.extend(obey_by(server, outputs, &mut answer));
     }
+    said
 }
 
 /// Has members accuse others, and all answer that are asked; returns the members of the main group then.
@@ -66,6 +69,22 @@ fn a_participant_that_accuses_all_others_goes_itself() {
     assert!(server.common.failures.contains_key(&NodeId(4)));
     // The last dedicated one.
     assert_eq!(accuse(&mut server_of(3, &[2, 3]), &[(3, 1)]), [1, 2]);
+}
+
+#[test]
+fn who_accuses_the_last_dedicated_node_alone_is_not_to_blame_where_that_hangs() {
+    // How many faults the participant may have yet: of eight.
+    let left = |server: &Server| {
+        let mut account = server.common.failures.get(&NodeId(3)).copied().unwrap_or_default();
+        (0..9).filter(|_| account.ask(server.common.now, 1.0, 8.0, 0.0)).count()
+    };
+    for (hangs, faults) in [(0, 1), (1, 0)] {
+        let mut server = server_of(3, &[2, 3]);
+        let view = server.main().view.as_ref().unwrap().number;
+        tell(&mut server, 3, Message::ToServer(ToServer::LinkLost { view, node: NodeId(1) }));
+        live(&mut server, 7, all_but(hangs));
+        assert_eq!(left(&server), 8 - faults, "{hangs}");
+    }
 }
 
 #[test]
@@ -98,7 +117,8 @@ fn one_participant_does_not_keep_a_dedicated_node_out_for_good() {
     obey_by(&mut server, outputs, honest);
     live(&mut server, 9, honest);
     assert_eq!(members(&server), [1, 2], "its links may be on their way");
-    live(&mut server, 9, honest);
+    let said = live(&mut server, 9, honest);
+    assert!(said.contains(&ServerOutput::Unreached(NodeId(2))), "an operator is told who cannot reach whom");
     assert_eq!(members(&server), [1, 3]);
     live(&mut server, 30, honest);
     assert_eq!((members(&server), server.views().count()), (vec![1, 3], 2), "there it stays");
@@ -183,6 +203,36 @@ fn a_participant_that_stops_the_others_again_and_again_computes_apart_from_them(
         // In time it may try again.
         assert!(stopped(&mut server, 300) > 0, "{way}");
     }
+}
+
+#[test]
+fn a_participant_that_was_told_alone_of_a_jump_begins_anew_at_once() {
+    let mut server = server_of(3, &[3]);
+    let present = server.main().view.clone().unwrap();
+    assert_eq!(present.leader, NodeId(1));
+    server.handle(server.common.now, ServerEvent::Disconnected(Peer::Node(NodeId(1))));
+    let outputs = std::iter::repeat_with(|| wait(&mut server))
+        .find(|outputs| outputs.contains(&ServerOutput::Expelled(NodeId(1))))
+        .expect("it is given up");
+    let jump = WorldOp::Input(Input {
+        body: BodyId::persistent(1),
+        logical_time: 0,
+        tick: Tick(0),
+        velocity: Velocity::default(),
+        pose: Some(WorldPose::at([9.0; 3])),
+        drive: None,
+    });
+    let outputs = obey_by(&mut server, outputs, |server, node, message| match message {
+        ToNode::Settle { view } if node == NodeId(3) => {
+            let (tick, ops) = (present.tick.next(), vec![jump.clone()]);
+            let dispatches = vec![Dispatch { view: present.number, tick, rounds: 1, ops }];
+            Some(ToServer::Settling { view, dispatches, undone: Vec::new(), last: true })
+        }
+        message => answer(server, message),
+    });
+    assert!(outputs.contains(&ServerOutput::Expelled(NodeId(3))), "all meet in that tick by its word alone");
+    assert!(server.common.failures.is_empty() && server.main().change.is_none());
+    assert_eq!(members(&server), [2, 3]);
 }
 
 #[test]

@@ -563,8 +563,9 @@ typedef struct DcdServerDef {
     // Steps from one state of a moving body that clients are told to the next, 1 to 30: they show the steps between by interpolation
     // (dcd_view_time). 1 tells each step, in up to three times the bytes of 3.
     uint32_t state_every;
-    // 0.
-    uint32_t reserved;
+    // The share of participants, 0 to 1, whose regions the node that leads computes once more, to compare: one that computes otherwise is sent
+    // away. Who is drawn is not told. Needs a node that is no participant, with as many more regions to compute, and lockstep. 0: none.
+    float verify;
     // Where the server answers over HTTP with its metrics (/metrics, in Prometheus' text format) and whether it is well (/healthz, /readyz), as
     // "127.0.0.1:9420"; port 0 takes any free one (dcd_metrics_address). Whoever reaches it may read that. Null: nowhere, and nothing is measured.
     const char *metrics;
@@ -3988,7 +3989,7 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
     { (uint32_t)sizeof(DcdGroupDef), 0, 0.0f, 0.0f, 0.1f, 32 }
 #define DCD_SERVER_DEF_INIT \
     { (uint32_t)sizeof(DcdServerDef), 1, NULL, NULL, 0, NULL, { 0 }, NULL, "127.0.0.1:0", NULL, 0, \
-      20.0f, 0, 0, 3, 0, NULL, NULL, NULL }
+      20.0f, 0, 0, 3, 0.0f, NULL, NULL, NULL }
 #define DCD_NODE_DEF_INIT \
     { (uint32_t)sizeof(DcdNodeDef), 10000, NULL, NULL, NULL, NULL, 0, 0, 0, NULL, NULL, NULL }
 
@@ -4144,7 +4145,7 @@ DCD_ASSERT_(offsetof(DcdServerDef, avatar_speed) == 80);
 DCD_ASSERT_(offsetof(DcdServerDef, flags) == 84);
 DCD_ASSERT_(offsetof(DcdServerDef, user_data) == 88);
 DCD_ASSERT_(offsetof(DcdServerDef, state_every) == 96);
-DCD_ASSERT_(offsetof(DcdServerDef, reserved) == 100);
+DCD_ASSERT_(offsetof(DcdServerDef, verify) == 100);
 DCD_ASSERT_(offsetof(DcdServerDef, metrics) == 104);
 DCD_ASSERT_(offsetof(DcdServerDef, directory) == 112);
 DCD_ASSERT_(offsetof(DcdServerDef, record_path) == 120);

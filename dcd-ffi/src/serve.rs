@@ -80,8 +80,9 @@ pub struct DcdServerDef {
     /// Steps from one state of a moving body that clients are told to the next, 1 to 30: they show the steps between by interpolation
     /// (dcd_view_time). 1 tells each step, in up to three times the bytes of 3.
     pub state_every: u32,
-    /// 0.
-    pub reserved: u32,
+    /// The share of participants, 0 to 1, whose regions the node that leads computes once more, to compare: one that computes otherwise is sent
+    /// away. Who is drawn is not told. Needs a node that is no participant, with as many more regions to compute, and lockstep. 0: none.
+    pub verify: f32,
     /// Where the server answers over HTTP with its metrics (/metrics, in Prometheus' text format) and whether it is well (/healthz, /readyz), as
     /// "127.0.0.1:9420"; port 0 takes any free one (dcd_metrics_address). Whoever reaches it may read that. Null: nowhere, and nothing is measured.
     pub metrics: *const c_char,
@@ -189,7 +190,9 @@ pub unsafe extern "C" fn dcd_server_create(def: *const DcdServerDef, out: *mut D
         if !(1..=1024).contains(&def.nodes) {
             return Err(Failure::argument(format!("nodes is {}; give 1 to 1024", def.nodes)));
         }
-        pointer::check_reserved(def.reserved)?;
+        if !(0.0..=1.0).contains(&def.verify) {
+            return Err(Failure::argument(format!("verify is {}; give a share from 0 to 1", def.verify)));
+        }
         if !(1..=MAX_STATE_TICKS).contains(&def.state_every) {
             let every = def.state_every;
             return Err(Failure::argument(format!(
@@ -215,6 +218,7 @@ pub unsafe extern "C" fn dcd_server_create(def: *const DcdServerDef, out: *mut D
             last_tick: (def.last_tick > 0).then_some(Tick(def.last_tick)),
             avatar_speed_limit: def.avatar_speed,
             state_every: def.state_every,
+            verify: def.verify.into(),
             groups,
             metrics,
             directory,

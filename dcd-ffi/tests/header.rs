@@ -80,7 +80,7 @@ fn layouts() -> Vec<Layout> {
         DcdGroupDef { struct_size, lag_ticks, near_ms, far_ms, agree, size }
         DcdServerDef {
             struct_size, nodes, scene, params, param_count, world, source, groups, listen, data_path, last_tick, avatar_speed,
-            flags, user_data, state_every, reserved, metrics, directory, record_path
+            flags, user_data, state_every, verify, metrics, directory, record_path
         }
         DcdNodeDef {
             struct_size, timeout_ms, server, token, identity_path, listen, user_data, threads, reserved, record_path, metrics,
@@ -291,7 +291,7 @@ const MACROS: &str = "
     { (uint32_t)sizeof(DcdGroupDef), 0, 0.0f, 0.0f, 0.1f, 32 }
 #define DCD_SERVER_DEF_INIT \\
     { (uint32_t)sizeof(DcdServerDef), 1, NULL, NULL, 0, NULL, { 0 }, NULL, \"127.0.0.1:0\", NULL, 0, \\
-      20.0f, 0, 0, 3, 0, NULL, NULL, NULL }
+      20.0f, 0, 0, 3, 0.0f, NULL, NULL, NULL }
 #define DCD_NODE_DEF_INIT \\
     { (uint32_t)sizeof(DcdNodeDef), 10000, NULL, NULL, NULL, NULL, 0, 0, 0, NULL, NULL, NULL }
 

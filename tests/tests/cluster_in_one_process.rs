@@ -393,6 +393,31 @@ fn a_participant_computes_and_plays_in_one_process() {
     assert_eq!(node.finish().unwrap().regions, 2);
 }
 
+/// Bodies fall, roll and come to rest on both sides of the border between a node and a participant, and cross it.
+#[test]
+fn what_a_participant_computes_is_computed_once_more_to_the_same_bits() {
+    let scene = rain();
+    let world = WorldConfig { partitioning: Partitioning::Regions(2), ..WorldConfig::for_scene(&scene) };
+    let data = tempfile::tempdir().unwrap();
+    let config = ServeConfig { nodes: 2, verify: 1.0, pace: Pace::Unpaced, ..ServeConfig::new(data.path()) };
+    let server = ServerProcess::start(Origin::Scene(&scene, &world), config.clone()).unwrap();
+    let node = start_node(&server);
+    let token = server.token(JoinRole::Participant, LIMIT).unwrap();
+    let player = ClientWorld::participate(&JoinConfig::new(server.address, token)).unwrap();
+    assert!(server.wait(LIMIT, |summary, _| summary.tick >= Tick(300)));
+    assert_eq!(server.view().unwrap().members.len(), 2, "it is right, and stays");
+    assert!(player.summary().transfers > 0, "the test needs traffic");
+    server.stop().unwrap();
+    let verified = node.finish().unwrap().verified;
+    assert!(verified >= 295, "{verified} ticks");
+    // Who said what in which tick is not known then.
+    let groups = GroupConfig { lag_ticks: 6, ..GroupConfig::default() };
+    for wrong in [ServeConfig { groups, ..config.clone() }, ServeConfig { verify: 1.5, ..config }] {
+        let error = ServerProcess::start(Origin::Scene(&scene, &world), wrong).err().unwrap().to_string();
+        assert!(error.contains("verify is 1"), "{error}");
+    }
+}
+
 /// Members six ticks ahead of one another at most: what they say arrives late everywhere, and nothing is lost on the way.
 #[test]
 fn members_that_are_not_in_step_lose_and_double_nothing() {

@@ -15,7 +15,7 @@ use super::requests;
 use super::run::snapshot;
 use super::scenes;
 use super::summary::{Served, Summary};
-use super::values::{SERVER, address, duration, positive, speed, unused};
+use super::values::{SERVER, address, duration, positive, share, speed, unused};
 use super::view::{ANY_PORT, Onlooker};
 use super::world::{CutArgs, explained};
 use crate::cluster::{GroupPolicy, Grouping, PollRules};
@@ -86,6 +86,10 @@ pub(super) struct Serve {
     /// Ticks from one state of a moving body that clients are told to the next; what they show between is interpolated
     #[arg(long, value_name = "TICKS", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=MAX_STATE_TICKS as i64))]
     state_every: u32,
+    /// Compute the regions of this share of participants once more, 0 to 1, at the node that leads, and compare: who is drawn is not told. Needs a
+    /// dedicated node (`dcd node`), with as many more regions to compute; one that computes otherwise is sent away
+    #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = share)]
+    verify: f64,
     /// How long avatars wait for a client that left, before they are removed: 90s, 10m, 2h, 1d
     #[arg(long, value_name = "TIME", default_value = "1h", value_parser = duration)]
     keep_avatars: Duration,
@@ -137,6 +141,10 @@ impl Serve {
             interrupt.listen_to_stdin();
         }
         self.record.as_deref().map_or(Ok(()), unused)?;
+        if self.verify > 0.0 && self.lag > 0 {
+            let why = "--verify needs lockstep, which --lag gives up: what a participant was told in a tick is not known then. Leave one of them out";
+            return Err(Failure::usage(why));
+        }
         let config = self.config()?;
         requests::forget(&self.data);
         let notifier = Notifier::from_environment();
@@ -191,6 +199,7 @@ impl Serve {
             avatar_expiry: self.keep_avatars,
             record: self.record.clone(),
             metrics: self.metrics,
+            verify: self.verify,
             groups: self.groups()?,
         })
     }

@@ -73,6 +73,13 @@ pub(super) fn speed(text: &str) -> Result<f32, String> {
     if value > 0.0 && value <= 1e5 { Ok(value) } else { Err(wrong()) }
 }
 
+/// Parses a share, from 0 to 1.
+pub(super) fn share(text: &str) -> Result<f64, String> {
+    let wrong = || "write a share from 0 to 1, as 0.01 for one of a hundred".to_owned();
+    let value: f64 = text.parse().map_err(|_| wrong())?;
+    if (0.0..=1.0).contains(&value) { Ok(value) } else { Err(wrong()) }
+}
+
 /// Parses a positive number: milliseconds or metres.
 pub(super) fn positive(text: &str) -> Result<f32, String> {
     let wrong = || "write a number above 0 and up to 100000".to_owned();

@@ -19,8 +19,8 @@ pub enum Sampling {
 }
 
 /// A command of the node to its physics. [`PhysicsCommand::World`], [`PhysicsCommand::Load`],
-/// [`PhysicsCommand::Repartition`] and [`PhysicsCommand::Return`] have no answer; every other command is given only after the last one was answered. A [`PhysicsCommand::World`] forgets all
-/// that was before.
+/// [`PhysicsCommand::Repartition`] and [`PhysicsCommand::Return`] have no answer; every other command is given only after the last one was answered,
+/// but for [`PhysicsCommand::Verify`], which may be given at any time. A [`PhysicsCommand::World`] forgets all that was before.
 #[derive(Clone, Debug, PartialEq)]
 pub enum PhysicsCommand {
     /// Set the properties of the world to come; before anything else.
@@ -93,6 +93,14 @@ pub enum PhysicsCommand {
     Survey,
     /// Return these bodies with their states. Answered by [`PhysicsEvent::Found`].
     Fetch(Vec<BodyId>),
+    /// Compute once more what another member computes, beside the regions here and apart from them; answered by [`PhysicsEvent::Verified`]
+    /// where the command has an answer, or gives up a region that is not empty.
+    Verify {
+        /// Names what is computed; the first command of a new one is [`PhysicsCommand::Rebuild`], in the present world.
+        run: u64,
+        /// What that member was told. `None`: no more of it.
+        command: Option<Box<PhysicsCommand>>,
+    },
 }
 
 /// An answer of the physics to a [`PhysicsCommand`].
@@ -135,6 +143,13 @@ pub enum PhysicsEvent {
     Surveyed(Vec<Claim>),
     /// The fetched bodies that are held here, owned or replica, at the epoch of their owner, in id order.
     Found(Vec<BodyRecord>),
+    /// To [`PhysicsCommand::Verify`].
+    Verified {
+        /// Of what.
+        run: u64,
+        /// Its answer. `None`: a region is given up there that is not empty. What cannot be computed is not answered any more.
+        event: Option<Box<PhysicsEvent>>,
+    },
 }
 
 /// What a tick cost one member.

@@ -483,8 +483,8 @@ impl Leader {
         messages
     }
 
-    /// The newest tick that all members have completed.
-    fn completed(&self) -> Option<Tick> {
+    /// Returns the newest tick that all members have completed.
+    pub(super) fn completed(&self) -> Option<Tick> {
         let ticks = self.members.iter().map(|node| self.done.get(node).copied());
         ticks.min().flatten()
     }

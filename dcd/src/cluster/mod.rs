@@ -46,7 +46,8 @@ pub use ping::{ClockOffset, Pinger, RoundTrip, ping_interval_s};
 pub use record::{Life, Record};
 pub use server::{
     CanBuild, DrainError, Grouping, MAX_AVATARS, MAX_BUILT, MAX_BUILT_SHAPE_BYTES, MAX_SHAPE_BYTES,
-    RestoreError, SavedWorld, Server, ServerConfig, ServerEvent, ServerOrigin, ServerOutput, WORLD_ENDED,
+    RestoreError, SavedWorld, Server, ServerConfig, ServerEvent, ServerOrigin, ServerOutput, Verification,
+    WORLD_ENDED,
 };
 pub use state_replication::{ReplicationEvent, StateReplication, TickNews};
 pub use votes::{

@@ -8,6 +8,8 @@ mod lockstep;
 mod speculation;
 #[cfg(test)]
 mod tests;
+mod verifier;
+mod witness;
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::net::SocketAddr;
@@ -15,6 +17,8 @@ use std::time::Duration;
 
 use self::links::Links;
 use self::speculation::Speculation;
+use self::verifier::Verifier;
+use self::witness::Witness;
 use super::{DelayMonitor, Leader, Peer, PhysicsCommand, PhysicsEvent, Pinger, ReplicationEvent};
 use crate::protocol::{
     Area, Border, BorderMessage, Dispatch, Done, EnvironmentProperties, Farewell, FromClient, JointRecord,
@@ -105,6 +109,8 @@ pub struct NodeCounters {
     pub rejected: u64,
     /// Speculative ticks: computed without the others, for clients only.
     pub speculative: u64,
+    /// Ticks of participants that were computed once more here, and found right.
+    pub verified: u64,
 }
 
 /// The state machine of a node.
@@ -168,6 +174,8 @@ pub struct Node {
     /// The tick that the server was last sent.
     told: Tick,
     leaving: bool,
+    witness: Witness,
+    verifier: Verifier,
     watch: Option<DelayMonitor>,
     pinger: Pinger,
     counters: NodeCounters,
@@ -267,6 +275,8 @@ impl Node {
             report_all: false,
             told: Tick(0),
             leaving: false,
+            witness: Witness::default(),
+            verifier: Verifier::default(),
             watch: None,
             pinger: Pinger::default(),
             counters: NodeCounters::default(),
@@ -462,10 +472,16 @@ impl Node {
             },
             (Peer::Node(node), Message::Report(report)) => match &mut self.leader {
                 Some(leader) if report.view == leader.view() => {
+                    self.verifier.report(node, &report);
                     self.counters.refused += leader.report(node, report);
                 }
                 _ => self.counters.stale += 1,
             },
+            (Peer::Node(node), message @ (Message::Testimony(_) | Message::Copied { .. }))
+                if self.leader.is_some() && self.others.contains(&node) =>
+            {
+                self.hear_witness(node, message);
+            }
             (Peer::Node(node), Message::Waiting(view)) if view == self.number() => {
                 self.waiting.insert(node, now);
             }

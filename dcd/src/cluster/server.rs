@@ -20,6 +20,7 @@ mod status;
 mod stored;
 #[cfg(test)]
 mod tests;
+mod verdicts;
 mod vicinity;
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
@@ -33,8 +34,9 @@ use self::status::Statuses;
 use self::vicinity::Vicinity;
 use super::{Batch, Peer, Pinger, PollCounts, Polls, Record};
 use crate::protocol::{
-    Area, BuildOp, Chunk, EnvironmentProperties, Farewell, FromClient, Hello, JoinAs, Member, Message, Query,
-    QueryResult, Refusal, ShapeHash, ShapeRecord, ToClient, VERSION, View, ViewNumber, WorldEvents, chunks,
+    Area, BuildOp, Chunk, EnvironmentProperties, Farewell, Finding, FromClient, Hello, JoinAs, Member,
+    Message, Query, QueryResult, Refusal, ShapeHash, ShapeRecord, ToClient, VERSION, View, ViewNumber,
+    WorldEvents, chunks,
 };
 use crate::space::{BodyId, ClientId, GroupId, NodeId, Tick};
 
@@ -44,6 +46,7 @@ pub use self::drain::DrainError;
 pub use self::regroup::Grouping;
 pub use self::save::SavedWorld;
 pub use self::stored::{RestoreError, ServerOrigin};
+pub use self::verdicts::Verification;
 
 /// How often the server wakes up while something is due.
 const BEAT: Duration = Duration::from_millis(250);
@@ -165,6 +168,15 @@ pub enum ServerOutput {
     /// A node that is new, or begins anew, and that some members do not reach, or a participant that alone does not reach a dedicated node: it
     /// computes the world by itself until they do.
     Unreached(NodeId),
+    /// What a leader has found out about a participant that was verified. One that computes otherwise than it should is sent away.
+    Verdict {
+        /// The participant.
+        node: NodeId,
+        /// In which tick.
+        tick: Tick,
+        /// What.
+        finding: Finding,
+    },
     /// An audit of what all members together own, when the world is to end; over all groups.
     Audited {
         /// Bodies of the world that no node owns.

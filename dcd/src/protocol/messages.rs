@@ -7,6 +7,7 @@ mod group;
 mod program;
 mod query;
 mod status;
+mod verify;
 
 use std::net::SocketAddr;
 
@@ -33,6 +34,7 @@ pub use query::{
     QueryParts, QueryResult, RayAnswer, RayQuery, SHAPE_COST,
 };
 pub use status::{GroupStatus, NodeStatus, RegionStatus, Status};
+pub use verify::{Finding, HeardBorder, Testimony, Verified};
 
 /// The number of a group's membership. It grows with every join, leave and death; 0 is before the first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Encode, Decode)]
@@ -78,6 +80,15 @@ pub enum Message {
     Status(Status),
     /// Program to program, over a link between a server and another process.
     Program(Program),
+    /// Member to leader, before it says that a tick is done, where participants are verified: what it has taken in.
+    Testimony(Testimony),
+    /// The same: what it told a participant whose regions the leader computes once more.
+    Copied {
+        /// Which participant.
+        to: NodeId,
+        /// What it told it.
+        border: Border,
+    },
 }
 
 /// What a message is about, to say what links carry.
@@ -168,8 +179,10 @@ impl Message {
             },
             Self::Ping(_) | Self::Pong(_) => Subject::Pings,
             Self::Program(_) => Subject::Programs,
-            Self::Border(_) => Subject::Borders,
-            Self::Dispatch(_) | Self::Done(_) | Self::Report(_) | Self::Waiting(_) => Subject::Ticks,
+            Self::Border(_) | Self::Copied { .. } => Subject::Borders,
+            Self::Dispatch(_) | Self::Done(_) | Self::Report(_) | Self::Waiting(_) | Self::Testimony(_) => {
+                Subject::Ticks
+            }
             _ => Subject::Rest,
         }
     }

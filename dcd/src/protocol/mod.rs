@@ -43,13 +43,14 @@ pub use joint::{JointLimit, JointMotor, JointRecord, LinkMotion, LinkRecord};
 pub(crate) use messages::BUILD_BYTES;
 pub use messages::{
     Answer, Area, BodyCheckpoint, Border, BuildOp, CastAnswer, CastQuery, Chunk, Claim, Costs, Delay,
-    DelayThresholds, Dispatch, Done, EnvironmentProperties, Farewell, FilterRecord, FromClient, GroupStatus,
-    Heard, Hello, Input, JoinAs, Lane, LoadReport, MAX_BUILD_OPS, MAX_COST, MAX_FOUND, MAX_HEARD,
-    MAX_INTRODUCED, MAX_OPEN_COST, MAX_OPEN_QUERIES, MAX_QUERY_BYTES, MAX_TURN, MAX_TURNING_M, Member,
-    Message, Motion, NodeStatus, OVERLAPS_COST, Overlap, OverlapQuery, Pace, Part, PartFilter, Ping, Place,
-    Placed, Pong, Program, Push, Query, QueryParts, QueryResult, RayAnswer, RayQuery, Refusal, RegionLoad,
-    RegionStatus, Repartition, Report, SHAPE_COST, Stamp, Stance, Status, Subject, SyncProtocol, Thresholds,
-    ToClient, ToNode, ToServer, View, ViewNumber, WorldOp,
+    DelayThresholds, Dispatch, Done, EnvironmentProperties, Farewell, FilterRecord, Finding, FromClient,
+    GroupStatus, Heard, HeardBorder, Hello, Input, JoinAs, Lane, LoadReport, MAX_BUILD_OPS, MAX_COST,
+    MAX_FOUND, MAX_HEARD, MAX_INTRODUCED, MAX_OPEN_COST, MAX_OPEN_QUERIES, MAX_QUERY_BYTES, MAX_TURN,
+    MAX_TURNING_M, Member, Message, Motion, NodeStatus, OVERLAPS_COST, Overlap, OverlapQuery, Pace, Part,
+    PartFilter, Ping, Place, Placed, Pong, Program, Push, Query, QueryParts, QueryResult, RayAnswer,
+    RayQuery, Refusal, RegionLoad, RegionStatus, Repartition, Report, SHAPE_COST, Stamp, Stance, Status,
+    Subject, SyncProtocol, Testimony, Thresholds, ToClient, ToNode, ToServer, Verified, View, ViewNumber,
+    WorldOp,
 };
 #[cfg(feature = "physics")]
 pub(crate) use shape::voxels_fit;

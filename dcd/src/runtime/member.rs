@@ -112,6 +112,8 @@ pub struct NodeSummary {
     pub exchanges_sum: u64,
     /// Speculative ticks: computed for clients alone, while others were waited for.
     pub speculative: u64,
+    /// Ticks of participants that were computed once more here, as the leader.
+    pub verified: u64,
     /// Largest disagreement of copies of bodies held here in any tick, m/s.
     pub disagreement_max_m_s: f32,
     /// Microseconds of computing of each of the first million ticks.

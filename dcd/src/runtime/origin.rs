@@ -102,6 +102,14 @@ pub(super) fn world_of(
         let (what, range) = ("state_every", "a number of ticks from 1 to 30");
         return Err(WorldError::Setting { what, value: config.state_every.to_string(), range }.into());
     }
+    if !(0.0..=1.0).contains(&config.verify) {
+        let (what, range) = ("verify", "a share of the participants from 0 to 1");
+        return Err(WorldError::Setting { what, value: config.verify.to_string(), range }.into());
+    }
+    if config.verify > 0.0 && config.groups.lag_ticks > 0 {
+        let range = "leave it 0 where members run ahead of one another (--lag): what one was told in which tick is not known then";
+        return Err(WorldError::Setting { what: "verify", value: config.verify.to_string(), range }.into());
+    }
     if !step.can_be_served() {
         let range = "a served world is stepped with Rapier's own parameters: leave all but the speed limit at their defaults";
         let (what, value) = ("step.integration", "changed".to_owned());

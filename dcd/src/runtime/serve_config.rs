@@ -48,6 +48,9 @@ pub struct ServeConfig {
     /// An address where the server answers over HTTP with its metrics (`/metrics`, in Prometheus' format) and whether it is well
     /// (`/healthz`, `/readyz`). Whoever reaches it may read that.
     pub metrics: Option<SocketAddr>,
+    /// The share of participants, 0 to 1, whose regions the leader computes once more to compare the two, where that is a dedicated node: each
+    /// is drawn when it begins to compute, and not told. One that computes otherwise is sent away.
+    pub verify: f64,
     /// How members of a group keep in step, which nodes may share a group, and how far apart groups may be.
     pub groups: GroupConfig,
 }
@@ -71,6 +74,7 @@ impl ServeConfig {
             events: true,
             record: None,
             metrics: None,
+            verify: 0.0,
             groups: GroupConfig::default(),
         }
     }

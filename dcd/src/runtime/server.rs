@@ -12,6 +12,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+use ring::rand::{SecureRandom, SystemRandom};
 use tracing::error_span;
 
 use self::event_loop::Loop;
@@ -25,10 +26,10 @@ use super::origin::{Beginning, world_of};
 use super::saved::{local_of, saved_of};
 use super::{Connections, LocalWorld, Origin, ProcessError, Pulse, ServeConfig};
 use crate::cluster::directory::{Batch, Directory, DirectoryError, Entry, Key};
-use crate::cluster::{DrainError, Record, SavedWorld, ServerConfig, ServerOrigin};
+use crate::cluster::{DrainError, Grouping, Record, SavedWorld, ServerConfig, ServerOrigin, Verification};
 use crate::metrics::Endpoint;
 use crate::net::{
-    Authority, HeldEvent, JoinRole, Limits, Net, NetConfig, PeerName, PeerStats, check_address,
+    Authority, HeldEvent, JoinRole, Limits, Net, NetConfig, NetError, PeerName, PeerStats, check_address,
 };
 use crate::physics::can_build;
 use crate::protocol::{BuildOp, EnvironmentProperties, Query, QueryResult, View, WorldEvents};
@@ -214,7 +215,7 @@ impl ServerProcess {
         let server_config = ServerConfig {
             world: environment,
             min_nodes: config.nodes.max(1),
-            grouping: config.groups.grouping,
+            grouping: Grouping { verification: drawn_by_chance(config.verify)?, ..config.groups.grouping },
             avatar_expiry: config.avatar_expiry,
             events: config.events,
             can_build,
@@ -495,6 +496,14 @@ fn origin_of(
         return Ok(ServerOrigin::Instead(record, entries));
     }
     Ok(if entries.is_empty() { ServerOrigin::New(record) } else { ServerOrigin::Stored(entries) })
+}
+
+/// Returns how participants are drawn to be verified: nobody else can know how.
+fn drawn_by_chance(share: f64) -> Result<Verification, ProcessError> {
+    let mut seed = [0; 8];
+    let random = SystemRandom::new().fill(&mut seed);
+    random.map_err(|_| NetError::Tls("the system gives no random bytes".to_owned()))?;
+    Ok(Verification { share, seed: u64::from_le_bytes(seed) })
 }
 
 fn record_to(path: &Path, config: &ServerConfig, origin: &ServerOrigin) -> Result<Recorder, ProcessError> {

@@ -77,6 +77,8 @@ pub struct StandIn {
     reported: BTreeMap<BodyId, BodyState>,
     checkpointed: BTreeMap<BodyId, BodyState>,
     copy: Option<Box<Copy>>,
+    /// What other members compute and is computed once more here.
+    runs: BTreeMap<u64, Self>,
 }
 
 /// A copy of the regions for speculative ticks, while other members are waited for.
@@ -243,6 +245,16 @@ impl StandIn {
             PhysicsCommand::Return => {
                 self.copy = None;
                 None
+            }
+            PhysicsCommand::Verify { run, command: None } => {
+                self.runs.remove(&run);
+                None
+            }
+            PhysicsCommand::Verify { run, command: Some(command) } => {
+                let world = self.world.clone();
+                let twin = self.runs.entry(run).or_insert_with(|| Self { world, ..Self::default() });
+                let event = twin.carry_out(*command)?;
+                Some(PhysicsEvent::Verified { run, event: Some(Box::new(event)) })
             }
             PhysicsCommand::Survey => Some(PhysicsEvent::Surveyed(self.claims())),
             PhysicsCommand::Fetch(ids) => {

@@ -12,8 +12,8 @@ use crate::cluster::{
 };
 use crate::playback::ViewTime;
 use crate::protocol::{
-    BodyRecord, Chunk, DATAGRAM_BYTES, Message, ToClient, ToNode, ToServer, Velocity, View, ViewNumber,
-    decode, encode,
+    BodyRecord, Chunk, DATAGRAM_BYTES, Finding, Message, ToClient, ToNode, ToServer, Velocity, View,
+    ViewNumber, decode, encode,
 };
 use crate::recording::{RecordedServer, digests_of, tick_of};
 use crate::space::{BodyId, ClientId, GroupId, NodeId, Tick};
@@ -239,6 +239,10 @@ impl Sim {
     fn send(&mut self, from: Peer, to: Peer, mut message: Message) {
         match &mut message {
             Message::Border(border) => {
+                if self.liar.is_some_and(|(a, b)| (Peer::Node(a), Peer::Node(b)) == (from, to)) {
+                    let states = border.messages.iter_mut().flat_map(|message| &mut message.states);
+                    states.for_each(|state| state.velocity.linear[1] += 1.0);
+                }
                 for transfers in border.messages.iter_mut().map(|message| &mut message.transfers) {
                     while self.drop_transfers > 0 && transfers.pop().is_some() {
                         self.drop_transfers -= 1;
@@ -321,6 +325,14 @@ impl Sim {
                     self.note(|| format!("{node} is expelled"));
                 }
                 ServerOutput::Unreached(node) => self.note(|| format!("{node} is not reached by all")),
+                ServerOutput::Verdict { node, tick, finding } => {
+                    self.findings.push((node, tick, finding));
+                    let is_honest = self.flipped.is_none() && self.liar.is_none();
+                    if is_honest && finding != Finding::GivenUp {
+                        self.violation.get_or_insert(Violation::Accused { node, tick });
+                    }
+                    self.note(|| format!("{node} is judged by {tick}: {finding:?}"));
+                }
                 ServerOutput::Saved(saved) => {
                     self.note(|| format!("the world is saved after {}", saved.tick));
                     self.saved = Some(saved);

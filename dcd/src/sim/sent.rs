@@ -34,8 +34,10 @@ impl Scope {
         match message {
             Message::ToServer(ToServer::InterGroup { .. } | ToServer::Touched { .. })
             | Message::ToNode(ToNode::InterGroup { .. } | ToNode::Authority { .. }) => Self::BetweenGroups,
-            Message::Dispatch(_) | Message::Done(_) | Message::Report(_) => Self::InsideGroups,
-            Message::Border(_) => Self::Borders,
+            Message::Dispatch(_) | Message::Done(_) | Message::Report(_) | Message::Testimony(_) => {
+                Self::InsideGroups
+            }
+            Message::Border(_) | Message::Copied { .. } => Self::Borders,
             Message::FromClient(..) | Message::ToClient(..) => Self::Clients,
             Message::Waiting(_) | Message::Ping(_) | Message::Pong(_) => Self::Pings,
             _ => Self::Server,

@@ -20,6 +20,7 @@ mod owners;
 mod questions;
 mod restore;
 mod showing;
+mod verify;
 
 fn config(seed: u64, nodes: u32) -> SimConfig {
     SimConfig { seed, nodes, ..SimConfig::default() }

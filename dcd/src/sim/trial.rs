@@ -70,6 +70,8 @@ pub struct TrialConfig {
     pub flip: Option<Tick>,
     /// Whether nodes are recorded.
     pub record: bool,
+    /// Whether two of three nodes are participants that are verified.
+    pub verify: bool,
 }
 
 impl Default for TrialConfig {
@@ -86,6 +88,7 @@ impl Default for TrialConfig {
             spoilt: None,
             flip: None,
             record: false,
+            verify: false,
         }
     }
 }
@@ -128,6 +131,8 @@ pub struct Outcome {
     pub timeline: Timeline,
     /// The bit that was flipped, if one was to be and its node came so far.
     pub flipped: Option<Flipped>,
+    /// Ticks of participants that were computed once more and found right, by nodes that live.
+    pub verified: u64,
     /// The recordings of all nodes and servers by their names, those that died too.
     pub tapes: BTreeMap<String, Tape>,
 }
@@ -147,6 +152,7 @@ impl Outcome {
             staleness: Staleness::default(),
             timeline: Timeline::default(),
             flipped: None,
+            verified: 0,
             tapes: BTreeMap::new(),
         }
     }
@@ -271,6 +277,7 @@ impl<'a> Trial<'a> {
             state_every,
             checkpoint_every: (rate / 5).max(1).into(),
             record: config.record,
+            verify: config.verify,
             ..SimConfig::default()
         });
         let mut trial = Self {
@@ -350,6 +357,7 @@ impl<'a> Trial<'a> {
         Outcome {
             tapes: self.sim.take_recordings(),
             flipped: self.sim.flipped().cloned(),
+            verified: self.sim.nodes().map(|node| node.counters().verified).sum(),
             violation,
             worst_recovery: self.worst_recovery,
             worst_pause: self.worst_pause,

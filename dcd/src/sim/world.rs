@@ -14,11 +14,14 @@ use super::{
 use crate::cluster::directory::{Directory, MemoryDirectory};
 use crate::cluster::{
     Client, ClientEvent, ClientOutput, Grouping, Node, NodeConfig, NodeEvent, Peer, Record, SavedWorld,
-    Server, ServerConfig, ServerEvent, ServerOrigin,
+    Server, ServerConfig, ServerEvent, ServerOrigin, Verification,
 };
-use crate::protocol::{Area, BodyKind, BodyState, EnvironmentProperties, SyncProtocol, Thresholds};
+use crate::protocol::{Area, BodyKind, BodyState, EnvironmentProperties, Finding, SyncProtocol, Thresholds};
 use crate::recording::{RecordedServer, Recorder};
 use crate::space::{Balance, BodyId, ClientId, GroupId, NodeId, Tick};
+
+/// The first id of clients that nobody plays.
+const UNPLAYED: u32 = 10_000;
 
 /// The configuration of a run.
 #[derive(Clone, Debug)]
@@ -57,6 +60,8 @@ pub struct SimConfig {
     pub checkpoint_every: u64,
     /// Whether its nodes are recorded.
     pub record: bool,
+    /// Whether two of three nodes are participants, whose clients nobody plays, and all of these are verified.
+    pub verify: bool,
 }
 
 impl Default for SimConfig {
@@ -80,6 +85,7 @@ impl Default for SimConfig {
             state_every: 3,
             checkpoint_every: 6,
             record: false,
+            verify: false,
         }
     }
 }
@@ -123,6 +129,8 @@ pub struct Sim {
     pub(super) company: BTreeMap<NodeId, usize>,
     /// Nodes without which the server let a group go on.
     pub(super) expelled: Vec<NodeId>,
+    /// What leaders have found out about participants that were verified.
+    pub(super) findings: Vec<(NodeId, Tick, Finding)>,
     /// When a tick of each group was last checked.
     pub(super) checked_at: BTreeMap<GroupId, Duration>,
     /// The server dies after so many outputs, counted from its next durable batch on.
@@ -137,6 +145,8 @@ pub struct Sim {
     /// Bugs to plant: transfers still to be dropped, and how all others are spoilt.
     pub(super) drop_transfers: u32,
     pub(super) spoilt: Option<Spoilt>,
+    /// Who tells whom that its bodies are faster than they are.
+    pub(super) liar: Option<(NodeId, NodeId)>,
     /// Who watches what bodies do, where they touch.
     pub(super) watch: Option<Watch>,
     /// Outputs to clients, for tests.
@@ -197,7 +207,10 @@ impl Sim {
         let server_config = ServerConfig {
             world,
             min_nodes: config.nodes.max(1) as usize,
-            grouping: config.grouping.clone(),
+            grouping: Grouping {
+                verification: Verification { share: f64::from(u8::from(config.verify)), seed: config.seed },
+                ..config.grouping.clone()
+            },
             avatar_expiry: Duration::from_secs(3_600),
             events: false,
             can_build: |_, _| true,
@@ -226,6 +239,7 @@ impl Sim {
             leaders: BTreeMap::new(),
             company: BTreeMap::new(),
             expelled: Vec::new(),
+            findings: Vec::new(),
             checked_at: BTreeMap::new(),
             crash_after_store: None,
             has_stored: false,
@@ -234,6 +248,7 @@ impl Sim {
             slow_node: None,
             drop_transfers: 0,
             spoilt: None,
+            liar: None,
             watch: None,
             told: Vec::new(),
             sent: BTreeMap::new(),
@@ -274,10 +289,11 @@ impl Sim {
         self.last_node.0 += 1;
         let id = self.last_node;
         let address = SocketAddr::from((Ipv4Addr::LOCALHOST, id.0 as u16));
+        let unplayed = (self.config.verify && id.0 % 3 != 1).then_some(ClientId(UNPLAYED + id.0));
         let config = NodeConfig {
             id,
             address,
-            client,
+            client: client.or(unplayed),
             interest: None,
             checkpoint_every: self.config.checkpoint_every,
             patience: Duration::from_millis(100),

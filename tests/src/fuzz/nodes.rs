@@ -1,5 +1,6 @@
 //! Gives nodes events that no honest process sends, as a member and as the leader of a group; a stand-in computes their regions.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use dcd::cluster::{Node, NodeConfig, NodeEvent, NodeOutput, PhysicsCommand, PhysicsEvent, TickStats};
@@ -109,6 +110,8 @@ pub(super) fn member(script: &[u8]) {
 #[derive(Default)]
 struct Answering {
     rounds_left: u32,
+    /// What is computed once more.
+    runs: BTreeMap<u64, Self>,
 }
 
 impl Physics for Answering {
@@ -133,6 +136,14 @@ impl Physics for Answering {
             PhysicsCommand::Accept { .. } => {
                 self.rounds_left -= 1;
                 if self.rounds_left > 0 { computed() } else { Some(settled()) }
+            }
+            PhysicsCommand::Verify { run, command: None } => {
+                self.runs.remove(&run);
+                None
+            }
+            PhysicsCommand::Verify { run, command: Some(command) } => {
+                let event = self.runs.entry(run).or_default().execute(*command)?;
+                event.map(|event| PhysicsEvent::Verified { run, event: Some(Box::new(event)) })
             }
             PhysicsCommand::Drain { .. } => Some(PhysicsEvent::Drained),
             PhysicsCommand::Speculate(_) => Some(PhysicsEvent::Speculated(Vec::new())),

@@ -2,7 +2,21 @@
 
 use super::{Exchange, Node, Phase};
 use crate::protocol::{Border, BorderMessage, Placed, ViewNumber, WorldOp};
-use crate::space::{NodeId, Tick};
+use crate::space::{Allocation, NodeId, Tick};
+
+/// Returns whether one member may say this to another, by who computes what and the newest view in which bodies were placed.
+pub(super) fn can_be_said(
+    allocation: &Allocation,
+    newest_view: u64,
+    (from, to): (NodeId, NodeId),
+    message: &BorderMessage,
+) -> bool {
+    let computes = |region, node| allocation.get(&region) == Some(&node);
+    let is_possible = || message.epochs().all(|epoch| epoch.is_possible(newest_view, message.tick));
+    computes(message.from, from)
+        && computes(message.to, to)
+        && (from == to || message.names_only(allocation.len()) && is_possible())
+}
 
 /// Early border messages kept from one member beside those of the ticks that members may be apart.
 pub(super) const EARLY_BORDERS: usize = 4;
@@ -39,12 +53,8 @@ impl Node {
     /// Returns whether a member may say this: from its own region to one of ours, of regions that there are, and, if it is another one, of
     /// bodies at epochs that can be: an owner at any other would be believed by nobody else.
     pub(super) fn can_be(&self, from: NodeId, message: &BorderMessage) -> bool {
-        let Some(view) = &self.view else { return false };
-        let (me, computes) = (self.config.id, |region, node| view.allocation.get(&region) == Some(&node));
-        let is_possible = || message.epochs().all(|epoch| epoch.is_possible(self.newest_view, message.tick));
-        computes(message.from, from)
-            && computes(message.to, me)
-            && (from == me || message.names_only(view.allocation.len()) && is_possible())
+        let allocation = self.view.as_ref().map(|view| &view.allocation);
+        allocation.is_some_and(|own| can_be_said(own, self.newest_view, (from, self.config.id), message))
     }
 
     /// Notes in which views the bodies were placed with which a view begins. An avatar that returned meanwhile was placed in the newest of all

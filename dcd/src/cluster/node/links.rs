@@ -179,6 +179,9 @@ impl Node {
         }
         if self.view.as_ref().is_some_and(|view| view.leader == node) {
             self.report_all = true;
+            for message in self.witness.told() {
+                self.send(Peer::Node(node), message);
+            }
             for done in self.done.clone() {
                 self.send(Peer::Node(node), Message::Done(done));
             }

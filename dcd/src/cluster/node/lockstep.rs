@@ -4,7 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-use super::{Exchange, Node, NodeOutput, PendingView, Phase};
+use super::{Exchange, Node, NodeOutput, PendingView, Phase, Witness};
 use crate::cluster::state_replication::TELL_TICK;
 use crate::cluster::{
     DelayMonitor, DelayRules, Leader, Peer, PhysicsCommand, PhysicsEvent, Sampling, VoteThresholds,
@@ -97,6 +97,7 @@ impl Node {
                 Some(leader) if leader.view() == view => leader.authority(alone, by_default, stances),
                 _ => self.counters.stale += 1,
             },
+            ToNode::Verify { view, nodes } => self.witness.learn(view, nodes),
             ToNode::Shutdown { farewell, reason } => self.stop(farewell, reason),
         }
     }
@@ -125,6 +126,7 @@ impl Node {
         self.dispatched = self.dispatched.max(newest);
         self.held.retain(|held| held.tick > self.dispatched);
         self.others.retain(|node| survivors.contains(node));
+        self.verifier.survive(survivors);
         if let Phase::Exchanging(Exchange { with, arrived, .. }) = &mut self.phase {
             with.retain(|node| survivors.contains(node));
             arrived.retain(|node, _| survivors.contains(node));
@@ -152,6 +154,8 @@ impl Node {
         self.done_inputs.clear();
         self.end_leading();
         self.done.clear();
+        self.witness = Witness::default();
+        self.verifier.end();
         self.link.tell_again();
     }
 
@@ -184,6 +188,9 @@ impl Node {
     }
 
     pub(super) fn physics(&mut self, now: Duration, event: PhysicsEvent) {
+        if let PhysicsEvent::Verified { run, event } = event {
+            return self.verified(run, event.map(|event| *event));
+        }
         if self.void > 0 {
             self.void -= 1;
             return;
@@ -199,7 +206,9 @@ impl Node {
         self.tick_takes = now.saturating_sub(self.since);
         self.since = now;
         match event {
-            PhysicsEvent::Speculated(_) | PhysicsEvent::Drained => unreachable!("taken care of above"),
+            PhysicsEvent::Speculated(_) | PhysicsEvent::Drained | PhysicsEvent::Verified { .. } => {
+                unreachable!("taken care of above")
+            }
             PhysicsEvent::Computed { outgoing, neighbours, removed } => {
                 self.exchange(outgoing, &neighbours, removed)
             }
@@ -240,6 +249,9 @@ impl Node {
                 if self.done.len() as u64 > 1 + self.lag() {
                     self.done.pop_front();
                 }
+                for message in self.witness.testify(view, tick) {
+                    self.tell_leader(message);
+                }
                 self.tell_leader(Message::Done(done));
                 self.outputs.push_back(NodeOutput::Settled(tick));
             }
@@ -269,6 +281,11 @@ impl Node {
 
     /// Does what can be done: one command to the physics at most, and the leader's next tick.
     pub(super) fn progress(&mut self, now: Duration) {
+        self.go_on(now);
+        self.verify();
+    }
+
+    fn go_on(&mut self, now: Duration) {
         if self.change.is_none()
             && let Some(dispatch) = self.leader.as_mut().and_then(|leader| leader.dispatch(now))
         {
@@ -277,6 +294,7 @@ impl Node {
                 let message = Message::Dispatch(leader.for_member(node, &dispatch));
                 self.outputs.push_back(NodeOutput::Send { to: Peer::Node(node), message });
             }
+            self.verifier.opens(dispatch.view, dispatch.tick, dispatch.rounds);
             self.dispatched = dispatch.tick;
             self.dispatches.push_back(dispatch);
         }
@@ -331,6 +349,7 @@ impl Node {
         changes.into_iter().for_each(|change| self.repartition(tick, change));
         self.note_inputs(&ops);
         self.learn_epochs(&ops);
+        self.verify_tick(tick, rounds, &ops);
         self.phase = Phase::Computing(tick, 0);
         self.end_speculation();
         self.ask(PhysicsCommand::Step { tick, rounds, ops });
@@ -382,8 +401,12 @@ impl Node {
         self.begin_epochs(view.number, &placed);
         let joints = std::mem::take(&mut self.joints);
         let (tick, tree) = (view.tick, view.tree.clone());
+        self.witness.begin(view.number);
+        let verified = self.witness.verified().map(|_| (placed.clone(), joints.clone()));
         self.ask(PhysicsCommand::Rebuild { tick, tree, regions, placed, joints, drop });
         self.view = Some(view);
+        let (placed, joints) = verified.unwrap_or_default();
+        self.verify_view(&placed, &joints);
         self.grant_early_inputs();
         self.tell_own_client();
     }
@@ -404,6 +427,7 @@ impl Node {
                 self.tell_division(tick);
             }
         }
+        self.verifier.repartition(&change.changes, change.newborn);
         let (changes, newborn_here) = (change.changes.clone(), change.newborn == me);
         self.order(PhysicsCommand::Repartition { changes, newborn_here });
     }
@@ -449,6 +473,7 @@ impl Node {
                 let border = Border { view: number, tick, round, messages };
                 let lag = self.lag();
                 self.link.keep(node, &border, lag);
+                self.witness.tells(node, &border);
                 self.send(Peer::Node(node), Message::Border(border));
             }
         }
@@ -486,7 +511,11 @@ impl Node {
         let me = self.config.id;
         let mut incoming: Vec<BorderMessage> = Vec::new();
         for (node, messages) in std::mem::take(arrived) {
-            for message in messages {
+            let border = Border { view: number, tick, round, messages };
+            if node != me {
+                self.witness.hears(node, &border);
+            }
+            for message in border.messages {
                 let said = if node == me { Some(tick) } else { heard };
                 if Some(message.tick) == said && self.can_be(node, &message) {
                     incoming.push(message);
@@ -619,6 +648,7 @@ impl Node {
             Message::Report(report) => {
                 leader.report(self.config.id, report);
             }
+            Message::Testimony(_) | Message::Copied { .. } => self.hear_witness(self.config.id, message),
             _ => unreachable!("members only report to their leader"),
         }
     }

@@ -14,6 +14,7 @@ use super::ServerOutput;
 use super::common::{Common, NodeEntry};
 use super::postponed::Postponed;
 use super::retold::Retold;
+use super::verdicts::Drawn;
 use crate::cluster::state_replication::TELL_TICK;
 use crate::cluster::{Life, Record};
 use crate::protocol::{BodyRecord, ToClient, ToNode, ToServer, View, WorldOp};
@@ -69,6 +70,8 @@ pub(super) struct Group {
     pub audit: Option<(Vec<BodyId>, Vec<BodyId>)>,
     /// How often each member has come back in the present view change, which began anew with it.
     returns: BTreeMap<NodeId, u32>,
+    /// The participants that are verified.
+    pub drawn: Drawn,
 }
 
 impl Group {
@@ -98,6 +101,7 @@ impl Group {
             saving: false,
             audit: None,
             returns: BTreeMap::new(),
+            drawn: Drawn::default(),
         }
     }
 

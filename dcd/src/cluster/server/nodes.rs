@@ -195,6 +195,9 @@ impl Server {
             ToServer::Ballot { poll, delay_ms } => self.cast(node, poll, delay_ms),
             ToServer::InterGroup { view, tick, states } => self.inter_group(node, view, tick, states),
             ToServer::Touched { view, bodies } => self.touched(node, view, bodies),
+            ToServer::Verdict { view, tick, node: of, finding } => {
+                self.verdict(node, view, tick, of, finding)
+            }
             ToServer::Answer { view, number, found } => self.answered(node, view, number, found),
             ToServer::Contacts { view, events, .. } => match self.is_led_by(node, view) {
                 true => self.common.outputs.push_back(ServerOutput::Contacts(events)),

@@ -7,6 +7,7 @@ use std::time::Duration;
 use bincode::{Decode, Encode};
 
 use super::group::Group;
+use super::verdicts::Verification;
 use super::{Server, ServerOutput};
 use crate::cluster::{
     Call, GroupPolicy, GroupRules, Hint, Outcome, PeerDelay, PollRules, VoteThresholds, best_group,
@@ -36,12 +37,20 @@ pub struct Grouping {
     pub hints: Vec<Hint>,
     /// The rules of votes.
     pub votes: PollRules,
+    /// How many participants are verified. A server process sets it by its `ServeConfig::verify`.
+    pub verification: Verification,
 }
 
 impl Default for Grouping {
     fn default() -> Self {
         let votes = PollRules::default();
-        Self { max_size: votes.max_size, policy: GroupPolicy::default(), hints: Vec::new(), votes }
+        Self {
+            max_size: votes.max_size,
+            policy: GroupPolicy::default(),
+            hints: Vec::new(),
+            votes,
+            verification: Verification::default(),
+        }
     }
 }
 

@@ -181,6 +181,26 @@ impl RegionHost {
         Ok(renamed)
     }
 
+    /// Returns whether these changes would give up a region here that holds something.
+    pub(crate) fn gives_up_bodies(&self, changes: &[TreeChange]) -> bool {
+        let mut tree = self.partition.tree().clone();
+        // Under the names that regions have by then.
+        let mut full: Vec<_> =
+            self.regions().filter(|region| region.holds_movable()).map(Region::id).collect();
+        for change in changes {
+            let renaming = tree.renaming(change);
+            if tree.change_unchecked(change).is_err() {
+                return false;
+            }
+            let Some(Renaming { from, to, gone, .. }) = renaming else { continue };
+            if gone.is_some_and(|gone| full.contains(&gone)) {
+                return true;
+            }
+            full.iter_mut().filter(|id| **id == from).for_each(|id| *id = to);
+        }
+        false
+    }
+
     /// Adopts a tree that has other leaves: one region has a new name, as (old, new), and one may be new here.
     fn adopt(
         &mut self,

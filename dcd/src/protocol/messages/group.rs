@@ -2,7 +2,10 @@
 
 use bincode::{Decode, Encode};
 
-use super::{Answer, Chunk, EnvironmentProperties, Input, Member, Query, QueryResult, View, ViewNumber};
+use super::{
+    Answer, Chunk, EnvironmentProperties, Finding, Input, Member, Query, QueryResult, Verified, View,
+    ViewNumber,
+};
 use crate::protocol::{
     Alteration, BodyRecord, BodyState, BorderMessage, JointRecord, RegionEvents, ShapeRecord, SharedState,
     WorldEvents,
@@ -102,6 +105,14 @@ pub enum ToNode {
         by_default: bool,
         /// New stances, in id order.
         stances: Vec<Stance>,
+    },
+    /// Before [`ToNode::Adopt`], where participants are verified: say to the leader what you take in, and what you tell these. To the leader:
+    /// compute once more what these compute.
+    Verify {
+        /// The view to come.
+        view: ViewNumber,
+        /// In id order.
+        nodes: Vec<Verified>,
     },
     /// Stop.
     Shutdown {
@@ -249,6 +260,17 @@ pub enum ToServer {
     },
     /// The node asks to leave; its regions are handed over first, then it is told to shut down.
     Leave,
+    /// From the leader: what it has found out about a participant whose regions it computes once more.
+    Verdict {
+        /// The view of that tick.
+        view: ViewNumber,
+        /// In which tick.
+        tick: Tick,
+        /// Which participant.
+        node: NodeId,
+        /// What.
+        finding: Finding,
+    },
 }
 
 /// The measured delay from the sender to another node.

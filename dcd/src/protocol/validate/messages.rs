@@ -4,6 +4,9 @@ use super::{all, ascending, finite, must, not_negative, within_reach};
 use crate::protocol::*;
 use crate::space::{Allocation, Balance, Bounds, DistributionTree, MAX_REGIONS};
 
+/// The most border messages that a member takes in in one tick: of a thousand others in 64 rounds.
+const MOST_HEARD: usize = 1 << 16;
+
 impl Check for EnvironmentProperties {
     fn check(&self) -> Result<(), Invalid> {
         if let Some((what, _, range)) = self.step.fault() {
@@ -266,6 +269,10 @@ impl Check for ToNode {
             }
             Self::Authority { stances, .. } => ascending(stances, |stance| stance.body, "stances"),
             Self::Settle { view } => view.check(),
+            Self::Verify { view, nodes } => {
+                view.check()?;
+                ascending(nodes, |verified| verified.node, "verify.nodes")
+            }
             Self::WorldEnd | Self::Fetch { .. } | Self::Poll { .. } | Self::Shutdown { .. } => Ok(()),
         }
     }
@@ -309,6 +316,10 @@ impl Check for ToServer {
                 must(states.len() <= STATES_BYTES, "states", "no more than a datagram holds")
             }
             Self::Touched { bodies, .. } => ascending(bodies, |&(body, _)| body, "touched"),
+            Self::Verdict { view, tick, .. } => {
+                view.check()?;
+                tick.check()
+            }
             Self::Loaded | Self::LinkLost { .. } | Self::Call(_) | Self::Leave => Ok(()),
         }
     }
@@ -449,6 +460,13 @@ impl Check for Message {
                 JoinAs::Client { interest: Some(area), .. } => area.check(),
                 _ => Ok(()),
             },
+            Self::Testimony(testimony) => {
+                testimony.tick.check()?;
+                let fits = |heard: &HeardBorder| heard.round < MAX_ROUNDS;
+                must(testimony.heard.iter().all(fits), "testimony.round", "below 64")?;
+                must(testimony.heard.len() <= MOST_HEARD, "testimony.heard", "at most 65,536 messages")
+            }
+            Self::Copied { border, .. } => border.check(),
             Self::Waiting(_) | Self::Ping(_) | Self::Pong(_) | Self::AskStatus => Ok(()),
         }
     }

@@ -462,8 +462,14 @@ impl Loop {
                         _ => {}
                     }
                 }
-                if matches!(event, PhysicsEvent::Speculated(_)) {
-                    self.shared.lock().summary.speculative += 1;
+                match &event {
+                    PhysicsEvent::Speculated(_) => self.shared.lock().summary.speculative += 1,
+                    PhysicsEvent::Verified { event: Some(event), .. }
+                        if matches!(**event, PhysicsEvent::Settled { .. }) =>
+                    {
+                        self.shared.lock().summary.verified += 1;
+                    }
+                    _ => {}
                 }
                 if let Some(node) = &mut self.node {
                     node.handle(self.start.elapsed(), NodeEvent::Physics(event));

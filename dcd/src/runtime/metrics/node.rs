@@ -215,6 +215,11 @@ impl Source for NodeMetrics {
             "Ticks computed for clients alone, while others were waited for.",
         )
         .is(c.speculative as f64);
+        text.counter(
+            "dcd_verified_ticks_total",
+            "Ticks of participants that were computed once more here, and right.",
+        )
+        .is(c.verified as f64);
         text.gauge("dcd_regions", "Regions computed here.").is(n.regions as f64);
         text.gauge("dcd_bodies", "Movable bodies owned here.").is(n.last.bodies.into());
         text.gauge("dcd_ghosts", "Copies of bodies of other regions, held here.").is(n.last.replicas.into());

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use super::{SECONDS, turns, write_common};
 use crate::cluster::ServerOutput;
 use crate::metrics::{Histogram, Source, Text};
-use crate::protocol::{BodyKind, Message, ToClient};
+use crate::protocol::{BodyKind, Finding, Message, ToClient};
 use crate::recording::RecordedServer;
 use crate::runtime::bandwidth::LinkTotals;
 
@@ -26,6 +26,8 @@ struct Numbers {
     repartitions: u64,
     expelled: u64,
     unreached: u64,
+    /// Participants that were found to deviate, that contradict others, and whose verification was given up.
+    findings: [u64; 3],
     /// What clients asked for and were refused.
     refused: u64,
     commit_times: Histogram,
@@ -42,6 +44,7 @@ impl ServerMetrics {
             repartitions: 0,
             expelled: 0,
             unreached: 0,
+            findings: [0; 3],
             refused: 0,
             commit_times: Histogram::new(SECONDS),
             commit_bytes: 0,
@@ -70,6 +73,9 @@ impl ServerMetrics {
             ServerOutput::Repartitioned { .. } => numbers.repartitions += 1,
             ServerOutput::Expelled(_) => numbers.expelled += 1,
             ServerOutput::Unreached(_) => numbers.unreached += 1,
+            ServerOutput::Verdict { finding: Finding::Deviates(_), .. } => numbers.findings[0] += 1,
+            ServerOutput::Verdict { finding: Finding::Contradicts(_), .. } => numbers.findings[1] += 1,
+            ServerOutput::Verdict { finding: Finding::GivenUp, .. } => numbers.findings[2] += 1,
             ServerOutput::Send { message: Message::ToClient(_, ToClient::Rejected { .. }), .. } => {
                 numbers.refused += 1;
             }
@@ -131,6 +137,10 @@ impl Source for ServerMetrics {
             "Nodes apart, as they and others did not reach each other.",
         )
         .is(n.unreached as f64);
+        text.counter("dcd_verdicts_total", "What was found out about participants that were verified.")
+            .of(&[("finding", "deviates")], n.findings[0] as f64)
+            .of(&[("finding", "contradicts")], n.findings[1] as f64)
+            .of(&[("finding", "given_up")], n.findings[2] as f64);
         text.counter(
             "dcd_votes_total",
             "Votes on membership, by what became of them; open ones and cancelled ones are in neither.",

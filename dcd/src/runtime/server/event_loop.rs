@@ -11,7 +11,7 @@ use super::{Input, SUSPENDED, Shared};
 use crate::cluster::directory::{Batch, Condition, Directory, DirectoryError, Key, Revision};
 use crate::cluster::{DrainError, Peer, SavedWorld, Server, ServerEvent, ServerOutput, WORLD_ENDED};
 use crate::net::{Authority, NetTotals, PeerName};
-use crate::protocol::{BodyKind, BodyRecord, Farewell, StateHasher};
+use crate::protocol::{BodyKind, BodyRecord, Farewell, Finding, StateHasher};
 use crate::recording::RecordedServer;
 use crate::runtime::directory::FolderLock;
 use crate::runtime::end_request::EndRequests;
@@ -19,7 +19,7 @@ use crate::runtime::ending::{Cause, Reason};
 use crate::runtime::links::{LinkEvent, Links};
 use crate::runtime::metrics::ServerMetrics;
 use crate::runtime::{Connections, ProcessError};
-use crate::space::NodeId;
+use crate::space::{NodeId, Tick};
 
 /// How often sending is tried again where a link had no room.
 const RETRY: Duration = Duration::from_millis(2);
@@ -252,6 +252,7 @@ impl Loop {
                     "a node and others do not reach each other at the addresses that they gave: it computes the world by itself until they do; \
                      check its --advertise, and what is between"
                 ),
+                ServerOutput::Verdict { node, tick, finding } => self.tell_of_verdict(node, tick, finding),
                 ServerOutput::Began { group, view } if group != self.server().main_group() => {
                     info!(%group, view = view.number.0, members = view.members.len(), "a view begins");
                 }
@@ -313,6 +314,28 @@ impl Loop {
                     self.over = true;
                 }
             }
+        }
+    }
+
+    /// Says what a leader has found out about a participant. One that computes otherwise than it should comes back by a new token only.
+    fn tell_of_verdict(&self, node: NodeId, tick: Tick, finding: Finding) {
+        let tick = tick.0;
+        match finding {
+            Finding::Deviates(region) => {
+                warn!(%node, %region, tick, "a participant computes otherwise than its leader does from the same, and is sent away");
+                let known = self.connections.list();
+                let who = known.into_iter().map(|known| known.who).find(|who| who.node() == Some(node));
+                let reason = format!("what it computed of {region} in tick {tick} is not right");
+                self.links.iter().zip(who).for_each(|(links, who)| links.bar(who, reason.clone()));
+            }
+            Finding::Contradicts(other) => warn!(
+                %node, %other, tick,
+                "two participants contradict each other about what one told the other: one of them lies"
+            ),
+            Finding::GivenUp => info!(
+                %node, tick,
+                "a participant is verified no longer: what it was told is not known, or the leader has not the time"
+            ),
         }
     }
 

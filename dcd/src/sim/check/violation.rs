@@ -118,6 +118,14 @@ pub enum Violation {
         /// Who.
         node: NodeId,
     },
+    /// A participant that computed what it should was said not to.
+    #[error("{node} is said to have computed {tick} otherwise than it should, and has not")]
+    Accused {
+        /// Who.
+        node: NodeId,
+        /// In which tick.
+        tick: Tick,
+    },
     /// A node's estimate of a peer's clock is wrong by more than its own bound.
     #[error("{node} is wrong about a clock by {error_us} us, where {bound_us} us is the most")]
     Clock {

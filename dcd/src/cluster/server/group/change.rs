@@ -10,6 +10,7 @@ use super::divisions::Divisions;
 use crate::cluster::server::ServerOutput;
 use crate::cluster::server::common::Common;
 use crate::cluster::server::moves::Moves;
+use crate::cluster::server::verdicts::told_to;
 use crate::cluster::{Key, Life};
 use crate::protocol::{
     BodyRecord, CHUNK_BYTES, Chunk, Claim, Dispatch, Member, Placed, ToNode, View, ViewNumber, WorldOp,
@@ -420,8 +421,8 @@ impl Group {
     fn conclude(&mut self, common: &mut Common) {
         let is_complete =
             |change: &mut ViewChange| change.plan.as_ref().is_some_and(|plan| plan.fetching.is_empty());
-        let Some(change) = self.change.take_if(is_complete) else { return };
-        let Some(Plan { members, tree, allocation, owners, saves, .. }) = change.plan else { return };
+        let Some(mut change) = self.change.take_if(is_complete) else { return };
+        let Some(Plan { members, tree, allocation, owners, saves, .. }) = change.plan.take() else { return };
         let mut homeless = BTreeSet::new();
         let mut moved = BTreeMap::new();
         let mut drop: BTreeSet<BodyId> = BTreeSet::new();
@@ -492,7 +493,7 @@ impl Group {
                 allocation,
                 events: common.config.events,
             };
-            self.adopt(common, view, placed, &drop, &owners, &change.surveys);
+            self.adopt(common, view, placed, &drop, &owners, &change);
             self.catch_up(common, change.undone);
             self.former = former;
         }
@@ -510,34 +511,50 @@ impl Group {
         placed: Vec<Placed>,
         drop: &BTreeSet<BodyId>,
         owners: &BTreeMap<BodyId, Owner>,
-        surveys: &BTreeMap<NodeId, Vec<Claim>>,
+        change: &ViewChange,
     ) {
         let ids: BTreeSet<_> = placed.iter().map(|placed| placed.body.id).collect();
         let mut common_parts = chunks(placed, Chunk::Placed);
         common_parts.extend(self.record.joint_chunks(|id| ids.contains(&id)));
+        let mut drops = BTreeMap::new();
         for member in &view.members {
             let node = member.node;
             let Some(entry) = common.nodes.get_mut(&node) else { continue };
-            entry.serving = Some(view.number);
-            entry.moves = Moves::of_view(view.number);
             // A link that breaks may lose what it was told before.
             let retold = self.retold.keys().into_iter().filter_map(|key| match key {
                 Key::GoneScenery(id) if self.record.body(id).is_none() => Some(id),
                 _ => None,
             });
             let stale = std::mem::take(&mut entry.stale_scenery).into_iter().chain(retold);
+            // A node that claims a body that another owns at a higher epoch lets go of it.
+            let beaten = change
+                .surveys
+                .get(&node)
+                .into_iter()
+                .flatten()
+                .filter(|claim| owners[&claim.id].node != node);
+            let drop: BTreeSet<_> =
+                drop.iter().copied().chain(beaten.map(|claim| claim.id)).chain(stale).collect();
+            drops.insert(node, drop.into_iter().collect::<Vec<_>>());
+        }
+        // Who has begun anew has no division.
+        let stayed = |node| change.divisions.get(&node).is_some_and(Option::is_some);
+        let verified = self.drawn.draw(common, &view, stayed, &drops);
+        for (node, drop) in drops {
+            let Some(entry) = common.nodes.get_mut(&node) else { continue };
+            entry.serving = Some(view.number);
+            entry.moves = Moves::of_view(view.number);
             let mut parts = self.record.shape_chunks(&mut entry.shapes);
             parts.extend(self.record.scenery_chunks(&mut entry.scenery));
             parts.extend(common_parts.iter().cloned());
             for chunk in parts {
                 common.send_node(node, ToNode::Chunk(chunk));
             }
-            // A node that claims a body that another owns at a higher epoch lets go of it.
-            let beaten =
-                surveys.get(&node).into_iter().flatten().filter(|claim| owners[&claim.id].node != node);
-            let drop: BTreeSet<_> =
-                drop.iter().copied().chain(beaten.map(|claim| claim.id)).chain(stale).collect();
-            common.send_node(node, ToNode::Adopt { view: view.clone(), drop: drop.into_iter().collect() });
+            if let Some(verified) = &verified {
+                let nodes = told_to(node, &view, verified);
+                common.send_node(node, ToNode::Verify { view: view.number, nodes });
+            }
+            common.send_node(node, ToNode::Adopt { view: view.clone(), drop });
         }
         common.world_changed |= !std::mem::replace(&mut common.begun, true);
         self.arriving.clear();

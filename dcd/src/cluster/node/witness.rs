@@ -1,0 +1,66 @@
+//! Tells a leader that computes once more what participants compute what this member hears from others, and what it tells those.
+
+use crate::protocol::{Border, HeardBorder, Message, Testimony, Verified, ViewNumber};
+use crate::space::{NodeId, Tick};
+
+/// What a member has heard and told in the present tick, as far as that is to be told to the leader.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Witness {
+    /// Who is verified in a view to come.
+    coming: Option<(ViewNumber, Vec<Verified>)>,
+    /// Who is verified in the present one. `None`: nobody asks.
+    verified: Option<Vec<Verified>>,
+    heard: Vec<HeardBorder>,
+    copies: Vec<Message>,
+    /// What was told of the newest tick, which a link that breaks may lose.
+    told: Vec<Message>,
+}
+
+impl Witness {
+    /// Takes in who is verified in a view to come.
+    pub(super) fn learn(&mut self, view: ViewNumber, nodes: Vec<Verified>) {
+        self.coming = Some((view, nodes));
+    }
+
+    /// Begins a view.
+    pub(super) fn begin(&mut self, view: ViewNumber) {
+        let coming = self.coming.take().filter(|(of, _)| *of == view);
+        self.verified = coming.map(|(_, nodes)| nodes);
+        self.heard.clear();
+        self.copies.clear();
+    }
+
+    /// Returns who is verified in the present view, if anybody is asked about it.
+    pub(super) fn verified(&self) -> Option<&[Verified]> {
+        self.verified.as_deref()
+    }
+
+    /// Notes what is told to another member.
+    pub(super) fn tells(&mut self, to: NodeId, border: &Border) {
+        if self.verified.iter().flatten().any(|verified| verified.node == to) {
+            self.copies.push(Message::Copied { to, border: border.clone() });
+        }
+    }
+
+    /// Notes what is taken in of another member.
+    pub(super) fn hears(&mut self, from: NodeId, border: &Border) {
+        if self.verified.is_some() {
+            self.heard.push(HeardBorder { round: border.round, from, digest: border.digest() });
+        }
+    }
+
+    /// Returns what the leader is to know of a tick before it hears that this member is done with it.
+    pub(super) fn testify(&mut self, view: ViewNumber, tick: Tick) -> Vec<Message> {
+        self.told = std::mem::take(&mut self.copies);
+        if self.verified.is_some() {
+            let heard = std::mem::take(&mut self.heard);
+            self.told.push(Message::Testimony(Testimony { view, tick, heard }));
+        }
+        self.told.clone()
+    }
+
+    /// Returns what it was told of the newest tick, to be told once more.
+    pub(super) fn told(&self) -> Vec<Message> {
+        self.told.clone()
+    }
+}

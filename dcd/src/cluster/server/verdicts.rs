@@ -1,0 +1,143 @@
+//! Draws the participants whose regions a dedicated leader computes once more, and acts on what it finds out.
+
+use std::collections::BTreeMap;
+
+use bincode::{Decode, Encode};
+
+use super::common::Common;
+use super::{Server, ServerOutput};
+use crate::protocol::{Farewell, Finding, Verified, View, ViewNumber};
+use crate::space::{BodyId, NodeId, Tick, mixed};
+
+/// How many participants are verified: their regions are computed once more by the leader, if that is a dedicated node.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Encode, Decode)]
+pub struct Verification {
+    /// The share of participants, 0 to 1, each drawn when it begins to compute. 0: none, and nothing is sent for that.
+    pub share: f64,
+    /// Of the draws: who knows it knows who is verified.
+    pub seed: u64,
+}
+
+impl Verification {
+    /// Returns whether a participant is verified that begins to compute in a view.
+    fn draws(&self, view: ViewNumber, node: NodeId) -> bool {
+        let drawn = mixed(self.seed ^ mixed(view.0 ^ mixed(self.seed ^ u64::from(node.0))));
+        // The upper bits, as many as a double has room for.
+        ((drawn >> 11) as f64) / ((1_u64 << 53) as f64) < self.share
+    }
+}
+
+/// The participants of a group that are verified.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Drawn {
+    /// The leader that does it.
+    by: Option<NodeId>,
+    /// Since which view.
+    nodes: BTreeMap<NodeId, ViewNumber>,
+}
+
+impl Drawn {
+    /// Draws those who are verified in a view to come, of the participants that begin with it; those who have been go on, under the same
+    /// leader. Returns what members are told of it, also where nobody is drawn, since nobody is to know that; `None`: nobody can be.
+    pub(super) fn draw(
+        &mut self,
+        common: &Common,
+        view: &View,
+        stayed: impl Fn(NodeId) -> bool,
+        drops: &BTreeMap<NodeId, Vec<BodyId>>,
+    ) -> Option<Vec<Verified>> {
+        let verification = common.config.grouping.verification;
+        let led_by = view.led_by().filter(|leader| leader.client.is_none())?.node;
+        if verification.share <= 0.0 || common.config.world.protocol.lag_ticks() > 0 {
+            return None;
+        }
+        let Self { by, nodes } = self;
+        // Who has not led the view before does not know what others began with.
+        if by.replace(led_by) != Some(led_by) || !stayed(led_by) {
+            nodes.clear();
+        }
+        let participants = view.members.iter().filter(|member| member.client.is_some());
+        let participants: Vec<_> = participants.map(|member| member.node).collect();
+        if participants.is_empty() {
+            nodes.clear();
+            return None;
+        }
+        nodes.retain(|node, _| participants.contains(node) && stayed(*node));
+        for node in participants {
+            if !stayed(node) && verification.draws(view.number, node) {
+                nodes.insert(node, view.number);
+            }
+        }
+        let verified = nodes.iter().map(|(&node, &since)| {
+            let drop = drops.get(&node).cloned().unwrap_or_default();
+            Verified { node, anew: since == view.number, drop }
+        });
+        Some(verified.collect())
+    }
+
+    /// Returns whether a participant is verified by this node in the view, and forgets one that is no longer, by what was found out.
+    fn hears(&mut self, by: NodeId, view: ViewNumber, node: NodeId, finding: Finding) -> bool {
+        let is_meant = self.by == Some(by) && self.nodes.get(&node).is_some_and(|since| *since <= view);
+        if is_meant && !matches!(finding, Finding::Contradicts(_)) {
+            self.nodes.remove(&node);
+        }
+        is_meant
+    }
+}
+
+/// Returns what one member is told of those who are verified: nobody of itself, and the leader alone what they let go of.
+pub(super) fn told_to(node: NodeId, view: &View, verified: &[Verified]) -> Vec<Verified> {
+    let others = verified.iter().filter(|one| one.node != node);
+    let told = others.map(|one| match node == view.leader {
+        true => one.clone(),
+        false => Verified { drop: Vec::new(), ..*one },
+    });
+    told.collect()
+}
+
+impl Server {
+    /// Takes in what a leader has found out about a participant. Who computes otherwise than it should has to go at once, and what it computed
+    /// counts for nothing.
+    pub(super) fn verdict(
+        &mut self,
+        from: NodeId,
+        view: ViewNumber,
+        tick: Tick,
+        node: NodeId,
+        finding: Finding,
+    ) {
+        let group = self.group_of(from).and_then(|id| self.groups.get_mut(&id));
+        if !group.is_some_and(|group| group.drawn.hears(from, view, node, finding)) {
+            self.common.stale += 1;
+            return;
+        }
+        self.common.outputs.push_back(ServerOutput::Verdict { node, tick, finding });
+        let Finding::Deviates(region) = finding else { return };
+        let Some(entry) = self.common.nodes.get_mut(&node) else { return };
+        let reason =
+            format!("what it computed of {region} in tick {} does not follow from what it was told", tick.0);
+        (entry.leaving, entry.unwanted) = (true, Some((Farewell::SentAway, reason)));
+        let client = entry.member.client;
+        client.into_iter().for_each(|client| self.part(client));
+        self.begin_anew(node);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn as_many_are_drawn_as_are_asked_for_and_others_with_another_seed() {
+        let drawn = |share, seed| {
+            let verification = Verification { share, seed };
+            let all = (0..100).flat_map(|view| (0..100).map(move |node| (ViewNumber(view), NodeId(node))));
+            all.filter(|(view, node)| verification.draws(*view, *node)).collect::<Vec<_>>()
+        };
+        assert_eq!((drawn(0.0, 1).len(), drawn(1.0, 1).len()), (0, 10_000));
+        assert!((70..130).contains(&drawn(0.01, 1).len()), "{}", drawn(0.01, 1).len());
+        let (one, other) = (drawn(0.5, 1), drawn(0.5, 2));
+        let both = one.iter().filter(|pair| other.contains(pair)).count();
+        assert!((2_300..2_700).contains(&both), "{both} of both");
+    }
+}

@@ -2112,6 +2112,24 @@ typedef struct DcdForce {
 // To the pose that you give by dcd_body_set_target, whatever it meets. Animated limbs. Not in a served world.
 #define DCD_KINEMATIC_POSE 3
 
+// (a + b) / 2.
+#define DCD_COMBINE_AVERAGE 0
+
+// The smaller: ice makes everything slippery.
+#define DCD_COMBINE_MIN 1
+
+// a * b.
+#define DCD_COMBINE_MULTIPLY 2
+
+// The larger: rubber makes everything stick.
+#define DCD_COMBINE_MAX 3
+
+// a + b, at most 1.
+#define DCD_COMBINE_SUM 4
+
+// The square root of a * b.
+#define DCD_COMBINE_GEOMETRIC_MEAN 5
+
 // What the scene says, else DCD_COUPLING_AUTO.
 #define DCD_COUPLING_DEFAULT 0
 
@@ -2142,24 +2160,6 @@ typedef struct DcdForce {
 
 // Accuracy first: 4 exchanges at most, 3 hops deep, every island whole, 0.01 m/s.
 #define DCD_PRESET_PRECISE 3
-
-// (a + b) / 2.
-#define DCD_COMBINE_AVERAGE 0
-
-// The smaller: ice makes everything slippery.
-#define DCD_COMBINE_MIN 1
-
-// a * b.
-#define DCD_COMBINE_MULTIPLY 2
-
-// The larger: rubber makes everything stick.
-#define DCD_COMBINE_MAX 3
-
-// a + b, at most 1.
-#define DCD_COMBINE_SUM 4
-
-// The square root of a * b.
-#define DCD_COMBINE_GEOMETRIC_MEAN 5
 
 // A box; `size` is half of its edges.
 #define DCD_SHAPE_BOX 0
@@ -3199,7 +3199,8 @@ DcdStatus dcd_joint_strength_set(DcdWorld world,
 // before may be read meanwhile.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_BUSY, DCD_ERR_PANIC, DCD_ERR_NETWORK once the link to the server is gone or
 // the world has ended (the last state stays readable, and what came before the loss is in dcd_events), DCD_ERR_IO once a server
-// could not write its folder or its recording, and has stopped. Each later step says so again.
+// could not write its folder, and has stopped, or once its world has ended and its recording is not whole. Each later step says
+// so again; what is known can still be read.
 DCD_API DcdStatus dcd_step(DcdWorld world);
 
 // Begins what dcd_step does, on a thread of the library, and returns at once; dcd_step_wait says what became of it. Meanwhile

@@ -1,111 +1,28 @@
 //! Creates, finds and destroys bodies, and checks their definitions.
 
+use std::sync::Arc;
+
 use dcd::Role;
 use dcd::protocol::{BodyKind, BodyState, BodyTraits, Velocity, WorldPose};
 use dcd::query::ShapeHash;
 use dcd::space::BodyId;
 use rapier3d::prelude::*;
 
-use crate::collider::{DCD_COLLIDER_ANY_GROUP, DCD_COLLIDER_SENSOR, DcdColliderProperties, DcdCombineRule};
+use crate::collider::{DCD_COLLIDER_ANY_GROUP, DCD_COLLIDER_SENSOR, DcdColliderProperties};
+pub use crate::definition::DcdBodyDef;
+use crate::definition::Made;
 use crate::guard::{guard, guard_value};
 use crate::handle::stale;
-use crate::ids::{DcdBodyId, DcdShapeId, DcdWorld};
-use crate::pointer::{self, Out, Sized32};
+use crate::ids::{DcdBodyId, DcdWorld};
+use crate::pointer::{self, Out};
 use crate::properties::{DcdBodyProperties, recorded_kind};
 use crate::registry::{World, find, with};
 use crate::shape;
 use crate::status::{DcdStatus, Failure};
 use crate::types::{
-    DCD_BODY_ANY_GROUP, DCD_BODY_ASLEEP, DCD_BODY_NO_SLEEP, DCD_BODY_SENSOR, DCD_DYNAMIC, DcdBodyType,
-    DcdFrame, DcdPose, DcdVelocity, check_pose, check_velocity,
+    DCD_BODY_ANY_GROUP, DCD_BODY_ASLEEP, DCD_BODY_NO_SLEEP, DCD_BODY_SENSOR, DCD_DYNAMIC, DcdFrame,
+    DcdVelocity, check_pose, check_velocity,
 };
-
-/// The definition of a body. Start from DCD_BODY_DEF_INIT and give at least `shape`. dcd_body_set_properties and
-/// dcd_collider_set_properties change it later.
-#[repr(C)]
-#[derive(Clone, Copy, Debug)]
-pub struct DcdBodyDef {
-    /// sizeof(DcdBodyDef).
-    pub struct_size: u32,
-    /// DCD_FIXED, DCD_DYNAMIC, DCD_KINEMATIC or DCD_KINEMATIC_POSE.
-    pub body_type: DcdBodyType,
-    /// Where it starts.
-    pub pose: DcdPose,
-    /// How it moves at first.
-    pub velocity: DcdVelocity,
-    /// Of the same world. Two bodies may share one. dcd_collider_add gives a body more.
-    pub shape: DcdShapeId,
-    /// kg/m³, 0 or more. A dynamic body needs mass by this, `mass` or `extra_mass`; a mesh that is not closed and terrain have none by this.
-    pub density: f32,
-    /// Kilograms of the shape, instead of those that follow from density; 0 is by density.
-    pub mass: f32,
-    /// Coulomb coefficient, 0 or more.
-    pub friction: f32,
-    /// 0 (no bounce) to 1 (all of the speed).
-    pub restitution: f32,
-    /// DCD_COMBINE_…: what two bodies in contact use of their friction.
-    pub friction_rule: DcdCombineRule,
-    /// DCD_COMBINE_…: what they use of their restitution.
-    pub restitution_rule: DcdCombineRule,
-    /// Metres that the shape is kept away from others, 0 or more: a thin cushion makes contacts cheaper and calmer.
-    pub contact_skin: f32,
-    /// Slows movement down: 1/s, 0 or more.
-    pub linear_damping: f32,
-    /// Slows turning down: 1/s, 0 or more.
-    pub angular_damping: f32,
-    /// Factor on gravity.
-    pub gravity_scale: f32,
-    /// DCD_BODY_… bits.
-    pub flags: u32,
-    /// DCD_LOCK_… bits: axes of the world that a dynamic body does not follow.
-    pub locked: u32,
-    /// DCD_EVENT_… bits. A contact is told of when either body asks for it.
-    pub events: u32,
-    /// Newtons above which DCD_EVENT_FORCE tells, 0 or more.
-    pub force_threshold: f32,
-    /// Groups that the body belongs to, as bits.
-    pub groups: u32,
-    /// Groups that it meets. Two bodies collide when each meets a group of the other.
-    pub mask: u32,
-    /// Groups that it belongs to when it comes to pushing; contacts of others are told of and do nothing.
-    pub solver_groups: u32,
-    /// Groups that push it and that it pushes.
-    pub solver_mask: u32,
-    /// DCD_PAIR_… bits: which types of bodies it meets. A pair meets when either asks for it.
-    pub pairs: u32,
-    /// -128 to 127: of two bodies the higher is not moved by the lower, which meets it like a wall.
-    pub dominance: i32,
-    /// Metres ahead that it looks for what it may meet: cheaper than DCD_BODY_CCD, and not as sure; 0 is none.
-    pub soft_ccd: f32,
-    /// m/s below which it may fall asleep, 0 or more.
-    pub sleep_linear: f32,
-    /// rad/s below which it may fall asleep, 0 or more.
-    pub sleep_angular: f32,
-    /// Seconds it must have been so slow, 0 or more. In a served world these three must be as in DCD_BODY_DEF_INIT.
-    pub sleep_after: f32,
-    /// Kilograms besides those of its shape, 0 or more. With extra_centre and extra_inertia 0 it makes the shape heavier as it
-    /// is.
-    pub extra_mass: f32,
-    /// Where the extra mass is, from the body's origin, metres.
-    pub extra_centre: [f32; 3],
-    /// Its moments of inertia about the body's x, y and z through that centre, kg m², 0 or more.
-    pub extra_inertia: [f32; 3],
-    /// Iterations of the solver that it gets more than others, and what touches it; 0 to 1000.
-    pub extra_solver_iterations: u32,
-    /// Iterations within each of them, 0 to 1000.
-    pub extra_pgs_iterations: u32,
-    /// DCD_HOOK_… bits of its shape: the functions of dcd_hooks_set that are asked about it.
-    pub hooks: u32,
-    /// Your own; events, views and ray hits carry it.
-    pub user_data: u64,
-    /// Your own of its shape, as the number of a material (DcdColliderProperties.user_data); contacts and hits carry it.
-    pub material: u64,
-}
-
-// SAFETY: begins with `struct_size`; every other member is a number.
-unsafe impl Sized32 for DcdBodyDef {
-    const NAME: &'static str = "DcdBodyDef";
-}
 
 /// Creates one body, as dcd_bodies_create.
 #[unsafe(no_mangle)]
@@ -156,8 +73,8 @@ unsafe fn create(
     let defs = unsafe { pointer::slice(defs, count, "defs")? };
     with(world, |world| {
         if let [def] = defs {
-            check(world, def)?;
-            let id = insert(world, def)?;
+            let known = check(world, def)?;
+            let id = insert(world, def, known)?;
             // SAFETY: not null, aligned, and the caller vouches for one entry.
             unsafe { out.write(world.mark.body(id)) };
             return Ok(());
@@ -175,7 +92,8 @@ unsafe fn create(
         }
         let mut made = Vec::with_capacity(count);
         for def in defs {
-            match insert(world, def) {
+            let known = alike(world, def);
+            match insert(world, def, known) {
                 Ok(id) => made.push(id),
                 Err(failure) => {
                     world.dcd.take_back(&made)?;
@@ -191,14 +109,27 @@ unsafe fn create(
     })
 }
 
-/// Inserts a body by its checked definition.
-fn insert(world: &mut World, def: &DcdBodyDef) -> Result<BodyId, Failure> {
+/// Returns what is recorded of a body, if one like it was made last.
+fn alike(world: &World, def: &DcdBodyDef) -> Option<Arc<BodyTraits>> {
+    world.made.as_ref().filter(|made| made.is_like(def)).map(|made| Arc::clone(&made.traits))
+}
+
+/// Inserts a body by its checked definition, and by what is recorded of it if that is known.
+fn insert(world: &mut World, def: &DcdBodyDef, known: Option<Arc<BodyTraits>>) -> Result<BodyId, Failure> {
     if world.dcd.role() != Role::Local {
         let body = build(world, def)?;
         return Ok(world.dcd.insert_at(body.pose, body.body, [body.collider])?);
     }
-    let (kind, shape) = (recorded_kind(def.body_type)?, shape::find(world, def.shape)?.clone());
-    Ok(world.dcd.insert_recorded(def.state(), &shape, |shape| def.traits(kind, shape))?)
+    let World { mark, dcd, shapes, made, .. } = world;
+    let (kind, shape) = (recorded_kind(def.body_type)?, shape::among(shapes, *mark, def.shape)?);
+    let traits = |shape| match known {
+        Some(known) => known,
+        None => {
+            let traits = Arc::new(def.traits(kind, shape));
+            Arc::clone(&made.insert(Made::new(def, traits)).traits)
+        }
+    };
+    Ok(dcd.insert_recorded(def.state(), shape, traits)?)
 }
 
 /// A checked definition.
@@ -290,7 +221,8 @@ pub(crate) fn parse(world: &World, def: &DcdBodyDef) -> Result<NewBody, Failure>
     build(world, def)
 }
 
-fn check(world: &World, def: &DcdBodyDef) -> Result<(), Failure> {
+/// Checks a definition, and returns what is recorded of such a body, if one like it was made last.
+fn check(world: &World, def: &DcdBodyDef) -> Result<Option<Arc<BodyTraits>>, Failure> {
     if def.struct_size as usize != size_of::<DcdBodyDef>() {
         return Err(Failure::new(
             crate::status::DCD_ERR_STRUCT,
@@ -299,12 +231,18 @@ fn check(world: &World, def: &DcdBodyDef) -> Result<(), Failure> {
     }
     check_pose(&def.pose)?;
     check_velocity(&def.velocity)?;
-    def.properties().check()?;
-    def.collider().check()?;
-    if def.body_type == DCD_DYNAMIC && def.density == 0.0 && def.mass == 0.0 && def.extra_mass == 0.0 {
-        return Err(Failure::argument("density is 0; a dynamic body needs some mass, water has 1000 kg/m³"));
+    let known = alike(world, def);
+    if known.is_none() {
+        def.properties().check()?;
+        def.collider().check()?;
+        if def.body_type == DCD_DYNAMIC && def.density == 0.0 && def.mass == 0.0 && def.extra_mass == 0.0 {
+            return Err(Failure::argument(
+                "density is 0; a dynamic body needs some mass, water has 1000 kg/m³",
+            ));
+        }
     }
-    shape::find(world, def.shape).map(drop)
+    shape::find(world, def.shape)?;
+    Ok(known)
 }
 
 /// Turns a checked definition into Rapier's builders.
@@ -405,7 +343,7 @@ mod tests {
     use crate::ids::DcdShapeId;
     use crate::types::{
         DCD_BODY_CCD, DCD_BODY_DISABLED, DCD_BODY_FAST_SPIN, DCD_BODY_NO_GYRO, DCD_FIXED, DCD_KINEMATIC,
-        DCD_KINEMATIC_POSE,
+        DCD_KINEMATIC_POSE, DcdPose,
     };
 
     /// A definition with nothing at its default.
@@ -481,5 +419,23 @@ mod tests {
                 "{def:?}"
             );
         }
+    }
+    #[test]
+    fn bodies_are_alike_whose_definitions_say_the_same_of_all_but_place_and_motion() {
+        let (def, name) = (unusual(), ShapeHash([7; 16]));
+        let made = Made::new(&def, Arc::new(def.traits(BodyKind::Dynamic, name)));
+        let elsewhere = DcdPose { p: [1.0, 2.0, 3.0], ..def.pose };
+        let velocity = DcdVelocity { linear: [9.0; 3], ..def.velocity };
+        assert!(made.is_like(&DcdBodyDef { pose: elsewhere, velocity, ..def }));
+        let others = [
+            DcdBodyDef { body_type: DCD_KINEMATIC, ..def },
+            DcdBodyDef { shape: DcdShapeId { v: 1 }, ..def },
+            DcdBodyDef { friction: 0.8, ..def },
+            DcdBodyDef { flags: DCD_BODY_ASLEEP, ..def },
+            DcdBodyDef { user_data: 5, ..def },
+            DcdBodyDef { material: 78, ..def },
+            DcdBodyDef { density: f32::NAN, ..def },
+        ];
+        assert!(others.iter().all(|other| !made.is_like(other)));
     }
 }

@@ -14,29 +14,16 @@ use crate::pointer::{self, Out, Sized32, check_bits, check_fraction, check_not_n
 use crate::registry::{self, World, with};
 use crate::shape;
 use crate::status::{DcdStatus, Failure};
-use crate::types::{DCD_EVENT_CONTACT, DCD_EVENT_FORCE, DcdFrame};
+use crate::types::{
+    DCD_COMBINE_AVERAGE, DCD_COMBINE_GEOMETRIC_MEAN, DCD_EVENT_CONTACT, DCD_EVENT_FORCE, DcdCombineRule,
+    DcdFrame,
+};
 
 /// Names all colliders of a body, in place of a collider's number.
 pub const DCD_ALL_COLLIDERS: u32 = u32::MAX;
 
 /// The most colliders of one body.
 pub const DCD_MAX_COLLIDERS: u32 = 4096;
-
-/// The rule by which the coefficients of two colliders in contact become one; of two rules the one with the higher number counts.
-pub type DcdCombineRule = u32;
-
-/// (a + b) / 2.
-pub const DCD_COMBINE_AVERAGE: DcdCombineRule = 0;
-/// The smaller: ice makes everything slippery.
-pub const DCD_COMBINE_MIN: DcdCombineRule = 1;
-/// a * b.
-pub const DCD_COMBINE_MULTIPLY: DcdCombineRule = 2;
-/// The larger: rubber makes everything stick.
-pub const DCD_COMBINE_MAX: DcdCombineRule = 3;
-/// a + b, at most 1.
-pub const DCD_COMBINE_SUM: DcdCombineRule = 4;
-/// The square root of a * b.
-pub const DCD_COMBINE_GEOMETRIC_MEAN: DcdCombineRule = 5;
 
 /// In DcdBodyDef.pairs: it meets dynamic bodies if it is dynamic.
 pub const DCD_PAIR_DYNAMIC_DYNAMIC: u32 = 1;

@@ -44,6 +44,8 @@ pub mod serve;
 
 pub mod shape;
 
+pub mod definition;
+
 pub mod body;
 
 pub mod character;

@@ -8,7 +8,7 @@ use rapier3d::parry::utils::Array2;
 use rapier3d::prelude::{Pose, Rotation, Shape, ShapeType, SharedShape, Vector};
 
 use crate::guard::guard;
-use crate::handle::stale;
+use crate::handle::{Mark, Slots, stale};
 use crate::ids::{DcdShapeId, DcdWorld};
 use crate::limits::{DCD_MAX_ITEMS, DCD_MAX_NUMBER};
 use crate::pointer::{self, Out, check_numbers};
@@ -39,8 +39,16 @@ fn checked(shape: &SharedShape) -> Result<SharedShape, Failure> {
 
 /// The shape behind a handle.
 pub(crate) fn find(world: &World, shape: DcdShapeId) -> Result<&SharedShape, Failure> {
-    let slot = world.mark.shape_slot(shape)?;
-    world.shapes.get(slot).ok_or_else(|| stale("shape", shape.v))
+    among(&world.shapes, world.mark, shape)
+}
+
+/// The same, for who changes the world itself meanwhile.
+pub(crate) fn among(
+    shapes: &Slots<SharedShape>,
+    mark: Mark,
+    shape: DcdShapeId,
+) -> Result<&SharedShape, Failure> {
+    shapes.get(mark.shape_slot(shape)?).ok_or_else(|| stale("shape", shape.v))
 }
 
 fn check_sizes(sizes: &[(f32, &str)]) -> Result<(), Failure> {

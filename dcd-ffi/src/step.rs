@@ -21,7 +21,8 @@ pub const DCD_FOREVER: u64 = u64::MAX;
 /// before may be read meanwhile.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_BUSY, DCD_ERR_PANIC, DCD_ERR_NETWORK once the link to the server is gone or
 /// the world has ended (the last state stays readable, and what came before the loss is in dcd_events), DCD_ERR_IO once a server
-/// could not write its folder or its recording, and has stopped. Each later step says so again.
+/// could not write its folder, and has stopped, or once its world has ended and its recording is not whole. Each later step says
+/// so again; what is known can still be read.
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_step(world: DcdWorld) -> DcdStatus {
     guard("dcd_step", || with(world, World::step))

@@ -123,6 +123,22 @@ pub const DCD_LOCK_TURN_Y: u32 = 16;
 /// In DcdBodyDef.locked: no turning about z.
 pub const DCD_LOCK_TURN_Z: u32 = 32;
 
+/// The rule by which the coefficients of two colliders in contact become one; of two rules the one with the higher number counts.
+pub type DcdCombineRule = u32;
+
+/// (a + b) / 2.
+pub const DCD_COMBINE_AVERAGE: DcdCombineRule = 0;
+/// The smaller: ice makes everything slippery.
+pub const DCD_COMBINE_MIN: DcdCombineRule = 1;
+/// a * b.
+pub const DCD_COMBINE_MULTIPLY: DcdCombineRule = 2;
+/// The larger: rubber makes everything stick.
+pub const DCD_COMBINE_MAX: DcdCombineRule = 3;
+/// a + b, at most 1.
+pub const DCD_COMBINE_SUM: DcdCombineRule = 4;
+/// The square root of a * b.
+pub const DCD_COMBINE_GEOMETRIC_MEAN: DcdCombineRule = 5;
+
 /// As DcdBodyInfo.region of a fixed body, which has no owner.
 pub const DCD_NO_REGION: u32 = u32::MAX;
 

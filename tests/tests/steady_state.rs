@@ -147,7 +147,7 @@ fn a_body_takes_little_more_memory_than_in_a_bare_world() {
                     bare / n
                 );
                 // With borders there are lists of who may be near them; and a copy near one is a body too.
-                let most = if regions == 1 { 1.5 } else { 1.65 } * (bare * (n + copies) / n) as f64;
+                let most = if regions == 1 { 1.35 } else { 1.45 } * (bare * (n + copies) / n) as f64;
                 assert!((ours as f64) <= most, "{ours} bytes, bare {bare}");
             }
         }

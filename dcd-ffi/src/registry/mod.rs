@@ -10,6 +10,7 @@ use dcd::{BodyId, Checkpoint, World as Dcd};
 use rapier3d::prelude::SharedShape;
 
 use crate::callback::check_outside;
+use crate::definition::Made;
 use crate::event::{EventBuffers, KeptEvents};
 use crate::handle::{LookedUp, Mark, Slots, not_null, stale};
 use crate::ids::{DcdBodyId, DcdWorld};
@@ -24,6 +25,8 @@ pub(crate) struct World {
     pub dcd: Dcd,
     pub shapes: Slots<SharedShape>,
     pub looked_up: LookedUp,
+    /// How a body was made last.
+    pub made: Option<Made>,
     pub states: StateBuffers,
     pub events: EventBuffers,
     pub queries: OpenQueries,
@@ -119,6 +122,7 @@ pub(crate) fn add(dcd: Dcd, user_data: u64) -> DcdWorld {
         dcd,
         shapes: Slots::new(),
         looked_up: LookedUp::default(),
+        made: None,
         states: StateBuffers::default(),
         events: EventBuffers::default(),
         queries: OpenQueries::new(),

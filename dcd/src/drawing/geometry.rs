@@ -9,6 +9,8 @@ use crate::protocol::{BodyRecord, Pose as PoseRecord, ShapeHash, ShapeRecord};
 
 /// The most vertices of all meshes together; shapes beyond are drawn as their boxes.
 const MOST_VERTICES: usize = 4 << 20;
+/// So many shapes that need no mesh are known before they are forgotten.
+const MOST_SIMPLE: usize = 1 << 15;
 /// Numbers of geometries: the page has the first ones, meshes come after.
 pub(crate) const BOX: u16 = 0;
 pub(crate) const BALL: u16 = 1;
@@ -39,8 +41,9 @@ pub(crate) struct Mesh {
 /// The geometries that were needed so far, by shape.
 #[derive(Default)]
 pub(crate) struct Geometries {
-    library: ShapeLibrary,
     parts: BTreeMap<ShapeHash, Vec<Part>>,
+    /// How many shapes were left when those without a mesh were last forgotten.
+    kept: usize,
     meshes: u16,
     vertices: usize,
     /// Those that nobody has taken.
@@ -89,8 +92,18 @@ impl Geometries {
                 .collect(),
             _ => self.simple(record),
         };
+        self.forget_simple();
         self.parts.insert(hash, parts.clone());
         parts
+    }
+
+    /// Forgets the shapes that need no mesh, if they are many: in a world that runs for long they may all be of bodies that are gone. Meshes keep
+    /// their numbers, of which there are few.
+    fn forget_simple(&mut self) {
+        if self.parts.len() - self.kept >= MOST_SIMPLE {
+            self.parts.retain(|_, parts| parts.iter().any(|part| part.geometry >= FIRST_MESH));
+            self.kept = self.parts.len();
+        }
     }
 
     fn simple(&mut self, record: ShapeRecord) -> Vec<Part> {
@@ -135,7 +148,8 @@ impl Geometries {
                 self.mesh(Mesh { vertices, triangles })
             }
             record @ (ShapeRecord::HeightField(..) | ShapeRecord::Voxels(..)) => {
-                let built = self.library.add(record).and_then(|hash| self.library.shape(hash));
+                let mut library = ShapeLibrary::default();
+                let built = library.add(record).and_then(|hash| library.shape(hash));
                 built.ok().as_ref().map(surface).map(|mesh| self.mesh(mesh)).unwrap_or_default()
             }
             ShapeRecord::Compound(_) => Vec::new(),
@@ -226,5 +240,25 @@ mod tests {
             (BOX, [1.0, 2.0, 1.0], [1.0, 2.0, 1.0])
         );
         assert!(geometries.take_fresh().is_empty());
+    }
+
+    #[test]
+    fn of_shapes_without_end_those_alone_stay_known_that_have_a_mesh() {
+        let mut geometries = Geometries::default();
+        let name = |number: u32| {
+            let mut name = [0; 16];
+            name[..4].copy_from_slice(&number.to_le_bytes());
+            ShapeHash(name)
+        };
+        let sheet = ShapeRecord::Triangle([[0.0; 3], [2.0, 0.0, 0.0], [0.0, 4.0, 2.0]]);
+        let drawn = |geometries: &mut Geometries| geometries.of_shape(name(0), &|_| Some(sheet.clone()));
+        let mesh = drawn(&mut geometries);
+        assert_eq!(geometries.take_fresh().len(), 1);
+        for number in 1..=2 * MOST_SIMPLE as u32 {
+            let ball = geometries.of_shape(name(number), &|_| Some(ShapeRecord::Ball(number as f32)));
+            assert_eq!(ball[0].size[0], number as f32);
+            assert!(geometries.parts.len() <= MOST_SIMPLE + 1);
+        }
+        assert_eq!((drawn(&mut geometries), geometries.take_fresh().len()), (mesh, 0));
     }
 }

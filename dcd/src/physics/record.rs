@@ -30,20 +30,23 @@ impl ShapeLibrary {
             records.push(collider_record(collider, self)?);
         }
         let state = BodyState { pose, ..state_of(body, [0.0; 3]) };
-        self.record_of_new(id, state, traits_of(body, records))
+        self.record_of_new(id, state, Arc::new(traits_of(body, records)))
     }
 
-    /// Records a new body with shapes of the library.
+    /// Records a new body with shapes of the library. What it is like the one before it shares with that.
     pub(crate) fn record_of_new(
-        &self,
+        &mut self,
         id: BodyId,
         state: BodyState,
-        traits: BodyTraits,
+        traits: Arc<BodyTraits>,
     ) -> Result<BodyRecord, ShapeError> {
-        if hangs(&traits, self) {
-            return Err(ShapeError::Massless);
-        }
-        Ok(BodyRecord { id, epoch: Epoch(0), state, traits: Arc::new(traits) })
+        let traits = match &self.latest {
+            Some(latest) if Arc::ptr_eq(latest, &traits) => traits,
+            Some(latest) if *latest == traits => Arc::clone(latest),
+            _ if hangs(&traits, self) => return Err(ShapeError::Massless),
+            _ => Arc::clone(self.latest.insert(traits)),
+        };
+        Ok(BodyRecord { id, epoch: Epoch(0), state, traits })
     }
 }
 
@@ -212,7 +215,8 @@ pub(super) fn build_body(record: &BodyRecord, anchor: [f64; 3]) -> RigidBody {
         Some(ExtraMass::Properties(props)) => builder.additional_mass_properties(mass_properties(&props)),
     };
     let mut body = builder.build();
-    if body.is_dynamic() {
+    // Few are pushed all the time.
+    if body.is_dynamic() && (state.force, state.torque) != ([0.0; 3], [0.0; 3]) {
         body.add_force(vector(state.force), false);
         body.add_torque(vector(state.torque), false);
     }
@@ -513,6 +517,24 @@ mod tests {
         assert!(described(dynamic(), &[sheet.clone().mass(2.0)]).is_ok());
         assert!(described(dynamic(), &[sheet.clone(), ColliderBuilder::ball(0.5)]).is_ok());
         assert!(described(dynamic(), &[ColliderBuilder::ball(0.5).density(0.0)]).is_ok(), "as Rapier has it");
+    }
+
+    #[test]
+    fn bodies_that_are_described_one_after_the_other_share_what_they_are_until_one_is_changed() {
+        let mut shapes = ShapeLibrary::default();
+        let mut described = |id: u32, at: f64, friction: f32| {
+            let (id, pose) = (BodyId::persistent(id), WorldPose::at([at, 0.0, 0.0]));
+            let ball = ColliderBuilder::ball(0.5).friction(friction);
+            shapes.describe(id, pose, &RigidBodyBuilder::dynamic().build(), &[ball]).unwrap()
+        };
+        let [one, mut like_it, other, last] =
+            [(1, 0.0, 0.5), (2, 5.0, 0.5), (3, 0.0, 0.25), (4, 0.0, 0.5)].map(|(a, b, c)| described(a, b, c));
+        assert!(Arc::ptr_eq(&one.traits, &like_it.traits));
+        assert_eq!((like_it.id, like_it.state.pose.translation[0]), (BodyId::persistent(2), 5.0));
+        assert_eq!(other.traits.colliders[0].friction, 0.25);
+        assert_eq!(last.traits, one.traits);
+        Arc::make_mut(&mut like_it.traits).gravity_scale = 0.0;
+        assert_eq!(one.traits.gravity_scale, 1.0);
     }
 
     #[test]

@@ -16,7 +16,9 @@ use rapier3d::prelude::Vector;
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de::Error};
 
 use super::convert;
-use crate::protocol::{BodyRecord, SHAPE_LEAST_M, SHAPE_REACH_M, ShapeHash, ShapeRecord, voxels_fit};
+use crate::protocol::{
+    BodyRecord, BodyTraits, SHAPE_LEAST_M, SHAPE_REACH_M, ShapeHash, ShapeRecord, voxels_fit,
+};
 
 /// An error: a shape cannot be recorded or built.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -91,6 +93,8 @@ pub struct ShapeLibrary {
     /// Objects interned last, by their addresses: bodies made one after the other share few. They are kept alive, so that an address
     /// means the same object.
     recent: [Option<(SharedShape, ShapeHash)>; RECENT],
+    /// What the body that was described last is: those made one after the other are mostly alike, and share it.
+    pub(super) latest: Option<Arc<BodyTraits>>,
 }
 
 impl ShapeLibrary {

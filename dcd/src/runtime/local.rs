@@ -166,7 +166,7 @@ impl LocalWorld {
         &mut self,
         state: BodyState,
         shape: &SharedShape,
-        traits: impl FnOnce(ShapeHash) -> BodyTraits,
+        traits: impl FnOnce(ShapeHash) -> Arc<BodyTraits>,
     ) -> Result<BodyId, WorldError> {
         let id = BodyId::persistent(self.next_body);
         let shapes = self.host.shapes_mut();

@@ -511,6 +511,11 @@ impl Author {
         record.check().map_err(refused)?;
         self.next_joint += 1;
         self.joints.insert(record);
+        // As in a local world, a new joint wakes what it ties.
+        for end in [a, b] {
+            let Some(body) = self.bodies.get_mut(&end) else { continue };
+            (body.state.sleeping, body.state.still_s) = (false, 0.0);
+        }
         Ok(id)
     }
 

@@ -297,3 +297,32 @@ fn what_is_moved_by_a_little_stays_where_its_island_is_computed() {
     steps(&mut world, 20);
     assert_eq!(epochs(&world), before);
 }
+
+/// As above, and one of them is put far into the region in which it lies, where only that region knows what it meets.
+#[test]
+fn what_is_put_far_off_in_its_own_region_meets_what_lies_there_at_once() {
+    for by_update in [false, true] {
+        let mut config = halves(Coupling::Auto);
+        config.step.island_limit = dcd::physics::StepSettings::default().island_limit;
+        let mut world = LocalWorld::new(config).unwrap();
+        insert_floor(&mut world);
+        for x in [-40.0, 40.0] {
+            let slab = RigidBodyBuilder::fixed().translation(Vector::new(x, 4.5, 0.0));
+            world.insert(slab, ColliderBuilder::cuboid(2.0, 0.5, 2.0)).unwrap();
+        }
+        let pair =
+            [-0.49, 0.49].map(|x| world.insert(body_at(x, 0.5, 0.0).can_sleep(false), cube()).unwrap());
+        steps(&mut world, 30);
+        let owner = world.host().owned(pair[0]).unwrap().0.rank();
+        let (guest, x) = [(pair[1], 40.0), (pair[0], -40.0)][owner];
+        assert_eq!(world.host().owned(guest).unwrap().0.rank(), owner, "it lies in the other region");
+        let place = Vector::new(x, 5.5, 0.0);
+        match by_update {
+            true => world.update(guest, |body| body.set_translation(place, true)).unwrap(),
+            false => world.set_pose(guest, WorldPose::at(place.to_array().map(f64::from))).unwrap(),
+        }
+        steps(&mut world, 1);
+        assert_ne!(world.host().owned(guest).unwrap().0.rank(), owner);
+        assert!(speed(&world, guest)[1].abs() < 0.05, "it falls at {:?}", speed(&world, guest));
+    }
+}

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use bincode::{Decode, Encode};
 
-use super::common::{ClientEntry, NodeEntry, RETURN, RETURN_OF_CLIENTS};
+use super::common::{ClientEntry, Common, NodeEntry, RETURN, RETURN_OF_CLIENTS};
 use super::group::Group;
 use super::moves::Moves;
 use super::retold::Retold;
@@ -89,6 +89,16 @@ pub enum ServerOrigin {
     Instead(Record, Vec<Entry>),
     /// What another server stored.
     Stored(Vec<Entry>),
+}
+
+impl Common {
+    /// Returns the number of a view to come. It is written down before so many have begun that another server would give one of them again:
+    /// changes that never end, as members come and go, write nothing else of it.
+    pub(super) fn next_view_number(&mut self) -> ViewNumber {
+        self.number = self.number.next();
+        self.world_changed |= self.number.0.is_multiple_of(NUMBERS_AHEAD / 2);
+        self.number
+    }
 }
 
 impl Server {

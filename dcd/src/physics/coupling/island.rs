@@ -36,6 +36,9 @@ const TICKS_PER_HOP: u32 = 2;
 pub(super) struct Islands {
     /// By Rapier's body index: place in `found`, plus one; 0 for a body in no island.
     of: Vec<u32>,
+    /// By Rapier's body index: the generation of the body that entered an island last. Another may have its place since.
+    #[serde(skip)]
+    generations: Vec<u32>,
     touched: Vec<RigidBodyHandle>,
     pub found: Vec<Island>,
     /// Parts received from others in the last exchange, with the sender's rank, in order of rank and part.
@@ -102,8 +105,26 @@ pub(super) struct Island {
 impl Islands {
     /// Returns the island of a body, if it is near a border.
     pub(super) fn of(&self, handle: RigidBodyHandle) -> Option<&Island> {
-        let place = *self.of.get(handle.into_raw_parts().0 as usize)?;
-        self.found.get((place as usize).checked_sub(1)?)
+        let (index, generation) = handle.into_raw_parts();
+        let place = *self.of.get(index as usize)? as usize;
+        let island = self.found.get(place.checked_sub(1)?)?;
+        (self.generations.get(index as usize) == Some(&generation)).then_some(island)
+    }
+
+    /// Completes a restore from a snapshot.
+    pub(super) fn resume(&mut self) {
+        for place in 0..self.touched.len() {
+            self.sign(self.touched[place]);
+        }
+    }
+
+    /// Notes which body is meant by its index.
+    fn sign(&mut self, handle: RigidBodyHandle) {
+        let (index, generation) = handle.into_raw_parts();
+        if self.generations.len() <= index as usize {
+            self.generations.resize(self.of.len(), 0);
+        }
+        self.generations[index as usize] = generation;
     }
 
     /// Returns how many bodies of a body's island this region owns, to be sent to other regions.
@@ -290,6 +311,7 @@ impl Islands {
 
     fn enter(&mut self, handle: RigidBodyHandle) {
         self.of[handle.into_raw_parts().0 as usize] = self.found.len() as u32 + 1;
+        self.sign(handle);
         self.touched.push(handle);
         self.open.push(handle);
     }
@@ -574,4 +596,39 @@ fn held_by(region: &Region, shared: &SharedBodies, handle: RigidBodyHandle) -> R
 /// Returns whether a body can be part of an island: awake, and movable by contacts.
 fn takes_part(region: &Region, handle: RigidBodyHandle) -> bool {
     region.slot(handle).traits.kind == BodyKind::Dynamic && !region.physics().bodies[handle].is_sleeping()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::physics::shapes::ShapeLibrary;
+    use crate::protocol::WorldPose;
+    use crate::space::{Bounds, Cell, RegionId};
+
+    #[test]
+    fn a_body_in_the_place_of_another_is_not_in_its_island() {
+        let part = Bounds::around([0.0; 3], [10.0; 3]);
+        let mut region = Region::new(RegionId(0), 0, Cell::EVERYWHERE, &part, [0.0; 3]);
+        let mut shapes = ShapeLibrary::default();
+        let mut insert = |region: &mut Region, index: u32| {
+            let (body, ball) = (RigidBodyBuilder::dynamic().build(), ColliderBuilder::ball(0.5));
+            let body = shapes.describe(BodyId::persistent(index), WorldPose::default(), &body, &[ball]);
+            region.insert(&body.unwrap(), Ownership::Owner, RegionSet::EMPTY, &shapes).unwrap()
+        };
+        let former = insert(&mut region, 0);
+        let mut islands = Islands::default();
+        assert_eq!(islands.place(former), 0);
+        islands.enter(former);
+        islands.found.push(Island::default());
+        assert!(region.remove(BodyId::persistent(0)));
+        let present = insert(&mut region, 1);
+        assert_eq!(former.into_raw_parts().0, present.into_raw_parts().0);
+        // A snapshot leaves out what can be found again.
+        for _ in 0..2 {
+            assert!(islands.of(former).is_some() && islands.of(present).is_none());
+            assert_eq!(islands.size(present), 1);
+            islands.generations.clear();
+            islands.resume();
+        }
+    }
 }

@@ -273,6 +273,11 @@ impl Border {
         }
     }
 
+    /// Completes a restore from a snapshot.
+    pub(super) fn resume(&mut self) {
+        self.islands.resume();
+    }
+
     /// Translates all ranks kept here, after ranks have changed.
     fn remap_ranks(&mut self, region: &Region, ranks: &RankRemap) {
         self.shared.remap_ranks(region, ranks);

@@ -8,6 +8,7 @@ use rapier3d::prelude::*;
 use super::{HostError, RegionHost, Side, StepSettings};
 use crate::physics::articulation::LinkSettings;
 use crate::physics::convert;
+use crate::physics::partition::HUB_REACH_M;
 use crate::physics::region::{Ownership, Region};
 use crate::protocol::{
     BodyRecord, BodyState, Drive, Input, JointRecord, LinkMotion, Push, Velocity, WorldPose,
@@ -339,7 +340,8 @@ impl RegionHost {
         Some(convert::region_from_world(region.anchor(), pose))
     }
 
-    /// Moves a body to a pose, in every copy; one that comes to lie in another region than before is placed anew.
+    /// Moves a body to a pose, in every copy; one that comes to lie in another region than before, or far from where it was computed, is
+    /// placed anew.
     pub fn teleport(&mut self, id: BodyId, pose: WorldPose) -> Result<bool, HostError> {
         if !pose.is_valid() {
             return Err(HostError::NotFinite(id));
@@ -353,26 +355,34 @@ impl RegionHost {
             return Ok(true);
         }
         let Some(record) = self.record(id) else { return Ok(false) };
-        let joints: Vec<_> = self.joints_of(id).collect();
-        let [from, to] = [record.state.pose, pose].map(|pose| self.partition.rank_at(pose.translation));
+        let is_free = self.joints_of(id).next().is_none();
+        let is_jump = self.is_jump(&record.state.pose, &pose);
         // A body that is moved wakes, wherever it comes to lie.
         let state = BodyState { pose, sleeping: false, still_s: 0.0, ..record.state };
         let moved = BodyRecord { state, ..record };
-        // Its island may have it computed elsewhere than where it lies.
-        if joints.is_empty() && to != from && to != self.present_place(id).0 {
+        if is_free && is_jump && self.partition.rank_at(pose.translation) != self.present_place(id).0 {
             self.reinsert(vec![moved], &[])?;
             return Ok(true);
         }
         Ok(self.move_copies(id, pose))
     }
 
-    /// Places a body anew that a user has put into another region, with what it meets there.
+    /// Returns whether who is put elsewhere leaves what it touched, so that it is computed where it comes to lie: in another region, or so far off
+    /// in the same one that the island for which another region computes it is not there.
+    fn is_jump(&self, from: &WorldPose, to: &WorldPose) -> bool {
+        let [before, after] = [from, to].map(|pose| self.partition.rank_at(pose.translation));
+        let way = (0..3).map(|i| to.translation[i] - from.translation[i]);
+        let way_m = way.map(|v| v * v).sum::<f64>().sqrt();
+        before != after || way_m > f64::from(HUB_REACH_M)
+    }
+
+    /// Places a body anew that a user has put elsewhere, with what it meets there.
     fn arrive(&mut self, id: BodyId, from: &WorldPose, to: &WorldPose) -> Result<(), HostError> {
-        let rank = self.partition.rank_at(to.translation);
         // What is not finite is set aside by the next step.
-        if rank == self.partition.rank_at(from.translation) || !to.is_valid() {
+        if !to.is_valid() || !self.is_jump(from, to) {
             return Ok(());
         }
+        let rank = self.partition.rank_at(to.translation);
         self.meet_all();
         let record = self.record(id).filter(|body| body.state.velocity.is_finite());
         if let Some(record) = record

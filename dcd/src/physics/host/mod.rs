@@ -144,9 +144,10 @@ impl RegionHost {
 
     /// Completes a restore from a snapshot: tells Rapier again what its own part of the snapshot left out.
     pub(crate) fn resume(&mut self) {
-        for Side { region, .. } in &mut self.sides {
+        for Side { region, border, .. } in &mut self.sides {
             region.repeat_joint_changes();
             region.find_awake();
+            border.resume();
         }
     }
 

@@ -88,14 +88,15 @@ impl RegionHost {
         if self.held(body.id) {
             return Err(HostError::Taken(body.id));
         }
-        self.check(std::slice::from_ref(&body), &[])?;
-        self.insert_alone(body)
+        // Whether its shapes are known shows before it is inserted.
+        check_state(&body)?;
+        self.insert_alone(&body)
     }
 
     fn insert_checked(&mut self, bodies: Vec<BodyRecord>, joints: &[JointRecord]) -> Result<(), HostError> {
         if joints.is_empty() && bodies.len() == 1 {
             // Many come one by one: what a list costs is spared.
-            return bodies.into_iter().try_for_each(|body| self.insert_alone(body));
+            return self.insert_alone(&bodies[0]);
         }
         let placement = Placement::of(&bodies, joints, &self.shapes, &self.settings)?;
         let owners = placement.owners(&bodies, &self.partition);
@@ -333,9 +334,7 @@ impl RegionHost {
     /// Checks bodies, in id order, that are not held here or will be removed before they are inserted, and their joints.
     fn check(&self, bodies: &[BodyRecord], joints: &[JointRecord]) -> Result<(), HostError> {
         for body in bodies {
-            if !body.state.pose.is_valid() || !body.state.velocity.is_finite() {
-                return Err(HostError::NotFinite(body.id));
-            }
+            check_state(body)?;
             for collider in &body.traits.colliders {
                 self.shapes.look_at(collider.shape)?;
             }
@@ -369,16 +368,19 @@ impl RegionHost {
     }
 
     /// Inserts one checked body: it belongs to where it is.
-    fn insert_alone(&mut self, body: BodyRecord) -> Result<(), HostError> {
+    fn insert_alone(&mut self, body: &BodyRecord) -> Result<(), HostError> {
         if body.traits.kind == BodyKind::Fixed {
-            return self.insert_placed(vec![body], &[usize::MAX], &[false], &[]);
+            return self.insert_placed(vec![body.clone()], &[usize::MAX], &[false], &[]);
         }
-        self.make_room(&body)?;
-        let owner = self.partition.rank_at(body.state.pose.translation);
-        let Some(place) = self.place_of[owner] else { return Ok(()) };
+        let place = self.place_of[self.partition.rank_at(body.state.pose.translation)];
+        // One like it has made room for it.
+        if place.is_none_or(|place| self.sides[place].region.newest_like(body).is_none()) {
+            self.make_room(body)?;
+        }
+        let Some(place) = place else { return Ok(()) };
         let region = &mut self.sides[place].region;
-        settle_origin(region, std::iter::once(&body));
-        Ok(self.insert_owned(place, &body, false)?)
+        settle_origin(region, std::iter::once(body));
+        Ok(self.insert_owned(place, body, false)?)
     }
 
     /// Inserts bodies in id order, as one Rapier world would be filled; `owners` are ranks, `whole` are bodies whose island lies
@@ -490,6 +492,14 @@ impl RegionHost {
             None => (usize::MAX, RegionSet::EMPTY),
         }
     }
+}
+
+/// Checks where a body is and how it moves.
+fn check_state(body: &BodyRecord) -> Result<(), HostError> {
+    if body.state.pose.is_valid() && body.state.velocity.is_finite() {
+        return Ok(());
+    }
+    Err(HostError::NotFinite(body.id))
 }
 
 /// Gives a region that owns no body yet an origin that suits those that are to come.

@@ -91,7 +91,7 @@ mod tests {
 
     use super::*;
     use crate::physics::host::RegionHost;
-    use crate::physics::{Partition, StepSettings};
+    use crate::physics::{Coupling, Partition, StepSettings};
     use crate::protocol::{Velocity, WorldPose};
     use crate::space::{Axis, BodyId, Bounds, DistributionTree, RegionSet};
 
@@ -188,5 +188,30 @@ mod tests {
             }
         }
         assert!(flagged(&host).contains(&id(6)), "one that is not finite is disabled");
+    }
+    #[test]
+    fn a_copy_that_was_set_aside_and_is_mended_is_stepped_again() {
+        let bounds = Bounds::around([0.0; 3], [10.0; 3]);
+        let partition = Partition::new(DistributionTree::cut_by(bounds, &[(Axis::X, 0.0)]).unwrap(), None);
+        let leaves = partition.leaves().to_vec();
+        let shared = StepSettings::default().with_coupling(Coupling::Overlap);
+        let settings = StepSettings { gravity: [0.0; 3], island_limit: 0, ..shared };
+        let mut host = RegionHost::new(partition, settings, 1, &leaves).unwrap();
+        let ids = [0, 1].map(BodyId::persistent);
+        let records = ids.iter().zip([-0.501, 0.501]).map(|(&id, x)| {
+            let body = RigidBodyBuilder::dynamic().can_sleep(false).build();
+            let collider = ColliderBuilder::cuboid(0.5, 0.5, 0.5);
+            host.shapes_mut().describe(id, WorldPose::at([x, 0.0, 0.0]), &body, &[collider]).unwrap()
+        });
+        let records = records.collect();
+        host.insert(records, &[]).unwrap();
+        (0..3).for_each(|_| host.step().unwrap());
+        let place = Pose::from_translation(Vector::new(-0.501, 0.0, 0.0));
+        assert!(host.disturb(ids[0], place, Vector::splat(f32::NAN), Vector::ZERO));
+        host.step().unwrap();
+        assert!(host.regions().any(|region| region.quarantined() == [ids[0]]), "one copy was set aside");
+        let is_whole = |region: &Region| region.physics().bodies.iter().all(|(_, body)| body.is_enabled());
+        assert!(host.regions().all(is_whole), "the other one mends it");
+        assert!(host.regions().all(|region| region.unstepped.is_empty()));
     }
 }

@@ -1,5 +1,7 @@
 //! Inserts bodies into a region and removes them, and keeps its lists of owned, shared and replicated bodies.
 
+use std::sync::Arc;
+
 use rapier3d::prelude::*;
 
 use super::assembly::Assembly;
@@ -52,8 +54,14 @@ impl Region {
         if body.traits.vehicle.is_some() {
             self.vehicles.insert(body.id, Driving::new(body.state.drive.unwrap_or_default()));
         }
-        let reach_m = record::reach_of(&self.world.bodies[handle], &self.world.colliders, &body.traits);
-        let outline = Outline::of(&self.world.bodies[handle], &self.world.colliders);
+        let (reach_m, outline) = match self.newest_like(body) {
+            Some(like) => (like.reach_m, like.outline.clone()),
+            None => {
+                let PhysicsWorld { bodies, colliders, .. } = &*self.world;
+                let own = &bodies[handle];
+                (record::reach_of(own, colliders, &body.traits), Outline::of(own, colliders))
+            }
+        };
         let index = handle.into_raw_parts().0 as usize;
         if self.slots.len() <= index {
             self.slots.resize_with(index + 1, || None);
@@ -91,6 +99,12 @@ impl Region {
         }
         self.touch_only(handle, found);
         Ok(handle)
+    }
+
+    /// Returns the body inserted last as this region's own, if it shares what it is with this one: both reach equally far.
+    pub(in crate::physics) fn newest_like(&self, body: &BodyRecord) -> Option<&Slot> {
+        let newest = self.slot_at(self.fresh.last()?.handle)?;
+        Arc::ptr_eq(&newest.traits, &body.traits).then_some(newest)
     }
 
     /// Removes a body, with its joints. Returns whether it was held here.

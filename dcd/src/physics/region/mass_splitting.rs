@@ -154,6 +154,7 @@ impl Region {
     pub(in crate::physics) fn mend_copy(&mut self, handle: RigidBodyHandle) {
         if self.mass_split_mut(handle).is_some_and(|mass_split| std::mem::take(&mut mass_split.broken)) {
             self.world_mut().bodies[handle].set_enabled(true);
+            self.note_awake(handle, false);
             self.look_at_ties();
         }
     }

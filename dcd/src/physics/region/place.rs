@@ -174,15 +174,13 @@ impl Region {
         }
     }
 
-    /// Returns whether the ball around a body that holds its colliders lies in the covered box by a margin, metres. This is said sooner than
-    /// what its AABB is.
+    /// Returns whether a ball around the origin of a body that holds its colliders lies in the covered box by a margin, metres. This is said
+    /// sooner than what its AABB is.
     pub(in crate::physics) fn surely_covers(&self, handle: RigidBodyHandle, margin_m: f64) -> bool {
         let body = &self.world.bodies[handle];
-        let centre = *body.position() * body.local_center_of_mass();
-        let [origin, centre] = [body.translation(), centre].map(|at| convert::world_point(self.anchor, at));
-        let reach_m = f64::from(self.slot(handle).reach_m);
-        let all = Bounds::around(centre, [reach_m; 3]).union(&Bounds::around(origin, [0.0; 3]));
-        self.covered.contains(&all.grown(margin_m))
+        let reach_m = self.slot(handle).reach_m + body.local_center_of_mass().length();
+        let origin = convert::world_point(self.anchor, body.translation());
+        self.covered.contains(&Bounds::around(origin, [f64::from(reach_m) + margin_m; 3]))
     }
 
     /// Widens the covered box, whose immovable bodies must be held here, if it does not contain this one: returns the box in which

@@ -47,17 +47,23 @@ pub(super) fn settle(model: &mut Model) -> Result<(), Fault> {
 
 /// Fixes bodies that a weld of the tree ties to something fixed; the joint is removed.
 fn fix_welded(model: &mut Model) {
+    let Model { parts, joints, .. } = model;
     loop {
-        let found = model.joints.iter().position(|joint| {
-            let (a, b) = (&model.parts[joint.a], &model.parts[joint.b]);
-            joint.tree && is_weld(&joint.joint) && (a.is_fixed() || b.is_fixed())
-        });
-        let Some(index) = found else { return };
-        let joint = model.joints.remove(index);
-        for end in [joint.a, joint.b] {
-            if model.parts[end].is_dynamic() {
-                model.parts[end].body.body_type = RigidBodyType::Fixed;
+        let before = joints.len();
+        // Most come after those of their parents: once through all is mostly enough.
+        joints.retain(|joint| {
+            let ends = [joint.a, joint.b];
+            let fixes =
+                joint.tree && is_weld(&joint.joint) && ends.into_iter().any(|end| parts[end].is_fixed());
+            for end in ends.into_iter().filter(|_| fixes) {
+                if parts[end].is_dynamic() {
+                    parts[end].body.body_type = RigidBodyType::Fixed;
+                }
             }
+            !fixes
+        });
+        if joints.len() == before {
+            return;
         }
     }
 }

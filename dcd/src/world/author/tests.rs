@@ -156,6 +156,26 @@ fn joints_are_there_once_made_and_gone_once_removed_whatever_is_on_record_yet() 
     assert!(author.joint(&told, second).is_none() && there(&author, &told) == 0);
 }
 
+#[test]
+fn a_joint_wakes_the_bodies_that_it_ties_as_in_a_local_world() {
+    let told = Told {
+        body: sim_body(BodyId::persistent(0), [0.0; 3]),
+        joint: None,
+        answered: 0,
+        looks: Cell::new(0),
+    };
+    let mut author = Author::new(Names::Program, (1, 0), 100.0);
+    let (body, ball) = (RigidBodyBuilder::dynamic().sleeping(true).build(), [ColliderBuilder::ball(0.5)]);
+    let [a, b, alone] =
+        [0.0, 2.0, 4.0].map(|x| author.insert(WorldPose::at([x, 0.0, 0.0]), &body, &ball, None).unwrap());
+    author.insert_joint(&told, [a, b], &GenericJoint::default()).unwrap();
+    let ops = author.take(&told);
+    let [BuildOp::Insert { bodies, .. }] = &ops[..] else { panic!("{} ops", ops.len()) };
+    let asleep = bodies.iter().filter(|body| body.state.sleeping).map(|body| body.id);
+    assert_eq!(asleep.collect::<Vec<_>>(), [alone]);
+    assert!(bodies.iter().all(|body| (body.state.still_s > 0.0) == body.state.sleeping));
+}
+
 /// What a program does between two steps.
 type Deed<'a> = &'a dyn Fn(&mut Author) -> Result<(), Error>;
 

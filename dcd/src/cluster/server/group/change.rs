@@ -108,8 +108,7 @@ impl Group {
         if self.change.is_none() {
             self.returns.clear();
         }
-        common.number = common.number.next();
-        let number = common.number;
+        let number = common.next_view_number();
         let survivors = self.serving(common);
         for &node in &survivors {
             common.send_node(node, ToNode::Settle { view: number });

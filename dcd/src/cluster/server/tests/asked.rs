@@ -493,3 +493,14 @@ fn every_leader_is_told_what_the_program_has_changed() {
     let outputs = hello(&mut server, 1, VERSION);
     assert_eq!(altered(obey(&mut server, 1, outputs)), [(woken, 0.25, false), (other, 0.5, false)]);
 }
+
+#[test]
+fn a_server_that_is_started_again_after_changes_without_end_gives_no_number_of_a_view_again() {
+    let (mut server, mut stored) = (server(), Stored::new());
+    for _ in 0..1500 {
+        server.common.next_view_number();
+        handled(&mut server, ServerEvent::Forget(0), &mut stored);
+    }
+    let given = server.common.number;
+    assert!(restarted(stored).common.number > given);
+}

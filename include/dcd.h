@@ -2380,7 +2380,7 @@ typedef struct DcdForce {
 #define DCD_FIDELITY_TOLERANCE 3
 
 // As much as fits into DcdWorldDef.fidelity_limit, milliseconds a step, what is looked at before all else. It depends on the time that
-// steps take, so such a world cannot be recorded.
+// steps take, so no two runs are the same; a recording keeps what was chosen (dcd_record).
 #define DCD_FIDELITY_BUDGET 4
 
 #ifdef __cplusplus

@@ -489,6 +489,11 @@ impl Leader {
         ticks.min().flatten()
     }
 
+    /// Returns whether a member has said that it is done with a tick of this view.
+    pub(super) fn has_done(&self, node: NodeId, view: ViewNumber, tick: Tick) -> bool {
+        view == self.view && self.done.get(&node).is_some_and(|done| tick <= *done)
+    }
+
     /// Whether the next tick may begin as far as members go.
     fn is_complete(&self) -> bool {
         self.completed().is_some_and(|completed| self.tick.0 <= completed.0 + self.lag)

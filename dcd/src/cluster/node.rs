@@ -471,6 +471,12 @@ impl Node {
                 _ => self.counters.stale += 1,
             },
             (Peer::Node(node), Message::Report(report)) => match &mut self.leader {
+                // Who is verified says nothing of a tick once it is done with it: that is compared then.
+                Some(leader)
+                    if self.verifier.verifies(node) && leader.has_done(node, report.view, report.tick) =>
+                {
+                    self.counters.refused += report.states.len() as u64;
+                }
                 Some(leader) if report.view == leader.view() => {
                     self.verifier.report(node, &report);
                     self.counters.refused += leader.report(node, report);

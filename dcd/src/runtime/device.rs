@@ -224,7 +224,6 @@ impl PhysicsDevice {
     }
 
     fn load(&mut self, chunk: Chunk) -> Result<(), DeviceError> {
-        self.runs.values_mut().flatten().try_for_each(|twin| twin.load(chunk.clone()))?;
         let host = self.world();
         match chunk {
             Chunk::Shapes(shapes) => {

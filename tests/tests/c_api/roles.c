@@ -47,9 +47,9 @@ static void bad_definitions(const char *folder)
     def.state_every = 31;
     FAILS(dcd_server_create(&def, &world), DCD_ERR_ARGUMENT, "state_every");
     def.state_every = 3;
-    def.reserved = 1;
-    FAILS(dcd_server_create(&def, &world), DCD_ERR_ARGUMENT, "reserved");
-    def.reserved = 0;
+    def.verify = 1.5f;
+    FAILS(dcd_server_create(&def, &world), DCD_ERR_ARGUMENT, "verify is 1.5");
+    def.verify = 0.0f;
     def.listen = "here";
     FAILS(dcd_server_create(&def, &world), DCD_ERR_ARGUMENT, "0.0.0.0:7420");
     def.listen = "127.0.0.1:0";

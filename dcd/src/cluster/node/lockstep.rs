@@ -34,7 +34,10 @@ impl Node {
             }
             ToNode::Chunk(Chunk::Placed(placed)) => self.placed.extend(placed),
             ToNode::Chunk(Chunk::Joints(joints)) => self.joints.extend(joints),
-            ToNode::Chunk(chunk) => self.order(PhysicsCommand::Load(chunk)),
+            ToNode::Chunk(chunk) => {
+                self.verifier.load(&chunk);
+                self.order(PhysicsCommand::Load(chunk));
+            }
             ToNode::WorldEnd => {
                 self.send_server(ToServer::Loaded);
                 // The server may have forgotten.

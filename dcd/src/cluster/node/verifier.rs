@@ -7,7 +7,7 @@ use super::Node;
 use super::borders::can_be_said;
 use crate::cluster::{PhysicsCommand, PhysicsEvent, Sampling};
 use crate::protocol::{
-    Border, BorderMessage, Finding, HeardBorder, JointRecord, Message, Placed, Report, SharedState,
+    Border, BorderMessage, Chunk, Finding, HeardBorder, JointRecord, Message, Placed, Report, SharedState,
     Testimony, ToServer, ViewNumber, WorldOp, encode_value,
 };
 use crate::space::{Allocation, BodyId, NodeId, RegionId, Tick, TreeChange};
@@ -16,6 +16,8 @@ use crate::space::{Allocation, BodyId, NodeId, RegionId, Tick, TreeChange};
 const MOST_BEHIND: usize = 64;
 /// The most states of one tick that a participant's reports are remembered of.
 const MOST_STATES: usize = 1 << 17;
+/// The most bytes of what one member says in one tick that it told participants.
+const MOST_COPIED_BYTES: usize = 16 << 20;
 
 /// A tick of a view; that of the view itself is the one with which it begins.
 type Moment = (ViewNumber, Tick);
@@ -33,9 +35,12 @@ pub(super) struct Verifier {
 #[derive(Clone, Debug, Default)]
 struct Told {
     rounds: u32,
-    heard: BTreeMap<NodeId, Vec<HeardBorder>>,
+    /// By whom, and by (from, round).
+    heard: BTreeMap<NodeId, BTreeMap<(NodeId, u32), u64>>,
     /// By (from, to, round).
     copies: BTreeMap<(NodeId, NodeId, u32), Border>,
+    /// The bytes of all copies of a member.
+    copied_bytes: BTreeMap<NodeId, usize>,
     /// What participants reported for clients.
     reports: BTreeMap<NodeId, Vec<SharedState>>,
 }
@@ -43,16 +48,15 @@ struct Told {
 impl Told {
     /// Returns the digest of what one member says that another told it.
     fn heard(&self, by: NodeId, from: NodeId, round: u32) -> Option<u64> {
-        let mut heard = self.heard.get(&by)?.iter();
-        heard.find(|heard| (heard.from, heard.round) == (from, round)).map(|heard| heard.digest)
+        self.heard.get(&by)?.get(&(from, round)).copied()
     }
 }
 
 /// A participant that is verified.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 struct Run {
     number: u64,
-    /// Changes of the tree before the next tick.
+    /// What comes before the next tick: chunks, a view, changes of the tree.
     changes: Vec<PhysicsCommand>,
     jobs: VecDeque<Job>,
     /// Participants that contradict it, each of which the server is told of once.
@@ -188,6 +192,16 @@ impl Verifier {
         }
     }
 
+    /// Notes a chunk of the world, which others take in after the ticks that they have done.
+    pub(super) fn load(&mut self, chunk: &Chunk) {
+        self.runs.values_mut().for_each(|run| run.changes.push(PhysicsCommand::Load(chunk.clone())));
+    }
+
+    /// Returns whether a participant is verified.
+    pub(super) fn verifies(&self, node: NodeId) -> bool {
+        self.runs.contains_key(&node)
+    }
+
     /// Notes that only these members are still there to complete ticks.
     pub(super) fn survive(&mut self, survivors: &[NodeId]) {
         for job in self.runs.values_mut().flat_map(|run| &mut run.jobs) {
@@ -198,7 +212,7 @@ impl Verifier {
     /// Takes in what a member says that it has heard.
     pub(super) fn hear(&mut self, from: NodeId, testimony: Testimony) {
         if let Some(told) = self.told.get_mut(&(testimony.view, testimony.tick)) {
-            told.heard.entry(from).or_insert(testimony.heard);
+            told.heard.entry(from).or_insert_with(|| by_origin(&testimony.heard));
         }
     }
 
@@ -208,7 +222,11 @@ impl Verifier {
         if let Some(told) = self.told.get_mut(&(border.view, border.tick)).filter(|_| is_asked)
             && border.round < told.rounds
         {
-            told.copies.entry((from, to, border.round)).or_insert(border);
+            let bytes = told.copied_bytes.entry(from).or_default();
+            *bytes += encode_value(&border).len();
+            if *bytes <= MOST_COPIED_BYTES {
+                told.copies.entry((from, to, border.round)).or_insert(border);
+            }
         }
     }
 
@@ -230,6 +248,11 @@ impl Verifier {
     }
 }
 
+/// Sorts what a member says that it has heard; what it says first counts.
+fn by_origin(heard: &[HeardBorder]) -> BTreeMap<(NodeId, u32), u64> {
+    heard.iter().rev().map(|heard| ((heard.from, heard.round), heard.digest)).collect()
+}
+
 impl Node {
     /// Begins a view, as its leader: with participants that come, and on with those that were there before.
     pub(super) fn verify_view(&mut self, placed: &[Placed], joints: &[JointRecord]) {
@@ -244,13 +267,16 @@ impl Node {
             self.order(PhysicsCommand::Verify { run: run.number, command: None });
         }
         for one in asked {
-            let Verifier { runs, last_run, .. } = &mut self.verifier;
             if one.anew {
-                *last_run += 1;
-                let (number, changes, jobs) = (*last_run, Vec::new(), VecDeque::new());
-                runs.insert(one.node, Run { number, changes, jobs, disputed: BTreeSet::new() });
+                self.verifier.last_run += 1;
+                let run = self.verifier.last_run;
+                // It knows what does not move as it is now: the next tick of this node may change that.
+                let nothing = PhysicsCommand::Load(Chunk::Shapes(Vec::new()));
+                self.order(PhysicsCommand::Verify { run, command: Some(Box::new(nothing)) });
+                let begun = Run { number: run, ..Run::default() };
+                self.verifier.runs.insert(one.node, begun);
             }
-            let Some(run) = runs.get_mut(&one.node) else {
+            let Some(run) = self.verifier.runs.get_mut(&one.node) else {
                 self.tell_verdict((view.number, view.tick), one.node, Finding::GivenUp);
                 continue;
             };
@@ -263,7 +289,7 @@ impl Node {
                 joints: joints.to_vec(),
                 drop: one.drop,
             };
-            run.changes = vec![rebuild];
+            run.changes.push(rebuild);
         }
         self.verifier.opens(view.number, view.tick, 1);
         self.plan_verification(view.tick, None);

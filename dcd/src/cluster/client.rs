@@ -580,7 +580,7 @@ impl Client {
                 (self.tree, self.allocation) = (Some(tree), allocation);
             }
             ToClient::LeaderIs { group, leader, tree, allocation, .. } => {
-                self.learn_division(tree, allocation);
+                (self.tree, self.allocation) = (tree.or(self.tree.take()), allocation);
                 if self.group.replace(group) != Some(group) {
                     // Another lineage of epochs and owners: whatever it says first counts.
                     (self.tick, self.settled) = (Tick(0), Tick(0));

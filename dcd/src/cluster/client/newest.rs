@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use super::{BodyView, Client, ClientOutput};
+use super::{Client, ClientOutput};
 use crate::cluster::Peer;
 use crate::protocol::{FromClient, Input, Message};
-use crate::space::{Allocation, BodyId, DistributionTree, NodeId};
+use crate::space::BodyId;
 
 /// An input that a leader has answered is not said again to the next one when it is older than this: much may have happened since.
 const STILL_MEANT: Duration = Duration::from_secs(5);
@@ -14,10 +14,6 @@ const STILL_MEANT: Duration = Duration::from_secs(5);
 /// A jump that was done, or may have been without an answer, is said again for so long, as the leader may have taken it with it: by then the
 /// avatar has moved on.
 const JUMP_MEANT: Duration = Duration::from_secs(1);
-
-/// The same where the node is gone that computed the avatar: as that was recorded up to half a second before, and it takes a second and more to
-/// find out.
-const LOST_JUMP_MEANT: Duration = Duration::from_secs(3);
 
 /// The newest input of each kind for each avatar.
 #[derive(Clone, Debug, Default)]
@@ -36,8 +32,6 @@ struct Kept {
     /// Says whether that was sent to anybody.
     is_jump_sent: bool,
     made: Duration,
-    /// Says whether the node is gone that computed the avatar.
-    is_owner_gone: bool,
     /// Says whether a leader has refused it, or one for the same avatar soon before it.
     is_refused: bool,
 }
@@ -53,15 +47,7 @@ impl NewestInputs {
             }
             None => {
                 let jumped = input.logical_time;
-                Kept {
-                    input,
-                    jumped,
-                    jumped_at: now,
-                    is_jump_sent: is_sent,
-                    made: now,
-                    is_owner_gone: false,
-                    is_refused: false,
-                }
+                Kept { input, jumped, jumped_at: now, is_jump_sent: is_sent, made: now, is_refused: false }
             }
         };
         self.inputs.insert(input.slot(), kept);
@@ -76,12 +62,6 @@ impl NewestInputs {
     pub(super) fn are_refused(&mut self, avatar: BodyId) {
         let of_it = self.inputs.range_mut((avatar, false)..=(avatar, true));
         of_it.for_each(|(_, kept)| kept.is_refused = true);
-    }
-
-    /// Notes that the node is gone that computed an avatar: that is placed anew, as it was up to half a second before.
-    fn is_placed_anew(&mut self, avatar: BodyId) {
-        let of_it = self.inputs.range_mut((avatar, false)..=(avatar, true));
-        of_it.for_each(|(_, kept)| kept.is_owner_gone = true);
     }
 
     /// Notes that jumps that nobody had been told are said now.
@@ -110,8 +90,7 @@ impl NewestInputs {
         };
         let said = |kept: &Kept| {
             let is_open = kept.jumped > self.applied && !kept.is_refused;
-            let meant = if kept.is_owner_gone { LOST_JUMP_MEANT } else { JUMP_MEANT };
-            let is_recent = kept.jumped_at + meant >= now;
+            let is_recent = kept.jumped_at + JUMP_MEANT >= now;
             let jumps = match kept.jumped == kept.input.logical_time {
                 true => is_open || is_recent,
                 // Where an older one said that it jumps, and a leader has answered that, or may have done it long ago, it does not jump again.
@@ -147,23 +126,6 @@ impl Client {
             }
             // The newest waits for the link.
             Some(_) => {}
-        }
-    }
-
-    /// Takes in how the world is cut and who computes the regions in a view, and which avatars have lost the node that computed them.
-    pub(super) fn learn_division(&mut self, tree: Option<DistributionTree>, allocation: Allocation) {
-        self.tree = tree.or(self.tree.take());
-        let former = std::mem::replace(&mut self.allocation, allocation);
-        // Where nobody does, those from before may go on.
-        if self.allocation.is_empty() {
-            return;
-        }
-        let owner = |view: &BodyView| view.owner.and_then(|region| former.get(&region));
-        let is_gone = |node: &NodeId| !self.allocation.values().any(|other| other == node);
-        let lost =
-            self.own_avatars().filter(|view| owner(view).is_some_and(is_gone)).map(|view| view.body.id);
-        for avatar in lost.collect::<Vec<_>>() {
-            self.newest.is_placed_anew(avatar);
         }
     }
 

@@ -197,34 +197,6 @@ fn a_new_leader_is_told_the_inputs_that_none_has_answered_and_those_that_are_sti
 }
 
 #[test]
-fn a_jump_that_was_done_is_said_again_for_longer_where_the_node_is_gone_that_computed_its_avatar() {
-    for (owner, jumps) in [(1, false), (2, true)] {
-        let mut client = linked();
-        let body = sim_body(BodyId::avatar(ClientId(1), 0), [1.0; 3]);
-        let (id, pose, velocity) = (body.id, body.state.pose, body.state.velocity);
-        tell(&mut client, ToClient::Inserted { body, shapes: Vec::new(), joints: Vec::new() });
-        let state = SharedState { id, owner: RegionId(1), epoch: Epoch(1), pose, velocity, sleeping: false };
-        let stamp = Stamp::untimed(GroupId(1), Tick(7), false);
-        tell(&mut client, ToClient::States { stamp, states: vec![state] });
-        let input = ClientEvent::Input { body: id, tick: Tick(0), velocity, pose: Some(pose) };
-        client.handle(Duration::ZERO, input);
-        client.newest.are_applied(client.logical_time);
-        let leader = Some(Member { node: NodeId(2), address: ([127, 0, 0, 1], 2).into(), client: None });
-        let (view, allocation) = (crate::protocol::ViewNumber(2), [(RegionId(1), NodeId(owner))].into());
-        tell(&mut client, ToClient::LeaderIs { group: GroupId(1), view, leader, tree: None, allocation });
-        while client.poll_output().is_some() {}
-        client.handle(Duration::from_secs(2), ClientEvent::Connected(Peer::Node(NodeId(2))));
-        let said = std::iter::from_fn(|| client.poll_output()).find_map(|output| match output {
-            ClientOutput::Send { message: Message::FromClient(_, FromClient::Input(input)), .. } => {
-                Some(input.pose.is_some())
-            }
-            _ => None,
-        });
-        assert_eq!(said, Some(jumps), "it is as it was on record, up to half a second before");
-    }
-}
-
-#[test]
 fn what_is_near_an_avatar_of_ones_own_is_not_outside() {
     let mut client = linked();
     let id = BodyId::avatar(client.id, 0);

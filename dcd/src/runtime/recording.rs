@@ -5,9 +5,9 @@ use std::time::Duration;
 
 use tracing::warn;
 
+use super::LocalWorld;
 use super::recorded::bodies_of;
 use super::tape::{Copies, Tape};
-use super::LocalWorld;
 use crate::protocol::BodyRecord;
 use crate::recording::{Operation, Recorder, RecordingError, digest};
 use crate::space::{BodyId, JointId, Load};

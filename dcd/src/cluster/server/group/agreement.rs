@@ -100,14 +100,17 @@ pub(super) fn astray(
     let Some(end) = counted.last().filter(|_| !named.contains_key(&view.leader)) else {
         return BTreeSet::new();
     };
-    let meets = |op: &&WorldOp| op.repartition().is_some() || op.concerns_all();
+    // Where members may be ticks apart all meet in every tick, and it goes on with them.
+    let meets = |op: &&WorldOp| op.repartition().is_some() || lag == 0 && op.concerns_all();
     let differs = |own: &Dispatch| {
         // What is older all have done, and some do not name it any more.
         let one = counted.iter().find(|one| one.tick == own.tick && one.tick.0 + lag.max(1) > end.tick.0);
         own.view == view.number
             && one.is_some_and(|one| own.ops.iter().filter(meets).any(|op| !one.ops.contains(op)))
     };
-    let is_astray = |(_, own): &(&NodeId, &Vec<Dispatch>)| own.iter().any(differs);
+    // A dedicated one never: who else says what the leader told might have it sent away.
+    let plays = |node| view.members.iter().any(|one| one.node == node && one.client.is_some());
+    let is_astray = |(node, own): &(&NodeId, &Vec<Dispatch>)| plays(**node) && own.iter().any(differs);
     named.iter().filter(is_astray).map(|(&node, _)| node).collect()
 }
 
@@ -344,6 +347,8 @@ mod tests {
                 "a dedicated node's word counts"
             );
             assert_eq!(of(&[(TWO, alone[1..].to_vec()), (THREE, alone.clone())]), [].into(), "both know it");
+            let shorter = [before(), vec![dispatch(9, Vec::new())]].concat();
+            assert_eq!(of(&[(TWO, alone.clone()), (THREE, shorter)]), [].into(), "nor is it sent away");
             assert_eq!(
                 of(&[(ONE, before()), (TWO, before()), (THREE, alone)]),
                 [].into(),

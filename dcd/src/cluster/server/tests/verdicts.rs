@@ -12,7 +12,8 @@ fn verifying() -> (Server, Vec<ServerOutput>) {
     let mut outputs = Vec::new();
     for node in 1..=3 {
         let client = (node > 1).then_some(ClientId(node));
-        let role = JoinAs::Node { address: ([127, 0, 0, 1], node as u16).into(), client, resume: None, heard: 0 };
+        let role =
+            JoinAs::Node { address: ([127, 0, 0, 1], node as u16).into(), client, resume: None, heard: 0 };
         tell(&mut server, node, Message::Hello(Hello { version: VERSION, role }));
         outputs = tell(&mut server, node, Message::ToServer(ToServer::Loaded));
     }

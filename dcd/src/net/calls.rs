@@ -133,8 +133,10 @@ async fn receive(shared: Arc<Shared>, incoming: Incoming, handshake: OwnedSemaph
         connected = tokio::time::timeout(timeout, async { incoming.accept()?.await }) => connected.ok(),
         () = place.gives_way() => None,
     };
+    // It may have been told to give way as it came to its end.
+    let is_given_up = place.is_given_up();
     drop(place);
-    let connection = match connected {
+    let connection = match connected.filter(|_| !is_given_up) {
         Some(Ok(connection)) => connection,
         Some(Err(error)) => {
             tracing::debug!(%addr, "handshake failed: {error}");

@@ -85,6 +85,11 @@ impl Unasked {
 }
 
 impl Place<'_> {
+    /// Returns whether it has been told to give way: another waits for it.
+    pub(super) fn is_given_up(&self) -> bool {
+        !self.of.lock().places.contains_key(&self.number)
+    }
+
     /// Returns once it has to give way.
     pub(super) async fn gives_way(&self) {
         self.gives_way.notified().await;
@@ -110,9 +115,7 @@ mod tests {
     fn what_has_waited_longest_gives_way_and_who_has_proved_its_name_last() {
         let unasked = Unasked::default();
         let places = [Some(name(1)), None, None].map(|who| unasked.enter_as(who, None));
-        let there = || {
-            places.iter().map(|place| unasked.lock().places.contains_key(&place.number)).collect::<Vec<_>>()
-        };
+        let there = || places.iter().map(|place| !place.is_given_up()).collect::<Vec<_>>();
         for left in [[true, false, true], [true, false, false], [false; 3]] {
             assert!(unasked.give_way());
             assert_eq!(there(), left);
@@ -127,7 +130,7 @@ mod tests {
         let stranger = unasked.enter_as(None, None);
         let other = unasked.enter_as(Some(name(2)), None);
         assert!(unasked.give_way());
-        let is_there = |place: &Place<'_>| unasked.lock().places.contains_key(&place.number);
+        let is_there = |place: &Place<'_>| !place.is_given_up();
         assert!(!is_there(&often[OF_ONE_NAME]), "the last of them counts as a stranger, and came before one");
         assert!(is_there(&stranger) && is_there(&other) && is_there(&often[0]));
     }

@@ -47,3 +47,35 @@ impl PhysicsDevice {
         Ok(twin)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::protocol::{BodyKind, Chunk};
+    use crate::sim::{sim_body, sim_world};
+    use crate::space::BodyId;
+
+    #[test]
+    fn what_is_computed_once_more_knows_what_does_not_move_as_it_was_at_its_beginning_and_the_rest_in_turn() {
+        let mut physics = PhysicsDevice::new(1);
+        physics.run(PhysicsCommand::World(sim_world(2))).unwrap();
+        let load = |id| {
+            let mut body = sim_body(BodyId::persistent(id), [0.0; 3]);
+            Arc::make_mut(&mut body.traits).kind = BodyKind::Fixed;
+            PhysicsCommand::Load(Chunk::Bodies(vec![body]))
+        };
+        let verify = |command| PhysicsCommand::Verify { run: 1, command: Some(Box::new(command)) };
+        let known = |physics: &PhysicsDevice| {
+            let twin = physics.runs[&1].as_ref().and_then(PhysicsDevice::host).expect("it is computed");
+            twin.scenery().map(|body| body.id.bits()).collect::<Vec<_>>()
+        };
+        physics.run(load(1)).unwrap();
+        physics.run(verify(PhysicsCommand::Load(Chunk::Shapes(Vec::new())))).unwrap();
+        physics.run(load(2)).unwrap();
+        assert_eq!(known(&physics), [1], "it has not come to that tick");
+        physics.run(verify(load(2))).unwrap();
+        assert_eq!(known(&physics), [1, 2]);
+    }
+}

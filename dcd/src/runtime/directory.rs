@@ -113,6 +113,8 @@ fn malformed(address: &str, range: &'static str) -> ProcessError {
 #[cfg(not(feature = "etcd"))]
 fn in_etcd(address: &str, _: &ServeConfig, _: GoesOn<'_>) -> Result<Option<Opened>, ProcessError> {
     let range = "this dcd was built without the feature `etcd`: build it with that, as cargo install --features cli,etcd";
-    let value = address.split('?').next().unwrap_or_default().to_owned();
+    // Nothing before an @, where somebody may have written a password, and no options.
+    let place = address.rsplit('@').next().unwrap_or_default();
+    let value = place.split('?').next().unwrap_or_default().to_owned();
     Err(WorldError::Setting { what: "directory", value, range }.into())
 }

@@ -93,8 +93,9 @@ impl EtcdAddress {
 
     /// Returns what may be shown of an address, also of one that is wrong: no options, and nothing before an @.
     pub(in crate::runtime::directory) fn shown(text: &str) -> &str {
-        let place = text.split_once('?').map_or(text, |(place, _)| place);
-        place.rsplit_once('@').map_or(place, |(_, rest)| rest)
+        // A password may have a ? in it.
+        let rest = text.rsplit_once('@').map_or(text, |(_, rest)| rest);
+        rest.split_once('?').map_or(rest, |(place, _)| place)
     }
 
     /// Returns how URLs of members begin.
@@ -202,5 +203,6 @@ mod tests {
             assert_eq!(EtcdAddress::parse(wrong), Err(why), "{wrong}");
             assert!(!EtcdAddress::shown(wrong).contains("secret"), "{wrong}");
         }
+        assert_eq!(EtcdAddress::shown("etcd://u:sec?ret@h:1/a?user=u"), "h:1/a");
     }
 }

@@ -96,9 +96,12 @@ impl Gateway {
         let mut config = ureq::Agent::config_builder()
             .timeout_connect(Some(CONNECT))
             .http_status_as_error(false)
+            // No member of etcd redirects; who does would be spoken to otherwise than was asked for.
+            .max_redirects(0)
             .proxy(None);
         if let Some(files) = &address.tls {
-            config = config.tls_config(tls::config(files, &place)?);
+            // Within that time a TLS handshake is made, too.
+            config = config.timeout_connect(Some(2 * CONNECT)).tls_config(tls::config(files, &place)?);
         }
         let login = address.user.clone().map(Login::new);
         if let Some(login) = &login {

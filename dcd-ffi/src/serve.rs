@@ -89,7 +89,7 @@ pub struct DcdServerDef {
     /// Keeps the world in etcd instead of in the folder: "etcd://HOST:PORT[,HOST:PORT...]/NAME", in a library that is built with its feature etcd.
     /// Servers with the same one, scene and settings stand by for one another: dcd_server_create waits until none of the others serves. Over TLS it is
     /// "etcds://HOST:PORT/NAME?cacert=FILE", with "&cert=FILE&key=FILE" where etcd asks for certificates, and "&user=NAME&password-file=FILE" where it has
-    /// users; without a file the password is in the environment's %DCD_ETCD_PASSWORD. Null: in the folder.
+    /// users; without a file the password is in the environment (`DCD_ETCD_PASSWORD`). Null: in the folder.
     pub directory: *const c_char,
     /// A file to record to all that the server is given, for `dcd replay`; or null. One that holds something is refused: it may say what went wrong before.
     pub record_path: *const c_char,

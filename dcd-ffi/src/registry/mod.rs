@@ -25,7 +25,7 @@ pub(crate) struct World {
     pub dcd: Dcd,
     pub shapes: Slots<SharedShape>,
     pub looked_up: LookedUp,
-    /// How a body was made last.
+    /// Keeps how a body was made last.
     pub made: Option<Made>,
     pub states: StateBuffers,
     pub events: EventBuffers,

@@ -96,9 +96,9 @@ pub enum PhysicsCommand {
     /// Compute once more what another member computes, beside the regions here and apart from them; answered by [`PhysicsEvent::Verified`]
     /// where the command has an answer, or gives up a region that is not empty.
     Verify {
-        /// Names what is computed; the first command of a new one is [`PhysicsCommand::Rebuild`], in the present world.
+        /// Names what is computed. With the first command of a new one it knows the world, and what does not move, as they are here then.
         run: u64,
-        /// What that member was told. `None`: no more of it.
+        /// Says what that member was told. `None`: no more of it.
         command: Option<Box<PhysicsCommand>>,
     },
 }

@@ -74,7 +74,7 @@ pub struct Leader {
     events: BTreeMap<RegionId, RegionEvents>,
     next_due: Duration,
     ops: Vec<WorldOp>,
-    /// How many of the server's operations that move bodies have come.
+    /// Counts the server's operations that move bodies and have come.
     moves_heard: u64,
     inputs: Inputs,
     latest: Latest,

@@ -22,7 +22,7 @@ const MOST_COPIED_BYTES: usize = 16 << 20;
 /// A tick of a view; that of the view itself is the one with which it begins.
 type Moment = (ViewNumber, Tick);
 
-/// What is computed once more, and what was told in the ticks that this is yet to come to.
+/// Holds what is computed once more, and what members told in the ticks that this is yet to come to.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Verifier {
     runs: BTreeMap<NodeId, Run>,
@@ -31,7 +31,7 @@ pub(super) struct Verifier {
     last_run: u64,
 }
 
-/// What members told one another in one tick, by their own words.
+/// Holds what members told one another in one tick, by their own words.
 #[derive(Clone, Debug, Default)]
 struct Told {
     rounds: u32,

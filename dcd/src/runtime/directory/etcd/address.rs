@@ -93,9 +93,13 @@ impl EtcdAddress {
 
     /// Returns what may be shown of an address, also of one that is wrong: no options, and nothing before an @.
     pub(in crate::runtime::directory) fn shown(text: &str) -> &str {
+        let place = |text| str::split_once(text, '?').map_or(text, |(place, _)| place);
+        let members = place(text).split_once("://").and_then(|(_, rest)| rest.split_once('/'));
+        if members.is_some_and(|(members, _)| members.split(',').all(is_member)) {
+            return place(text);
+        }
         // A password may have a ? in it.
-        let rest = text.rsplit_once('@').map_or(text, |(_, rest)| rest);
-        rest.split_once('?').map_or(rest, |(place, _)| place)
+        place(text.rsplit_once('@').map_or(text, |(_, rest)| rest))
     }
 
     /// Returns how URLs of members begin.
@@ -204,5 +208,6 @@ mod tests {
             assert!(!EtcdAddress::shown(wrong).contains("secret"), "{wrong}");
         }
         assert_eq!(EtcdAddress::shown("etcd://u:sec?ret@h:1/a?user=u"), "h:1/a");
+        assert_eq!(EtcdAddress::shown("etcds://h:1/a?cacert=/etc/ca@home.pem"), "etcds://h:1/a");
     }
 }

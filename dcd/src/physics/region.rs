@@ -11,6 +11,7 @@ mod floating_origin;
 mod id_hash;
 mod iterations;
 mod kinematic_targets;
+mod lever_arms;
 mod mass_splitting;
 mod moved;
 mod place;

@@ -141,6 +141,16 @@ pub struct NearbyBodies {
     pub bodies: Vec<NearbyBody>,
 }
 
+/// Where a replica is to be while the receiver first finds its contacts: how it lay when the sender found them. Rapier keeps their lever
+/// arms as they are then.
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
+pub struct ContactPose {
+    /// Which body; its record says where it is.
+    pub id: BodyId,
+    /// Where it lay, relative to what it touches, world space.
+    pub pose: WorldPose,
+}
+
 /// The handover of a body to the receiver, which becomes its owner.
 #[derive(Clone, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct Transfer {
@@ -176,6 +186,8 @@ pub struct BorderMessage {
     pub states: Vec<SharedState>,
     /// Bodies that the receiver is to hold a replica of from now on, whole.
     pub replicas: Vec<BodyRecord>,
+    /// How some of these lay when their contacts were found.
+    pub contact_poses: Vec<ContactPose>,
     /// Joints new to the receiver.
     pub joints: Vec<JointRecord>,
     /// Bodies the receiver need not hold any more.
@@ -247,6 +259,8 @@ impl BorderMessage {
                 *pose = pose.moved(velocity, seconds);
             }
         };
+        // They are of the tick in which it was sent.
+        self.contact_poses.clear();
         for SharedState { pose, velocity, sleeping, .. } in &mut self.states {
             ahead(pose, velocity, *sleeping);
         }
@@ -261,6 +275,7 @@ impl BorderMessage {
     pub fn forget(&mut self, gone: BodyId) -> Option<BodyRecord> {
         self.states.retain(|state| state.id != gone);
         self.replicas.retain(|body| body.id != gone);
+        self.contact_poses.retain(|lay| lay.id != gone);
         self.joints.retain(|joint| joint.a != gone && joint.b != gone);
         self.wakes.retain(|&id| id != gone);
         self.copies.retain(|copy| copy.id != gone);
@@ -316,6 +331,7 @@ impl BorderMessage {
     pub fn clear(&mut self) {
         self.states.clear();
         self.replicas.clear();
+        self.contact_poses.clear();
         self.joints.clear();
         self.drops.clear();
         self.transfers.clear();

@@ -24,8 +24,8 @@ pub use body::{
     Groups, Impulse, MassRecord, Pose, Velocity, WorldPose,
 };
 pub use border::{
-    BIG_ISLAND, BorderMessage, ContactForce, ContactKey, CopyState, Handover, IslandPart, Membership,
-    NearbyBodies, NearbyBody, RegionEvents, SharedState, Strike, Touch, Transfer,
+    BIG_ISLAND, BorderMessage, ContactForce, ContactKey, ContactPose, CopyState, Handover, IslandPart,
+    Membership, NearbyBodies, NearbyBody, RegionEvents, SharedState, Strike, Touch, Transfer,
 };
 pub use character::{Character, Gait};
 pub(crate) use codec::most_items;

@@ -145,7 +145,8 @@ fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared, leader: Optio
     let mut strikes = std::mem::take(&mut shared.strikes);
     let own_rank = region.rank();
     let body = &region.physics().bodies[link.handle];
-    if shared.heard.is_empty() || body.is_sleeping() && shared.heard.iter().all(|(_, copy)| copy.sleeping) {
+    let all_sleep = body.is_sleeping() && shared.heard.iter().all(|(_, copy)| copy.sleeping);
+    if shared.heard.is_empty() || all_sleep && !shared.lies {
         return;
     }
     let owner = shared.members.without(shared.warming).iter().next();
@@ -173,6 +174,10 @@ fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared, leader: Optio
     region.restart_copy(link.handle);
     region.mend_copy(link.handle);
     if rank != own_rank || struck.is_some() {
+        if std::mem::take(&mut shared.lies) {
+            let pose = convert::region_from_world(region.anchor(), &copy.pose);
+            region.world_mut().bodies[link.handle].set_position(pose, false);
+        }
         write(region, link, &copy.pose, &struck.unwrap_or(copy.velocity));
     }
 }

@@ -8,8 +8,11 @@ use crate::physics::ShapeError;
 use crate::physics::convert;
 use crate::physics::partition::HUB_REACH_M;
 use crate::physics::region::{BodyRef, Ownership, Region};
-use crate::protocol::{BodyKind, BodyRecord, BorderMessage, Transfer};
+use crate::protocol::{BodyKind, BodyRecord, BorderMessage, ContactPose, Transfer};
 use crate::space::RegionSet;
+
+/// Nobody is put farther away than this from where it is, in metres, whatever its owner says.
+const FARTHEST_LAY_M: f32 = 1.0;
 
 /// Inserts the bodies and joints of a message: bodies transferred to this region, and replicas.
 pub(super) fn arrive(
@@ -23,18 +26,55 @@ pub(super) fn arrive(
     for transfer in &message.transfers {
         take_over(region, border, transfer, sender, ground, shares_mass)?;
     }
+    let mut held = Vec::new();
     for body in &message.replicas {
         let Some(handle) = hold(region, body, sender, ground)? else { continue };
         if shares_mass {
             region.begin_mass_split(handle);
             border.shared.begin(handle);
+            held.push(BodyRef { id: body.id, handle });
         }
     }
+    lay(region, border, &message.contact_poses, &held);
     for joint in &message.joints {
         ground.statics.ensure(region, joint, ground.shapes)?;
         region.insert_joint(joint);
     }
     Ok(())
+}
+
+/// Puts replicas that have just come to be held where they lay when their owner found their contacts, until the next exchange: the step in between
+/// finds these alike. Where anything that can move might touch one of them there, all stay where they are.
+fn lay(region: &mut Region, border: &mut Border, poses: &[ContactPose], held: &[BodyRef]) {
+    let place = |lay: &ContactPose| {
+        let link = held.iter().find(|link| link.id == lay.id)?;
+        let pose = convert::region_from_world(region.anchor(), &lay.pose);
+        let far_m = (pose.translation - region.physics().bodies[link.handle].translation()).length();
+        (far_m <= FARTHEST_LAY_M).then_some((link.handle, pose))
+    };
+    let places: Vec<_> = poses.iter().filter_map(place).collect();
+    let world = region.physics();
+    let is_another = |_: ColliderHandle, collider: &Collider| {
+        let parent = collider.parent().filter(|parent| world.bodies[*parent].is_dynamic());
+        parent.is_some_and(|parent| !held.iter().any(|link| link.handle == parent))
+    };
+    let others = world.query_pipeline_with_filter(QueryFilter::new().predicate(&is_another));
+    let touches = |&(handle, pose): &(RigidBodyHandle, Pose)| {
+        world.bodies[handle].colliders().iter().any(|&collider| {
+            let collider = &world.colliders[collider];
+            let at = pose * collider.position_wrt_parent().copied().unwrap_or_default();
+            others.intersect_aabb_conservative(collider.shape().compute_aabb(&at)).next().is_some()
+        })
+    };
+    if places.iter().any(touches) {
+        return;
+    }
+    for (handle, pose) in places {
+        region.world_mut().bodies[handle].set_position(pose, false);
+        if let Some(shared) = border.shared.get_mut(handle) {
+            shared.lies = true;
+        }
+    }
 }
 
 /// Removes replicas that are needed no more, and wakes owned bodies whose replicas something elsewhere has moved.
@@ -172,7 +212,7 @@ mod tests {
     use rapier3d::prelude::*;
 
     use crate::physics::{Coupling, Partition, RegionHost, StepSettings};
-    use crate::protocol::{BodyKind, BodyRecord, BorderMessage, ShapeHash, Transfer, WorldPose};
+    use crate::protocol::{BodyKind, BodyRecord, BorderMessage, ContactPose, ShapeHash, Transfer, WorldPose};
     use crate::space::{BodyId, Bounds, DistributionTree, Epoch, RegionSet};
 
     /// A region with a slab that does not move, and the record of the slab.
@@ -187,6 +227,34 @@ mod tests {
         let record = host.shapes_mut().describe(id, at, &RigidBodyBuilder::fixed().build(), &[slab]).unwrap();
         host.insert(vec![record.clone()], &[]).unwrap();
         (host, record)
+    }
+
+    #[test]
+    fn a_copy_lies_where_its_owner_says_unless_that_is_far_off_or_something_is_there() {
+        for (aside_m, crowded, lies) in [(0.1, false, true), (0.1, true, false), (1.5, false, false)] {
+            let (mut host, slab) = host(Coupling::Auto);
+            let mut copy = BodyRecord { id: BodyId::persistent(1), ..slab.clone() };
+            let mut other = BodyRecord { id: BodyId::persistent(2), ..slab };
+            Arc::make_mut(&mut copy.traits).kind = BodyKind::Dynamic;
+            Arc::make_mut(&mut other.traits).kind = BodyKind::Dynamic;
+            copy.state.pose = WorldPose::at([5.0, 4.0, 0.0]);
+            other.state.pose = WorldPose::at([if crowded { 7.05 } else { 17.0 }, 4.0, 0.0]);
+            host.insert(vec![other], &[]).unwrap();
+            let [left, right] = [0, 1].map(|rank| host.partition().leaves()[rank]);
+            let tick = host.tick().next();
+            host.compute();
+            let lay = ContactPose { id: copy.id, pose: WorldPose::at([5.0 + aside_m, 4.0, 0.0]) };
+            let (replicas, contact_poses) = (vec![copy.clone()], vec![lay]);
+            let message =
+                BorderMessage { from: left, to: right, tick, replicas, contact_poses, ..Default::default() };
+            host.accept(message);
+            host.exchange().unwrap();
+            host.end_tick();
+            let region = host.regions().next().unwrap();
+            let at_m = region.physics().bodies[region.handle_of(copy.id).unwrap()].translation().x;
+            let wanted_m = if lies { 5.0 + aside_m as f32 } else { 5.0 };
+            assert!((at_m - wanted_m).abs() < 1e-3, "{aside_m} m aside, crowded: {crowded}: at {at_m} m");
+        }
     }
 
     #[test]

@@ -6,19 +6,21 @@
 //! - It is owned by the region of its centre, or by the one to which its island moves (`island`). A body that touches
 //!   something is first held there for some ticks, so that the contacts and their warm start are there (thesis 3.3.3); a free
 //!   body is transferred at once.
+//! - The contacts of an island that comes to be held whole are found there as they were found where it is (`region::lever_arms`).
 //! - A body that only moves to a region has a warm-up ghost there, which has no part of the mass; so has, for one exchange, a body
 //!   that comes to be held where several hold it already: the warm-up ghost starts from their mean.
 
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::island::Island;
+use super::island::{Island, Islands};
 use super::predicted_contacts::{self, Meeting, Near, PredictedContacts};
 use super::shared::SharedBodies;
 use super::{Border, Moment, Side, articulated, strike};
+use crate::physics::convert;
 use crate::physics::outbox::Outbox;
 use crate::physics::region::{BodyRef, Ownership, Region, Slot};
-use crate::protocol::{BIG_ISLAND, BodyKind, BodyRecord, Membership, Transfer};
+use crate::protocol::{BIG_ISLAND, BodyKind, BodyRecord, ContactPose, Membership, Transfer};
 use crate::space::{BodyId, Bounds, RegionSet};
 
 /// Ticks for which a region keeps a body that it has no reason to hold any more.
@@ -46,6 +48,41 @@ pub(super) struct Decision {
     link: BodyRef,
     members: RegionSet,
     warming: RegionSet,
+}
+
+/// How bodies of islands that are sent to another region lay when their contacts were found: there these must be found alike.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Lying {
+    /// The islands that were looked at, by their first member.
+    seen: Vec<BodyId>,
+    poses: Vec<(RigidBodyHandle, Pose)>,
+}
+
+impl Lying {
+    fn clear(&mut self) {
+        self.seen.clear();
+        self.poses.clear();
+    }
+
+    /// Looks at the island of a body that is sent to these regions, unless it has. Copies of an island that is split count at once, and must be
+    /// where it is; so must those of one of which a part is there already.
+    fn look(&mut self, region: &Region, islands: &Islands, handle: RigidBodyHandle, added: RegionSet) {
+        let Some(island) = islands.of(handle) else { return };
+        let first = island.members[0].id;
+        if self.seen.contains(&first) {
+            return;
+        }
+        self.seen.push(first);
+        let is_new = |link: &BodyRef| region.slot(link.handle).holders.intersection(added).is_empty();
+        let goes_whole = !island.big && !island.large && island.pressed && !island.spans();
+        if goes_whole && island.members.iter().all(is_new) {
+            self.poses.extend(region.lay_at_contact(&island.members));
+        }
+    }
+
+    fn of(&self, handle: RigidBodyHandle) -> Option<&Pose> {
+        self.poses.iter().find(|(of, _)| *of == handle).map(|(_, pose)| pose)
+    }
 }
 
 /// The membership and owner that a body should have, by its owner's reckoning.
@@ -136,6 +173,7 @@ pub(super) fn decide(side: &mut Side, moment: Moment<'_>) {
         }
     }
     find_ready(region, border, moment.tick.0 as u32);
+    border.lying.clear();
     border.splitting.clear();
     if moment.settings.coupling.moves_islands() {
         let is_big = |handle| border.islands.of(handle).is_some_and(|island| island.big);
@@ -227,7 +265,7 @@ fn share_fresh(side: &mut Side, moment: Moment<'_>) -> Vec<RigidBodyHandle> {
         } else if !holders.is_empty() {
             let members = holders.union(own);
             let warming = if whole { holders } else { RegionSet::EMPTY };
-            tell(region, outbox, handle, holders, holders, members, warming, region.rank());
+            tell(region, outbox, handle, holders, holders, members, warming, region.rank(), None);
             border.decisions.push(Decision { link: BodyRef { id, handle }, members, warming });
         }
     }
@@ -341,8 +379,11 @@ fn decide_on(side: &mut Side, moment: Moment<'_>, link: BodyRef) -> Option<(Body
     if (members, warming, owner) == (before, warming_before, own_rank) {
         return None;
     }
-    let told = members.union(before).without(own);
-    tell(region, outbox, link.handle, told, members.without(before), members, warming, owner);
+    let (told, added) = (members.union(before).without(own), members.without(before));
+    if !added.is_empty() {
+        border.lying.look(region, &border.islands, link.handle, added);
+    }
+    tell(region, outbox, link.handle, told, added, members, warming, owner, border.lying.of(link.handle));
     if owner != own_rank {
         let record = region.body_record(link.handle);
         let body = BodyRecord { epoch: epoch.next(), ..record };
@@ -499,7 +540,7 @@ fn hand_over(region: &Region, outbox: &mut Outbox, link: BodyRef, owner: usize) 
     message.joints.extend(joints);
 }
 
-/// Sends a membership to all members, new, remaining and former, and the body to the new ones.
+/// Sends a membership to all members, new, remaining and former, and the body to the new ones, with how it lay when its contacts were found.
 #[expect(clippy::too_many_arguments, reason = "one word of one owner")]
 fn tell(
     region: &Region,
@@ -510,13 +551,17 @@ fn tell(
     members: RegionSet,
     warming: RegionSet,
     owner: usize,
+    lay: Option<&Pose>,
 ) {
     let record = region.body_record(handle);
+    let lay =
+        lay.map(|lay| ContactPose { id: record.id, pose: convert::world_from_region(region.anchor(), lay) });
     let joints: Vec<_> = region.joints_of(handle).collect();
     let epoch = if owner == region.rank() { record.epoch } else { record.epoch.next() };
     let membership = Membership { id: record.id, epoch, owner: owner as u8, holders: members, warming };
     for rank in added.iter() {
         outbox.to(rank).replicas.push(record.clone());
+        outbox.to(rank).contact_poses.extend(lay);
         outbox.to(rank).joints.extend_from_slice(&joints);
     }
     for rank in told.iter() {

@@ -34,6 +34,8 @@ pub(super) struct Shared {
     pub dealt: Dealt,
     /// What happened to this copy after it was sent to a new member, to be told.
     pub owed: Option<Strike>,
+    /// Whether it lies as it did when its owner found its contacts, and not where it is: until the next exchange.
+    pub lies: bool,
     /// Ticks since its members or its warm-up ghosts changed.
     pub settled: u32,
     /// Ticks for which bodies of other regions have belonged to its island.

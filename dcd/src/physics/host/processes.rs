@@ -14,7 +14,11 @@ pub(crate) struct Processes(pub(crate) Vec<RegionHost>);
 impl Processes {
     /// Deals the regions of a world to so many processes in turn.
     pub(crate) fn of(scene: &Scene, settings: StepSettings, regions: usize, count: usize) -> Self {
-        let tree = DistributionTree::halved(scene.bounds, regions).unwrap();
+        Self::cut(scene, settings, DistributionTree::halved(scene.bounds, regions).unwrap(), count)
+    }
+
+    /// Deals the leaves of a tree to so many processes in turn.
+    pub(crate) fn cut(scene: &Scene, settings: StepSettings, tree: DistributionTree, count: usize) -> Self {
         let leaves: Vec<_> = tree.leaves().collect();
         let host = |i: usize| {
             let own: Vec<_> = leaves.iter().skip(i).step_by(count).copied().collect();

@@ -222,7 +222,7 @@ impl Node {
                 self.phase = Phase::Resting;
                 self.tick = tick;
                 // Members that share nothing with this one may be behind it, and their leader may die.
-                let behind = self.lag().max(1);
+                let behind = self.lag() + 1;
                 self.dispatches.retain(|dispatch| tick.0 < dispatch.tick.0 + behind);
                 let (view, division) = (self.number(), self.division);
                 let is_last = self.world.as_ref().is_some_and(|world| world.last_tick == Some(tick));

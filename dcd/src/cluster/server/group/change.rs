@@ -472,6 +472,7 @@ impl Group {
             common.outputs.push_back(ServerOutput::Held { group: self.id, tick: self.tick });
         } else {
             let mut placed = Vec::new();
+        self.denounced.clear();
             for &id in homeless.iter().chain(moved.keys()) {
                 self.record.renew(id, change.number);
                 self.record.set_life(id, Life::Live);
@@ -557,7 +558,6 @@ impl Group {
         }
         common.world_changed |= !std::mem::replace(&mut common.begun, true);
         self.arriving.clear();
-        self.denounced.clear();
         self.owners.clear();
         self.confirmed = false;
         self.divisions = Divisions::of_view(view.allocation.clone());

@@ -18,7 +18,7 @@ pub enum Sampling {
     All,
 }
 
-/// A command of the node to its physics. [`PhysicsCommand::World`], [`PhysicsCommand::Load`],
+/// A command of the node to its physics. [`PhysicsCommand::World`], [`PhysicsCommand::Load`], [`PhysicsCommand::Anew`],
 /// [`PhysicsCommand::Repartition`] and [`PhysicsCommand::Return`] have no answer; every other command is given only after the last one was answered,
 /// but for [`PhysicsCommand::Verify`], which may be given at any time. A [`PhysicsCommand::World`] forgets all that was before.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,6 +27,8 @@ pub enum PhysicsCommand {
     World(EnvironmentProperties),
     /// Keep these shapes, or these immovable bodies, which each region is to hold as far as it touches them. May repeat.
     Load(Chunk),
+    /// Compute no region any more, and keep nothing of what was computed: the world, its shapes and what does not move stay. No answer.
+    Anew,
     /// Compute these regions from now on, and no other. Kept regions keep their bodies; all forget which regions hold replicas,
     /// and treat their own replicas as stale until the exchange that follows has confirmed them. Bodies of regions that are not
     /// kept are released. The answer, [`PhysicsEvent::Computed`], announces every replica that others need.
@@ -96,7 +98,7 @@ pub enum PhysicsCommand {
     /// Compute once more what another member computes, beside the regions here and apart from them; answered by [`PhysicsEvent::Verified`]
     /// where the command has an answer, or gives up a region that is not empty.
     Verify {
-        /// Names what is computed. With the first command of a new one it knows the world, and what does not move, as they are here then.
+        /// Names what is computed. It begins with [`PhysicsCommand::Anew`], and knows the world, and what does not move, as they are here then.
         run: u64,
         /// Says what that member was told. `None`: no more of it.
         command: Option<Box<PhysicsCommand>>,

@@ -573,12 +573,12 @@ impl Leader {
         condensed(&self.ops)
     }
 
-    /// Goes on from the view before, which it led too: with the contacts of regions that are computed where they were.
-    pub fn inherit(&mut self, legacy: Legacy) {
+    /// Goes on from the view before, which it led too: with the contacts of regions that are computed where they were, by members that keep them.
+    pub fn inherit(&mut self, legacy: Legacy, is_kept: impl Fn(NodeId) -> bool) {
         let Legacy { mut contacts, allocation } = legacy;
         if let Some((_, now)) = self.computed_by.back() {
             contacts.keep_regions(|region| {
-                now.get(&region).is_some_and(|node| allocation.get(&region) == Some(node))
+                now.get(&region).is_some_and(|node| allocation.get(&region) == Some(node) && is_kept(*node))
             });
         }
         self.contacts = contacts;

@@ -366,8 +366,11 @@ impl Server {
         for id in due {
             let going = self.groups.get_mut(&id).map(|group| group.decide_complaints(&self.common));
             for (node, is_at_fault) in going.unwrap_or_default() {
-                if is_at_fault {
-                    self.common.has_failed(node);
+                if is_at_fault
+                    && !self.common.has_failed(node)
+                    && let Some(group) = self.groups.get_mut(&id)
+                {
+                    group.has_not_counted(node);
                 }
                 self.set_apart(node);
             }

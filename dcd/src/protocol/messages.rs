@@ -34,7 +34,7 @@ pub use query::{
     QueryParts, QueryResult, RayAnswer, RayQuery, SHAPE_COST,
 };
 pub use status::{GroupStatus, NodeStatus, RegionStatus, Status};
-pub use verify::{Finding, HeardBorder, Testimony, Verified};
+pub use verify::{Finding, HeardBorder, Hindrance, Testimony, Verified};
 
 /// The number of a group's membership. It grows with every join, leave and death; 0 is before the first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Encode, Decode)]

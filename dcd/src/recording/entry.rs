@@ -83,6 +83,8 @@ pub(super) enum NodeEntry<M = Message, C = FromClient> {
         step_us: Vec<f64>,
     },
     Settled(Digests),
+    /// What another member computes had been computed once more, as far as this run had come; its answer is computed again.
+    Verified(u64),
 }
 
 /// The digests of regions after a tick.

@@ -1,6 +1,6 @@
 //! Replays a node: gives its recorded events to a machine and physics of its own.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 
 use super::acts::Acts;
 use super::entries::Entries;
@@ -17,6 +17,8 @@ pub(super) struct NodeReplay {
     physics: Box<dyn Physics>,
     /// Answers that the machine was not given yet.
     answers: VecDeque<PhysicsEvent>,
+    /// The same of what other members compute, by run.
+    verified: BTreeMap<u64, VecDeque<PhysicsEvent>>,
     /// What was computed and not compared yet.
     computed: VecDeque<(Tick, Vec<(RegionId, u64)>)>,
     disturbance: Disturbance,
@@ -30,6 +32,7 @@ impl NodeReplay {
             node: Node::new(NodeConfig::from(seed)),
             physics,
             answers: VecDeque::new(),
+            verified: BTreeMap::new(),
             computed: VecDeque::new(),
             disturbance: Disturbance::default(),
             acts: Acts::default(),
@@ -62,7 +65,12 @@ impl NodeReplay {
                 self.disturbance.happen(tick, &mut *self.physics);
                 self.computed.push_back((tick, digests_of(&*self.physics)));
             }
-            self.answers.extend(answer);
+            match answer {
+                Some(PhysicsEvent::Verified { run, .. }) => {
+                    self.verified.entry(run).or_default().extend(answer)
+                }
+                _ => self.answers.extend(answer),
+            }
         }
         Ok(())
     }
@@ -107,6 +115,10 @@ impl Replayed for NodeReplay {
                 NodeEntry::Leave => NodeEvent::Leave,
                 NodeEntry::Answered { compute_us, step_us } => {
                     NodeEvent::Physics(self.answer(compute_us, &step_us)?)
+                }
+                NodeEntry::Verified(run) => {
+                    let answer = self.verified.get_mut(&run).and_then(VecDeque::pop_front);
+                    NodeEvent::Physics(answer.ok_or_else(|| self.astray())?)
                 }
                 NodeEntry::Timeout => {
                     self.node.handle_timeout(self.entries.now());

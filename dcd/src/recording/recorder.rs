@@ -300,9 +300,14 @@ impl Drop for Recorder {
 /// Returns what cannot be computed again of an answer: how long it took.
 fn answered<M, C>(event: &PhysicsEvent) -> NodeEntry<M, C> {
     let (mut compute_us, mut step_us) = (0, Vec::new());
-    if let PhysicsEvent::Settled { stats, load, .. } = event {
-        compute_us = stats.compute_us;
-        step_us = load.iter().flat_map(|load| &load.regions).map(|region| region.step_us).collect();
+    match event {
+        // By a thread of its own, so that its answers come in between.
+        PhysicsEvent::Verified { run, .. } => return NodeEntry::Verified(*run),
+        PhysicsEvent::Settled { stats, load, .. } => {
+            compute_us = stats.compute_us;
+            step_us = load.iter().flat_map(|load| &load.regions).map(|region| region.step_us).collect();
+        }
+        _ => {}
     }
     NodeEntry::Answered { compute_us, step_us }
 }

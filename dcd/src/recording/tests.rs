@@ -53,6 +53,19 @@ fn clusters_under_faults_are_replayed_bit_for_bit() {
 }
 
 #[test]
+fn what_is_computed_once_more_comes_in_a_replay_when_it_came() {
+    let config = TrialConfig { record: true, verify: true, ..TrialConfig::default() };
+    for (profile, seed) in [(FaultProfile::Rebalance, 1), (FaultProfile::KillServer, 2)] {
+        let outcome = run_trial(&config, profile, seed, &profile.schedule(seed));
+        assert_eq!(outcome.violation, None, "{profile}");
+        assert!(outcome.verified > 60, "{profile}: {} ticks", outcome.verified);
+        let mut replay = replay_of(outcome.tapes.into_values());
+        while replay.advance(END).unwrap() {}
+        assert_eq!(replay.mismatch(), None, "{profile}");
+    }
+}
+
+#[test]
 fn a_recording_that_was_cut_off_anywhere_is_replayed_up_to_there_and_damage_is_found() {
     let tapes = run(1, None).tapes;
     let whole = tapes.values().next().unwrap().bytes();

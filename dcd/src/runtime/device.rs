@@ -8,6 +8,7 @@ use std::time::Instant;
 use rapier3d::prelude::*;
 use tracing::warn;
 
+use self::verify::{Listener, Twin};
 use crate::cluster::{PhysicsCommand, PhysicsEvent, Sampling, TickStats, correction, deviation_m};
 use crate::physics::{HostError, Partition, RegionHost};
 use crate::protocol::{
@@ -47,7 +48,9 @@ pub struct PhysicsDevice {
     /// Bodies that are being taken over, with the tick that their records are of.
     arriving: Vec<(BodyId, Epoch, Tick)>,
     /// What other members compute and is computed once more here; `None`: it could not be.
-    runs: BTreeMap<u64, Option<Self>>,
+    runs: BTreeMap<u64, Option<Twin>>,
+    /// Who is told of that, if it is computed by threads of its own.
+    apart: Option<Listener>,
 }
 
 impl PhysicsDevice {
@@ -69,6 +72,7 @@ impl PhysicsDevice {
             pushes: Vec::new(),
             arriving: Vec::new(),
             runs: BTreeMap::new(),
+            apart: None,
         }
     }
 
@@ -91,7 +95,7 @@ impl PhysicsDevice {
             // What that takes is no part of what a tick here takes.
             PhysicsCommand::Verify { run, command } => return Ok(self.verify(run, command)),
             PhysicsCommand::World(world) => {
-                *self = Self::new(self.threads);
+                *self = Self { apart: self.apart.take(), ..Self::new(self.threads) };
                 let mut host = host_of(&world, self.threads, &[])?;
                 if world.protocol.lag_ticks() > 0 {
                     host.meet_always();
@@ -100,10 +104,8 @@ impl PhysicsDevice {
                 self.world = Some(world);
                 None
             }
-            PhysicsCommand::Load(chunk) => {
-                self.load(chunk)?;
-                None
-            }
+            PhysicsCommand::Load(chunk) => self.load(chunk).map(|()| None)?,
+            PhysicsCommand::Anew => self.begin_anew().map(|()| None)?,
             PhysicsCommand::Rebuild { tick, tree, regions, placed, joints, drop } => {
                 let host = self.world();
                 let avatars: Vec<_> =

@@ -24,7 +24,7 @@ use super::fan_out::{FanOut, Told};
 use super::links::Links;
 use super::metrics::{NodeGauge, NodeMetrics};
 use super::{Connections, PhysicsDevice, ProcessError, Pulse};
-use crate::cluster::{Client, ClientEvent, Node, NodeConfig, Peer, TickStats};
+use crate::cluster::{Client, ClientEvent, Node, NodeConfig, Peer, PhysicsEvent, TickStats};
 use crate::metrics::Endpoint;
 use crate::net::{HeldEvent, Identity, Limits, Net, NetConfig, NetEvents, PeerStats};
 use crate::physics::RegionHost;
@@ -171,11 +171,12 @@ pub(super) struct State {
     pub farewell: Option<String>,
 }
 
-#[expect(clippy::large_enum_variant, reason = "an input lives for one call")]
 pub(super) enum Input {
     Net(HeldEvent),
     Client(ClientEvent),
     Leave,
+    /// What another member computes, computed once more.
+    Verified(PhysicsEvent),
     /// Wakes the loop: there is work for its connections.
     Wake,
 }
@@ -264,7 +265,10 @@ impl Member {
             Some(_) => Some(fan_out(&links, inbox.clone(), told.clone())?),
             None => None,
         };
-        let device = PhysicsDevice::new(config.threads);
+        let verifier = inbox.clone();
+        // A loop that has ended does not listen.
+        let tell = move |event| drop(verifier.send(Input::Verified(event)));
+        let device = PhysicsDevice::new(config.threads).with_twins_apart(tell);
         let mut running =
             Loop::new(servers, config.give_up, links, node, device, shared.clone(), connections.clone());
         (running.fan_out, running.told) = (fan_out, told);

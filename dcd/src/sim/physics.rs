@@ -207,6 +207,11 @@ impl StandIn {
                 None
             }
             PhysicsCommand::Load(_) => None,
+            PhysicsCommand::Anew => {
+                let (world, runs) = (self.world.take(), std::mem::take(&mut self.runs));
+                *self = Self { world, runs, ..Self::default() };
+                None
+            }
             PhysicsCommand::Rebuild { tick, tree, regions, placed, drop, .. } => {
                 self.world.as_mut().expect("the world comes first").tree = tree;
                 self.rebuild(&regions, placed, &drop);

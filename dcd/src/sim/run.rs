@@ -328,7 +328,7 @@ impl Sim {
                 ServerOutput::Verdict { node, tick, finding } => {
                     self.findings.push((node, tick, finding));
                     let is_honest = self.flipped.is_none() && self.liar.is_none();
-                    if is_honest && finding != Finding::GivenUp {
+                    if is_honest && !matches!(finding, Finding::GivenUp(_)) {
                         self.violation.get_or_insert(Violation::Accused { node, tick });
                     }
                     self.note(|| format!("{node} is judged by {tick}: {finding:?}"));
@@ -404,8 +404,15 @@ impl Sim {
                             load.regions.iter_mut().for_each(|region| region.step_us *= times);
                         }
                         let takes = self.config.physics.draw(&mut self.random).mul_f64(times);
-                        let time = self.now.max(process.physics_until) + takes;
-                        process.physics_until = time;
+                        let (until, takes) = match &event {
+                            PhysicsEvent::Verified { run, .. } => {
+                                let until = process.verified_until.entry(*run).or_default();
+                                (until, takes.mul_f64(self.slow_verifier))
+                            }
+                            _ => (&mut process.physics_until, takes),
+                        };
+                        let time = self.now.max(*until) + takes;
+                        *until = time;
                         self.network.physics(time, id, event);
                     }
                 }

@@ -97,6 +97,8 @@ pub(super) struct NodeProcess {
     pub(super) recorder: Option<Recorder>,
     /// When its last answer comes: it does one thing after the other.
     pub(super) physics_until: Duration,
+    /// The same of what it computes once more, each by itself.
+    pub(super) verified_until: BTreeMap<u64, Duration>,
     /// The client in the same process.
     pub(super) client: Option<ClientId>,
 }
@@ -142,6 +144,8 @@ pub struct Sim {
     pub(super) saved: Option<Box<SavedWorld>>,
     /// A node that takes so many times as long as the others.
     pub(super) slow_node: Option<(NodeId, f64)>,
+    /// How many times longer it takes to compute once more what others compute.
+    pub(super) slow_verifier: f64,
     /// Bugs to plant: transfers still to be dropped, and how all others are spoilt.
     pub(super) drop_transfers: u32,
     pub(super) spoilt: Option<Spoilt>,
@@ -246,6 +250,7 @@ impl Sim {
             server_crashed: false,
             saved: None,
             slow_node: None,
+            slow_verifier: 1.0,
             drop_transfers: 0,
             spoilt: None,
             liar: None,
@@ -302,7 +307,14 @@ impl Sim {
         let tape = self.config.record.then(|| self.tapes.entry(id.to_string()).or_default());
         let recorder = tape.map(|tape| tape.recorder(&config, physics.is_stand_in()));
         let machine = Node::new(config);
-        let process = NodeProcess { machine, physics, recorder, physics_until: Duration::ZERO, client };
+        let process = NodeProcess {
+            machine,
+            physics,
+            recorder,
+            physics_until: Duration::ZERO,
+            verified_until: BTreeMap::new(),
+            client,
+        };
         self.nodes.insert(id, process);
         self.host(Peer::Node(id), self.now.is_zero());
         self.network.dial(self.now, Peer::Node(id), Peer::Server);

@@ -123,6 +123,7 @@ impl Physics for Answering {
         Ok(match command {
             PhysicsCommand::World(_)
             | PhysicsCommand::Load(_)
+            | PhysicsCommand::Anew
             | PhysicsCommand::Repartition { .. }
             | PhysicsCommand::Return => None,
             PhysicsCommand::Rebuild { .. } => {

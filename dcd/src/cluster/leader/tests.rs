@@ -680,7 +680,7 @@ fn who_leads_on_knows_what_touches_and_all_tell_what_the_program_asked_for() {
         // What is on the server's record comes from there.
         assert_eq!(former.undone(), asked);
         let mut leader = leader();
-        leader.inherit(former.into_legacy().1);
+        leader.inherit(former.into_legacy().1, |_| true);
         leader.dispatch(Duration::ZERO).unwrap();
         // A region that another computes now says all anew.
         let (one, two) = if moves { (vec![], vec![touch(false)]) } else { (vec![touch(false)], vec![]) };

@@ -100,7 +100,7 @@ impl Node {
                 Some(leader) if leader.view() == view => leader.authority(alone, by_default, stances),
                 _ => self.counters.stale += 1,
             },
-            ToNode::Verify { view, nodes } => self.witness.learn(view, nodes),
+            ToNode::Verify { view, nodes, anew } => self.witness.learn(view, nodes, anew),
             ToNode::Shutdown { farewell, reason } => self.stop(farewell, reason),
         }
     }
@@ -222,7 +222,7 @@ impl Node {
                 self.phase = Phase::Resting;
                 self.tick = tick;
                 // Members that share nothing with this one may be behind it, and their leader may die.
-                let behind = self.lag().max(1);
+                let behind = self.lag() + 1;
                 self.dispatches.retain(|dispatch| tick.0 < dispatch.tick.0 + behind);
                 let (view, division) = (self.number(), self.division);
                 let is_last = self.world.as_ref().is_some_and(|world| world.last_tick == Some(tick));
@@ -361,6 +361,7 @@ impl Node {
     fn adopt(&mut self, now: Duration, view: View, drop: Vec<BodyId>) {
         let me = self.config.id;
         assert!(view.number > self.number(), "views follow one another");
+        self.witness.begin(view.number);
         self.others = view.members.iter().map(|member| member.node).filter(|&node| node != me).collect();
         self.know(now, &view.members, false);
         self.tend_links(now);
@@ -381,7 +382,9 @@ impl Node {
             None => leader,
         };
         if let (Some(leader), Some(legacy)) = (&mut self.leader, legacy) {
-            leader.inherit(legacy);
+            let plays = |node| view.members.iter().any(|one| one.node == node && one.client.is_some());
+            let is_kept = |node| !self.witness.begins_anew() || !plays(node);
+            leader.inherit(legacy, is_kept);
         }
         self.hand_inputs_on(&drop);
         for peer in &self.links {
@@ -404,7 +407,9 @@ impl Node {
         self.begin_epochs(view.number, &placed);
         let joints = std::mem::take(&mut self.joints);
         let (tick, tree) = (view.tick, view.tree.clone());
-        self.witness.begin(view.number);
+        if self.witness.begins_anew() && self.config.client.is_some() {
+            self.order(PhysicsCommand::Anew);
+        }
         let verified = self.witness.verified().map(|_| (placed.clone(), joints.clone()));
         self.ask(PhysicsCommand::Rebuild { tick, tree, regions, placed, joints, drop });
         self.view = Some(view);

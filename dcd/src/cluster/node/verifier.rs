@@ -7,12 +7,13 @@ use super::Node;
 use super::borders::can_be_said;
 use crate::cluster::{PhysicsCommand, PhysicsEvent, Sampling};
 use crate::protocol::{
-    Border, BorderMessage, Chunk, Finding, HeardBorder, JointRecord, Message, Placed, Report, SharedState,
-    Testimony, ToServer, ViewNumber, WorldOp, encode_value,
+    Border, BorderMessage, Chunk, Finding, HeardBorder, Hindrance, JointRecord, Message, Placed, Report,
+    SharedState, Testimony, ToServer, ViewNumber, WorldOp, encode_value,
 };
 use crate::space::{Allocation, BodyId, NodeId, RegionId, Tick, TreeChange};
 
-/// The most ticks that what is computed once more may be behind: beyond that the leader has not the time for it.
+/// The most ticks that what is computed once more may be behind the world, which does not wait for it: beyond that it is given up, since all that
+/// members told in each of them is kept meanwhile.
 const MOST_BEHIND: usize = 64;
 /// The most states of one tick that a participant's reports are remembered of.
 const MOST_STATES: usize = 1 << 17;
@@ -139,7 +140,7 @@ impl Job {
                 }
                 (Some(_), Some(_)) => return Err(self.contradicts(node, other)),
                 (None, _) if self.dead.contains(&other) => {}
-                _ => return Err(Finding::GivenUp),
+                _ => return Err(Finding::GivenUp(Hindrance::Unknown)),
             }
         }
         let can_be = |(from, message): &(NodeId, BorderMessage)| {
@@ -271,13 +272,12 @@ impl Node {
                 self.verifier.last_run += 1;
                 let run = self.verifier.last_run;
                 // It knows what does not move as it is now: the next tick of this node may change that.
-                let nothing = PhysicsCommand::Load(Chunk::Shapes(Vec::new()));
-                self.order(PhysicsCommand::Verify { run, command: Some(Box::new(nothing)) });
+                self.order(PhysicsCommand::Verify { run, command: Some(Box::new(PhysicsCommand::Anew)) });
                 let begun = Run { number: run, ..Run::default() };
                 self.verifier.runs.insert(one.node, begun);
             }
             let Some(run) = self.verifier.runs.get_mut(&one.node) else {
-                self.tell_verdict((view.number, view.tick), one.node, Finding::GivenUp);
+                self.tell_verdict((view.number, view.tick), one.node, Finding::GivenUp(Hindrance::Unknown));
                 continue;
             };
             let regions = view.allocation.iter().filter(|&(_, &node)| node == one.node);
@@ -341,7 +341,7 @@ impl Node {
             let behind = run.jobs.len();
             let Some(job) = run.jobs.front_mut() else { continue };
             if behind > MOST_BEHIND {
-                given_up.push((job.at, node));
+                given_up.push((job.at, node, Hindrance::Behind));
             } else if job.round.is_none() && is_done(job.at) {
                 match self.verifier.told.get(&job.at) {
                     Some(told) if told.heard.contains_key(&node) => {
@@ -349,15 +349,15 @@ impl Node {
                         let own = std::mem::take(&mut job.commands).into_iter();
                         commands.extend(own.map(|command| (run.number, command)));
                     }
-                    _ => given_up.push((job.at, node)),
+                    _ => given_up.push((job.at, node, Hindrance::Unknown)),
                 }
             }
         }
         for (run, command) in commands {
             self.order(PhysicsCommand::Verify { run, command: Some(Box::new(command)) });
         }
-        for (at, node) in given_up {
-            self.conclude(at, node, Finding::GivenUp);
+        for (at, node, why) in given_up {
+            self.conclude(at, node, Finding::GivenUp(why));
         }
     }
 
@@ -415,7 +415,7 @@ impl Node {
         }
         self.tell_verdict(at, node, finding);
         if let Finding::Contradicts(_) = finding {
-            self.tell_verdict(at, node, Finding::GivenUp);
+            self.tell_verdict(at, node, Finding::GivenUp(Hindrance::Unknown));
         }
     }
 

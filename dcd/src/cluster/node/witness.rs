@@ -6,10 +6,11 @@ use crate::space::{NodeId, Tick};
 /// What a member has heard and told in the present tick, as far as that is to be told to the leader.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Witness {
-    /// Who is verified in a view to come.
-    coming: Option<(ViewNumber, Vec<Verified>)>,
+    /// Who is verified in a view to come, and whether participants begin anew with it.
+    coming: Option<(ViewNumber, Vec<Verified>, bool)>,
     /// Who is verified in the present one. `None`: nobody asks.
     verified: Option<Vec<Verified>>,
+    anew: bool,
     heard: Vec<HeardBorder>,
     copies: Vec<Message>,
     /// What was told of the newest tick, which a link that breaks may lose.
@@ -18,14 +19,15 @@ pub(super) struct Witness {
 
 impl Witness {
     /// Takes in who is verified in a view to come.
-    pub(super) fn learn(&mut self, view: ViewNumber, nodes: Vec<Verified>) {
-        self.coming = Some((view, nodes));
+    pub(super) fn learn(&mut self, view: ViewNumber, nodes: Vec<Verified>, anew: bool) {
+        self.coming = Some((view, nodes, anew));
     }
 
     /// Begins a view.
     pub(super) fn begin(&mut self, view: ViewNumber) {
-        let coming = self.coming.take().filter(|(of, _)| *of == view);
-        self.verified = coming.map(|(_, nodes)| nodes);
+        let coming = self.coming.take().filter(|(of, ..)| *of == view);
+        self.anew = coming.as_ref().is_some_and(|(.., anew)| *anew);
+        self.verified = coming.map(|(_, nodes, _)| nodes);
         self.heard.clear();
         self.copies.clear();
     }
@@ -33,6 +35,11 @@ impl Witness {
     /// Returns who is verified in the present view, if anybody is asked about it.
     pub(super) fn verified(&self) -> Option<&[Verified]> {
         self.verified.as_deref()
+    }
+
+    /// Returns whether participants keep nothing in the present view of what they computed before.
+    pub(super) fn begins_anew(&self) -> bool {
+        self.anew
     }
 
     /// Notes what is told to another member.

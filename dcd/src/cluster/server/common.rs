@@ -115,18 +115,20 @@ impl Common {
         self.greetings.entry(node).or_default().ask(now, 1.0, GREETINGS, GREETINGS_PER_S)
     }
 
-    /// Counts that a participant makes the others of its group stop.
-    pub(super) fn has_failed(&mut self, node: NodeId) {
+    /// Counts that a participant makes the others of its group stop; returns whether it does count.
+    pub(super) fn has_failed(&mut self, node: NodeId) -> bool {
         let now = self.now;
-        let Some(entry) = self.nodes.get(&node).filter(|entry| entry.member.client.is_some()) else { return };
+        let Some(entry) = self.nodes.get(&node).filter(|entry| entry.member.client.is_some()) else {
+            return false;
+        };
         let serves = entry.serving;
         let computes_with = |other: (&NodeId, &NodeEntry)| *other.0 != node && other.1.serving == serves;
-        if serves.is_some() && self.nodes.iter().any(computes_with) {
-            let _ = self.failures.entry(node).or_default().ask(now, 1.0, FAILURES, FAILURES_PER_S);
-        }
+        serves.is_some()
+            && self.nodes.iter().any(computes_with)
+            && self.failures.entry(node).or_default().ask(now, 1.0, FAILURES, FAILURES_PER_S)
     }
 
-    /// Takes back that a node has failed: it said what was so.
+    /// Takes back that a node has failed, which counted: it said what was so.
     pub(super) fn forgive(&mut self, node: NodeId) {
         if let Some(account) = self.failures.get_mut(&node) {
             account.give_back(1.0);

@@ -357,6 +357,11 @@ impl Group {
         going
     }
 
+    /// Notes that there is nothing to be forgiven one that accused a member alone and goes: that it did so did not count.
+    pub(super) fn has_not_counted(&mut self, accuser: NodeId) {
+        self.denounced.retain(|_, liar| *liar != accuser);
+    }
+
     /// Returns who accused this member alone, and went itself, though it hangs indeed.
     pub(super) fn was_denounced_by(&mut self, mute: NodeId) -> Option<NodeId> {
         self.denounced.remove(&mute)
@@ -405,6 +410,7 @@ impl Group {
         if let Some(change) = self.change.take() {
             self.left_over = change.handed_over();
         }
+        self.denounced.clear();
         self.silent_since.get_or_insert(common.now);
         if !self.held {
             self.held = true;

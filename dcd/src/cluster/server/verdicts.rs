@@ -1,18 +1,19 @@
 //! Draws the participants whose regions a dedicated leader computes once more, and acts on what it finds out.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use bincode::{Decode, Encode};
 
 use super::common::Common;
 use super::{Server, ServerOutput};
-use crate::protocol::{Farewell, Finding, Verified, View, ViewNumber};
+use crate::protocol::{Farewell, Finding, Hindrance, Member, Verified, View, ViewNumber};
 use crate::space::{BodyId, NodeId, Tick, mixed};
 
 /// How many participants are verified: their regions are computed once more by the leader, if that is a dedicated node.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Encode, Decode)]
 pub struct Verification {
-    /// The share of participants, 0 to 1, each drawn when it begins to compute. 0: none, and nothing is sent for that.
+    /// The share of participants, 0 to 1, each drawn when it begins to compute, or begins anew under another leader. 0: none, and nothing is sent
+    /// for that.
     pub share: f64,
     /// Of the draws: who knows it knows who is verified.
     pub seed: u64,
@@ -37,34 +38,53 @@ pub(super) struct Drawn {
 }
 
 impl Drawn {
-    /// Draws those who are verified in a view to come, of the participants that begin with it; those who have been go on, under the same
+    /// Returns which members of a view to come begin it with nothing of what they computed before: all participants, where a dedicated node leads
+    /// that does not know what they have. It can verify no others, and none of them is to know whether it is the one that is drawn.
+    pub(super) fn anew(
+        &self,
+        common: &Common,
+        members: &[Member],
+        leader: NodeId,
+        stayed: impl Fn(NodeId) -> bool,
+    ) -> BTreeSet<NodeId> {
+        let knows_them = self.by == Some(leader) && stayed(leader);
+        let dedicated = members.iter().any(|member| member.node == leader && member.client.is_none());
+        if !dedicated || knows_them || !can_verify(common) {
+            return BTreeSet::new();
+        }
+        let participants = members.iter().filter(|member| member.client.is_some());
+        participants.map(|member| member.node).filter(|node| stayed(*node)).collect()
+    }
+
+    /// Draws those who are verified in a view to come, of the participants that begin it with nothing; those who have been go on, under the same
     /// leader. Returns what members are told of it, also where nobody is drawn, since nobody is to know that; `None`: nobody can be.
     pub(super) fn draw(
         &mut self,
-        common: &Common,
+        common: &mut Common,
         view: &View,
-        stayed: impl Fn(NodeId) -> bool,
+        goes_on: impl Fn(NodeId) -> bool,
         drops: &BTreeMap<NodeId, Vec<BodyId>>,
     ) -> Option<Vec<Verified>> {
-        let verification = common.config.grouping.verification;
-        let led_by = view.led_by().filter(|leader| leader.client.is_none())?.node;
-        if verification.share <= 0.0 || common.config.world.protocol.lag_ticks() > 0 {
-            return None;
-        }
         let Self { by, nodes } = self;
-        // Who has not led the view before does not know what others began with.
-        if by.replace(led_by) != Some(led_by) || !stayed(led_by) {
-            nodes.clear();
-        }
         let participants = view.members.iter().filter(|member| member.client.is_some());
         let participants: Vec<_> = participants.map(|member| member.node).collect();
+        nodes.retain(|node, _| participants.contains(node) && goes_on(*node));
+        let Some(leader) = view.led_by().filter(|leader| leader.client.is_none() && can_verify(common))
+        else {
+            *by = None;
+            for (node, _) in std::mem::take(nodes) {
+                let (tick, finding) = (view.tick, Finding::GivenUp(Hindrance::Unled));
+                common.outputs.push_back(ServerOutput::Verdict { node, tick, finding });
+            }
+            return None;
+        };
+        *by = Some(leader.node);
         if participants.is_empty() {
-            nodes.clear();
             return None;
         }
-        nodes.retain(|node, _| participants.contains(node) && stayed(*node));
+        let verification = common.config.grouping.verification;
         for node in participants {
-            if !stayed(node) && verification.draws(view.number, node) {
+            if !goes_on(node) && verification.draws(view.number, node) {
                 nodes.insert(node, view.number);
             }
         }
@@ -83,6 +103,10 @@ impl Drawn {
         }
         is_meant
     }
+}
+
+fn can_verify(common: &Common) -> bool {
+    common.config.grouping.verification.share > 0.0 && common.config.world.protocol.lag_ticks() == 0
 }
 
 /// Returns what one member is told of those who are verified: nobody of itself, and the leader alone what they let go of.

@@ -113,6 +113,8 @@ pub enum ToNode {
         view: ViewNumber,
         /// In id order.
         nodes: Vec<Verified>,
+        /// Participants that have computed before keep nothing of that: all that they begin with is placed with the view.
+        anew: bool,
     },
     /// Stop.
     Shutdown {

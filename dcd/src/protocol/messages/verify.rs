@@ -48,8 +48,19 @@ pub enum Finding {
     /// It and another participant contradict each other about what one told the other: one of them lies. It is verified on, as long as
     /// what it was told is known.
     Contradicts(NodeId),
-    /// It cannot be verified any longer: what others told it is not known, or it is too much to compute.
-    GivenUp,
+    /// It cannot be verified any longer.
+    GivenUp(Hindrance),
+}
+
+/// Why a participant cannot be verified any longer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
+pub enum Hindrance {
+    /// What others told it is not known.
+    Unknown,
+    /// It is too much for the leader to compute: it was too far behind the world.
+    Behind,
+    /// No dedicated node leads any more.
+    Unled,
 }
 
 impl Border {

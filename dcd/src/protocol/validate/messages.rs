@@ -269,7 +269,7 @@ impl Check for ToNode {
             }
             Self::Authority { stances, .. } => ascending(stances, |stance| stance.body, "stances"),
             Self::Settle { view } => view.check(),
-            Self::Verify { view, nodes } => {
+            Self::Verify { view, nodes, .. } => {
                 view.check()?;
                 ascending(nodes, |verified| verified.node, "verify.nodes")
             }

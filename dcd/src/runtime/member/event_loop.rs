@@ -225,6 +225,7 @@ impl Loop {
                 }
             }
             Input::Client(event) => self.client(event),
+            Input::Verified(event) => self.verified(event),
             Input::Wake => {}
             Input::Leave => {
                 self.client(ClientEvent::Leave);
@@ -462,20 +463,26 @@ impl Loop {
                         _ => {}
                     }
                 }
-                match &event {
-                    PhysicsEvent::Speculated(_) => self.shared.lock().summary.speculative += 1,
-                    PhysicsEvent::Verified { event: Some(event), .. }
-                        if matches!(**event, PhysicsEvent::Settled { .. }) =>
-                    {
-                        self.shared.lock().summary.verified += 1;
-                    }
-                    _ => {}
+                if let PhysicsEvent::Speculated(_) = &event {
+                    self.shared.lock().summary.speculative += 1;
                 }
                 if let Some(node) = &mut self.node {
                     node.handle(self.start.elapsed(), NodeEvent::Physics(event));
                 }
             }
             Err(error) => self.end = Some(Err(error.into())),
+        }
+    }
+
+    /// Takes in what a thread has computed once more.
+    fn verified(&mut self, event: PhysicsEvent) {
+        if let PhysicsEvent::Verified { event: Some(event), .. } = &event
+            && let PhysicsEvent::Settled { .. } = **event
+        {
+            self.shared.lock().summary.verified += 1;
+        }
+        if let Some(node) = &mut self.node {
+            node.handle(self.start.elapsed(), NodeEvent::Physics(event));
         }
     }
 

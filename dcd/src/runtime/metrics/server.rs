@@ -75,7 +75,7 @@ impl ServerMetrics {
             ServerOutput::Unreached(_) => numbers.unreached += 1,
             ServerOutput::Verdict { finding: Finding::Deviates(_), .. } => numbers.findings[0] += 1,
             ServerOutput::Verdict { finding: Finding::Contradicts(_), .. } => numbers.findings[1] += 1,
-            ServerOutput::Verdict { finding: Finding::GivenUp, .. } => numbers.findings[2] += 1,
+            ServerOutput::Verdict { finding: Finding::GivenUp(_), .. } => numbers.findings[2] += 1,
             ServerOutput::Send { message: Message::ToClient(_, ToClient::Rejected { .. }), .. } => {
                 numbers.refused += 1;
             }

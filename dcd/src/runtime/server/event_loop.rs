@@ -11,7 +11,7 @@ use super::{Input, SUSPENDED, Shared};
 use crate::cluster::directory::{Batch, Condition, Directory, DirectoryError, Key, Revision};
 use crate::cluster::{DrainError, Peer, SavedWorld, Server, ServerEvent, ServerOutput, WORLD_ENDED};
 use crate::net::{Authority, NetTotals, PeerName};
-use crate::protocol::{BodyKind, BodyRecord, Farewell, Finding, StateHasher};
+use crate::protocol::{BodyKind, BodyRecord, Farewell, Finding, Hindrance, StateHasher};
 use crate::recording::RecordedServer;
 use crate::runtime::directory::FolderLock;
 use crate::runtime::end_request::EndRequests;
@@ -332,9 +332,18 @@ impl Loop {
                 %node, %other, tick,
                 "two participants contradict each other about what one told the other: one of them lies"
             ),
-            Finding::GivenUp => info!(
+            Finding::GivenUp(Hindrance::Unknown) => info!(
                 %node, tick,
-                "a participant is verified no longer: what it was told is not known, or the leader has not the time"
+                "a participant is verified no longer: what others told it is not known, since it or one of those does not say so, or has died"
+            ),
+            Finding::GivenUp(Hindrance::Behind) => info!(
+                %node, tick,
+                "a participant is verified no longer: to compute what it computes is too much for the node that leads, beside its own. Verify fewer \
+                 (--verify), or start a dedicated node on a faster machine first: it leads then"
+            ),
+            Finding::GivenUp(Hindrance::Unled) => info!(
+                %node, tick,
+                "a participant is verified no longer: no dedicated node leads. Start one (dcd node), and participants are drawn again"
             ),
         }
     }

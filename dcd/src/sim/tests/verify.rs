@@ -1,7 +1,7 @@
 //! Tests that a participant that computes otherwise than it should is found, and that no other one is accused.
 
 use super::*;
-use crate::protocol::Finding;
+use crate::protocol::{Finding, Hindrance};
 use crate::space::Balance;
 
 /// A cluster in which every third node is dedicated, the first of which leads, and the others are participants that are verified.
@@ -88,7 +88,7 @@ fn of_two_participants_that_contradict_each_other_neither_goes() {
     found.sort_by_key(|(node, _)| *node);
     // It is known what the liar was told, and not what the other one was.
     let (of_liar, of_other) = (Finding::Contradicts(other), Finding::Contradicts(liar));
-    assert_eq!(found, [(liar, of_liar), (other, of_other), (other, Finding::GivenUp)]);
+    assert_eq!(found, [(liar, of_liar), (other, of_other), (other, Finding::GivenUp(Hindrance::Unknown))]);
     assert_eq!(sim.server().view().unwrap().members.len(), 4);
 }
 
@@ -109,6 +109,69 @@ fn who_is_verified_stays_so_while_others_come_and_go() {
         sim.flip(NodeId(3), sim.tick());
         assert_eq!(found(&mut sim).0, NodeId(3), "seed {seed}");
     }
+}
+
+#[test]
+fn who_was_there_before_the_node_that_leads_is_verified_by_that_from_its_first_tick_on() {
+    for seed in 0..5 {
+        let mut sim = verified(seed, 6);
+        sim.run_to(Tick(30)).unwrap();
+        sim.crash(Peer::Node(NodeId(1)));
+        sim.run_until(|sim| sim.server().view().is_some_and(|view| view.leader == NodeId(4))).unwrap();
+        let tick = sim.tick();
+        sim.run_to(Tick(tick.0 + 100)).unwrap();
+        assert_eq!(sim.findings, [], "seed {seed}");
+        let ticks = ticks_verified(&sim);
+        assert!(ticks >= 4 * 95, "seed {seed}: {ticks} ticks of four participants");
+        assert_eq!(sim.checker().owned(), 40, "seed {seed}");
+        sim.flip(NodeId(3), sim.tick());
+        assert_eq!(found(&mut sim).0, NodeId(3), "seed {seed}");
+    }
+}
+
+#[test]
+fn a_server_that_is_started_again_has_those_verified_who_are_there() {
+    for seed in 0..5 {
+        let mut sim = verified(seed, 3);
+        sim.run_to(Tick(30)).unwrap();
+        sim.crash(Peer::Server);
+        sim.run_for(Duration::from_secs(1)).unwrap();
+        sim.restart_server();
+        sim.run_until(|sim| sim.server().view().is_some_and(|view| view.members.len() == 3)).unwrap();
+        let (before, tick) = (ticks_verified(&sim), sim.tick());
+        sim.run_to(Tick(tick.0 + 100)).unwrap();
+        assert_eq!(sim.findings, [], "seed {seed}");
+        assert!(ticks_verified(&sim) - before >= 2 * 95, "seed {seed}");
+        sim.flip(NodeId(3), sim.tick());
+        assert_eq!(found(&mut sim).0, NodeId(3), "seed {seed}");
+    }
+}
+
+#[test]
+fn without_a_dedicated_node_nobody_is_verified_which_is_said() {
+    let mut sim = verified(1, 3);
+    sim.run_to(Tick(30)).unwrap();
+    sim.crash(Peer::Node(NodeId(1)));
+    sim.run_until(|sim| sim.server().view().is_some_and(|view| view.leader == NodeId(2))).unwrap();
+    // The other one was in a group of its own for a while, without the node that verified it.
+    let found: Vec<_> = sim.findings.iter().map(|&(node, _, finding)| (node, finding)).collect();
+    assert_eq!(found, [(NodeId(3), Finding::GivenUp(Hindrance::Unled))]);
+}
+
+/// It is computed by threads of their own, which may come to it late or never.
+#[test]
+fn the_world_does_not_wait_for_what_is_computed_once_more() {
+    let run = |slow_verifier| {
+        let mut sim = verified(1, 3);
+        sim.slow_verifier = slow_verifier;
+        sim.run_to(Tick(300)).unwrap();
+        let found = sim.findings.iter().map(|&(node, _, finding)| (node, finding));
+        (sim.now(), found.collect::<Vec<_>>())
+    };
+    let ((usual, none), (slow, given_up)) = (run(1.0), run(500.0));
+    assert_eq!(none, []);
+    assert_eq!(given_up, [2, 3].map(|node| (NodeId(node), Finding::GivenUp(Hindrance::Behind))));
+    assert!(slow < usual + Duration::from_millis(100), "{slow:?}, usually {usual:?}");
 }
 
 /// Regions follow the load, so that all of a participant's are born in a view, and empty.

@@ -104,7 +104,7 @@ pub(super) fn astray(
     let meets = |op: &&WorldOp| op.repartition().is_some() || lag == 0 && op.concerns_all();
     let differs = |own: &Dispatch| {
         // What is older all have done, and some do not name it any more.
-        let one = counted.iter().find(|one| one.tick == own.tick && one.tick.0 + lag.max(1) > end.tick.0);
+        let one = counted.iter().find(|one| one.tick == own.tick && one.tick.0 + lag + 1 > end.tick.0);
         own.view == view.number
             && one.is_some_and(|one| own.ops.iter().filter(meets).any(|op| !one.ops.contains(op)))
     };
@@ -358,6 +358,15 @@ mod tests {
             let late = [vec![dispatch(8, vec![op])], vec![dispatch(9, Vec::new())]].concat();
             assert_eq!(of(&[(TWO, late[1..].to_vec()), (THREE, late)]), [].into());
         }
+        // Where members are up to two ticks apart, one of them may have done none of the last three.
+        let cut = WorldOp::Repartition(Repartition { changes: Vec::new(), newborn: TWO });
+        let ticks = |ops| [dispatch(8, ops), dispatch(9, Vec::new()), dispatch(10, Vec::new())].to_vec();
+        let named = [(TWO, ticks(Vec::new())), (THREE, ticks(vec![cut]))].into();
+        let (counted, _) = dispatches(&view, Tick(8), 2, &named);
+        assert_eq!(
+            (astray(&view, 2, &named, &counted), astray(&view, 1, &named, &counted)),
+            ([THREE].into(), [].into())
+        );
         let harmless = vec![dispatch(8, Vec::new()), dispatch(9, vec![remove(1), input(1)])];
         assert_eq!(
             of(&[(TWO, vec![dispatch(8, Vec::new())]), (THREE, harmless)]),

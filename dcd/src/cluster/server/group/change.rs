@@ -60,6 +60,8 @@ pub(in crate::cluster::server) struct ViewChange {
     divisions: BTreeMap<NodeId, Option<Division>>,
     /// Made when all surveys are in.
     plan: Option<Plan>,
+    /// Members that by this plan keep nothing of what they have computed: it is fetched, and placed with them anew.
+    anew: BTreeSet<NodeId>,
 }
 
 /// The plan of the next view, made from the surveys.
@@ -89,6 +91,11 @@ impl ViewChange {
             self.since = now;
         }
         self.at = now.min(self.since + self.patience);
+    }
+
+    /// Returns whether a member has something of the last view: who has begun anew has no division.
+    fn has_kept(&self, node: NodeId) -> bool {
+        self.divisions.get(&node).is_some_and(Option::is_some)
     }
 
     /// Returns what the leader handed over: it counts until it has said it all again, as it may die before; and what it has begun to say, if it
@@ -131,6 +138,7 @@ impl Group {
             surveys: BTreeMap::new(),
             divisions: BTreeMap::new(),
             plan: None,
+            anew: BTreeSet::new(),
         });
         self.finish(common);
     }
@@ -292,6 +300,10 @@ impl Group {
         let members: Vec<_> = self.wanted(common).map(|(_, entry)| entry.member.clone()).collect();
         let ids: Vec<_> = members.iter().map(|member| member.node).collect();
         let (tree, allocation) = self.divide(common, &ids, division);
+        let anew = match members.is_empty() {
+            true => BTreeSet::new(),
+            false => self.drawn.anew(common, &members, leader_among(&members), |node| change.has_kept(node)),
+        };
         let mut owners: BTreeMap<BodyId, Owner> = BTreeMap::new();
         for (&node, claims) in &change.surveys {
             for claim in claims {
@@ -305,7 +317,7 @@ impl Group {
         let mut fetch: BTreeMap<NodeId, Vec<BodyId>> = BTreeMap::new();
         for (id, life) in self.record.movable_lives() {
             match (owners.get(&id), life) {
-                (Some(owner), Life::Live) if !self.saving && self.stays(id, owner, &allocation) => {}
+                (Some(owner), Life::Live) if !self.saving && self.stays(id, owner, &allocation, &anew) => {}
                 (Some(owner), Life::Live | Life::Removing { park: true, .. }) => {
                     fetch.entry(owner.node).or_default().push(id);
                 }
@@ -325,6 +337,7 @@ impl Group {
         if let Some(change) = &mut self.change {
             change.patience = PARTS + PART * asked as u32;
             change.plan = Some(Plan { members, tree, allocation, owners, fetching, saves: self.saving });
+            change.anew = anew;
         }
         self.conclude(common);
     }
@@ -367,11 +380,13 @@ impl Group {
         present.eq(members.iter().copied())
     }
 
-    /// Returns whether a body goes on where it is: its region is still its owner's, and nothing later was said of it, as in a
+    /// Returns whether a body goes on where it is: its region is still its owner's, who keeps it, and nothing later was said of it, as in a
     /// view that nobody came to compute.
-    fn stays(&self, id: BodyId, owner: &Owner, allocation: &Allocation) -> bool {
+    fn stays(&self, id: BodyId, owner: &Owner, allocation: &Allocation, anew: &BTreeSet<NodeId>) -> bool {
         let known = self.record.body(id).map(|body| body.epoch);
-        allocation.get(&owner.region) == Some(&owner.node) && known <= Some(owner.epoch)
+        !anew.contains(&owner.node)
+            && allocation.get(&owner.region) == Some(&owner.node)
+            && known <= Some(owner.epoch)
     }
 
     /// Compares what the members own with what is on record; then the world ends.
@@ -428,7 +443,7 @@ impl Group {
         let mut resting = Vec::new();
         for (id, life) in self.record.movable_lives() {
             match (owners.get(&id), life) {
-                (Some(owner), Life::Live) if self.stays(id, owner, &allocation) => {}
+                (Some(owner), Life::Live) if self.stays(id, owner, &allocation, &change.anew) => {}
                 (Some(owner), Life::Live) if tree.is_leaf(owner.region) => {
                     moved.insert(id, owner.region);
                 }
@@ -457,6 +472,7 @@ impl Group {
         }
         self.held = false;
         self.silent_since = None;
+        self.denounced.clear();
         let dropped: Vec<_> =
             change.survivors.iter().filter(|&node| !members.iter().any(|m| m.node == *node)).collect();
         for node in dropped {
@@ -536,9 +552,8 @@ impl Group {
                 drop.iter().copied().chain(beaten.map(|claim| claim.id)).chain(stale).collect();
             drops.insert(node, drop.into_iter().collect::<Vec<_>>());
         }
-        // Who has begun anew has no division.
-        let stayed = |node| change.divisions.get(&node).is_some_and(Option::is_some);
-        let verified = self.drawn.draw(common, &view, stayed, &drops);
+        let goes_on = |node| change.has_kept(node) && !change.anew.contains(&node);
+        let verified = self.drawn.draw(common, &view, goes_on, &drops);
         for (node, drop) in drops {
             let Some(entry) = common.nodes.get_mut(&node) else { continue };
             entry.serving = Some(view.number);
@@ -550,14 +565,13 @@ impl Group {
                 common.send_node(node, ToNode::Chunk(chunk));
             }
             if let Some(verified) = &verified {
-                let nodes = told_to(node, &view, verified);
-                common.send_node(node, ToNode::Verify { view: view.number, nodes });
+                let (nodes, anew) = (told_to(node, &view, verified), !change.anew.is_empty());
+                common.send_node(node, ToNode::Verify { view: view.number, nodes, anew });
             }
             common.send_node(node, ToNode::Adopt { view: view.clone(), drop });
         }
         common.world_changed |= !std::mem::replace(&mut common.begun, true);
         self.arriving.clear();
-        self.denounced.clear();
         self.owners.clear();
         self.confirmed = false;
         self.divisions = Divisions::of_view(view.allocation.clone());

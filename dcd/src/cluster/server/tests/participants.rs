@@ -85,6 +85,13 @@ fn who_accuses_the_last_dedicated_node_alone_is_not_to_blame_where_that_hangs() 
         live(&mut server, 7, all_but(hangs));
         assert_eq!(left(&server), 8 - faults, "{hangs}");
     }
+    // What did not count, since it had no more, is not given back.
+    let mut server = server_of(3, &[2, 3]);
+    (0..8).for_each(|_| assert!(server.common.has_failed(NodeId(3))));
+    let view = server.main().view.as_ref().unwrap().number;
+    tell(&mut server, 3, Message::ToServer(ToServer::LinkLost { view, node: NodeId(1) }));
+    live(&mut server, 7, all_but(1));
+    assert_eq!((left(&server), server.main().view.as_ref().is_some_and(|now| now.number > view)), (0, true));
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Tests whose word counts about participants that are verified, and who is told what of them.
 
 use super::*;
-use crate::protocol::{Finding, Verified};
+use crate::protocol::{Finding, Hindrance, Verified};
 
 /// Returns a server with three nodes, the last two of them participants, all of which are verified; and what these were told as their view began.
 fn verifying() -> (Server, Vec<ServerOutput>) {
@@ -80,10 +80,11 @@ fn two_who_contradict_each_other_and_one_who_cannot_be_verified_stay() {
     let (mut server, _) = verifying();
     let view = server.view().unwrap().number;
     let (node, tick) = (NodeId(2), Tick(4));
-    for finding in [Finding::Contradicts(NodeId(3)), Finding::GivenUp] {
+    let given_up = Finding::GivenUp(Hindrance::Unknown);
+    for finding in [Finding::Contradicts(NodeId(3)), given_up] {
         let verdict = Message::ToServer(ToServer::Verdict { view, tick, node, finding });
         assert_eq!(tell(&mut server, 1, verdict.clone()), [ServerOutput::Verdict { node, tick, finding }]);
-        let is_over = finding == Finding::GivenUp;
+        let is_over = finding == given_up;
         assert_eq!(tell(&mut server, 1, verdict).is_empty(), is_over, "{finding:?}");
     }
     assert_eq!(members(&server), [1, 2, 3]);

@@ -207,10 +207,14 @@ impl Gateway {
                 return Err(GatewayError::Away(cause));
             }
             Err(GatewayError::Refused(cause) | GatewayError::Unknown(cause)) => {
-                return Err(GatewayError::Refused(format!(
-                    "{cause}: {}; see to the user's name and its password (etcdctl user passwd)",
-                    login.described()
-                )));
+                let described = login.described();
+                let why = format!(
+                    "{cause}: {described}; see to the user's name and its password (etcdctl user passwd)"
+                );
+                return Err(match login.is_refused(&cause) {
+                    true => GatewayError::Away(why),
+                    false => GatewayError::Refused(why),
+                });
             }
             answer => answer?,
         };
@@ -340,7 +344,34 @@ impl std::fmt::Display for GatewayError {
 
 #[cfg(test)]
 mod tests {
+    use std::io::{ErrorKind, Read, Write};
+    use std::net::TcpListener;
+
     use super::*;
+
+    #[test]
+    fn who_redirects_is_not_followed() {
+        let [member, elsewhere] = [(); 2].map(|()| TcpListener::bind("127.0.0.1:0").unwrap());
+        let place = format!("etcd://{}/world", member.local_addr().unwrap());
+        let location = elsewhere.local_addr().unwrap();
+        elsewhere.set_nonblocking(true).unwrap();
+        let answered = std::thread::spawn(move || {
+            let (mut stream, _) = member.accept().unwrap();
+            let (mut asked, mut part) = (Vec::new(), [0; 1 << 10]);
+            // The whole request, which ends with that of JSON.
+            while !asked.ends_with(b"}") {
+                let read = stream.read(&mut part).unwrap();
+                asked.extend_from_slice(&part[..read]);
+            }
+            let head = format!("HTTP/1.1 307 -\r\nLocation: http://{location}/v3/kv/range\r\n");
+            write!(stream, "{head}Connection: close\r\nContent-Length: 0\r\n\r\n").unwrap();
+        });
+        let mut gateway = Gateway::new(&EtcdAddress::parse(&place).unwrap()).unwrap();
+        let answer = gateway.read(b"key");
+        answered.join().unwrap();
+        assert!(matches!(&answer, Err(GatewayError::Refused(why)) if why.contains("307")), "{answer:?}");
+        assert_eq!(elsewhere.accept().unwrap_err().kind(), ErrorKind::WouldBlock, "nobody asks there");
+    }
 
     #[test]
     fn what_etcd_leaves_out_is_empty_and_what_is_not_etcds_is_an_error() {

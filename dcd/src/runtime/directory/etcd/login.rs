@@ -3,9 +3,11 @@
 //! Tokens end: those of etcd's own kind when they were not used for five minutes, or when the member that is asked was started
 //! again; others (JWT) at their time, or when anything about users was changed. Whoever is told so asks for another, and asks again.
 
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use serde_json::json;
+use tracing::warn;
 
 use super::address::User;
 
@@ -16,11 +18,13 @@ const ENVIRONMENT: &str = "DCD_ETCD_PASSWORD";
 pub(super) struct Login {
     user: User,
     token: Mutex<Option<String>>,
+    /// Its password is not taken any more.
+    is_refused: AtomicBool,
 }
 
 impl Login {
     pub(super) fn new(user: User) -> Self {
-        Self { user, token: Mutex::default() }
+        Self { user, token: Mutex::default(), is_refused: AtomicBool::new(false) }
     }
 
     /// Returns the last token.
@@ -30,6 +34,23 @@ impl Login {
 
     pub(super) fn set_token(&self, token: String) {
         *self.lock() = Some(token);
+        self.is_refused.store(false, Ordering::Relaxed);
+    }
+
+    /// Notes that the password is refused for this reason. Returns whether etcd took one before: then its user's has been changed there, and that of
+    /// here follows, which the log asks for once.
+    pub(super) fn is_refused(&self, cause: &str) -> bool {
+        let is_changed = self.lock().is_some();
+        if is_changed && !self.is_refused.swap(true, Ordering::Relaxed) {
+            let (user, place) = (&self.user.name, self.place());
+            warn!(
+                user,
+                place,
+                cause,
+                "etcd takes the password no more: it has been changed there. Write it here, too; it is read again and again"
+            );
+        }
+        is_changed
     }
 
     /// Returns what etcd is to be told for a token. The password is read each time: it may have been changed.

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use rustls::pki_types::pem::PemObject;
 use rustls::pki_types::{CertificateDer, PrivateKeyDer};
 use rustls::sign::CertifiedKey;
-use rustls::{CertificateError, RootCertStore};
+use rustls::{AlertDescription, CertificateError, RootCertStore};
 use ureq::tls::{Certificate, ClientCert, PrivateKey, RootCerts, TlsConfig};
 
 use super::address::TlsFiles;
@@ -99,7 +99,7 @@ pub(super) fn explained(error: &ureq::Error, is_tls: bool) -> String {
     };
     let remedy = match fault {
         Some(rustls::Error::InvalidCertificate(fault)) => of_certificate(fault),
-        Some(rustls::Error::AlertReceived(_)) => Some(
+        Some(rustls::Error::AlertReceived(alert)) if is_about_certificate(*alert) => Some(
             "it lets in only who has a certificate of its authority (--client-cert-auth): see to cert and key",
         ),
         Some(rustls::Error::InvalidMessage(_)) => {
@@ -121,6 +121,26 @@ pub(super) fn explained(error: &ureq::Error, is_tls: bool) -> String {
         Some(remedy) => format!("{error}; {remedy}"),
         None => error.to_string(),
     }
+}
+
+/// Returns whether a member says by this alert that it does not accept this server's certificate, or wants one.
+fn is_about_certificate(alert: AlertDescription) -> bool {
+    use AlertDescription::{
+        AccessDenied, BadCertificate, CertificateExpired, CertificateRequired, CertificateRevoked,
+        CertificateUnknown, NoCertificate, UnknownCA, UnsupportedCertificate,
+    };
+    matches!(
+        alert,
+        AccessDenied
+            | BadCertificate
+            | CertificateExpired
+            | CertificateRequired
+            | CertificateRevoked
+            | CertificateUnknown
+            | NoCertificate
+            | UnknownCA
+            | UnsupportedCertificate
+    )
 }
 
 fn of_certificate(fault: &CertificateError) -> Option<&'static str> {
@@ -145,4 +165,20 @@ fn of_certificate(fault: &CertificateError) -> Option<&'static str> {
 fn is_broken_off(kind: ErrorKind) -> bool {
     use ErrorKind::{BrokenPipe, ConnectionAborted, ConnectionReset, UnexpectedEof};
     matches!(kind, UnexpectedEof | ConnectionReset | ConnectionAborted | BrokenPipe)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_what_a_member_says_of_the_certificate_is_said_to_be_its_fault() {
+        let said = |alert| explained(&ureq::Error::Rustls(rustls::Error::AlertReceived(alert)), true);
+        for alert in [AlertDescription::CertificateRequired, AlertDescription::UnknownCA] {
+            assert!(said(alert).contains("cert and key"), "{}", said(alert));
+        }
+        for alert in [AlertDescription::ProtocolVersion, AlertDescription::InternalError] {
+            assert!(!said(alert).contains("cert and key"), "{}", said(alert));
+        }
+    }
 }

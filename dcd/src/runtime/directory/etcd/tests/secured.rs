@@ -142,6 +142,22 @@ fn a_user_with_its_password_and_a_role_is_let_in_and_nobody_else() {
 }
 
 #[test]
+fn a_password_that_is_changed_in_etcd_first_ends_nobody() {
+    let Some(etcd) = EtcdCluster::start(1) else { return };
+    etcd.add_user("dcd", "of dcd", "dcd/changed/");
+    etcd.enable_users();
+    let password = write(etcd.folder(), "password", "of dcd");
+    let place = format!("{}?user=dcd&password-file={password}", etcd.place("changed"));
+    let mut keys = Keys::new(EtcdAddress::parse(&place).unwrap()).unwrap();
+    keys.read("head").unwrap();
+    etcd.change_password("dcd", "another");
+    let asked = keys.gateway.read(b"dcd/changed/head");
+    assert!(matches!(&asked, Err(gateway::GatewayError::Away(why)) if why.contains(&password)), "{asked:?}");
+    write(etcd.folder(), "password", "another");
+    keys.gateway.read(b"dcd/changed/head").unwrap();
+}
+
+#[test]
 fn where_there_are_users_a_certificate_has_no_common_name() {
     let Some(etcd) = EtcdCluster::start_over_tls(&[Certified::Named], &[]) else { return };
     etcd.add_user("dcd", "of dcd", "dcd/named/");

@@ -68,7 +68,7 @@ impl Default for Limits {
             connections: 4096,
             handshakes: 256,
             handshakes_before_retry: 32,
-            closing: 256,
+            closing: 96,
         }
     }
 }

@@ -4,12 +4,14 @@
 mod accuracy;
 mod bandwidth;
 mod c_api;
+mod child;
 mod clients;
 mod consistency;
 mod draw;
 mod fan_out;
 mod faults;
 mod fidelity;
+mod floods;
 mod machine;
 mod maps;
 mod output;
@@ -22,6 +24,7 @@ mod results;
 mod scale;
 mod thesis;
 mod timing;
+mod usage;
 
 use std::process::ExitCode;
 
@@ -58,6 +61,10 @@ enum Suite {
     Faults(faults::Faults),
     /// Measures what it saves and costs to compute less where nobody looks; puts stated errors beside true ones.
     Fidelity(fidelity::Fidelities),
+    /// What hostile peers cost a world: floods of handshakes, datagrams and junk, and peers that read nothing; memory, ticks, joins.
+    Floods(floods::Floods),
+    #[command(hide = true)]
+    FloodProcess(floods::FloodProcess),
     /// The same boxes in bare Rapier, Rapier's `parallel`, Box3D, Jolt and dcd: time beside penetration, energy and sag.
     #[cfg(feature = "peers")]
     Peers(peers::Peers),
@@ -89,6 +96,8 @@ fn main() -> ExitCode {
         Suite::FanOutProcess(process) => process.run().map(done),
         Suite::Faults(faults) => faults.run(),
         Suite::Fidelity(fidelity) => fidelity.run().map(done),
+        Suite::Floods(floods) => floods.run(),
+        Suite::FloodProcess(process) => process.run().map(done),
         #[cfg(feature = "peers")]
         Suite::Peers(peers) => peers.run().map(done),
         Suite::Prediction(prediction) => prediction.run().map(done),

@@ -5,7 +5,6 @@
 //! pays is the processor time of its nodes per tick, by thread: that which computes the world, and those that serve others.
 
 mod process;
-mod usage;
 
 use std::error::Error;
 use std::time::{Duration, Instant};
@@ -18,11 +17,11 @@ use dcd::sim::Random;
 use serde::{Deserialize, Serialize};
 
 pub(crate) use self::process::FanOutProcess;
-use self::process::{Child, Reading};
-use self::usage::Usage;
+use self::process::{Reading, Worker};
 use crate::output::{Output, Sheet, Shown};
 use crate::page;
 use crate::results::{Measured, short};
+use crate::usage::Usage;
 
 const SHOWN: Shown<Row> = Shown { name: "fan-out", table, picture: None };
 const LIMIT: Duration = Duration::from_secs(120);
@@ -106,7 +105,7 @@ impl FanOut {
         let mut nodes = Vec::new();
         for _ in 0..NODES {
             let token = server.token(JoinRole::Node, LIMIT)?;
-            nodes.push(Child::node(server.address, &token)?);
+            nodes.push(Worker::node(server.address, &token)?);
         }
         let begins =
             |view: Option<&dcd::protocol::View>| view.is_some_and(|view| view.members.len() == NODES);
@@ -137,7 +136,7 @@ impl FanOut {
         server: &ServerProcess,
         scene: &Scene,
         count: usize,
-    ) -> Result<Vec<Child>, Box<dyn Error>> {
+    ) -> Result<Vec<Worker>, Box<dyn Error>> {
         let mut random = Random::new(7);
         let mut children = Vec::new();
         for begin in (0..count).step_by(CLIENTS_PER_PROCESS) {
@@ -148,7 +147,7 @@ impl FanOut {
                 let [x, y, z] = [0, 1, 2].map(|axis| low[axis] + random.unit() * (high[axis] - low[axis]));
                 seats += &format!("{token} {x} {y} {z}\n");
             }
-            children.push(Child::clients(server.address, self.interest, &seats)?);
+            children.push(Worker::clients(server.address, self.interest, &seats)?);
         }
         Ok(children)
     }
@@ -195,7 +194,7 @@ struct Moment {
 
 impl Moment {
     /// Asks all; the first of the nodes leads.
-    fn now(nodes: &mut [Child], clients: &mut [Child]) -> Result<Self, Box<dyn Error>> {
+    fn now(nodes: &mut [Worker], clients: &mut [Worker]) -> Result<Self, Box<dyn Error>> {
         let mut said = Reading::default();
         let mut of_clients = Usage::default();
         for client in clients {

@@ -1,9 +1,7 @@
 //! Runs a node, or many clients, in a process of its own, which says what it has done whenever it is asked to.
 
 use std::error::Error;
-use std::io::{BufRead, BufReader, Read, Write};
 use std::net::SocketAddr;
-use std::process::{ChildStdin, ChildStdout, Command, Stdio};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -12,6 +10,8 @@ use dcd::net::JoinRole;
 use dcd::protocol::Area;
 use dcd::runtime::{ClientWorld, JoinConfig, Member, MemberConfig};
 use serde::{Deserialize, Serialize};
+
+use crate::child::{Child, answer};
 
 const LIMIT: Duration = Duration::from_secs(120);
 /// Clients that join at a time.
@@ -108,50 +108,27 @@ fn clients(server: SocketAddr, interest_m: f64) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Answers each line of standard input, until it ends.
-fn answer(read: impl Fn() -> Reading) -> Result<(), Box<dyn Error>> {
-    for line in std::io::stdin().lines() {
-        line?;
-        println!("{}", serde_json::to_string(&read())?);
-    }
-    Ok(())
-}
-
-/// A process that runs until its end of a pipe is closed.
-pub(super) struct Child {
-    child: std::process::Child,
-    input: Option<ChildStdin>,
-    output: BufReader<ChildStdout>,
+/// A node, or clients, in a process of its own.
+pub(super) struct Worker {
+    child: Child,
     /// Its id, if it is a node.
     pub(super) node: Option<u32>,
 }
 
-impl Child {
+impl Worker {
     /// Starts a node.
     pub(super) fn node(server: SocketAddr, token: &str) -> Result<Self, Box<dyn Error>> {
-        let mut child = Self::start(server, &["--token", token])?;
-        child.node = Some(child.line()?.parse()?);
-        Ok(child)
+        let mut child = start(server, &["--token", token])?;
+        let node = Some(child.line()?.parse()?);
+        Ok(Self { child, node })
     }
 
     /// Starts a process of clients, and waits until all have joined. A seat is a line: a token, and where the client's interest is.
     pub(super) fn clients(server: SocketAddr, interest_m: f64, seats: &str) -> Result<Self, Box<dyn Error>> {
-        let mut child = Self::start(server, &["--interest", &interest_m.to_string()])?;
+        let mut child = start(server, &["--interest", &interest_m.to_string()])?;
         child.write(&format!("{seats}\n"))?;
         child.line()?;
-        Ok(child)
-    }
-
-    fn start(server: SocketAddr, arguments: &[&str]) -> Result<Self, Box<dyn Error>> {
-        let mut child = Command::new(std::env::current_exe()?)
-            .args(["fan-out-process", "--server", &server.to_string()])
-            .args(arguments)
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .spawn()
-            .map_err(|error| format!("cannot start a process: {error}"))?;
-        let output = child.stdout.take().ok_or("it has no standard output")?;
-        Ok(Self { input: child.stdin.take(), child, output: BufReader::new(output), node: None })
+        Ok(Self { child, node: None })
     }
 
     pub(super) fn id(&self) -> u32 {
@@ -160,36 +137,16 @@ impl Child {
 
     /// Asks it what it has done so far.
     pub(super) fn read(&mut self) -> Result<Reading, Box<dyn Error>> {
-        self.write("\n")?;
-        Ok(serde_json::from_str(&self.line()?)?)
+        self.child.read()
     }
 
     /// Ends it; says so if it went wrong.
-    pub(super) fn end(mut self) -> Result<(), Box<dyn Error>> {
-        self.input = None;
-        self.output.read_to_string(&mut String::new())?;
-        match self.child.wait()? {
-            status if status.success() => Ok(()),
-            status => Err(format!("a process of clients ended with {status}").into()),
-        }
-    }
-
-    fn write(&mut self, text: &str) -> Result<(), Box<dyn Error>> {
-        Ok(self.input.as_mut().ok_or("it is ending")?.write_all(text.as_bytes())?)
-    }
-
-    fn line(&mut self) -> Result<String, Box<dyn Error>> {
-        let mut line = String::new();
-        match self.output.read_line(&mut line)? {
-            0 => Err("a process ended early".into()),
-            _ => Ok(line.trim_end().to_owned()),
-        }
+    pub(super) fn end(self) -> Result<(), Box<dyn Error>> {
+        self.child.end()
     }
 }
 
-impl Drop for Child {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
+fn start(server: SocketAddr, arguments: &[&str]) -> Result<Child, Box<dyn Error>> {
+    let server = server.to_string();
+    Child::start(&[&["fan-out-process", "--server", &server], arguments].concat())
 }

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockWriteGuard, mpsc};
 use std::time::{Instant, SystemTime};
 
-use quinn::{ClientConfig, Connection, Endpoint, Incoming};
+use quinn::{ClientConfig, Connection, ConnectionError, Endpoint, Incoming, ServerConfig};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use super::events::HeldEvent;
@@ -24,6 +24,8 @@ use super::{
 pub(super) struct Shared {
     pub(super) local_addr: SocketAddr,
     pub(super) endpoint: Endpoint,
+    /// The settings for links of those who had to prove their address, since many call.
+    pub(super) in_haste: Arc<ServerConfig>,
     /// Changes when the certificate is renewed.
     pub(super) dial: RwLock<ClientConfig>,
     /// Until when the certificate proves the name.
@@ -91,6 +93,11 @@ pub(super) async fn accept(shared: Arc<Shared>) {
             let _ = incoming.retry();
             continue;
         }
+        if shared.strangers() >= shared.limits.handshakes + shared.limits.closing {
+            shared.totals().handshakes_refused += 1;
+            incoming.ignore();
+            continue;
+        }
         match shared.handshake_slots.clone().try_acquire_owned() {
             Ok(slot) => {
                 tokio::spawn(receive(shared.clone(), incoming, slot));
@@ -107,6 +114,12 @@ pub(super) async fn accept(shared: Arc<Shared>) {
 }
 
 impl Shared {
+    /// Returns how many connections there are beside those of peers: of those who join, or call, and of those who did a moment ago.
+    fn strangers(&self) -> usize {
+        let peers = self.peers.read().unwrap_or_else(PoisonError::into_inner).len() + self.leaving().len();
+        self.endpoint.open_connections().saturating_sub(peers)
+    }
+
     /// Waits until all have their answers who have asked to join, since their tokens are used. Nobody is let in from then on.
     pub(super) async fn answer_joins(&self) {
         let asked = self.limits.handshakes.saturating_sub(self.unasked.count());
@@ -124,13 +137,21 @@ async fn receive_when_free(shared: Arc<Shared>, incoming: Incoming) {
     }
 }
 
+/// Takes a handshake to its end.
+async fn connect(shared: &Shared, incoming: Incoming) -> Result<Connection, ConnectionError> {
+    match incoming.may_retry() {
+        true => incoming.accept()?.await,
+        false => incoming.accept_with(shared.in_haste.clone())?.await,
+    }
+}
+
 /// Serves one incoming connection: a proven peer for as long as it stays, an anonymous one for one join.
 async fn receive(shared: Arc<Shared>, incoming: Incoming, handshake: OwnedSemaphorePermit) {
     let timeout = shared.limits.handshake_timeout;
     let addr = incoming.remote_address();
     let place = shared.unasked.enter(None);
     let connected = tokio::select! {
-        connected = tokio::time::timeout(timeout, async { incoming.accept()?.await }) => connected.ok(),
+        connected = tokio::time::timeout(timeout, connect(&shared, incoming)) => connected.ok(),
         () = place.gives_way() => None,
     };
     // It may have been told to give way as it came to its end.

@@ -14,7 +14,7 @@ use tokio::task::JoinHandle;
 use super::calls::{Shared, accept, dial};
 #[cfg(feature = "physics")]
 use super::datagrams::Datagrams;
-use super::quic_config::{client_config, endpoint_config, server_config};
+use super::quic_config::{client_config, endpoint_config, in_haste, server_config};
 use super::renewal::renew_in_time;
 use super::seldom::Seldom;
 use super::unasked::Unasked;
@@ -55,6 +55,7 @@ impl Net {
             authority.open_ledger()?;
         }
         let answer = server_config(&identity, authority.is_some(), &limits)?;
+        let in_haste = Arc::new(in_haste(&answer, authority.is_some(), &limits));
         let dial = client_config(&identity, &limits)?;
         let socket = bind(listen)?;
         // One thread leaves the cores to the regions. Two gain little (measured on two cores, both ends in one process): there
@@ -77,6 +78,7 @@ impl Net {
         let shared = Arc::new(Shared {
             local_addr,
             endpoint,
+            in_haste,
             dial: RwLock::new(dial),
             expiry: Mutex::new(identity.expires()),
             who: identity.who(),
@@ -237,6 +239,12 @@ impl Net {
         });
         let _ = waiting.join();
         self.shared.events.lock().unwrap_or_else(PoisonError::into_inner).take();
+    }
+
+    /// Returns how many connections QUIC remembers.
+    #[cfg(test)]
+    pub(crate) fn open_connections(&self) -> usize {
+        self.shared.endpoint.open_connections()
     }
 
     /// Stops without closing connections, as a killed process does.

@@ -46,6 +46,9 @@ pub struct Limits {
     pub handshakes: usize,
     /// From this many handshakes under way on, a dialler must first prove that it has the address it writes from.
     pub handshakes_before_retry: usize,
+    /// How many connections may be coming to their end beside those, which QUIC remembers for some round trips; with more, who calls is
+    /// ignored, and dials again by itself.
+    pub closing: usize,
 }
 
 impl Default for Limits {
@@ -65,9 +68,14 @@ impl Default for Limits {
             connections: 4096,
             handshakes: 256,
             handshakes_before_retry: 32,
+            closing: 96,
         }
     }
 }
+
+/// The round trip that is assumed of who calls while many do. QUIC remembers a handshake that is given up for nine such trips, and sends
+/// again after three: it costs some packets twice, and a flood leaves fewer connections behind.
+const FIRST_TRIP_IN_HASTE: Duration = Duration::from_millis(10);
 
 /// How much a server or node may send ahead of our reading.
 const RECEIVE_WINDOW_BYTES: u32 = 4 << 20;
@@ -127,6 +135,15 @@ impl Limits {
     /// Returns the settings of links that others dial: the shorter of both sides' time-outs counts, so that ours only bounds theirs.
     pub(super) fn answering(&self, bidirectional_streams: u8) -> Arc<TransportConfig> {
         self.transport(self.idle_timeout.max(self.client_idle_timeout), None, bidirectional_streams)
+    }
+
+    /// Returns the same for links of those who had to prove their address, since many call.
+    pub(super) fn answering_in_haste(&self, bidirectional_streams: u8) -> Arc<TransportConfig> {
+        let mut transport = self.answering(bidirectional_streams);
+        if let Some(transport) = Arc::get_mut(&mut transport) {
+            transport.initial_rtt(FIRST_TRIP_IN_HASTE);
+        }
+        transport
     }
 
     /// Returns settings with this longest silence, for a side that breaks it so often, or never.

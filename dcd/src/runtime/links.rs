@@ -5,7 +5,8 @@
 //! - for a server, a node or a participant: a whole world, since a view change may move all of it;
 //! - for a client: a whole world while it receives its first snapshot, [`CHANGES_BYTES`] of what comes, goes and changes in it
 //!   later, but for avatars, and nothing otherwise;
-//! - for no peer anything, once it has taken in nothing for [`STUCK`] while its link was up.
+//! - for no peer anything, once it has taken in nothing for [`STUCK`] while its link was up;
+//! - for all players together, who take in the world, [`WORLDS_BYTES`] and one world: who greets then waits its turn.
 //!
 //! States, which go in datagrams, never wait: the oldest are dropped. What a tick waits for is sent twice over links that lose packets
 //! ([`repeats`](super::repeats)).
@@ -31,6 +32,11 @@ use crate::space::{ClientId, NodeId};
 pub(super) const WORLD_BYTES: usize = 256 << 20;
 /// The most bytes that wait for a client of what others build.
 const CHANGES_BYTES: usize = 16 << 20;
+/// From so many bytes on that wait for players, others who greet are not told the world yet: that many come at once and read nothing costs
+/// no more than this and one world.
+const WORLDS_BYTES: usize = 32 << 20;
+/// While others wait to be told the world, a player that takes in nothing for this long is given up.
+const PRESSED: Duration = Duration::from_millis(500);
 /// A peer that takes in nothing for this long, though something waits for it, is given up.
 const STUCK: Duration = Duration::from_secs(10);
 /// So many bytes are something: who takes in a few at a time does not keep a world waiting for it.
@@ -88,7 +94,10 @@ pub(super) struct Links {
     /// What clients are receiving beside what each tick brings.
     told: BTreeMap<Peer, Told>,
     given_up: Vec<LinkEvent>,
+    /// Greetings of players that wait for others to take in the world.
+    greetings: VecDeque<(PeerKey, LinkEvent)>,
     world_bytes: usize,
+    worlds_bytes: usize,
     repeats: Repeats,
     received: Received,
     sent: Received,
@@ -123,7 +132,9 @@ impl Links {
             waiting: BTreeMap::new(),
             told: BTreeMap::new(),
             given_up: Vec::new(),
+            greetings: VecDeque::new(),
             world_bytes: WORLD_BYTES,
+            worlds_bytes: WORLDS_BYTES,
             repeats: Repeats::default(),
             received: Received::default(),
             sent: Received::default(),
@@ -240,7 +251,7 @@ impl Links {
             }
         }
         let peers: Vec<_> = self.waiting.keys().filter_map(|&peer| Some((peer, self.key(peer)?))).collect();
-        let mut left = self.send_programs() || self.repeats.is_waiting();
+        let mut left = self.send_programs() || self.repeats.is_waiting() || !self.greetings.is_empty();
         for (peer, key) in peers {
             let Some(mut waiting) = self.waiting.remove(&peer) else { continue };
             let before = waiting.frames.len();
@@ -270,7 +281,8 @@ impl Links {
             }
             self.waiting.insert(peer, waiting);
             left = true;
-            if now.saturating_duration_since(since) >= STUCK {
+            let is_pressed = !self.greetings.is_empty() && self.is_player(peer);
+            if now.saturating_duration_since(since) >= if is_pressed { PRESSED } else { STUCK } {
                 self.give_up(peer);
             }
         }
@@ -307,6 +319,41 @@ impl Links {
             sent.count(protocol::Subject::Programs, frame.len());
             Sent::Done
         })
+    }
+
+    /// Returns whether a peer is a client or a participant, whose processes are their users'.
+    fn is_player(&self, peer: Peer) -> bool {
+        let who = self.key(peer).and_then(|key| self.names.get(&key));
+        who.is_some_and(|who| who.client().is_some())
+    }
+
+    /// Returns how many bytes wait for players, of which most are worlds.
+    fn worlds_waiting(&self) -> usize {
+        let of = |(&peer, waiting): (&Peer, &Waiting)| if self.is_player(peer) { waiting.bytes } else { 0 };
+        self.waiting.iter().map(of).sum()
+    }
+
+    /// Lets a greeting wait while much waits for players already: who greets is told the world. Who comes back to a view that it computes
+    /// has it.
+    fn in_turn(&mut self, key: PeerKey, who: PeerName, event: LinkEvent) -> Vec<LinkEvent> {
+        let LinkEvent::Message { message: Message::Hello(hello), .. } = &event else { return vec![event] };
+        let comes_back = matches!(hello.role, JoinAs::Node { resume: Some(_), .. });
+        let has_room = self.greetings.is_empty() && self.worlds_waiting() < self.worlds_bytes;
+        if !self.is_server || comes_back || who.client().is_none() || has_room {
+            return vec![event];
+        }
+        self.greetings.push_back((key, event));
+        Vec::new()
+    }
+
+    /// Takes the greeting that has waited longest, if there is room by now for the world that it will be answered with.
+    pub(super) fn next_greeting(&mut self) -> Option<LinkEvent> {
+        let Self { greetings, names, .. } = self;
+        greetings.retain(|(key, _)| names.contains_key(key));
+        if self.greetings.is_empty() || self.worlds_waiting() >= self.worlds_bytes {
+            return None;
+        }
+        self.greetings.pop_front().map(|(_, event)| event)
     }
 
     /// Takes the events of links that ended here, for our own state machines.
@@ -450,7 +497,10 @@ impl Links {
                     Err(error) => Err((Ending::BrokeRule, error.to_string())),
                 };
                 match heard {
-                    Ok(message) => vec![LinkEvent::Message { from: self.sender(who, &message), message }],
+                    Ok(message) => {
+                        let event = LinkEvent::Message { from: self.sender(who, &message), message };
+                        self.in_turn(key, who, event)
+                    }
                     Err((ending, error)) => {
                         self.malformed += 1;
                         warn!(?who, error, "a peer sent what it may not and is disconnected");

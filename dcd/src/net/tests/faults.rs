@@ -259,6 +259,77 @@ fn who_begins_handshakes_and_does_not_finish_them_keeps_nobody_from_joining() {
     drop((dialling, arrived));
 }
 
+/// Begins handshakes, proves its address, and says nothing more.
+struct Caller {
+    endpoint: quinn_proto::Endpoint,
+    config: quinn_proto::ClientConfig,
+    socket: std::net::UdpSocket,
+    target: SocketAddr,
+}
+
+impl Caller {
+    fn new(server: &Server) -> Self {
+        let crypto = crate::net::verify::joining(server.token(JoinRole::Node).fingerprint).unwrap();
+        let crypto = quinn::crypto::rustls::QuicClientConfig::try_from(crypto).unwrap();
+        let socket = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+        socket.set_read_timeout(Some(Duration::from_millis(100))).unwrap();
+        Self {
+            endpoint: quinn_proto::Endpoint::new(Arc::default(), None, true, None),
+            config: quinn_proto::ClientConfig::new(Arc::new(crypto)),
+            socket,
+            target: server.addr(),
+        }
+    }
+
+    /// Returns whether it was asked for a proof, and gave it.
+    fn call(&mut self) -> bool {
+        let now = Instant::now();
+        let (handle, mut connection) =
+            self.endpoint.connect(now, self.config.clone(), self.target, "server.dcd").unwrap();
+        self.send(now, &mut connection);
+        let (mut packet, mut proves) = ([0; 2_048], false);
+        while let (false, Ok((length, from))) = (proves, self.socket.recv_from(&mut packet)) {
+            let bytes = packet[..length].iter().copied().collect();
+            let event = self.endpoint.handle(now, from, None, None, bytes, &mut Vec::new());
+            if let Some(quinn_proto::DatagramEvent::ConnectionEvent(of, event)) = event
+                && of == handle
+            {
+                connection.handle_event(event);
+                self.send(now, &mut connection);
+                proves = true;
+            }
+        }
+        self.endpoint.handle_event(handle, quinn_proto::EndpointEvent::drained());
+        proves
+    }
+
+    fn send(&self, now: Instant, connection: &mut quinn_proto::Connection) {
+        let mut bytes = Vec::new();
+        while let Some(transmit) = connection.poll_transmit(now, 1, &mut bytes) {
+            self.socket.send_to(&bytes[..transmit.size], self.target).unwrap();
+            bytes.clear();
+        }
+    }
+}
+
+#[test]
+fn who_falls_silent_in_handshakes_leaves_few_connections_behind() {
+    let (handshakes, closing) = (8, 8);
+    let handshakes_before_retry = 0;
+    let limits =
+        Limits { handshakes, closing, handshakes_before_retry, handshake_timeout: HOUR, ..Limits::default() };
+    let server = Server::with_limits(limits);
+    let mut caller = Caller::new(&server);
+    let (mut proved, begun) = (0, Instant::now());
+    while proved < 100 || server.process.net.totals().handshakes_refused < 80 {
+        proved += usize::from(caller.call());
+        let open = server.process.net.open_connections();
+        assert!(open <= handshakes + closing, "{open} after {proved} handshakes");
+        assert!(begun.elapsed() < PATIENCE, "{proved} handshakes");
+    }
+    server.join(JoinRole::Client);
+}
+
 #[test]
 fn who_is_named_and_does_not_greet_keeps_nobody_from_joining() {
     let server = Server::with_limits(Limits { handshakes: 1, handshake_timeout: HOUR, ..Limits::default() });

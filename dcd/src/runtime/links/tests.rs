@@ -312,6 +312,44 @@ fn who_takes_in_nothing_for_long_is_given_up_however_little_waits() {
 }
 
 #[test]
+fn who_greets_while_worlds_wait_for_others_is_heard_once_those_read_or_are_given_up() {
+    for reads in [true, false] {
+        let mut pair = Pair::new(crate::net::JoinRole::Client);
+        pair.links.worlds_bytes = 1 << 20;
+        pair.tell_world(60);
+        let authority = Authority::load_or_create(pair.folder.path()).unwrap();
+        let token = authority.issue_token(crate::net::JoinRole::Client, PATIENCE, SystemTime::now()).unwrap();
+        let server = pair.links.net.local_addr();
+        let (second, events) =
+            start(join(&[server], &token, None, PATIENCE).unwrap(), None, Limits::default());
+        let key = second.connect(server, PeerName::Server);
+        let connected = events.recv_timeout(PATIENCE).unwrap();
+        assert!(matches!(connected, NetEvent::Connected { .. }), "{connected:?}");
+        assert!(matches!(pair.hear()[..], [LinkEvent::Connected(..)]));
+        let role = JoinAs::Client { interest: None };
+        let hello = protocol::encode(&Message::Hello(Hello { version: protocol::VERSION, role }));
+        second.send(key, crate::net::Lane::Admin, hello).unwrap();
+        assert!(pair.hear().is_empty(), "it waits");
+        assert!(pair.links.next_greeting().is_none() && pair.links.flush(Instant::now()));
+        if reads {
+            while pair.waiting_bytes() > 0 {
+                let _ = pair.other_events.recv_timeout(Duration::from_millis(10));
+                pair.links.flush(Instant::now());
+            }
+            assert_eq!(pair.given_up(), []);
+        } else {
+            let stuck = pair.fill_sockets();
+            pair.links.flush(stuck + PRESSED);
+            assert_eq!(pair.given_up(), [pair.peer]);
+        }
+        let heard = pair.links.next_greeting();
+        let second = Peer::Client(ClientId(2));
+        assert!(matches!(heard, Some(LinkEvent::Message { from, .. }) if from == second), "{heard:?}");
+        assert!(pair.links.next_greeting().is_none());
+    }
+}
+
+#[test]
 fn who_reads_one_long_frame_for_long_is_not_given_up() {
     let mut pair = Pair::new(crate::net::JoinRole::Client);
     // The former one takes no long frames.

@@ -137,6 +137,9 @@ impl Loop {
                 Err(RecvTimeoutError::Disconnected) => break,
             }
             let now = self.start.elapsed();
+            if let Some(event) = self.links.as_mut().and_then(Links::next_greeting) {
+                self.hear(now, event);
+            }
             if self.server().poll_timeout().is_some_and(|due| due <= now) {
                 self.server().handle_timeout(now);
             }

@@ -6,11 +6,11 @@ use std::fs;
 
 /// Milliseconds of processor time by the names of threads.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Usage(BTreeMap<String, f64>);
+pub(crate) struct Usage(BTreeMap<String, f64>);
 
 impl Usage {
     /// Returns what the living threads of a process have used.
-    pub(super) fn of(process: u32) -> Result<Self, Box<dyn Error>> {
+    pub(crate) fn of(process: u32) -> Result<Self, Box<dyn Error>> {
         let folder = format!("/proc/{process}/task");
         let threads = fs::read_dir(&folder).map_err(|error| format!("cannot read {folder}: {error}"))?;
         let mut usage = Self::default();
@@ -28,24 +28,24 @@ impl Usage {
         Ok(usage)
     }
 
-    pub(super) fn add(&mut self, other: &Self) {
+    pub(crate) fn add(&mut self, other: &Self) {
         for (name, ms) in &other.0 {
             *self.0.entry(name.clone()).or_default() += ms;
         }
     }
 
     /// Returns what was used since an earlier moment.
-    pub(super) fn since(&self, before: &Self) -> Self {
+    pub(crate) fn since(&self, before: &Self) -> Self {
         let used = |(name, ms): (&String, &f64)| (name.clone(), ms - before.0.get(name).unwrap_or(&0.0));
         Self(self.0.iter().map(used).collect())
     }
 
     /// Returns that of the threads whose names begin so.
-    pub(super) fn of_threads(&self, name: &str) -> f64 {
+    pub(crate) fn of_threads(&self, name: &str) -> f64 {
         self.0.iter().filter(|(thread, _)| thread.starts_with(name)).map(|(_, ms)| ms).sum()
     }
 
-    pub(super) fn all(&self) -> f64 {
+    pub(crate) fn all(&self) -> f64 {
         self.0.values().sum()
     }
 }

@@ -4,15 +4,14 @@ use std::sync::Arc;
 
 use rapier3d::prelude::*;
 
-use super::assembly::Assembly;
 use super::characters::Walking;
 use super::vehicles::Driving;
-use super::{BodyRef, Ownership, Region, Slot, assembly, floating_origin};
+use super::{BodyRef, Ownership, Region, Slot, floating_origin};
 use crate::physics::outline::Outline;
 use crate::physics::shapes::{ShapeError, ShapeLibrary};
 use crate::physics::{convert, record};
-use crate::protocol::{BodyKind, BodyRecord, JointRecord};
-use crate::space::{BodyId, Epoch, JointId, RegionSet};
+use crate::protocol::{BodyRecord, JointRecord};
+use crate::space::{BodyId, Epoch, RegionSet};
 
 impl Region {
     /// Inserts a body that is not held here yet, with this ownership.
@@ -110,6 +109,9 @@ impl Region {
     /// Removes a body, with its joints. Returns whether it was held here.
     pub(in crate::physics) fn remove(&mut self, id: BodyId) -> bool {
         let Some(handle) = self.by_id.remove(&id) else { return false };
+        if self.slot(handle).assembly.is_some() {
+            self.note_retied(handle);
+        }
         let joints: Vec<_> = self.joints_of(handle).collect();
         for joint in &joints {
             self.remove_joint(joint.id);
@@ -181,43 +183,6 @@ impl Region {
             }
         }
         self.shared.clear();
-    }
-
-    /// Finds anew which bodies joints tie together, if joints changed.
-    pub(in crate::physics) fn update_assemblies(&mut self) {
-        if !std::mem::take(&mut self.assemblies_stale) {
-            return;
-        }
-        for assembly in std::mem::take(&mut self.assemblies) {
-            for link in assembly.members {
-                if self.handle_of(link.id) == Some(link.handle) {
-                    self.slot_mut(link.handle).assembly = None;
-                }
-            }
-        }
-        let movable = |id: BodyId| {
-            let handle = self.handle_of(id)?;
-            (self.slot(handle).traits.kind != BodyKind::Fixed).then_some(BodyRef { id, handle })
-        };
-        let ties: Vec<_> = self
-            .joints
-            .values()
-            .filter_map(|joint| Some((movable(joint.record.a)?, movable(joint.record.b)?)))
-            .collect();
-        let single = self.joints.values().filter_map(|joint| {
-            // A body tied to something immovable is an assembly of one: its joint must travel with it.
-            movable(joint.record.a).xor(movable(joint.record.b))
-        });
-        self.assemblies = assembly::connect(ties.into_iter().chain(single.map(|link| (link, link))));
-        for index in 0..self.assemblies.len() {
-            let members = std::mem::take(&mut self.assemblies[index].members);
-            for member in &members {
-                self.slot_mut(member.handle).assembly = Some(index as u32);
-            }
-            let is_link = |id: &JointId| self.joints.get(id).is_some_and(|joint| joint.record.link.is_some());
-            let articulated = members.iter().any(|link| self.slot(link.handle).joints.iter().any(is_link));
-            self.assemblies[index] = Assembly { members, articulated };
-        }
     }
 
     /// Returns whether a body that is held elsewhere, too, is in the list where it belongs.

@@ -18,7 +18,7 @@ use super::{Check, Chunk, Invalid, Message};
 use crate::protocol::SharedState;
 
 /// Version of the protocol. It grows with every change of the message set; peers of unequal versions refuse each other.
-pub const VERSION: u32 = 26;
+pub const VERSION: u32 = 27;
 
 /// The most bytes of a message. A single shape (a height field of 2,000 × 2,000) is what needs most; what is longer is refused
 /// before it is sent (`ShapeRecord::can_travel`).

@@ -22,8 +22,11 @@ impl Region {
         holders: RegionSet,
         shapes: &ShapeLibrary,
     ) -> Result<RigidBodyHandle, ShapeError> {
-        for collider in &body.traits.colliders {
-            shapes.look_at(collider.shape)?;
+        let like = self.newest_like(body).map(|like| (like.reach_m, like.outline.clone()));
+        if like.is_none() {
+            for collider in &body.traits.colliders {
+                shapes.look_at(collider.shape)?;
+            }
         }
         self.stirred = true;
         let found = std::mem::take(&mut self.moved);
@@ -31,7 +34,8 @@ impl Region {
         let before = self.by_id.insert(body.id, handle);
         assert!(before.is_none(), "{} is already held by {}", body.id, self.id);
         for (place, record) in body.traits.colliders.iter().enumerate() {
-            let collider = record::build_collider(record, shapes).expect("its shape has been looked at");
+            let collider = record::build_collider(record, shapes)
+                .expect("it has been looked at, or one like it is here");
             let world = &mut *self.world;
             let collider = world.colliders.insert_with_parent(collider, handle, &mut world.bodies);
             let inserted = &mut world.colliders[collider];
@@ -53,14 +57,11 @@ impl Region {
         if body.traits.vehicle.is_some() {
             self.vehicles.insert(body.id, Driving::new(body.state.drive.unwrap_or_default()));
         }
-        let (reach_m, outline) = match self.newest_like(body) {
-            Some(like) => (like.reach_m, like.outline.clone()),
-            None => {
-                let PhysicsWorld { bodies, colliders, .. } = &*self.world;
-                let own = &bodies[handle];
-                (record::reach_of(own, colliders, &body.traits), Outline::of(own, colliders))
-            }
-        };
+        let (reach_m, outline) = like.unwrap_or_else(|| {
+            let PhysicsWorld { bodies, colliders, .. } = &*self.world;
+            let own = &bodies[handle];
+            (record::reach_of(own, colliders, &body.traits), Outline::of(own, colliders))
+        });
         let index = handle.into_raw_parts().0 as usize;
         if self.slots.len() <= index {
             self.slots.resize_with(index + 1, || None);
@@ -100,10 +101,10 @@ impl Region {
         Ok(handle)
     }
 
-    /// Returns the body inserted last as this region's own, if it shares what it is with this one: both reach equally far.
+    /// Returns one of the bodies inserted last as this region's own that shares what it is with this one: both reach equally far.
     pub(in crate::physics) fn newest_like(&self, body: &BodyRecord) -> Option<&Slot> {
-        let newest = self.slot_at(self.fresh.last()?.handle)?;
-        Arc::ptr_eq(&newest.traits, &body.traits).then_some(newest)
+        let newest = self.fresh.iter().rev().take(record::LIKE).filter_map(|link| self.slot_at(link.handle));
+        newest.into_iter().find(|slot| Arc::ptr_eq(&slot.traits, &body.traits))
     }
 
     /// Removes a body, with its joints. Returns whether it was held here.

@@ -10,7 +10,6 @@ use rapier3d::prelude::*;
 
 use crate::collider::{DCD_COLLIDER_ANY_GROUP, DCD_COLLIDER_SENSOR, DcdColliderProperties};
 pub use crate::definition::DcdBodyDef;
-use crate::definition::Made;
 use crate::guard::{guard, guard_value};
 use crate::handle::stale;
 use crate::ids::{DcdBodyId, DcdWorld};
@@ -81,6 +80,7 @@ unsafe fn create(
         }
         for (i, def) in defs.iter().enumerate() {
             check(world, def)
+                .and_then(|_| shape::find(world, def.shape))
                 .map_err(|failure| Failure::new(failure.status, format!("defs[{i}]: {}", failure.message)))?;
         }
         // Others hear at once of a client's avatars: it may have all of them, or it makes none.
@@ -92,7 +92,7 @@ unsafe fn create(
         }
         let mut made = Vec::with_capacity(count);
         for def in defs {
-            let known = alike(world, def);
+            let known = world.made.like(def).cloned();
             match insert(world, def, known) {
                 Ok(id) => made.push(id),
                 Err(failure) => {
@@ -109,11 +109,6 @@ unsafe fn create(
     })
 }
 
-/// Returns what is recorded of a body, if one like it was made last.
-fn alike(world: &World, def: &DcdBodyDef) -> Option<Arc<BodyTraits>> {
-    world.made.as_ref().filter(|made| made.is_like(def)).map(|made| Arc::clone(&made.traits))
-}
-
 /// Inserts a body by its checked definition, and by what is recorded of it if that is known.
 fn insert(world: &mut World, def: &DcdBodyDef, known: Option<Arc<BodyTraits>>) -> Result<BodyId, Failure> {
     if world.dcd.role() != Role::Local {
@@ -126,10 +121,11 @@ fn insert(world: &mut World, def: &DcdBodyDef, known: Option<Arc<BodyTraits>>) -
         Some(known) => known,
         None => {
             let traits = Arc::new(def.traits(kind, shape));
-            Arc::clone(&made.insert(Made::new(def, traits)).traits)
+            made.keep(def, Arc::clone(&traits));
+            traits
         }
     };
-    Ok(dcd.insert_recorded(def.state(), shape, traits)?)
+    Ok(dcd.insert_recorded(def.state(), def.user_data.into(), shape, traits)?)
 }
 
 /// A checked definition.
@@ -221,7 +217,7 @@ pub(crate) fn parse(world: &World, def: &DcdBodyDef) -> Result<NewBody, Failure>
     build(world, def)
 }
 
-/// Checks a definition, and returns what is recorded of such a body, if one like it was made last.
+/// Checks all of a definition but its shape, and returns what is recorded of such a body, if one like it was made lately.
 fn check(world: &World, def: &DcdBodyDef) -> Result<Option<Arc<BodyTraits>>, Failure> {
     if def.struct_size as usize != size_of::<DcdBodyDef>() {
         return Err(Failure::new(
@@ -231,7 +227,7 @@ fn check(world: &World, def: &DcdBodyDef) -> Result<Option<Arc<BodyTraits>>, Fai
     }
     check_pose(&def.pose)?;
     check_velocity(&def.velocity)?;
-    let known = alike(world, def);
+    let known = world.made.like(def).cloned();
     if known.is_none() {
         def.properties().check()?;
         def.collider().check()?;
@@ -241,7 +237,6 @@ fn check(world: &World, def: &DcdBodyDef) -> Result<Option<Arc<BodyTraits>>, Fai
             ));
         }
     }
-    shape::find(world, def.shape)?;
     Ok(known)
 }
 
@@ -340,6 +335,7 @@ mod tests {
     use dcd::physics::ShapeLibrary;
 
     use super::*;
+    use crate::definition::Made;
     use crate::ids::DcdShapeId;
     use crate::types::{
         DCD_BODY_CCD, DCD_BODY_DISABLED, DCD_BODY_FAST_SPIN, DCD_BODY_NO_GYRO, DCD_FIXED, DCD_KINEMATIC,
@@ -414,28 +410,39 @@ mod tests {
             let NewBody { pose, body, collider } = described(&def, shape).unwrap();
             let record = shapes.describe(BodyId::persistent(0), pose, &body, &[collider]).unwrap();
             assert_eq!(
-                (def.state(), def.traits(kind, name)),
-                (record.state, (*record.traits).clone()),
+                (def.state(), def.traits(kind, name), u128::from(def.user_data)),
+                (record.state, (*record.traits).clone(), record.user_data),
                 "{def:?}"
             );
         }
     }
+
     #[test]
-    fn bodies_are_alike_whose_definitions_say_the_same_of_all_but_place_and_motion() {
+    fn bodies_are_alike_whose_definitions_say_the_same_of_all_but_place_motion_and_user_data() {
         let (def, name) = (unusual(), ShapeHash([7; 16]));
-        let made = Made::new(&def, Arc::new(def.traits(BodyKind::Dynamic, name)));
+        let mut made = Made::default();
+        let traits = Arc::new(def.traits(BodyKind::Dynamic, name));
+        made.keep(&def, Arc::clone(&traits));
         let elsewhere = DcdPose { p: [1.0, 2.0, 3.0], ..def.pose };
         let velocity = DcdVelocity { linear: [9.0; 3], ..def.velocity };
-        assert!(made.is_like(&DcdBodyDef { pose: elsewhere, velocity, ..def }));
+        let like_it = DcdBodyDef { pose: elsewhere, velocity, user_data: 5, ..def };
+        assert!(made.like(&like_it).is_some_and(|known| Arc::ptr_eq(known, &traits)));
         let others = [
             DcdBodyDef { body_type: DCD_KINEMATIC, ..def },
             DcdBodyDef { shape: DcdShapeId { v: 1 }, ..def },
             DcdBodyDef { friction: 0.8, ..def },
             DcdBodyDef { flags: DCD_BODY_ASLEEP, ..def },
-            DcdBodyDef { user_data: 5, ..def },
             DcdBodyDef { material: 78, ..def },
             DcdBodyDef { density: f32::NAN, ..def },
         ];
-        assert!(others.iter().all(|other| !made.is_like(other)));
+        assert!(others.iter().all(|other| made.like(other).is_none()));
+        // Kinds take turns; of more than are kept those go that were made first.
+        for (kinds, kept) in [(&others[..3], true), (&others[3..5], false)] {
+            for other in kinds {
+                made.keep(other, Arc::new(other.traits(BodyKind::Dynamic, name)));
+            }
+            assert_eq!(made.like(&def).is_some(), kept);
+            assert!(kinds.iter().all(|other| made.like(other).is_some()));
+        }
     }
 }

@@ -1,5 +1,6 @@
-//! Defines the definition of a body, and keeps the one by which a body was made last.
+//! Defines the definition of a body, and keeps those by which bodies were made last.
 
+use std::mem::offset_of;
 use std::sync::Arc;
 
 use dcd::protocol::BodyTraits;
@@ -95,20 +96,49 @@ unsafe impl Sized32 for DcdBodyDef {
     const NAME: &'static str = "DcdBodyDef";
 }
 
-/// A definition by which a body was made, and what is recorded of it. Bodies that are made one after the other are mostly alike: they share it, and
-/// are not checked and described each.
+/// Definitions by which bodies were made last, and what is recorded of these. Bodies that are made one after the other are mostly of a few
+/// kinds: those of a kind share it, and are not checked and described each.
+#[derive(Default)]
 pub(crate) struct Made {
-    def: DcdBodyDef,
-    pub traits: Arc<BodyTraits>,
+    kinds: Vec<(DcdBodyDef, Arc<BodyTraits>)>,
+    /// Which of them is replaced by the next.
+    oldest: usize,
 }
 
 impl Made {
-    pub(crate) fn new(def: &DcdBodyDef, traits: Arc<BodyTraits>) -> Self {
-        Self { def: *def, traits }
+    /// So many kinds are kept.
+    const MOST: usize = 4;
+
+    /// Returns what is recorded of a body that was made like this one, elsewhere perhaps, in another motion and with other user data.
+    pub(crate) fn like(&self, def: &DcdBodyDef) -> Option<&Arc<BodyTraits>> {
+        let is_like = |known: &DcdBodyDef| {
+            let head = |def: &DcdBodyDef| (def.struct_size, def.body_type, def.material);
+            head(known) == head(def) && bulk(known) == bulk(def)
+        };
+        self.kinds.iter().find(|(known, _)| is_like(known)).map(|(_, traits)| traits)
     }
 
-    /// Returns whether another definition makes the same body, elsewhere perhaps and in another motion.
-    pub(crate) fn is_like(&self, def: &DcdBodyDef) -> bool {
-        self.def == DcdBodyDef { pose: self.def.pose, velocity: self.def.velocity, ..*def }
+    /// Keeps what is recorded of a checked body that is like none of these.
+    pub(crate) fn keep(&mut self, def: &DcdBodyDef, traits: Arc<BodyTraits>) {
+        if self.kinds.len() < Self::MOST {
+            self.kinds.push((*def, traits));
+        } else {
+            self.kinds[self.oldest] = (*def, traits);
+            self.oldest = (self.oldest + 1) % Self::MOST;
+        }
     }
 }
+
+/// Returns the bytes of all members from the shape to what comes before the user data: to compare them one by one takes several times as long. NaN,
+/// which no checked definition has, is equal to itself here, and 0 is not to -0.
+fn bulk(def: &DcdBodyDef) -> &[u8] {
+    const BEGIN: usize = offset_of!(DcdBodyDef, shape);
+    const END: usize = offset_of!(DcdBodyDef, user_data);
+    // No byte of it is padding: a handle, and numbers of four bytes each.
+    const { assert!(END - BEGIN == size_of::<DcdShapeId>() + NUMBERS * size_of::<u32>()) };
+    // SAFETY: it lies within the definition, and all of its bytes are those of numbers.
+    unsafe { std::slice::from_raw_parts((&raw const *def).cast::<u8>().add(BEGIN), END - BEGIN) }
+}
+
+/// How many numbers are between the shape and the user data.
+const NUMBERS: usize = 34;

@@ -71,7 +71,7 @@ unsafe impl Sized32 for DcdBodyProperties {
 const MAX_ITERATIONS: u32 = 1000;
 
 impl DcdBodyProperties {
-    pub(crate) fn of(traits: &BodyTraits) -> Self {
+    pub(crate) fn of(BodyRecord { traits, user_data, .. }: &BodyRecord) -> Self {
         let bit = |bit: u32, set: bool| if set { bit } else { 0 };
         let can_sleep = traits.sleep_linear_threshold >= 0.0;
         let (mass, centre, inertia) = match traits.extra_mass {
@@ -114,7 +114,7 @@ impl DcdBodyProperties {
             extra_solver_iterations: traits.extra_solver_iterations,
             extra_pgs_iterations: traits.extra_pgs_iterations,
             reserved: 0,
-            user_data: traits.user_data as u64,
+            user_data: *user_data as u64,
         }
     }
 
@@ -185,7 +185,7 @@ impl DcdBodyProperties {
         })
     }
 
-    /// Returns what is recorded of a body with these properties, but for its kind and its colliders. The same as of what
+    /// Returns what is recorded of a body with these properties, but for its kind, its colliders and its user data. The same as of what
     /// [`DcdBodyProperties::builder`] builds.
     pub(crate) fn traits(&self, kind: BodyKind, colliders: Vec<ColliderRecord>) -> BodyTraits {
         let never = self.has(DCD_BODY_NO_SLEEP);
@@ -219,7 +219,6 @@ impl DcdBodyProperties {
             character: None,
             vehicle: None,
             colliders,
-            user_data: self.user_data.into(),
         }
     }
 
@@ -370,7 +369,7 @@ pub unsafe extern "C" fn dcd_body_properties(
         // SAFETY: the caller vouches for `out`.
         let out = unsafe { Out::sized(out, "out")? };
         with(world, |world| {
-            out.write(DcdBodyProperties::of(&read(world, body)?.1.traits));
+            out.write(DcdBodyProperties::of(&read(world, body)?.1));
             Ok(())
         })
     })
@@ -395,7 +394,7 @@ pub unsafe extern "C" fn dcd_body_set_properties(
         with(world, |world| {
             world.dcd.changes_bodies()?;
             let (id, record) = read(world, body)?;
-            let before = DcdBodyProperties::of(&record.traits);
+            let before = DcdBodyProperties::of(&record);
             after.check()?;
             after.check_mass(&before, &record.traits)?;
             world.dcd.update(id, |body| after.apply(&before, body)).map_err(Failure::from)

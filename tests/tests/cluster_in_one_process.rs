@@ -112,7 +112,7 @@ fn a_world_of_this_process_is_served_as_it_is() {
     let (server, _data) = serve_origin(origin, 2, Pace::Unpaced, Some(120), GroupConfig::default());
     let members = [start_node(&server), start_node(&server)];
     let client = connect(&server);
-    assert_eq!(client.body(made.unwrap()).unwrap().body.traits.user_data, 77);
+    assert_eq!(client.body(made.unwrap()).unwrap().body.user_data, 77);
     assert!(server.wait(LIMIT, |_, _| false), "the world must end by itself");
     let summary = server.stop().unwrap();
     let transfers: u64 = members.into_iter().map(|member| member.finish().unwrap().transfers).sum();

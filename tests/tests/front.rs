@@ -237,7 +237,7 @@ fn a_body_keeps_what_it_was_built_with() {
     body.activation_mut().time_until_sleep = 9.0;
     let id = world.insert(body, ColliderBuilder::ball(0.5).density(2.0)).unwrap();
     let record = world.record(id).unwrap();
-    assert_eq!((record.traits.sleep_after_s, record.traits.user_data), (9.0, 7));
+    assert_eq!((record.traits.sleep_after_s, record.user_data), (9.0, 7));
     let body = world.body(id).unwrap();
     assert_eq!((body.pose.translation, body.kind), ([1.0, 2.0, 3.0], BodyKind::Dynamic));
     let sphere_kg = 4.0 / 3.0 * std::f32::consts::PI * 0.125 * 2.0;

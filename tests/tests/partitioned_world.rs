@@ -509,7 +509,7 @@ fn a_changed_collider_is_changed_in_every_region_and_stays_so() {
             assert_eq!(collider.active_events(), ActiveEvents::COLLISION_EVENTS);
         }
     }
-    assert_eq!(world.host().record(wall).unwrap().traits.user_data, 77);
+    assert_eq!(world.host().record(wall).unwrap().user_data, 77);
     let missing = world.update_collider(ball, 1, |_| ());
     assert!(matches!(missing, Err(WorldError::NoCollider { index: 1, count: 1, .. })), "{missing:?}");
 }

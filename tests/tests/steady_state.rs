@@ -118,7 +118,9 @@ fn a_body_takes_little_more_memory_than_in_a_bare_world() {
             let ball = |i: usize| {
                 let at = |k: usize| k as f32 * gap;
                 let place = Vector::new(at(i % 60), 0.5, at(i / 60));
-                (RigidBodyBuilder::dynamic().translation(place), ColliderBuilder::ball(0.5))
+                // Each has user data of its own, as in most games, and two kinds take turns.
+                let body = RigidBodyBuilder::dynamic().translation(place).user_data(i as u128);
+                (body, ColliderBuilder::ball(0.5).friction([0.5, 0.6][i % 2]))
             };
             let (bare, _world) = bytes_of(|| {
                 let mut bare = PhysicsWorld::new();

@@ -25,8 +25,8 @@ pub(crate) struct World {
     pub dcd: Dcd,
     pub shapes: Slots<SharedShape>,
     pub looked_up: LookedUp,
-    /// Keeps how a body was made last.
-    pub made: Option<Made>,
+    /// Keeps how bodies were made last.
+    pub made: Made,
     pub states: StateBuffers,
     pub events: EventBuffers,
     pub queries: OpenQueries,
@@ -122,7 +122,7 @@ pub(crate) fn add(dcd: Dcd, user_data: u64) -> DcdWorld {
         dcd,
         shapes: Slots::new(),
         looked_up: LookedUp::default(),
-        made: None,
+        made: Made::default(),
         states: StateBuffers::default(),
         events: EventBuffers::default(),
         queries: OpenQueries::new(),

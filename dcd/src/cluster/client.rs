@@ -617,9 +617,9 @@ impl Client {
                 self.joints.remove_of(id);
                 self.outputs.extend(is_news.then_some(ClientOutput::Removed(id)));
             }
-            ToClient::Altered(Alteration::Body { body, traits, .. }) => {
+            ToClient::Altered(Alteration::Body { body, traits, user_data, .. }) => {
                 if let Some(view) = self.bodies.get_mut(&body) {
-                    view.body.set_traits(traits);
+                    view.body.set_traits(traits, user_data);
                     self.note_change(body);
                 }
             }

@@ -220,13 +220,13 @@ impl Record {
     /// Changes what a movable body or a joint is; returns whether it is on record.
     pub(super) fn alter(&mut self, alteration: &Alteration) -> bool {
         match alteration {
-            Alteration::Body { body, traits, wakes } => {
+            Alteration::Body { body, traits, user_data, wakes } => {
                 let Some(StoredBody { body, .. }) = self.bodies.get_mut(body) else { return false };
                 let is_movable = |traits: &BodyTraits| traits.kind != BodyKind::Fixed;
                 if !is_movable(&body.traits) || !is_movable(traits) {
                     return false;
                 }
-                body.set_traits(traits.clone());
+                body.set_traits(traits.clone(), *user_data);
                 body.state.sleeping &= !wakes;
                 self.changes.lives.insert(body.id);
             }
@@ -528,14 +528,17 @@ mod tests {
         let old = sim_body(id, [1.0; 3]);
         let mut record = Record::new(vec![old.clone()], Vec::new(), Vec::new());
         let traits = Arc::new(BodyTraits { gravity_scale: 0.5, ..(*old.traits).clone() });
-        let body =
-            |traits: &Arc<BodyTraits>| Alteration::Body { body: id, traits: traits.clone(), wakes: false };
+        let body = |traits: &Arc<BodyTraits>| {
+            let traits = traits.clone();
+            Alteration::Body { body: id, traits, user_data: 7, wakes: false }
+        };
         assert!(record.alter(&body(&traits)));
         let mut moved = old.clone();
         moved.state.pose = WorldPose::at([2.0; 3]);
         let is = |record: &Record, x: f64| {
             let known = record.body(id).unwrap();
             assert_eq!((known.traits.gravity_scale, known.state.pose.translation[0]), (0.5, x));
+            assert_eq!(known.user_data, 7);
         };
         record.freshen(Tick(3), moved.clone());
         is(&record, 2.0);

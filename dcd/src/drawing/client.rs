@@ -99,7 +99,7 @@ impl Source for Told<'_> {
 
     fn details(&self, id: BodyId) -> Option<Details> {
         let record = self.world.body(id)?.body;
-        let user_data = record.traits.user_data;
+        let user_data = record.user_data;
         Some(Details { id, epoch: record.epoch, mass_kg: None, user_data, holders: 0 })
     }
 

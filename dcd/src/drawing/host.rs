@@ -111,7 +111,7 @@ impl Source for RegionHost {
     fn details(&self, id: BodyId) -> Option<Details> {
         let record = self.record(id)?;
         let mass_kg = if self.immovable(id).is_some() { Some(0.0) } else { self.mass_kg(id) };
-        let user_data = record.traits.user_data;
+        let user_data = record.user_data;
         Some(Details { id, epoch: record.epoch, mass_kg, user_data, holders: self.holders(id) })
     }
 

@@ -10,11 +10,12 @@ impl RegionHost {
     pub fn alter(&mut self, alteration: &Alteration) -> Result<bool, HostError> {
         match alteration {
             Alteration::Joint(record) => Ok(self.update_joint(record.id, |joint| set_joint(joint, record))),
-            Alteration::Body { body, traits, wakes } => {
+            Alteration::Body { body, traits, user_data, wakes } => {
                 let Some(known) = self.record(*body) else { return Ok(false) };
                 self.check_kind(*body, traits.kind)?;
                 self.change_copies(*body, |copy| {
                     record::set_traits(copy, traits);
+                    copy.user_data = *user_data;
                     if *wakes {
                         copy.wake_up(true);
                     }
@@ -200,7 +201,8 @@ mod tests {
                         try_on_body(&host.record(BOX).unwrap(), host.shapes(), &mut |body| change(body))
                             .unwrap();
                     assert!(!tried.moves, "{name}");
-                    Alteration::Body { body: BOX, traits: Arc::new(tried.traits), wakes: tried.wakes }
+                    let (traits, user_data) = (Arc::new(tried.traits), tried.user_data);
+                    Alteration::Body { body: BOX, traits, user_data, wakes: tried.wakes }
                 };
                 compare(
                     name,
@@ -218,7 +220,8 @@ mod tests {
                     let tried = try_on_collider(&known, 0, host.shapes(), &mut |collider| change(collider));
                     let mut traits = (*known.traits).clone();
                     traits.colliders[0] = tried.unwrap().unwrap();
-                    Alteration::Body { body: BOX, traits: Arc::new(traits), wakes: false }
+                    let (traits, user_data) = (Arc::new(traits), known.user_data);
+                    Alteration::Body { body: BOX, traits, user_data, wakes: false }
                 };
                 compare(name, coupling, in_place, by_record);
             }
@@ -265,7 +268,8 @@ mod tests {
         step(&mut host, 1);
         let mut traits = (*host.record(ids[1]).unwrap().traits).clone();
         traits.kind = BodyKind::KinematicVelocity;
-        let alteration = Alteration::Body { body: ids[1], traits: Arc::new(traits), wakes: true };
+        let alteration =
+            Alteration::Body { body: ids[1], traits: Arc::new(traits), user_data: 0, wakes: true };
         let refused = host.alter(&alteration).unwrap_err().to_string();
         assert!(refused.contains("remove the joint first"), "{refused}");
         step(&mut host, 10);

@@ -14,6 +14,9 @@ use crate::protocol::{
 };
 use crate::space::{BodyId, Bounds, Epoch};
 
+/// Bodies are compared with so many kinds before them.
+pub(super) const LIKE: usize = 4;
+
 impl ShapeLibrary {
     /// Records a body; `pose`, in world space, replaces its own position. Its shapes are added to the library. Colliders come as
     /// builders, since built ones have forgotten where their mass is from.
@@ -30,23 +33,32 @@ impl ShapeLibrary {
             records.push(collider_record(collider, self)?);
         }
         let state = BodyState { pose, ..state_of(body, [0.0; 3]) };
-        self.record_of_new(id, state, Arc::new(traits_of(body, records)))
+        self.record_of_new(id, state, Arc::new(traits_of(body, records)), body.user_data)
     }
 
-    /// Records a new body with shapes of the library. What it is like the one before it shares with that.
+    /// Records a new body with shapes of the library. What it is like one of the last kinds it shares with those.
     pub(crate) fn record_of_new(
         &mut self,
         id: BodyId,
         state: BodyState,
         traits: Arc<BodyTraits>,
+        user_data: u128,
     ) -> Result<BodyRecord, ShapeError> {
-        let traits = match &self.latest {
-            Some(latest) if Arc::ptr_eq(latest, &traits) => traits,
-            Some(latest) if *latest == traits => Arc::clone(latest),
-            _ if hangs(&traits, self) => return Err(ShapeError::Massless),
-            _ => Arc::clone(self.latest.insert(traits)),
+        let known = || self.latest.iter().find(|known| **known == traits);
+        let traits = if self.latest.iter().any(|known| Arc::ptr_eq(known, &traits)) {
+            traits
+        } else if let Some(known) = known() {
+            Arc::clone(known)
+        } else if hangs(&traits, self) {
+            return Err(ShapeError::Massless);
+        } else {
+            if self.latest.len() == LIKE {
+                self.latest.remove(0);
+            }
+            self.latest.push(Arc::clone(&traits));
+            traits
         };
-        Ok(BodyRecord { id, epoch: Epoch(0), state, traits })
+        Ok(BodyRecord { id, epoch: Epoch(0), state, traits, user_data })
     }
 }
 
@@ -120,7 +132,6 @@ pub(crate) fn traits_of(body: &RigidBody, colliders: Vec<ColliderRecord>) -> Bod
         character: None,
         vehicle: None,
         colliders,
-        user_data: body.user_data,
     }
 }
 
@@ -163,7 +174,6 @@ pub(super) fn set_traits(body: &mut RigidBody, new: &BodyTraits) {
             }
         }
     }
-    body.user_data = new.user_data;
 }
 
 /// Builds Rapier's body and colliders, in the space of a region with this origin (anchor).
@@ -205,7 +215,7 @@ pub(super) fn build_body(record: &BodyRecord, anchor: [f64; 3]) -> RigidBody {
     builder.additional_pgs_iterations = traits.extra_pgs_iterations as usize;
     builder.sleeping = state.sleeping;
     builder.enabled = traits.enabled;
-    builder.user_data = traits.user_data;
+    builder.user_data = record.user_data;
     if traits.locked_axes != 0 {
         builder = builder.locked_axes(LockedAxes::from_bits_truncate(traits.locked_axes));
     }
@@ -523,16 +533,18 @@ mod tests {
     fn bodies_that_are_described_one_after_the_other_share_what_they_are_until_one_is_changed() {
         let mut shapes = ShapeLibrary::default();
         let mut described = |id: u32, at: f64, friction: f32| {
+            let body = RigidBodyBuilder::dynamic().user_data(id.into()).build();
             let (id, pose) = (BodyId::persistent(id), WorldPose::at([at, 0.0, 0.0]));
             let ball = ColliderBuilder::ball(0.5).friction(friction);
-            shapes.describe(id, pose, &RigidBodyBuilder::dynamic().build(), &[ball]).unwrap()
+            shapes.describe(id, pose, &body, &[ball]).unwrap()
         };
         let [one, mut like_it, other, last] =
             [(1, 0.0, 0.5), (2, 5.0, 0.5), (3, 0.0, 0.25), (4, 0.0, 0.5)].map(|(a, b, c)| described(a, b, c));
         assert!(Arc::ptr_eq(&one.traits, &like_it.traits));
         assert_eq!((like_it.id, like_it.state.pose.translation[0]), (BodyId::persistent(2), 5.0));
+        assert_eq!((one.user_data, like_it.user_data), (1, 2), "each has its own");
         assert_eq!(other.traits.colliders[0].friction, 0.25);
-        assert_eq!(last.traits, one.traits);
+        assert!(Arc::ptr_eq(&last.traits, &one.traits), "kinds may take turns");
         Arc::make_mut(&mut like_it.traits).gravity_scale = 0.0;
         assert_eq!(one.traits.gravity_scale, 1.0);
     }

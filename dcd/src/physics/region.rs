@@ -40,6 +40,7 @@ use std::time::Duration;
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize, Serializer};
 
+use self::assembly::Assemblies;
 use self::characters::Walking;
 use self::cow_world::CowWorld;
 use self::id_hash::IdHash;
@@ -83,8 +84,7 @@ pub struct Region {
     shared: Vec<BodyRef>,
     /// Bodies owned elsewhere, in id order.
     replicas: Vec<BodyRef>,
-    assemblies: Vec<Assembly>,
-    assemblies_stale: bool,
+    assemblies: Assemblies,
     joints: BTreeMap<JointId, HeldJoint>,
     /// Joints of bodies held here to bodies that are not, in id order.
     waiting: BTreeMap<JointId, JointRecord>,
@@ -160,8 +160,7 @@ impl Region {
             owned_at: 0,
             shared: Vec::new(),
             replicas: Vec::new(),
-            assemblies: Vec::new(),
-            assemblies_stale: false,
+            assemblies: Assemblies::default(),
             joints: BTreeMap::new(),
             waiting: BTreeMap::new(),
             joint_news: JointNews::default(),
@@ -452,9 +451,9 @@ impl Region {
         self.slots.get(handle.into_raw_parts().0 as usize)?.as_ref()
     }
 
-    /// Returns the groups of bodies that joints tie together.
+    /// Returns the groups of bodies that joints tie together, in no order; the empty ones are none.
     pub(super) fn assemblies(&self) -> &[Assembly] {
-        &self.assemblies
+        &self.assemblies.all
     }
 
     /// Returns whether any body here is kinematic.
@@ -465,7 +464,7 @@ impl Region {
     /// Returns whether the body is part of a multibody, or tied to one.
     pub(super) fn is_articulated(&self, handle: RigidBodyHandle) -> bool {
         let assembly = self.slot(handle).assembly;
-        assembly.is_some_and(|index| self.assemblies[index as usize].articulated)
+        assembly.is_some_and(|index| self.assemblies.all[index as usize].articulated)
     }
 }
 

@@ -93,8 +93,9 @@ pub struct ShapeLibrary {
     /// Objects interned last, by their addresses: bodies made one after the other share few. They are kept alive, so that an address
     /// means the same object.
     recent: [Option<(SharedShape, ShapeHash)>; RECENT],
-    /// What the body that was described last is: those made one after the other are mostly alike, and share it.
-    pub(super) latest: Option<Arc<BodyTraits>>,
+    /// What the bodies that were described last are, the newest kind last: those made one after the other are mostly of a few kinds, and share
+    /// what they are.
+    pub(super) latest: Vec<Arc<BodyTraits>>,
 }
 
 impl ShapeLibrary {

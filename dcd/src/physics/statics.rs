@@ -37,11 +37,11 @@ impl Statics {
     }
 
     /// Records a user's change of a body in place, so that regions that come to hold it later have it too.
-    pub(super) fn set_traits(&mut self, id: BodyId, traits: &Arc<BodyTraits>) {
+    pub(super) fn set_traits(&mut self, id: BodyId, traits: &Arc<BodyTraits>, user_data: u128) {
         if self.bodies.contains_key(&id)
             && let Some((body, _)) = Arc::make_mut(&mut self.bodies).get_mut(&id)
         {
-            body.traits = traits.clone();
+            (body.traits, body.user_data) = (traits.clone(), user_data);
         }
     }
 

@@ -11,6 +11,7 @@ use crate::protocol::{BodyRecord, BodyState, BodyTraits, ColliderRecord, JointRe
 /// The outcome of a user's change of a copy of a body.
 pub(crate) struct Tried {
     pub traits: BodyTraits,
+    pub user_data: u128,
     /// It wakes the body.
     pub wakes: bool,
     /// It changes more than traits: pose, velocity, forces, or falling asleep.
@@ -60,6 +61,7 @@ pub(crate) fn try_on_body(
                 ..read
             }
         },
+        user_data: body.user_data,
         wakes: !after.sleeping,
         moves: is_asleep != before
             || body.next_position() != body.position()

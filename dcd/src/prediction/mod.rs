@@ -70,6 +70,7 @@ pub struct Prediction {
 /// A movable body that is predicted.
 struct Near {
     traits: Arc<BodyTraits>,
+    user_data: u128,
     /// Its states from the base tick on.
     states: VecDeque<BodyState>,
     shown: Shown,
@@ -275,13 +276,18 @@ impl Predictor {
 
     /// Returns whether a movable body is predicted as what it is told to be.
     fn moves_as(&self, told: &BodyRecord) -> bool {
-        self.near.get(&told.id).is_some_and(|near| is_of(&near.traits, &told.traits))
+        let near = self.near.get(&told.id);
+        near.is_some_and(|near| near.user_data == told.user_data && is_of(&near.traits, &told.traits))
     }
 
     /// Returns whether an immovable body is in the small world as it is told to be, and where.
     fn stands_as(&self, told: &BodyRecord) -> bool {
         let held = self.scenery.get(&told.id);
-        held.is_some_and(|held| held.traits == told.traits && held.state.pose == told.state.pose)
+        held.is_some_and(|held| {
+            held.traits == told.traits
+                && held.user_data == told.user_data
+                && held.state.pose == told.state.pose
+        })
     }
 
     fn drop_body(&mut self, id: BodyId) {
@@ -340,8 +346,12 @@ impl Predictor {
             }
             let is_own = body.id.client() == Some(self.client);
             let reach_m = body.reach_m(|hash| self.host.shapes().record_of(hash));
-            let near =
-                Near { states: VecDeque::new(), shown: Shown::new(is_own, reach_m), traits: body.traits };
+            let near = Near {
+                traits: body.traits,
+                user_data: body.user_data,
+                states: VecDeque::new(),
+                shown: Shown::new(is_own, reach_m),
+            };
             self.near.insert(body.id, near);
         }
         Ok(())

@@ -10,12 +10,14 @@ use crate::space::BodyId;
 /// What a body or a joint is from now on.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub enum Alteration {
-    /// A movable body has these traits; number, shapes and places of its colliders are as before.
+    /// A movable body has these traits and user data; number, shapes and places of its colliders are as before.
     Body {
         /// Which.
         body: BodyId,
         /// Those of before count no more.
         traits: Arc<BodyTraits>,
+        /// The user's own.
+        user_data: u128,
         /// Whether it is woken.
         wakes: bool,
     },

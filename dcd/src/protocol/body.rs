@@ -330,8 +330,6 @@ pub struct BodyTraits {
     pub vehicle: Option<Vehicle>,
     /// In order of insertion.
     pub colliders: Vec<ColliderRecord>,
-    /// The user's own.
-    pub user_data: u128,
 }
 
 /// A complete body, sent when a region is to hold it.
@@ -343,8 +341,10 @@ pub struct BodyRecord {
     pub epoch: Epoch,
     /// What a step changes.
     pub state: BodyState,
-    /// What a step does not change; shared within a process.
+    /// What a step does not change; shared within a process by bodies that are alike.
     pub traits: Arc<BodyTraits>,
+    /// The user's own. Bodies that differ in nothing else share their traits.
+    pub user_data: u128,
 }
 
 impl BodyRecord {

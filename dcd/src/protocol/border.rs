@@ -304,10 +304,10 @@ impl BorderMessage {
     /// Changes what the body or the joint is, if it is being handed over or copied in this message.
     pub fn alter(&mut self, alteration: &Alteration) {
         match alteration {
-            Alteration::Body { body: id, traits, wakes } => {
+            Alteration::Body { body: id, traits, user_data, wakes } => {
                 let handed_over = self.transfers.iter_mut().map(|transfer| &mut transfer.body);
                 for body in handed_over.chain(&mut self.replicas).filter(|body| body.id == *id) {
-                    body.set_traits(traits.clone());
+                    body.set_traits(traits.clone(), *user_data);
                     body.state.sleeping &= !wakes;
                 }
             }

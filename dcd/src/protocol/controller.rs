@@ -37,8 +37,8 @@ impl BodyRecord {
 
     /// Changes what the body is; one that is no character any more does not walk, one that is no vehicle does not drive.
     #[doc(hidden)]
-    pub fn set_traits(&mut self, traits: Arc<BodyTraits>) {
-        self.traits = traits;
+    pub fn set_traits(&mut self, traits: Arc<BodyTraits>, user_data: u128) {
+        (self.traits, self.user_data) = (traits, user_data);
         self.set_state(self.state);
     }
 
@@ -100,7 +100,7 @@ mod tests {
             for other in &bodies {
                 let (mut stated, mut altered) = (body.clone(), body.clone());
                 stated.set_state(other.state);
-                altered.set_traits(other.traits.clone());
+                altered.set_traits(other.traits.clone(), other.user_data);
                 let fits = |body: &BodyRecord| {
                     let (state, traits) = (&body.state, &body.traits);
                     (state.gait.is_some(), state.drive.is_some())

@@ -165,12 +165,14 @@ impl LocalWorld {
     pub(crate) fn insert_recorded(
         &mut self,
         state: BodyState,
+        user_data: u128,
         shape: &SharedShape,
         traits: impl FnOnce(ShapeHash) -> Arc<BodyTraits>,
     ) -> Result<BodyId, WorldError> {
         let id = BodyId::persistent(self.next_body);
         let shapes = self.host.shapes_mut();
-        let record = shapes.intern(shape).and_then(|name| shapes.record_of_new(id, state, traits(name)));
+        let traits = shapes.intern(shape).map(traits);
+        let record = traits.and_then(|traits| shapes.record_of_new(id, state, traits, user_data));
         self.insert_record(record.map_err(HostError::from)?)
     }
 
@@ -179,9 +181,10 @@ impl LocalWorld {
         let id = record.id;
         let next = self.next_body.checked_add(1).ok_or(WorldError::Full)?;
         check_speed(&record, self.host.settings().speed_limit_m_s())?;
-        let taped = self.tape.is_some().then(|| record.clone());
-        self.host.insert_one(record)?;
-        self.tape_bodies(taped.into_iter().collect());
+        self.host.insert_one(&record)?;
+        if self.tape.is_some() {
+            self.tape_bodies(vec![record]);
+        }
         self.next_body = next;
         Ok(id)
     }

@@ -65,7 +65,6 @@ pub fn sim_body(id: BodyId, translation: [f64; 3]) -> BodyRecord {
         character: None,
         vehicle: None,
         colliders: Vec::new(),
-        user_data: 0,
     };
     let state = BodyState {
         pose: WorldPose::at(translation),
@@ -77,7 +76,7 @@ pub fn sim_body(id: BodyId, translation: [f64; 3]) -> BodyRecord {
         gait: None,
         drive: None,
     };
-    BodyRecord { id, epoch: Epoch(0), state, traits: Arc::new(traits) }
+    BodyRecord { id, epoch: Epoch(0), state, traits: Arc::new(traits), user_data: 0 }
 }
 
 /// Returns a body at a random place in the world, with up to this speed along each axis.

@@ -110,6 +110,7 @@ pub(super) struct Author {
 
 struct Altered {
     traits: Arc<BodyTraits>,
+    user_data: u128,
     wakes: bool,
     /// With which send.
     sent: Option<u64>,
@@ -235,11 +236,11 @@ impl Author {
             ops.push(BuildOp::Insert { bodies: bodies.values().cloned().collect(), shapes, joints });
             self.awaited.extend(bodies);
         }
-        for (&body, Altered { traits, wakes, sent }) in &mut self.altered_bodies {
+        for (&body, Altered { traits, user_data, wakes, sent }) in &mut self.altered_bodies {
             if sent.is_none() {
                 *sent = Some(send);
-                let (traits, wakes) = (traits.clone(), std::mem::take(wakes));
-                ops.push(BuildOp::Alter(Alteration::Body { body, traits, wakes }));
+                let (traits, user_data, wakes) = (traits.clone(), *user_data, std::mem::take(wakes));
+                ops.push(BuildOp::Alter(Alteration::Body { body, traits, user_data, wakes }));
             }
         }
         for (joint, sent) in self.altered_joints.values_mut() {
@@ -407,7 +408,7 @@ impl Author {
             let what = "make a link or the root of a multibody other than dynamic";
             return Err(self.unsupported(what, Instead::InsertAnew));
         }
-        self.alter(&known, tried.traits, tried.wakes)
+        self.alter(&known, tried.traits, tried.user_data, tried.wakes)
     }
 
     /// Lets the program change a collider of a movable body.
@@ -431,10 +432,16 @@ impl Author {
         };
         let mut traits = (*known.traits).clone();
         traits.colliders[index] = collider;
-        self.alter(&known, traits, false)
+        self.alter(&known, traits, known.user_data, false)
     }
 
-    fn alter(&mut self, known: &BodyRecord, traits: BodyTraits, wakes: bool) -> Result<(), Error> {
+    fn alter(
+        &mut self,
+        known: &BodyRecord,
+        traits: BodyTraits,
+        user_data: u128,
+        wakes: bool,
+    ) -> Result<(), Error> {
         traits.check().map_err(refused)?;
         if hangs(&traits, &self.shapes) {
             return Err(ShapeError::Massless.into());
@@ -442,15 +449,16 @@ impl Author {
         let traits = Arc::new(traits);
         match self.bodies.get_mut(&known.id) {
             Some(body) => {
-                body.set_traits(traits);
+                body.set_traits(traits, user_data);
                 body.state.sleeping &= !wakes;
             }
             None => {
                 if let Some(body) = self.awaited.get_mut(&known.id) {
-                    body.set_traits(traits.clone());
+                    body.set_traits(traits.clone(), user_data);
                 }
                 let woken = self.altered_bodies.get(&known.id).is_some_and(|altered| altered.wakes);
-                self.altered_bodies.insert(known.id, Altered { traits, wakes: wakes || woken, sent: None });
+                let altered = Altered { traits, user_data, wakes: wakes || woken, sent: None };
+                self.altered_bodies.insert(known.id, altered);
             }
         }
         Ok(())
@@ -588,8 +596,8 @@ impl Author {
 
     fn as_changed(&self, mut body: BodyRecord) -> BodyRecord {
         let id = body.id;
-        if let Some(Altered { traits, .. }) = self.altered_bodies.get(&id) {
-            body.set_traits(traits.clone());
+        if let Some(Altered { traits, user_data, .. }) = self.altered_bodies.get(&id) {
+            body.set_traits(traits.clone(), *user_data);
         }
         if let Some(moved) = self.moves.get(&id) {
             body.state = moved.of(&body.state);
@@ -598,14 +606,14 @@ impl Author {
     }
 
     pub(super) fn body(&self, world: &dyn Known, id: BodyId) -> Option<Body> {
-        let BodyRecord { state, traits, .. } = self.known(world, id)?;
+        let BodyRecord { state, traits, user_data, .. } = self.known(world, id)?;
         Some(Body {
             pose: state.pose,
             velocity: state.velocity,
             kind: traits.kind,
             sleeping: state.sleeping,
             mass_kg: None,
-            user_data: traits.user_data,
+            user_data,
             owner: None,
             outside: false,
         })
@@ -614,14 +622,14 @@ impl Author {
     /// Returns the movable bodies in id order.
     pub(super) fn movable_bodies(&self, world: &dyn Known) -> Vec<MovableBody> {
         let mut bodies = Vec::new();
-        self.for_each_known(world, |id, traits, state| {
+        self.for_each_known(world, |id, traits, user_data, state| {
             if traits.kind != BodyKind::Fixed {
                 bodies.push(MovableBody {
                     id,
                     region: RegionId(0),
                     pose: state.pose,
                     velocity: state.velocity,
-                    user_data: traits.user_data,
+                    user_data,
                     sleeping: state.sleeping,
                     outside: false,
                 });
@@ -634,17 +642,19 @@ impl Author {
 
     pub(super) fn movable_count(&self, world: &dyn Known) -> usize {
         let mut count = 0;
-        self.for_each_known(world, |_, traits, _| count += usize::from(traits.kind != BodyKind::Fixed));
+        self.for_each_known(world, |_, traits, _, _| count += usize::from(traits.kind != BodyKind::Fixed));
         count
     }
 
     /// Looks at all bodies in id order, as [`Author::known`], and copies none: who computes the world waits for it.
-    fn for_each_known(&self, world: &dyn Known, mut look: impl FnMut(BodyId, &BodyTraits, &BodyState)) {
+    fn for_each_known(&self, world: &dyn Known, mut look: impl FnMut(BodyId, &BodyTraits, u128, &BodyState)) {
         let mut look = |body: &BodyRecord| {
             if !self.is_leaving(body.id) {
-                let altered = self.altered_bodies.get(&body.id).map(|altered| &altered.traits);
+                let altered = self.altered_bodies.get(&body.id);
+                let altered = altered.map(|altered| (&altered.traits, altered.user_data));
+                let (traits, user_data) = altered.unwrap_or((&body.traits, body.user_data));
                 let moved = self.moves.get(&body.id).map(|moved| moved.of(&body.state));
-                look(body.id, altered.unwrap_or(&body.traits), moved.as_ref().unwrap_or(&body.state));
+                look(body.id, traits, user_data, moved.as_ref().unwrap_or(&body.state));
             }
         };
         // Of one that is told what is told counts, unless it is of this step.
@@ -664,7 +674,7 @@ impl Author {
     /// Returns the fixed bodies in id order.
     pub(super) fn fixed_bodies(&self, world: &dyn Known) -> Vec<(BodyId, WorldPose)> {
         let mut fixed = Vec::new();
-        self.for_each_known(world, |id, traits, state| {
+        self.for_each_known(world, |id, traits, _, state| {
             fixed.extend((traits.kind == BodyKind::Fixed).then_some((id, state.pose)));
         });
         fixed

@@ -66,11 +66,12 @@ impl World {
     pub fn insert_recorded(
         &mut self,
         state: BodyState,
+        user_data: u128,
         shape: &SharedShape,
         traits: impl FnOnce(ShapeHash) -> Arc<BodyTraits>,
     ) -> Result<BodyId, Error> {
         let world = self.local_mut("make bodies by their records", Instead::MakeAvatars)?;
-        Ok(world.insert_recorded(state, shape, traits)?)
+        Ok(world.insert_recorded(state, user_data, shape, traits)?)
     }
 
     /// Inserts a character: a body, kinematic by velocity, that walks by itself where it is computed. [`World::set_velocity`] says
@@ -282,7 +283,7 @@ impl World {
     #[must_use]
     pub fn user_data(&self, body: BodyId) -> Option<u128> {
         match &self.inner {
-            Inner::Local(world) => Some(world.host().traits(body)?.user_data),
+            Inner::Local(world) => world.host().user_data(body),
             Inner::Remote(world) => world.user_data(body),
         }
     }

@@ -241,7 +241,7 @@ impl Remote for Hosted {
 
     fn remove(&mut self, id: BodyId) -> Result<(), Error> {
         let (server, author) = self.written("destroy bodies")?;
-        let user_data = author.known(server, id).map(|body| body.traits.user_data);
+        let user_data = author.known(server, id).map(|body| body.user_data);
         author.remove(server, id)?;
         self.departed.insert(id, user_data.unwrap_or(0));
         Ok(())
@@ -427,9 +427,9 @@ impl Remote for Hosted {
     }
 
     fn user_data(&self, id: BodyId) -> Option<u128> {
-        let known = self.record(id).map(|body| body.traits.user_data);
+        let known = self.record(id).map(|body| body.user_data);
         // Another may have removed it.
-        let recorded = || self.server()?.read(|record| record.body(id).map(|body| body.traits.user_data));
+        let recorded = || self.server()?.read(|record| record.body(id).map(|body| body.user_data));
         known.or_else(recorded).or_else(|| self.departed.get(id))
     }
 

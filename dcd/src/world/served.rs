@@ -357,7 +357,7 @@ impl Remote for Served {
         }
         self.check_link()?;
         let known = self.known(id).filter(|_| !self.leaving.contains_key(&id));
-        let user_data = known.map(|body| body.traits.user_data).ok_or(WorldError::NoBody(id))?;
+        let user_data = known.map(|body| body.user_data).ok_or(WorldError::NoBody(id))?;
         self.world.despawn(id)?;
         self.leaving.insert(id, user_data);
         self.awaited.remove(&id);
@@ -530,7 +530,7 @@ impl Remote for Served {
 
     fn body(&self, id: BodyId) -> Option<Body> {
         let known = self.known(id)?;
-        let BodyRecord { state, traits, .. } = known.as_ref();
+        let BodyRecord { state, traits, user_data, .. } = known.as_ref();
         let is_owned = traits.kind != BodyKind::Fixed && !self.awaited.contains_key(&id);
         Some(Body {
             pose: state.pose,
@@ -538,7 +538,7 @@ impl Remote for Served {
             kind: traits.kind,
             sleeping: state.sleeping,
             mass_kg: None,
-            user_data: traits.user_data,
+            user_data: *user_data,
             owner: self.heard(id).filter(|_| is_owned).map(|heard| self.owner_of(heard)),
             outside: self.heard(id).is_some_and(|heard| heard.outside),
         })
@@ -553,9 +553,9 @@ impl Remote for Served {
     }
 
     fn user_data(&self, id: BodyId) -> Option<u128> {
-        let known = self.known(id).map(|body| body.traits.user_data);
+        let known = self.known(id).map(|body| body.user_data);
         // A builder's own author knows no more of what it has removed.
-        let heard = || self.heard(id).map(|heard| heard.body.traits.user_data);
+        let heard = || self.heard(id).map(|heard| heard.body.user_data);
         known.or_else(|| self.leaving.get(&id).copied()).or_else(heard).or_else(|| self.departed.get(id))
     }
 
@@ -569,7 +569,7 @@ impl Remote for Served {
             region: self.owner_of(heard),
             pose: heard.body.state.pose,
             velocity: heard.body.state.velocity,
-            user_data: heard.body.traits.user_data,
+            user_data: heard.body.user_data,
             sleeping: heard.body.state.sleeping,
             outside: heard.outside,
         }))

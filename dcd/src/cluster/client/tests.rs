@@ -600,7 +600,7 @@ fn what_is_said_again_has_all_removals_and_of_alterations_the_last() {
     let alter = |damping: f32, wakes: bool| {
         let mut traits = body.traits.clone();
         std::sync::Arc::make_mut(&mut traits).linear_damping = damping;
-        BuildOp::Alter(Alteration::Body { body: body.id, traits, wakes })
+        BuildOp::Alter(Alteration::Body { body: body.id, traits, user_data: 0, wakes })
     };
     // It never heard of these.
     let gone = [BuildOp::Remove(BodyId::persistent(9)), BuildOp::RemoveJoint(crate::space::JointId(9))];

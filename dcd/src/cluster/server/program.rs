@@ -248,8 +248,9 @@ impl Group {
             Key::GoneJoint(id) => Some(WorldOp::RemoveJoint(id)),
             Key::AlteredBody(body) => {
                 let wakes = self.retold.contains(Key::WokenBody(body));
-                let traits = record.body(body)?.traits.clone();
-                Some(WorldOp::Alter(Alteration::Body { body, traits, wakes }))
+                let known = record.body(body)?;
+                let (traits, user_data) = (known.traits.clone(), known.user_data);
+                Some(WorldOp::Alter(Alteration::Body { body, traits, user_data, wakes }))
             }
             Key::AlteredJoint(id) => {
                 Some(WorldOp::Alter(Alteration::Joint(Box::new(record.joint(id)?.clone()))))

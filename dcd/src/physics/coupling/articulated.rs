@@ -23,7 +23,9 @@ pub(super) fn leaving(region: &Region, border: &mut Border, moment: Moment<'_>) 
     let own = region.rank();
     let is_owned = |assembly: &&Assembly| region.slot(assembly.members[0].handle).role == Ownership::Owner;
     let owned = region.assemblies().iter().filter(|assembly| assembly.articulated).filter(is_owned);
-    let all: Vec<_> = owned.map(|assembly| Articulated::find(region, border, moment, assembly)).collect();
+    let mut all: Vec<_> = owned.map(|assembly| Articulated::find(region, border, moment, assembly)).collect();
+    // Where an assembly is in the list depends on which were there before.
+    all.sort_unstable_by_key(|one| one.assembly.members[0].id);
     if all.iter().all(|one| one.home == own && one.meets.is_none()) {
         return Vec::new();
     }

@@ -186,6 +186,7 @@ fn write_whole(region: &mut Region, handle: RigidBodyHandle, body: &BodyRecord) 
         rigid_body.set_body_type(RigidBodyType::Dynamic, false);
         is_another = true;
     }
+    rigid_body.user_data = body.user_data;
     rigid_body.set_position(pose, false);
     rigid_body.set_linvel(convert::vector(state.velocity.linear), false);
     rigid_body.set_angvel(convert::vector(state.velocity.angular), false);

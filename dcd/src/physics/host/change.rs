@@ -85,7 +85,8 @@ impl RegionHost {
             let role = region.slot(handle).role;
             let returned = region.change(handle, &mut change);
             if role == Ownership::Immovable {
-                self.statics.set_traits(id, &region.slot(handle).traits);
+                let user_data = region.physics().bodies[handle].user_data;
+                self.statics.set_traits(id, &region.slot(handle).traits, user_data);
             }
             if role == Ownership::Owner || result.is_none() {
                 result = Some(returned);
@@ -204,7 +205,7 @@ impl RegionHost {
                 };
                 let (old, new) = (&known.traits.colliders[index], &traits.colliders[index]);
                 if (old.shape, old.pose) == (new.shape, new.pose) {
-                    self.statics.set_traits(id, &traits);
+                    self.statics.set_traits(id, &traits, known.user_data);
                 } else {
                     self.replace(BodyRecord { traits, ..known })?;
                 }

@@ -83,14 +83,14 @@ impl RegionHost {
     }
 
     /// Inserts one body that no joint ties, as [`RegionHost::insert`] would.
-    pub(crate) fn insert_one(&mut self, body: BodyRecord) -> Result<(), HostError> {
+    pub(crate) fn insert_one(&mut self, body: &BodyRecord) -> Result<(), HostError> {
         self.meet_all();
         if self.held(body.id) {
             return Err(HostError::Taken(body.id));
         }
         // Whether its shapes are known shows before it is inserted.
-        check_state(&body)?;
-        self.insert_alone(&body)
+        check_state(body)?;
+        self.insert_alone(body)
     }
 
     fn insert_checked(&mut self, bodies: Vec<BodyRecord>, joints: &[JointRecord]) -> Result<(), HostError> {
@@ -364,6 +364,14 @@ impl RegionHost {
         match self.owned(id) {
             Some((region, handle)) => Some(&region.slot(handle).traits),
             None => self.statics.body(id).map(|body| &*body.traits),
+        }
+    }
+
+    /// Returns the user data of a body that is owned here or immovable.
+    pub(crate) fn user_data(&self, id: BodyId) -> Option<u128> {
+        match self.owned(id) {
+            Some((region, handle)) => Some(region.physics().bodies[handle].user_data),
+            None => self.statics.body(id).map(|body| body.user_data),
         }
     }
 

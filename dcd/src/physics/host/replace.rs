@@ -21,6 +21,7 @@ impl RegionHost {
             self.change_copies(was.id, |body| {
                 body.set_body_type(record::body_type(was.traits.kind), true);
                 record::set_traits(body, &was.traits);
+                body.user_data = was.user_data;
             });
             // Where something that is tied to it is not finite, it stays where the change has put it.
             let _ = self.replace(was);

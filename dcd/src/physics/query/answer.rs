@@ -5,7 +5,10 @@ use std::ops::ControlFlow;
 use parry3d::query::{ShapeCastOptions, ShapeCastStatus};
 use rapier3d::prelude::*;
 
-use super::{BodyFilter, ColliderId, PointHit, Queries, QueryError, RayHit, ShapeHit, WorldMotion, WorldRay};
+use super::{
+    BodyFilter, ColliderId, Lets, PointHit, Queries, QueryError, RayHit, ShapeHit, WorldMotion, WorldRay,
+};
+use crate::physics::region::Region;
 use crate::physics::{ShapeError, ShapeLibrary};
 use crate::protocol::{
     CastAnswer, CastQuery, FilterRecord, MAX_FOUND, Overlap, OverlapQuery, PartFilter, Place, Query,
@@ -87,7 +90,7 @@ impl Queries<'_> {
     /// Returns the first hit of one ray.
     #[doc(hidden)]
     pub fn ask_ray(&self, all: &FilterRecord, ray: &RayQuery) -> Result<Option<RayHit>, QueryError> {
-        self.asking(all, &ray.filter, |queries, filter| queries.cast_ray(&straight(ray), filter))
+        self.first_met(&straight(ray), &Told { all, part: &ray.filter })
     }
 
     /// Returns all hits of one ray, the nearest first.
@@ -193,17 +196,42 @@ impl Queries<'_> {
         filter: &PartFilter,
         ask: impl FnOnce(&Self, &BodyFilter<'_>) -> Result<R, QueryError>,
     ) -> Result<R, QueryError> {
-        let [groups, mask] = [all.groups, filter.mask].map(Group::from_bits_retain);
-        // A question belongs to no group unless it says so, and then only memberships count.
-        let lets = |id: BodyId, collider: &Collider| {
-            let of = collider.collision_groups();
-            of.memberships.intersects(mask)
-                && (groups.is_empty() || of.filter.intersects(groups))
-                && filter.exclude != Some(id)
-                && all.exclude.binary_search(&id).is_err()
-        };
-        let flags = QueryFilterFlags::from_bits_truncate(all.flags);
-        ask(self, &BodyFilter { flags, predicate: Some(&lets), ..BodyFilter::default() })
+        let told = Told { all, part: filter };
+        let lets = |id: BodyId, collider: &Collider| told.meets(collider) && !told.overlooks(id);
+        ask(self, &BodyFilter { flags: told.flags(), predicate: Some(&lets), ..BodyFilter::default() })
+    }
+}
+
+/// A filter in wire form: of all queries of a message, and of one of them.
+struct Told<'a> {
+    all: &'a FilterRecord,
+    part: &'a PartFilter,
+}
+
+impl Told<'_> {
+    fn flags(&self) -> QueryFilterFlags {
+        QueryFilterFlags::from_bits_truncate(self.all.flags)
+    }
+
+    /// Returns whether it meets a collider by its groups. A question belongs to no group unless it says so, and then only memberships count.
+    fn meets(&self, collider: &Collider) -> bool {
+        let [groups, mask] = [self.all.groups, self.part.mask].map(Group::from_bits_retain);
+        let of = collider.collision_groups();
+        of.memberships.intersects(mask) && (groups.is_empty() || of.filter.intersects(groups))
+    }
+
+    fn overlooks(&self, id: BodyId) -> bool {
+        self.part.exclude == Some(id) || self.all.exclude.binary_search(&id).is_ok()
+    }
+}
+
+impl Lets for Told<'_> {
+    fn lets(&self, region: &Region, parent: RigidBodyHandle, _: ColliderHandle, collider: &Collider) -> bool {
+        // Few queries overlook anyone: for the others it is not looked up whose collider it is.
+        let all_are_met = self.part.exclude.is_none() && self.all.exclude.is_empty();
+        self.flags().test(&region.physics().bodies, collider)
+            && self.meets(collider)
+            && (all_are_met || region.role_of(parent).is_some_and(|(id, _)| !self.overlooks(id)))
     }
 }
 

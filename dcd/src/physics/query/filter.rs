@@ -3,7 +3,20 @@
 use rapier3d::prelude::*;
 
 use crate::physics::collider_id::ColliderId;
+use crate::physics::region::Region;
 use crate::space::BodyId;
+
+/// A filter that a query asks about every collider it comes near: it looks up only what it needs to know.
+pub(super) trait Lets {
+    /// Returns whether this collider of a body may be found.
+    fn lets(
+        &self,
+        region: &Region,
+        parent: RigidBodyHandle,
+        handle: ColliderHandle,
+        collider: &Collider,
+    ) -> bool;
+}
 
 /// Rapier's `QueryFilter` with bodies by id; the default lets everything be found, sensors too.
 ///
@@ -50,13 +63,16 @@ impl std::fmt::Debug for BodyFilter<'_> {
     }
 }
 
-impl BodyFilter<'_> {
-    pub(super) fn lets(
+impl Lets for BodyFilter<'_> {
+    fn lets(
         &self,
-        world: &PhysicsWorld,
-        (parent, body): (RigidBodyHandle, BodyId),
-        (handle, collider): (ColliderHandle, &Collider),
+        region: &Region,
+        parent: RigidBodyHandle,
+        handle: ColliderHandle,
+        collider: &Collider,
     ) -> bool {
+        let Some((body, _)) = region.role_of(parent) else { return false };
+        let world = region.physics();
         let excluded = |id: &ColliderId| {
             id.body == body && world.bodies[parent].colliders().get(id.index) == Some(&handle)
         };

@@ -18,6 +18,7 @@ pub use cast::{ShapeHit, WorldMotion};
 pub use check::QueryError;
 pub(super) use check::{pose as check_pose, vector as check_vector};
 pub use filter::BodyFilter;
+use filter::Lets;
 pub use point::PointHit;
 pub use ray::{RayHit, WorldRay};
 
@@ -92,27 +93,29 @@ struct Answerer<'a> {
 
 impl<'a> Queries<'a> {
     /// Asks every region.
-    fn ask(&self, filter: &BodyFilter<'_>, near: Option<&Bounds>, ask: impl FnMut(&Answerer<'_>)) {
+    fn ask(&self, filter: &impl Lets, near: Option<&Bounds>, ask: impl FnMut(&Answerer<'_>)) {
         Self::ask_in(self.host.regions(), filter, near, ask);
     }
 
     /// Asks some regions one after the other, each twice if bodies of it were moved since its last step.
     fn ask_in<'r>(
         regions: impl Iterator<Item = &'r Region>,
-        filter: &BodyFilter<'_>,
+        filter: &impl Lets,
         near: Option<&Bounds>,
         mut ask: impl FnMut(&Answerer<'_>),
     ) {
         for region in regions {
             let world = region.physics();
             let immovable_too = near.is_none_or(|near| region.covers(near));
+            let all_count = immovable_too && region.replicas().is_empty();
+            let counts = |parent| match region.role_of(parent) {
+                Some((_, Ownership::Immovable)) => immovable_too,
+                Some((_, Ownership::Owner)) => true,
+                _ => false,
+            };
             let wants = |handle: ColliderHandle, collider: &Collider| {
-                let owned = collider.parent().and_then(|parent| Some((parent, region.role_of(parent)?)));
-                owned.is_some_and(|(parent, (id, role))| match role {
-                    Ownership::Replica { .. } => false,
-                    Ownership::Immovable if !immovable_too => false,
-                    _ => filter.lets(world, (parent, id), (handle, collider)),
-                })
+                let parent = collider.parent().filter(|&parent| all_count || counts(parent));
+                parent.is_some_and(|parent| filter.lets(region, parent, handle, collider))
             };
             let moved = region.moved();
             let stayed = |handle: ColliderHandle, collider: &Collider| {

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use rapier3d::prelude::*;
 
-use super::{Answerer, BodyFilter, Queries, QueryError, check, extent_of};
+use super::{Answerer, BodyFilter, Lets, Queries, QueryError, check, extent_of};
 use crate::physics::convert;
 use crate::physics::region::Region;
 use crate::space::{BodyId, Bounds};
@@ -63,10 +63,14 @@ pub struct RayHit {
 impl Queries<'_> {
     /// Returns the first hit of a ray; of equally near ones, that on the lowest id.
     pub fn cast_ray(&self, ray: &WorldRay, filter: &BodyFilter<'_>) -> Result<Option<RayHit>, QueryError> {
+        self.first_met(ray, filter)
+    }
+
+    /// Returns the same by a filter of any form.
+    pub(super) fn first_met(&self, ray: &WorldRay, filter: &impl Lets) -> Result<Option<RayHit>, QueryError> {
         let ray = Straight::of(ray)?;
         let mut best: Option<RayHit> = None;
-        let entered = self.entered(&ray).into_iter().map(|(_, region)| region);
-        Self::ask_in(entered, filter, None, |answerer| {
+        let ask = |answerer: &Answerer<'_>| {
             let reach_m = best.map_or(ray.max_m, |hit| hit.distance_m);
             let Some(part) = ray.part(&answerer.extent(), reach_m) else { return };
             let (local, reach) = part.local(answerer);
@@ -77,7 +81,12 @@ impl Queries<'_> {
             if best.is_none_or(|best| order(&hit, &best).is_lt()) {
                 best = Some(hit);
             }
-        });
+        };
+        if self.are_several() {
+            Self::ask_in(self.entered(&ray).into_iter().map(|(_, region)| region), filter, None, ask);
+        } else {
+            self.ask(filter, None, ask);
+        }
         Ok(best)
     }
 
@@ -164,6 +173,8 @@ fn order(a: &RayHit, b: &RayHit) -> std::cmp::Ordering {
 struct Straight {
     origin: [f64; 3],
     direction: [f64; 3],
+    /// To multiply by, which is cheaper than to divide by the direction again for each box.
+    inverse: [f64; 3],
     max_m: f64,
     solid: bool,
 }
@@ -179,7 +190,8 @@ impl Straight {
             return Err(QueryError::NoDirection);
         }
         let direction = direction.map(|v| v / length);
-        Ok(Self { origin: ray.origin, direction, max_m: ray.max_m, solid: ray.solid })
+        let inverse = direction.map(f64::recip);
+        Ok(Self { origin: ray.origin, direction, inverse, max_m: ray.max_m, solid: ray.solid })
     }
 
     /// Returns the part of the ray that may hit something in a box, in f32; `None` if none may.
@@ -202,7 +214,7 @@ impl Straight {
                 }
                 continue;
             }
-            let [a, b] = [low, high].map(|v| v / self.direction[i]);
+            let [a, b] = [low, high].map(|v| v * self.inverse[i]);
             (enter_m, leave_m) = (enter_m.max(a.min(b)), leave_m.min(a.max(b)));
         }
         (enter_m <= leave_m).then_some(enter_m)

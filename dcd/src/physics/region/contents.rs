@@ -4,15 +4,14 @@ use std::sync::Arc;
 
 use rapier3d::prelude::*;
 
-use super::assembly::Assembly;
 use super::characters::Walking;
 use super::vehicles::Driving;
-use super::{BodyRef, Ownership, Region, Slot, assembly, floating_origin};
+use super::{BodyRef, Ownership, Region, Slot, floating_origin};
 use crate::physics::outline::Outline;
 use crate::physics::shapes::{ShapeError, ShapeLibrary};
 use crate::physics::{convert, record};
-use crate::protocol::{BodyKind, BodyRecord, JointRecord};
-use crate::space::{BodyId, Epoch, JointId, RegionSet};
+use crate::protocol::{BodyRecord, JointRecord};
+use crate::space::{BodyId, Epoch, RegionSet};
 
 impl Region {
     /// Inserts a body that is not held here yet, with this ownership.
@@ -23,8 +22,11 @@ impl Region {
         holders: RegionSet,
         shapes: &ShapeLibrary,
     ) -> Result<RigidBodyHandle, ShapeError> {
-        for collider in &body.traits.colliders {
-            shapes.look_at(collider.shape)?;
+        let like = self.newest_like(body).map(|like| (like.reach_m, like.outline.clone()));
+        if like.is_none() {
+            for collider in &body.traits.colliders {
+                shapes.look_at(collider.shape)?;
+            }
         }
         self.stirred = true;
         let found = std::mem::take(&mut self.moved);
@@ -32,7 +34,8 @@ impl Region {
         let before = self.by_id.insert(body.id, handle);
         assert!(before.is_none(), "{} is already held by {}", body.id, self.id);
         for (place, record) in body.traits.colliders.iter().enumerate() {
-            let collider = record::build_collider(record, shapes).expect("its shape has been looked at");
+            let collider = record::build_collider(record, shapes)
+                .expect("it has been looked at, or one like it is here");
             let world = &mut *self.world;
             let collider = world.colliders.insert_with_parent(collider, handle, &mut world.bodies);
             let inserted = &mut world.colliders[collider];
@@ -54,14 +57,11 @@ impl Region {
         if body.traits.vehicle.is_some() {
             self.vehicles.insert(body.id, Driving::new(body.state.drive.unwrap_or_default()));
         }
-        let (reach_m, outline) = match self.newest_like(body) {
-            Some(like) => (like.reach_m, like.outline.clone()),
-            None => {
-                let PhysicsWorld { bodies, colliders, .. } = &*self.world;
-                let own = &bodies[handle];
-                (record::reach_of(own, colliders, &body.traits), Outline::of(own, colliders))
-            }
-        };
+        let (reach_m, outline) = like.unwrap_or_else(|| {
+            let PhysicsWorld { bodies, colliders, .. } = &*self.world;
+            let own = &bodies[handle];
+            (record::reach_of(own, colliders, &body.traits), Outline::of(own, colliders))
+        });
         let index = handle.into_raw_parts().0 as usize;
         if self.slots.len() <= index {
             self.slots.resize_with(index + 1, || None);
@@ -101,15 +101,18 @@ impl Region {
         Ok(handle)
     }
 
-    /// Returns the body inserted last as this region's own, if it shares what it is with this one: both reach equally far.
+    /// Returns one of the bodies inserted last as this region's own that shares what it is with this one: both reach equally far.
     pub(in crate::physics) fn newest_like(&self, body: &BodyRecord) -> Option<&Slot> {
-        let newest = self.slot_at(self.fresh.last()?.handle)?;
-        Arc::ptr_eq(&newest.traits, &body.traits).then_some(newest)
+        let newest = self.fresh.iter().rev().take(record::LIKE).filter_map(|link| self.slot_at(link.handle));
+        newest.into_iter().find(|slot| Arc::ptr_eq(&slot.traits, &body.traits))
     }
 
     /// Removes a body, with its joints. Returns whether it was held here.
     pub(in crate::physics) fn remove(&mut self, id: BodyId) -> bool {
         let Some(handle) = self.by_id.remove(&id) else { return false };
+        if self.slot(handle).assembly.is_some() {
+            self.note_retied(handle);
+        }
         let joints: Vec<_> = self.joints_of(handle).collect();
         for joint in &joints {
             self.remove_joint(joint.id);
@@ -181,43 +184,6 @@ impl Region {
             }
         }
         self.shared.clear();
-    }
-
-    /// Finds anew which bodies joints tie together, if joints changed.
-    pub(in crate::physics) fn update_assemblies(&mut self) {
-        if !std::mem::take(&mut self.assemblies_stale) {
-            return;
-        }
-        for assembly in std::mem::take(&mut self.assemblies) {
-            for link in assembly.members {
-                if self.handle_of(link.id) == Some(link.handle) {
-                    self.slot_mut(link.handle).assembly = None;
-                }
-            }
-        }
-        let movable = |id: BodyId| {
-            let handle = self.handle_of(id)?;
-            (self.slot(handle).traits.kind != BodyKind::Fixed).then_some(BodyRef { id, handle })
-        };
-        let ties: Vec<_> = self
-            .joints
-            .values()
-            .filter_map(|joint| Some((movable(joint.record.a)?, movable(joint.record.b)?)))
-            .collect();
-        let single = self.joints.values().filter_map(|joint| {
-            // A body tied to something immovable is an assembly of one: its joint must travel with it.
-            movable(joint.record.a).xor(movable(joint.record.b))
-        });
-        self.assemblies = assembly::connect(ties.into_iter().chain(single.map(|link| (link, link))));
-        for index in 0..self.assemblies.len() {
-            let members = std::mem::take(&mut self.assemblies[index].members);
-            for member in &members {
-                self.slot_mut(member.handle).assembly = Some(index as u32);
-            }
-            let is_link = |id: &JointId| self.joints.get(id).is_some_and(|joint| joint.record.link.is_some());
-            let articulated = members.iter().any(|link| self.slot(link.handle).joints.iter().any(is_link));
-            self.assemblies[index] = Assembly { members, articulated };
-        }
     }
 
     /// Returns whether a body that is held elsewhere, too, is in the list where it belongs.

@@ -11,29 +11,42 @@ use crate::protocol::BodyKind;
 /// The kinematic bodies of a region, their targets, and how many substeps of the tick are done.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct KinematicTargets {
-    /// Bodies that are kinematic by position, in the order of insertion into the region.
-    bodies: Vec<RigidBodyHandle>,
-    /// By Rapier's body index: whether it is kinematic, by position or by velocity; and how many are.
-    kinematic: Vec<bool>,
+    /// Bodies that are kinematic by position, in the order of insertion into the region. Those that are forgotten stay until the next tick
+    /// begins: to take each out at once would take as long as there are others.
+    bodies: Vec<Noted>,
+    /// By Rapier's body index: the number by which it is noted as kinematic, by position or by velocity, 0 if it is not; and how
+    /// many are.
+    kinematic: Vec<u32>,
     count: usize,
-    targets: Vec<(RigidBodyHandle, Pose)>,
+    /// The number that was given last.
+    last: u32,
+    targets: Vec<(Noted, Pose)>,
     done: usize,
+}
+
+/// A body that is kinematic, and the number by which it was noted: it is forgotten once its index has another.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+struct Noted {
+    handle: RigidBodyHandle,
+    number: u32,
 }
 
 impl KinematicTargets {
     /// Notes that a body is of this kind from now on.
     pub(super) fn note(&mut self, handle: RigidBodyHandle, kind: BodyKind) {
         self.forget(handle);
-        if kind == BodyKind::KinematicPosition {
-            self.bodies.push(handle);
-        }
         if matches!(kind, BodyKind::KinematicPosition | BodyKind::KinematicVelocity) {
             let index = handle.into_raw_parts().0 as usize;
             if self.kinematic.len() <= index {
-                self.kinematic.resize(index + 1, false);
+                self.kinematic.resize(index + 1, 0);
             }
-            self.kinematic[index] = true;
+            // A number that is given again is forgotten long since: lists are cleared in every tick.
+            self.last = self.last.wrapping_add(1).max(1);
+            self.kinematic[index] = self.last;
             self.count += 1;
+            if kind == BodyKind::KinematicPosition {
+                self.bodies.push(Noted { handle, number: self.last });
+            }
         }
     }
 
@@ -44,12 +57,17 @@ impl KinematicTargets {
 
     /// Forgets a body.
     pub(super) fn forget(&mut self, handle: RigidBodyHandle) {
-        let kinematic = self.kinematic.get_mut(handle.into_raw_parts().0 as usize);
-        if kinematic.is_some_and(std::mem::take) {
+        let number = self.kinematic.get_mut(handle.into_raw_parts().0 as usize);
+        if number.is_some_and(|number| std::mem::take(number) != 0) {
             self.count -= 1;
-            self.bodies.retain(|&other| other != handle);
-            self.targets.retain(|(other, _)| *other != handle);
         }
+    }
+
+    /// Returns whether a body is what it was noted as.
+    fn holds(&self, noted: Noted) -> bool {
+        #[cfg(test)]
+        tests::LOOKS.set(tests::LOOKS.get() + 1);
+        self.kinematic[noted.handle.into_raw_parts().0 as usize] == noted.number
     }
 
     /// Returns whether the substep to come is the first of its tick.
@@ -68,15 +86,18 @@ pub(super) fn approach(region: &mut Region, steps: usize) {
     let mut targets = std::mem::take(&mut region.targets);
     let bodies = &mut region.world_mut().bodies;
     if targets.done == 0 {
+        let mut noted = std::mem::take(&mut targets.bodies);
+        noted.retain(|&noted| targets.holds(noted));
+        targets.bodies = noted;
         targets.targets.clear();
-        let bodies = targets.bodies.iter().filter_map(|&handle| Some((handle, bodies.get(handle)?)));
+        let bodies = targets.bodies.iter().filter_map(|&noted| Some((noted, bodies.get(noted.handle)?)));
         let going = bodies.filter(|(_, body)| body.next_position() != body.position() && !body.is_sleeping());
-        targets.targets.extend(going.map(|(handle, body)| (handle, *body.next_position())));
+        targets.targets.extend(going.map(|(noted, body)| (noted, *body.next_position())));
     }
     let left = steps.saturating_sub(targets.done).max(1);
     if steps > 1 {
-        for (handle, target) in &targets.targets {
-            if let Some(body) = bodies.get_mut(*handle) {
+        for (noted, target) in targets.targets.iter().filter(|(noted, _)| targets.holds(*noted)) {
+            if let Some(body) = bodies.get_mut(noted.handle) {
                 body.set_next_kinematic_position(part_of_way(body, target, left));
             }
         }
@@ -94,4 +115,50 @@ fn part_of_way(body: &RigidBody, target: &Pose, parts: usize) -> Pose {
     let (start, end) = (*from * centre, *target * centre);
     let rotation = from.rotation.slerp(target.rotation, t);
     Pose::from_parts(start + (end - start) * t - rotation * centre, rotation)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::Cell;
+
+    use rapier3d::prelude::*;
+
+    use crate::runtime::{LocalWorld, WorldConfig};
+
+    thread_local! {
+        /// How often a body was looked at, whether it is kinematic still.
+        pub(super) static LOOKS: Cell<usize> = const { Cell::new(0) };
+    }
+
+    #[test]
+    fn many_kinematic_bodies_are_forgotten_without_each_being_looked_at_for_each() {
+        const MANY: usize = 500;
+        let mut world = LocalWorld::new(WorldConfig { threads: 1, ..WorldConfig::default() }).unwrap();
+        let door = |world: &mut LocalWorld, i: usize| {
+            let body = RigidBodyBuilder::kinematic_position_based();
+            let at = Vector::new(2.0 * i as f32, 0.0, 0.0);
+            world.insert(body.translation(at), ColliderBuilder::ball(0.5)).unwrap()
+        };
+        let doors: Vec<_> = (0..MANY).map(|i| door(&mut world, i)).collect();
+        world.step().unwrap();
+        let before = LOOKS.get();
+        for &id in &doors[1..] {
+            world.remove(id).unwrap();
+        }
+        // One more takes the place of one that is gone, in Rapier too; another is noted twice.
+        let last = door(&mut world, 1);
+        for kind in [RigidBodyType::Dynamic, RigidBodyType::KinematicPositionBased] {
+            world.update(doors[0], |body| body.set_body_type(kind, true)).unwrap();
+        }
+        for id in [doors[0], last] {
+            let up = |body: &mut RigidBody| body.set_next_kinematic_translation(Vector::new(0.0, 3.0, 0.0));
+            world.update(id, up).unwrap();
+        }
+        world.step().unwrap();
+        world.step().unwrap();
+        assert!(LOOKS.get() - before <= 2 * MANY, "{} looks", LOOKS.get() - before);
+        for id in [doors[0], last] {
+            assert_eq!(world.motion(id).unwrap().0.translation[1], 3.0);
+        }
+    }
 }

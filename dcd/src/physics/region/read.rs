@@ -47,6 +47,7 @@ impl Region {
             epoch: slot.epoch,
             state: self.body_state(handle),
             traits: slot.traits.clone(),
+            user_data: self.world.bodies[handle].user_data,
         }
     }
 

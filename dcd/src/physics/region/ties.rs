@@ -238,8 +238,8 @@ impl Region {
         self.unsettle();
         for end in [a, b] {
             self.slot_mut(end).joints.push(joint.id);
+            self.note_retied(end);
         }
-        self.assemblies_stale = true;
         self.share_joint(joint.id);
     }
 
@@ -265,9 +265,9 @@ impl Region {
         for end in [joint.record.a, joint.record.b] {
             if let Some(end) = self.handle_of(end) {
                 self.slot_mut(end).joints.retain(|&other| other != id);
+                self.note_retied(end);
             }
         }
-        self.assemblies_stale = true;
     }
 
     /// Lets a user change a joint in place, whole; wakes its bodies. Returns whether it is held here, or waits.

@@ -154,9 +154,9 @@ fn a_rope_that_is_let_out_holds_as_far_as_it_reaches() {
 fn a_wall_that_becomes_a_sensor_is_walked_through() {
     sliding(wall).is_stopped(1.5);
     let mut game = sliding(wall);
-    let mut traits = game.world.record(WALL).unwrap().traits;
+    let BodyRecord { mut traits, user_data, .. } = game.world.record(WALL).unwrap();
     Arc::make_mut(&mut traits).colliders[0].sensor = true;
-    let door = Alteration::Body { body: WALL, traits, wakes: false };
+    let door = Alteration::Body { body: WALL, traits, user_data, wakes: false };
     game.world.alter(&door).unwrap();
     game.tell(ToClient::Altered(door));
     game.walks_freely(1e-3);

@@ -22,8 +22,10 @@ fn built_while(seed: u64, happens: impl FnOnce(&mut Sim)) {
     let mut traits = (*sim_body(changed, [0.0; 3]).traits).clone();
     traits.linear_damping = 0.25;
     let traits = std::sync::Arc::new(traits);
-    let ops =
-        vec![BuildOp::Alter(Alteration::Body { body: changed, traits, wakes: false }), BuildOp::Remove(gone)];
+    let ops = vec![
+        BuildOp::Alter(Alteration::Body { body: changed, traits, user_data: 7, wakes: false }),
+        BuildOp::Remove(gone),
+    ];
     sim.submit(client, ClientEvent::Build(ops));
     for _ in 0..100 {
         sim.run_for(Duration::from_millis(100)).unwrap();
@@ -39,7 +41,7 @@ fn built_while(seed: u64, happens: impl FnOnce(&mut Sim)) {
     // What is between two owners at this instant has one soon; a body that nodes have lost never has.
     sim.run_until(|sim| sim.states().keys().eq(&present)).unwrap_or_else(|e| panic!("seed {seed}: {e}"));
     let record = sim.server().record().body(changed).unwrap();
-    assert_eq!(record.traits.linear_damping, 0.25, "seed {seed}");
+    assert_eq!((record.traits.linear_damping, record.user_data), (0.25, 7), "seed {seed}");
     // It leaves, and all of it stays.
     sim.submit(client, ClientEvent::Leave);
     sim.crash(Peer::Client(client));

@@ -298,6 +298,7 @@ fn what_a_leader_was_told_as_its_view_began_the_next_is_told_too_where_it_may_no
     let alteration = Alteration::Body {
         body: BodyId::persistent(2),
         traits: sim_body(BodyId::persistent(2), [2.0; 3]).traits,
+        user_data: 0,
         wakes: true,
     };
     let told = [WorldOp::RemoveJoint(JointId(1)), WorldOp::Alter(alteration.clone())];
@@ -402,7 +403,7 @@ fn a_server_that_is_started_again_tells_what_nobody_may_have_heard_of() {
     let present = server.view().expect("it has begun").number;
     does(&mut server, ServerEvent::Save);
     let traits = sim_body(BodyId::persistent(2), [2.0; 3]).traits;
-    let altered = Alteration::Body { body: BodyId::persistent(2), traits, wakes: true };
+    let altered = Alteration::Body { body: BodyId::persistent(2), traits, user_data: 0, wakes: true };
     joint.frame_a.translation[0] += 1.0;
     let stretched = Alteration::Joint(Box::new(joint));
     let ops = vec![
@@ -461,7 +462,9 @@ fn every_leader_is_told_what_the_program_has_changed() {
     obey(&mut server, 1, outputs);
     let altered = |outputs: Vec<ServerOutput>| {
         let alteration = |op| match op {
-            WorldOp::Alter(Alteration::Body { body, traits, wakes }) => (body, traits.gravity_scale, wakes),
+            WorldOp::Alter(Alteration::Body { body, traits, wakes, .. }) => {
+                (body, traits.gravity_scale, wakes)
+            }
             op => panic!("{op:?}"),
         };
         applied(outputs).into_iter().map(alteration).collect::<Vec<_>>()
@@ -469,7 +472,7 @@ fn every_leader_is_told_what_the_program_has_changed() {
     let alter = |server: &mut Server, id: BodyId, gravity_scale: f32, wakes: bool| {
         let mut traits = (*sim_body(id, [0.0; 3]).traits).clone();
         traits.gravity_scale = gravity_scale;
-        let op = BuildOp::Alter(Alteration::Body { body: id, traits: Arc::new(traits), wakes });
+        let op = BuildOp::Alter(Alteration::Body { body: id, traits: Arc::new(traits), user_data: 0, wakes });
         server.handle(server.common.now, ServerEvent::Program(vec![op]));
         altered(std::iter::from_fn(|| server.poll_output()).collect())
     };

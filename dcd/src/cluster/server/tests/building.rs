@@ -202,7 +202,7 @@ fn a_builder_leaves_avatars_and_names_of_others_and_what_no_program_changes() {
     let hinged = BuildOp::Insert { bodies: vec![body(5)], shapes: Vec::new(), joints: vec![hinge.clone()] };
     assert_eq!(refusal(&mut server, hinged), None, "tied to the ground");
     let alter = |traits: BodyTraits| {
-        BuildOp::Alter(Alteration::Body { body: own.id, traits: Arc::new(traits), wakes: true })
+        BuildOp::Alter(Alteration::Body { body: own.id, traits: Arc::new(traits), user_data: 0, wakes: true })
     };
     let ball = ShapeRecord::Ball(0.5);
     let shaped = with(own.clone(), |traits| traits.colliders.push(collider(&ball)));
@@ -289,7 +289,12 @@ fn what_was_done_is_not_done_again_whatever_has_become_of_it() {
     let op = BuildOp::Insert { bodies: vec![body(0), body(1)], shapes: Vec::new(), joints };
     assert_eq!(refusal(&mut server, op.clone()), None);
     let traits = Arc::new(BodyTraits { linear_damping: 0.5, ..(*body(0).traits).clone() });
-    let alter = BuildOp::Alter(Alteration::Body { body: body(0).id, traits: traits.clone(), wakes: false });
+    let alter = BuildOp::Alter(Alteration::Body {
+        body: body(0).id,
+        traits: traits.clone(),
+        user_data: 0,
+        wakes: false,
+    });
     let (gone, untied) = (BuildOp::Remove(body(1).id), BuildOp::RemoveJoint(JointId::built(BUILDER, 0)));
     for op in [alter, untied.clone(), gone.clone(), op, untied, gone] {
         assert_eq!(refusal(&mut server, op.clone()), None, "{op:?}");
@@ -357,7 +362,7 @@ fn what_is_in_a_multibody_stays_dynamic() {
     let mut server = run(Server::new(config(1), record));
     let sweep = |body: &BodyRecord| {
         let traits = with(body.clone(), |traits| traits.kind = BodyKind::KinematicVelocity).traits;
-        BuildOp::Alter(Alteration::Body { body: body.id, traits, wakes: true })
+        BuildOp::Alter(Alteration::Body { body: body.id, traits, user_data: 0, wakes: true })
     };
     assert_eq!(refusal(&mut server, sweep(&bodies[1])), Some(Refusal::NotToBeBuilt));
     assert_eq!(refusal(&mut server, sweep(&bodies[0])), Some(Refusal::NotToBeBuilt), "nor its root");

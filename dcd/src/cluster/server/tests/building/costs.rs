@@ -210,7 +210,7 @@ fn fixed_bodies_that_meet_each_other_and_what_looks_far_around_are_refused() {
     let known = server.record().body(body(0).id).expect("it came").clone();
     for (kind, change, what) in cases {
         let traits = with(known.clone(), change).traits;
-        let alter = BuildOp::Alter(Alteration::Body { body: known.id, traits, wakes: false });
+        let alter = BuildOp::Alter(Alteration::Body { body: known.id, traits, user_data: 0, wakes: false });
         let expected = (kind == BodyKind::Dynamic).then_some(Refusal::Costly(what));
         assert_eq!(
             refusal(&mut server, alter),
@@ -259,8 +259,14 @@ fn what_a_change_counts_grows_with_what_others_are_told() {
     let ball = [ShapeRecord::Ball(0.5)];
     assert_eq!(refusal(&mut server, shaped(body(0), BodyKind::Dynamic, &ball, 400)), None);
     let traits = server.record().body(body(0).id).expect("it came").traits.clone();
-    let alter =
-        || BuildOp::Alter(Alteration::Body { body: body(0).id, traits: traits.clone(), wakes: false });
+    let alter = || {
+        BuildOp::Alter(Alteration::Body {
+            body: body(0).id,
+            traits: traits.clone(),
+            user_data: 0,
+            wakes: false,
+        })
+    };
     let told = crate::protocol::encoded_len(&alter());
     let came = (0..1_000).take_while(|_| refusal(&mut server, alter()).is_none()).count();
     assert!((5 << 20..6 << 20).contains(&(came * told)), "{came} of {told} bytes");

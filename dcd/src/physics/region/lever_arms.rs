@@ -88,7 +88,7 @@ impl Region {
     /// Returns how far a body is put aside, another way with each owner, so that it does not go ever farther.
     fn aside(&self, handle: RigidBodyHandle, attempt: u64) -> Vector {
         let slot = self.slot(handle);
-        let seed = mixed(mixed(slot.id.bits() ^ u64::from(slot.epoch.0) << 32).wrapping_add(attempt));
+        let seed = mixed(mixed(slot.id.bits() ^ slot.epoch.0.rotate_left(32)).wrapping_add(attempt));
         // Twenty bits for each axis, between -1 and 1.
         let axis = |at: u32| (seed >> (20 * at) & 0xf_ffff) as f32 / 524_288.0 - 1.0;
         Vector::new(axis(0), axis(1), axis(2)) * (ASIDE * slot.reach_m.min(1.0))

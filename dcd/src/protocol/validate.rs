@@ -406,6 +406,7 @@ impl Check for BorderMessage {
         ascending(&self.states, |state| state.id, "border.states")?;
         all(&self.states)?;
         self.replicas.iter().try_for_each(Check::check)?;
+        ascending(&self.contact_poses, |lay| lay.id, "border.contact_poses")?;
         self.contact_poses.iter().try_for_each(|lay| lay.pose.check())?;
         all(&self.joints)?;
         self.transfers.iter().try_for_each(|transfer| transfer.body.check())

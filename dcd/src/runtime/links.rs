@@ -36,7 +36,9 @@ const CHANGES_BYTES: usize = 16 << 20;
 /// no more than this and one world.
 const WORLDS_BYTES: usize = 32 << 20;
 /// While others wait to be told the world, a player that takes in nothing for this long is given up.
-const PRESSED: Duration = Duration::from_millis(500);
+const PRESSED: Duration = Duration::from_secs(2);
+/// Who greets waits no longer than this: others may take in the world as slowly as they please.
+const LONGEST_WAIT: Duration = Duration::from_secs(5);
 /// A peer that takes in nothing for this long, though something waits for it, is given up.
 const STUCK: Duration = Duration::from_secs(10);
 /// So many bytes are something: who takes in a few at a time does not keep a world waiting for it.
@@ -60,6 +62,13 @@ enum Told {
     WorldEnd,
     /// What has changed in the world since.
     Changes,
+}
+
+/// A greeting of a client that waits for others to take in the world.
+struct Greeting {
+    key: PeerKey,
+    since: Instant,
+    event: LinkEvent,
 }
 
 /// An event of a link, translated for the cluster's state machines.
@@ -95,7 +104,7 @@ pub(super) struct Links {
     told: BTreeMap<Peer, Told>,
     given_up: Vec<LinkEvent>,
     /// Greetings of players that wait for others to take in the world.
-    greetings: VecDeque<(PeerKey, LinkEvent)>,
+    greetings: VecDeque<Greeting>,
     world_bytes: usize,
     worlds_bytes: usize,
     repeats: Repeats,
@@ -333,27 +342,31 @@ impl Links {
         self.waiting.iter().map(of).sum()
     }
 
-    /// Lets a greeting wait while much waits for players already: who greets is told the world. Who comes back to a view that it computes
-    /// has it.
-    fn in_turn(&mut self, key: PeerKey, who: PeerName, event: LinkEvent) -> Vec<LinkEvent> {
-        let LinkEvent::Message { message: Message::Hello(hello), .. } = &event else { return vec![event] };
-        let comes_back = matches!(hello.role, JoinAs::Node { resume: Some(_), .. });
-        let has_room = self.greetings.is_empty() && self.worlds_waiting() < self.worlds_bytes;
-        if !self.is_server || comes_back || who.client().is_none() || has_room {
+    /// Lets a client's greeting wait while much waits for players already: who greets is told the world. Of those of one client the last counts.
+    fn in_turn(&mut self, key: PeerKey, who: PeerName, event: LinkEvent, now: Instant) -> Vec<LinkEvent> {
+        let is_greeting = matches!(event, LinkEvent::Message { message: Message::Hello(_), .. });
+        if !self.is_server || !is_greeting || !matches!(who, PeerName::Client(_) | PeerName::Builder(_)) {
             return vec![event];
         }
-        self.greetings.push_back((key, event));
+        if let Some(greeting) = self.greetings.iter_mut().find(|greeting| greeting.key == key) {
+            greeting.event = event;
+        } else if self.greetings.is_empty() && self.worlds_waiting() < self.worlds_bytes {
+            return vec![event];
+        } else {
+            self.greetings.push_back(Greeting { key, since: now, event });
+        }
         Vec::new()
     }
 
     /// Takes the greeting that has waited longest, if there is room by now for the world that it will be answered with.
-    pub(super) fn next_greeting(&mut self) -> Option<LinkEvent> {
+    pub(super) fn next_greeting(&mut self, now: Instant) -> Option<LinkEvent> {
         let Self { greetings, names, .. } = self;
-        greetings.retain(|(key, _)| names.contains_key(key));
-        if self.greetings.is_empty() || self.worlds_waiting() >= self.worlds_bytes {
+        greetings.retain(|greeting| names.contains_key(&greeting.key));
+        let waits_long = now.saturating_duration_since(self.greetings.front()?.since) >= LONGEST_WAIT;
+        if !waits_long && self.worlds_waiting() >= self.worlds_bytes {
             return None;
         }
-        self.greetings.pop_front().map(|(_, event)| event)
+        self.greetings.pop_front().map(|greeting| greeting.event)
     }
 
     /// Takes the events of links that ended here, for our own state machines.
@@ -499,7 +512,7 @@ impl Links {
                 match heard {
                     Ok(message) => {
                         let event = LinkEvent::Message { from: self.sender(who, &message), message };
-                        self.in_turn(key, who, event)
+                        self.in_turn(key, who, event, Instant::now())
                     }
                     Err((ending, error)) => {
                         self.malformed += 1;

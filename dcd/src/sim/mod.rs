@@ -4,6 +4,7 @@
 
 mod check;
 mod clock;
+mod config;
 #[cfg(feature = "physics")]
 mod contact;
 mod deviation;
@@ -30,6 +31,7 @@ mod world;
 
 pub use check::{Checker, Violation};
 pub use clock::Clock;
+pub use config::SimConfig;
 #[cfg(feature = "physics")]
 pub use contact::ContactScene;
 pub use deviation::{Apart, Comparer, Deviating};
@@ -54,7 +56,7 @@ pub use tally::Tally;
 pub use timeline::Timeline;
 pub use trial::{Outcome, Staleness, TrialConfig, run_trial};
 pub use watch::{Course, Look, Quantity, Ruler, Strain, Watch};
-pub use world::{Sim, SimConfig};
+pub use world::Sim;
 
 use fixtures::drifting;
 

@@ -5,8 +5,9 @@ use std::net::{Ipv4Addr, SocketAddr};
 use std::time::Duration;
 
 use super::clock::Clock;
+use super::config::SimConfig;
 use super::host::{Host, Skew};
-use super::network::{Bounds, Cut, LinkId, Network, NetworkConditions, Path, Traffic};
+use super::network::{Cut, LinkId, Network, NetworkConditions, Traffic};
 use super::{
     Checker, Engine, Flipped, Random, Sample, Scope, Sent, Spoilt, StandIn, Tally, Tape, Timeline, Violation,
     Watch, drifting, sim_world,
@@ -16,79 +17,12 @@ use crate::cluster::{
     Client, ClientEvent, ClientOutput, Grouping, Node, NodeConfig, NodeEvent, Peer, Record, SavedWorld,
     Server, ServerConfig, ServerEvent, ServerOrigin, Verification,
 };
-use crate::protocol::{Area, BodyKind, BodyState, EnvironmentProperties, Finding, SyncProtocol, Thresholds};
+use crate::protocol::{Area, BodyKind, BodyState, EnvironmentProperties, Finding};
 use crate::recording::{RecordedServer, Recorder};
-use crate::space::{Balance, BodyId, ClientId, GroupId, NodeId, Tick};
+use crate::space::{BodyId, ClientId, GroupId, NodeId, Tick};
 
 /// The first id of clients that nobody plays.
 const UNPLAYED: u32 = 10_000;
-
-/// The configuration of a run.
-#[derive(Clone, Debug)]
-pub struct SimConfig {
-    /// Seed of everything random.
-    pub seed: u64,
-    /// Nodes at the start.
-    pub nodes: u32,
-    /// Regions of the world.
-    pub regions: usize,
-    /// Persistent bodies.
-    pub bodies: u32,
-    /// Their speed along each axis, at most.
-    pub speed_m_s: f64,
-    /// Simulated seconds per tick.
-    pub dt_s: f32,
-    /// Network conditions at the start.
-    pub network: NetworkConditions,
-    /// Bounds on the bytes that may wait for a reader.
-    pub bounds: Bounds,
-    /// Time that the physics takes for a command.
-    pub physics: Path,
-    /// Skew of the clocks; `None`: all show the true time.
-    pub skew: Option<Skew>,
-    /// Thresholds of delay and distance.
-    pub thresholds: Thresholds,
-    /// The protocol by which members keep in step.
-    pub protocol: SyncProtocol,
-    /// How regions follow the load; `None`: they stay.
-    pub balance: Option<Balance>,
-    /// The rules of grouping.
-    pub grouping: Grouping,
-    /// Ticks from one state that clients are told to the next.
-    pub state_every: u32,
-    /// Ticks between nodes' checkpoints of moved bodies to the server.
-    pub checkpoint_every: u64,
-    /// Whether its nodes are recorded.
-    pub record: bool,
-    /// Whether two of three nodes are participants, whose clients nobody plays, and all of these are verified.
-    pub verify: bool,
-}
-
-impl Default for SimConfig {
-    fn default() -> Self {
-        Self {
-            seed: 0,
-            nodes: 3,
-            regions: 8,
-            bodies: 40,
-            // Each body crosses several regions in a second or two.
-            speed_m_s: 12.0,
-            dt_s: 1.0 / 60.0,
-            network: NetworkConditions::calm(Path::up_to(2_000)),
-            bounds: Bounds::default(),
-            physics: Path::up_to(2_000),
-            skew: None,
-            thresholds: Thresholds::default(),
-            protocol: SyncProtocol::Synchronised,
-            balance: None,
-            grouping: Grouping::default(),
-            state_every: 3,
-            checkpoint_every: 6,
-            record: false,
-            verify: false,
-        }
-    }
-}
 
 #[derive(Debug)]
 pub(super) struct NodeProcess {

@@ -1,5 +1,6 @@
 //! Collects what the program of a server, or a client that may build, does to the world between two steps, and reads the world with it.
 
+mod altered;
 #[cfg(test)]
 mod tests;
 
@@ -8,6 +9,7 @@ use std::sync::Arc;
 
 use rapier3d::prelude::*;
 
+use self::altered::{Altered, Move};
 use super::error::Error;
 use super::remote::check_vehicle;
 use super::role::{Instead, Role, Unsupported};
@@ -106,29 +108,6 @@ pub(super) struct Author {
     /// Bodies and joints that were removed, and with which send: they are on record still, or may yet come onto it.
     leaving: BTreeMap<BodyId, u64>,
     leaving_joints: BTreeMap<JointId, u64>,
-}
-
-struct Altered {
-    traits: Arc<BodyTraits>,
-    user_data: u128,
-    wakes: bool,
-    /// With which send.
-    sent: Option<u64>,
-}
-
-#[derive(Clone, Copy, Default)]
-struct Move {
-    velocity: Option<Velocity>,
-    pose: Option<WorldPose>,
-    drive: Option<Drive>,
-}
-
-impl Move {
-    /// Returns the state of a body after it.
-    fn of(&self, state: &BodyState) -> BodyState {
-        let (velocity, pose) = (self.velocity.unwrap_or(state.velocity), self.pose.unwrap_or(state.pose));
-        BodyState { velocity, pose, ..*state }
-    }
 }
 
 impl Author {

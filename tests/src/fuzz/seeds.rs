@@ -1,5 +1,6 @@
 //! Makes inputs as honest processes send them: what a small cluster says, and files as dcd writes them.
 
+use std::collections::BTreeMap;
 use std::io::Write;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
@@ -9,13 +10,13 @@ use dcd::delta::{FreeMotion, Sender};
 use dcd::net::{PROTOCOL_VERSION, Token};
 use dcd::physics::ShapeLibrary;
 use dcd::protocol::{
-    Border, CodecError, Coupling, EnvironmentProperties, HeardBorder, Message, SharedState, Testimony,
-    ViewNumber, decode, encode,
+    Border, CodecError, Coupling, EnvironmentProperties, HeardBorder, Message, SharedState, Status,
+    Testimony, ToClient, ViewNumber, decode, encode,
 };
 use dcd::recording::Recorder;
 use dcd::runtime::{LocalWorld, PhysicsDevice, WorldConfig};
 use dcd::sim::{StandIn, sim_body, sim_world};
-use dcd::space::DistributionTree;
+use dcd::space::{DistributionTree, GroupId};
 use dcd::{BodyId, Bounds, ClientId, Epoch, NodeId, Params, RegionId, Scene, Tick, Velocity, WorldPose};
 
 use super::cluster::{Cluster, points, world};
@@ -102,6 +103,7 @@ pub(super) fn messages() -> Vec<Vec<u8>> {
         }
     }
     messages.extend(of_verification());
+    messages.extend(by_hand());
     messages.extend(kinds().into_iter().filter_map(|kind| shortest(&kind)));
     messages
 }
@@ -116,6 +118,27 @@ fn of_verification() -> Vec<Vec<u8>> {
         Message::Copied { to: NodeId(2), border },
     ];
     messages.iter().map(encode).collect()
+}
+
+/// Messages that no member of the story sends, and which zeros do not make.
+fn by_hand() -> Vec<Vec<u8>> {
+    let tree = DistributionTree::halved(Bounds::around([0.0; 3], [8.0; 3]), 2).expect("two regions");
+    let body = sim_body(BodyId::persistent(7), [1.0; 3]);
+    let status = Status {
+        tick: Tick(9),
+        dt_s: 1.0 / 60.0,
+        bodies: 1,
+        clients: 1,
+        main: GroupId::default(),
+        groups: Vec::new(),
+        nodes: Vec::new(),
+    };
+    let of_client = [
+        ToClient::Regions { tree, allocation: BTreeMap::new() },
+        ToClient::Inserted { body, shapes: Vec::new(), joints: Vec::new() },
+    ];
+    let of_client = of_client.map(|message| Message::ToClient(ClientId(1), message));
+    of_client.iter().chain([&Message::Status(status)]).map(encode).collect()
 }
 
 /// The beginnings of messages of all kinds: the variant, and in envelopes that of what is in them, behind the id of a client.

@@ -46,8 +46,13 @@ pub(super) fn arrive(
 /// Puts replicas that have just come to be held where they lay when their owner found their contacts, until the next exchange: the step in between
 /// finds these alike. Where anything that can move might touch one of them there, all stay where they are.
 fn lay(region: &mut Region, border: &mut Border, poses: &[ContactPose], held: &[BodyRef]) {
+    if poses.is_empty() {
+        return;
+    }
+    let mut held = held.to_vec();
+    held.sort_by_key(|link| link.id);
     let place = |lay: &ContactPose| {
-        let link = held.iter().find(|link| link.id == lay.id)?;
+        let link = held[held.binary_search_by_key(&lay.id, |link| link.id).ok()?];
         let pose = convert::region_from_world(region.anchor(), &lay.pose);
         let far_m = (pose.translation - region.physics().bodies[link.handle].translation()).length();
         (far_m <= FARTHEST_LAY_M).then_some((link.handle, pose))

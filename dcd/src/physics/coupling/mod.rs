@@ -241,8 +241,6 @@ pub(super) struct Border {
     /// The bodies owned here whose mass is to be split for what they are about to touch, in order of their handles.
     #[serde(skip)]
     splitting: Vec<RigidBodyHandle>,
-    #[serde(skip)]
-    lying: ownership::Lying,
     /// By assembly: whether all of it may move to where its island moves.
     #[serde(skip)]
     ready_assemblies: Vec<bool>,

@@ -10,10 +10,12 @@
 //! - A body that only moves to a region has a warm-up ghost there, which has no part of the mass; so has, for one exchange, a body
 //!   that comes to be held where several hold it already: the warm-up ghost starts from their mean.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::island::{Island, Islands};
+use super::island::Island;
 use super::predicted_contacts::{self, Meeting, Near, PredictedContacts};
 use super::shared::SharedBodies;
 use super::{Border, Moment, Side, articulated, strike};
@@ -54,34 +56,34 @@ pub(super) struct Decision {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Lying {
     /// The islands that were looked at, by their first member.
-    seen: Vec<BodyId>,
-    poses: Vec<(RigidBodyHandle, Pose)>,
+    seen: BTreeSet<BodyId>,
+    poses: BTreeMap<BodyId, Pose>,
 }
 
 impl Lying {
-    fn clear(&mut self) {
-        self.seen.clear();
-        self.poses.clear();
-    }
-
     /// Looks at the island of a body that is sent to these regions, unless it has. Copies of an island that is split count at once, and must be
     /// where it is; so must those of one of which a part is there already.
-    fn look(&mut self, region: &Region, islands: &Islands, handle: RigidBodyHandle, added: RegionSet) {
-        let Some(island) = islands.of(handle) else { return };
-        let first = island.members[0].id;
-        if self.seen.contains(&first) {
+    fn look(
+        &mut self,
+        region: &Region,
+        border: &Border,
+        moment: Moment<'_>,
+        body: RigidBodyHandle,
+        to: RegionSet,
+    ) {
+        let Some(island) = border.islands.of(body).filter(|island| self.seen.insert(island.members[0].id))
+        else {
             return;
-        }
-        self.seen.push(first);
-        let is_new = |link: &BodyRef| region.slot(link.handle).holders.intersection(added).is_empty();
+        };
+        let goes = |link: &BodyRef| {
+            let is_new = region.slot(link.handle).holders.intersection(to).is_empty();
+            is_new && !splits(border, moment, link.id, link.handle)
+        };
         let goes_whole = !island.big && !island.large && island.pressed && !island.spans();
-        if goes_whole && island.members.iter().all(is_new) {
-            self.poses.extend(region.lay_at_contact(&island.members));
+        if goes_whole && island.members.iter().all(goes) {
+            let lay = region.lay_at_contact(&island.members, moment.tick);
+            self.poses.extend(lay.into_iter().map(|(handle, pose)| (region.slot(handle).id, pose)));
         }
-    }
-
-    fn of(&self, handle: RigidBodyHandle) -> Option<&Pose> {
-        self.poses.iter().find(|(of, _)| *of == handle).map(|(_, pose)| pose)
     }
 }
 
@@ -173,7 +175,6 @@ pub(super) fn decide(side: &mut Side, moment: Moment<'_>) {
         }
     }
     find_ready(region, border, moment.tick.0 as u32);
-    border.lying.clear();
     border.splitting.clear();
     if moment.settings.coupling.moves_islands() {
         let is_big = |handle| border.islands.of(handle).is_some_and(|island| island.big);
@@ -185,9 +186,9 @@ pub(super) fn decide(side: &mut Side, moment: Moment<'_>) {
         };
         border.splitting = border.predicted.splitting(region, is_split, |handle| !is_big(handle));
     }
-    let mut leaving = Vec::new();
+    let (mut leaving, mut lying) = (Vec::new(), Lying::default());
     for link in candidates {
-        leaving.extend(decide_on(side, moment, link));
+        leaving.extend(decide_on(side, moment, link, &mut lying));
     }
     leaving.extend(articulated::leaving(&side.region, &mut side.border, moment));
     for (link, owner) in &leaving {
@@ -312,7 +313,12 @@ fn candidates(region: &Region, border: &Border) -> Vec<BodyRef> {
 }
 
 /// Decides on one body. Returns it with its new owner if it is to be transferred at once.
-fn decide_on(side: &mut Side, moment: Moment<'_>, link: BodyRef) -> Option<(BodyRef, usize)> {
+fn decide_on(
+    side: &mut Side,
+    moment: Moment<'_>,
+    link: BodyRef,
+    lying: &mut Lying,
+) -> Option<(BodyRef, usize)> {
     let Side { region, border, outbox, .. } = side;
     let (desired, wanted) = desired_membership(region, border, moment, link.handle);
     border.neighbours.need(wanted);
@@ -381,9 +387,9 @@ fn decide_on(side: &mut Side, moment: Moment<'_>, link: BodyRef) -> Option<(Body
     }
     let (told, added) = (members.union(before).without(own), members.without(before));
     if !added.is_empty() {
-        border.lying.look(region, &border.islands, link.handle, added);
+        lying.look(region, border, moment, link.handle, added);
     }
-    tell(region, outbox, link.handle, told, added, members, warming, owner, border.lying.of(link.handle));
+    tell(region, outbox, link.handle, told, added, members, warming, owner, lying.poses.get(&link.id));
     if owner != own_rank {
         let record = region.body_record(link.handle);
         let body = BodyRecord { epoch: epoch.next(), ..record };

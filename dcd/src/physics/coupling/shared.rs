@@ -116,6 +116,7 @@ impl SharedBodies {
     pub(super) fn begin(&mut self, handle: RigidBodyHandle) {
         let shared = self.enter(handle);
         shared.heard.clear();
+        shared.lies = false;
     }
 
     /// Sets the members of a body and its warm-up ghosts. A body with one member is shared no more.

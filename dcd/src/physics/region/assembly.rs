@@ -1,6 +1,6 @@
 //! Groups bodies tied by joints into assemblies, by union-find. An assembly is owned by one region, and moves whole.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use rapier3d::prelude::RigidBodyHandle;
 use serde::{Deserialize, Serialize};
@@ -25,9 +25,9 @@ pub(super) struct Assemblies {
     pub all: Vec<Assembly>,
     /// Places of those that are gone.
     free: Vec<u32>,
-    /// Assemblies and bodies whose joints have changed since.
-    stale: Vec<u32>,
-    retied: Vec<BodyRef>,
+    /// Assemblies, and bodies of none, whose joints have changed since. A world of one region has no use for assemblies, and finds none.
+    stale: BTreeSet<u32>,
+    retied: BTreeMap<BodyId, RigidBodyHandle>,
 }
 
 impl Region {
@@ -35,20 +35,25 @@ impl Region {
     pub(super) fn note_retied(&mut self, handle: RigidBodyHandle) {
         let slot = self.slot(handle);
         match slot.assembly {
-            Some(place) => self.assemblies.stale.push(place),
+            Some(place) => {
+                self.assemblies.stale.insert(place);
+            }
             None => {
-                let link = BodyRef { id: slot.id, handle };
-                self.assemblies.retied.push(link);
+                self.assemblies.retied.insert(slot.id, handle);
             }
         }
+    }
+
+    /// Forgets a body that is removed and belongs to no assembly.
+    pub(super) fn forget_retied(&mut self, id: BodyId) {
+        self.assemblies.retied.remove(&id);
     }
 
     /// Finds anew which bodies joints tie together, where joints came or went: what is tied to none of their bodies is not looked at.
     pub(in crate::physics) fn update_assemblies(&mut self) {
         let Assemblies { all, free, stale, retied } = &mut self.assemblies;
-        let (mut bodies, mut places) = (std::mem::take(retied), std::mem::take(stale));
-        places.sort_unstable();
-        places.dedup();
+        let (retied, places) = (std::mem::take(retied), std::mem::take(stale));
+        let mut bodies: Vec<_> = retied.into_iter().map(|(id, handle)| BodyRef { id, handle }).collect();
         for &place in &places {
             bodies.append(&mut std::mem::take(&mut all[place as usize]).members);
         }
@@ -130,6 +135,23 @@ mod tests {
             }
         }
         groups
+    }
+
+    #[test]
+    fn a_world_of_one_region_remembers_no_joint_that_came_and_went() {
+        let mut world = LocalWorld::new(WorldConfig { threads: 1, ..WorldConfig::default() }).unwrap();
+        let ball = |world: &mut LocalWorld| {
+            world.insert(RigidBodyBuilder::dynamic(), ColliderBuilder::ball(0.1)).unwrap()
+        };
+        let post = ball(&mut world);
+        for _ in 0..50 {
+            let bob = ball(&mut world);
+            world.insert_joint(post, bob, RopeJointBuilder::new(1.0)).unwrap();
+            world.step().unwrap();
+            world.remove(bob).unwrap();
+        }
+        let region = world.host().regions().next().unwrap();
+        assert!(region.assemblies.retied.len() + region.assemblies.stale.len() <= 1);
     }
 
     #[test]

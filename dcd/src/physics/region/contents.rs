@@ -119,6 +119,7 @@ impl Region {
         }
         // Joints whose other end is still held here wait for it.
         joints.iter().for_each(|joint| self.insert_joint(joint));
+        self.forget_retied(id);
         self.listener.forget(id);
         self.targets.forget(handle);
         self.characters.remove(&id);

@@ -327,10 +327,13 @@ fn who_greets_while_worlds_wait_for_others_is_heard_once_those_read_or_are_given
         assert!(matches!(connected, NetEvent::Connected { .. }), "{connected:?}");
         assert!(matches!(pair.hear()[..], [LinkEvent::Connected(..)]));
         let role = JoinAs::Client { interest: None };
-        let hello = protocol::encode(&Message::Hello(Hello { version: protocol::VERSION, role }));
+        let again = Message::Hello(Hello { version: protocol::VERSION, role });
+        let hello = protocol::encode(&again);
         second.send(key, crate::net::Lane::Admin, hello).unwrap();
         assert!(pair.hear().is_empty(), "it waits");
-        assert!(pair.links.next_greeting().is_none() && pair.links.flush(Instant::now()));
+        second.send(key, crate::net::Lane::Admin, protocol::encode(&again)).unwrap();
+        assert!(pair.hear().is_empty(), "so does the same said again");
+        assert!(pair.links.next_greeting(Instant::now()).is_none() && pair.links.flush(Instant::now()));
         if reads {
             while pair.waiting_bytes() > 0 {
                 let _ = pair.other_events.recv_timeout(Duration::from_millis(10));
@@ -342,11 +345,27 @@ fn who_greets_while_worlds_wait_for_others_is_heard_once_those_read_or_are_given
             pair.links.flush(stuck + PRESSED);
             assert_eq!(pair.given_up(), [pair.peer]);
         }
-        let heard = pair.links.next_greeting();
+        let heard = pair.links.next_greeting(Instant::now());
         let second = Peer::Client(ClientId(2));
         assert!(matches!(heard, Some(LinkEvent::Message { from, .. }) if from == second), "{heard:?}");
-        assert!(pair.links.next_greeting().is_none());
+        assert!(pair.links.next_greeting(Instant::now()).is_none());
     }
+}
+
+#[test]
+fn who_greets_is_heard_in_the_end_however_slowly_others_read() {
+    let mut pair = Pair::new(crate::net::JoinRole::Client);
+    pair.links.worlds_bytes = 1 << 20;
+    pair.tell_world(60);
+    let (role, key) = (JoinAs::Client { interest: None }, pair.links.key(pair.peer).unwrap());
+    let hello = Message::Hello(Hello { version: protocol::VERSION, role });
+    let greets =
+        |client: u32| LinkEvent::Message { from: Peer::Client(ClientId(client)), message: hello.clone() };
+    let now = Instant::now();
+    let who = PeerName::Client(ClientId(1));
+    assert!(pair.links.in_turn(key, who, greets(1), now).is_empty());
+    assert!(pair.links.next_greeting(now + LONGEST_WAIT / 2).is_none());
+    assert!(pair.links.next_greeting(now + LONGEST_WAIT).is_some());
 }
 
 #[test]

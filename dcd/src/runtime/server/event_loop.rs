@@ -137,7 +137,7 @@ impl Loop {
                 Err(RecvTimeoutError::Disconnected) => break,
             }
             let now = self.start.elapsed();
-            if let Some(event) = self.links.as_mut().and_then(Links::next_greeting) {
+            if let Some(event) = self.links.as_mut().and_then(|links| links.next_greeting(Instant::now())) {
                 self.hear(now, event);
             }
             if self.server().poll_timeout().is_some_and(|due| due <= now) {

@@ -302,7 +302,12 @@ impl Group {
         let (tree, allocation) = self.divide(common, &ids, division);
         let anew = match members.is_empty() {
             true => BTreeSet::new(),
-            false => self.drawn.anew(common, &members, leader_among(&members), |node| change.has_kept(node)),
+            false => self.drawn.anew(
+                common,
+                &members,
+                leader_among(&members, self.view.as_ref().map(|view| view.leader)),
+                |node| change.has_kept(node),
+            ),
         };
         let mut owners: BTreeMap<BodyId, Owner> = BTreeMap::new();
         for (&node, claims) in &change.surveys {
@@ -502,7 +507,7 @@ impl Group {
                 group: self.id,
                 number: change.number,
                 tick: self.tick,
-                leader: leader_among(&members),
+                leader: leader_among(&members, self.view.as_ref().map(|view| view.leader)),
                 members,
                 tree,
                 allocation,
@@ -580,10 +585,11 @@ impl Group {
     }
 }
 
-/// Chooses the leader: a dedicated node, as long as there is one; of equals the one with the lowest id. A participant's process is its
-/// user's.
-fn leader_among(members: &[Member]) -> NodeId {
-    let first = members.iter().min_by_key(|member| (member.client.is_some(), member.node));
+/// Chooses the leader: a dedicated node, as long as there is one, and the present one if that stays; else of equals the one with the lowest id. A
+/// participant's process is its user's.
+fn leader_among(members: &[Member], present: Option<NodeId>) -> NodeId {
+    let leads = |member: &Member| Some(member.node) == present;
+    let first = members.iter().min_by_key(|member| (member.client.is_some(), !leads(member), member.node));
     first.expect("a group has a leader").node
 }
 
@@ -600,8 +606,11 @@ mod tests {
             client: client.map(ClientId),
         };
         let players = [member(3, Some(1)), member(2, Some(2))];
-        assert_eq!(leader_among(&players), NodeId(2));
+        assert_eq!(leader_among(&players, None), NodeId(2));
         let [one, two] = players;
-        assert_eq!(leader_among(&[one, two, member(9, None), member(8, None)]), NodeId(8));
+        let all = [one, two, member(9, None), member(8, None)];
+        assert_eq!(leader_among(&all, None), NodeId(8));
+        assert_eq!(leader_among(&all, Some(NodeId(9))), NodeId(9), "who leads leads on");
+        assert_eq!(leader_among(&all, Some(NodeId(3))), NodeId(8), "a participant does not");
     }
 }

@@ -14,6 +14,9 @@ use crate::space::{Tick, mixed};
 /// Where a body lay farther away than this from where it is, in metres, or was turned by more, in radians, the island stays as it is.
 const FARTHEST_M: f32 = 0.5;
 const FARTHEST_RAD: f32 = 0.25;
+/// Where two bodies that press on each other move against each other by more than this, in m/s, they do not rest on one another, and nothing is
+/// gained.
+const LIVELY_M_S: f32 = 0.5;
 /// Each body is put aside by up to this part of its lever arms, since contacts of faces that lie exactly on one another lose corners to
 /// rounding (of two in three cubes one corner, if they are a ten-millionth apart; of none, if it is a thousandth).
 const ASIDE: f32 = 3e-4;
@@ -143,7 +146,8 @@ impl Region {
         lay
     }
 
-    /// Finds what presses on the bodies of an island; `None` where one of them is tied, or something belongs to another island.
+    /// Finds what presses on the bodies of an island; `None` where one of them is tied, bodies bounce off each other, or something belongs to
+    /// another island.
     fn stack(&self, island: &[BodyRef]) -> Option<Stack> {
         let mut stack = Stack::default();
         for link in island {
@@ -165,7 +169,9 @@ impl Region {
                     };
                     let other = if pair.collider1 == collider { second } else { first };
                     let place = stack.enter(other);
-                    if place >= stack.members && self.world.bodies[other].is_dynamic() {
+                    let speed = |body: RigidBodyHandle| self.world.bodies[body].linvel();
+                    let is_strange = place >= stack.members && self.world.bodies[other].is_dynamic();
+                    if is_strange || (speed(first) - speed(second)).length() > LIVELY_M_S {
                         return None;
                     }
                     // Of two members the first collider's sees the pair.
@@ -364,7 +370,7 @@ mod tests {
             let (worst_m_s, arrived) = ride(&scene, &borders, 40);
             let of = format!("{name} {params:?} over {} borders", borders.len());
             println!("{of}: {worst_m_s:.4} m/s, in one world {one_m_s:.4}");
-            assert!(worst_m_s < 1.3 * one_m_s + 0.002, "{of}: {worst_m_s} m/s, in one world {one_m_s}");
+            assert!(worst_m_s < 1.3 * one_m_s + 0.005, "{of}: {worst_m_s} m/s, in one world {one_m_s}");
             assert!(arrived, "{of}");
         }
     }

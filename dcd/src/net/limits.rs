@@ -46,8 +46,8 @@ pub struct Limits {
     pub handshakes: usize,
     /// From this many handshakes under way on, a dialler must first prove that it has the address it writes from.
     pub handshakes_before_retry: usize,
-    /// How many connections may be coming to their end beside those, which QUIC remembers for some round trips; with more, who calls is
-    /// ignored, and dials again by itself.
+    /// How many connections may be coming to their end beside those, which QUIC remembers for some round trips of the caller's; with more, who
+    /// calls is ignored, and dials again by itself. A caller that answers slowly stays for twenty seconds: few would keep everybody from joining.
     pub closing: usize,
 }
 
@@ -68,7 +68,7 @@ impl Default for Limits {
             connections: 4096,
             handshakes: 256,
             handshakes_before_retry: 32,
-            closing: 96,
+            closing: 2048,
         }
     }
 }

@@ -28,7 +28,7 @@ const FRAMES_AT_ONCE: usize = 100;
 const ADMIN: usize = 0;
 const CLIENT: usize = 2;
 
-/// What hostile peers do.
+/// Names what hostile peers do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Flood {
@@ -97,7 +97,7 @@ pub(super) struct Hostile {
     nice: i32,
 }
 
-/// What was sent: handshakes, datagrams, links or frames.
+/// Counts what was sent: handshakes, datagrams, links or frames.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Sent {
     pub(super) count: u64,

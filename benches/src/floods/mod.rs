@@ -61,7 +61,7 @@ pub(crate) struct Floods {
     output: Output,
 }
 
-/// What one flood cost.
+/// Tells what one flood cost.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Row {
     flood: Flood,

@@ -146,7 +146,7 @@ fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared, leader: Optio
     let own_rank = region.rank();
     let body = &region.physics().bodies[link.handle];
     let all_sleep = body.is_sleeping() && shared.heard.iter().all(|(_, copy)| copy.sleeping);
-    if shared.heard.is_empty() || all_sleep && !shared.lies {
+    if shared.heard.is_empty() || all_sleep && !shared.displaced {
         return;
     }
     let owner = shared.members.without(shared.warming).iter().next();
@@ -160,7 +160,10 @@ fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared, leader: Optio
         (leads, seen, owns && seen <= 1, copy.size, std::cmp::Reverse(rank))
     };
     let Some((rank, copy)) = copies().max_by_key(rank_of) else {
-        region.give_up_copies(link.handle);
+        // A copy that has just come has yet to hear where it is.
+        if !shared.displaced {
+            region.give_up_copies(link.handle);
+        }
         return;
     };
     let z = Vector::from_array(copy.velocity.linear);
@@ -174,7 +177,7 @@ fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared, leader: Optio
     region.restart_copy(link.handle);
     region.mend_copy(link.handle);
     if rank != own_rank || struck.is_some() {
-        if std::mem::take(&mut shared.lies) {
+        if std::mem::take(&mut shared.displaced) {
             let pose = convert::region_from_world(region.anchor(), &copy.pose);
             region.world_mut().bodies[link.handle].set_position(pose, false);
         }

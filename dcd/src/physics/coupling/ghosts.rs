@@ -12,7 +12,7 @@ use crate::protocol::{BodyKind, BodyRecord, BorderMessage, ContactPose, Transfer
 use crate::space::RegionSet;
 
 /// Nobody is put farther away than this from where it is, in metres, whatever its owner says.
-const FARTHEST_LAY_M: f32 = 1.0;
+const FARTHEST_DISPLACED_M: f32 = 1.0;
 
 /// Inserts the bodies and joints of a message: bodies transferred to this region, and replicas.
 pub(super) fn arrive(
@@ -35,7 +35,7 @@ pub(super) fn arrive(
             held.push(BodyRef { id: body.id, handle });
         }
     }
-    lay(region, border, &message.contact_poses, &held);
+    displace(region, border, &message.contact_poses, &held);
     for joint in &message.joints {
         ground.statics.ensure(region, joint, ground.shapes)?;
         region.insert_joint(joint);
@@ -45,7 +45,7 @@ pub(super) fn arrive(
 
 /// Puts replicas that have just come to be held where they lay when their owner found their contacts, until the next exchange: the step in between
 /// finds these alike. Where anything that can move might touch one of them there, all stay where they are.
-fn lay(region: &mut Region, border: &mut Border, poses: &[ContactPose], held: &[BodyRef]) {
+fn displace(region: &mut Region, border: &mut Border, poses: &[ContactPose], held: &[BodyRef]) {
     if poses.is_empty() {
         return;
     }
@@ -55,7 +55,7 @@ fn lay(region: &mut Region, border: &mut Border, poses: &[ContactPose], held: &[
         let link = held[held.binary_search_by_key(&lay.id, |link| link.id).ok()?];
         let pose = convert::region_from_world(region.anchor(), &lay.pose);
         let far_m = (pose.translation - region.physics().bodies[link.handle].translation()).length();
-        (far_m <= FARTHEST_LAY_M).then_some((link.handle, pose))
+        (far_m <= FARTHEST_DISPLACED_M).then_some((link.handle, pose))
     };
     let places: Vec<_> = poses.iter().filter_map(place).collect();
     let world = region.physics();
@@ -77,7 +77,7 @@ fn lay(region: &mut Region, border: &mut Border, poses: &[ContactPose], held: &[
     for (handle, pose) in places {
         region.world_mut().bodies[handle].set_position(pose, false);
         if let Some(shared) = border.shared.get_mut(handle) {
-            shared.lies = true;
+            shared.displaced = true;
         }
     }
 }

@@ -111,8 +111,8 @@ fn tell_copy(side: &mut Side, link: BodyRef, moment: Moment<'_>) {
         (islands.part(link.handle), islands.seen(link.handle), islands.size(link.handle));
     let (island, held_by) = islands.of(link.handle).map_or((link.id, shared.members), Island::view);
     let mut copy = shared::read(region, link.handle, shared, moment.settings.dt_s);
-    // It is not where the body is: nobody is to believe it.
-    copy.sound &= !shared.lies;
+    // It is not where the body is: nobody may believe it.
+    copy.sound &= !shared.displaced;
     let dealt = std::mem::take(&mut shared.dealt);
     let velocity = match copy.sound {
         true => strike::counted(region, link.handle, &dealt, &copy.velocity),

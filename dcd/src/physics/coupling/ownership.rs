@@ -54,13 +54,13 @@ pub(super) struct Decision {
 
 /// How bodies of islands that are sent to another region lay when their contacts were found: there these must be found alike.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Lying {
+pub(super) struct ContactPoses {
     /// The islands that were looked at, by their first member.
     seen: BTreeSet<BodyId>,
-    poses: BTreeMap<BodyId, Pose>,
+    of: BTreeMap<BodyId, Pose>,
 }
 
-impl Lying {
+impl ContactPoses {
     /// Looks at the island of a body that is sent to these regions, unless it has. Copies of an island that is split count at once, and must be
     /// where it is; so must those of one of which a part is there already.
     fn look(
@@ -81,8 +81,8 @@ impl Lying {
         };
         let goes_whole = !island.big && !island.large && island.pressed && !island.spans();
         if goes_whole && island.members.iter().all(goes) {
-            let lay = region.lay_at_contact(&island.members, moment.tick);
-            self.poses.extend(lay.into_iter().map(|(handle, pose)| (region.slot(handle).id, pose)));
+            let lay = region.contact_poses(&island.members, moment.tick);
+            self.of.extend(lay.into_iter().map(|(handle, pose)| (region.slot(handle).id, pose)));
         }
     }
 }
@@ -186,9 +186,9 @@ pub(super) fn decide(side: &mut Side, moment: Moment<'_>) {
         };
         border.splitting = border.predicted.splitting(region, is_split, |handle| !is_big(handle));
     }
-    let (mut leaving, mut lying) = (Vec::new(), Lying::default());
+    let (mut leaving, mut contact_poses) = (Vec::new(), ContactPoses::default());
     for link in candidates {
-        leaving.extend(decide_on(side, moment, link, &mut lying));
+        leaving.extend(decide_on(side, moment, link, &mut contact_poses));
     }
     leaving.extend(articulated::leaving(&side.region, &mut side.border, moment));
     for (link, owner) in &leaving {
@@ -317,7 +317,7 @@ fn decide_on(
     side: &mut Side,
     moment: Moment<'_>,
     link: BodyRef,
-    lying: &mut Lying,
+    contact_poses: &mut ContactPoses,
 ) -> Option<(BodyRef, usize)> {
     let Side { region, border, outbox, .. } = side;
     let (desired, wanted) = desired_membership(region, border, moment, link.handle);
@@ -387,9 +387,9 @@ fn decide_on(
     }
     let (told, added) = (members.union(before).without(own), members.without(before));
     if !added.is_empty() {
-        lying.look(region, border, moment, link.handle, added);
+        contact_poses.look(region, border, moment, link.handle, added);
     }
-    tell(region, outbox, link.handle, told, added, members, warming, owner, lying.poses.get(&link.id));
+    tell(region, outbox, link.handle, told, added, members, warming, owner, contact_poses.of.get(&link.id));
     if owner != own_rank {
         let record = region.body_record(link.handle);
         let body = BodyRecord { epoch: epoch.next(), ..record };

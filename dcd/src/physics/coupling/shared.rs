@@ -35,7 +35,7 @@ pub(super) struct Shared {
     /// What happened to this copy after it was sent to a new member, to be told.
     pub owed: Option<Strike>,
     /// Whether it lies as it did when its owner found its contacts, and not where it is: until the next exchange.
-    pub lies: bool,
+    pub displaced: bool,
     /// Ticks since its members or its warm-up ghosts changed.
     pub settled: u32,
     /// Ticks for which bodies of other regions have belonged to its island.
@@ -116,7 +116,7 @@ impl SharedBodies {
     pub(super) fn begin(&mut self, handle: RigidBodyHandle) {
         let shared = self.enter(handle);
         shared.heard.clear();
-        shared.lies = false;
+        shared.displaced = false;
     }
 
     /// Sets the members of a body and its warm-up ghosts. A body with one member is shared no more.

@@ -51,6 +51,8 @@ enum Suite {
     CApi(c_api::CApi),
     /// Compares what a client shows of a served world, over good and bad networks, with the truth; with bytes and staleness.
     Clients(clients::Clients),
+    /// How much faster a world is on 2 to 16 cores: in one region, and cut into several.
+    Cores(scale::Cores),
     /// How far groups of nodes, and members of one group, are from one another over time, and the bytes between them.
     Consistency(consistency::Consistency),
     /// What many clients cost a world: time between ticks, processor time by thread, bytes; a server, two nodes and clients in real processes.
@@ -92,6 +94,7 @@ fn main() -> ExitCode {
         Suite::CApi(c_api) => c_api.run(),
         Suite::Clients(clients) => clients.run().map(done),
         Suite::Consistency(consistency) => consistency.run().map(done),
+        Suite::Cores(cores) => cores.run().map(done),
         Suite::FanOut(fan_out) => fan_out.run().map(done),
         Suite::FanOutProcess(process) => process.run().map(done),
         Suite::Faults(faults) => faults.run(),

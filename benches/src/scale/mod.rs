@@ -3,6 +3,7 @@
 //! the error beside it.
 
 mod case;
+mod cores;
 mod error;
 mod front;
 mod instructions;
@@ -22,6 +23,7 @@ use dcd::scene::Scene;
 use serde_json::json;
 
 use self::case::{CASES, Case, QUICK};
+pub(crate) use self::cores::Cores;
 use self::error::Reference;
 pub(crate) use self::instructions::ScaleWorker;
 use self::row::Row;

@@ -3,6 +3,7 @@
 use std::error::Error;
 
 use dcd::physics::Measured as _;
+use dcd::runtime::WorldConfig;
 use dcd::runtime::measure::{Plan, Subject};
 use dcd::scene::Scene;
 
@@ -34,18 +35,24 @@ pub(super) fn time(
     for round in 1..=rounds {
         progress.tell(format_args!("times, round {round} of {rounds}"));
         for (setting, best) in settings.iter().zip(&mut best) {
-            let timed = run(scene, ticks, *setting, threads)?;
+            let timed = run(scene, ticks, setting.config(scene, threads), setting.threads(threads))?;
             *best = Some(best.map_or(timed, |best| best.least(timed)));
         }
     }
     Ok(best.into_iter().flatten().collect())
 }
 
-fn run(scene: &Scene, ticks: usize, setting: Setting, threads: usize) -> Result<Timed, Box<dyn Error>> {
-    let plan = Plan { config: setting.config(scene, threads), ticks: ticks as u64 };
+/// Runs a world once; one without regions on so many threads by Rapier's `parallel`.
+pub(super) fn run(
+    scene: &Scene,
+    ticks: usize,
+    config: Option<WorldConfig>,
+    threads: usize,
+) -> Result<Timed, Box<dyn Error>> {
+    let plan = Plan { config, ticks: ticks as u64 };
     let mut subject = plan.subject(scene)?;
     if let Subject::Bare(world) = &mut subject {
-        world.configure_thread_pool(setting.threads(threads))?;
+        world.configure_thread_pool(threads)?;
     }
     let before = cpu_ms();
     let p50_ms = median_ms(&mut subject, ticks.saturating_sub(WARM_UP).max(1))?;
@@ -55,7 +62,7 @@ fn run(scene: &Scene, ticks: usize, setting: Setting, threads: usize) -> Result<
 }
 
 impl Timed {
-    fn least(self, other: Self) -> Self {
+    pub(super) fn least(self, other: Self) -> Self {
         Self {
             p50_ms: self.p50_ms.min(other.p50_ms),
             cpu_ms: self.cpu_ms.min(other.cpu_ms),

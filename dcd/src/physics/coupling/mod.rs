@@ -72,6 +72,11 @@ impl Side {
         self.border.pace.next_of(self.region.rank())
     }
 
+    /// Returns the length of a substep of the present tick, of which the world's are `tick_s` seconds long.
+    pub(super) fn substep_s(&self, tick_s: f32) -> f32 {
+        tick_s * f32::from(self.clock.span) / self.steps() as f32
+    }
+
     /// Returns whether the region is stepped in the present tick.
     pub(super) fn steps_now(&self) -> bool {
         self.clock.span > 0 && !self.region.rests()

@@ -27,6 +27,7 @@ pub use self::error::HostError;
 pub use self::tasks::Tasks;
 pub use self::validate::Inconsistency;
 
+use std::cmp::Reverse;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -205,8 +206,8 @@ impl RegionHost {
         if own.tasks().is_none() {
             return own.enter(|| work(self));
         }
-        // Who comes for a step forms one team where one region has more to do than all others.
-        let teams = if self.heaviest().is_some() { 1 } else { self.sides.len() };
+        // Who comes for a step forms one team where regions are best stepped one by one.
+        let teams = if self.one_by_one().is_empty() { self.sides.len() } else { 1 };
         own.gathered(teams, |gathered| {
             self.threads = gathered.clone();
             let done = gathered.enter(|| work(self));
@@ -215,9 +216,10 @@ impl RegionHost {
         })
     }
 
-    /// Returns the place of the region that has more to do than all others, if there is one.
-    fn heaviest(&self) -> Option<usize> {
-        threads::heaviest(self.regions().map(|region| region.physics().islands.active_bodies().count()))
+    /// Returns the places of the regions that are best stepped one after the other, by all threads.
+    fn one_by_one(&self) -> Vec<usize> {
+        let awake = self.regions().map(|region| region.physics().islands.num_active_bodies());
+        threads::one_by_one(&awake.collect::<Vec<_>>(), self.threads.count())
     }
 
     /// Does the work for each of many small things, on all threads if they are worth waking; results are in the order of the things.
@@ -277,39 +279,53 @@ impl RegionHost {
         }
         let step = move |side: &mut Side| {
             let start = Instant::now();
-            let moment = Moment::new(&partition, &settings, tick, rounds, round, coarsest);
-            let (steps, clock) = (side.steps(), side.clock);
+            let (steps, clock, dt_s) = (side.steps(), side.clock, side.substep_s(settings.dt_s));
             let region = &mut side.region;
             // A region with fewer substeps than the rest of the world begins its tick in a later round.
             let begins = region.begins_tick();
             if begins {
                 region.shift_origin(tick, clock.span);
             }
-            let moment = Moment { dt_s: settings.dt_s * f32::from(clock.span) / steps as f32, ..moment };
-            settings.coupling.prepare(region, moment.dt_s);
+            settings.coupling.prepare(region, dt_s);
             let parameters = region.refined(IntegrationParameters {
-                dt: moment.dt_s,
+                dt: dt_s,
                 num_solver_iterations: clock.iterations(settings.solver_iterations).div_ceil(steps).max(1),
                 ..settings.integration
             });
             region.step(&parameters, steps);
-            settings.coupling.gather(side, moment);
             side.region.count_time(start.elapsed(), begins);
         };
+        let gather = move |side: &mut Side| {
+            let start = Instant::now();
+            let moment = Moment::new(&partition, &settings, tick, rounds, round, coarsest);
+            settings.coupling.gather(side, Moment { dt_s: side.substep_s(settings.dt_s), ..moment });
+            side.region.count_time(start.elapsed(), false);
+        };
         if self.threads.are_entered() {
-            let heaviest = self.heaviest();
+            let by_all = self.one_by_one();
             let due = self.sides.iter_mut().enumerate().filter(|(_, side)| is_due(side, &moment));
-            let (heavy, others): (Vec<_>, Vec<_>) = due.partition(|(place, _)| Some(*place) == heaviest);
-            // First, with all threads: one alone would be at it when all others have long been done.
-            for (_, side) in heavy {
+            let mut due: Vec<_> = due.map(|(place, side)| (by_all.contains(&place), side)).collect();
+            for (_, side) in due.iter_mut().filter(|(is_by_all, _)| *is_by_all) {
                 self.threads.together(|| step(side));
             }
-            self.threads.share_out(others.into_iter().map(|(_, side)| side).collect(), step);
+            // What they say to others one thread finds out, beside the steps of the others.
+            due.sort_by_key(|(is_by_all, side)| {
+                (!is_by_all, Reverse(side.region.physics().islands.num_active_bodies()))
+            });
+            self.threads.share_out(due.iter_mut().collect(), |(is_stepped, side)| {
+                if !*is_stepped {
+                    step(side);
+                }
+                gather(side);
+            });
         } else if any_is_due {
             let partition = Arc::clone(&self.partition);
             threads::alone(&mut self.sides, move |sides| {
                 let moment = Moment::new(&partition, &settings, tick, rounds, round, coarsest);
-                sides.iter_mut().filter(|side| is_due(side, &moment)).for_each(step);
+                for side in sides.iter_mut().filter(|side| is_due(side, &moment)) {
+                    step(side);
+                    gather(side);
+                }
             });
         }
     }

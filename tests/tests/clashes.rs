@@ -243,7 +243,7 @@ impl Throw {
 
 #[test]
 fn nothing_goes_through_what_another_region_has() {
-    for seed in [0, 4, 5, 8, 18, 31, 66, 152, 156, 175, 199, 219] {
+    for seed in [0, 4, 5, 8, 18, 31, 66, 147, 152, 156, 175, 199, 219] {
         let (line, is_deeper) = Throw::of(seed).compared();
         assert!(!is_deeper, "{seed} {line}");
     }
@@ -271,7 +271,7 @@ fn multibodies_beside_one_another_and_asleep_are_met() {
     }
 }
 
-/// Prints all, and how many of them are deeper in each other than in one region: three of these, as fast ones are seen a tick late.
+/// Prints all, and how many of them are deeper in each other than in one region: one of these, of a train of 300 and a heap of 400.
 #[test]
 #[ignore = "takes minutes"]
 fn three_hundred_clashes() {
@@ -281,5 +281,5 @@ fn three_hundred_clashes() {
         is_deeper
     });
     let deeper = deeper.count();
-    assert!(deeper <= 4, "{deeper} of 300");
+    assert!(deeper <= 2, "{deeper} of 300");
 }

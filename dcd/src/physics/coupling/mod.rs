@@ -246,6 +246,9 @@ pub(super) struct Border {
     /// The bodies owned here whose mass is to be split for what they are about to touch, in order of their handles.
     #[serde(skip)]
     splitting: Vec<RigidBodyHandle>,
+    /// The bodies owned here that are to move to another region and are about to touch one that stays, in order of their handles.
+    #[serde(skip)]
+    parting: Vec<RigidBodyHandle>,
     /// By assembly: whether all of it may move to where its island moves.
     #[serde(skip)]
     ready_assemblies: Vec<bool>,
@@ -297,6 +300,11 @@ impl Border {
     /// Returns whether a contact of a body here with another region's is predicted.
     fn awaits_any(&self) -> bool {
         !self.predicted.meetings.is_empty()
+    }
+
+    /// Returns whether a body that is to move is about to touch one that stays.
+    fn parts(&self, body: RigidBodyHandle) -> bool {
+        self.parting.binary_search_by_key(&body.into_raw_parts(), |one| one.into_raw_parts()).is_ok()
     }
 
     /// Notes bodies to be checked in the next exchange, asleep or not.

@@ -6,6 +6,8 @@
 //! - It is owned by the region of its centre, or by the one to which its island moves (`island`). A body that touches
 //!   something is first held there for some ticks, so that the contacts and their warm start are there (thesis 3.3.3); a free
 //!   body is transferred at once.
+//! - What is about to touch something that stays does not go for some ticks: where it goes, that is not known yet, and three ticks later they would
+//!   be in each other.
 //! - The contacts of an island that comes to be held whole are found there as they were found where it is (`region::lever_arms`).
 //! - A body that only moves to a region has a warm-up ghost there, which has no part of the mass; so has, for one exchange, a body
 //!   that comes to be held where several hold it already: the warm-up ghost starts from their mean.
@@ -174,6 +176,9 @@ pub(super) fn decide(side: &mut Side, moment: Moment<'_>) {
             shared.joined = if spans { shared.joined + 1 } else { 0 };
         }
     }
+    border.parting = border.predicted.parting(region, |handle| {
+        goal_of(region, border, moment, handle) != region.rank() && !region.is_articulated(handle)
+    });
     find_ready(region, border, moment.tick.0 as u32);
     border.splitting.clear();
     if moment.settings.coupling.moves_islands() {
@@ -320,7 +325,7 @@ fn decide_on(
     contact_poses: &mut ContactPoses,
 ) -> Option<(BodyRef, usize)> {
     let Side { region, border, outbox, .. } = side;
-    let (desired, wanted) = desired_membership(region, border, moment, link.handle);
+    let (mut desired, wanted) = desired_membership(region, border, moment, link.handle);
     border.neighbours.need(wanted);
     let own_rank = region.rank();
     let own = RegionSet::only(own_rank);
@@ -332,7 +337,10 @@ fn decide_on(
     let alone = desired.holders == RegionSet::only(desired.owner);
     let at_once = alone && goes_at_once(region, link.handle) || flies && held.is_empty();
     if desired.owner != own_rank && at_once {
-        return Some((link, desired.owner));
+        if away >= SETTLE_TICKS || !border.parts(link.handle) {
+            return Some((link, desired.owner));
+        }
+        (desired.owner, desired.holders) = (own_rank, desired.reached);
     }
     let (mut members, mut owner) = (held.union(desired.holders).union(own), own_rank);
     let carries = slot.traits.kind != BodyKind::Dynamic;
@@ -412,12 +420,7 @@ fn desired_membership(
     let own = RegionSet::only(region.rank());
     let body = &region.physics().bodies[handle];
     let island = border.islands.of(handle).filter(|island| !island.big);
-    let goal = match island {
-        Some(island) => island.target,
-        // A sleeping body stays where it is.
-        None if body.is_sleeping() => region.rank(),
-        None => moment.home_of(region, handle),
-    };
+    let goal = goal_of(region, border, moment, handle);
     let neighbours = border.neighbours.present();
     let owner = if neighbours.contains(goal) { goal } else { region.rank() };
     let pressed = island.map_or_else(|| region.is_pressed(handle), |island| island.pressed);
@@ -443,6 +446,16 @@ fn desired_membership(
     let holders = reached.union(there).without(own);
     let split = splits(border, moment, id, handle);
     (Desired { holders, reached, owner, whole: island.is_some(), split, pressed, ready, lively }, wanted)
+}
+
+/// Returns the rank of the region that is to own a body.
+fn goal_of(region: &Region, border: &Border, moment: Moment<'_>, handle: RigidBodyHandle) -> usize {
+    match border.islands.of(handle).filter(|island| !island.big) {
+        Some(island) => island.target,
+        // A sleeping body stays where it is.
+        None if region.physics().bodies[handle].is_sleeping() => region.rank(),
+        None => moment.home_of(region, handle),
+    }
 }
 
 /// Notes that a body is due to move to another region; returns for how many ticks it has been so before.
@@ -491,7 +504,7 @@ fn is_ready(
 /// Finds which islands are ready to move. A small one moves when all of it is ready. Bodies that keep joining a large one would delay
 /// it for ever: of that one each body moves when it is ready, those tied by joints together.
 fn find_ready(region: &Region, border: &mut Border, now: u32) {
-    let Border { islands, ready_assemblies, shared, .. } = border;
+    let Border { islands, ready_assemblies, shared, parting, .. } = border;
     let own = region.rank();
     ready_assemblies.clear();
     ready_assemblies.resize(region.assemblies().len(), true);
@@ -506,7 +519,13 @@ fn find_ready(region: &Region, border: &mut Border, now: u32) {
                 }
             }
         }
-        island.ready = island.members.iter().all(ready);
+        let waits = |link: &BodyRef| {
+            away_ticks(region.slot(link.handle), now) < 2 * SETTLE_TICKS
+                && parting
+                    .binary_search_by_key(&link.handle.into_raw_parts(), |one| one.into_raw_parts())
+                    .is_ok()
+        };
+        island.ready = island.members.iter().all(|link| ready(link) && !waits(link));
     }
 }
 

@@ -239,6 +239,30 @@ impl PredictedContacts {
         found
     }
 
+    /// Returns those of the bodies owned here that are to move to another region and have a predicted contact to a dynamic one that stays, in order
+    /// of their handles.
+    pub(super) fn parting(
+        &self,
+        region: &Region,
+        moves: impl Fn(RigidBodyHandle) -> bool,
+    ) -> Vec<RigidBodyHandle> {
+        let dynamic = |near: &&Near| region.slot(near.link.handle).traits.kind == BodyKind::Dynamic;
+        let goes =
+            |near: &&Near| near.awake && !region.cell().contains_box(&near.swept) && moves(near.link.handle);
+        let (going, staying): (Vec<_>, Vec<_>) = self.near.iter().filter(dynamic).partition(goes);
+        if going.is_empty() {
+            return Vec::new();
+        }
+        let nearby = |nears: Vec<&Near>| nears.into_iter().map(Near::nearby).collect::<Vec<_>>();
+        let mut found = Vec::new();
+        for_each_overlap(&nearby(going), &nearby(staying), f64::from(self.ahead_s), |one, _| {
+            found.extend(region.handle_of(one.id));
+        });
+        found.sort_unstable_by_key(|handle| handle.into_raw_parts());
+        found.dedup();
+        found
+    }
+
     /// Returns the kinematic bodies owned here that may carry bodies of this region, with the regions where these may soon be.
     pub(super) fn carriers(
         &self,

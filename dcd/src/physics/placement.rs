@@ -217,7 +217,7 @@ pub(super) fn lying(body: &BodyRecord) -> BodyRecord {
     let mut lying = body.clone();
     // Rounding turns what is not turned.
     if let Some(offset) = body.state.contact_offset.filter(|offset| *offset != ContactOffset::default()) {
-        lying.state.pose = offset.from(&body.state.pose);
+        lying.state.pose = offset.applied_to(&body.state.pose);
     }
     lying
 }

@@ -182,7 +182,8 @@ impl ContactOffset {
     pub(crate) const MOST_TURNED: f32 = 0.125;
 
     /// Returns how a body lay that is there.
-    pub(crate) fn from(&self, pose: &WorldPose) -> WorldPose {
+    #[cfg(feature = "physics")]
+    pub(crate) fn applied_to(&self, pose: &WorldPose) -> WorldPose {
         let [x, y, z] = self.turned.map(f64::from);
         let scalar = (1.0 - x * x - y * y - z * z).max(0.0).sqrt();
         let turn = UnitQuaternion::from_quaternion(Quaternion::new(scalar, x, y, z));

@@ -149,6 +149,7 @@ impl DcdBodyDef {
             still_s: if sleeping { RigidBodyActivation::default_time_until_sleep() } else { 0.0 },
             gait: None,
             drive: None,
+            contact_offset: None,
         }
     }
 

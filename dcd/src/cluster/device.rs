@@ -93,7 +93,7 @@ pub enum PhysicsCommand {
     Return,
     /// List all owned bodies. Answered by [`PhysicsEvent::Surveyed`].
     Survey,
-    /// Return these bodies with their states. Answered by [`PhysicsEvent::Found`].
+    /// Return these bodies with their states, and with how they lay when their contacts were found. Answered by [`PhysicsEvent::Found`].
     Fetch(Vec<BodyId>),
     /// Compute once more what another member computes, beside the regions here and apart from them; answered by [`PhysicsEvent::Verified`]
     /// where the command has an answer, or gives up a region that is not empty.

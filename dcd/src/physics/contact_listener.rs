@@ -179,6 +179,33 @@ impl ContactListener {
     }
 }
 
+/// Hears of a step that is thrown away which contacts begin and end, and nothing of their forces.
+pub(super) struct TouchListener<'a>(pub &'a ContactListener);
+
+impl EventHandler for TouchListener<'_> {
+    fn handle_collision_event(
+        &self,
+        bodies: &RigidBodySet,
+        colliders: &ColliderSet,
+        event: CollisionEvent,
+        pair: Option<&ContactPair>,
+    ) {
+        self.0.handle_collision_event(bodies, colliders, event, pair);
+    }
+
+    fn handle_contact_force_event(
+        &self,
+        _dt: Real,
+        _bodies: &RigidBodySet,
+        _colliders: &ColliderSet,
+        _pair: &ContactPair,
+        _magnitude: Real,
+    ) {
+    }
+
+    fn handle_soft_body_tear_event(&self, _soft_bodies: &SoftBodySet, _event: &SoftBodyTearEvent) {}
+}
+
 fn end_of(key: ContactKey, sensor: bool) -> Touch {
     Touch { key, began: false, sensor, point: [0.0; 3], normal: [0.0; 3], speed: 0.0 }
 }

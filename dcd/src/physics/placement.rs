@@ -1,6 +1,8 @@
 //! Chooses the first owner region of new bodies. Bodies that joints tie or that touch are placed as they would be some ticks
 //! later: a small group whole, in the region where most of it lies.
 
+use std::collections::BTreeSet;
+
 use parry3d::partitioning::{Bvh, BvhBuildStrategy};
 use rapier3d::prelude::*;
 
@@ -8,8 +10,8 @@ use super::partition::Partition;
 use super::record;
 use super::settings::StepSettings;
 use super::shapes::{ShapeError, ShapeLibrary};
-use crate::protocol::{BodyKind, BodyRecord, JointRecord};
-use crate::space::{Bounds, PlaceGroups};
+use crate::protocol::{BodyKind, BodyRecord, ColliderRecord, ContactOffset, JointRecord};
+use crate::space::{BodyId, Bounds, PlaceGroups};
 
 /// Bodies closer than this touch, metres.
 const NEAR_M: f64 = 0.02;
@@ -173,9 +175,55 @@ fn join_touching(
             boxes.push((index, bounds));
         }
     }
-    let Some(all) = boxes.iter().map(|(_, bounds)| *bounds).reduce(|a, b| a.union(&b)) else {
-        return Ok(());
-    };
+    join_overlapping(&boxes, groups);
+    Ok(())
+}
+
+/// Returns which of these bodies may be inserted where they lay when their contacts were found: all that touch, of those that can move, lay
+/// otherwise and have the same owner.
+pub(super) fn standing(
+    bodies: &[BodyRecord],
+    owners: &[usize],
+    shapes: &ShapeLibrary,
+) -> Result<Vec<bool>, ShapeError> {
+    let mut boxes = Vec::new();
+    for (index, body) in bodies.iter().enumerate().filter(|(_, body)| body.traits.kind == BodyKind::Dynamic) {
+        boxes.push((index, record::bounds_of(&lying(body), shapes)?));
+    }
+    let mut groups = PlaceGroups::new(bodies.len());
+    join_overlapping(&boxes, &mut groups);
+    let mut stands = vec![true; bodies.len()];
+    for (index, _) in &boxes {
+        let root = groups.root(*index);
+        stands[root] &= bodies[*index].state.contact_offset.is_some() && owners[*index] == owners[root];
+    }
+    let mut standing = vec![false; bodies.len()];
+    boxes.iter().for_each(|(index, _)| standing[*index] = stands[groups.root(*index)]);
+    Ok(standing)
+}
+
+/// Has a body that is placed anew find its contacts from where it is, if nobody knows how it lay when they were found: under its load, unless it
+/// may be about to bounce, or hangs on others.
+pub(super) fn note_standing(body: &mut BodyRecord, tied: &BTreeSet<BodyId>) {
+    let bounces = |collider: &ColliderRecord| collider.restitution > 0.0;
+    let stands = !body.traits.colliders.iter().any(bounces) && !tied.contains(&body.id);
+    if body.traits.kind == BodyKind::Dynamic && stands {
+        body.state.contact_offset.get_or_insert_default();
+    }
+}
+
+/// Returns a body where it lay when its contacts were found.
+pub(super) fn lying(body: &BodyRecord) -> BodyRecord {
+    let mut lying = body.clone();
+    // Rounding turns what is not turned.
+    if let Some(offset) = body.state.contact_offset.filter(|offset| *offset != ContactOffset::default()) {
+        lying.state.pose = offset.applied_to(&body.state.pose);
+    }
+    lying
+}
+
+fn join_overlapping(boxes: &[(usize, Bounds)], groups: &mut PlaceGroups) {
+    let Some(all) = boxes.iter().map(|(_, bounds)| *bounds).reduce(|a, b| a.union(&b)) else { return };
     let origin = if all.is_finite() { all.centre() } else { [0.0; 3] };
     let aabb = |bounds: &Bounds| {
         let local =
@@ -184,10 +232,9 @@ fn join_touching(
     };
     let leaves = boxes.iter().map(|(_, bounds)| aabb(bounds)).enumerate();
     let bvh = Bvh::from_iter(BvhBuildStrategy::Binned, leaves);
-    for (index, bounds) in &boxes {
+    for (index, bounds) in boxes {
         for leaf in bvh.intersect_aabb(&aabb(bounds)) {
             groups.join(*index, boxes[leaf as usize].0);
         }
     }
-    Ok(())
 }

@@ -94,6 +94,7 @@ pub(crate) fn state_of(body: &RigidBody, anchor: [f64; 3]) -> BodyState {
         still_s: body.activation().time_since_can_sleep,
         gait: None,
         drive: None,
+        contact_offset: None,
     }
 }
 

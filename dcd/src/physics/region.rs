@@ -4,6 +4,7 @@ mod assembly;
 mod awake;
 mod change;
 mod characters;
+mod contact_offsets;
 mod contacts;
 mod contents;
 mod cow_world;
@@ -326,6 +327,11 @@ impl Region {
         let fresh = self.fresh().collect();
         self.fresh.clear();
         fresh
+    }
+
+    /// Has them announced in id order.
+    pub(super) fn order_fresh(&mut self) {
+        self.fresh.sort_unstable_by_key(|link| link.id);
     }
 
     /// Leaves a body that was taken to the next exchange.

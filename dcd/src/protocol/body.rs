@@ -165,6 +165,36 @@ pub enum BodyKind {
     KinematicVelocity,
 }
 
+/// How a body lay when Rapier found its contacts, from where it is. Rapier keeps the lever arms of contacts as they are then, and where they are
+/// found anew, in another process, they must be found so.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Encode, Decode, Serialize, Deserialize)]
+pub struct ContactOffset {
+    /// How far it lay from there, world axes, metres.
+    pub moved_m: [f32; 3],
+    /// How it was turned from there, world axes: the vector part of the unit quaternion, whose scalar part is positive.
+    pub turned: [f32; 3],
+}
+
+impl ContactOffset {
+    /// Nobody lay farther away than this, in metres.
+    pub(crate) const FARTHEST_M: f32 = 0.5;
+    /// The longest vector part of a turn, by a quarter of a radian.
+    pub(crate) const MOST_TURNED: f32 = 0.125;
+
+    /// Returns how a body lay that is there.
+    #[cfg(feature = "physics")]
+    pub(crate) fn applied_to(&self, pose: &WorldPose) -> WorldPose {
+        let [x, y, z] = self.turned.map(f64::from);
+        let scalar = (1.0 - x * x - y * y - z * z).max(0.0).sqrt();
+        let turn = UnitQuaternion::from_quaternion(Quaternion::new(scalar, x, y, z));
+        let rotation = turn * pose.isometry().rotation;
+        WorldPose {
+            translation: std::array::from_fn(|i| pose.translation[i] + f64::from(self.moved_m[i])),
+            rotation: [rotation.i, rotation.j, rotation.k, rotation.w].map(|v| v as f32),
+        }
+    }
+}
+
 /// The part of a body that a step changes; everything else stands in [`BodyTraits`].
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct BodyState {
@@ -184,6 +214,8 @@ pub struct BodyState {
     pub gait: Option<Gait>,
     /// What its driver does, if it is a vehicle.
     pub drive: Option<Drive>,
+    /// How it lay when its contacts were found, if that is known.
+    pub contact_offset: Option<ContactOffset>,
 }
 
 /// Mass, centre of mass and inertia given as numbers.

@@ -18,7 +18,7 @@ use super::{Check, Chunk, Invalid, Message};
 use crate::protocol::SharedState;
 
 /// Version of the protocol. It grows with every change of the message set; peers of unequal versions refuse each other.
-pub const VERSION: u32 = 27;
+pub const VERSION: u32 = 28;
 
 /// The most bytes of a message. A single shape (a height field of 2,000 × 2,000) is what needs most; what is longer is refused
 /// before it is sent (`ShapeRecord::can_travel`).
@@ -322,6 +322,22 @@ mod tests {
         assert!(with(|s| s.velocity.angular[2] = f32::INFINITY).contains("velocity"));
         let nobody = Message::FromClient(ClientId(0), FromClient::Leave);
         assert!(decode(&encode(&nobody)).unwrap_err().to_string().contains("client"));
+    }
+
+    #[test]
+    fn nobody_lay_far_from_where_it_is_when_its_contacts_were_found() {
+        let refusal = |moved_m: [f32; 3], turned: [f32; 3]| {
+            let mut body = crate::sim::sim_body(BodyId::persistent(1), [1.0; 3]);
+            body.state.contact_offset = Some(crate::protocol::ContactOffset { moved_m, turned });
+            let placed = crate::protocol::Placed { region: Default::default(), body };
+            let chunk = crate::protocol::ToNode::Chunk(crate::protocol::Chunk::Placed(vec![placed]));
+            decode(&encode(&Message::ToNode(chunk))).err().map(|error| error.to_string())
+        };
+        assert_eq!(refusal([0.3, -0.3, 0.0], [0.0, 0.1, 0.0]), None);
+        for far in [[0.4, -0.4, 0.0], [0.0, f32::NAN, 0.0], [f32::INFINITY, 0.0, 0.0]] {
+            assert!(refusal(far, [0.0; 3]).unwrap().contains("contact_offset.moved_m"), "{far:?}");
+            assert!(refusal([0.0; 3], far).unwrap().contains("contact_offset.turned"), "{far:?}");
+        }
     }
 
     #[test]

@@ -20,8 +20,8 @@ mod vehicle;
 
 pub use alteration::Alteration;
 pub use body::{
-    BodyKind, BodyRecord, BodyState, BodyTraits, ColliderMass, ColliderRecord, CombineRule, ExtraMass,
-    Groups, Impulse, MassRecord, Pose, Velocity, WorldPose,
+    BodyKind, BodyRecord, BodyState, BodyTraits, ColliderMass, ColliderRecord, CombineRule, ContactOffset,
+    ExtraMass, Groups, Impulse, MassRecord, Pose, Velocity, WorldPose,
 };
 pub use border::{
     BIG_ISLAND, BorderMessage, ContactForce, ContactKey, ContactPose, CopyState, Handover, IslandPart,

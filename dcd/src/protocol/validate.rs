@@ -148,7 +148,20 @@ impl Check for BodyState {
         finite(&self.torque, "torque")?;
         numbers(&[self.still_s], "still_s")?;
         self.drive.as_ref().map_or(Ok(()), Check::check)?;
-        self.gait.as_ref().map_or(Ok(()), Check::check)
+        self.gait.as_ref().map_or(Ok(()), Check::check)?;
+        self.contact_offset.as_ref().map_or(Ok(()), Check::check)
+    }
+}
+
+impl Check for ContactOffset {
+    fn check(&self) -> Result<(), Invalid> {
+        let length = |v: [f32; 3]| v.iter().map(|v| v * v).sum::<f32>().sqrt();
+        must(length(self.moved_m) <= Self::FARTHEST_M, "contact_offset.moved_m", "at most 0.5 m long")?;
+        must(
+            length(self.turned) <= Self::MOST_TURNED,
+            "contact_offset.turned",
+            "a quarter of a radian at most",
+        )
     }
 }
 

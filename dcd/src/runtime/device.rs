@@ -173,10 +173,7 @@ impl PhysicsDevice {
                 None
             }
             PhysicsCommand::Survey => Some(PhysicsEvent::Surveyed(self.claims())),
-            PhysicsCommand::Fetch(ids) => {
-                let host = self.world();
-                Some(PhysicsEvent::Found(ids.into_iter().filter_map(|id| host.record(id)).collect()))
-            }
+            PhysicsCommand::Fetch(ids) => Some(PhysicsEvent::Found(self.world().records(&ids))),
         };
         self.compute_us = self.compute_us.saturating_add(start.elapsed().as_micros() as u32);
         Ok(event)

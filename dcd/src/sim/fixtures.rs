@@ -75,6 +75,7 @@ pub fn sim_body(id: BodyId, translation: [f64; 3]) -> BodyRecord {
         still_s: 0.0,
         gait: None,
         drive: None,
+        contact_offset: None,
     };
     BodyRecord { id, epoch: Epoch(0), state, traits: Arc::new(traits), user_data: 0 }
 }

@@ -9,7 +9,7 @@ use super::{Server, ServerOutput};
 use crate::protocol::{BodyRecord, JointRecord, ShapeRecord};
 use crate::space::{DistributionTree, Tick};
 
-/// A world between two ticks, without what Rapier remembers of its contacts.
+/// A world between two ticks. Of what Rapier remembers of its contacts it has how bodies lay when these were found.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub struct SavedWorld {
     /// The tick after which it was saved.

@@ -3,10 +3,12 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use super::{HostError, RegionHost, StepSettings};
+use rapier3d::prelude::IntegrationParameters;
+
+use super::{HostError, RegionHost, StepSettings, threads};
 use crate::physics::coupling::{Moment, Side};
 use crate::physics::owner_index::Home;
-use crate::physics::placement::{Placement, movable_ends};
+use crate::physics::placement::{self, Placement, movable_ends};
 use crate::physics::region::{Ownership, Region, better_anchor};
 use crate::physics::shapes::{ShapeError, ShapeLibrary};
 use crate::physics::{articulation, convert, joints};
@@ -46,6 +48,18 @@ impl RegionHost {
     /// wherever it reaches. Replicas come with the exchange after [`RegionHost::announce`]; [`RegionHost::step`] sees to that
     /// before it steps, once for all that was inserted. Nothing is inserted when anything is refused.
     pub fn insert(&mut self, mut bodies: Vec<BodyRecord>, joints: &[JointRecord]) -> Result<(), HostError> {
+        // Nobody has found contacts of what is new, whoever says so.
+        bodies.iter_mut().for_each(|body| body.state.contact_offset = None);
+        self.insert_saved(bodies, joints)
+    }
+
+    /// Inserts bodies and joints in the same way; bodies that come into a region in which nothing else moves find their contacts as they lay when
+    /// these were found elsewhere.
+    pub(crate) fn insert_saved(
+        &mut self,
+        mut bodies: Vec<BodyRecord>,
+        joints: &[JointRecord],
+    ) -> Result<(), HostError> {
         if !bodies.is_empty() {
             self.meet_all();
         }
@@ -158,7 +172,7 @@ impl RegionHost {
         placed.sort_by_key(|(_, body)| body.id);
         let mut owners: Vec<_> =
             placed.iter().map(|(region, _)| self.partition.rank_of(*region).unwrap_or(usize::MAX)).collect();
-        let bodies: Vec<_> = placed.into_iter().map(|(_, body)| body).collect();
+        let mut bodies: Vec<_> = placed.into_iter().map(|(_, body)| body).collect();
         let mut whole = vec![false; bodies.len()];
         let placement = Placement::of(&bodies, joints, &self.shapes, &self.settings)?;
         let mut joints = joints.to_vec();
@@ -173,6 +187,8 @@ impl RegionHost {
                 let place = bodies.binary_search_by_key(&id, |body| body.id).ok()?;
                 Some(&bodies[place].state)
             });
+            let tied = joints.iter().flat_map(|joint| [joint.a, joint.b]).collect();
+            bodies.iter_mut().for_each(|body| placement::note_standing(body, &tied));
         }
         self.insert_placed(bodies, &owners, &whole, &joints)
     }
@@ -407,6 +423,11 @@ impl RegionHost {
                 self.statics.add(body.clone(), &self.shapes)?;
             }
         }
+        let lies = |body: &BodyRecord| body.state.contact_offset.is_some();
+        let standing = match bodies.iter().any(lies) {
+            true => placement::standing(&bodies, owners, &self.shapes)?,
+            false => vec![false; bodies.len()],
+        };
         // Region by region: what Rapier allocates for the bodies of one world then lies together. Filled in turns, two
         // worlds share cache lines, which cost a tenth of the step (40,000 free boxes in two regions).
         for place in 0..self.sides.len() {
@@ -415,12 +436,26 @@ impl RegionHost {
             let rank = region.rank();
             let own = bodies.iter().zip(owners).filter(|(body, owner)| **owner == rank && movable(body));
             settle_origin(region, own.map(|(body, _)| body));
-            for ((body, &owner), &whole) in bodies.iter().zip(owners).zip(whole) {
-                if body.traits.kind == BodyKind::Fixed {
-                    self.statics.insert_near(body.id, &mut self.sides[place].region, &self.shapes)?;
-                } else if owner == rank {
-                    self.insert_owned(place, body, whole)?;
+            let stands = bodies.iter().zip(owners).zip(&standing).filter(|((_, owner), _)| **owner == rank);
+            let stands: Vec<_> = stands.filter(|(_, stands)| **stands).map(|((body, _), _)| body).collect();
+            let warms = !stands.is_empty() && !region.holds_movable();
+            // What has yet to come to rest would lose its bounces in steps that are thrown away.
+            for late in [false, true] {
+                let all = bodies.iter().zip(owners).zip(whole).zip(&standing);
+                for (((body, &owner), &whole), stands) in all {
+                    let is_late = warms && body.traits.kind == BodyKind::Dynamic && !stands;
+                    if body.traits.kind == BodyKind::Fixed && !late {
+                        self.statics.insert_near(body.id, &mut self.sides[place].region, &self.shapes)?;
+                    } else if owner == rank && is_late == late && body.traits.kind != BodyKind::Fixed {
+                        self.insert_owned(place, body, whole)?;
+                    }
                 }
+                if warms && !late {
+                    self.warm_up(place, &stands);
+                }
+            }
+            if warms {
+                self.sides[place].region.order_fresh();
             }
         }
         for joint in joints {
@@ -437,6 +472,25 @@ impl RegionHost {
             self.share_ends(joint, &bodies, owners);
         }
         Ok(())
+    }
+
+    /// Has bodies that were inserted into a region in which no others can move find their contacts as they lay when these were found elsewhere.
+    fn warm_up(&mut self, place: usize, standing: &[&BodyRecord]) {
+        let StepSettings { coupling, exchanges, dt_s, solver_iterations, integration, .. } = self.settings;
+        let steps = coupling.first_steps(exchanges);
+        let parameters = IntegrationParameters {
+            dt: dt_s / steps as f32,
+            num_solver_iterations: solver_iterations.div_ceil(steps).max(1),
+            ..integration
+        };
+        let region = &self.sides[place].region;
+        let lay = standing.iter().filter_map(|body| {
+            let lay = placement::lying(body).state.pose;
+            Some((region.handle_of(body.id)?, convert::region_from_world(region.anchor(), &lay)))
+        });
+        let lay: Vec<_> = lay.collect();
+        let tick = self.tick;
+        threads::alone(&mut self.sides, move |sides| sides[place].region.warm_up(tick, &parameters, &lay));
     }
 
     /// Widens the halo for a movable body. Where it is wide enough, checkpoints go on sharing the partition.
@@ -492,6 +546,20 @@ impl RegionHost {
                 ties.insert(joint.id, joint);
             }
         }
+    }
+
+    /// Returns the whole records of those of these bodies that are held here, for another process: with how they lay when their contacts were
+    /// found, as far as it is known.
+    pub(crate) fn records(&self, ids: &[BodyId]) -> Vec<BodyRecord> {
+        let offsets = match ids.iter().any(|id| self.owned(*id).is_some()) {
+            true => self.regions().flat_map(|region| region.contact_offsets(self.tick)).collect(),
+            false => BTreeMap::new(),
+        };
+        let mut bodies: Vec<_> = ids.iter().filter_map(|id| self.record(*id)).collect();
+        for body in &mut bodies {
+            body.state.contact_offset = offsets.get(&body.id).copied();
+        }
+        bodies
     }
 
     pub(super) fn present_place(&self, id: BodyId) -> (usize, RegionSet) {

@@ -245,7 +245,7 @@ impl Region {
     }
 
     /// Returns how far a body is put aside, another way each time, so that it does not go ever farther.
-    fn aside(&self, handle: RigidBodyHandle, seed: u64) -> Vector {
+    pub(super) fn aside(&self, handle: RigidBodyHandle, seed: u64) -> Vector {
         let slot = self.slot(handle);
         let seed = mixed(seed ^ slot.id.bits());
         // Twenty bits for each axis, between -1 and 1.

@@ -2,16 +2,23 @@
 
 use std::ops::Range;
 
-use super::*;
+use rapier3d::prelude::Vector;
 
-fn config(scene: ContactScene) -> TrialConfig {
+use super::*;
+use crate::cluster::Record;
+use crate::physics::ShapeLibrary;
+use crate::protocol::EnvironmentProperties;
+use crate::scene::{Params, Scene};
+use crate::space::DistributionTree;
+
+fn trial(scene: ContactScene) -> TrialConfig {
     TrialConfig { begin: scene.begin(), ..TrialConfig::default() }
 }
 
 fn hold(profiles: &[FaultProfile], seeds: Range<u64>) {
     for scene in ContactScene::ALL {
         for &profile in profiles {
-            let row = simulate(&config(scene), profile, seeds.clone(), 2, &|| true);
+            let row = simulate(&trial(scene), profile, seeds.clone(), 2, &|| true);
             let failures: String =
                 row.failures.iter().map(|failure| format!("{scene} {profile}: {failure}")).collect();
             assert_eq!((row.seeds, row.violations), (seeds.end - seeds.start, 0), "{failures}");
@@ -38,7 +45,7 @@ fn what_touches_holds_when_regions_move() {
 
 /// Runs a seed in which nothing goes wrong but what is planted.
 fn planted(scene: ContactScene, spoilt: Option<Spoilt>) -> Option<String> {
-    let config = TrialConfig { spoilt, ..config(scene) };
+    let config = TrialConfig { spoilt, ..trial(scene) };
     let profile = FaultProfile::None;
     match run_trial(&config, profile, 1, &profile.schedule(1)).violation {
         Some(Violation::Strained { what, .. }) => Some(what),
@@ -58,4 +65,35 @@ fn a_velocity_that_is_lost_in_a_hand_over_is_found() {
 fn a_body_that_is_handed_over_a_tick_late_is_found() {
     let found = planted(ContactScene::Crowd, Some(Spoilt::Stale)).expect("it is found");
     assert!(found.contains("is not where its velocity brought it"), "{found}");
+}
+
+#[test]
+fn a_tower_under_load_stands_while_one_node_after_the_other_leaves() {
+    let params = Params::new().with("top_mass_ratio", 100).with("sleep", 0);
+    let scene = Scene::named("tower", &params).unwrap();
+    let mut shapes = ShapeLibrary::default();
+    let (bodies, joints) = scene.records(&mut shapes).unwrap();
+    let tree = DistributionTree::halved(scene.bounds, 1).unwrap();
+    let world =
+        EnvironmentProperties { step: scene.step_settings().record(), tree, halo_m: None, ..sim_world(1) };
+    let record = Record::new(bodies, shapes.records(), joints);
+    let mut sim = Sim::with_world(config(1, 1), world, record, RapierEngine::boxed);
+    sim.run_to(Tick(300)).unwrap();
+    let mut node = NodeId(1);
+    for changes in 1..=10 {
+        let next = sim.start_node();
+        sim.run_until(|sim| sim.server().view().is_some_and(|view| view.members.len() == 2)).unwrap();
+        sim.leave(node);
+        node = next;
+        let (until, mut worst_m_s) = (Tick(sim.tick().0 + 100), 0.0_f32);
+        let last = |sim: &Sim| {
+            let speeds =
+                sim.states().into_values().map(|state| Vector::from_array(state.velocity.linear).length());
+            worst_m_s = worst_m_s.max(speeds.fold(0.0, f32::max));
+            sim.tick() >= until
+        };
+        sim.run_until(last).unwrap();
+        assert!(worst_m_s < 0.03, "{worst_m_s} m/s after {changes} changes");
+    }
+    assert_eq!(sim.nodes().count(), 1);
 }

@@ -1,0 +1,314 @@
+//! Carries contacts of what rests over to another process: tells how the bodies of a region lay when their contacts were found, by which records
+//! of them are made; and has bodies that were made from such records, in a region where nothing else moves yet, find their contacts so, and
+//! bear their loads before they move.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use rapier3d::prelude::*;
+
+use super::mass_splitting::MassSplit;
+use super::{BodyRef, Ownership, Region};
+use crate::physics::contact_listener::TouchListener;
+use crate::protocol::{Check, ContactOffset};
+use crate::space::{BodyId, Tick, mixed};
+
+/// Of more bodies that press on each other no more is known than where they are.
+const LARGEST: usize = 256;
+/// Steps in which contacts that have been found come to bear their loads: towers of 100:1 sway by 9 cm/s after four, by 2 cm/s after eight, as in
+/// one world, and by 1 cm/s after sixteen; of thirty-two nothing is gained.
+const SILENT_STEPS: usize = 16;
+/// Of many bodies fewer, so that nobody waits for long: so many bodies are stepped in all.
+const SILENT_WORK: usize = 32_000;
+
+impl Region {
+    /// Returns how the bodies owned here lay when their contacts were found, as far as it is known.
+    pub(in crate::physics) fn contact_offsets(&self, tick: Tick) -> BTreeMap<BodyId, ContactOffset> {
+        let (mut offsets, mut seen) = (BTreeMap::new(), BTreeSet::new());
+        for link in self.links() {
+            if !self.stands(link.handle) || seen.contains(&link.handle.into_raw_parts()) {
+                continue;
+            }
+            let members = self.pressing_on(link.handle, &mut seen);
+            if members.len() > LARGEST || !members.iter().all(|member| self.stands(member.handle)) {
+                continue;
+            }
+            let lay = self.contact_poses(&members, tick).into_iter();
+            let own: Vec<_> = lay.map(|(handle, pose)| (handle, self.offset_to(handle, &pose))).collect();
+            if own.iter().all(|(_, offset)| offset.check().is_ok()) {
+                offsets.extend(own.into_iter().map(|(handle, offset)| (self.slot(handle).id, offset)));
+            }
+        }
+        offsets
+    }
+
+    /// Finds the contacts of bodies that have been inserted where they `lay`, and solves them some times, so that they are warm: all that moves is
+    /// put back each time. Who lay where it is is put aside a little, as exactly flush faces lose contacts. Who is told of contacts is told that they
+    /// began.
+    pub(in crate::physics) fn warm_up(
+        &mut self,
+        tick: Tick,
+        parameters: &IntegrationParameters,
+        lay: &[(RigidBodyHandle, Pose)],
+    ) {
+        let before = std::mem::replace(&mut self.world.integration_parameters, *parameters);
+        let moves = |(_, body): &(RigidBodyHandle, &RigidBody)| !body.is_fixed() && body.is_enabled();
+        let bodies = self.world.bodies.iter().filter(moves);
+        let kept: Vec<_> = bodies.map(|(handle, body)| (handle, body.clone())).collect();
+        for &(handle, pose) in lay {
+            let is_known = pose != *self.world.bodies[handle].position();
+            let aside = if is_known { Vector::ZERO } else { self.aside(handle, mixed(tick.0)) };
+            let pose = Pose::from_parts(pose.translation + aside, pose.rotation);
+            self.world_mut().bodies[handle].set_position(pose, false);
+        }
+        for _ in 0..=SILENT_STEPS.min(SILENT_WORK / kept.len().max(1)) {
+            self.world.step_with_events(&(), &TouchListener(&self.listener));
+            kept.iter().for_each(|(handle, was)| self.put_back(*handle, was));
+            for handle in self.world.quarantine().bodies().to_vec() {
+                self.set_aside(handle);
+            }
+        }
+        self.note_solved(before.dt);
+        self.listener.drain(self.anchor, 1.0, &mut self.events);
+        self.events.make_tellable();
+    }
+
+    /// Puts a body back to where and how it was. One that has been woken stays awake.
+    fn put_back(&mut self, handle: RigidBodyHandle, was: &RigidBody) {
+        let body = &mut self.world.bodies[handle];
+        body.set_position(*was.position(), false);
+        if was.body_type() == RigidBodyType::KinematicPositionBased {
+            body.set_next_kinematic_position(*was.next_position());
+        }
+        body.set_linvel(was.linvel(), false);
+        body.set_angvel(was.angvel(), false);
+        let fell_asleep = body.is_sleeping() && !was.is_sleeping();
+        if fell_asleep {
+            self.world.wake_up(handle, false);
+        }
+        if !was.is_sleeping() {
+            let activation = self.world.bodies[handle].activation_mut();
+            activation.time_since_can_sleep = was.activation().time_since_can_sleep;
+        }
+    }
+
+    /// Returns a dynamic body and all that press on it, directly or one by way of another, in id order.
+    fn pressing_on(&self, first: RigidBodyHandle, seen: &mut BTreeSet<(u32, u32)>) -> Vec<BodyRef> {
+        let (mut members, mut open) = (Vec::new(), vec![first]);
+        seen.insert(first.into_raw_parts());
+        while let Some(handle) = open.pop() {
+            members.push(BodyRef { id: self.slot(handle).id, handle });
+            self.for_each_pair(handle, |other, pair| {
+                let presses = pair.is_none_or(|pair| pair.total_impulse_magnitude() > 0.0);
+                if presses && self.world.bodies[other].is_dynamic() && seen.insert(other.into_raw_parts()) {
+                    open.push(other);
+                }
+            });
+        }
+        members.sort_unstable_by_key(|link| link.id);
+        members
+    }
+
+    /// Returns whether a body may stand here by itself: the region alone says where it is, and nothing ties it.
+    fn stands(&self, handle: RigidBodyHandle) -> bool {
+        let slot = self.slot(handle);
+        slot.role == Ownership::Owner
+            && slot.joints.is_empty()
+            && self.world.bodies[handle].is_dynamic()
+            && !slot.mass_split.as_deref().is_some_and(MassSplit::is_split)
+    }
+
+    fn offset_to(&self, handle: RigidBodyHandle, lay: &Pose) -> ContactOffset {
+        let is = self.world.bodies[handle].position();
+        let turn = lay.rotation * is.rotation.inverse();
+        let turn = if turn.w < 0.0 { -turn } else { turn };
+        ContactOffset {
+            moved_m: (lay.translation - is.translation).to_array(),
+            turned: [turn.x, turn.y, turn.z],
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::physics::host::processes::Processes;
+    use crate::physics::{Partition, RegionHost, StepSettings};
+    use crate::protocol::{BodyRecord, WorldPose};
+    use crate::runtime::WorldConfig;
+    use crate::scene::{Params, Scene};
+    use crate::space::{Bounds, DistributionTree};
+
+    /// Has another process compute the only region of a world, from such records of its bodies.
+    fn handed_over(host: &RegionHost, record: impl Fn(BodyRecord) -> BodyRecord) -> RegionHost {
+        let tree = host.partition().tree().clone();
+        let leaf = tree.leaves().next().unwrap();
+        let mut next = RegionHost::new(Partition::new(tree.clone(), None), *host.settings(), 1, &[]).unwrap();
+        *next.shapes_mut() = host.shapes().clone();
+        next.insert(host.scenery().cloned().collect(), &[]).unwrap();
+        let bodies = host.records(&host.owned_bodies().map(|(id, ..)| id).collect::<Vec<_>>());
+        let placed = bodies.into_iter().map(|body| (leaf, record(body))).collect();
+        next.set_tick(host.tick());
+        next.rebuild(&tree, &[leaf], placed, &[], &[]).unwrap();
+        next.announce();
+        next.exchange().unwrap();
+        next
+    }
+
+    /// Returns the largest speed of a body against what carries it at this speed from two and a half seconds on, in m/s, for each stretch of 200
+    /// ticks, after each of which another process goes on, from such records, or the same one.
+    fn ride(
+        scene: &Scene,
+        speed_m_s: f32,
+        stretches: usize,
+        record: Option<impl Fn(BodyRecord) -> BodyRecord + Copy>,
+    ) -> Vec<f32> {
+        let (mut scene, speed) = (scene.clone(), Vector::new(speed_m_s, 0.0, 0.0));
+        for body in &mut scene.bodies {
+            body.body = body.body.clone().linvel(speed);
+            if body.body.body_type == RigidBodyType::Fixed {
+                body.body.body_type = RigidBodyType::KinematicVelocityBased;
+            }
+        }
+        scene.bounds = Bounds::new([-20.0, -1.0, -20.0], [300.0, 11.0, 20.0]);
+        let tree = DistributionTree::halved(scene.bounds, 1).unwrap();
+        let Processes(mut all) = Processes::cut(&scene, WorldConfig::for_scene(&scene).step, tree, 1);
+        let mut host = all.remove(0);
+        (0..150).for_each(|_| host.step().unwrap());
+        let mut stretch = |at: usize| {
+            if let Some(record) = record.filter(|_| at > 0) {
+                host = handed_over(&host, record);
+            }
+            let mut worst_m_s = 0.0f32;
+            for _ in 0..200 {
+                host.step().unwrap();
+                // The platform comes first.
+                for (.., velocity) in host.states().skip(1) {
+                    worst_m_s = worst_m_s.max((Vector::from_array(velocity.linear) - speed).length());
+                }
+            }
+            worst_m_s
+        };
+        (0..stretches).map(&mut stretch).collect()
+    }
+
+    fn forgetful(mut body: BodyRecord) -> BodyRecord {
+        body.state.contact_offset = None;
+        body
+    }
+
+    fn worst(of: &[f32]) -> f32 {
+        of.iter().copied().fold(0.0, f32::max)
+    }
+
+    fn goes_on_as_in_one_world(name: &str, params: &Params) {
+        let scene = Scene::named(name, &params.clone().with("sleep", 0)).unwrap();
+        for speed_m_s in [0.0, 6.0] {
+            let one_m_s = worst(&ride(&scene, speed_m_s, 3, None::<fn(BodyRecord) -> BodyRecord>));
+            let worst_m_s = worst(&ride(&scene, speed_m_s, 11, Some(|body| body)));
+            let of = format!("{name} {params:?} at {speed_m_s} m/s");
+            println!("{of}: {worst_m_s:.4} m/s, in one world {one_m_s:.4}");
+            assert!(worst_m_s < 1.3 * one_m_s + 0.005, "{of}: {worst_m_s} m/s, in one world {one_m_s}");
+        }
+    }
+
+    #[test]
+    fn towers_under_load_stand_as_in_one_world_while_one_process_after_the_other_computes_them() {
+        for ratio in [1, 10, 30, 100] {
+            goes_on_as_in_one_world("tower", &Params::new().with("top_mass_ratio", ratio));
+        }
+    }
+
+    #[test]
+    fn walls_and_pyramids_stand_as_in_one_world_while_one_process_after_the_other_computes_them() {
+        goes_on_as_in_one_world("wall", &Params::new().with("width", 6).with("height", 8));
+        goes_on_as_in_one_world("pyramid", &Params::new().with("base", 8).with("gap", 0));
+    }
+
+    /// As where their process has died. Heavier towers lean farther each time.
+    #[test]
+    fn light_towers_are_not_shaken_where_nobody_knows_how_they_lay() {
+        let scene = Scene::named("tower", &Params::new().with("sleep", 0)).unwrap();
+        let all_m_s = ride(&scene, 0.0, 11, Some(forgetful));
+        assert!(worst(&all_m_s) < 0.03, "{all_m_s:?} m/s");
+        let scene =
+            Scene::named("tower", &Params::new().with("top_mass_ratio", 100).with("sleep", 0)).unwrap();
+        let worst_m_s = worst(&ride(&scene, 0.0, 4, Some(forgetful)));
+        assert!(worst_m_s > 1.0, "{worst_m_s} m/s: Rapier has learnt better");
+    }
+
+    /// A world of one region with a floor and these balls and boxes of 1 m, by place, speed upwards and restitution.
+    fn world_of(bodies: &[([f64; 3], f32, f32)]) -> RegionHost {
+        let tree = DistributionTree::halved(Bounds::around([0.0; 3], [50.0; 3]), 1).unwrap();
+        let leaves: Vec<_> = tree.leaves().collect();
+        let step = StepSettings::default();
+        let mut host = RegionHost::new(Partition::new(tree, None), step, 1, &leaves).unwrap();
+        let (floor, top) = (RigidBodyBuilder::fixed().build(), WorldPose::at([0.0, -0.5, 0.0]));
+        let slab = ColliderBuilder::cuboid(50.0, 0.5, 50.0).restitution(1.0);
+        let mut all = vec![host.shapes_mut().describe(BodyId::persistent(0), top, &floor, &[slab]).unwrap()];
+        for (id, &(at, rise_m_s, restitution)) in (1..).zip(bodies) {
+            let body = RigidBodyBuilder::dynamic().linvel(Vector::Y * rise_m_s).can_sleep(false).build();
+            let shape = match restitution > 0.0 {
+                true => ColliderBuilder::ball(0.5).restitution(restitution),
+                false => ColliderBuilder::cuboid(0.5, 0.5, 0.5)
+                    .active_events(ActiveEvents::all())
+                    .contact_force_event_threshold(0.0),
+            };
+            let (id, at) = (BodyId::persistent(id), WorldPose::at(at));
+            all.push(host.shapes_mut().describe(id, at, &body, &[shape]).unwrap());
+        }
+        host.insert(all, &[]).unwrap();
+        host
+    }
+
+    #[test]
+    fn what_is_about_to_bounce_bounces_and_what_lies_tells_once_that_it_touches() {
+        let mut host = world_of(&[([0.0, 0.5, 0.0], 0.0, 0.0), ([5.0, 0.55, 0.0], -5.0, 1.0)]);
+        let rise = |host: &RegionHost, id: u32| {
+            let (region, handle) = host.owned(BodyId::persistent(id)).unwrap();
+            region.physics().bodies[handle].linvel().y
+        };
+        let told = |host: &RegionHost| {
+            let events = || host.events();
+            let begun = events().flat_map(|events| &events.touches).filter(|touch| touch.began).count();
+            (begun, events().flat_map(|events| &events.forces).count())
+        };
+        host.step().unwrap();
+        assert!(rise(&host, 2) < -4.5, "{} m/s: it has yet to bounce", rise(&host, 2));
+        let mut next = handed_over(&host, |body| body);
+        assert_eq!(told(&next), (1, 0), "forces are told of steps that count");
+        (0..2).for_each(|_| next.step().unwrap());
+        assert_eq!(told(&next), (1, 2));
+        assert!(rise(&next, 2) > 4.5 && rise(&next, 1).abs() < 0.01, "{} m/s", rise(&next, 2));
+    }
+
+    #[test]
+    fn what_lay_where_another_one_is_is_found_where_it_is() {
+        let pair = [([0.0, 0.5, 0.0], 0.0, 0.0), ([0.0, 1.5, 0.0], 0.0, 0.0)];
+        let host = |near: bool| {
+            world_of(&[&pair[..], &[([1.03, 0.5, 0.0], 0.0, 0.5)][..usize::from(near)]].concat())
+        };
+        for (near, wanted) in [(false, true), (true, false)] {
+            let mut host = host(near);
+            (0..60).for_each(|_| host.step().unwrap());
+            let aside = |mut body: BodyRecord| {
+                let offset = ContactOffset { moved_m: [0.04, 0.0, 0.0], ..ContactOffset::default() };
+                // Who is next to them has none.
+                body.state.contact_offset = (body.id != BodyId::persistent(3)).then_some(offset);
+                body
+            };
+            let next = handed_over(&host, aside);
+            let region = next.regions().next().unwrap();
+            let handle = region.handle_of(BodyId::persistent(1)).unwrap();
+            let before =
+                host.regions().next().unwrap().world_pose(host.owned(BodyId::persistent(1)).unwrap().1);
+            assert_eq!(region.world_pose(handle), before, "all is put back");
+            let collider = region.physics().bodies[handle].colliders()[0];
+            let mut pairs = region.physics().narrow_phase.contact_pairs_with(collider);
+            assert_eq!(
+                pairs.any(|pair| pair.total_impulse_magnitude() > 0.0),
+                wanted,
+                "something near: {near}"
+            );
+        }
+    }
+}

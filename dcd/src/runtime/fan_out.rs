@@ -13,8 +13,8 @@ use tracing::debug;
 use super::bandwidth::Received;
 use crate::cluster::{Peer, ReplicationEvent, StateReplication, TickNews};
 use crate::net::{Datagrams, PeerKey};
-use crate::protocol::{self, Lane, Message, Stamp, ToClient};
-use crate::space::ClientId;
+use crate::protocol::{self, Heard, Lane, Message, Stamp, ToClient};
+use crate::space::{ClientId, Tick};
 
 /// Events that may wait; acknowledgements beyond are dropped, which costs bytes only.
 const QUEUE: usize = 8_192;
@@ -46,6 +46,27 @@ pub(super) struct Told {
     pub(super) message: ToClient,
 }
 
+/// Gives the thread what clients acknowledge.
+#[derive(Clone, Default)]
+pub(super) struct Ear(Arc<Inbox>);
+
+impl Ear {
+    /// Gives it an acknowledgement of a client. It counts for what is told next, which is after a tick: the thread is not woken for it.
+    pub(super) fn hear(&self, client: ClientId, heard: Heard) {
+        let mut waiting = self.0.lock();
+        if !waiting.over {
+            let now = waiting.newest;
+            waiting.push(ReplicationEvent::Heard { client, heard, now });
+        }
+    }
+
+    /// Returns how many events wait for the thread.
+    #[cfg(test)]
+    pub(super) fn waiting(&self) -> usize {
+        self.0.lock().events.len()
+    }
+}
+
 /// The thread that tells clients; it ends when this is dropped.
 pub(super) struct FanOut {
     inbox: Arc<Inbox>,
@@ -65,6 +86,11 @@ impl FanOut {
             }
         })?;
         Ok(Self { inbox, thread: Some(thread) })
+    }
+
+    /// Returns what gives it acknowledgements.
+    pub(super) fn ear(&self) -> Ear {
+        Ear(self.inbox.clone())
     }
 
     /// Gives it events; returns at once, and whether the thread lives.
@@ -97,6 +123,8 @@ struct Inbox {
 #[derive(Default)]
 struct Waiting {
     events: VecDeque<ReplicationEvent>,
+    /// The newest tick that is complete.
+    newest: Tick,
     over: bool,
 }
 
@@ -129,6 +157,7 @@ impl Waiting {
                 event
             }
             ReplicationEvent::Tick(news) => {
+                self.newest = news.tick();
                 self.drop_guesses();
                 ReplicationEvent::Tick(match self.take_tick() {
                     Some(mut earlier) => {

@@ -109,6 +109,8 @@ pub(super) struct Links {
     worlds_bytes: usize,
     repeats: Repeats,
     received: Received,
+    /// What was taken past this process's loop.
+    received_beside: Arc<Mutex<Received>>,
     sent: Received,
     /// What the thread that tells clients has sent.
     sent_to_clients: Arc<Mutex<Received>>,
@@ -146,6 +148,7 @@ impl Links {
             worlds_bytes: WORLDS_BYTES,
             repeats: Repeats::default(),
             received: Received::default(),
+            received_beside: Arc::default(),
             sent: Received::default(),
             sent_to_clients: Arc::default(),
             malformed: 0,
@@ -157,6 +160,11 @@ impl Links {
     pub(super) fn outlet(&self) -> Outlet {
         let (keys, sent) = (self.keys.clone(), self.sent_to_clients.clone());
         Outlet { keys, datagrams: self.net.datagrams(), sent }
+    }
+
+    /// Returns what counts messages that are taken past this process's loop.
+    pub(super) fn received_beside(&self) -> Arc<Mutex<Received>> {
+        self.received_beside.clone()
     }
 
     pub(super) fn is_linked(&self, peer: Peer) -> bool {
@@ -178,14 +186,16 @@ impl Links {
     /// Returns all that is counted here.
     pub(super) fn all_totals(&self) -> LinkTotals {
         let waiting_bytes = self.waiting.values().map(|waiting| waiting.bytes as u64).sum();
-        let &Self { received, mut sent, malformed, .. } = self;
+        let (received, &Self { mut sent, malformed, .. }) = (self.received(), self);
         sent.add(&self.sent_to_clients.lock().unwrap_or_else(PoisonError::into_inner));
         LinkTotals { net: self.net.totals(), received, sent, waiting_bytes, malformed }
     }
 
     /// Returns what has come, by what it is about.
     pub(super) fn received(&self) -> Received {
-        self.received
+        let mut received = self.received;
+        received.add(&self.received_beside.lock().unwrap_or_else(PoisonError::into_inner));
+        received
     }
 
     /// Dials a peer at one of these addresses; the outcome comes as an event.

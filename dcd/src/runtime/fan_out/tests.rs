@@ -138,6 +138,30 @@ fn a_thread_that_is_held_up_keeps_no_tick_waiting_and_tells_the_newest_states_wh
 }
 
 #[test]
+fn what_is_acknowledged_past_the_leader_counts_as_of_its_newest_tick_and_is_bounded() {
+    let (ear, mut stage) = (Ear::default(), Stage::new());
+    let heard = || Heard { series: 9, datagrams: vec![], lost: false, bytes_per_s: 0 };
+    for _ in 0..3 {
+        let mut waiting = ear.0.lock();
+        stage.tick().into_iter().for_each(|event| waiting.push(event));
+        waiting.events.retain(|event| !matches!(event, ReplicationEvent::Heard { .. }));
+        drop(waiting);
+        ear.hear(CLIENT, heard());
+        let heard = |event: &ReplicationEvent| match event {
+            ReplicationEvent::Heard { client: CLIENT, now, .. } => Some(*now),
+            _ => None,
+        };
+        assert_eq!(ear.0.lock().events.back().and_then(heard), Some(Tick(stage.tick)));
+    }
+    (0..QUEUE + 10).for_each(|_| ear.hear(CLIENT, heard()));
+    assert_eq!(ear.waiting(), QUEUE);
+    ear.0.lock().end();
+    let left = ear.waiting();
+    ear.hear(CLIENT, heard());
+    assert_eq!(ear.waiting(), left, "nothing is told any more");
+}
+
+#[test]
 fn a_participant_whose_link_is_made_anew_is_told_on() {
     let (net, outlet, _folder) = outlet();
     let (keys, sent) = (outlet.keys.clone(), outlet.sent.clone());

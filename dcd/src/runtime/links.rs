@@ -47,8 +47,10 @@ const LEAST_READ: usize = 16 << 10;
 /// A program's datagram is sent only if at most this many bytes of datagrams wait on its link: states go first.
 const PROGRAM_DATAGRAMS_WAITING: usize = 8 << 10;
 
-/// How often the user's traffic counters are refreshed.
-const COUNT: Duration = Duration::from_millis(100);
+/// How often the user's traffic counters are refreshed, of as many links as there are clients.
+const COUNT: Duration = Duration::from_millis(400);
+/// How often it is seen what links to nodes lose.
+const COUNT_LOSSES: Duration = Duration::from_millis(100);
 
 /// A message is repeated only if at most this many bytes of datagrams wait on its link.
 const REPEATS_WAITING: usize = 8 << 10;
@@ -95,6 +97,7 @@ pub(super) struct Links {
     net: Net,
     connections: Connections,
     count_at: Option<Instant>,
+    count_losses_at: Option<Instant>,
     /// Shared with the thread that tells clients.
     keys: Keys,
     names: BTreeMap<PeerKey, PeerName>,
@@ -137,6 +140,7 @@ impl Links {
             net,
             connections,
             count_at: None,
+            count_losses_at: None,
             keys: Keys::default(),
             names: BTreeMap::new(),
             dialled: BTreeMap::new(),
@@ -258,6 +262,9 @@ impl Links {
         if self.count_at.is_none_or(|at| at <= now) {
             self.count_at = Some(now + COUNT);
             self.connections.refresh(now, |link| self.net.stats(link));
+        }
+        if self.count_losses_at.is_none_or(|at| at <= now) {
+            self.count_losses_at = Some(now + COUNT_LOSSES);
             self.count_losses();
         }
         while let Some((to, bytes)) = self.repeats.due(now) {

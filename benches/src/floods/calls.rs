@@ -27,7 +27,11 @@ pub(super) struct Caller {
     config: ClientConfig,
     socket: UdpSocket,
     target: SocketAddr,
-    waiting: BTreeMap<usize, Connection>,
+    /// By the order in which they were begun.
+    waiting: BTreeMap<u64, (ConnectionHandle, Connection)>,
+    /// Which of them has a handle, which another had before.
+    numbers: BTreeMap<usize, u64>,
+    begun: u64,
     packets: Vec<u8>,
 }
 
@@ -41,6 +45,8 @@ impl Caller {
             socket,
             target,
             waiting: BTreeMap::new(),
+            numbers: BTreeMap::new(),
+            begun: 0,
             packets: Vec::new(),
         })
     }
@@ -51,10 +57,13 @@ impl Caller {
         let (handle, mut connection) =
             self.endpoint.connect(now, self.config.clone(), self.target, "server.dcd")?;
         self.send(now, &mut connection);
-        self.waiting.insert(handle.0, connection);
+        self.waiting.insert(self.begun, (handle, connection));
+        self.numbers.insert(handle.0, self.begun);
+        self.begun += 1;
         if self.waiting.len() > WAITING {
-            let (oldest, _) = self.waiting.pop_first().ok_or("one was put in")?;
-            self.endpoint.handle_event(ConnectionHandle(oldest), EndpointEvent::drained());
+            let (_, (oldest, _)) = self.waiting.pop_first().ok_or("one was put in")?;
+            self.numbers.remove(&oldest.0);
+            self.endpoint.handle_event(oldest, EndpointEvent::drained());
         }
         Ok(())
     }
@@ -68,7 +77,10 @@ impl Caller {
             let event = self.endpoint.handle(now, from, None, None, bytes, &mut self.packets);
             self.packets.clear();
             let Some(DatagramEvent::ConnectionEvent(handle, event)) = event else { continue };
-            let Some(mut connection) = self.waiting.remove(&handle.0) else { continue };
+            let number = self.numbers.remove(&handle.0);
+            let Some((_, mut connection)) = number.and_then(|number| self.waiting.remove(&number)) else {
+                continue;
+            };
             connection.handle_event(event);
             self.send(now, &mut connection);
             self.endpoint.handle_event(handle, EndpointEvent::drained());

@@ -14,6 +14,7 @@ use super::first::{AGAIN, first_of};
 use super::join::{answer, explain};
 use super::peer::{GreetError, Lanes, Peer, greet};
 use super::seldom::Seldom;
+use super::source::Calls;
 use super::unasked::Unasked;
 use super::verify::names_of_peer;
 use super::{
@@ -86,6 +87,7 @@ impl Shared {
 
 /// Accepts incoming connections, as many at a time as there is room for.
 pub(super) async fn accept(shared: Arc<Shared>) {
+    let mut calls = Calls::default();
     while let Some(incoming) = shared.endpoint.accept().await {
         let under_way = shared.limits.handshakes - shared.handshake_slots.available_permits();
         if under_way >= shared.limits.handshakes_before_retry && incoming.may_retry() {
@@ -93,7 +95,9 @@ pub(super) async fn accept(shared: Arc<Shared>) {
             let _ = incoming.retry();
             continue;
         }
-        if shared.strangers() >= shared.limits.handshakes + shared.limits.closing {
+        let room = shared.limits.handshakes + shared.limits.closing;
+        let call = (incoming.remote_address(), incoming.orig_dst_cid());
+        if !calls.take(Instant::now(), call, shared.strangers(), room) {
             shared.totals().handshakes_refused += 1;
             incoming.ignore();
             continue;
@@ -149,7 +153,7 @@ async fn connect(shared: &Shared, incoming: Incoming) -> Result<Connection, Conn
 async fn receive(shared: Arc<Shared>, incoming: Incoming, handshake: OwnedSemaphorePermit) {
     let timeout = shared.limits.handshake_timeout;
     let addr = incoming.remote_address();
-    let place = shared.unasked.enter(None);
+    let place = shared.unasked.enter_begun(addr);
     let connected = tokio::select! {
         connected = tokio::time::timeout(timeout, connect(&shared, incoming)) => connected.ok(),
         () = place.gives_way() => None,

@@ -13,6 +13,14 @@ use super::{Lane, NetError, PeerName};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct PeerKey(pub(super) u64);
 
+impl PeerKey {
+    /// Returns the key of a connection that there need not be.
+    #[cfg(all(test, feature = "physics"))]
+    pub(crate) fn numbered(number: u64) -> Self {
+        Self(number)
+    }
+}
+
 /// An event of a connection. Per connection the order is `Connected`, then frames and datagrams, then `Closed`, or
 /// `ConnectFailed` alone.
 #[derive(Debug)]
@@ -155,6 +163,12 @@ impl HeldEvent {
     pub(crate) fn into_event(self) -> NetEvent {
         drop(self.share);
         self.event
+    }
+
+    /// Returns the event, which stays there.
+    #[cfg(feature = "physics")]
+    pub(crate) fn event(&self) -> &NetEvent {
+        &self.event
     }
 
     /// Returns whether it is the end of a connection.

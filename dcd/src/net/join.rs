@@ -307,7 +307,7 @@ pub(super) async fn answer(
         let (send, mut receive) = request.await?;
         Some((send, receive.read_to_end(MESSAGE_LIMIT_BYTES).await.ok()?))
     };
-    let place = unasked.enter(Some(connection));
+    let place = unasked.enter(connection);
     let asked = tokio::time::timeout_at(deadline, request).await;
     drop(place);
     let Ok(Some((mut send, request))) = asked else {
@@ -337,7 +337,7 @@ pub(super) async fn answer(
     }
     decided(answer.is_ok());
     // Who was refused gives way to others while it reads why, and who can ask again: its token is not used up.
-    let place = (renews || answer.is_err()).then(|| unasked.enter(Some(connection)));
+    let place = (renews || answer.is_err()).then(|| unasked.enter(connection));
     let read = async {
         if send.write_all(&encode_reply(&answer)).await.is_ok() && send.finish().is_ok() {
             // The joiner closes when it has read the answer.

@@ -31,6 +31,7 @@ mod renewal;
 mod renewal_request;
 mod role;
 mod seldom;
+mod source;
 mod stats;
 #[cfg(test)]
 mod tests;

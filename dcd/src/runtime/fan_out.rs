@@ -1,7 +1,7 @@
 //! Tells clients the states of bodies on a thread of its own, so that no tick waits for it.
 //!
-//! Its inbox is bounded: of the ticks that wait there the newest states alone remain, of guesses the newest, and acknowledgements beyond some
-//! thousands are dropped. So whatever clients cost, they are told less often, and the world goes on. What is sent goes to the network's thread by a few links at a time, so
+//! Its inbox is bounded: of the ticks that wait there, but for a few, the newest states alone remain, of guesses the newest, and acknowledgements
+//! beyond some thousands are dropped. So whatever clients cost, they are told less often, and the world goes on. What is sent goes to the network's thread by a few links at a time, so
 //! that what members tell each other does not wait behind the states for all clients.
 
 use std::collections::{BTreeMap, VecDeque};
@@ -13,11 +13,14 @@ use tracing::debug;
 use super::bandwidth::Received;
 use crate::cluster::{Peer, ReplicationEvent, StateReplication, TickNews};
 use crate::net::{Datagrams, PeerKey};
-use crate::protocol::{self, Lane, Message, Stamp, ToClient};
-use crate::space::ClientId;
+use crate::protocol::{self, Heard, Lane, Message, Stamp, ToClient};
+use crate::space::{ClientId, Tick};
 
 /// Events that may wait; acknowledgements beyond are dropped, which costs bytes only.
 const QUEUE: usize = 8_192;
+
+/// Ticks that may wait as they are. This thread makes one of them; where it is farther behind, who computes the world does.
+const TICKS: usize = 4;
 
 /// The clients that are told before the network's thread has had its turn. Each costs that thread some 20 µs.
 const CLIENTS_AT_ONCE: usize = 8;
@@ -46,6 +49,27 @@ pub(super) struct Told {
     pub(super) message: ToClient,
 }
 
+/// Gives the thread what clients acknowledge.
+#[derive(Clone, Default)]
+pub(super) struct Ear(Arc<Inbox>);
+
+impl Ear {
+    /// Gives it an acknowledgement of a client. It counts for what is told next, which is after a tick: the thread is not woken for it.
+    pub(super) fn hear(&self, client: ClientId, heard: Heard) {
+        let mut waiting = self.0.lock();
+        if !waiting.over {
+            let now = waiting.newest;
+            waiting.push(ReplicationEvent::Heard { client, heard, now });
+        }
+    }
+
+    /// Returns how many events wait for the thread.
+    #[cfg(test)]
+    pub(super) fn waiting(&self) -> usize {
+        self.0.lock().events.len()
+    }
+}
+
 /// The thread that tells clients; it ends when this is dropped.
 pub(super) struct FanOut {
     inbox: Arc<Inbox>,
@@ -60,11 +84,19 @@ impl FanOut {
         let mut teller = Teller { outlet, tell, batches: BTreeMap::new(), links: BTreeMap::new(), sent: 0 };
         let thread = std::thread::Builder::new().name("dcd-fan-out".into()).spawn(move || {
             let mut replication = None;
-            while let Some(event) = events.take() {
-                teller.handle(&mut replication, event);
+            while let Some(mut events) = events.take() {
+                make_one_tick(&mut events);
+                for event in events {
+                    teller.handle(&mut replication, event);
+                }
             }
         })?;
         Ok(Self { inbox, thread: Some(thread) })
+    }
+
+    /// Returns what gives it acknowledgements.
+    pub(super) fn ear(&self) -> Ear {
+        Ear(self.inbox.clone())
     }
 
     /// Gives it events; returns at once, and whether the thread lives.
@@ -97,6 +129,8 @@ struct Inbox {
 #[derive(Default)]
 struct Waiting {
     events: VecDeque<ReplicationEvent>,
+    /// The newest tick that is complete.
+    newest: Tick,
     over: bool,
 }
 
@@ -105,12 +139,13 @@ impl Inbox {
         self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Waits for an event and takes the first; `None` when there is none and no more will come.
-    fn take(&self) -> Option<ReplicationEvent> {
+    /// Waits for an event and takes all; `None` when there is none and no more will come.
+    fn take(&self) -> Option<VecDeque<ReplicationEvent>> {
         let nothing = |waiting: &mut Waiting| waiting.events.is_empty() && !waiting.over;
         let mut waiting =
             self.changed.wait_while(self.lock(), nothing).unwrap_or_else(PoisonError::into_inner);
-        waiting.events.pop_front()
+        let events = std::mem::take(&mut waiting.events);
+        (!events.is_empty()).then_some(events)
     }
 }
 
@@ -129,6 +164,7 @@ impl Waiting {
                 event
             }
             ReplicationEvent::Tick(news) => {
+                self.newest = news.tick();
                 self.drop_guesses();
                 ReplicationEvent::Tick(match self.take_tick() {
                     Some(mut earlier) => {
@@ -163,12 +199,36 @@ impl Waiting {
         self.events.retain(|event| !matches!(event, ReplicationEvent::Heard { .. }));
     }
 
-    /// Takes the tick that waits, if one does; there is never more than one.
+    /// Takes the last tick that waits, if as many do as may.
     fn take_tick(&mut self) -> Option<TickNews> {
-        let at = self.events.iter().position(|event| matches!(event, ReplicationEvent::Tick(_)))?;
+        let is_tick = |event: &ReplicationEvent| matches!(event, ReplicationEvent::Tick(_));
+        if self.events.iter().filter(|event| is_tick(event)).count() < TICKS {
+            return None;
+        }
+        let at = self.events.iter().rposition(is_tick)?;
         match self.events.remove(at) {
             Some(ReplicationEvent::Tick(news)) => Some(news),
             _ => None,
+        }
+    }
+}
+
+/// Makes one of all ticks, in the place of the last: of each body the newest state alone counts.
+fn make_one_tick(events: &mut VecDeque<ReplicationEvent>) {
+    let mut left = events.iter().filter(|event| matches!(event, ReplicationEvent::Tick(_))).count();
+    let mut all: Option<TickNews> = None;
+    for event in std::mem::take(events) {
+        let ReplicationEvent::Tick(news) = event else {
+            events.push_back(event);
+            continue;
+        };
+        match &mut all {
+            Some(earlier) => earlier.absorb(news),
+            None => all = Some(news),
+        }
+        left -= 1;
+        if left == 0 {
+            events.extend(all.take().map(ReplicationEvent::Tick));
         }
     }
 }

@@ -47,8 +47,10 @@ const LEAST_READ: usize = 16 << 10;
 /// A program's datagram is sent only if at most this many bytes of datagrams wait on its link: states go first.
 const PROGRAM_DATAGRAMS_WAITING: usize = 8 << 10;
 
-/// How often the user's traffic counters are refreshed.
-const COUNT: Duration = Duration::from_millis(100);
+/// How often the user's traffic counters are refreshed, of as many links as there are clients.
+const COUNT: Duration = Duration::from_millis(400);
+/// How often it is seen what links to nodes lose.
+const COUNT_LOSSES: Duration = Duration::from_millis(100);
 
 /// A message is repeated only if at most this many bytes of datagrams wait on its link.
 const REPEATS_WAITING: usize = 8 << 10;
@@ -95,6 +97,7 @@ pub(super) struct Links {
     net: Net,
     connections: Connections,
     count_at: Option<Instant>,
+    count_losses_at: Option<Instant>,
     /// Shared with the thread that tells clients.
     keys: Keys,
     names: BTreeMap<PeerKey, PeerName>,
@@ -109,6 +112,8 @@ pub(super) struct Links {
     worlds_bytes: usize,
     repeats: Repeats,
     received: Received,
+    /// What was taken past this process's loop.
+    received_beside: Arc<Mutex<Received>>,
     sent: Received,
     /// What the thread that tells clients has sent.
     sent_to_clients: Arc<Mutex<Received>>,
@@ -135,6 +140,7 @@ impl Links {
             net,
             connections,
             count_at: None,
+            count_losses_at: None,
             keys: Keys::default(),
             names: BTreeMap::new(),
             dialled: BTreeMap::new(),
@@ -146,6 +152,7 @@ impl Links {
             worlds_bytes: WORLDS_BYTES,
             repeats: Repeats::default(),
             received: Received::default(),
+            received_beside: Arc::default(),
             sent: Received::default(),
             sent_to_clients: Arc::default(),
             malformed: 0,
@@ -157,6 +164,11 @@ impl Links {
     pub(super) fn outlet(&self) -> Outlet {
         let (keys, sent) = (self.keys.clone(), self.sent_to_clients.clone());
         Outlet { keys, datagrams: self.net.datagrams(), sent }
+    }
+
+    /// Returns what counts messages that are taken past this process's loop.
+    pub(super) fn received_beside(&self) -> Arc<Mutex<Received>> {
+        self.received_beside.clone()
     }
 
     pub(super) fn is_linked(&self, peer: Peer) -> bool {
@@ -178,14 +190,16 @@ impl Links {
     /// Returns all that is counted here.
     pub(super) fn all_totals(&self) -> LinkTotals {
         let waiting_bytes = self.waiting.values().map(|waiting| waiting.bytes as u64).sum();
-        let &Self { received, mut sent, malformed, .. } = self;
+        let (received, &Self { mut sent, malformed, .. }) = (self.received(), self);
         sent.add(&self.sent_to_clients.lock().unwrap_or_else(PoisonError::into_inner));
         LinkTotals { net: self.net.totals(), received, sent, waiting_bytes, malformed }
     }
 
     /// Returns what has come, by what it is about.
     pub(super) fn received(&self) -> Received {
-        self.received
+        let mut received = self.received;
+        received.add(&self.received_beside.lock().unwrap_or_else(PoisonError::into_inner));
+        received
     }
 
     /// Dials a peer at one of these addresses; the outcome comes as an event.
@@ -248,6 +262,9 @@ impl Links {
         if self.count_at.is_none_or(|at| at <= now) {
             self.count_at = Some(now + COUNT);
             self.connections.refresh(now, |link| self.net.stats(link));
+        }
+        if self.count_losses_at.is_none_or(|at| at <= now) {
+            self.count_losses_at = Some(now + COUNT_LOSSES);
             self.count_losses();
         }
         while let Some((to, bytes)) = self.repeats.due(now) {

@@ -18,6 +18,7 @@ use tracing::field::display;
 
 use self::event_loop::Loop;
 use self::recorded_node::RecordedNode;
+use super::acknowledgements::Acknowledgements;
 use super::bandwidth::Received;
 use super::ending::{GIVE_UP, Reason};
 use super::fan_out::{FanOut, Told};
@@ -26,7 +27,7 @@ use super::metrics::{NodeGauge, NodeMetrics};
 use super::{Connections, PhysicsDevice, ProcessError, Pulse};
 use crate::cluster::{Client, ClientEvent, Node, NodeConfig, Peer, PhysicsEvent, TickStats};
 use crate::metrics::Endpoint;
-use crate::net::{HeldEvent, Identity, Limits, Net, NetConfig, NetEvents, PeerStats};
+use crate::net::{HeldEvent, Identity, Limits, Net, NetConfig, NetEvent, NetEvents, PeerStats};
 use crate::physics::RegionHost;
 use crate::protocol::{Area, Refusal};
 use crate::recording::{Background, Recorder};
@@ -254,7 +255,6 @@ impl Member {
         let shared =
             Arc::new(Shared { start: Instant::now(), state: Mutex::new(state), changed: Condvar::new() });
         let (inbox, inputs) = mpsc::sync_channel(QUEUE);
-        forward(events, inbox.clone())?;
         let waker = inbox.clone();
         // A loop whose inbox is full is awake.
         let connections = Connections::new(who, move || drop(waker.try_send(Input::Wake)));
@@ -265,6 +265,10 @@ impl Member {
             Some(_) => Some(fan_out(&links, inbox.clone(), told.clone())?),
             None => None,
         };
+        let mut acknowledgements =
+            fan_out.as_ref().map(|fan_out| Acknowledgements::new(fan_out.ear(), links.received_beside()));
+        let is_taken = move |event: &NetEvent| acknowledgements.as_mut().is_some_and(|of| of.take(event));
+        forward(events, inbox.clone(), is_taken)?;
         let verifier = inbox.clone();
         // A loop that has ended does not listen.
         let tell = move |event| drop(verifier.send(Input::Verified(event)));
@@ -443,13 +447,17 @@ fn reachable(bound: SocketAddr, servers: &[SocketAddr]) -> SocketAddr {
 }
 
 /// Forwards network events into the loop's inbox, so that they and the user's inputs come through one channel. Each takes up its peer's share
-/// until the loop reads it, so that what waits of one peer stays bounded, and holds back that peer alone.
+/// until the loop reads it, so that what waits of one peer stays bounded, and holds back that peer alone. What `is_taken` on the way does not come there.
 pub(super) fn forward<T: From<HeldEvent> + Send + 'static>(
     events: NetEvents,
     inbox: SyncSender<T>,
+    mut is_taken: impl FnMut(&NetEvent) -> bool + Send + 'static,
 ) -> Result<(), ProcessError> {
     let pump = move || {
         while let Ok(held) = events.recv_held() {
+            if is_taken(held.event()) {
+                continue;
+            }
             if inbox.send(held.into()).is_err() {
                 return;
             }
@@ -515,7 +523,7 @@ mod tests {
             panic!("it is linked")
         };
         let (inbox, inputs) = std::sync::mpsc::sync_channel::<Input>(4_096);
-        forward(events, inbox).unwrap();
+        forward(events, inbox, |_| false).unwrap();
         let (begun, mut said) = (Instant::now(), 0);
         let say = |said: &mut usize| {
             while *said < FRAMES && peer.send(to, crate::net::Lane::Object, [7; 64 << 10]).is_ok() {

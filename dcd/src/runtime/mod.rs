@@ -2,6 +2,8 @@
 //! node, a client and a participant.
 
 #[cfg(feature = "net")]
+mod acknowledgements;
+#[cfg(feature = "net")]
 mod bandwidth;
 mod choice;
 #[cfg(feature = "net")]

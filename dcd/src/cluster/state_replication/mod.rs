@@ -78,6 +78,12 @@ impl TickNews {
         Self { tick, opened, is_last, moved, ..self }
     }
 
+    /// Returns the newest tick in it.
+    #[cfg(all(feature = "net", feature = "physics"))]
+    pub(crate) fn tick(&self) -> Tick {
+        self.tick
+    }
+
     pub(super) fn interested(&mut self, client: ClientId, area: Option<Area>) {
         self.interests.insert(client, area);
     }

@@ -268,10 +268,10 @@ struct Caller {
 }
 
 impl Caller {
-    fn new(server: &Server) -> Self {
+    fn new(server: &Server, host: [u8; 4]) -> Self {
         let crypto = crate::net::verify::joining(server.token(JoinRole::Node).fingerprint).unwrap();
         let crypto = quinn::crypto::rustls::QuicClientConfig::try_from(crypto).unwrap();
-        let socket = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+        let socket = std::net::UdpSocket::bind((std::net::Ipv4Addr::from(host), 0)).unwrap();
         socket.set_read_timeout(Some(Duration::from_millis(100))).unwrap();
         Self {
             endpoint: quinn_proto::Endpoint::new(Arc::default(), None, true, None),
@@ -319,7 +319,7 @@ fn who_falls_silent_in_handshakes_leaves_few_connections_behind() {
     let limits =
         Limits { handshakes, closing, handshakes_before_retry, handshake_timeout: HOUR, ..Limits::default() };
     let server = Server::with_limits(limits);
-    let mut caller = Caller::new(&server);
+    let mut caller = Caller::new(&server, [127, 0, 0, 1]);
     let (mut proved, begun) = (0, Instant::now());
     while proved < 100 || server.process.net.totals().handshakes_refused < 80 {
         proved += usize::from(caller.call());
@@ -328,6 +328,49 @@ fn who_falls_silent_in_handshakes_leaves_few_connections_behind() {
         assert!(begun.elapsed() < PATIENCE, "{proved} handshakes");
     }
     server.join(JoinRole::Client);
+}
+
+#[test]
+fn who_calls_often_from_one_place_pushes_nobody_out_who_calls_from_elsewhere() {
+    let handshakes = 8;
+    let limits =
+        Limits { handshakes, handshakes_before_retry: 1, handshake_timeout: HOUR, ..Limits::default() };
+    let server = Server::with_limits(limits);
+    // What a process says that joins goes on to the server by this way, and the answer comes late.
+    let way = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+    way.set_read_timeout(Some(Duration::from_millis(50))).unwrap();
+    let (at, to, token) = (way.local_addr().unwrap(), server.addr(), server.token(JoinRole::Node));
+    let begun = Instant::now();
+    let mut packet = [0; 2_048];
+    let mut receive = || {
+        assert!(begun.elapsed() < 2 * PATIENCE, "nothing comes of it");
+        way.recv_from(&mut packet).ok().map(|(length, from)| (packet[..length].to_vec(), from))
+    };
+    std::thread::scope(|scope| {
+        let joining = scope.spawn(|| join(&[at], &token, None, PATIENCE));
+        let (first, joiner) = std::iter::repeat_with(&mut receive).flatten().next().unwrap();
+        way.send_to(&first, to).unwrap();
+        let mut receive_from = |peer| loop {
+            if let Some((packet, from)) = receive()
+                && from == peer
+            {
+                break packet;
+            }
+        };
+        let answer = receive_from(to);
+        let mut caller = Caller::new(&server, [127, 0, 0, 2]);
+        while server.process.net.totals().handshakes_refused < 3 * handshakes as u64 {
+            caller.call();
+            assert!(begun.elapsed() < PATIENCE, "none gives way");
+        }
+        way.send_to(&answer, joiner).unwrap();
+        while !joining.is_finished() {
+            if let Some((packet, from)) = receive() {
+                way.send_to(&packet, if from == to { joiner } else { to }).unwrap();
+            }
+        }
+        joining.join().unwrap().unwrap();
+    });
 }
 
 #[test]

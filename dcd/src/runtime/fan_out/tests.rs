@@ -123,7 +123,7 @@ fn a_thread_that_is_held_up_keeps_no_tick_waiting_and_tells_the_newest_states_wh
     }
     println!("{:?} for {} ticks", begin.elapsed(), QUEUE + 1_000);
     let waiting = fan_out.inbox.lock().events.len();
-    assert!(waiting <= QUEUE + 1, "{waiting} events wait");
+    assert!(waiting <= QUEUE + TICKS, "{waiting} events wait");
     let last = Tick(stage.tick);
     // From here on it is never held up.
     drop(open);
@@ -135,6 +135,30 @@ fn a_thread_that_is_held_up_keeps_no_tick_waiting_and_tells_the_newest_states_wh
             .try_iter()
             .all(|told| matches!(told.message, ToClient::CompactStates { stamp, .. } if stamp.tick == last))
     );
+}
+
+#[test]
+fn what_is_acknowledged_past_the_leader_counts_as_of_its_newest_tick_and_is_bounded() {
+    let (ear, mut stage) = (Ear::default(), Stage::new());
+    let heard = || Heard { series: 9, datagrams: vec![], lost: false, bytes_per_s: 0 };
+    for _ in 0..3 {
+        let mut waiting = ear.0.lock();
+        stage.tick().into_iter().for_each(|event| waiting.push(event));
+        waiting.events.retain(|event| !matches!(event, ReplicationEvent::Heard { .. }));
+        drop(waiting);
+        ear.hear(CLIENT, heard());
+        let heard = |event: &ReplicationEvent| match event {
+            ReplicationEvent::Heard { client: CLIENT, now, .. } => Some(*now),
+            _ => None,
+        };
+        assert_eq!(ear.0.lock().events.back().and_then(heard), Some(Tick(stage.tick)));
+    }
+    (0..QUEUE + 10).for_each(|_| ear.hear(CLIENT, heard()));
+    assert_eq!(ear.waiting(), QUEUE);
+    ear.0.lock().end();
+    let left = ear.waiting();
+    ear.hear(CLIENT, heard());
+    assert_eq!(ear.waiting(), left, "nothing is told any more");
 }
 
 #[test]
@@ -167,6 +191,30 @@ fn what_waits_is_told_before_it_ends() {
     drop(fan_out);
     let is_of_states = |told: Told| matches!(told.message, ToClient::CompactStates { .. });
     assert!(tells.try_iter().any(is_of_states));
+}
+
+#[test]
+fn few_ticks_wait_and_who_tells_clients_makes_one_of_them() {
+    let (mut waiting, mut stage) = (Waiting::default(), Stage::new());
+    let ticks = |events: &VecDeque<ReplicationEvent>| {
+        let tick = |event: &ReplicationEvent| match event {
+            ReplicationEvent::Tick(news) => Some(news.tick().0),
+            _ => None,
+        };
+        events.iter().filter_map(tick).collect::<Vec<_>>()
+    };
+    for _ in 0..10 {
+        stage.tick().into_iter().for_each(|event| waiting.push(event));
+    }
+    assert_eq!(ticks(&waiting.events), [0, 1, 2, 10], "the newest states alone remain");
+    make_one_tick(&mut waiting.events);
+    assert_eq!(ticks(&waiting.events), [10]);
+    let heard = waiting.events.iter().filter(|event| matches!(event, ReplicationEvent::Heard { .. })).count();
+    assert_eq!(heard, 10, "all else stays");
+    assert!(
+        matches!(waiting.events.iter().nth_back(1), Some(ReplicationEvent::Tick(_))),
+        "in the last one's place"
+    );
 }
 
 #[test]

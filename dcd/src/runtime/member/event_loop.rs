@@ -159,17 +159,13 @@ impl Loop {
             self.gauge.iter().for_each(|gauge| gauge.turned(Instant::now()));
             if self.count_at <= now {
                 self.count_at = now + COUNT;
-                let mut state = self.shared.lock();
-                (state.traffic, state.received) = (self.links.totals().traffic, self.links.received());
-                drop(state);
-                if let (Some(gauge), Some(node)) = (&self.gauge, &self.node) {
-                    gauge.counted(node.node(), self.links.all_totals());
-                }
+                self.count();
             }
             if self.end.is_none() && self.release_by.is_some_and(|by| by <= now) {
                 self.end = Some(Err(ProcessError::NotReleased { server: self.server, waited: RELEASE }));
             }
         }
+        self.count();
         let recorded = self.node.as_mut().map_or(Ok(()), RecordedNode::finish);
         let end = self.end.take().unwrap_or(Ok(())).and(recorded);
         let farewell = self.reason.as_ref().map(|reason| reason.text.clone());
@@ -180,6 +176,18 @@ impl Loop {
         drop(state);
         self.shared.changed.notify_all();
         self.connections.end(reason);
+    }
+
+    /// Counts the traffic of all links: not after each tick, since it is summed over as many as there are clients.
+    fn count(&self) {
+        let totals = self.links.all_totals();
+        let mut state = self.shared.lock();
+        (state.traffic, state.received) = (totals.net.traffic, totals.received);
+        state.summary.bytes = state.traffic.bytes_in + state.traffic.bytes_out;
+        drop(state);
+        if let (Some(gauge), Some(node)) = (&self.gauge, &self.node) {
+            gauge.counted(node.node(), totals);
+        }
     }
 
     /// Ends a client to which its server names a leader that it cannot reach.
@@ -386,10 +394,8 @@ impl Loop {
             NodeOutput::Physics(command) => self.compute(command),
             NodeOutput::Client(message) => self.client(ClientEvent::Node(message)),
             NodeOutput::Settled(tick) => {
-                let bytes = self.links.totals().traffic;
                 let mut state = self.shared.lock();
                 state.summary.tick = tick;
-                state.summary.bytes = bytes.bytes_in + bytes.bytes_out;
                 state.summary.seconds = self.start.elapsed().as_secs_f64();
                 drop(state);
                 self.shared.changed.notify_all();

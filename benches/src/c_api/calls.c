@@ -11,6 +11,8 @@
  *                                      ns a ray into such boxes, all rays by one call: the least of some calls
  *   calls rollback BODIES REPEATS      ms to keep a pile by a checkpoint, to go back to it, and that the next step takes longer
  *                                      for it, in which what was shared is copied; medians
+ *   calls game BODIES STEPS REGIONS PLANE
+ *                                      ms of the CPU a step of a game, the mean; four regions are cut at x = z = PLANE
  *   calls connect SERVER TOKEN         ms until a client has the first state of a served world */
 #define _POSIX_C_SOURCE 200809L
 
@@ -316,6 +318,93 @@ static void rolling_back(size_t bodies, size_t repeats)
     printf("copy_again_ms %.4f\n", median[STEP_RESTORED] - median[PLAIN]);
 }
 
+/* A game: groups of five on 90 m by 90 m of ground. A third of them are stacks that sleep, a third chains that fall, a third heaps of all
+ * shapes with a ball each that somebody plays; a platform carries some of them along. One row of groups along x and one along z lie at `plane` 20.25, none
+ * does at 0. */
+static DcdWorld game_world(size_t bodies, uint32_t regions, double plane, DcdBodyId *ids)
+{
+    enum { GROUP = 5, ROW = 20 };
+    const float half_ground[3] = { 100.0f, 0.5f, 100.0f }, half_platform[3] = { 6.0f, 0.2f, 6.0f };
+    const float half_box[3] = { 0.5f, 0.25f, 0.4f };
+    const float corners[12] = { -0.4f, -0.3f, -0.4f, 0.4f, -0.3f, -0.4f, 0.0f, -0.3f, 0.5f, 0.0f, 0.5f, 0.0f };
+    DcdWorldDef def = DCD_WORLD_DEF_INIT;
+    DcdBodyDef ground = DCD_BODY_DEF_INIT, platform = DCD_BODY_DEF_INIT;
+    DcdWorld world;
+    DcdShapeId shapes[GROUP];
+    DcdBodyId id;
+    def.regions = regions;
+    def.threads = 1;
+    for (int axis = 0; axis < 3; axis += 2) {
+        def.min[axis] += plane;
+        def.max[axis] += plane;
+    }
+    check(dcd_world_create(&def, &world));
+    ground.body_type = DCD_FIXED;
+    ground.pose.p[1] = -0.5;
+    check(dcd_shape_box(world, half_ground, &ground.shape));
+    check(dcd_body_create(world, &ground, &id));
+    platform.body_type = DCD_KINEMATIC;
+    platform.pose.p[0] = -50.0;
+    platform.pose.p[1] = 5.0;
+    platform.velocity.linear[0] = 4.0f;
+    check(dcd_shape_box(world, half_platform, &platform.shape));
+    check(dcd_body_create(world, &platform, &id));
+    check(dcd_shape_box(world, half_box, &shapes[0]));
+    check(dcd_shape_sphere(world, 0.35f, &shapes[1]));
+    check(dcd_shape_capsule(world, 0.3f, 0.2f, &shapes[2]));
+    check(dcd_shape_cylinder(world, 0.25f, 0.4f, &shapes[3]));
+    check(dcd_shape_hull(world, corners, 4, &shapes[4]));
+    for (size_t i = 0; i < bodies; i++) {
+        const size_t group = i / GROUP, place = i % GROUP, kind = group % 3;
+        DcdBodyDef body = DCD_BODY_DEF_INIT;
+        body.pose.p[0] = 4.5 * (double)(group % ROW) - 42.75;
+        body.pose.p[2] = 4.5 * (double)(group / ROW) - 42.75;
+        if (kind == 0) {
+            body.shape = shapes[0];
+            body.pose.p[1] = 0.25 + 0.5 * (double)place;
+            body.flags = DCD_BODY_ASLEEP;
+        } else if (kind == 1) {
+            body.shape = shapes[2];
+            body.pose.p[1] = 1.0 + (double)place;
+            body.velocity.linear[2] = 1.0f;
+        } else {
+            body.shape = shapes[place];
+            body.pose.p[0] += 0.3 * (double)place - 0.6;
+            body.pose.p[1] = 0.5 + (double)place + (group < 12 ? 5.0 : 0.0);
+        }
+        check(dcd_body_create(world, &body, &ids[i]));
+        if (kind == 1 && place > 0) {
+            DcdJointDef joint = DCD_JOINT_DEF_INIT;
+            DcdJointId tied;
+            joint.joint_type = DCD_JOINT_SPHERICAL;
+            joint.a = ids[i - 1];
+            joint.b = ids[i];
+            joint.frame_a.p[1] = 0.5f;
+            joint.frame_b.p[1] = -0.5f;
+            check(dcd_joint_create(world, &joint, &tied));
+        }
+    }
+    return world;
+}
+
+static void playing(size_t bodies, size_t steps, uint32_t regions, double plane)
+{
+    DcdBodyId *ids = allocate(bodies, sizeof *ids);
+    const DcdWorld world = game_world(bodies, regions, plane, ids);
+    const clock_t start = clock();
+    for (size_t step = 0; step < steps; step++) {
+        for (size_t i = 11; i < bodies && step % 30 == 0; i += 15) {
+            const float along = step % 60 == 0 ? 4.0f : -4.0f, across = (float)(i % 7) - 3.0f;
+            const DcdVelocity velocity = { { along, 0.0f, across }, { 0.0f, 0.0f, 0.0f } };
+            check(dcd_body_set_velocity(world, ids[i], &velocity));
+        }
+        check(dcd_step(world));
+    }
+    printf("step_ms %.4f\n", 1e3 * (double)(clock() - start) / CLOCKS_PER_SEC / (double)steps);
+    check(dcd_world_destroy(world));
+    free(ids);
+}
+
 static void connecting(const char *server, const char *token)
 {
     DcdClientDef def = DCD_CLIENT_DEF_INIT;
@@ -348,10 +437,13 @@ int main(int argc, char **argv)
         casting(strtoul(argv[2], NULL, 10), strtoul(argv[3], NULL, 10), regions, threads);
     } else if (argc == 4 && strcmp(argv[1], "rollback") == 0) {
         rolling_back(strtoul(argv[2], NULL, 10), strtoul(argv[3], NULL, 10));
+    } else if (argc == 6 && strcmp(argv[1], "game") == 0) {
+        const uint32_t regions = (uint32_t)strtoul(argv[4], NULL, 10);
+        playing(strtoul(argv[2], NULL, 10), strtoul(argv[3], NULL, 10), regions, strtod(argv[5], NULL));
     } else if (argc == 4 && strcmp(argv[1], "connect") == 0) {
         connecting(argv[2], argv[3]);
     } else {
-        fprintf(stderr, "usage: calls read|made|rollback BODIES REPEATS | step|viewed BODIES STEPS | rays BODIES RAYS REGIONS THREADS | connect SERVER TOKEN\n");
+        fprintf(stderr, "usage: calls read|made|rollback BODIES REPEATS | step|viewed BODIES STEPS | rays BODIES RAYS REGIONS THREADS | game BODIES STEPS REGIONS PLANE | connect SERVER TOKEN\n");
         return EXIT_FAILURE;
     }
     return EXIT_SUCCESS;

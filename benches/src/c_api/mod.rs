@@ -101,6 +101,7 @@ impl CApi {
         let many = if self.output.quick { 1_000 } else { 20_000 };
         rows.extend(making(&calls, many, rounds)?);
         rows.extend(casting(&calls, many, rounds)?);
+        rows.extend(playing(&calls, steps / 5, rounds)?);
 
         for (bodies, goal) in [(2_000, 1.0), (20_000, 10.0)] {
             let said = calls.said(&["rollback", &bodies.to_string(), &(rounds * 9).to_string()])?;
@@ -261,6 +262,29 @@ fn casting(calls: &Calls, bodies: usize, rounds: usize) -> Result<Vec<Row>, Box<
         ]
     };
     Ok(ours.into_iter().zip(ways).flat_map(row).collect())
+}
+
+/// Measures what a game costs in four regions on one thread, where they gain nothing, over the same in one: in turn, and of each the run that
+/// was disturbed least.
+fn playing(calls: &Calls, steps: usize, rounds: usize) -> Result<Vec<Row>, Box<dyn Error>> {
+    const BODIES: usize = 2_000;
+    let ways = [("cut between its groups", 0.0), ("cut through its groups", 20.25)];
+    let step_ms = |regions: usize, plane: f64| -> Result<f64, Box<dyn Error>> {
+        let [bodies, steps, regions] = [BODIES, steps, regions].map(|count| count.to_string());
+        Ok(calls.said(&["game", &bodies, &steps, &regions, &plane.to_string()])?["step_ms"])
+    };
+    let (mut one, mut four) = (f64::INFINITY, [f64::INFINITY; 2]);
+    for _ in 0..rounds {
+        one = one.min(step_ms(1, 0.0)?);
+        for (best, (_, plane)) in four.iter_mut().zip(ways) {
+            *best = best.min(step_ms(4, plane)?);
+        }
+    }
+    let row = |(four, (way, _)): (f64, (&str, f64))| {
+        let figure = format!("a step of a game of {BODIES} bodies in four regions, {way}, over one region");
+        Row::new(&figure, four / one, "times the CPU", 1.1)
+    };
+    Ok(four.into_iter().zip(ways).map(row).collect())
 }
 
 /// Boxes as `calls made` has them, in a bare Rapier world.

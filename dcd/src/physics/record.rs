@@ -197,7 +197,15 @@ pub(super) fn body_type(kind: BodyKind) -> RigidBodyType {
     }
 }
 
-pub(super) fn build_body(record: &BodyRecord, anchor: [f64; 3]) -> RigidBody {
+fn build_body(record: &BodyRecord, anchor: [f64; 3]) -> RigidBody {
+    let mut body = body_builder(record, anchor).build();
+    finish_body(&mut body, record);
+    body
+}
+
+/// Returns the builder of a body, to which [`finish_body`] does the rest. Who inserts it does both apart: a body that is built and then inserted is
+/// copied once more, and that takes as long as all else that is done to it here.
+pub(super) fn body_builder(record: &BodyRecord, anchor: [f64; 3]) -> RigidBodyBuilder {
     let (traits, state) = (&record.traits, &record.state);
     // Rapier's setters would copy the builder each: they are not inlined into this crate.
     let mut builder = RigidBodyBuilder::new(body_type(traits.kind));
@@ -220,12 +228,16 @@ pub(super) fn build_body(record: &BodyRecord, anchor: [f64; 3]) -> RigidBody {
     if traits.locked_axes != 0 {
         builder = builder.locked_axes(LockedAxes::from_bits_truncate(traits.locked_axes));
     }
-    builder = match traits.extra_mass {
+    match traits.extra_mass {
         None => builder,
         Some(ExtraMass::Mass(mass)) => builder.additional_mass(mass),
         Some(ExtraMass::Properties(props)) => builder.additional_mass_properties(mass_properties(&props)),
-    };
-    let mut body = builder.build();
+    }
+}
+
+/// Sets what Rapier's builder does not know.
+pub(super) fn finish_body(body: &mut RigidBody, record: &BodyRecord) {
+    let (traits, state) = (&record.traits, &record.state);
     // Few are pushed all the time.
     if body.is_dynamic() && (state.force, state.torque) != ([0.0; 3], [0.0; 3]) {
         body.add_force(vector(state.force), false);
@@ -236,7 +248,6 @@ pub(super) fn build_body(record: &BodyRecord, anchor: [f64; 3]) -> RigidBody {
     activation.angular_threshold = traits.sleep_angular_threshold;
     activation.time_until_sleep = traits.sleep_after_s;
     activation.time_since_can_sleep = state.still_s;
-    body
 }
 
 /// Returns the AABB of the colliders of a body in its recorded pose, in world space; infinite for half-spaces.
@@ -325,7 +336,14 @@ pub(crate) fn renewed(record: &ColliderRecord, collider: &Collider) -> ColliderR
     }
 }
 
-pub(super) fn build_collider(record: &ColliderRecord, shapes: &ShapeLibrary) -> Result<Collider, ShapeError> {
+fn build_collider(record: &ColliderRecord, shapes: &ShapeLibrary) -> Result<Collider, ShapeError> {
+    collider_builder(record, shapes).map(|builder| builder.build())
+}
+
+pub(super) fn collider_builder(
+    record: &ColliderRecord,
+    shapes: &ShapeLibrary,
+) -> Result<ColliderBuilder, ShapeError> {
     let mut builder = ColliderBuilder::new(shapes.shape(record.shape)?);
     builder.position = convert::pose(record.pose);
     builder.friction = record.friction;
@@ -349,7 +367,7 @@ pub(super) fn build_collider(record: &ColliderRecord, shapes: &ShapeLibrary) -> 
             ColliderMassProps::MassProperties(Box::new(mass_properties(&props)))
         }
     };
-    Ok(builder.build())
+    Ok(builder)
 }
 
 /// Returns where the mass of a collider is from. Rapier does not tell whether it was given a density, a mass or all of it: that shows by

@@ -25,7 +25,6 @@ pub use ray::{RayHit, WorldRay};
 use rapier3d::prelude::*;
 
 use super::collider_id::ColliderId;
-use super::convert;
 use super::host::RegionHost;
 use super::region::{Moved, Ownership, Region};
 use crate::space::Bounds;
@@ -149,30 +148,14 @@ impl Answerer<'_> {
         let handle = self.moved.map_or(handle, |moved| moved.original(handle));
         let parent = world.colliders.get(handle)?.parent()?;
         let (_, role) = region.role_of(parent)?;
-        if role == Ownership::Immovable && !region.covers(&self.world_box(near)) {
+        if role == Ownership::Immovable && !region.covers(&region.box_in_world(near)) {
             return None;
         }
         region.collider_name(handle).map(|(body, index)| ColliderId { body, index: index.into() })
     }
 
-    fn world_box(&self, aabb: Aabb) -> Bounds {
-        world_box(self.region, aabb)
-    }
-
     /// Returns the AABB of all its colliders, in world space.
     fn extent(&self) -> Bounds {
-        self.world_box(self.pipeline.bvh.root_aabb())
+        self.region.box_in_world(self.pipeline.bvh.root_aabb())
     }
-}
-
-/// Returns a box around all colliders of a region, in world space; `None` if it has none.
-fn extent_of(region: &Region) -> Option<Bounds> {
-    let trees = [region.physics().query_pipeline().bvh, &region.moved().bvh];
-    let boxes = trees.into_iter().filter(|bvh| !bvh.is_empty()).map(|bvh| world_box(region, bvh.root_aabb()));
-    boxes.reduce(|all, one| all.union(&one))
-}
-
-fn world_box(region: &Region, aabb: Aabb) -> Bounds {
-    let anchor = region.anchor();
-    Bounds { min: convert::world_point(anchor, aabb.mins), max: convert::world_point(anchor, aabb.maxs) }
 }

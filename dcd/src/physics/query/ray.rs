@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use rapier3d::prelude::*;
 
-use super::{Answerer, BodyFilter, Lets, Queries, QueryError, check, extent_of};
+use super::{Answerer, BodyFilter, Lets, Queries, QueryError, check};
 use crate::physics::convert;
 use crate::physics::region::Region;
 use crate::space::{BodyId, Bounds};
@@ -93,8 +93,9 @@ impl Queries<'_> {
     /// Returns the regions where a ray may hit something, in the order in which it comes to them: after a hit it need not look any
     /// farther.
     fn entered(&self, ray: &Straight) -> Vec<(f64, &Region)> {
-        let enters = |region| Some((ray.enters(&extent_of(region)?, ray.max_m)?, region));
-        let mut entered: Vec<_> = self.host.regions().filter_map(enters).collect();
+        let enters = |region: &Region| ray.enters(region.moved().extent.as_ref()?, ray.max_m);
+        let regions = self.host.regions();
+        let mut entered: Vec<_> = regions.filter_map(|region| Some((enters(region)?, region))).collect();
         entered.sort_by(|a, b| a.0.total_cmp(&b.0));
         entered
     }

@@ -30,6 +30,7 @@ impl Region {
         self.touch(handle);
         if let Some(found) = found.get_mut() {
             found.add(self, handle);
+            found.measure(self);
         }
         self.moved = found;
     }

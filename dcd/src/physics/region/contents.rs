@@ -30,11 +30,13 @@ impl Region {
         }
         self.stirred = true;
         let found = std::mem::take(&mut self.moved);
-        let handle = self.world.bodies.insert(record::build_body(body, self.anchor));
+        let bodies = &mut self.world.bodies;
+        let handle = bodies.insert(record::body_builder(body, self.anchor));
+        record::finish_body(&mut bodies[handle], body);
         let before = self.by_id.insert(body.id, handle);
         assert!(before.is_none(), "{} is already held by {}", body.id, self.id);
         for (place, record) in body.traits.colliders.iter().enumerate() {
-            let collider = record::build_collider(record, shapes)
+            let collider = record::collider_builder(record, shapes)
                 .expect("it has been looked at, or one like it is here");
             let world = &mut *self.world;
             let collider = world.colliders.insert_with_parent(collider, handle, &mut world.bodies);

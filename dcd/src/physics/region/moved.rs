@@ -12,6 +12,7 @@ use parry3d::partitioning::Bvh;
 use rapier3d::prelude::*;
 
 use super::{Ownership, Region};
+use crate::space::Bounds;
 
 /// Copies of the moved colliders at their present places, in a BVH.
 #[derive(Clone, Default)]
@@ -23,6 +24,9 @@ pub(in crate::physics) struct Moved {
     copies: HashMap<ColliderHandle, ColliderHandle>,
     /// Rapier's indices of the bodies, ascending.
     bodies: Vec<u32>,
+    /// A box around all colliders of the region, in world space, these and those that stayed; none if there are none. Each ray asks all regions
+    /// for it.
+    pub(in crate::physics) extent: Option<Bounds>,
 }
 
 impl Moved {
@@ -35,6 +39,7 @@ impl Moved {
         handles.dedup();
         let mut moved = Self::default();
         handles.into_iter().for_each(|handle| moved.add(region, handle));
+        moved.measure(region);
         moved
     }
 
@@ -65,6 +70,14 @@ impl Moved {
                 self.bvh.remove(copy.into_raw_parts().0);
             }
         }
+    }
+
+    /// Measures the extent of the region, after all that was added.
+    pub(super) fn measure(&mut self, region: &Region) {
+        let trees = [region.physics().query_pipeline().bvh, &self.bvh];
+        let boxes = trees.into_iter().filter(|bvh| !bvh.is_empty());
+        self.extent =
+            boxes.map(|bvh| region.box_in_world(bvh.root_aabb())).reduce(|all, one| all.union(&one));
     }
 
     fn copy(&mut self, original: ColliderHandle, collider: &Collider) -> ColliderHandle {
@@ -154,5 +167,33 @@ mod tests {
             (found(&host, -20.0), found(&host, -7.0), found(&host, 10.0)),
             (None, None, Some(agents[5]))
         );
+    }
+
+    #[test]
+    fn a_ray_goes_to_a_region_for_what_came_to_lie_outside_of_all_else_there() {
+        let tree = DistributionTree::halved(Bounds::around([0.0; 3], [100.0; 3]), 4).unwrap();
+        let partition = Partition::new(tree, None);
+        let leaves = partition.leaves().to_vec();
+        let mut host = RegionHost::new(partition, StepSettings::default(), 1, &leaves).unwrap();
+        let insert = |host: &mut RegionHost, index: u32, at: [f64; 3]| {
+            let (id, body) = (BodyId::persistent(index), RigidBodyBuilder::dynamic().build());
+            let ball = ColliderBuilder::ball(0.5);
+            let record = host.shapes_mut().describe(id, WorldPose::at(at), &body, &[ball]).unwrap();
+            host.insert(vec![record], &[]).unwrap();
+            id
+        };
+        let found = |host: &RegionHost, y: f64| {
+            let along = WorldRay::new([-200.0, y, 30.0], [1.0, 0.0, 0.0]);
+            host.queries().cast_ray(&along, &BodyFilter::default()).unwrap().map(|hit| hit.body)
+        };
+        let first = insert(&mut host, 0, [30.0, 0.0, 30.0]);
+        host.step().unwrap();
+        assert_eq!((found(&host, 0.0), found(&host, 50.0)), (Some(first), None));
+        let second = insert(&mut host, 1, [30.0, 50.0, 30.0]);
+        assert_eq!(found(&host, 50.0), Some(second), "one that came");
+        host.teleport(first, WorldPose::at([30.0, -50.0, 30.0])).unwrap();
+        assert_eq!((found(&host, 0.0), found(&host, -50.0)), (None, Some(first)), "one that was put there");
+        host.remove(second);
+        assert_eq!(found(&host, 50.0), None);
     }
 }

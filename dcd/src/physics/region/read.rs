@@ -91,6 +91,12 @@ impl Region {
         Bounds::around(centre, [half_m; 3])
     }
 
+    /// Returns a box of region space in world space.
+    pub(in crate::physics) fn box_in_world(&self, aabb: Aabb) -> Bounds {
+        let point = |point| convert::world_point(self.anchor, point);
+        Bounds { min: point(aabb.mins), max: point(aabb.maxs) }
+    }
+
     /// Returns the AABB of a body's colliders now, in world space.
     pub(crate) fn world_bounds(&self, handle: RigidBodyHandle) -> Bounds {
         self.slot(handle).outline.bounds(&self.world.bodies[handle], &self.world.colliders, self.anchor)

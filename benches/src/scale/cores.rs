@@ -35,7 +35,7 @@ pub(crate) struct Cores {
     /// Only this scene; rows of others stay in the file. May be given several times.
     #[arg(long, value_name = "NAME")]
     scene: Vec<String>,
-    /// Numbers of threads [default: of 2, 4, 8 and 16 those for which there are cores].
+    /// Numbers of threads, in place of all rows of the scene [default: of 2, 4, 8 and 16 those for which there are cores].
     #[arg(long, value_delimiter = ',', value_parser = clap::value_parser!(u16).range(2..=1024))]
     threads: Vec<u16>,
     /// Steps of each run that are timed, after the warm-up.

@@ -179,7 +179,7 @@ pub(super) fn decide(side: &mut Side, moment: Moment<'_>) {
     border.parting = border.predicted.parting(region, |handle| {
         goal_of(region, border, moment, handle) != region.rank() && !region.is_articulated(handle)
     });
-    find_ready(region, border, moment.tick.0 as u32);
+    find_ready(region, border, moment);
     border.splitting.clear();
     if moment.settings.coupling.moves_islands() {
         let is_big = |handle| border.islands.of(handle).is_some_and(|island| island.big);
@@ -427,7 +427,7 @@ fn desired_membership(
     let ready = match (island, region.slot(handle).assembly) {
         (Some(island), _) if !island.large || region.is_articulated(handle) => island.ready,
         (Some(_), Some(assembly)) => border.ready_assemblies[assembly as usize],
-        (island, _) => is_ready(region, &border.shared, island, handle, owner, pressed, moment.tick.0 as u32),
+        (island, _) => is_ready(region, &border.shared, island, handle, owner, pressed, moment),
     };
     // A kinematic body is held by the regions with a predicted contact to it, and reach does not spread from it.
     let id = region.slot(handle).id;
@@ -465,15 +465,15 @@ fn note_away(region: &mut Region, link: BodyRef, owner: usize, moment: Moment<'_
     }
     let now = moment.tick.0 as u32;
     let slot = region.slot_mut(link.handle);
-    let before = away_ticks(slot, now);
+    let before = away_ticks(slot, moment);
     slot.away = (now - before, now);
     before
 }
 
-/// Returns for how many ticks until the tick before a body has been due to move.
-fn away_ticks(slot: &Slot, now: u32) -> u32 {
-    let (first, last) = slot.away;
-    if last + 1 == now { now - first } else { 0 }
+/// Returns for how many ticks a body has been due to move until its region was stepped last.
+fn away_ticks(slot: &Slot, moment: Moment<'_>) -> u32 {
+    let ((first, last), now) = (slot.away, moment.tick.0 as u32);
+    if last < now && last + u32::from(moment.coarsest) >= now { now - first } else { 0 }
 }
 
 /// Returns whether a body is held where it is to be owned, with its contacts.
@@ -484,7 +484,7 @@ fn is_ready(
     handle: RigidBodyHandle,
     owner: usize,
     pressed: bool,
-    now: u32,
+    moment: Moment<'_>,
 ) -> bool {
     // A multibody moves in one piece, when all else is ready.
     if region.is_articulated(handle) {
@@ -496,21 +496,21 @@ fn is_ready(
         // A body that only bounces off another region's has parted from it before it would move.
         let lasts = !island.is_some_and(Island::spans) || shared.joined >= SETTLE_TICKS;
         let follows = shared.settled >= if strays { FOLLOW_TICKS } else { SETTLE_TICKS };
-        lasts && follows || away_ticks(slot, now) >= LONGEST_AWAY_TICKS
+        lasts && follows || away_ticks(slot, moment) >= LONGEST_AWAY_TICKS
     });
     slot.holders.contains(owner) && (settled || !pressed)
 }
 
 /// Finds which islands are ready to move. A small one moves when all of it is ready. Bodies that keep joining a large one would delay
 /// it for ever: of that one each body moves when it is ready, those tied by joints together.
-fn find_ready(region: &Region, border: &mut Border, now: u32) {
+fn find_ready(region: &Region, border: &mut Border, moment: Moment<'_>) {
     let Border { islands, ready_assemblies, shared, parting, .. } = border;
     let own = region.rank();
     ready_assemblies.clear();
     ready_assemblies.resize(region.assemblies().len(), true);
     for island in islands.found.iter_mut().filter(|island| !island.big && island.target != own) {
         let ready = |link: &BodyRef| {
-            is_ready(region, shared, Some(island), link.handle, island.target, island.pressed, now)
+            is_ready(region, shared, Some(island), link.handle, island.target, island.pressed, moment)
         };
         if island.large {
             for link in &island.members {
@@ -520,7 +520,7 @@ fn find_ready(region: &Region, border: &mut Border, now: u32) {
             }
         }
         let waits = |link: &BodyRef| {
-            away_ticks(region.slot(link.handle), now) < 2 * SETTLE_TICKS
+            away_ticks(region.slot(link.handle), moment) < 2 * SETTLE_TICKS
                 && parting
                     .binary_search_by_key(&link.handle.into_raw_parts(), |one| one.into_raw_parts())
                     .is_ok()

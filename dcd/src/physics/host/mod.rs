@@ -18,6 +18,7 @@ mod replace;
 mod rounds;
 mod schedule;
 mod tasks;
+mod teams;
 mod threads;
 mod validate;
 
@@ -35,7 +36,7 @@ use std::time::{Duration, Instant};
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use self::threads::{Threads, Trial, WORTH_WAKING};
+use self::threads::{Threads, Trial};
 use super::coupling::{Ground, Moment, Side, meet_in};
 use super::fidelity::Governor;
 use super::hooks::ContactHooks;
@@ -182,44 +183,6 @@ impl RegionHost {
         (self.threads, self.trial) = (former.threads.clone(), former.trial.clone());
         self.set_hooks(former.hooks.clone());
         self.threads.suit(self.sides.len())
-    }
-
-    /// Returns whether so many bodies are awake that it may be worth waking other threads.
-    fn is_busy(&self) -> bool {
-        let awake = self.regions().flat_map(|region| region.physics().islands.active_bodies());
-        self.threads.are_teams() && awake.take(WORTH_WAKING).count() == WORTH_WAKING
-    }
-
-    /// Does the work of a tick on the threads on which it takes least time.
-    fn on_threads<R: Send>(&mut self, work: impl FnOnce(&mut Self) -> R + Send) -> R {
-        if !self.is_busy() {
-            return work(self);
-        }
-        let start = Instant::now();
-        let done = if self.trial.is_for_teams() { self.on_teams(work) } else { work(self) };
-        self.trial.note(start.elapsed());
-        done
-    }
-
-    fn on_teams<R: Send>(&mut self, work: impl FnOnce(&mut Self) -> R + Send) -> R {
-        let own = self.threads.clone();
-        if own.tasks().is_none() {
-            return own.enter(|| work(self));
-        }
-        // Who comes for a step forms one team where regions are best stepped one by one.
-        let teams = if self.one_by_one().is_empty() { self.sides.len() } else { 1 };
-        own.gathered(teams, |gathered| {
-            self.threads = gathered.clone();
-            let done = gathered.enter(|| work(self));
-            self.threads = own.clone();
-            done
-        })
-    }
-
-    /// Returns the places of the regions that are best stepped one after the other, by all threads.
-    fn one_by_one(&self) -> Vec<usize> {
-        let awake = self.regions().map(|region| region.physics().islands.num_active_bodies());
-        threads::one_by_one(&awake.collect::<Vec<_>>(), self.threads.count())
     }
 
     /// Does the work for each of many small things, on all threads if they are worth waking; results are in the order of the things.

@@ -72,7 +72,7 @@ mod tests {
 
     #[test]
     fn what_clients_acknowledge_goes_past_the_loop_and_nothing_else() {
-        let (ear, counted) = (Ear::default(), Arc::default());
+        let (ear, counted) = (Ear::of_leader(), Arc::default());
         let mut acknowledgements = Acknowledgements::new(ear.clone(), Arc::clone(&counted));
         let connected = |key, who| NetEvent::Connected {
             peer: PeerKey::numbered(key),

@@ -58,10 +58,16 @@ impl Ear {
     /// Gives it an acknowledgement of a client. It counts for what is told next, which is after a tick: the thread is not woken for it.
     pub(super) fn hear(&self, client: ClientId, heard: Heard) {
         let mut waiting = self.0.lock();
-        if !waiting.over {
-            let now = waiting.newest;
-            waiting.push(ReplicationEvent::Heard { client, heard, now });
-        }
+        let now = waiting.newest;
+        waiting.push(ReplicationEvent::Heard { client, heard, now });
+    }
+
+    /// Returns the same at a leader.
+    #[cfg(test)]
+    pub(super) fn of_leader() -> Self {
+        let ear = Self::default();
+        ear.0.lock().leads = true;
+        ear
     }
 
     /// Returns how many acknowledgements wait for the thread.
@@ -135,6 +141,8 @@ struct Waiting {
     heard: BTreeMap<ClientId, VecDeque<(Heard, Tick)>>,
     /// The newest tick that is complete.
     newest: Tick,
+    /// Whether this process leads: what clients acknowledge to others lies here for nobody.
+    leads: bool,
     over: bool,
 }
 
@@ -175,8 +183,10 @@ impl Waiting {
             ReplicationEvent::Begin(_) => {
                 self.events.clear();
                 self.heard.clear();
+                self.leads = true;
                 event
             }
+            ReplicationEvent::Heard { .. } if !self.leads => return,
             ReplicationEvent::Heard { client, heard, now } => {
                 let waiting = self.heard.entry(client).or_default();
                 if waiting.len() == HEARD {
@@ -185,8 +195,12 @@ impl Waiting {
                 return waiting.push_back((heard, now));
             }
             // A later guess, or what came true, says all that an earlier guess does.
-            ReplicationEvent::Speculative { .. } | ReplicationEvent::End => {
+            ReplicationEvent::Speculative { .. } => {
                 self.drop_guesses();
+                event
+            }
+            ReplicationEvent::End => {
+                self.stop();
                 event
             }
             ReplicationEvent::Tick(news) => {
@@ -219,9 +233,15 @@ impl Waiting {
         self.events.retain(|event| !matches!(event, ReplicationEvent::Speculative { .. }));
     }
 
-    /// Nothing more will come: what is still told are states that came true.
+    /// Nothing more will come.
     fn end(&mut self) {
         self.over = true;
+        self.stop();
+    }
+
+    /// This process leads no more: what is still told are states that came true.
+    fn stop(&mut self) {
+        self.leads = false;
         self.drop_guesses();
         self.heard.clear();
     }

@@ -189,6 +189,21 @@ fn of_each_client_the_newest_acknowledgements_wait_whatever_others_say() {
 }
 
 #[test]
+fn what_is_acknowledged_to_a_process_that_does_not_lead_is_dropped() {
+    let (ear, mut stage) = (Ear::default(), Stage::new());
+    ear.hear(CLIENT, heard(1));
+    assert_eq!(ear.waiting(), 0, "it does not lead yet");
+    stage.tick().into_iter().for_each(|event| ear.0.lock().push(event));
+    ear.0.lock().take();
+    ear.hear(CLIENT, heard(1));
+    assert_eq!(ear.waiting(), 1);
+    ear.0.lock().push(ReplicationEvent::End);
+    assert_eq!(ear.waiting(), 0, "it leads no more");
+    ear.hear(CLIENT, heard(1));
+    assert_eq!(ear.waiting(), 0);
+}
+
+#[test]
 fn a_participant_whose_link_is_made_anew_is_told_on() {
     let (net, outlet, _folder) = outlet();
     let (keys, sent) = (outlet.keys.clone(), outlet.sent.clone());

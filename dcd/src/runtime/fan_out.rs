@@ -87,14 +87,18 @@ impl FanOut {
     /// Starts the thread; what it does not send itself it gives to `tell`, which must not wait.
     pub(super) fn start(outlet: Outlet, tell: impl Fn(Told) + Send + 'static) -> std::io::Result<Self> {
         let inbox = Arc::new(Inbox::default());
-        let events = inbox.clone();
+        let from = Arc::clone(&inbox);
         let mut teller = Teller { outlet, tell, batches: BTreeMap::new(), links: BTreeMap::new(), sent: 0 };
         let thread = std::thread::Builder::new().name("dcd-fan-out".into()).spawn(move || {
             let mut replication = None;
-            while let Some(mut events) = events.take() {
+            while let Some(mut events) = from.take() {
                 make_one_tick(&mut events);
                 for event in events {
-                    teller.handle(&mut replication, event);
+                    // To tell all clients what was taken before it takes long: by now it may have come true.
+                    let is_guess = matches!(event, ReplicationEvent::Speculative { .. });
+                    if !is_guess || !from.lock().outdates_guesses() {
+                        teller.handle(&mut replication, event);
+                    }
                 }
             }
         })?;
@@ -227,6 +231,14 @@ impl Waiting {
             event => event,
         };
         self.events.push_back(event);
+    }
+
+    /// Returns whether what waits says all that a guess does which was taken before.
+    fn outdates_guesses(&self) -> bool {
+        let is_newer = |event: &ReplicationEvent| {
+            !matches!(event, ReplicationEvent::Admit(_) | ReplicationEvent::Dismiss(_))
+        };
+        self.over || self.events.iter().any(is_newer)
     }
 
     fn drop_guesses(&mut self) {

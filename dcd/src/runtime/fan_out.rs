@@ -175,7 +175,11 @@ impl Waiting {
         let told = self.events.split_off(at);
         let mut events = std::mem::take(&mut self.events);
         for (client, heard) in std::mem::take(&mut self.heard) {
-            events.extend(heard.into_iter().map(|(heard, now)| ReplicationEvent::Heard { client, heard, now }));
+            events.extend(heard.into_iter().map(|(heard, now)| ReplicationEvent::Heard {
+                client,
+                heard,
+                now,
+            }));
         }
         events.extend(told);
         events

@@ -189,9 +189,8 @@ fn a_guess_that_came_true_while_clients_were_told_what_was_before_it_is_told_to_
             assert!(fan_out.handle(stage.tick()));
         }
         drop(open);
-        let told = std::iter::from_fn(|| Some(next())).find(|told| {
-            told.is_some_and(|(tick, _)| tick == Tick(3))
-        });
+        let told =
+            std::iter::from_fn(|| Some(next())).find(|told| told.is_some_and(|(tick, _)| tick == Tick(3)));
         assert_eq!(told, Some(Some((Tick(3), !came_true))));
     }
 }

@@ -232,7 +232,6 @@ impl Waiting {
                 }
                 event
             }
-            event => event,
         };
         self.events.push_back(event);
     }

@@ -16,6 +16,8 @@ use serde::{Serialize, de::DeserializeOwned};
 
 use super::{Check, Chunk, Invalid, Message};
 use crate::protocol::SharedState;
+#[cfg(all(feature = "net", feature = "physics"))]
+use crate::space::ClientId;
 
 /// Version of the protocol. It grows with every change of the message set; peers of unequal versions refuse each other.
 pub const VERSION: u32 = 28;
@@ -96,6 +98,16 @@ fn foreign_version(bytes: &[u8]) -> Option<u32> {
     const HELLO: u32 = 0;
     let ((kind, version), _): ((u32, u32), _) = bincode::decode_from_slice(bytes, CONFIG).ok()?;
     (kind == HELLO && version != VERSION).then_some(version)
+}
+
+/// Returns whose acknowledgement of states bytes are, if they begin as one: all else need not be decoded to know that it is none.
+#[cfg(all(feature = "net", feature = "physics"))]
+pub(crate) fn begins_as_heard(bytes: &[u8]) -> Option<ClientId> {
+    /// [`Message::FromClient`] and [`FromClient::Heard`](super::FromClient::Heard), as they are encoded.
+    const KINDS: (u32, u32) = (8, 7);
+    let ((from_client, client, heard), _): ((u32, ClientId, u32), _) =
+        bincode::decode_from_slice(bytes, CONFIG).ok()?;
+    ((from_client, heard) == KINDS).then_some(client)
 }
 
 /// Encodes any value of the protocol, for files and tests of our own; [`encode`] is for the wire.
@@ -222,6 +234,35 @@ mod tests {
         let bytes = encode(&sample());
         assert_eq!(decode(&bytes).unwrap(), sample());
         assert_eq!(encoded_len(&sample()), bytes.len());
+    }
+
+    #[test]
+    #[cfg(all(feature = "net", feature = "physics"))]
+    fn an_acknowledgement_is_known_by_how_it_begins() {
+        for client in [ClientId(7), ClientId(u32::MAX)] {
+            let heard = crate::protocol::Heard {
+                series: 1 << 20,
+                datagrams: vec![(5, 3)],
+                lost: true,
+                bytes_per_s: 9,
+            };
+            let heard = encode(&Message::FromClient(client, FromClient::Heard(heard)));
+            let end = heard.len() - 10;
+            assert_eq!(begins_as_heard(&heard), Some(client));
+            assert_eq!(begins_as_heard(&heard[..end]), Some(client), "no more is looked at");
+            let others = [
+                Message::FromClient(client, FromClient::Leave),
+                Message::FromClient(client, FromClient::Introduce(vec![])),
+                Message::FromClient(client, FromClient::Build { number: 7, ops: vec![] }),
+                Message::Ping(Ping { sent_us: 7 }),
+                Message::Program(Program::Datagram(vec![7; 9])),
+                sample(),
+            ];
+            for other in others {
+                assert_eq!(begins_as_heard(&encode(&other)), None, "{other:?}");
+            }
+        }
+        assert_eq!(begins_as_heard(&[]), None);
     }
 
     #[test]

@@ -28,6 +28,8 @@ pub use border::{
     Membership, NearbyBodies, NearbyBody, RegionEvents, SharedState, Strike, Touch, Transfer,
 };
 pub use character::{Character, Gait};
+#[cfg(all(feature = "net", feature = "physics"))]
+pub(crate) use codec::begins_as_heard;
 pub(crate) use codec::most_items;
 pub use codec::{
     CHUNK_BYTES, CodecError, DATAGRAM_BYTES, MAX_MESSAGE_BYTES, STATES_BYTES, VERSION, chunks, datagrams,

@@ -1,7 +1,7 @@
 //! Tells clients the states of bodies on a thread of its own, so that no tick waits for it.
 //!
-//! Its inbox is bounded: of the ticks that wait there, but for a few, the newest states alone remain, of guesses the newest, and acknowledgements
-//! beyond some thousands are dropped. So whatever clients cost, they are told less often, and the world goes on. What is sent goes to the network's thread by a few links at a time, so
+//! Its inbox is bounded: of the ticks that wait there, but for a few, the newest states alone remain, of guesses the newest, and of what each
+//! client acknowledges the newest some dozens. So whatever clients cost, they are told less often, and the world goes on. What is sent goes to the network's thread by a few links at a time, so
 //! that what members tell each other does not wait behind the states for all clients.
 
 use std::collections::{BTreeMap, VecDeque};
@@ -16,8 +16,9 @@ use crate::net::{Datagrams, PeerKey};
 use crate::protocol::{self, Heard, Lane, Message, Stamp, ToClient};
 use crate::space::{ClientId, Tick};
 
-/// Events that may wait; acknowledgements beyond are dropped, which costs bytes only.
-const QUEUE: usize = 8_192;
+/// Acknowledgements of a client that may wait, of the newest: one that keeps to the rules gathers them for 10 ms each. An acknowledgement is not
+/// made again, and who seems to acknowledge nothing is told little, so that no client may push out those of another.
+const HEARD: usize = 64;
 
 /// Ticks that may wait as they are. This thread makes one of them; where it is farther behind, who computes the world does.
 const TICKS: usize = 4;
@@ -57,16 +58,22 @@ impl Ear {
     /// Gives it an acknowledgement of a client. It counts for what is told next, which is after a tick: the thread is not woken for it.
     pub(super) fn hear(&self, client: ClientId, heard: Heard) {
         let mut waiting = self.0.lock();
-        if !waiting.over {
-            let now = waiting.newest;
-            waiting.push(ReplicationEvent::Heard { client, heard, now });
-        }
+        let now = waiting.newest;
+        waiting.push(ReplicationEvent::Heard { client, heard, now });
     }
 
-    /// Returns how many events wait for the thread.
+    /// Returns the same at a leader.
+    #[cfg(test)]
+    pub(super) fn of_leader() -> Self {
+        let ear = Self::default();
+        ear.0.lock().leads = true;
+        ear
+    }
+
+    /// Returns how many acknowledgements wait for the thread.
     #[cfg(test)]
     pub(super) fn waiting(&self) -> usize {
-        self.0.lock().events.len()
+        self.0.lock().heard.values().map(VecDeque::len).sum()
     }
 }
 
@@ -80,14 +87,18 @@ impl FanOut {
     /// Starts the thread; what it does not send itself it gives to `tell`, which must not wait.
     pub(super) fn start(outlet: Outlet, tell: impl Fn(Told) + Send + 'static) -> std::io::Result<Self> {
         let inbox = Arc::new(Inbox::default());
-        let events = inbox.clone();
+        let from = Arc::clone(&inbox);
         let mut teller = Teller { outlet, tell, batches: BTreeMap::new(), links: BTreeMap::new(), sent: 0 };
         let thread = std::thread::Builder::new().name("dcd-fan-out".into()).spawn(move || {
             let mut replication = None;
-            while let Some(mut events) = events.take() {
+            while let Some(mut events) = from.take() {
                 make_one_tick(&mut events);
                 for event in events {
-                    teller.handle(&mut replication, event);
+                    // To tell all clients what was taken before it takes long: by now it may have come true.
+                    let is_guess = matches!(event, ReplicationEvent::Speculative { .. });
+                    if !is_guess || !from.lock().outdates_guesses() {
+                        teller.handle(&mut replication, event);
+                    }
                 }
             }
         })?;
@@ -128,9 +139,14 @@ struct Inbox {
 
 #[derive(Default)]
 struct Waiting {
+    /// All but acknowledgements, which wake nobody.
     events: VecDeque<ReplicationEvent>,
+    /// What each client acknowledged, and the newest tick then.
+    heard: BTreeMap<ClientId, VecDeque<(Heard, Tick)>>,
     /// The newest tick that is complete.
     newest: Tick,
+    /// Whether this process leads: what clients acknowledge to others lies here for nobody.
+    leads: bool,
     over: bool,
 }
 
@@ -144,23 +160,55 @@ impl Inbox {
         let nothing = |waiting: &mut Waiting| waiting.events.is_empty() && !waiting.over;
         let mut waiting =
             self.changed.wait_while(self.lock(), nothing).unwrap_or_else(PoisonError::into_inner);
-        let events = std::mem::take(&mut waiting.events);
+        let events = waiting.take();
         (!events.is_empty()).then_some(events)
     }
 }
 
 impl Waiting {
+    /// Takes all: what clients acknowledged comes before what they are told next.
+    fn take(&mut self) -> VecDeque<ReplicationEvent> {
+        let tells = |event: &ReplicationEvent| {
+            matches!(event, ReplicationEvent::Tick(_) | ReplicationEvent::Speculative { .. })
+        };
+        let at = self.events.iter().position(tells).unwrap_or(self.events.len());
+        let told = self.events.split_off(at);
+        let mut events = std::mem::take(&mut self.events);
+        for (client, heard) in std::mem::take(&mut self.heard) {
+            events.extend(heard.into_iter().map(|(heard, now)| ReplicationEvent::Heard {
+                client,
+                heard,
+                now,
+            }));
+        }
+        events.extend(told);
+        events
+    }
+
     fn push(&mut self, event: ReplicationEvent) {
         let event = match event {
             // What a former leader has not told yet concerns nobody.
             ReplicationEvent::Begin(_) => {
                 self.events.clear();
+                self.heard.clear();
+                self.leads = true;
                 event
             }
-            ReplicationEvent::Heard { .. } if self.events.len() >= QUEUE => return,
+            ReplicationEvent::Heard { .. } if !self.leads => return,
+            ReplicationEvent::Heard { client, heard, now } => {
+                let waiting = self.heard.entry(client).or_default();
+                if waiting.len() == HEARD {
+                    waiting.pop_front();
+                }
+                return waiting.push_back((heard, now));
+            }
             // A later guess, or what came true, says all that an earlier guess does.
-            ReplicationEvent::Speculative { .. } | ReplicationEvent::End => {
+            ReplicationEvent::Speculative { .. } => {
                 self.drop_guesses();
+                event
+            }
+            ReplicationEvent::End => {
+                self.stop();
                 event
             }
             ReplicationEvent::Tick(news) => {
@@ -174,8 +222,9 @@ impl Waiting {
                     None => news,
                 })
             }
-            // What the tick that waits says of its former link would come after this.
+            // What the tick that waits says of its former link would come after this, and what came over that acknowledges what counts no more.
             ReplicationEvent::Admit(client) | ReplicationEvent::Dismiss(client) => {
+                self.heard.remove(&client);
                 for waiting in &mut self.events {
                     if let ReplicationEvent::Tick(news) = waiting {
                         news.uninterested(client);
@@ -183,20 +232,33 @@ impl Waiting {
                 }
                 event
             }
-            event => event,
         };
         self.events.push_back(event);
+    }
+
+    /// Returns whether what waits says all that a guess does which was taken before.
+    fn outdates_guesses(&self) -> bool {
+        let is_newer = |event: &ReplicationEvent| {
+            !matches!(event, ReplicationEvent::Admit(_) | ReplicationEvent::Dismiss(_))
+        };
+        self.over || self.events.iter().any(is_newer)
     }
 
     fn drop_guesses(&mut self) {
         self.events.retain(|event| !matches!(event, ReplicationEvent::Speculative { .. }));
     }
 
-    /// Nothing more will come: what is still told are states that came true.
+    /// Nothing more will come.
     fn end(&mut self) {
         self.over = true;
+        self.stop();
+    }
+
+    /// This process leads no more: what is still told are states that came true.
+    fn stop(&mut self) {
+        self.leads = false;
         self.drop_guesses();
-        self.events.retain(|event| !matches!(event, ReplicationEvent::Heard { .. }));
+        self.heard.clear();
     }
 
     /// Takes the last tick that waits, if as many do as may.

@@ -13,6 +13,9 @@ use crate::space::{BodyId, Epoch, GroupId, NodeId, RegionId, Tick};
 const PATIENCE: Duration = Duration::from_secs(20);
 const BODIES: u32 = 100;
 
+/// More ticks than may wait, and more acknowledgements of a client.
+const MANY: usize = 9_000;
+
 /// A leader that computes alone, and has one client, to which no link leads.
 struct Stage {
     leader: Leader,
@@ -65,15 +68,7 @@ impl Stage {
     fn tick(&mut self) -> Vec<ReplicationEvent> {
         self.tick += 1;
         self.leader.dispatch(Duration::from_secs(self.tick)).expect("nobody is waited for");
-        let state = |index| SharedState {
-            id: BodyId::persistent(index),
-            owner: RegionId(1),
-            epoch: Epoch(0),
-            pose: WorldPose::at([self.tick as f64, 0.0, 0.0]),
-            velocity: Velocity::default(),
-            sleeping: false,
-        };
-        let states = (0..BODIES).map(state).collect();
+        let states = states(self.tick);
         self.leader.report(NodeId(1), Report { view: ViewNumber(1), tick: Tick(self.tick), states });
         self.done();
         self.leader.heard(CLIENT, Heard { series: 9, datagrams: vec![], lost: false, bytes_per_s: 0 });
@@ -82,6 +77,23 @@ impl Stage {
 }
 
 const CLIENT: ClientId = ClientId(7);
+
+/// Returns where all bodies are after a tick.
+fn states(tick: u64) -> Vec<SharedState> {
+    let state = |index| SharedState {
+        id: BodyId::persistent(index),
+        owner: RegionId(1),
+        epoch: Epoch(0),
+        pose: WorldPose::at([tick as f64, 0.0, 0.0]),
+        velocity: Velocity::default(),
+        sleeping: false,
+    };
+    (0..BODIES).map(state).collect()
+}
+
+fn guess(tick: u64) -> ReplicationEvent {
+    ReplicationEvent::Speculative { tick: Tick(tick), states: states(tick) }
+}
 
 fn outlet() -> (Net, Outlet, tempfile::TempDir) {
     let folder = tempfile::tempdir().unwrap();
@@ -118,12 +130,13 @@ fn a_thread_that_is_held_up_keeps_no_tick_waiting_and_tells_the_newest_states_wh
     let first = tells.recv_timeout(PATIENCE).unwrap();
     assert!(matches!(first.message, ToClient::CompactStates { stamp, .. } if stamp.tick == Tick(1)));
     let begin = Instant::now();
-    for _ in 0..QUEUE + 1_000 {
+    for _ in 0..MANY {
         assert!(fan_out.handle(stage.tick()));
     }
-    println!("{:?} for {} ticks", begin.elapsed(), QUEUE + 1_000);
+    println!("{:?} for {MANY} ticks", begin.elapsed());
     let waiting = fan_out.inbox.lock().events.len();
-    assert!(waiting <= QUEUE + TICKS, "{waiting} events wait");
+    assert!(waiting <= TICKS, "{waiting} events wait");
+    assert!(fan_out.ear().waiting() <= HEARD);
     let last = Tick(stage.tick);
     // From here on it is never held up.
     drop(open);
@@ -137,28 +150,106 @@ fn a_thread_that_is_held_up_keeps_no_tick_waiting_and_tells_the_newest_states_wh
     );
 }
 
+/// Returns an acknowledgement that is known by its series.
+fn heard(series: u32) -> Heard {
+    Heard { series, datagrams: vec![], lost: false, bytes_per_s: 0 }
+}
+
 #[test]
-fn what_is_acknowledged_past_the_leader_counts_as_of_its_newest_tick_and_is_bounded() {
+fn a_guess_that_came_true_while_clients_were_told_what_was_before_it_is_told_to_nobody() {
+    for came_true in [false, true] {
+        let (_net, outlet, _folder) = outlet();
+        let (told, tells) = mpsc::channel();
+        let (open, gate) = mpsc::channel::<()>();
+        let fan_out = FanOut::start(outlet, move |message: Told| {
+            told.send(message).unwrap();
+            let _ = gate.recv();
+        })
+        .unwrap();
+        // If this test fails, the thread goes on before it is waited for.
+        let open = open;
+        let mut stage = Stage::new();
+        assert!(fan_out.handle(stage.tick()));
+        let next = || {
+            let told = tells.recv_timeout(PATIENCE).unwrap();
+            let stamp = stamp_of(&told.message).copied();
+            stamp.map(|stamp| (stamp.tick, stamp.speculative))
+        };
+        assert_eq!(next(), Some((Tick(1), false)));
+        // The thread takes both at once, and stands still as it tells the first of them.
+        let both = stage.tick().into_iter().chain([guess(3)]).collect();
+        assert!(fan_out.handle(both));
+        loop {
+            open.send(()).unwrap();
+            if next() == Some((Tick(2), false)) {
+                break;
+            }
+        }
+        if came_true {
+            assert!(fan_out.handle(stage.tick()));
+        }
+        drop(open);
+        let told =
+            std::iter::from_fn(|| Some(next())).find(|told| told.is_some_and(|(tick, _)| tick == Tick(3)));
+        assert_eq!(told, Some(Some((Tick(3), !came_true))));
+    }
+}
+
+#[test]
+fn what_is_acknowledged_past_the_leader_counts_as_of_its_newest_tick() {
     let (ear, mut stage) = (Ear::default(), Stage::new());
-    let heard = || Heard { series: 9, datagrams: vec![], lost: false, bytes_per_s: 0 };
     for _ in 0..3 {
-        let mut waiting = ear.0.lock();
-        stage.tick().into_iter().for_each(|event| waiting.push(event));
-        waiting.events.retain(|event| !matches!(event, ReplicationEvent::Heard { .. }));
-        drop(waiting);
-        ear.hear(CLIENT, heard());
-        let heard = |event: &ReplicationEvent| match event {
-            ReplicationEvent::Heard { client: CLIENT, now, .. } => Some(*now),
+        stage.tick().into_iter().for_each(|event| ear.0.lock().push(event));
+        ear.hear(CLIENT, heard(3));
+        let waiting = ear.0.lock();
+        assert_eq!(waiting.heard[&CLIENT].back(), Some(&(heard(3), Tick(stage.tick))));
+    }
+    ear.0.lock().end();
+    assert_eq!(ear.waiting(), 0);
+    ear.hear(CLIENT, heard(3));
+    assert_eq!(ear.waiting(), 0, "nothing is told any more");
+}
+
+#[test]
+fn of_each_client_the_newest_acknowledgements_wait_whatever_others_say() {
+    let (ear, mut stage, other) = (Ear::default(), Stage::new(), ClientId(8));
+    stage.tick().into_iter().for_each(|event| ear.0.lock().push(event));
+    ear.hear(other, heard(1));
+    (1..=MANY as u32).for_each(|series| ear.hear(CLIENT, heard(series)));
+    ear.hear(other, heard(2));
+    let taken = ear.0.lock().take();
+    let of = |who| {
+        let series = |event: &ReplicationEvent| match event {
+            ReplicationEvent::Heard { client, heard, .. } if *client == who => Some(heard.series),
             _ => None,
         };
-        assert_eq!(ear.0.lock().events.back().and_then(heard), Some(Tick(stage.tick)));
-    }
-    (0..QUEUE + 10).for_each(|_| ear.hear(CLIENT, heard()));
-    assert_eq!(ear.waiting(), QUEUE);
-    ear.0.lock().end();
-    let left = ear.waiting();
-    ear.hear(CLIENT, heard());
-    assert_eq!(ear.waiting(), left, "nothing is told any more");
+        taken.iter().filter_map(series).collect::<Vec<_>>()
+    };
+    assert_eq!(of(other), [1, 2]);
+    assert_eq!(of(CLIENT), ((MANY - HEARD) as u32 + 1..=MANY as u32).collect::<Vec<_>>());
+    let is_heard = |event: &ReplicationEvent| matches!(event, ReplicationEvent::Heard { .. });
+    let is_tick = |event: &ReplicationEvent| matches!(event, ReplicationEvent::Tick(_));
+    assert!(taken.iter().rposition(is_heard) < taken.iter().position(is_tick), "they count for this tick");
+    // What came over a former link is about what counts no more.
+    ear.hear(CLIENT, heard(1));
+    ear.hear(other, heard(1));
+    ear.0.lock().push(ReplicationEvent::Admit(CLIENT));
+    assert_eq!(ear.waiting(), 1);
+}
+
+#[test]
+fn what_is_acknowledged_to_a_process_that_does_not_lead_is_dropped() {
+    let (ear, mut stage) = (Ear::default(), Stage::new());
+    ear.hear(CLIENT, heard(1));
+    assert_eq!(ear.waiting(), 0, "it does not lead yet");
+    stage.tick().into_iter().for_each(|event| ear.0.lock().push(event));
+    ear.0.lock().take();
+    ear.hear(CLIENT, heard(1));
+    assert_eq!(ear.waiting(), 1);
+    ear.0.lock().push(ReplicationEvent::End);
+    assert_eq!(ear.waiting(), 0, "it leads no more");
+    ear.hear(CLIENT, heard(1));
+    assert_eq!(ear.waiting(), 0);
 }
 
 #[test]
@@ -209,18 +300,19 @@ fn few_ticks_wait_and_who_tells_clients_makes_one_of_them() {
     assert_eq!(ticks(&waiting.events), [0, 1, 2, 10], "the newest states alone remain");
     make_one_tick(&mut waiting.events);
     assert_eq!(ticks(&waiting.events), [10]);
-    let heard = waiting.events.iter().filter(|event| matches!(event, ReplicationEvent::Heard { .. })).count();
-    assert_eq!(heard, 10, "all else stays");
     assert!(
-        matches!(waiting.events.iter().nth_back(1), Some(ReplicationEvent::Tick(_))),
-        "in the last one's place"
+        matches!(
+            waiting.events.make_contiguous(),
+            [ReplicationEvent::Begin(_), ReplicationEvent::Admit(CLIENT), .., ReplicationEvent::Tick(_)]
+        ),
+        "all else stays, and it is in the last one's place"
     );
+    assert_eq!(waiting.heard[&CLIENT].len(), 10);
 }
 
 #[test]
 fn of_guesses_the_newest_waits_and_what_comes_true_takes_its_place() {
     let mut waiting = Waiting::default();
-    let guess = |tick| ReplicationEvent::Speculative { tick: Tick(tick), states: vec![] };
     for tick in 1..=3 {
         waiting.push(guess(tick));
     }

@@ -14,7 +14,7 @@ use super::first::{AGAIN, first_of};
 use super::join::{answer, explain};
 use super::peer::{GreetError, Lanes, Peer, greet};
 use super::seldom::Seldom;
-use super::source::Calls;
+use super::source::{Calls, Part};
 use super::unasked::Unasked;
 use super::verify::names_of_peer;
 use super::{
@@ -25,8 +25,8 @@ use super::{
 pub(super) struct Shared {
     pub(super) local_addr: SocketAddr,
     pub(super) endpoint: Endpoint,
-    /// The settings for links of those who had to prove their address, since many call.
-    pub(super) in_haste: Arc<ServerConfig>,
+    /// The settings for links that others make; they change with the certificate as those of the endpoint do.
+    pub(super) answer: RwLock<ServerConfig>,
     /// Changes when the certificate is renewed.
     pub(super) dial: RwLock<ClientConfig>,
     /// Until when the certificate proves the name.
@@ -60,6 +60,22 @@ impl Shared {
         *self.dial.write().unwrap_or_else(PoisonError::into_inner) = config;
     }
 
+    pub(super) fn set_answer(&self, config: ServerConfig) {
+        self.endpoint.set_server_config(Some(config.clone()));
+        *self.answer.write().unwrap_or_else(PoisonError::into_inner) = config;
+    }
+
+    /// Returns the settings for the link of a caller, who has a part until QUIC has forgotten it.
+    fn answer_to(&self, part: Arc<Part>, in_haste: bool) -> Arc<ServerConfig> {
+        let mut config = self.answer.read().unwrap_or_else(PoisonError::into_inner).clone();
+        config.transport_config(self.limits.answering_caller(
+            u8::from(self.authority.is_some()),
+            in_haste,
+            part,
+        ));
+        Arc::new(config)
+    }
+
     pub(super) fn set_expiry(&self, expiry: SystemTime) {
         *self.expiry.lock().unwrap_or_else(PoisonError::into_inner) = expiry;
     }
@@ -87,7 +103,7 @@ impl Shared {
 
 /// Accepts incoming connections, as many at a time as there is room for.
 pub(super) async fn accept(shared: Arc<Shared>) {
-    let mut calls = Calls::default();
+    let mut calls = Calls::new(shared.limits.handshakes, shared.limits.closing);
     while let Some(incoming) = shared.endpoint.accept().await {
         let under_way = shared.limits.handshakes - shared.handshake_slots.available_permits();
         if under_way >= shared.limits.handshakes_before_retry && incoming.may_retry() {
@@ -95,23 +111,21 @@ pub(super) async fn accept(shared: Arc<Shared>) {
             let _ = incoming.retry();
             continue;
         }
-        let room = shared.limits.handshakes + shared.limits.closing;
         let call = (incoming.remote_address(), incoming.orig_dst_cid());
-        if !calls.take(Instant::now(), call, shared.strangers(), room) {
+        let slot = shared.handshake_slots.clone().try_acquire_owned().ok();
+        let may_begin = slot.is_some() || shared.unasked.count() > 0;
+        let Some(part) = calls.take(Instant::now(), call, shared.strangers(), may_begin) else {
             shared.totals().handshakes_refused += 1;
             incoming.ignore();
             continue;
-        }
-        match shared.handshake_slots.clone().try_acquire_owned() {
-            Ok(slot) => {
-                tokio::spawn(receive(shared.clone(), incoming, slot));
+        };
+        match slot {
+            Some(slot) => {
+                tokio::spawn(receive(shared.clone(), incoming, part, slot));
             }
-            Err(_) if shared.unasked.give_way() => {
-                tokio::spawn(receive_when_free(shared.clone(), incoming));
-            }
-            Err(_) => {
-                shared.totals().handshakes_refused += 1;
-                incoming.ignore();
+            None => {
+                shared.unasked.give_way();
+                tokio::spawn(receive_when_free(shared.clone(), incoming, part));
             }
         }
     }
@@ -135,27 +149,30 @@ impl Shared {
 }
 
 /// Serves one incoming connection in the place of another that gives way.
-async fn receive_when_free(shared: Arc<Shared>, incoming: Incoming) {
+async fn receive_when_free(shared: Arc<Shared>, incoming: Incoming, part: Arc<Part>) {
     if let Ok(slot) = shared.handshake_slots.clone().acquire_owned().await {
-        receive(shared, incoming, slot).await;
+        receive(shared, incoming, part, slot).await;
     }
 }
 
 /// Takes a handshake to its end.
-async fn connect(shared: &Shared, incoming: Incoming) -> Result<Connection, ConnectionError> {
-    match incoming.may_retry() {
-        true => incoming.accept()?.await,
-        false => incoming.accept_with(shared.in_haste.clone())?.await,
-    }
+async fn connect(
+    shared: &Shared,
+    incoming: Incoming,
+    part: Arc<Part>,
+) -> Result<Connection, ConnectionError> {
+    // Who had to prove its address had to since many call.
+    let in_haste = !incoming.may_retry();
+    incoming.accept_with(shared.answer_to(part, in_haste))?.await
 }
 
 /// Serves one incoming connection: a proven peer for as long as it stays, an anonymous one for one join.
-async fn receive(shared: Arc<Shared>, incoming: Incoming, handshake: OwnedSemaphorePermit) {
+async fn receive(shared: Arc<Shared>, incoming: Incoming, part: Arc<Part>, handshake: OwnedSemaphorePermit) {
     let timeout = shared.limits.handshake_timeout;
     let addr = incoming.remote_address();
     let place = shared.unasked.enter_begun(addr);
     let connected = tokio::select! {
-        connected = tokio::time::timeout(timeout, connect(&shared, incoming)) => connected.ok(),
+        connected = tokio::time::timeout(timeout, connect(&shared, incoming, part.clone())) => connected.ok(),
         () = place.gives_way() => None,
     };
     // It may have been told to give way as it came to its end.
@@ -203,6 +220,7 @@ async fn receive(shared: Arc<Shared>, incoming: Incoming, handshake: OwnedSemaph
     match greeted {
         Ok(Ok(lanes)) => {
             drop(handshake);
+            part.give_back();
             carry(&shared, shared.new_key(), who, connection, lanes, Some(slot)).await;
         }
         Ok(Err(_)) | Err(_) => {

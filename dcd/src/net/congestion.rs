@@ -13,6 +13,8 @@ use std::time::{Duration, Instant};
 use quinn::congestion::{Controller, ControllerFactory};
 use quinn_proto::RttEstimator;
 
+use super::source::Part;
+
 /// The share of lost bytes up to which the window grows.
 const CHANCE: f64 = 0.08;
 /// The share from which on it shrinks, by half as much.
@@ -43,9 +45,19 @@ const FIRST: u64 = 32;
 /// Bytes.
 const MOST: u64 = 8 << 20;
 
-/// Makes the controller of each connection.
+/// Makes the controller of each connection, or of one caller's.
 #[derive(Debug, Default)]
-pub(super) struct ToleratesLoss;
+pub(super) struct ToleratesLoss {
+    /// QUIC keeps this, with the settings of the connection, until it has forgotten that: nothing else tells when that is.
+    _part: Option<Arc<Part>>,
+}
+
+impl ToleratesLoss {
+    /// Returns what makes the controller of a caller's connection, and keeps the caller's part as long as that is there.
+    pub(super) fn of_caller(part: Arc<Part>) -> Self {
+        Self { _part: Some(part) }
+    }
+}
 
 impl ControllerFactory for ToleratesLoss {
     fn build(self: Arc<Self>, now: Instant, mtu: u16) -> Box<dyn Controller> {

@@ -14,7 +14,7 @@ use tokio::task::JoinHandle;
 use super::calls::{Shared, accept, dial};
 #[cfg(feature = "physics")]
 use super::datagrams::Datagrams;
-use super::quic_config::{client_config, endpoint_config, in_haste, server_config};
+use super::quic_config::{client_config, endpoint_config, server_config};
 use super::renewal::renew_in_time;
 use super::seldom::Seldom;
 use super::unasked::Unasked;
@@ -55,7 +55,6 @@ impl Net {
             authority.open_ledger()?;
         }
         let answer = server_config(&identity, authority.is_some(), &limits)?;
-        let in_haste = Arc::new(in_haste(&answer, authority.is_some(), &limits));
         let dial = client_config(&identity, &limits)?;
         let socket = bind(listen)?;
         // One thread leaves the cores to the regions. Two gain little (measured on two cores, both ends in one process): there
@@ -70,7 +69,7 @@ impl Net {
         let endpoint = {
             let _context = runtime.enter();
             let config = endpoint_config(authority.as_deref(), &identity);
-            Endpoint::new(config, Some(answer), socket, Arc::new(TokioRuntime))
+            Endpoint::new(config, Some(answer.clone()), socket, Arc::new(TokioRuntime))
                 .map_err(|source| NetError::Bind { addr: listen, source })?
         };
         let local_addr = endpoint.local_addr().map_err(|source| NetError::Bind { addr: listen, source })?;
@@ -78,7 +77,7 @@ impl Net {
         let shared = Arc::new(Shared {
             local_addr,
             endpoint,
-            in_haste,
+            answer: RwLock::new(answer),
             dial: RwLock::new(dial),
             expiry: Mutex::new(identity.expires()),
             who: identity.who(),

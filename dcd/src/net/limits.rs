@@ -8,6 +8,7 @@ use quinn::{IdleTimeout, TransportConfig, VarInt};
 use super::PeerName;
 use super::congestion::ToleratesLoss;
 use super::lanes::LANES;
+use super::source::Part;
 use crate::protocol::link;
 
 /// The longest datagram: it must fit into one packet on every path.
@@ -42,12 +43,15 @@ pub struct Limits {
     pub client_queue_bytes: usize,
     /// How many proven peers may have dialled us.
     pub connections: usize,
-    /// How many handshakes and joins may be under way; more are ignored, and dial again by themselves.
+    /// How many handshakes and joins may be under way; with more, one of the place (an IPv4 address, or an IPv6 /64) that has most gives way if it has
+    /// asked for nothing, or who calls is ignored, and dials again by itself. So is who calls faster than a place, or all, may: 1,000 and 2,000 a second
+    /// are taken, and of those beyond, who calls again a quarter of a second later or more goes first.
     pub handshakes: usize,
     /// From this many handshakes under way on, a dialler must first prove that it has the address it writes from.
     pub handshakes_before_retry: usize,
     /// How many connections may be coming to their end beside those, which QUIC remembers for some round trips of the caller's; with more, who
-    /// calls is ignored, and dials again by itself. A caller that answers slowly stays for twenty seconds: few would keep everybody from joining.
+    /// calls is ignored, and dials again by itself. One place may have all handshakes and half of these, two together two thirds, and so on. A caller
+    /// that answers slowly stays for twenty seconds: few would keep everybody from joining.
     pub closing: usize,
 }
 
@@ -137,11 +141,20 @@ impl Limits {
         self.transport(self.idle_timeout.max(self.client_idle_timeout), None, bidirectional_streams)
     }
 
-    /// Returns the same for links of those who had to prove their address, since many call.
-    pub(super) fn answering_in_haste(&self, bidirectional_streams: u8) -> Arc<TransportConfig> {
+    /// Returns the same for one caller, who keeps its part as long as QUIC knows of its connection; in haste if it had to prove its address, since
+    /// many call.
+    pub(super) fn answering_caller(
+        &self,
+        bidirectional_streams: u8,
+        in_haste: bool,
+        part: Arc<Part>,
+    ) -> Arc<TransportConfig> {
         let mut transport = self.answering(bidirectional_streams);
         if let Some(transport) = Arc::get_mut(&mut transport) {
-            transport.initial_rtt(FIRST_TRIP_IN_HASTE);
+            transport.congestion_controller_factory(Arc::new(ToleratesLoss::of_caller(part)));
+            if in_haste {
+                transport.initial_rtt(FIRST_TRIP_IN_HASTE);
+            }
         }
         transport
     }
@@ -170,7 +183,7 @@ impl Limits {
             // With the default loss detection, reordering alone cut throughput six- to tenfold (measured).
             .packet_threshold(128)
             .time_threshold(3.0)
-            .congestion_controller_factory(Arc::new(ToleratesLoss));
+            .congestion_controller_factory(Arc::new(ToleratesLoss::default()));
         Arc::new(transport)
     }
 }

@@ -44,13 +44,6 @@ pub(super) fn server_config(
     Ok(config)
 }
 
-/// Returns the same for who had to prove its address first, since many call.
-pub(super) fn in_haste(config: &ServerConfig, anonymous_may_join: bool, limits: &Limits) -> ServerConfig {
-    let mut config = config.clone();
-    config.transport_config(limits.answering_in_haste(u8::from(anonymous_may_join)));
-    config
-}
-
 /// Returns the settings for links that this process makes.
 pub(super) fn client_config(identity: &Identity, limits: &Limits) -> Result<ClientConfig, NetError> {
     let crypto =

@@ -93,7 +93,7 @@ async fn renewed(shared: &Shared, identity: &Identity, servers: &[SocketAddr]) -
     let fresh = fresh(identity, server, &reply)?;
     let answer = server_config(&fresh, false, &shared.limits)?;
     shared.set_dial(client_config(&fresh, &shared.limits)?);
-    shared.endpoint.set_server_config(Some(answer));
+    shared.set_answer(answer);
     shared.set_expiry(fresh.expires());
     Ok(fresh)
 }

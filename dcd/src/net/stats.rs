@@ -49,7 +49,7 @@ pub struct NetTotals {
     pub joins_granted: u64,
     /// Joins refused, and anonymous peers that sent anything else.
     pub joins_refused: u64,
-    /// Handshakes that failed or were turned away.
+    /// Handshakes that failed or were turned away, and calls beyond the pace or the room that their place or all have.
     pub handshakes_refused: u64,
     /// Connections closed because the peer broke a rule.
     pub violations: u64,

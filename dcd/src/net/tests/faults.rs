@@ -5,6 +5,8 @@ use std::time::Instant;
 use super::*;
 use crate::net::join::{JoinRequest, anonymous};
 use crate::net::key::Key;
+use crate::net::quic_config;
+use crate::net::source::Calls;
 use crate::space::{ClientId, NodeId};
 
 #[test]
@@ -328,6 +330,32 @@ fn who_falls_silent_in_handshakes_leaves_few_connections_behind() {
         assert!(begun.elapsed() < PATIENCE, "{proved} handshakes");
     }
     server.join(JoinRole::Client);
+}
+
+#[test]
+fn a_callers_part_lasts_until_quic_has_forgotten_its_connection() {
+    let (server, limits) = (Server::start(), Limits::default());
+    let identity = server.join(JoinRole::Node);
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().unwrap();
+    runtime.block_on(async {
+        let call = (anywhere(), quinn::ConnectionId::new(&[1]));
+        let part = Calls::new(1, 1).take(Instant::now(), call, 0, true).unwrap();
+        let lasts = Arc::downgrade(&part);
+        let mut answer = quic_config::server_config(&identity, false, &limits).unwrap();
+        answer.transport_config(limits.answering_caller(0, false, part));
+        let called = quinn::Endpoint::server(answer, anywhere()).unwrap();
+        let caller = quinn::Endpoint::client(anywhere()).unwrap();
+        let dial = quic_config::client_config(&identity, &limits).unwrap();
+        let name = &identity.who().dns_names()[0];
+        let _connecting = caller.connect_with(dial, called.local_addr().unwrap(), name).unwrap();
+        let connection = called.accept().await.unwrap().await.unwrap();
+        called.set_server_config(None);
+        connection.close(0_u32.into(), b"");
+        drop(connection);
+        assert!(lasts.upgrade().is_some(), "QUIC remembers it for some round trips");
+        called.wait_idle().await;
+        assert!(lasts.upgrade().is_none());
+    });
 }
 
 #[test]

@@ -55,6 +55,10 @@ impl Region {
         let bodies = self.world.bodies.iter().filter(moves);
         let kept: Vec<_> = bodies.map(|(handle, body)| (handle, body.clone())).collect();
         for &(handle, pose) in lay {
+            // It is not put back, and touches nothing.
+            if !self.world.bodies[handle].is_enabled() {
+                continue;
+            }
             let is_known = pose != *self.world.bodies[handle].position();
             let aside = if is_known { Vector::ZERO } else { self.aside(handle, mixed(tick.0)) };
             let pose = Pose::from_parts(pose.translation + aside, pose.rotation);
@@ -279,6 +283,20 @@ mod tests {
         (0..2).for_each(|_| next.step().unwrap());
         assert_eq!(told(&next), (1, 2));
         assert!(rise(&next, 2) > 4.5 && rise(&next, 1).abs() < 0.01, "{} m/s", rise(&next, 2));
+    }
+
+    #[test]
+    fn what_is_disabled_stays_where_it_is() {
+        let mut host = world_of(&[([0.0, 0.5, 0.0], 0.0, 0.0), ([5.0, 0.5, 0.0], 0.0, 0.0)]);
+        (0..60).for_each(|_| host.step().unwrap());
+        let ids = [1, 2].map(BodyId::persistent);
+        host.change_copies(ids[1], |body| body.set_enabled(false)).unwrap();
+        let next = handed_over(&host, |body| body);
+        for id in ids {
+            let [before, after] = [&host, &next].map(|host| host.record(id).unwrap());
+            assert_eq!(before.traits.enabled, id == ids[0]);
+            assert_eq!(before.state.pose, after.state.pose, "{id}");
+        }
     }
 
     #[test]

@@ -19,6 +19,8 @@ const LARGEST: usize = 256;
 const SILENT_STEPS: usize = 16;
 /// Of many bodies fewer, so that nobody waits for long: so many bodies are stepped in all.
 const SILENT_WORK: usize = 32_000;
+/// Of any number so many: the first ones solve contacts as deep as they were found, the others take that out again.
+const FEWEST_STEPS: usize = 4;
 
 impl Region {
     /// Returns how the bodies owned here lay when their contacts were found, as far as it is known.
@@ -64,7 +66,7 @@ impl Region {
             let pose = Pose::from_parts(pose.translation + aside, pose.rotation);
             self.world_mut().bodies[handle].set_position(pose, false);
         }
-        for _ in 0..=SILENT_STEPS.min(SILENT_WORK / kept.len().max(1)) {
+        for _ in 0..=silent_steps(kept.len()) {
             self.world.step_with_events(&(), &TouchListener(&self.listener));
             kept.iter().for_each(|(handle, was)| self.put_back(*handle, was));
             for handle in self.world.quarantine().bodies().to_vec() {
@@ -130,6 +132,11 @@ impl Region {
             turned: [turn.x, turn.y, turn.z],
         }
     }
+}
+
+/// Returns in how many silent steps contacts of so many bodies come to bear their loads, once they are found.
+fn silent_steps(bodies: usize) -> usize {
+    (SILENT_WORK / bodies.max(1)).clamp(FEWEST_STEPS, SILENT_STEPS)
 }
 
 #[cfg(test)]
@@ -283,6 +290,11 @@ mod tests {
         (0..2).for_each(|_| next.step().unwrap());
         assert_eq!(told(&next), (1, 2));
         assert!(rise(&next, 2) > 4.5 && rise(&next, 1).abs() < 0.01, "{} m/s", rise(&next, 2));
+    }
+
+    #[test]
+    fn contacts_of_any_number_of_bodies_come_to_bear_loads() {
+        assert_eq!([0, 2_000, 4_000, 100_000].map(silent_steps), [16, 16, 8, 4]);
     }
 
     #[test]

@@ -11,7 +11,7 @@ use super::record;
 use super::settings::StepSettings;
 use super::shapes::{ShapeError, ShapeLibrary};
 use crate::protocol::{BodyKind, BodyRecord, ColliderRecord, ContactOffset, JointRecord};
-use crate::space::{BodyId, Bounds, PlaceGroups};
+use crate::space::{Bounds, PlaceGroups};
 
 /// Bodies closer than this touch, metres.
 const NEAR_M: f64 = 0.02;
@@ -202,13 +202,17 @@ pub(super) fn standing(
     Ok(standing)
 }
 
-/// Has a body that is placed anew find its contacts from where it is, if nobody knows how it lay when they were found: under its load, unless it
-/// may be about to bounce, or hangs on others.
-pub(super) fn note_standing(body: &mut BodyRecord, tied: &BTreeSet<BodyId>) {
+/// Has bodies that are placed anew find their contacts from where they are, if nobody knows how they lay when these were found: under their
+/// loads, unless they may be about to bounce. What joints tie is not solved without them, whatever was known of it before they came.
+pub(super) fn note_standing(bodies: &mut [BodyRecord], joints: &[JointRecord]) {
+    let tied: BTreeSet<_> = joints.iter().flat_map(|joint| [joint.a, joint.b]).collect();
     let bounces = |collider: &ColliderRecord| collider.restitution > 0.0;
-    let stands = !body.traits.colliders.iter().any(bounces) && !tied.contains(&body.id);
-    if body.traits.kind == BodyKind::Dynamic && stands {
-        body.state.contact_offset.get_or_insert_default();
+    for body in bodies.iter_mut().filter(|body| body.traits.kind == BodyKind::Dynamic) {
+        if tied.contains(&body.id) {
+            body.state.contact_offset = None;
+        } else if !body.traits.colliders.iter().any(bounces) {
+            body.state.contact_offset.get_or_insert_default();
+        }
     }
 }
 

@@ -187,8 +187,7 @@ impl RegionHost {
                 let place = bodies.binary_search_by_key(&id, |body| body.id).ok()?;
                 Some(&bodies[place].state)
             });
-            let tied = joints.iter().flat_map(|joint| [joint.a, joint.b]).collect();
-            bodies.iter_mut().for_each(|body| placement::note_standing(body, &tied));
+            placement::note_standing(&mut bodies, &joints);
         }
         self.insert_placed(bodies, &owners, &whole, &joints)
     }

@@ -298,6 +298,19 @@ mod tests {
     }
 
     #[test]
+    fn what_has_come_to_be_tied_is_not_solved_without_its_joints() {
+        let mut host = world_of(&[([0.0, 0.5, 0.0], 0.0, 0.0), ([5.0, 0.5, 0.0], 0.0, 0.0)]);
+        (0..60).for_each(|_| host.step().unwrap());
+        let ids = [1, 2].map(BodyId::persistent);
+        let mut bodies = host.records(&ids);
+        assert!(bodies.iter().all(|body| body.state.contact_offset.is_some()));
+        let hinge: GenericJoint = RevoluteJointBuilder::new(Vector::Z).into();
+        let joint = crate::physics::joint_record(crate::space::JointId(1), ids[1], BodyId::persistent(0), &hinge);
+        crate::physics::placement::note_standing(&mut bodies, &[joint]);
+        assert_eq!([0, 1].map(|of| bodies[of].state.contact_offset.is_some()), [true, false]);
+    }
+
+    #[test]
     fn what_is_disabled_stays_where_it_is() {
         let mut host = world_of(&[([0.0, 0.5, 0.0], 0.0, 0.0), ([5.0, 0.5, 0.0], 0.0, 0.0)]);
         (0..60).for_each(|_| host.step().unwrap());

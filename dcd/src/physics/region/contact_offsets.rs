@@ -273,7 +273,7 @@ mod tests {
 
     #[test]
     fn what_is_about_to_bounce_bounces_and_what_lies_tells_once_that_it_touches() {
-        let mut host = world_of(&[([0.0, 0.5, 0.0], 0.0, 0.0), ([5.0, 0.55, 0.0], -5.0, 1.0)]);
+        let mut host = world_of(&[([0.0, 0.5, 0.0], 0.0, 0.0), ([5.0, 0.55, 0.0], -5.0, 0.5)]);
         let rise = |host: &RegionHost, id: u32| {
             let (region, handle) = host.owned(BodyId::persistent(id)).unwrap();
             region.physics().bodies[handle].linvel().y
@@ -289,7 +289,20 @@ mod tests {
         assert_eq!(told(&next), (1, 0), "forces are told of steps that count");
         (0..2).for_each(|_| next.step().unwrap());
         assert_eq!(told(&next), (1, 2));
-        assert!(rise(&next, 2) > 4.5 && rise(&next, 1).abs() < 0.01, "{} m/s", rise(&next, 2));
+        // With the mean of its restitution and the floor's.
+        assert!(rise(&next, 2) > 3.3 && rise(&next, 1).abs() < 0.01, "{} m/s", rise(&next, 2));
+    }
+
+    #[test]
+    fn what_bounces_by_what_it_falls_on_alone_bounces() {
+        let mut host = world_of(&[([0.0, 0.5, 0.0], 0.0, 0.0), ([5.0, 0.55, 0.0], -5.0, 0.0)]);
+        let rise = |host: &RegionHost| host.states().last().unwrap().3.linear[1];
+        host.step().unwrap();
+        assert!(rise(&host) < -4.5, "{} m/s: it has yet to bounce", rise(&host));
+        let mut next = handed_over(&host, |body| body);
+        (0..2).for_each(|_| next.step().unwrap());
+        // With half of the floor's restitution.
+        assert!(rise(&next) > 2.0, "{} m/s", rise(&next));
     }
 
     #[test]

@@ -198,7 +198,7 @@ pub(super) fn standing(
     let mut stands = vec![true; bodies.len()];
     for (index, _) in &boxes {
         let root = groups.root(*index);
-        stands[root] &= bodies[*index].state.contact_offset.is_some() && owners[*index] == owners[root];
+        stands[root] &= lies(&bodies[*index]) && owners[*index] == owners[root];
     }
     let mut standing = vec![false; bodies.len()];
     boxes.iter().for_each(|(index, _)| standing[*index] = stands[groups.root(*index)]);
@@ -221,6 +221,11 @@ pub(super) fn note_standing(bodies: &mut [BodyRecord], joints: &[JointRecord]) {
             body.state.contact_offset.get_or_insert_default();
         }
     }
+}
+
+/// Returns whether a body is known to have had contacts.
+pub(super) fn lies(body: &BodyRecord) -> bool {
+    body.state.contact_offset.is_some()
 }
 
 /// Returns a body where it lay when its contacts were found.

@@ -68,6 +68,10 @@ impl RegionHost {
             return Err(HostError::Taken(taken.id));
         }
         self.check(&bodies, joints)?;
+        // Of a world that was saved it is not known of all.
+        if bodies.iter().any(placement::lies) {
+            placement::note_standing(&mut bodies, joints);
+        }
         self.insert_checked(bodies, joints)
     }
 
@@ -180,6 +184,9 @@ impl RegionHost {
             // The whole scene, sent to every node: each places it as a world in one process would.
             owners = placement.owners(&bodies, &self.partition);
             whole = placement.whole(&owners);
+            if bodies.iter().any(placement::lies) {
+                placement::note_standing(&mut bodies, &joints);
+            }
         } else {
             owners = placement.together(owners);
             // The server records what joints are, and of bodies alone where they are.
@@ -422,8 +429,7 @@ impl RegionHost {
                 self.statics.add(body.clone(), &self.shapes)?;
             }
         }
-        let lies = |body: &BodyRecord| body.state.contact_offset.is_some();
-        let standing = match bodies.iter().any(lies) {
+        let standing = match bodies.iter().any(placement::lies) {
             true => placement::standing(&bodies, owners, &self.shapes)?,
             false => vec![false; bodies.len()],
         };

@@ -161,6 +161,10 @@ mod tests {
 
     /// Has another process compute the only region of a world, from such records of its bodies.
     fn handed_over(host: &RegionHost, record: impl Fn(BodyRecord) -> BodyRecord) -> RegionHost {
+        handed_over_at(host, host.tick(), record)
+    }
+
+    fn handed_over_at(host: &RegionHost, tick: Tick, record: impl Fn(BodyRecord) -> BodyRecord) -> RegionHost {
         let tree = host.partition().tree().clone();
         let leaf = tree.leaves().next().unwrap();
         let mut next = RegionHost::new(Partition::new(tree.clone(), None), *host.settings(), 1, &[]).unwrap();
@@ -168,7 +172,7 @@ mod tests {
         next.insert(host.scenery().cloned().collect(), &[]).unwrap();
         let bodies = host.records(&host.owned_bodies().map(|(id, ..)| id).collect::<Vec<_>>());
         let placed = bodies.into_iter().map(|body| (leaf, record(body))).collect();
-        next.set_tick(host.tick());
+        next.set_tick(tick);
         next.rebuild(&tree, &[leaf], placed, &[], &[]).unwrap();
         next.announce();
         next.exchange().unwrap();
@@ -342,6 +346,31 @@ mod tests {
         let joint = crate::physics::joint_record(crate::space::JointId(1), ids[1], BodyId::persistent(0), &hinge);
         crate::physics::placement::note_standing(&mut bodies, &[joint]);
         assert_eq!([0, 1].map(|of| bodies[of].state.contact_offset.is_some()), [true, false]);
+    }
+
+    #[test]
+    fn what_is_read_of_a_copy_bears_loads_where_that_says_how_anything_lay() {
+        let mut host = world_of(&[([0.0, 0.5, 0.0], 0.0, 0.0), ([5.0, 0.5, 0.0], 0.0, 0.0)]);
+        (0..60).for_each(|_| host.step().unwrap());
+        let ids = [1, 2].map(BodyId::persistent);
+        let of_one = |mut body: BodyRecord| {
+            body.state.contact_offset = body.state.contact_offset.filter(|_| body.id == ids[0]);
+            body
+        };
+        let tree = host.partition().tree().clone();
+        let leaves: Vec<_> = tree.leaves().collect();
+        let mut opened = RegionHost::new(Partition::new(tree, None), *host.settings(), 1, &leaves).unwrap();
+        *opened.shapes_mut() = host.shapes().clone();
+        let movable = host.records(&ids).into_iter().map(of_one);
+        opened.insert_saved(host.scenery().cloned().chain(movable).collect(), &[]).unwrap();
+        for next in [opened, handed_over_at(&host, Tick(0), of_one)] {
+            let region = next.regions().next().unwrap();
+            for id in ids {
+                let collider = region.physics().bodies[region.handle_of(id).unwrap()].colliders()[0];
+                let mut pairs = region.physics().narrow_phase.contact_pairs_with(collider);
+                assert!(pairs.any(|pair| pair.total_impulse_magnitude() > 0.0), "{id}");
+            }
+        }
     }
 
     #[test]

@@ -74,6 +74,7 @@ impl Region {
                 self.set_aside(handle);
             }
         }
+        self.quarantined_before = !self.quarantined.is_empty();
         self.note_solved(before.dt);
         self.listener.drain(self.anchor, 1.0, &mut self.events);
         self.events.make_tellable();
@@ -370,6 +371,23 @@ mod tests {
                 let mut pairs = region.physics().narrow_phase.contact_pairs_with(collider);
                 assert!(pairs.any(|pair| pair.total_impulse_magnitude() > 0.0), "{id}");
             }
+        }
+    }
+
+    #[test]
+    fn the_first_tick_tells_what_silent_steps_have_quarantined() {
+        let mut host = world_of(&[([0.0, 0.5, 0.0], 0.0, 0.0), ([5.0, 0.5, 0.0], 0.0, 0.0)]);
+        (0..60).for_each(|_| host.step().unwrap());
+        let id = BodyId::persistent(2);
+        let mut next = handed_over(&host, |mut body| {
+            if body.id == id {
+                body.state.velocity.linear = [f32::NAN; 3];
+            }
+            body
+        });
+        for told in [&[id][..], &[]] {
+            next.step().unwrap();
+            assert_eq!(next.regions().next().unwrap().quarantined(), told);
         }
     }
 

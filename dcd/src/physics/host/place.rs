@@ -556,10 +556,8 @@ impl RegionHost {
     /// Returns the whole records of those of these bodies that are held here, for another process: with how they lay when their contacts were
     /// found, as far as it is known.
     pub(crate) fn records(&self, ids: &[BodyId]) -> Vec<BodyRecord> {
-        let offsets = match ids.iter().any(|id| self.owned(*id).is_some()) {
-            true => self.regions().flat_map(|region| region.contact_offsets(self.tick)).collect(),
-            false => BTreeMap::new(),
-        };
+        let offsets: BTreeMap<_, _> =
+            self.regions().flat_map(|region| region.contact_offsets(self.tick, ids)).collect();
         let mut bodies: Vec<_> = ids.iter().filter_map(|id| self.record(*id)).collect();
         for body in &mut bodies {
             body.state.contact_offset = offsets.get(&body.id).copied();

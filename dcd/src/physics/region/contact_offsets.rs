@@ -23,14 +23,18 @@ const SILENT_WORK: usize = 32_000;
 const FEWEST_STEPS: usize = 4;
 
 impl Region {
-    /// Returns how the bodies owned here lay when their contacts were found, as far as it is known.
-    pub(in crate::physics) fn contact_offsets(&self, tick: Tick) -> BTreeMap<BodyId, ContactOffset> {
+    /// Returns how those of these bodies that are owned here, and what presses on them, lay when their contacts were found, as far as it is known.
+    pub(in crate::physics) fn contact_offsets(
+        &self,
+        tick: Tick,
+        ids: &[BodyId],
+    ) -> BTreeMap<BodyId, ContactOffset> {
         let (mut offsets, mut seen) = (BTreeMap::new(), BTreeSet::new());
-        for link in self.links() {
-            if !self.stands(link.handle) || seen.contains(&link.handle.into_raw_parts()) {
+        for handle in ids.iter().filter_map(|id| self.handle_of(*id)) {
+            if !self.stands(handle) || seen.contains(&handle.into_raw_parts()) {
                 continue;
             }
-            let members = self.pressing_on(link.handle, &mut seen);
+            let members = self.pressing_on(handle, &mut seen);
             if members.len() > LARGEST || !members.iter().all(|member| self.stands(member.handle)) {
                 continue;
             }
@@ -389,6 +393,20 @@ mod tests {
             next.step().unwrap();
             assert_eq!(next.regions().next().unwrap().quarantined(), told);
         }
+    }
+
+    #[test]
+    fn only_what_is_asked_for_is_searched() {
+        let at = |x: f64, y: f64| ([x, y, 0.0], 0.0, 0.0);
+        let mut host = world_of(&[at(0.0, 0.5), at(0.0, 1.5), at(5.0, 0.5)]);
+        (0..60).for_each(|_| host.step().unwrap());
+        let found = |asked: &[u32]| {
+            let ids: Vec<_> = asked.iter().map(|id| BodyId::persistent(*id)).collect();
+            let offsets = host.regions().next().unwrap().contact_offsets(host.tick(), &ids);
+            offsets.into_keys().map(BodyId::index).collect::<Vec<_>>()
+        };
+        assert_eq!([found(&[2]), found(&[3]), found(&[0])], [vec![1, 2], vec![3], vec![]]);
+        assert_eq!(found(&[1, 2, 3]), [1, 2, 3]);
     }
 
     #[test]

@@ -169,7 +169,11 @@ mod tests {
         handed_over_at(host, host.tick(), record)
     }
 
-    fn handed_over_at(host: &RegionHost, tick: Tick, record: impl Fn(BodyRecord) -> BodyRecord) -> RegionHost {
+    fn handed_over_at(
+        host: &RegionHost,
+        tick: Tick,
+        record: impl Fn(BodyRecord) -> BodyRecord,
+    ) -> RegionHost {
         let tree = host.partition().tree().clone();
         let leaf = tree.leaves().next().unwrap();
         let mut next = RegionHost::new(Partition::new(tree.clone(), None), *host.settings(), 1, &[]).unwrap();
@@ -348,7 +352,8 @@ mod tests {
         let mut bodies = host.records(&ids);
         assert!(bodies.iter().all(|body| body.state.contact_offset.is_some()));
         let hinge: GenericJoint = RevoluteJointBuilder::new(Vector::Z).into();
-        let joint = crate::physics::joint_record(crate::space::JointId(1), ids[1], BodyId::persistent(0), &hinge);
+        let joint =
+            crate::physics::joint_record(crate::space::JointId(1), ids[1], BodyId::persistent(0), &hinge);
         crate::physics::placement::note_standing(&mut bodies, &[joint]);
         assert_eq!([0, 1].map(|of| bodies[of].state.contact_offset.is_some()), [true, false]);
     }

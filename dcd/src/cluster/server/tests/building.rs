@@ -4,8 +4,8 @@ mod costs;
 
 use super::*;
 use crate::protocol::{
-    Alteration, BodyKind, BodyRecord, BodyTraits, BuildOp, Character, ContactOffset, Costs, Input, JointRecord, LinkRecord,
-    Push, Velocity, WorldOp,
+    Alteration, BodyKind, BodyRecord, BodyTraits, BuildOp, Character, ContactOffset, Costs, Input,
+    JointRecord, LinkRecord, Push, Velocity, WorldOp,
 };
 use crate::space::JointId;
 
@@ -42,10 +42,21 @@ fn nobody_has_found_contacts_of_what_is_built_or_was_put_elsewhere() {
     let mut body = sim_body(id, [1.0; 3]);
     body.state.contact_offset = lay;
     let mut server = Server::new(config(1), Record::new(vec![body.clone()], Vec::new(), Vec::new()));
-    let input = Input { body: id, velocity: Velocity::default(), logical_time: 1, tick: Tick(0), pose: None, drive: None };
+    let input = Input {
+        body: id,
+        velocity: Velocity::default(),
+        logical_time: 1,
+        tick: Tick(0),
+        pose: None,
+        drive: None,
+    };
     for (pose, kept) in [(None, lay), (Some(body.state.pose), None)] {
         server.handle(NOW, ServerEvent::Program(vec![BuildOp::Move(Input { pose, ..input })]));
-        assert_eq!(server.record().body(id).unwrap().state.contact_offset, kept, "nobody computes the world yet");
+        assert_eq!(
+            server.record().body(id).unwrap().state.contact_offset,
+            kept,
+            "nobody computes the world yet"
+        );
     }
 }
 

@@ -10,11 +10,14 @@ use super::partition::Partition;
 use super::record;
 use super::settings::StepSettings;
 use super::shapes::{ShapeError, ShapeLibrary};
-use crate::protocol::{BodyKind, BodyRecord, ColliderRecord, ContactOffset, JointRecord};
-use crate::space::{BodyId, Bounds, PlaceGroups};
+use crate::protocol::{BodyKind, BodyRecord, ContactOffset, JointRecord};
+use crate::space::{Bounds, PlaceGroups};
 
 /// Bodies closer than this touch, metres.
 const NEAR_M: f64 = 0.02;
+
+/// Bounces of what moves slower are not missed, metres per second.
+const SLOW_M_S: f32 = 0.5;
 
 /// Which of some new bodies belong together.
 pub(super) struct Placement {
@@ -195,21 +198,34 @@ pub(super) fn standing(
     let mut stands = vec![true; bodies.len()];
     for (index, _) in &boxes {
         let root = groups.root(*index);
-        stands[root] &= bodies[*index].state.contact_offset.is_some() && owners[*index] == owners[root];
+        stands[root] &= lies(&bodies[*index]) && owners[*index] == owners[root];
     }
     let mut standing = vec![false; bodies.len()];
     boxes.iter().for_each(|(index, _)| standing[*index] = stands[groups.root(*index)]);
     Ok(standing)
 }
 
-/// Has a body that is placed anew find its contacts from where it is, if nobody knows how it lay when they were found: under its load, unless it
-/// may be about to bounce, or hangs on others.
-pub(super) fn note_standing(body: &mut BodyRecord, tied: &BTreeSet<BodyId>) {
-    let bounces = |collider: &ColliderRecord| collider.restitution > 0.0;
-    let stands = !body.traits.colliders.iter().any(bounces) && !tied.contains(&body.id);
-    if body.traits.kind == BodyKind::Dynamic && stands {
-        body.state.contact_offset.get_or_insert_default();
+/// Has bodies that are placed anew find their contacts from where they are, if nobody knows how they lay when these were found: under their
+/// loads, unless they may be about to bounce, by themselves or off what else is placed: then what moves does not stand. What joints tie is not solved without them, whatever was known of it before they came.
+pub(super) fn note_standing(bodies: &mut [BodyRecord], joints: &[JointRecord]) {
+    let tied: BTreeSet<_> = joints.iter().flat_map(|joint| [joint.a, joint.b]).collect();
+    let bounces = |body: &BodyRecord| body.traits.colliders.iter().any(|collider| collider.restitution > 0.0);
+    let any_bounces = bodies.iter().any(bounces);
+    for body in bodies.iter_mut().filter(|body| body.traits.kind == BodyKind::Dynamic) {
+        if tied.contains(&body.id) {
+            body.state.contact_offset = None;
+            continue;
+        }
+        let is_slow = Vector::from_array(body.state.velocity.linear).length() < SLOW_M_S;
+        if !bounces(body) && (is_slow || !any_bounces) {
+            body.state.contact_offset.get_or_insert_default();
+        }
     }
+}
+
+/// Returns whether a body is known to have had contacts.
+pub(super) fn lies(body: &BodyRecord) -> bool {
+    body.state.contact_offset.is_some()
 }
 
 /// Returns a body where it lay when its contacts were found.

@@ -98,6 +98,9 @@ pub struct Region {
     characters: BTreeMap<BodyId, Walking>,
     vehicles: BTreeMap<BodyId, Driving>,
     quarantined: Vec<BodyId>,
+    /// Whether those were quarantined in silent steps, of which the first tick is to tell.
+    #[serde(skip)]
+    quarantined_before: bool,
     /// The user's hooks that are asked about contacts.
     #[serde(skip)]
     hooks: Option<Arc<dyn ContactHooks>>,
@@ -171,6 +174,7 @@ impl Region {
             characters: BTreeMap::new(),
             vehicles: BTreeMap::new(),
             quarantined: Vec::new(),
+            quarantined_before: false,
             hooks: None,
             events: RegionEvents { region: id, ..RegionEvents::default() },
             stirred: true,
@@ -385,6 +389,13 @@ impl Region {
         self.rests = rests;
         self.profile = Profile::default();
         if rests {
+            self.forget_quarantined();
+        }
+    }
+
+    /// Forgets which copies were quarantined in the last tick.
+    fn forget_quarantined(&mut self) {
+        if !std::mem::take(&mut self.quarantined_before) {
             self.quarantined.clear();
         }
     }

@@ -58,12 +58,19 @@ impl Server {
                     allowance.shape_bytes = brought;
                     for group in self.groups.values_mut() {
                         let shapes = group.record.learn(shapes.clone());
-                        // Epochs are ours to give, clients push nothing, and what a character wants is its velocity.
+                        // Epochs are ours to give, clients push nothing, what a character wants is its velocity, and nobody has found contacts of
+                        // what is new.
                         let wanted = body.state.velocity.linear;
                         let gait = body.traits.character.map(|_| Gait { wanted, ..Gait::default() });
                         let drive = body.traits.vehicle.as_ref().map(|_| Drive::default());
-                        let state =
-                            BodyState { force: [0.0; 3], torque: [0.0; 3], gait, drive, ..body.state };
+                        let state = BodyState {
+                            force: [0.0; 3],
+                            torque: [0.0; 3],
+                            gait,
+                            drive,
+                            contact_offset: None,
+                            ..body.state
+                        };
                         group.record.insert(BodyRecord { epoch: Epoch(0), state, ..body.clone() });
                         group.introduce(&mut self.common, id, shapes);
                     }

@@ -10,8 +10,8 @@ use super::group::Group;
 use crate::cluster::{Key, Life};
 use crate::protocol::assembly::{assemblies, gathered, take_shapes_of};
 use crate::protocol::{
-    Alteration, BodyKind, BodyRecord, BuildOp, Input, JointRecord, ShapeRecord, ToClient, View, WorldOp,
-    split,
+    Alteration, BodyKind, BodyRecord, BodyState, BuildOp, Input, JointRecord, ShapeRecord, ToClient, View,
+    WorldOp, split,
 };
 use crate::space::{BodyId, Epoch};
 
@@ -95,7 +95,9 @@ impl Group {
     ) {
         let new_shapes = self.record.learn(shapes.to_vec());
         for body in bodies {
-            self.record.insert(BodyRecord { epoch: Epoch(0), ..body.clone() });
+            // Nobody has found contacts of what is new, whoever says so.
+            let state = BodyState { contact_offset: None, ..body.state };
+            self.record.insert(BodyRecord { epoch: Epoch(0), state, ..body.clone() });
             // Nobody owns it: it is where the nodes are.
             if body.traits.kind == BodyKind::Fixed {
                 self.record.set_life(body.id, Life::Live);
@@ -183,7 +185,10 @@ impl Group {
             // Nobody computes the world: the record is all there is to move.
             if let Some(body) = self.record.body_mut(input.body) {
                 body.obey(&input);
-                body.state.pose = input.pose.unwrap_or(body.state.pose);
+                if let Some(pose) = input.pose {
+                    // How it lay is known of where it was.
+                    (body.state.pose, body.state.contact_offset) = (pose, None);
+                }
                 body.state.sleeping = false;
             }
             return;

@@ -68,6 +68,10 @@ impl RegionHost {
             return Err(HostError::Taken(taken.id));
         }
         self.check(&bodies, joints)?;
+        // Of a world that was saved it is not known of all.
+        if bodies.iter().any(placement::lies) {
+            placement::note_standing(&mut bodies, joints);
+        }
         self.insert_checked(bodies, joints)
     }
 
@@ -180,6 +184,9 @@ impl RegionHost {
             // The whole scene, sent to every node: each places it as a world in one process would.
             owners = placement.owners(&bodies, &self.partition);
             whole = placement.whole(&owners);
+            if bodies.iter().any(placement::lies) {
+                placement::note_standing(&mut bodies, &joints);
+            }
         } else {
             owners = placement.together(owners);
             // The server records what joints are, and of bodies alone where they are.
@@ -187,8 +194,7 @@ impl RegionHost {
                 let place = bodies.binary_search_by_key(&id, |body| body.id).ok()?;
                 Some(&bodies[place].state)
             });
-            let tied = joints.iter().flat_map(|joint| [joint.a, joint.b]).collect();
-            bodies.iter_mut().for_each(|body| placement::note_standing(body, &tied));
+            placement::note_standing(&mut bodies, &joints);
         }
         self.insert_placed(bodies, &owners, &whole, &joints)
     }
@@ -423,8 +429,7 @@ impl RegionHost {
                 self.statics.add(body.clone(), &self.shapes)?;
             }
         }
-        let lies = |body: &BodyRecord| body.state.contact_offset.is_some();
-        let standing = match bodies.iter().any(lies) {
+        let standing = match bodies.iter().any(placement::lies) {
             true => placement::standing(&bodies, owners, &self.shapes)?,
             false => vec![false; bodies.len()],
         };
@@ -551,10 +556,8 @@ impl RegionHost {
     /// Returns the whole records of those of these bodies that are held here, for another process: with how they lay when their contacts were
     /// found, as far as it is known.
     pub(crate) fn records(&self, ids: &[BodyId]) -> Vec<BodyRecord> {
-        let offsets = match ids.iter().any(|id| self.owned(*id).is_some()) {
-            true => self.regions().flat_map(|region| region.contact_offsets(self.tick)).collect(),
-            false => BTreeMap::new(),
-        };
+        let offsets: BTreeMap<_, _> =
+            self.regions().flat_map(|region| region.contact_offsets(self.tick, ids)).collect();
         let mut bodies: Vec<_> = ids.iter().filter_map(|id| self.record(*id)).collect();
         for body in &mut bodies {
             body.state.contact_offset = offsets.get(&body.id).copied();

@@ -22,7 +22,7 @@ impl Region {
         let is_still = |region: &Self| region.world.islands.num_active_bodies() == 0;
         let unchanged = Some(self.revision).filter(|revision| *revision == self.stepped && is_still(self));
         if self.targets.is_first() {
-            self.quarantined.clear();
+            self.forget_quarantined();
             self.walk(parameters.dt * steps as f32);
         }
         self.drive_on(parameters.dt);

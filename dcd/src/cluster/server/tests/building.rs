@@ -4,8 +4,8 @@ mod costs;
 
 use super::*;
 use crate::protocol::{
-    Alteration, BodyKind, BodyRecord, BodyTraits, BuildOp, Character, Costs, Input, JointRecord, LinkRecord,
-    Push, Velocity, WorldOp,
+    Alteration, BodyKind, BodyRecord, BodyTraits, BuildOp, Character, ContactOffset, Costs, Input,
+    JointRecord, LinkRecord, Push, Velocity, WorldOp,
 };
 use crate::space::JointId;
 
@@ -27,6 +27,37 @@ fn run(mut server: Server) -> Server {
     }
     while server.poll_output().is_some() {}
     server
+}
+
+#[test]
+fn nobody_has_found_contacts_of_what_is_built_or_was_put_elsewhere() {
+    let mut server = server();
+    let id = BodyId::persistent(100);
+    let lay = Some(ContactOffset { moved_m: [0.5, 0.0, 0.0], turned: [0.0; 3] });
+    let mut body = sim_body(id, [1.0; 3]);
+    body.state.contact_offset = lay;
+    let insert = BuildOp::Insert { bodies: vec![body], shapes: Vec::new(), joints: Vec::new() };
+    server.handle(NOW, ServerEvent::Program(vec![insert]));
+    assert_eq!(server.record().body(id).unwrap().state.contact_offset, None);
+    let mut body = sim_body(id, [1.0; 3]);
+    body.state.contact_offset = lay;
+    let mut server = Server::new(config(1), Record::new(vec![body.clone()], Vec::new(), Vec::new()));
+    let input = Input {
+        body: id,
+        velocity: Velocity::default(),
+        logical_time: 1,
+        tick: Tick(0),
+        pose: None,
+        drive: None,
+    };
+    for (pose, kept) in [(None, lay), (Some(body.state.pose), None)] {
+        server.handle(NOW, ServerEvent::Program(vec![BuildOp::Move(Input { pose, ..input })]));
+        assert_eq!(
+            server.record().body(id).unwrap().state.contact_offset,
+            kept,
+            "nobody computes the world yet"
+        );
+    }
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Tests what clients and nodes cannot make a server do: each refusal is named or counted, and others go on.
 
 use super::*;
-use crate::protocol::WorldOp;
+use crate::protocol::{ContactOffset, WorldOp};
 
 #[test]
 fn a_client_that_keeps_inventing_shapes_is_refused_and_others_are_not() {
@@ -45,11 +45,13 @@ fn an_avatar_comes_no_faster_than_the_world_allows_and_nothing_pushes_it() {
         let mut body = sim_body(BodyId::avatar(client, index), [1.0; 3]);
         body.state.velocity.linear[2] = -speed;
         (body.state.force, body.state.torque) = ([1e9; 3], [1e9; 3]);
+        body.state.contact_offset = Some(ContactOffset { moved_m: [0.5, 0.0, 0.0], turned: [0.0; 3] });
         let spawn = Message::FromClient(client, FromClient::Spawn { body, shapes: Vec::new() });
         server.handle(NOW, ServerEvent::Message { from: Peer::Client(client), message: spawn });
     }
     let state = server.record().body(BodyId::avatar(client, 0)).unwrap().state;
     assert_eq!((state.velocity.linear[2], state.force, state.torque), (-0.99 * limit, [0.0; 3], [0.0; 3]));
+    assert_eq!(state.contact_offset, None, "nobody has found its contacts");
     assert!(server.record().body(BodyId::avatar(client, 1)).is_none());
 }
 

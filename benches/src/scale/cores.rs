@@ -213,7 +213,9 @@ fn picture(rows: &[Measured<Row>]) -> LinePanels {
             let of_line = rows.iter().map(|row| &row.row);
             let of_line = of_line.filter(|row| row.scene == scene && row.label() == label);
             let points = of_line.map(|row| (row.threads as f64, 1.0 / row.over_bare, String::new()));
-            let points = std::iter::once((1.0, 1.0, String::new())).chain(points).collect();
+            // What is cut is not run on fewer threads than it has regions.
+            let start = (!label.starts_with("auto")).then_some((1.0, 1.0, String::new()));
+            let points = start.into_iter().chain(points).collect();
             Line { name: name.to_owned(), colour, thick: label == "default", mark, points }
         });
         LinePanel {

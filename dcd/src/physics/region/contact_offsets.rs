@@ -70,6 +70,9 @@ impl Region {
             let pose = Pose::from_parts(pose.translation + aside, pose.rotation);
             self.world_mut().bodies[handle].set_position(pose, false);
         }
+        // As before any step: Rapier must not come upon what was removed since the last one.
+        self.tell_joints();
+        self.hand_awake_over();
         for _ in 0..=silent_steps(kept.len()) {
             kept.iter().for_each(|(handle, was)| self.carry_on(*handle, was, parameters.dt));
             self.world.step_with_events(&(), &TouchListener(&self.listener));

@@ -302,11 +302,6 @@ impl Border {
         !self.predicted.meetings.is_empty()
     }
 
-    /// Returns whether a body that is to move is about to touch one that stays.
-    fn parts(&self, body: RigidBodyHandle) -> bool {
-        self.parting.binary_search_by_key(&body.into_raw_parts(), |one| one.into_raw_parts()).is_ok()
-    }
-
     /// Notes bodies to be checked in the next exchange, asleep or not.
     pub(super) fn overlook(&mut self, bodies: Vec<RigidBodyHandle>) {
         self.overlooked = bodies;

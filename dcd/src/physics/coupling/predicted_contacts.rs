@@ -247,9 +247,14 @@ impl PredictedContacts {
         moves: impl Fn(RigidBodyHandle) -> bool,
     ) -> Vec<RigidBodyHandle> {
         let dynamic = |near: &&Near| region.slot(near.link.handle).traits.kind == BodyKind::Dynamic;
-        let goes =
-            |near: &&Near| near.awake && !region.cell().contains_box(&near.swept) && moves(near.link.handle);
-        let (going, staying): (Vec<_>, Vec<_>) = self.near.iter().filter(dynamic).partition(goes);
+        let is_out = |near: &&Near| near.awake && !region.cell().contains_box(&near.swept);
+        if !self.near.iter().any(|near| is_out(&near)) {
+            return Vec::new();
+        }
+        // What goes along need not be out yet.
+        let (moving, staying): (Vec<_>, Vec<_>) =
+            self.near.iter().filter(dynamic).partition(|near| moves(near.link.handle));
+        let going: Vec<_> = moving.into_iter().filter(is_out).collect();
         if going.is_empty() {
             return Vec::new();
         }

@@ -361,6 +361,30 @@ mod tests {
         assert_eq!([0, 1].map(|of| bodies[of].state.contact_offset.is_some()), [true, false]);
     }
 
+    /// As where the server was started again and places anew what the region has: nobody has stepped since its joints went.
+    #[test]
+    fn silent_steps_come_upon_no_joint_of_bodies_that_went() {
+        let mut host = world_of(&[
+            ([0.0, 0.5, 0.0], 0.0, 0.0),
+            ([5.0, 0.5, 0.0], 0.0, 0.0),
+            ([7.0, 0.5, 0.0], 0.0, 0.0),
+        ]);
+        let ids = [1, 2, 3].map(BodyId::persistent);
+        let rope: GenericJoint = RopeJointBuilder::new(3.0).into();
+        let joint = crate::physics::joint_record(crate::space::JointId(1), ids[1], ids[2], &rope);
+        host.insert(Vec::new(), std::slice::from_ref(&joint)).unwrap();
+        (0..60).for_each(|_| host.step().unwrap());
+        let tree = host.partition().tree().clone();
+        let leaf = tree.leaves().next().unwrap();
+        let placed = host.records(&ids).into_iter().map(|body| (leaf, body)).collect();
+        host.rebuild(&tree, &[leaf], placed, &[joint], &[]).unwrap();
+        host.announce();
+        host.exchange().unwrap();
+        (0..10).for_each(|_| host.step().unwrap());
+        assert!(ids.iter().all(|id| host.record(*id).unwrap().state.pose.translation[1] > 0.49));
+        assert_eq!(host.regions().next().unwrap().physics().impulse_joints.len(), 1);
+    }
+
     #[test]
     fn what_is_read_of_a_copy_bears_loads_where_that_says_how_anything_lay() {
         let mut host = world_of(&[([0.0, 0.5, 0.0], 0.0, 0.0), ([5.0, 0.5, 0.0], 0.0, 0.0)]);

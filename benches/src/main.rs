@@ -51,7 +51,7 @@ enum Suite {
     CApi(c_api::CApi),
     /// Compares what a client shows of a served world, over good and bad networks, with the truth; with bytes and staleness.
     Clients(clients::Clients),
-    /// How much faster a world is on 2 to 16 cores: in one region, and cut into several.
+    /// Measures how much faster a world is on 2 to 16 cores: in one region, and cut into several.
     Cores(scale::Cores),
     /// How far groups of nodes, and members of one group, are from one another over time, and the bytes between them.
     Consistency(consistency::Consistency),

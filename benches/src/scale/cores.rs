@@ -23,7 +23,7 @@ use crate::results::{self, Measured, short};
 use crate::timing::WARM_UP;
 
 const SHOWN: Shown<Row> = Shown { name: "cores", table, picture: Some(picture) };
-/// Those of `scale` in which bodies lie at every border, and that take long enough for sixteen cores.
+/// Names the scenes of `scale` in which bodies lie at every border, and that take long enough for sixteen cores.
 const SCENES: [&str; 5] = ["rubble", "dve", "gas", "pour", "wall"];
 /// Where more threads are asked for than there are cores, times say nothing.
 const THREADS: [u16; 4] = [2, 4, 8, 16];
@@ -41,7 +41,7 @@ pub(crate) struct Cores {
     /// Steps of each run that are timed, after the warm-up.
     #[arg(long, default_value_t = 30, value_parser = clap::value_parser!(u16).range(1..))]
     ticks: u16,
-    /// How often each setting is timed; the fastest counts.
+    /// Times each setting so often; the fastest counts.
     #[arg(long, default_value_t = 3, value_parser = clap::value_parser!(u16).range(1..))]
     repeats: u16,
     #[command(flatten)]

@@ -247,17 +247,14 @@ impl PredictedContacts {
         moves: impl Fn(RigidBodyHandle) -> bool,
     ) -> Vec<RigidBodyHandle> {
         let dynamic = |near: &&Near| region.slot(near.link.handle).traits.kind == BodyKind::Dynamic;
+        let all = || self.near.iter().filter(dynamic);
         let is_out = |near: &&Near| near.awake && !region.cell().contains_box(&near.swept);
-        if !self.near.iter().any(|near| is_out(&near)) {
-            return Vec::new();
-        }
-        // What goes along need not be out yet.
-        let (moving, staying): (Vec<_>, Vec<_>) =
-            self.near.iter().filter(dynamic).partition(|near| moves(near.link.handle));
-        let going: Vec<_> = moving.into_iter().filter(is_out).collect();
+        let going: Vec<_> = all().filter(is_out).filter(|near| moves(near.link.handle)).collect();
         if going.is_empty() {
             return Vec::new();
         }
+        // What goes along need not be out yet.
+        let staying = all().filter(|near| !moves(near.link.handle)).collect();
         let nearby = |nears: Vec<&Near>| nears.into_iter().map(Near::nearby).collect::<Vec<_>>();
         let mut found = Vec::new();
         for_each_overlap(&nearby(going), &nearby(staying), f64::from(self.ahead_s), |one, _| {

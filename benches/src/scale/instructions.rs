@@ -16,7 +16,7 @@ const TICKS: u64 = 60;
 /// build with CARGO_INCREMENTAL=0 (an incremental one, in more units, executes up to a tenth more), in which our own code is optimised less than
 /// Rapier's, which is compiled in one unit. Small scenes have a third of their bodies at the border.
 const HELD: [(&str, f64); 6] =
-    [("rubble", 2.60), ("dve", 2.72), ("gas", 3.32), ("pour", 3.86), ("pyramid", 1.49), ("wall", 2.79)];
+    [("rubble", 2.56), ("dve", 2.79), ("gas", 3.43), ("pour", 3.67), ("pyramid", 1.47), ("wall", 2.36)];
 
 /// Returns the scenes that are counted: those asked for, or all that are held.
 pub(super) fn counted(asked: &[String]) -> Result<Vec<&'static Case>, String> {

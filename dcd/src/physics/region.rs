@@ -219,6 +219,7 @@ impl Region {
     }
 
     /// Returns its Rapier world: positions are relative to the anchor, replicas are among the bodies.
+    #[inline]
     pub fn physics(&self) -> &PhysicsWorld {
         &self.world
     }
@@ -243,6 +244,7 @@ impl Region {
     }
 
     /// Returns the id and the ownership of the body behind a handle of [`Region::physics`].
+    #[inline]
     pub fn role_of(&self, handle: RigidBodyHandle) -> Option<(BodyId, Ownership)> {
         self.slot_at(handle).map(|slot| (slot.id, slot.role))
     }
@@ -455,15 +457,18 @@ impl Region {
         self.moved.get_or_init(|| Box::new(Moved::of(self, &self.touched)))
     }
 
+    #[inline]
     pub(super) fn slot(&self, handle: RigidBodyHandle) -> &Slot {
         self.slot_at(handle).expect("every body of a region has a slot")
     }
 
+    #[inline]
     pub(super) fn slot_mut(&mut self, handle: RigidBodyHandle) -> &mut Slot {
         let index = handle.into_raw_parts().0 as usize;
         self.slots[index].as_mut().expect("every body of a region has a slot")
     }
 
+    #[inline]
     fn slot_at(&self, handle: RigidBodyHandle) -> Option<&Slot> {
         self.slots.get(handle.into_raw_parts().0 as usize)?.as_ref()
     }

@@ -58,6 +58,7 @@ impl Bounds {
 
     /// Returns the smallest box that holds both.
     #[must_use]
+    #[inline]
     pub fn union(&self, other: &Self) -> Self {
         Self {
             min: std::array::from_fn(|i| self.min[i].min(other.min[i])),
@@ -76,21 +77,25 @@ impl Bounds {
     }
 
     /// Returns whether the boxes touch or overlap.
+    #[inline]
     pub fn touches(&self, other: &Self) -> bool {
         (0..3).all(|i| self.min[i] <= other.max[i] && other.min[i] <= self.max[i])
     }
 
     /// Returns whether the other box lies inside this one.
+    #[inline]
     pub fn contains(&self, other: &Self) -> bool {
         (0..3).all(|i| self.min[i] <= other.min[i] && other.max[i] <= self.max[i])
     }
 
     /// Returns the lengths of the edges.
+    #[inline]
     pub fn size(&self) -> [f64; 3] {
         std::array::from_fn(|i| self.max[i] - self.min[i])
     }
 
     /// Returns the middle.
+    #[inline]
     pub fn centre(&self) -> [f64; 3] {
         std::array::from_fn(|i| 0.5 * (self.min[i] + self.max[i]))
     }
@@ -131,6 +136,7 @@ impl Cell {
     }
 
     /// Returns whether any point of the closed box lies in the cell.
+    #[inline]
     pub fn touches(&self, bounds: &Bounds) -> bool {
         (0..3).all(|i| bounds.min[i] < self.max[i] && self.min[i] <= bounds.max[i])
     }

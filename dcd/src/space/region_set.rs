@@ -22,6 +22,7 @@ impl RegionSet {
     pub const ALL: Self = Self([u64::MAX; WORDS]);
 
     /// Returns the set of the one region of this rank.
+    #[inline]
     pub fn only(rank: usize) -> Self {
         let mut set = Self::EMPTY;
         set.insert(rank);
@@ -29,37 +30,44 @@ impl RegionSet {
     }
 
     /// Returns whether the region of this rank is in the set.
+    #[inline]
     pub fn contains(self, rank: usize) -> bool {
         rank < MAX_REGIONS && self.0[rank / 64] & (1 << (rank % 64)) != 0
     }
 
     /// Adds a region.
+    #[inline]
     pub fn insert(&mut self, rank: usize) {
         assert!(rank < MAX_REGIONS, "region rank {rank} out of range");
         self.0[rank / 64] |= 1 << (rank % 64);
     }
 
     /// Removes a region.
+    #[inline]
     pub fn remove(&mut self, rank: usize) {
         *self = self.without(Self::only(rank));
     }
 
     /// Returns the regions in either set.
+    #[inline]
     pub fn union(self, other: Self) -> Self {
         Self(std::array::from_fn(|i| self.0[i] | other.0[i]))
     }
 
     /// Returns the regions in this set and not in the other.
+    #[inline]
     pub fn without(self, other: Self) -> Self {
         Self(std::array::from_fn(|i| self.0[i] & !other.0[i]))
     }
 
     /// Returns the regions in both sets.
+    #[inline]
     pub fn intersection(self, other: Self) -> Self {
         Self(std::array::from_fn(|i| self.0[i] & other.0[i]))
     }
 
     /// Returns whether no region is in the set.
+    #[inline]
     pub fn is_empty(self) -> bool {
         self.0 == [0; WORDS]
     }

@@ -253,8 +253,10 @@ impl PredictedContacts {
         if going.is_empty() {
             return Vec::new();
         }
+        let around = going.iter().map(|near| near.swept).reduce(|all, bounds| all.union(&bounds));
+        let is_in_reach = |near: &&Near| around.is_some_and(|around| around.touches(&near.swept));
         // What goes along need not be out yet.
-        let staying = all().filter(|near| !moves(near.link.handle)).collect();
+        let staying = all().filter(is_in_reach).filter(|near| !moves(near.link.handle)).collect();
         let nearby = |nears: Vec<&Near>| nears.into_iter().map(Near::nearby).collect::<Vec<_>>();
         let mut found = Vec::new();
         for_each_overlap(&nearby(going), &nearby(staying), f64::from(self.ahead_s), |one, _| {

@@ -54,6 +54,7 @@ pub(super) struct Dealt {
 
 impl Shared {
     /// Returns whether its mass is split among several copies; else the owner's copy has all of it, and the others are ghosts.
+    #[inline]
     pub(super) fn is_split(&self) -> bool {
         self.members.without(self.warming).len() > 1
     }

@@ -1,6 +1,7 @@
 //! Tests the program of a server, which builds, moves and clears away what is in its world: real QUIC, nodes and clients in this
 //! process.
 
+use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
 use dcd::network::{JoinConfig, JoinRole, ServeConfig};
@@ -8,6 +9,7 @@ use dcd::prelude::*;
 use dcd::protocol::Pace;
 use dcd::query::{Query, QueryResult, RayQuery};
 use dcd::{Axis, Instead, Push, Tick};
+use rapier3d::parry::utils::Array2;
 
 const LIMIT: Duration = Duration::from_secs(30);
 
@@ -96,6 +98,56 @@ fn what_is_built_before_the_first_tick_is_a_local_world_to_the_bit() {
     }
     assert_eq!(server.tick(), Tick(TICKS));
     assert_eq!(bits(&server, &bodies), bits(&local, &bodies));
+}
+
+#[test]
+fn terrain_that_a_program_digs_for_long_is_forgotten_and_comes_back_when_it_is_made_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut server = serve(ServeConfig::new(folder.path()));
+    let _first = node(&server);
+    let mut client = client(&server);
+    let field = |depth: u8| {
+        let mut heights = Array2::new(260, 260, vec![0.0; 260 * 260]);
+        heights[(0, 0)] = -0.1 * f32::from(depth);
+        ColliderBuilder::heightfield(heights, Vector::new(40.0, 1.0, 40.0))
+    };
+    let ball = RigidBodyBuilder::dynamic().translation(Vector::new(3.0, 0.5, 2.0));
+    let ball = server.insert(ball, ColliderBuilder::ball(0.5)).unwrap();
+    let mut ground = server.insert(RigidBodyBuilder::fixed(), field(0)).unwrap();
+    let first = server.record(ground).unwrap().traits.colliders[0].shape;
+    let mut second = None;
+    for dug in 1..=40 {
+        let next = server.insert(RigidBodyBuilder::fixed(), field(dug)).unwrap();
+        server.remove(ground).unwrap();
+        until("it is dug", &mut [&mut server, &mut client], |worlds| {
+            worlds[1].contains(next) && !worlds[1].contains(ground)
+        });
+        ground = next;
+        if dug == 25 {
+            second = Some(node(&server));
+        }
+    }
+    until("both nodes compute", &mut [&mut server], |worlds| {
+        let nodes: BTreeSet<_> = worlds[0].regions().iter().map(|region| region.node).collect();
+        nodes.len() == 2
+    });
+    // All of it would be 10.8 MB.
+    let told = self::client(&server).traffic().bytes_in;
+    assert!((270_400..6 << 20).contains(&told), "who joins late is told {told} bytes");
+    let stands = |world: &World| (world.pose(ball).unwrap().translation[1] - 0.5).abs() < 0.05;
+    assert!(stands(&client) && stands(&server), "there is no hole");
+
+    let again = server.insert(RigidBodyBuilder::fixed(), field(0)).unwrap();
+    server.remove(ground).unwrap();
+    until("it is there again", &mut [&mut server, &mut client], |worlds| {
+        worlds[1].contains(again) && !worlds[1].contains(ground)
+    });
+    assert_eq!(server.record(again).unwrap().traits.colliders[0].shape, first);
+    assert!(client.shape(again).is_some() && server.shape(again).is_some());
+    let tick = server.tick();
+    until("it goes on", &mut [&mut server, &mut client], |worlds| worlds[0].tick().0 > tick.0 + 60);
+    assert!(stands(&client) && stands(&server));
+    drop(second);
 }
 
 #[test]

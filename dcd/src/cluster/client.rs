@@ -8,6 +8,7 @@ mod following;
 mod hearing;
 mod newest;
 mod requests;
+mod shapes;
 mod showing;
 mod surroundings;
 #[cfg(test)]
@@ -153,8 +154,9 @@ pub struct Client {
     bodies: BTreeMap<BodyId, BodyView>,
     /// Bodies that changed since they were last taken; `None`: any may have.
     changed: Option<BTreeSet<BodyId>>,
-    /// Bodies that the server has not sent yet while it sends the world again.
+    /// Bodies and shapes that the server has not sent yet while it sends the world again.
     unspoken: BTreeSet<BodyId>,
+    unspoken_shapes: BTreeSet<ShapeHash>,
     /// The newest tick of its group heard of, and the newest that is no guess.
     tick: Tick,
     settled: Tick,
@@ -218,6 +220,7 @@ impl Client {
             bodies: BTreeMap::new(),
             changed: None,
             unspoken: BTreeSet::new(),
+            unspoken_shapes: BTreeSet::new(),
             tick: Tick(0),
             settled: Tick(0),
             is_leader_new: false,
@@ -543,6 +546,7 @@ impl Client {
                     self.showing.iter_mut().for_each(|showing| showing.recount());
                 }
                 self.unspoken = self.bodies.keys().copied().collect();
+                self.unspoken_shapes = self.shapes.keys().copied().collect();
                 self.joints = Joints::default();
             }
             ToClient::Chunk(Chunk::Shapes(shapes)) => self.learn(shapes),
@@ -568,6 +572,8 @@ impl Client {
                     self.unanswered.retain(|asked| *asked != FromClient::Despawn(id));
                     self.outputs.push_back(ClientOutput::Removed(id));
                 }
+                let unspoken = std::mem::take(&mut self.unspoken_shapes);
+                self.forget_shapes(&unspoken);
                 self.replacements += u64::from(std::mem::take(&mut self.replaced));
                 // Over a link that lost nothing, what was asked of another world is not meant for this one.
                 if std::mem::take(&mut self.relinked) {
@@ -625,6 +631,7 @@ impl Client {
             }
             ToClient::Altered(Alteration::Joint(joint)) => self.joints.alter(*joint),
             ToClient::JointRemoved(id) => _ = self.joints.remove(id),
+            ToClient::ShapesGone(gone) => self.forget_shapes(&gone.into_iter().collect()),
             ToClient::Built(number) => self.building.answered(number),
             ToClient::States { stamp, states } if self.group.is_none_or(|own| own == stamp.group) => {
                 self.hear_tick(&stamp);
@@ -732,10 +739,6 @@ impl Client {
             self.bodies.insert(id, BodyView { outside, ..BodyView::new(body) });
             self.note_change(id);
         }
-    }
-
-    fn learn(&mut self, shapes: Vec<ShapeRecord>) {
-        self.shapes.extend(shapes.into_iter().map(|shape| (shape.hash(), shape)));
     }
 }
 

@@ -9,7 +9,7 @@ use super::joints::Joints;
 use super::{CanBuild, Key, SavedWorld};
 use crate::protocol::{
     Alteration, BodyCheckpoint, BodyKind, BodyRecord, BodyTraits, Check, Chunk, Invalid, JointRecord, Placed,
-    ShapeHash, ShapeRecord, ViewNumber, chunks, encode_value, encoded_len,
+    ShapeHash, ShapeRecord, ViewNumber, chunks, encode_value,
 };
 use crate::space::{BodyId, Burden, ClientId, DistributionTree, Epoch, Groups, JointId, RegionId, Tick};
 
@@ -299,18 +299,37 @@ impl Record {
         shapes.iter().filter(|shape| !self.shapes.contains_key(&shape.hash())).cloned().collect()
     }
 
-    /// Returns the encoded length of those of these shapes that are not on record.
-    pub(super) fn bytes_of_new(&self, shapes: &[ShapeRecord]) -> usize {
-        self.unknown(shapes).iter().map(encoded_len).sum()
+    /// Returns which shapes bodies have, and the parts of those.
+    pub(super) fn used_shapes(&self) -> BTreeSet<ShapeHash> {
+        self.named_by(self.bodies.values().map(|entry| &entry.body))
     }
 
-    /// Returns all shapes.
-    pub(super) fn shapes(&self) -> impl Iterator<Item = &ShapeRecord> {
-        self.shapes.values()
+    fn named_by<'a>(&self, bodies: impl Iterator<Item = &'a BodyRecord>) -> BTreeSet<ShapeHash> {
+        let colliders = bodies.flat_map(|body| &body.traits.colliders);
+        let mut named: BTreeSet<_> = colliders.map(|collider| collider.shape).collect();
+        let parts: Vec<_> =
+            named.iter().filter_map(|hash| self.shapes.get(hash)).flat_map(ShapeRecord::parts).collect();
+        named.extend(parts);
+        named
+    }
+
+    /// Returns the shapes of these bodies, with their parts.
+    pub(super) fn shapes_of(&self, bodies: &[BodyRecord]) -> Vec<ShapeRecord> {
+        let named = self.named_by(bodies.iter());
+        named.iter().filter_map(|hash| self.shapes.get(hash)).cloned().collect()
+    }
+
+    /// Forgets all shapes but these. Returns what it has forgotten.
+    pub(super) fn keep_shapes(&mut self, used: &BTreeSet<ShapeHash>) -> BTreeMap<ShapeHash, ShapeRecord> {
+        let all = std::mem::take(&mut self.shapes).into_iter();
+        let (kept, gone): (_, BTreeMap<_, _>) = all.partition(|(hash, _)| used.contains(hash));
+        self.shapes = kept;
+        self.changes.shapes.extend(gone.keys());
+        gone
     }
 
     /// Returns all shapes, by hash.
-    pub(super) fn shapes_by_hash(&self) -> &BTreeMap<ShapeHash, ShapeRecord> {
+    pub(crate) fn shapes_by_hash(&self) -> &BTreeMap<ShapeHash, ShapeRecord> {
         &self.shapes
     }
 

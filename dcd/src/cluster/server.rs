@@ -20,6 +20,7 @@ mod status;
 mod stored;
 #[cfg(test)]
 mod tests;
+mod unused;
 mod verdicts;
 mod vicinity;
 
@@ -31,6 +32,7 @@ use self::group::Group;
 use self::nodes::Resumption;
 use self::questions::Questions;
 use self::status::Statuses;
+use self::unused::Unused;
 use self::vicinity::Vicinity;
 use super::{Batch, Peer, Pinger, PollCounts, Polls, Record};
 use crate::protocol::{
@@ -245,6 +247,7 @@ impl Server {
             world_changed: true,
             next_ids: record.next_ids(),
             groups_changed: BTreeSet::new(),
+            unused: Unused::default(),
             outputs: VecDeque::new(),
         };
         let mut group = Group::new(main, record, Tick(0));
@@ -498,6 +501,7 @@ impl Server {
             return;
         }
         self.forget_avatars();
+        self.forget_shapes();
         self.part_from_astray();
         self.take_over();
         self.release();

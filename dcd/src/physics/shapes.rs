@@ -193,6 +193,22 @@ impl ShapeLibrary {
         (self.swept, self.added) = (self.shapes.len(), 0);
     }
 
+    /// Forgets these shapes, but those that are used, and parts of others.
+    pub(crate) fn forget(&mut self, gone: &BTreeSet<ShapeHash>, mut used: BTreeSet<ShapeHash>) {
+        used.extend(self.shapes.keys().filter(|hash| !gone.contains(hash)));
+        self.keep(used);
+    }
+
+    /// Returns whether so much has been added since the last [`ShapeLibrary::keep`] that it is worth a look at all of them.
+    pub(crate) fn has_gained(&self) -> bool {
+        self.added > 8 + self.shapes.len() / 8
+    }
+
+    /// Returns the names of all shapes.
+    pub(crate) fn hashes(&self) -> impl Iterator<Item = ShapeHash> {
+        self.shapes.keys().copied()
+    }
+
     /// Returns all records, parts before the compounds that use them.
     pub fn records(&self) -> Vec<ShapeRecord> {
         self.in_order().cloned().collect()

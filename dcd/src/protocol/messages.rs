@@ -171,7 +171,8 @@ impl Message {
                 | ToClient::Inserted { .. }
                 | ToClient::Removed(_)
                 | ToClient::Altered(_)
-                | ToClient::JointRemoved(_) => Subject::Bodies,
+                | ToClient::JointRemoved(_)
+                | ToClient::ShapesGone(_) => Subject::Bodies,
                 ToClient::Contacts { .. } => Subject::Contacts,
                 ToClient::Answer { .. } => Subject::Answers,
                 ToClient::LeaderIs { .. } | ToClient::Regions { .. } => Subject::Regions,

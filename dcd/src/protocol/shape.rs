@@ -1,4 +1,5 @@
-//! Defines the wire form of shapes. A shape is named by the hash of its content, and a peer is sent it at most once (thesis 4.3.2.5).
+//! Defines the wire form of shapes. A shape is named by the hash of its content, and a peer that has it is not sent it again (thesis
+//! 4.3.2.5).
 
 use std::collections::BTreeSet;
 use std::fmt;

@@ -72,7 +72,10 @@ fn of_op(op: &WorldOp, id: BodyId) -> Option<String> {
                 "corrected towards ({x:.4}, {y:.4}, {z:.4}), where another group had it after {tick}"
             ))
         }
-        WorldOp::RemoveJoint(_) | WorldOp::Repartition(_) | WorldOp::Ask { .. } => None,
+        WorldOp::RemoveJoint(_)
+        | WorldOp::ForgetShapes(_)
+        | WorldOp::Repartition(_)
+        | WorldOp::Ask { .. } => None,
     }
 }
 

@@ -323,6 +323,10 @@ impl ClientWorld {
         colliders: &[ColliderBuilder],
     ) -> Result<BodyId, ProcessError> {
         let id = self.next_avatar();
+        if self.shapes.has_gained() {
+            let known = self.shapes.hashes().filter(|hash| self.has_heard_of(*hash)).collect();
+            self.shapes.keep(known);
+        }
         let body = self.shapes.describe(id, pose, body, colliders)?.with_controller(controller);
         if !body.suits_clients(|hash| self.shapes.record_of(hash)) {
             return Err(ShapeError::Avatar.into());

@@ -430,6 +430,7 @@ fn apply(host: &mut RegionHost, ops: Vec<WorldOp>, band_m: f64) -> Vec<BodyRecor
             WorldOp::RemoveJoint(id) => {
                 host.remove_joint(id);
             }
+            WorldOp::ForgetShapes(gone) => host.forget_shapes(&gone.into_iter().collect()),
             WorldOp::Input(input) => host.obey(&input),
             WorldOp::Push(push) => {
                 host.push(&push);

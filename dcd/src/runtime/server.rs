@@ -31,7 +31,7 @@ use crate::metrics::Endpoint;
 use crate::net::{
     Authority, HeldEvent, JoinRole, Limits, Net, NetConfig, NetError, PeerName, PeerStats, check_address,
 };
-use crate::physics::can_build;
+use crate::physics::{ShapeLibrary, can_build};
 use crate::protocol::{BuildOp, EnvironmentProperties, Query, QueryResult, View, WorldEvents};
 use crate::recording::{Background, RecordedServer, Recorder};
 use crate::space::{DistributionTree, NodeId, Tick};
@@ -140,7 +140,8 @@ enum Input {
     Net(HeldEvent),
     Stop,
     Suspend,
-    Program(Vec<BuildOp>),
+    /// With the shapes that it has made.
+    Program(Vec<BuildOp>, ShapeLibrary),
     Ask(Query),
     Forget(u64),
     /// Says when the node is gone, or why it stays.
@@ -363,7 +364,12 @@ impl ServerProcess {
     /// Changes the world, in this order; it is on record some milliseconds later, and computed some ticks later. Bodies have been
     /// checked: nodes refuse a server that sends what may not be.
     pub fn change(&self, ops: Vec<BuildOp>) {
-        let _ = self.inbox.send(Input::Program(ops));
+        self.change_with(ops, ShapeLibrary::default());
+    }
+
+    /// Does the same; shapes of new bodies that are not on record, or no longer, are taken from these.
+    pub(crate) fn change_with(&self, ops: Vec<BuildOp>, shapes: ShapeLibrary) {
+        let _ = self.inbox.send(Input::Program(ops, shapes));
     }
 
     /// Returns how many calls of [`ServerProcess::change`] were done.

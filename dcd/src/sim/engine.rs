@@ -3,7 +3,7 @@
 use std::fmt;
 use std::time::Duration;
 
-use crate::protocol::{BodyState, Claim, View, ViewNumber, WorldPose};
+use crate::protocol::{BodyState, Claim, ShapeHash, View, ViewNumber, WorldPose};
 use crate::recording::Physics;
 use crate::space::{BodyId, Epoch, GroupId, NodeId, Tick};
 
@@ -23,6 +23,12 @@ pub trait Engine: Physics + fmt::Debug {
     /// Measures the owned bodies after a tick; the stand-in has no forces, so nothing.
     fn mechanics(&self) -> Mechanics {
         Mechanics::default()
+    }
+
+    /// Returns the names of the shapes that it has; the stand-in has none.
+    #[doc(hidden)]
+    fn shapes(&self) -> Vec<ShapeHash> {
+        Vec::new()
     }
 
     /// Returns whether it is the stand-in: a replay computes with the same.

@@ -317,7 +317,11 @@ impl StandIn {
                     region.owners.remove(&id);
                 }
             }
-            WorldOp::RemoveJoint(_) | WorldOp::Push(_) | WorldOp::Alter(_) | WorldOp::Repartition(_) => {}
+            WorldOp::RemoveJoint(_)
+            | WorldOp::ForgetShapes(_)
+            | WorldOp::Push(_)
+            | WorldOp::Alter(_)
+            | WorldOp::Repartition(_) => {}
             WorldOp::Ask { client, question } => self.questions.push((client, question)),
             WorldOp::Correct { tick: told, states } => {
                 let (dt_s, band_m) = {

@@ -7,7 +7,7 @@ use rapier3d::prelude::RigidBodyHandle;
 use super::{Engine, Mechanics};
 use crate::cluster::{PhysicsCommand, PhysicsEvent};
 use crate::physics::{Measured, Ownership, Region, RegionHost};
-use crate::protocol::{BodyState, Claim, WorldPose};
+use crate::protocol::{BodyState, Claim, ShapeHash, WorldPose};
 use crate::recording::{BodyBits, Physics, Readout};
 use crate::runtime::PhysicsDevice;
 use crate::space::{BodyId, Epoch, RegionId};
@@ -116,6 +116,10 @@ impl Engine for RapierEngine {
 
     fn mechanics(&self) -> Mechanics {
         self.device.host().map(mechanics_of).unwrap_or_default()
+    }
+
+    fn shapes(&self) -> Vec<ShapeHash> {
+        self.device.host().map_or_else(Vec::new, |host| host.shapes().hashes().collect())
     }
 
     fn is_stand_in(&self) -> bool {

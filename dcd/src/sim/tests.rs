@@ -4,6 +4,7 @@ mod balance;
 mod builders;
 mod contact;
 mod cut_off;
+mod digging;
 mod groups;
 mod hour;
 

@@ -81,8 +81,6 @@ pub(super) struct Author {
     names: Names,
     shapes: ShapeLibrary,
     speed_limit_m_s: f32,
-    /// Shapes that the server was sent.
-    sent: BTreeSet<ShapeHash>,
     /// Shapes of which each is known to fit into a message.
     fitting: BTreeSet<ShapeHash>,
     /// How often something was.
@@ -116,7 +114,6 @@ impl Author {
             names,
             shapes: ShapeLibrary::default(),
             speed_limit_m_s,
-            sent: BTreeSet::new(),
             fitting: BTreeSet::new(),
             sends: 0,
             next_body,
@@ -204,7 +201,8 @@ impl Author {
         let (bodies, joints) = (std::mem::take(&mut self.bodies), std::mem::take(&mut self.joints));
         if !bodies.is_empty() {
             let new = |(hash, _): &(ShapeHash, _)| match self.names {
-                Names::Program => self.sent.insert(*hash),
+                // The server takes those that it has not from the program's.
+                Names::Program => false,
                 // Who brought it may have been refused.
                 Names::Builder(_) => !world.has_shape(*hash),
             };
@@ -251,7 +249,24 @@ impl Author {
         ops.extend(std::mem::take(&mut self.removed_joints).into_iter().map(BuildOp::RemoveJoint));
         ops.extend(std::mem::take(&mut self.removed).into_iter().map(BuildOp::Remove));
         self.sends += u64::from(!ops.is_empty());
+        if self.shapes.has_gained() {
+            self.forget_shapes(world);
+        }
         ops
+    }
+
+    /// Forgets shapes that the world has forgotten.
+    fn forget_shapes(&mut self, world: &dyn Known) {
+        let own = self.awaited.values().flat_map(|body| &body.traits.colliders);
+        let mut used: BTreeSet<_> = own.map(|collider| collider.shape).collect();
+        used.extend(self.shapes.hashes().filter(|hash| world.has_shape(*hash)));
+        self.shapes.keep(used);
+        self.fitting.retain(|hash| self.shapes.record_of(*hash).is_some());
+    }
+
+    /// Returns the shapes of what was made, as far as the world has not forgotten them.
+    pub(super) fn shapes(&self) -> &ShapeLibrary {
+        &self.shapes
     }
 
     pub(super) fn insert(
@@ -281,7 +296,7 @@ impl Author {
     /// Returns an error if a shape is too long to be sent.
     fn check_shapes(&mut self, body: &BodyRecord) -> Result<(), Error> {
         for hash in body.traits.colliders.iter().map(|collider| collider.shape) {
-            if self.sent.contains(&hash) || self.fitting.contains(&hash) {
+            if self.fitting.contains(&hash) {
                 continue;
             }
             let Some(shape) = self.shapes.record_of(hash) else { continue };
@@ -445,14 +460,15 @@ impl Author {
 
     /// Takes over the shapes of a body from the server's record, parts before compounds.
     fn learn(&mut self, world: &dyn Known, body: &BodyRecord) -> Result<(), Error> {
-        let mut shapes = Vec::new();
-        let hashes = body.traits.colliders.iter().map(|collider| collider.shape);
-        for shape in hashes.filter_map(|hash| world.shape(hash)) {
+        for collider in &body.traits.colliders {
+            if self.shapes.record_of(collider.shape).is_some() {
+                continue;
+            }
+            let Some(shape) = world.shape(collider.shape) else { continue };
             let parts: Vec<_> = shape.parts().filter_map(|part| world.shape(part)).collect();
-            shapes.extend(parts.into_iter().chain([shape]));
-        }
-        for shape in shapes.into_iter().filter(|shape| self.sent.insert(shape.hash())) {
-            self.shapes.add(shape)?;
+            for shape in parts.into_iter().chain([shape]) {
+                self.shapes.add(shape)?;
+            }
         }
         Ok(())
     }

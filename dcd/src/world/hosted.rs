@@ -113,7 +113,7 @@ impl Hosted {
         let (Process::Server(server), Some(author)) = (&self.process, &mut self.author) else { return };
         let ops = author.take(server);
         if !ops.is_empty() {
-            server.change(ops);
+            server.change_with(ops, author.shapes().clone());
         }
         self.waiting.drain(..).for_each(|question| server.ask(question));
     }

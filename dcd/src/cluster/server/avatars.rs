@@ -13,8 +13,8 @@ use crate::space::{BodyId, ClientId, Epoch, Tick};
 
 /// The most avatars of one client.
 pub const MAX_AVATARS: usize = 1_024;
-/// The most bytes of shapes that nobody knew before and that one client brings, over all of its visits while a server runs:
-/// shapes are never forgotten.
+/// The most bytes of shapes that nobody knew before and that one client brings, over all of its visits while a server runs and
+/// until they are forgotten: all are told of them.
 pub const MAX_SHAPE_BYTES: usize = 1 << 20;
 
 impl Server {
@@ -35,13 +35,13 @@ impl Server {
             FromClient::Spawn { body, shapes } => {
                 let id = body.id;
                 let allowance = self.common.allowances.entry(client).or_default();
-                let brought = allowance.shape_bytes.saturating_add(record.bytes_of_new(&shapes));
+                let unknown = record.unknown(&shapes);
                 let refusal = if id.client() != Some(client) {
                     Some(Refusal::NotYours)
                 } else if record.body(id).is_some() {
                     Some(Refusal::Exists)
                 } else if record.avatars(client).len() >= MAX_AVATARS
-                    || brought > MAX_SHAPE_BYTES
+                    || allowance.shapes.bytes_with(&unknown) > MAX_SHAPE_BYTES
                     || !allowance.spawn(self.common.now)
                 {
                     Some(Refusal::TooMany)
@@ -55,9 +55,10 @@ impl Server {
                     budget::refusal(record, client, &body, &shapes)
                 };
                 if refusal.is_none() {
-                    allowance.shape_bytes = brought;
+                    allowance.shapes.add(&unknown);
                     for group in self.groups.values_mut() {
                         let shapes = group.record.learn(shapes.clone());
+                        self.common.unused.have_come(&shapes);
                         // Epochs are ours to give, clients push nothing, what a character wants is its velocity, and nobody has found contacts of
                         // what is new.
                         let wanted = body.state.velocity.linear;

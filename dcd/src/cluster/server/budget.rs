@@ -1,7 +1,7 @@
 //! Bounds what one client may cost others: its avatars those who compute them (iterations, corners, size, characters, vehicles,
 //! and how many share a place), its requests the server.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use nalgebra::{Isometry3, Vector3};
@@ -10,6 +10,7 @@ use super::MAX_AVATARS;
 use crate::cluster::Record;
 use crate::protocol::{
     BodyRecord, BodyTraits, Character, ColliderRecord, Costs, Pose, Refusal, ShapeHash, ShapeRecord, Vehicle,
+    encoded_len,
 };
 use crate::space::{BodyId, Bounds, ClientId};
 
@@ -75,6 +76,36 @@ impl Account {
     }
 }
 
+/// The shapes that one client has brought, that nobody knew before, and that are not forgotten yet.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Brought {
+    /// What each takes to send, bytes.
+    shapes: BTreeMap<ShapeHash, usize>,
+    bytes: usize,
+}
+
+impl Brought {
+    /// Returns how many bytes they take with these, of which it may have brought some already.
+    pub(super) fn bytes_with(&self, new: &[ShapeRecord]) -> usize {
+        let new = new.iter().filter(|shape| !self.shapes.contains_key(&shape.hash()));
+        self.bytes.saturating_add(new.map(encoded_len).sum())
+    }
+
+    /// Counts these.
+    pub(super) fn add(&mut self, new: &[ShapeRecord]) {
+        for shape in new {
+            let bytes = encoded_len(shape);
+            self.bytes += bytes - self.shapes.insert(shape.hash(), bytes).unwrap_or(0);
+        }
+    }
+
+    /// Counts those no more that are forgotten.
+    pub(super) fn forget(&mut self, gone: &BTreeSet<ShapeHash>) {
+        self.shapes.retain(|hash, _| !gone.contains(hash));
+        self.bytes = self.shapes.values().sum();
+    }
+}
+
 /// What one client may build, and has asked for.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Building {
@@ -82,7 +113,7 @@ pub(super) struct Building {
     pub may: bool,
     pub changes: Account,
     pub misuses: Account,
-    pub shape_bytes: usize,
+    pub shapes: Brought,
     /// The sizes of bodies that it has built, computed once; some may be gone.
     pub sizes: BTreeMap<BodyId, Size>,
     /// The indices of the next body and the next joint, as far as this server knows.
@@ -92,8 +123,7 @@ pub(super) struct Building {
 /// What one client has asked of a server, over all of its visits.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Allowance {
-    /// Bytes of shapes that nobody knew before.
-    pub shape_bytes: usize,
+    pub shapes: Brought,
     /// Avatars and welcomes.
     asked: Account,
     /// Whether it may build, and what it has asked and done for that.

@@ -9,15 +9,15 @@ use super::budget::{MAX_EXTRA_ITERATIONS, MAX_OVERLAPS, MAX_REACH_M, Size, bound
 use super::group::Group;
 use crate::cluster::{Key, Life, Peer, Record};
 use crate::protocol::{
-    Alteration, BodyKind, BodyRecord, BodyTraits, BuildOp, ColliderRecord, Costs, Farewell, Input,
-    JointRecord, Refusal, ShapeHash, ShapeRecord, ToClient, Velocity, encoded_len,
+    Alteration, BUILD_BYTES, BodyKind, BodyRecord, BodyTraits, BuildOp, ColliderRecord, Costs, Farewell,
+    Input, JointRecord, Refusal, ShapeHash, ShapeRecord, ToClient, Velocity, encoded_len,
 };
 use crate::space::{BodyId, Bounds, ClientId, Tick};
 
 /// The most bodies, and the most joints, of the world that one client has built.
 pub const MAX_BUILT: usize = 4_096;
 /// The most bytes of shapes that nobody knew before and that one client brings to build with, over all of its visits while a server
-/// runs: shapes are never forgotten.
+/// runs and until they are forgotten: all are told of them.
 pub const MAX_BUILT_SHAPE_BYTES: usize = 16 << 20;
 /// The most corners of all bodies that one client has built.
 const MAX_BUILT_CORNERS: usize = 200_000;
@@ -126,7 +126,7 @@ impl Server {
     /// Does one thing, or returns why not, and whether no honest program asks for it.
     fn build(&mut self, client: ClientId, op: BuildOp) -> Result<(), (Refusal, bool)> {
         let op = match op {
-            BuildOp::Insert { bodies, shapes, joints } => {
+            BuildOp::Insert { bodies, mut shapes, joints } => {
                 // A client that did not hear so has asked again. What has come of it may be gone since, or something else.
                 let is_done = |body: &BodyRecord| body.id.builder() == Some(client) && self.is_there(body.id);
                 if bodies.iter().any(is_done) {
@@ -135,6 +135,7 @@ impl Server {
                 if self.is_held(&bodies, &joints) {
                     return Err((Refusal::Exists, false));
                 }
+                self.common.unused.bring_back(&bodies, &mut shapes, BUILD_BYTES);
                 self.admit(client, &bodies, &shapes, &joints).map_err(as_refused)?;
                 BuildOp::Insert { bodies, shapes, joints }
             }
@@ -184,15 +185,14 @@ impl Server {
         let new = New { client, record, bodies, joints, find: &find };
         new.check(config.world.step.speed_limit_m_s, &mut building.sizes)?;
         let unknown = record.unknown(shapes);
-        let brought = building.shape_bytes + unknown.iter().map(encoded_len).sum::<usize>();
-        if brought > MAX_BUILT_SHAPE_BYTES {
+        if building.shapes.bytes_with(&unknown) > MAX_BUILT_SHAPE_BYTES {
             return Err(Refusal::TooMany);
         }
         // Last, since it takes longest.
         if !(config.can_build)(record.shapes_by_hash(), &unknown) {
             return Err(Refusal::Shape);
         }
-        building.shape_bytes = brought;
+        building.shapes.add(&unknown);
         for body in bodies {
             building.next.0 = building.next.0.max(body.id.index().saturating_add(1));
         }

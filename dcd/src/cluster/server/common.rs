@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use super::budget::{Account, Allowance};
 use super::moves::Moves;
+use super::unused::Unused;
 use super::vicinity::Vicinity;
 use super::{ServerConfig, ServerOutput};
 use crate::cluster::{Peer, Record};
@@ -105,6 +106,7 @@ pub(super) struct Common {
     /// Of the next body and the next joint that the program makes.
     pub next_ids: (u32, u64),
     pub groups_changed: BTreeSet<GroupId>,
+    pub unused: Unused,
     pub outputs: VecDeque<ServerOutput>,
 }
 

@@ -38,6 +38,8 @@ impl Server {
         for group in self.groups.values_mut() {
             group.replace(&mut self.common, &saved);
         }
+        // What the world before had alone.
+        self.look_through_shapes();
         self.arbiter = Default::default();
         self.common.allowances.values_mut().for_each(|allowance| allowance.building.sizes.clear());
         let nodes: Vec<_> = self.common.nodes.iter().map(|(&node, entry)| (node, entry.linked)).collect();
@@ -68,7 +70,7 @@ impl Group {
             next_ids: common.next_ids,
             tree: tree.clone(),
             joints: joints.cloned().collect(),
-            shapes: self.record.shapes().cloned().collect(),
+            shapes: self.record.shapes_of(&bodies),
             bodies,
         };
         common.outputs.push_back(ServerOutput::Saved(Box::new(saved)));

@@ -7,6 +7,7 @@ mod leaving;
 mod lying;
 mod participants;
 mod status;
+mod unused;
 mod verdicts;
 mod vicinity;
 

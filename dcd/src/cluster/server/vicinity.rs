@@ -82,6 +82,13 @@ impl Vicinity {
         self.bodies.remove(&id)
     }
 
+    /// Forgets shapes that are gone. Returns those that the client knew.
+    pub(super) fn forget_shapes(&mut self, gone: &BTreeMap<ShapeHash, ShapeRecord>) -> Vec<ShapeHash> {
+        let known: Vec<_> = self.shapes.iter().filter(|hash| gone.contains_key(hash)).copied().collect();
+        self.shapes.retain(|hash| !gone.contains_key(hash));
+        known
+    }
+
     /// Returns the messages that introduce bodies that the client does not know, as far as they are in the world.
     fn introduce(&mut self, ids: &BTreeSet<BodyId>, record: &Record) -> Vec<ToClient> {
         let is_present = |id: &BodyId| matches!(record.life(*id), Some(Life::Live | Life::Waiting));

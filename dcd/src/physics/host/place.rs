@@ -1,6 +1,6 @@
 //! Inserts bodies, joints and regions into a host and removes them.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use rapier3d::prelude::IntegrationParameters;
@@ -12,7 +12,7 @@ use crate::physics::placement::{self, Placement, movable_ends};
 use crate::physics::region::{Ownership, Region, better_anchor};
 use crate::physics::shapes::{ShapeError, ShapeLibrary};
 use crate::physics::{articulation, convert, joints};
-use crate::protocol::{BodyKind, BodyRecord, BodyTraits, JointRecord, Vehicle};
+use crate::protocol::{BodyKind, BodyRecord, BodyTraits, JointRecord, ShapeHash, Vehicle};
 use crate::space::{BodyId, DistributionTree, JointId, RegionId, RegionSet, Tick};
 
 /// Why a kinematic body carries no multibody. Seen with Rapier 0.36.1: what is put on such a root falls through it.
@@ -259,10 +259,20 @@ impl RegionHost {
         if !self.shapes.has_grown(self.owned_count()) || self.sides.len() != self.partition.len() {
             return;
         }
+        let used = self.used_shapes();
+        self.shapes.keep(used);
+    }
+
+    /// Forgets those of these shapes that nothing here has.
+    pub(crate) fn forget_shapes(&mut self, gone: &BTreeSet<ShapeHash>) {
+        let used = self.used_shapes();
+        self.shapes.forget(gone, used);
+    }
+
+    fn used_shapes(&self) -> BTreeSet<ShapeHash> {
         let held = self.regions().flat_map(Region::all_traits);
         let all = held.chain(self.statics.bodies().map(|body| &*body.traits));
-        let used = all.flat_map(|traits| &traits.colliders).map(|collider| collider.shape).collect();
-        self.shapes.keep(used);
+        all.flat_map(|traits| &traits.colliders).map(|collider| collider.shape).collect()
     }
 
     /// Inserts a joint between two bodies of the world, and wakes them. Their assemblies become one: if these lie in different regions, both

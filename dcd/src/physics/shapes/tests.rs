@@ -217,3 +217,17 @@ fn among_many_bodies_shapes_that_nobody_has_are_looked_for_seldom_and_sooner_whe
     assert_eq!(looks(100_000, 2), 0);
     assert!((2..10).contains(&looks(100_000, 128)), "{}", looks(100_000, 128));
 }
+
+#[test]
+fn shapes_that_bodies_or_other_shapes_have_are_not_forgotten_whoever_says_so() {
+    let mut library = ShapeLibrary::default();
+    let [part, held, unused, other] =
+        [0.1, 0.2, 0.3, 0.4].map(|radius| library.add(ShapeRecord::Ball(radius)).unwrap());
+    let pose = crate::protocol::Pose { translation: [0.0; 3], rotation: [0.0, 0.0, 0.0, 1.0] };
+    let pair = library.add(ShapeRecord::Compound(vec![(pose, part)])).unwrap();
+    library.forget(&[part, held, unused].into(), [held].into());
+    assert_eq!(library.hashes().collect::<BTreeSet<_>>(), [part, held, other, pair].into());
+    library.forget(&[pair, other].into(), [pair].into());
+    assert_eq!(library.hashes().collect::<BTreeSet<_>>(), [part, held, pair].into());
+    assert!(library.add(ShapeRecord::Ball(0.3)).is_ok(), "it comes again");
+}

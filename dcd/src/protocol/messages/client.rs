@@ -4,8 +4,8 @@ use bincode::{Decode, Encode};
 
 use super::{BuildOp, Chunk, EnvironmentProperties, Member, Query, QueryResult, ViewNumber};
 use crate::protocol::{
-    Alteration, BodyRecord, BodyTraits, ContactForce, Drive, JointRecord, ShapeRecord, SharedState, Touch,
-    Velocity, WORLD_REACH_M, WorldPose,
+    Alteration, BodyRecord, BodyTraits, ContactForce, Drive, JointRecord, ShapeHash, ShapeRecord,
+    SharedState, Touch, Velocity, WORLD_REACH_M, WorldPose,
 };
 use crate::space::{Allocation, BodyId, ClientId, DistributionTree, GroupId, JointId, Tick};
 
@@ -194,6 +194,8 @@ pub enum ToClient {
     Altered(Alteration),
     /// A joint disappeared, which the client may not know.
     JointRemoved(JointId),
+    /// No body has these shapes any more; whoever has one later brings it anew.
+    ShapesGone(Vec<ShapeHash>),
     /// Bodies that moved: to the client in the leader's process, or to say that time goes on though none has.
     States {
         /// Their origin and time.

@@ -7,8 +7,8 @@ use super::{
     ViewNumber,
 };
 use crate::protocol::{
-    Alteration, BodyRecord, BodyState, BorderMessage, JointRecord, RegionEvents, ShapeRecord, SharedState,
-    WorldEvents,
+    Alteration, BodyRecord, BodyState, BorderMessage, JointRecord, RegionEvents, ShapeHash, ShapeRecord,
+    SharedState, WorldEvents,
 };
 use crate::space::{
     Allocation, BodyId, Bounds, Burden, ClientId, DistributionTree, Epoch, JointId, NodeId, RegionId,
@@ -412,6 +412,8 @@ pub enum WorldOp {
     Remove(BodyId),
     /// A joint disappears.
     RemoveJoint(JointId),
+    /// No body has had these shapes for a while: each member forgets those that nothing has there.
+    ForgetShapes(Vec<ShapeHash>),
     /// An avatar's user moves it, or the server's program a body.
     Input(Input),
     /// The server's program pushes a body.

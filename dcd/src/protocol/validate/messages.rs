@@ -101,7 +101,7 @@ impl Check for WorldOp {
                 all(joints)
             }
             // Who applies it checks it against the tree.
-            Self::Remove(_) | Self::RemoveJoint(_) | Self::Repartition(_) => Ok(()),
+            Self::Remove(_) | Self::RemoveJoint(_) | Self::ForgetShapes(_) | Self::Repartition(_) => Ok(()),
             Self::Input(input) => input.check(),
             Self::Push(push) => push.check(),
             Self::Alter(alteration) => alteration.check(),
@@ -405,6 +405,7 @@ impl Check for ToClient {
             | Self::LeaderIs { .. }
             | Self::Removed(_)
             | Self::JointRemoved(_)
+            | Self::ShapesGone(_)
             | Self::Built(_)
             | Self::Rejected { .. } => Ok(()),
         }

@@ -9,9 +9,10 @@ use tracing::{debug, error, info, warn};
 
 use super::{Input, SUSPENDED, Shared};
 use crate::cluster::directory::{Batch, Condition, Directory, DirectoryError, Key, Revision};
-use crate::cluster::{DrainError, Peer, SavedWorld, Server, ServerEvent, ServerOutput, WORLD_ENDED};
+use crate::cluster::{DrainError, Peer, Record, SavedWorld, Server, ServerEvent, ServerOutput, WORLD_ENDED};
 use crate::net::{Authority, NetTotals, PeerName};
-use crate::protocol::{BodyKind, BodyRecord, Farewell, Finding, Hindrance, StateHasher};
+use crate::physics::ShapeLibrary;
+use crate::protocol::{BodyKind, BodyRecord, BuildOp, Farewell, Finding, Hindrance, StateHasher};
 use crate::recording::RecordedServer;
 use crate::runtime::directory::FolderLock;
 use crate::runtime::end_request::EndRequests;
@@ -104,8 +105,11 @@ impl Loop {
                 }
                 Ok(Input::Stop) => self.stop(now),
                 Ok(Input::Suspend) => self.server().handle(now, ServerEvent::Suspend),
-                Ok(Input::Program(ops)) => {
-                    self.server().handle(now, ServerEvent::Program(ops));
+                Ok(Input::Program(mut ops, shapes)) => {
+                    let mut server = self.server();
+                    bring_shapes(&mut ops, &shapes, server.record());
+                    server.handle(now, ServerEvent::Program(ops));
+                    drop(server);
                     self.shared.lock().changes += 1;
                 }
                 Ok(Input::Ask(question)) => self.server().handle(now, ServerEvent::Ask(question)),
@@ -447,6 +451,19 @@ impl Loop {
         drop(state);
         shared.changed.notify_all();
         connections.end(reason);
+    }
+}
+
+/// Adds to new bodies those of their shapes that are not on record. Only here is it known which: the server forgets what nobody has, and does
+/// so between two events.
+fn bring_shapes(ops: &mut [BuildOp], known: &ShapeLibrary, record: &Record) {
+    for op in ops {
+        if let BuildOp::Insert { bodies, shapes, .. } = op {
+            let new = known.records_of(bodies.iter()).into_iter();
+            shapes.extend(
+                new.filter(|(hash, _)| record.shape(*hash).is_none()).map(|(_, shape)| shape.clone()),
+            );
+        }
     }
 }
 

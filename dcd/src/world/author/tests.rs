@@ -292,7 +292,7 @@ fn all_bodies_are_seen_as_each_is_without_a_look_at_each() {
 
 #[test]
 fn a_shape_that_no_message_holds_is_refused_before_it_has_a_body() {
-    let mut author = Author::new(Names::Program, (1, 0), 100.0);
+    let mut author = Author::new(Names::Builder(ClientId(1)), (1, 0), 100.0);
     let field = |size: usize| {
         let heights = rapier3d::parry::utils::Array2::new(size, size, vec![0.0; size * size]);
         [ColliderBuilder::heightfield(heights, Vector::new(100.0, 1.0, 100.0))]
@@ -309,4 +309,34 @@ fn a_shape_that_no_message_holds_is_refused_before_it_has_a_body() {
     };
     let [BuildOp::Insert { shapes, .. }] = &author.take(&told)[..] else { panic!("one insertion") };
     assert_eq!(shapes.len(), 1, "what was refused is not sent either");
+}
+
+#[test]
+fn a_program_keeps_the_shapes_that_the_world_has_and_those_of_what_is_on_its_way() {
+    let told = Told {
+        body: sim_body(BodyId::persistent(900), [0.0; 3]),
+        joint: None,
+        answered: 0,
+        looks: Cell::new(0),
+    };
+    let mut author = Author::new(Names::Program, (0, 0), 100.0);
+    let first = author
+        .insert(
+            WorldPose::at([0.0; 3]),
+            &RigidBodyBuilder::fixed().build(),
+            &[ColliderBuilder::ball(9.0)],
+            None,
+        )
+        .unwrap();
+    for dug in 0..200u16 {
+        let ball = ColliderBuilder::ball(1.0 + 0.01 * f32::from(dug));
+        let id = author
+            .insert(WorldPose::at([0.0; 3]), &RigidBodyBuilder::fixed().build(), &[ball], None)
+            .unwrap();
+        author.take(&told);
+        author.remove(&told, id).unwrap();
+    }
+    assert!(author.shapes().len() < 20, "{}", author.shapes().len());
+    let shape = author.known(&told, first).unwrap().traits.colliders[0].shape;
+    assert!(author.shapes().record_of(shape).is_some(), "it is not on record yet");
 }

@@ -200,11 +200,13 @@ impl ShapeLibrary {
     }
 
     /// Returns whether so much has been added since the last [`ShapeLibrary::keep`] that it is worth a look at all of them.
+    #[cfg(feature = "net")]
     pub(crate) fn has_gained(&self) -> bool {
         self.added > 8 + self.shapes.len() / 8
     }
 
     /// Returns the names of all shapes.
+    #[cfg(any(test, feature = "net", feature = "sim"))]
     pub(crate) fn hashes(&self) -> impl Iterator<Item = ShapeHash> {
         self.shapes.keys().copied()
     }

@@ -141,7 +141,7 @@ enum Input {
     Stop,
     Suspend,
     /// With the shapes that it has made.
-    Program(Vec<BuildOp>, ShapeLibrary),
+    Program(Vec<BuildOp>, Box<ShapeLibrary>),
     Ask(Query),
     Forget(u64),
     /// Says when the node is gone, or why it stays.
@@ -369,7 +369,7 @@ impl ServerProcess {
 
     /// Does the same; shapes of new bodies that are not on record, or no longer, are taken from these.
     pub(crate) fn change_with(&self, ops: Vec<BuildOp>, shapes: ShapeLibrary) {
-        let _ = self.inbox.send(Input::Program(ops, shapes));
+        let _ = self.inbox.send(Input::Program(ops, Box::new(shapes)));
     }
 
     /// Returns how many calls of [`ServerProcess::change`] were done.

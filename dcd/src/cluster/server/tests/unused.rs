@@ -122,7 +122,8 @@ fn terrain_that_is_dug_is_forgotten_by_record_store_and_clients_and_then_by_node
     assert!(gone.iter().all(is_deleted));
     assert_eq!(told_nodes(&outputs).0, [], "something may be on its way");
     let (mut forgotten, mut expected) = (told_nodes(&pass(&mut server)).0, gone);
-    (forgotten.sort(), expected.sort());
+    forgotten.sort();
+    expected.sort();
     assert_eq!(forgotten, expected);
     assert!(server.common.unused.is_at_rest());
     let entry = &server.common.nodes[&NodeId(1)];

@@ -422,20 +422,22 @@ fn bits_do_not_depend_on_the_number_of_threads() {
 
 #[test]
 fn regions_with_several_threads_each_give_the_same_bits() {
-    let scene = Scene::named("pile", &Params::new().with("n", 500)).unwrap();
-    let run = |regions, threads| {
+    let pile = Scene::named("pile", &Params::new().with("n", 500)).unwrap();
+    // So many in each region that all threads of its team look at them.
+    let flying = Scene::named("gas", &Params::new().with("n", 3000)).unwrap();
+    let run = |scene: &Scene, regions, threads| {
         let partitioning = Partitioning::Regions(regions);
-        let config = WorldConfig { partitioning, threads, ..WorldConfig::for_scene(&scene) };
-        let mut world = LocalWorld::from_scene(&scene, config).unwrap();
+        let config = WorldConfig { partitioning, threads, ..WorldConfig::for_scene(scene) };
+        let mut world = LocalWorld::from_scene(scene, config).unwrap();
         for _ in 0..60 {
             world.step().unwrap();
         }
         world.state_hash()
     };
-    for regions in [1, 2, 3] {
-        let one = run(regions, 1);
+    for (scene, regions) in [(&pile, 1), (&pile, 2), (&pile, 3), (&flying, 2)] {
+        let one = run(scene, regions, 1);
         for threads in [2, 5] {
-            assert_eq!(one, run(regions, threads), "{regions} regions on {threads} threads");
+            assert_eq!(one, run(scene, regions, threads), "{regions} regions on {threads} threads");
         }
     }
 }

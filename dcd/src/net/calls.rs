@@ -15,6 +15,8 @@ use super::join::{answer, explain};
 use super::peer::{GreetError, Lanes, Peer, greet};
 use super::seldom::Seldom;
 use super::source::{Calls, Part};
+#[cfg(feature = "physics")]
+use super::stats::Counting;
 use super::unasked::Unasked;
 use super::verify::names_of_peer;
 use super::{
@@ -47,6 +49,8 @@ pub(super) struct Shared {
     pub(super) leaving: Mutex<BTreeMap<PeerKey, Arc<Peer>>>,
     pub(super) next_key: AtomicU64,
     pub(super) totals: Mutex<NetTotals>,
+    #[cfg(feature = "physics")]
+    pub(super) counting: Counting,
     /// `None` once it is shut down, so that readers of events see the end.
     pub(super) events: Mutex<Option<mpsc::Sender<HeldEvent>>>,
 }
@@ -90,6 +94,21 @@ impl Shared {
 
     pub(super) fn leaving(&self) -> MutexGuard<'_, BTreeMap<PeerKey, Arc<Peer>>> {
         self.leaving.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Returns the traffic over all connections, and calls `look` with that over each that lives.
+    pub(super) fn sum(&self, mut look: impl FnMut(PeerKey, PeerStats)) -> NetTotals {
+        let peers = self.peers.read().unwrap_or_else(PoisonError::into_inner);
+        let leaving = self.leaving();
+        let mut totals = *self.totals();
+        totals.peers = peers.len() as u64;
+        for (&key, peer) in &*peers {
+            let stats = peer.stats();
+            totals.traffic.add(&stats);
+            look(key, stats);
+        }
+        leaving.values().for_each(|peer| totals.traffic.add(&peer.stats()));
+        totals
     }
 
     pub(super) fn totals(&self) -> MutexGuard<'_, NetTotals> {

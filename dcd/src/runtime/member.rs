@@ -332,7 +332,7 @@ impl Member {
         self.shared.lock().summary.tick
     }
 
-    /// Returns the traffic over the network, as of a tenth of a second ago.
+    /// Returns the traffic over the network, as of a tenth of a second ago; with many links, two tenths.
     pub fn traffic(&self) -> PeerStats {
         self.shared.lock().traffic
     }

@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockWriteGuard, mpsc};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockWriteGuard};
 use std::time::{Instant, SystemTime};
 
 use quinn::{ClientConfig, Connection, ConnectionError, Endpoint, Incoming, ServerConfig};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
-use super::events::HeldEvent;
+use super::events::{EventSender, HeldEvent};
 use super::first::{AGAIN, first_of};
 use super::join::{answer, explain};
 use super::peer::{GreetError, Lanes, Peer, greet};
@@ -52,7 +52,7 @@ pub(super) struct Shared {
     #[cfg(feature = "physics")]
     pub(super) counting: Counting,
     /// `None` once it is shut down, so that readers of events see the end.
-    pub(super) events: Mutex<Option<mpsc::Sender<HeldEvent>>>,
+    pub(super) events: Mutex<Option<EventSender>>,
 }
 
 impl Shared {
@@ -115,7 +115,7 @@ impl Shared {
         self.totals.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub(super) fn events(&self) -> Option<mpsc::Sender<HeldEvent>> {
+    pub(super) fn events(&self) -> Option<EventSender> {
         self.events.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 }

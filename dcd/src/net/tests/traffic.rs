@@ -215,6 +215,28 @@ fn the_traffic_of_many_links_is_counted_by_the_networks_thread() {
     assert_eq!((links.len() as u64, links[&first].bytes_out), (net.totals().peers, 200));
 }
 
+#[cfg(feature = "physics")]
+#[test]
+fn what_is_taken_on_the_way_is_taken_by_the_networks_thread_and_nobody_else_hears_of_it() {
+    let server = Server::start();
+    let node = server.process(JoinRole::Node);
+    let (tell, takes) = std::sync::mpsc::channel();
+    server.process.events.look_first(move |event| {
+        let name = std::thread::current().name().map(str::to_owned);
+        match event {
+            NetEvent::Frame { bytes, .. } if bytes[0] == 1 => tell.send((bytes.clone(), name)).is_ok(),
+            _ => false,
+        }
+    });
+    let (here, _) = node.connect_to(&server.process);
+    for kind in [1, 2, 1, 3] {
+        node.net.send(here, Lane::Object, [kind]).unwrap();
+    }
+    assert_eq!([server.process.frame().1, server.process.frame().1], [[2], [3]]);
+    let taken: Vec<_> = takes.try_iter().collect();
+    assert_eq!(taken, vec![(vec![1], Some("dcd-net".to_owned())); 2]);
+}
+
 #[test]
 fn shutting_down_tells_peers_and_ends_the_events() {
     let server = Server::start();

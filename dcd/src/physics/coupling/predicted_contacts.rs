@@ -51,9 +51,6 @@ pub(super) struct PredictedContacts {
     inner: (Vector, Vector),
     /// Scratch.
     lists: Vec<Vec<NearbyBody>>,
-    /// By Rapier's body index, while bodies are checked: one more than the place in the list of those that were.
-    #[serde(skip)]
-    places: Vec<u32>,
 }
 
 /// A body owned here near the border, with its AABB and its swept AABB.
@@ -256,6 +253,7 @@ impl PredictedContacts {
         if going.is_empty() {
             return Vec::new();
         }
+        // Both are swept so far ahead as these were: that does not change while a world lasts.
         let around = going.iter().map(|near| near.swept).reduce(|all, bounds| all.union(&bounds));
         let is_in_reach = |near: &&Near| around.is_some_and(|around| around.touches(&near.swept));
         // What goes along need not be out yet.
@@ -429,9 +427,10 @@ pub(super) fn look(
         (region.slot(handle).role == Ownership::Owner).then(|| predicted.rest_of(region, handle))
     });
     let mut close = Vec::new();
-    predicted.places.resize(region.index_bound(), 0);
+    // By Rapier's body index: one more than the place in that list.
+    let mut places = vec![0; region.index_bound()];
     for (&handle, rest) in handles.iter().zip(rests) {
-        let (Some(rest), place) = (rest, &mut predicted.places[index_of(handle)]) else { continue };
+        let (Some(rest), place) = (rest, &mut places[index_of(handle)]) else { continue };
         if rest > 0 {
             region.rest_until(handle, now + rest);
             *place = FAR;
@@ -444,7 +443,7 @@ pub(super) fn look(
     let mut found: Vec<_> = moment.team.spread(&close, |&link| Some(near(region, link, ahead_s)));
     // By Rapier's handle, not by id: nothing is hashed.
     let own = |near: &Near| region.role_of(near.link.handle) == Some((near.link.id, Ownership::Owner));
-    let PredictedContacts { near, seen, places, .. } = predicted;
+    let PredictedContacts { near, seen, .. } = predicted;
     near.retain_mut(|known| {
         let place = if own(known) { places[index_of(known.link.handle)] } else { FAR };
         if let Some(anew) = place.checked_sub(1).and_then(|place| found.get_mut(place as usize)?.take()) {
@@ -452,7 +451,6 @@ pub(super) fn look(
         }
         place != FAR
     });
-    handles.iter().for_each(|&handle| places[index_of(handle)] = 0);
     let mut newcomers: Vec<_> = found.into_iter().flatten().collect();
     if !newcomers.is_empty() {
         newcomers.sort_unstable_by_key(|near| near.link.id);
@@ -591,8 +589,8 @@ pub(super) fn show(
         if let Some(bounds) = reaches {
             extent = Some(extent.map_or(bounds, |extent| extent.union(&bounds)));
         }
-        for (rank, nearby) in to.iter().zip(std::iter::repeat(nearby).flatten()) {
-            predicted.lists[rank].push(nearby);
+        if let Some(nearby) = nearby {
+            to.iter().for_each(|rank| predicted.lists[rank].push(nearby));
         }
     }
     let audience = extent.map_or(RegionSet::EMPTY, |extent| predicted.audience(&extent, moment.partition));

@@ -422,20 +422,26 @@ fn bits_do_not_depend_on_the_number_of_threads() {
 
 #[test]
 fn regions_with_several_threads_each_give_the_same_bits() {
-    let scene = Scene::named("pile", &Params::new().with("n", 500)).unwrap();
-    let run = |regions, threads| {
-        let partitioning = Partitioning::Regions(regions);
-        let config = WorldConfig { partitioning, threads, ..WorldConfig::for_scene(&scene) };
-        let mut world = LocalWorld::from_scene(&scene, config).unwrap();
+    let pile = Scene::named("pile", &Params::new().with("n", 500)).unwrap();
+    // So many near the border that all threads of a team look at them, and one region with nearly all of them.
+    let gas = Params::new().with("n", 3000).with("fill", 0.2).with("speed", 20);
+    let gas = Scene::named("gas", &gas).unwrap();
+    let aside = Partitioning::Cuts(vec![(Axis::X, 8.5)]);
+    let run = |scene: &Scene, partitioning: &Partitioning, threads| {
+        let partitioning = partitioning.clone();
+        let config = WorldConfig { partitioning, threads, ..WorldConfig::for_scene(scene) };
+        let mut world = LocalWorld::from_scene(scene, config).unwrap();
         for _ in 0..60 {
             world.step().unwrap();
         }
         world.state_hash()
     };
-    for regions in [1, 2, 3] {
-        let one = run(regions, 1);
+    let in_regions = [(&pile, 1), (&pile, 2), (&pile, 3), (&gas, 2)];
+    let in_regions = in_regions.map(|(scene, regions)| (scene, Partitioning::Regions(regions)));
+    for (scene, partitioning) in in_regions.into_iter().chain([(&gas, aside)]) {
+        let one = run(scene, &partitioning, 1);
         for threads in [2, 5] {
-            assert_eq!(one, run(regions, threads), "{regions} regions on {threads} threads");
+            assert_eq!(one, run(scene, &partitioning, threads), "{partitioning:?} on {threads} threads");
         }
     }
 }

@@ -3,18 +3,20 @@
 use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockWriteGuard, mpsc};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, RwLock, RwLockWriteGuard};
 use std::time::{Instant, SystemTime};
 
 use quinn::{ClientConfig, Connection, ConnectionError, Endpoint, Incoming, ServerConfig};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
-use super::events::HeldEvent;
+use super::events::{EventSender, HeldEvent};
 use super::first::{AGAIN, first_of};
 use super::join::{answer, explain};
 use super::peer::{GreetError, Lanes, Peer, greet};
 use super::seldom::Seldom;
 use super::source::{Calls, Part};
+#[cfg(feature = "physics")]
+use super::stats::Counting;
 use super::unasked::Unasked;
 use super::verify::names_of_peer;
 use super::{
@@ -47,8 +49,10 @@ pub(super) struct Shared {
     pub(super) leaving: Mutex<BTreeMap<PeerKey, Arc<Peer>>>,
     pub(super) next_key: AtomicU64,
     pub(super) totals: Mutex<NetTotals>,
+    #[cfg(feature = "physics")]
+    pub(super) counting: Counting,
     /// `None` once it is shut down, so that readers of events see the end.
-    pub(super) events: Mutex<Option<mpsc::Sender<HeldEvent>>>,
+    pub(super) events: Mutex<Option<EventSender>>,
 }
 
 impl Shared {
@@ -92,11 +96,26 @@ impl Shared {
         self.leaving.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Returns the traffic over all connections, and calls `look` with that over each that lives.
+    pub(super) fn sum(&self, mut look: impl FnMut(PeerKey, PeerStats)) -> NetTotals {
+        let peers = self.peers.read().unwrap_or_else(PoisonError::into_inner);
+        let leaving = self.leaving();
+        let mut totals = *self.totals();
+        totals.peers = peers.len() as u64;
+        for (&key, peer) in &*peers {
+            let stats = peer.stats();
+            totals.traffic.add(&stats);
+            look(key, stats);
+        }
+        leaving.values().for_each(|peer| totals.traffic.add(&peer.stats()));
+        totals
+    }
+
     pub(super) fn totals(&self) -> MutexGuard<'_, NetTotals> {
         self.totals.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    pub(super) fn events(&self) -> Option<mpsc::Sender<HeldEvent>> {
+    pub(super) fn events(&self) -> Option<EventSender> {
         self.events.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 }

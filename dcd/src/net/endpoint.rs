@@ -1,5 +1,7 @@
 //! Runs a process's network endpoint: one UDP port, its connections, and the threads that serve them.
 
+#[cfg(feature = "physics")]
+use std::collections::BTreeMap;
 use std::io;
 use std::net::{SocketAddr, UdpSocket};
 use std::sync::atomic::AtomicU64;
@@ -17,11 +19,17 @@ use super::datagrams::Datagrams;
 use super::quic_config::{client_config, endpoint_config, server_config};
 use super::renewal::renew_in_time;
 use super::seldom::Seldom;
+#[cfg(feature = "physics")]
+use super::stats::Counted;
 use super::unasked::Unasked;
 use super::{
     Authority, CloseCode, Identity, Lane, Limits, NetError, NetEvents, NetTotals, PeerKey, PeerName,
     PeerStats, SendError,
 };
+
+/// Links whose traffic is counted by whoever asks for it. Of each it takes a microsecond to read what the network's thread wrote last.
+#[cfg(feature = "physics")]
+pub(super) const FEW: usize = 16;
 
 /// The settings of a process's network.
 pub struct NetConfig {
@@ -91,6 +99,8 @@ impl Net {
             leaving: Mutex::default(),
             next_key: AtomicU64::new(1),
             totals: Mutex::default(),
+            #[cfg(feature = "physics")]
+            counting: Default::default(),
             events: Mutex::new(Some(events)),
         });
         runtime.spawn(accept(shared.clone()));
@@ -197,14 +207,29 @@ impl Net {
 
     /// Returns the traffic over all connections.
     pub fn totals(&self) -> NetTotals {
-        let peers = self.shared.peers.read().unwrap_or_else(PoisonError::into_inner);
-        let leaving = self.shared.leaving();
-        let mut totals = *self.shared.totals();
-        totals.peers = peers.len() as u64;
-        for peer in peers.values().chain(leaving.values()) {
-            totals.traffic.add(&peer.stats());
+        self.shared.sum(|_, _| ())
+    }
+
+    /// Returns the traffic over all connections, and over each. Of more than [`FEW`] it is what was counted last: the network's thread counts
+    /// anew, and whoever asks, who may have a tick to compute, waits for the links of no client.
+    #[cfg(feature = "physics")]
+    pub(crate) fn counted(&self) -> Arc<Counted> {
+        let count = |shared: &Shared| {
+            let mut links = BTreeMap::new();
+            let totals = shared.sum(|key, stats| _ = links.insert(key, stats));
+            shared.counting.end(Counted { totals, links });
+        };
+        let is_few = self.shared.peers.read().unwrap_or_else(PoisonError::into_inner).len() <= FEW;
+        match &self.runtime {
+            Some(runtime) if !is_few => {
+                if self.shared.counting.begin() {
+                    let shared = self.shared.clone();
+                    runtime.spawn(async move { count(&shared) });
+                }
+            }
+            _ => count(&self.shared),
         }
-        totals
+        self.shared.counting.last()
     }
 
     /// Closes all connections as [`Net::close`] does and ends the threads. Takes little more than [`Limits::linger`] at most.

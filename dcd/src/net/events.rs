@@ -1,7 +1,7 @@
 //! Defines the events of the network that a role's loop reads.
 
 use std::net::SocketAddr;
-use std::sync::mpsc;
+use std::sync::{Arc, Mutex, OnceLock, PoisonError, mpsc};
 use std::time::Duration;
 
 use quinn::{ApplicationClose, VarInt};
@@ -117,12 +117,50 @@ impl From<CloseCode> for VarInt {
 /// held back (frames) or newer datagrams are dropped, while others go on.
 pub struct NetEvents {
     held: mpsc::Receiver<HeldEvent>,
+    #[cfg(feature = "physics")]
+    tap: Arc<Tap>,
+}
+
+/// Looks at each event before it is passed on, and returns whether it takes it: then nobody else hears of it. The network's thread waits for it.
+type Tap = OnceLock<Mutex<Box<dyn FnMut(&NetEvent) -> bool + Send>>>;
+
+/// The sending end of the events.
+#[derive(Clone)]
+pub(super) struct EventSender {
+    held: mpsc::Sender<HeldEvent>,
+    tap: Arc<Tap>,
+}
+
+impl EventSender {
+    /// Passes an event on, unless it is taken on the way. An error says that nobody reads any more.
+    pub(super) fn send(&self, event: HeldEvent) -> Result<(), mpsc::SendError<HeldEvent>> {
+        if let Some(tap) = self.tap.get()
+            && (tap.lock().unwrap_or_else(PoisonError::into_inner))(&event.event)
+        {
+            return Ok(());
+        }
+        self.held.send(event)
+    }
 }
 
 impl NetEvents {
-    pub(super) fn channel() -> (mpsc::Sender<HeldEvent>, Self) {
+    pub(super) fn channel() -> (EventSender, Self) {
         let (sender, held) = mpsc::channel();
-        (sender, Self { held })
+        let sender = EventSender { held: sender, tap: Arc::default() };
+        #[cfg(feature = "physics")]
+        let tap = sender.tap.clone();
+        let receiver = Self {
+            held,
+            #[cfg(feature = "physics")]
+            tap,
+        };
+        (sender, receiver)
+    }
+
+    /// Has each event from now on looked at by the network's thread before it comes here; may be called once.
+    #[cfg(feature = "physics")]
+    pub(crate) fn look_first(&self, tap: impl FnMut(&NetEvent) -> bool + Send + 'static) {
+        let _ = self.tap.set(Mutex::new(Box::new(tap)));
     }
 
     /// Waits for the next event. An error says that the network is shut down and all is read.
@@ -163,12 +201,6 @@ impl HeldEvent {
     pub(crate) fn into_event(self) -> NetEvent {
         drop(self.share);
         self.event
-    }
-
-    /// Returns the event, which stays there.
-    #[cfg(feature = "physics")]
-    pub(crate) fn event(&self) -> &NetEvent {
-        &self.event
     }
 
     /// Returns whether it is the end of a connection.

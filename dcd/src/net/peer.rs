@@ -2,14 +2,14 @@
 
 use std::future::poll_fn;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError, mpsc};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
 use quinn::{Connection, ConnectionError, RecvStream, SendStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::task::JoinSet;
 
-use super::events::HeldEvent;
+use super::events::{EventSender, HeldEvent};
 use super::lanes::{FrameStart, LANES, LaneError, LaneSender, SendFailure, read_body, read_length};
 use super::pace::Pace;
 use super::stats::{Counters, count};
@@ -215,7 +215,7 @@ impl Peer {
     pub(super) async fn run(
         self: &Arc<Self>,
         receivers: [RecvStream; LANES],
-        events: &mpsc::Sender<HeldEvent>,
+        events: &EventSender,
     ) -> (CloseCause, String) {
         let mut senders = JoinSet::new();
         let mut readers = JoinSet::new();
@@ -239,7 +239,7 @@ impl Peer {
         lane: Lane,
         mut stream: RecvStream,
         inbox: Arc<Semaphore>,
-        events: mpsc::Sender<HeldEvent>,
+        events: EventSender,
     ) {
         loop {
             match self.read_frame(lane, &mut stream, &inbox).await {
@@ -277,7 +277,7 @@ impl Peer {
         Ok(Some((read_body(stream, lane, length).await?, share)))
     }
 
-    async fn read_datagrams(self: Arc<Self>, events: mpsc::Sender<HeldEvent>) {
+    async fn read_datagrams(self: Arc<Self>, events: EventSender) {
         let inbox = Arc::new(Semaphore::new(DATAGRAM_INBOX_BYTES));
         while let Ok(bytes) = self.connection.read_datagram().await {
             count(&self.counters.datagrams_in, &self.counters.bytes_in, bytes.len());

@@ -1,9 +1,18 @@
 //! Counts the traffic of connections: bytes, frames, datagrams, packets, round trips.
 
+#[cfg(feature = "physics")]
+use std::collections::BTreeMap;
+#[cfg(feature = "physics")]
+use std::sync::atomic::AtomicBool;
 use std::sync::atomic::{AtomicU64, Ordering};
+#[cfg(feature = "physics")]
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use quinn::ConnectionStats;
+
+#[cfg(feature = "physics")]
+use super::PeerKey;
 
 /// Traffic over one connection. Bytes are those of frames and datagrams, without QUIC's own.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -72,6 +81,39 @@ impl PeerStats {
         self.packets_out += other.packets_out;
         self.packets_lost += other.packets_lost;
         self.rtt = self.rtt.max(other.rtt);
+    }
+}
+
+/// The traffic over all connections, and over each that lives.
+#[cfg(feature = "physics")]
+#[derive(Default)]
+pub(crate) struct Counted {
+    pub(crate) totals: NetTotals,
+    pub(crate) links: BTreeMap<PeerKey, PeerStats>,
+}
+
+/// Keeps what was counted last.
+#[cfg(feature = "physics")]
+#[derive(Default)]
+pub(super) struct Counting {
+    last: Mutex<Arc<Counted>>,
+    is_under_way: AtomicBool,
+}
+
+#[cfg(feature = "physics")]
+impl Counting {
+    pub(super) fn last(&self) -> Arc<Counted> {
+        self.last.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+
+    /// Returns whether the caller is to count, since nobody does.
+    pub(super) fn begin(&self) -> bool {
+        !self.is_under_way.swap(true, Ordering::Relaxed)
+    }
+
+    pub(super) fn end(&self, counted: Counted) {
+        *self.last.lock().unwrap_or_else(PoisonError::into_inner) = Arc::new(counted);
+        self.is_under_way.store(false, Ordering::Relaxed);
     }
 }
 

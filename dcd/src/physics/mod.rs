@@ -28,6 +28,7 @@ mod record;
 mod region;
 mod settings;
 mod shapes;
+mod spread;
 mod statics;
 #[cfg(feature = "net")]
 mod trial;

@@ -33,32 +33,26 @@ impl ShapeLibrary {
             records.push(collider_record(collider, self)?);
         }
         let state = BodyState { pose, ..state_of(body, [0.0; 3]) };
-        self.record_of_new(id, state, Arc::new(traits_of(body, records)), body.user_data)
+        let traits = self.share(Arc::new(traits_of(body, records)))?;
+        Ok(BodyRecord { id, epoch: Epoch(0), state, traits, user_data: body.user_data })
     }
 
-    /// Records a new body with shapes of the library. What it is like one of the last kinds it shares with those.
-    pub(crate) fn record_of_new(
-        &mut self,
-        id: BodyId,
-        state: BodyState,
-        traits: Arc<BodyTraits>,
-        user_data: u128,
-    ) -> Result<BodyRecord, ShapeError> {
-        let known = || self.latest.iter().find(|known| **known == traits);
-        let traits = if self.latest.iter().any(|known| Arc::ptr_eq(known, &traits)) {
-            traits
-        } else if let Some(known) = known() {
-            Arc::clone(known)
-        } else if hangs(&traits, self) {
+    /// Returns what a new body is, with shapes of the library: what is like one of the last kinds it shares with those.
+    pub(crate) fn share(&mut self, traits: Arc<BodyTraits>) -> Result<Arc<BodyTraits>, ShapeError> {
+        if self.latest.iter().any(|known| Arc::ptr_eq(known, &traits)) {
+            return Ok(traits);
+        }
+        if let Some(known) = self.latest.iter().find(|known| **known == traits) {
+            return Ok(Arc::clone(known));
+        }
+        if hangs(&traits, self) {
             return Err(ShapeError::Massless);
-        } else {
-            if self.latest.len() == LIKE {
-                self.latest.remove(0);
-            }
-            self.latest.push(Arc::clone(&traits));
-            traits
-        };
-        Ok(BodyRecord { id, epoch: Epoch(0), state, traits, user_data })
+        }
+        if self.latest.len() == LIKE {
+            self.latest.remove(0);
+        }
+        self.latest.push(Arc::clone(&traits));
+        Ok(traits)
     }
 }
 

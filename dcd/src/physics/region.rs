@@ -468,6 +468,11 @@ impl Region {
         self.slots[index].as_mut().expect("every body of a region has a slot")
     }
 
+    /// Returns a bound of Rapier's indices of bodies here.
+    pub(super) fn index_bound(&self) -> usize {
+        self.slots.len()
+    }
+
     #[inline]
     fn slot_at(&self, handle: RigidBodyHandle) -> Option<&Slot> {
         self.slots.get(handle.into_raw_parts().0 as usize)?.as_ref()

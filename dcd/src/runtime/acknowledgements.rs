@@ -1,5 +1,5 @@
-//! Takes what clients acknowledge straight to the thread that tells them: it comes for each batch of states of each client, and would wake the
-//! loop that computes the world some times per tick.
+//! Takes what clients acknowledge straight to the thread that tells them, by the network's thread: it comes for each batch of states of each
+//! client, and would wake the loop that computes the world, or another thread, some times per tick.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};

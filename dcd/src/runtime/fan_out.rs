@@ -115,6 +115,8 @@ impl FanOut {
         if !events.is_empty() {
             let mut waiting = self.inbox.lock();
             events.into_iter().for_each(|event| waiting.push(event));
+            // Whoever wakes takes the lock.
+            drop(waiting);
             self.inbox.changed.notify_one();
         }
         self.thread.as_ref().is_some_and(|thread| !thread.is_finished())
@@ -137,12 +139,14 @@ struct Inbox {
     changed: Condvar,
 }
 
+/// What each client acknowledged, and the newest tick then.
+type AllHeard = BTreeMap<ClientId, VecDeque<(Heard, Tick)>>;
+
 #[derive(Default)]
 struct Waiting {
     /// All but acknowledgements, which wake nobody.
     events: VecDeque<ReplicationEvent>,
-    /// What each client acknowledged, and the newest tick then.
-    heard: BTreeMap<ClientId, VecDeque<(Heard, Tick)>>,
+    heard: AllHeard,
     /// The newest tick that is complete.
     newest: Tick,
     /// Whether this process leads: what clients acknowledge to others lies here for nobody.
@@ -160,29 +164,17 @@ impl Inbox {
         let nothing = |waiting: &mut Waiting| waiting.events.is_empty() && !waiting.over;
         let mut waiting =
             self.changed.wait_while(self.lock(), nothing).unwrap_or_else(PoisonError::into_inner);
-        let events = waiting.take();
-        (!events.is_empty()).then_some(events)
+        let (events, heard) = waiting.take();
+        // Who computes the world waits for the lock, and does not for what all clients acknowledged to be put in order.
+        drop(waiting);
+        (!events.is_empty()).then(|| in_order(events, heard))
     }
 }
 
 impl Waiting {
-    /// Takes all: what clients acknowledged comes before what they are told next.
-    fn take(&mut self) -> VecDeque<ReplicationEvent> {
-        let tells = |event: &ReplicationEvent| {
-            matches!(event, ReplicationEvent::Tick(_) | ReplicationEvent::Speculative { .. })
-        };
-        let at = self.events.iter().position(tells).unwrap_or(self.events.len());
-        let told = self.events.split_off(at);
-        let mut events = std::mem::take(&mut self.events);
-        for (client, heard) in std::mem::take(&mut self.heard) {
-            events.extend(heard.into_iter().map(|(heard, now)| ReplicationEvent::Heard {
-                client,
-                heard,
-                now,
-            }));
-        }
-        events.extend(told);
-        events
+    /// Takes all.
+    fn take(&mut self) -> (VecDeque<ReplicationEvent>, AllHeard) {
+        (std::mem::take(&mut self.events), std::mem::take(&mut self.heard))
     }
 
     fn push(&mut self, event: ReplicationEvent) {
@@ -273,6 +265,21 @@ impl Waiting {
             _ => None,
         }
     }
+}
+
+/// Puts what clients acknowledged before what they are told next.
+fn in_order(mut events: VecDeque<ReplicationEvent>, heard: AllHeard) -> VecDeque<ReplicationEvent> {
+    let tells = |event: &ReplicationEvent| {
+        matches!(event, ReplicationEvent::Tick(_) | ReplicationEvent::Speculative { .. })
+    };
+    let at = events.iter().position(tells).unwrap_or(events.len());
+    let told = events.split_off(at);
+    for (client, heard) in heard {
+        let event = |(heard, now)| ReplicationEvent::Heard { client, heard, now };
+        events.extend(heard.into_iter().map(event));
+    }
+    events.extend(told);
+    events
 }
 
 /// Makes one of all ticks, in the place of the last: of each body the newest state alone counts.

@@ -183,16 +183,22 @@ impl Links {
         self.keys.write().unwrap_or_else(PoisonError::into_inner)
     }
 
+    /// Returns the traffic over all links; where there are many, as it was when it was asked for before.
     pub(super) fn totals(&self) -> NetTotals {
+        self.net.counted().totals
+    }
+
+    /// Returns the same as it is now.
+    pub(super) fn totals_now(&self) -> NetTotals {
         self.net.totals()
     }
 
-    /// Returns all that is counted here.
-    pub(super) fn all_totals(&self) -> LinkTotals {
+    /// Returns all that is counted here, beside that of the network.
+    pub(super) fn all_totals(&self, net: NetTotals) -> LinkTotals {
         let waiting_bytes = self.waiting.values().map(|waiting| waiting.bytes as u64).sum();
         let (received, &Self { mut sent, malformed, .. }) = (self.received(), self);
         sent.add(&self.sent_to_clients.lock().unwrap_or_else(PoisonError::into_inner));
-        LinkTotals { net: self.net.totals(), received, sent, waiting_bytes, malformed }
+        LinkTotals { net, received, sent, waiting_bytes, malformed }
     }
 
     /// Returns what has come, by what it is about.
@@ -261,7 +267,8 @@ impl Links {
     pub(super) fn flush(&mut self, now: Instant) -> bool {
         if self.count_at.is_none_or(|at| at <= now) {
             self.count_at = Some(now + COUNT);
-            self.connections.refresh(now, |link| self.net.stats(link));
+            let counted = self.net.counted();
+            self.connections.refresh(now, |link| counted.links.get(&link).copied());
         }
         if self.count_losses_at.is_none_or(|at| at <= now) {
             self.count_losses_at = Some(now + COUNT_LOSSES);

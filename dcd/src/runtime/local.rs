@@ -19,7 +19,9 @@ use crate::protocol::{
 };
 use crate::recording::Operation;
 use crate::scene::Scene;
-use crate::space::{Axis, Balance, BodyId, DistributionTree, JointId, RegionId, Tick, TreeError, Viewpoint};
+use crate::space::{
+    Axis, Balance, BodyId, DistributionTree, Epoch, JointId, RegionId, Tick, TreeError, Viewpoint,
+};
 
 /// Statistics of a world so far, as far as its process knows them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -171,9 +173,9 @@ impl LocalWorld {
     ) -> Result<BodyId, WorldError> {
         let id = BodyId::persistent(self.next_body);
         let shapes = self.host.shapes_mut();
-        let traits = shapes.intern(shape).map(traits);
-        let record = traits.and_then(|traits| shapes.record_of_new(id, state, traits, user_data));
-        self.insert_record(record.map_err(HostError::from)?)
+        let traits = shapes.intern(shape).map(traits).and_then(|traits| shapes.share(traits));
+        let traits = traits.map_err(HostError::from)?;
+        self.insert_record(BodyRecord { id, epoch: Epoch(0), state, traits, user_data })
     }
 
     /// Inserts the body that is the next.

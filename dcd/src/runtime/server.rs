@@ -205,7 +205,7 @@ impl ServerProcess {
         let (net, events) = Net::start(net)?;
         let address = net.local_addr();
         let (inbox, inputs) = mpsc::sync_channel(QUEUE);
-        forward(events, inbox.clone(), |_| false)?;
+        forward(events, inbox.clone())?;
         let waker = inbox.clone();
         // A loop whose inbox is full is awake.
         let connections = Connections::new(PeerName::Server, move || drop(waker.try_send(Input::Wake)));

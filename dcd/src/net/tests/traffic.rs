@@ -173,6 +173,70 @@ fn what_a_connection_has_carried_counts_while_it_is_being_closed_and_afterwards(
     assert_eq!((sent(), node.net.totals().peers), (before, 0));
 }
 
+/// Occupies the network's thread until the sender that this returns is dropped.
+#[cfg(feature = "physics")]
+fn occupy(net: &Net) -> std::sync::mpsc::Sender<()> {
+    let ((begin, begun), (open, gate)) = (std::sync::mpsc::channel(), std::sync::mpsc::channel::<()>());
+    net.datagrams().runtime.spawn(async move {
+        begin.send(()).unwrap();
+        let _ = gate.recv();
+    });
+    begun.recv_timeout(PATIENCE).unwrap();
+    open
+}
+
+#[cfg(feature = "physics")]
+#[test]
+fn the_traffic_of_many_links_is_counted_by_the_networks_thread() {
+    let server = Server::start();
+    let node = server.process(JoinRole::Node);
+    let net = &server.process.net;
+    let sent = || net.counted().totals.traffic.bytes_out;
+    let say = |key| net.send_datagram(key, vec![1; 100]).unwrap();
+    let (_, first) = node.connect_to(&server.process);
+    for _ in 1..super::super::endpoint::FEW {
+        node.connect_to(&server.process);
+    }
+    say(first);
+    assert_eq!(sent(), 100, "that of few is as it is now");
+    assert!(matches!(node.next(), NetEvent::Datagram { .. }));
+    node.connect_to(&server.process);
+    let open = occupy(net);
+    say(first);
+    assert_eq!((sent(), sent()), (100, 100), "whoever asks does not count");
+    drop(open);
+    let begun = Instant::now();
+    while sent() != 200 {
+        assert!(begun.elapsed() < PATIENCE, "nobody counts");
+        std::thread::yield_now();
+    }
+    let counted = net.counted();
+    let links = &counted.links;
+    assert_eq!((links.len() as u64, links[&first].bytes_out), (net.totals().peers, 200));
+}
+
+#[cfg(feature = "physics")]
+#[test]
+fn what_is_taken_on_the_way_is_taken_by_the_networks_thread_and_nobody_else_hears_of_it() {
+    let server = Server::start();
+    let node = server.process(JoinRole::Node);
+    let (tell, takes) = std::sync::mpsc::channel();
+    server.process.events.look_first(move |event| {
+        let name = std::thread::current().name().map(str::to_owned);
+        match event {
+            NetEvent::Frame { bytes, .. } if bytes[0] == 1 => tell.send((bytes.clone(), name)).is_ok(),
+            _ => false,
+        }
+    });
+    let (here, _) = node.connect_to(&server.process);
+    for kind in [1, 2, 1, 3] {
+        node.net.send(here, Lane::Object, [kind]).unwrap();
+    }
+    assert_eq!([server.process.frame().1, server.process.frame().1], [[2], [3]]);
+    let taken: Vec<_> = takes.try_iter().collect();
+    assert_eq!(taken, vec![(vec![1], Some("dcd-net".to_owned())); 2]);
+}
+
 #[test]
 fn shutting_down_tells_peers_and_ends_the_events() {
     let server = Server::start();

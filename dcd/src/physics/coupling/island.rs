@@ -414,8 +414,10 @@ impl Islands {
             };
             let large = island.members.len() > LARGE && !island.big && island.target == region.rank();
             let stays = large && {
-                island.members.retain(here);
-                island.begin_anew(|link| held_by(region, shared, link.handle));
+                let held_by = moment
+                    .team
+                    .spread(&island.members, |link| here(link).then(|| held_by(region, shared, link.handle)));
+                island.begin_anew(held_by);
                 island.members.len() > LARGE
             };
             if !stays {
@@ -486,13 +488,19 @@ impl Island {
         self.beside.dedup();
     }
 
-    /// Clears its parts of others, which are found anew.
-    fn begin_anew(&mut self, held_by: impl Fn(&BodyRef) -> RegionSet) {
+    /// Clears its parts of others, which are found anew, and keeps its members that are still here, with the regions that hold each.
+    fn begin_anew(&mut self, held_by: Vec<Option<RegionSet>>) {
         (self.ghosts, self.lowest, self.name) = (0, None, None);
-        for place in 0..self.members.len() {
-            let link = self.members[place];
-            self.note(link.id, held_by(&link));
-        }
+        let mut members = std::mem::take(&mut self.members);
+        let mut held_by = held_by.into_iter();
+        members.retain(|link| match held_by.next().flatten() {
+            Some(held_by) => {
+                self.note(link.id, held_by);
+                true
+            }
+            None => false,
+        });
+        self.members = members;
         self.beside.clear();
         self.unheard.clear();
         self.elsewhere.clear();
@@ -566,12 +574,14 @@ impl Island {
             return;
         }
         let mut centres: Vec<(usize, usize)> = Vec::new();
-        for link in &self.members {
-            let rank = moment.home_of(region, link.handle);
-            match centres.iter_mut().find(|(other, _)| *other == rank) {
-                Some((_, count)) => *count += 1,
-                None => centres.push((rank, 1)),
-            }
+        let mut count = |rank| match centres.iter_mut().find(|(other, _)| *other == rank) {
+            Some((_, count)) => *count += 1,
+            None => centres.push((rank, 1)),
+        };
+        let home_of = |link: &BodyRef| moment.home_of(region, link.handle);
+        match self.large {
+            true => moment.team.spread(&self.members, home_of).into_iter().for_each(count),
+            false => self.members.iter().map(home_of).for_each(&mut count),
         }
         let here = centres.iter().find(|(rank, _)| *rank == own).map_or(0, |(_, count)| *count);
         let best = centres.into_iter().max_by_key(|&(rank, count)| (count, std::cmp::Reverse(rank)));

@@ -42,6 +42,7 @@ use super::rank_remap::RankRemap;
 use super::region::{BodyRef, Region};
 use super::settings::{Coupling, StepSettings};
 use super::shapes::{ShapeError, ShapeLibrary};
+use super::spread::Team;
 use super::statics::Statics;
 use crate::protocol::BorderMessage;
 use crate::space::{RegionId, RegionSet, Tick};
@@ -341,6 +342,8 @@ pub(super) struct Moment<'a> {
     pub last: bool,
     /// The most ticks that any region may compute in one step.
     pub coarsest: u8,
+    /// The threads that look at the bodies of the region.
+    pub team: Team,
 }
 
 impl<'a> Moment<'a> {
@@ -354,7 +357,8 @@ impl<'a> Moment<'a> {
         coarsest: u8,
     ) -> Self {
         let last = round == 0 || round >= rounds;
-        Self { partition, settings, tick, dt_s: settings.dt_s, rounds, round, last, coarsest }
+        let (dt_s, team) = (settings.dt_s, Team::ALONE);
+        Self { partition, settings, tick, dt_s, rounds, round, last, coarsest, team }
     }
 
     /// Returns the rank of the region that a body's centre lies in; the present one until the centre has left it by the hysteresis.

@@ -18,7 +18,7 @@ use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::island::Island;
-use super::predicted_contacts::{self, Meeting, Near, PredictedContacts};
+use super::predicted_contacts::{self, Meeting, PredictedContacts};
 use super::shared::SharedBodies;
 use super::{Border, Moment, Side, articulated, strike};
 use crate::physics::convert;
@@ -135,7 +135,7 @@ pub(super) fn survey(side: &mut Side, moment: Moment<'_>) {
     border.looked_at = looked_at;
     if moment.settings.coupling.moves_islands() {
         let Border { islands, predicted, shared, .. } = border;
-        let seeds = island_seeds(region, predicted);
+        let seeds = island_seeds(region, predicted, moment);
         islands.find(region, shared, moment, seeds.into_iter());
         let draws = |handle| islands.of(handle).is_some_and(|island| island.draws(region.rank()));
         predicted.set_islands(|handle| (islands.size(handle), draws(handle)));
@@ -167,7 +167,7 @@ pub(super) fn decide(side: &mut Side, moment: Moment<'_>) {
     reach.spread(region, islands, depth, leaving, met);
     reach.complete(region, islands);
     reach.carry(region, predicted.carriers(region, moment.partition));
-    let candidates = candidates(region, border);
+    let candidates = candidates(region, border, moment);
     // First, since a decision needs these of all bodies of an island.
     for link in &candidates {
         let spans = border.islands.of(link.handle).is_some_and(Island::spans);
@@ -191,9 +191,14 @@ pub(super) fn decide(side: &mut Side, moment: Moment<'_>) {
         };
         border.splitting = border.predicted.splitting(region, is_split, |handle| !is_big(handle));
     }
+    // What one should have does not depend on what is decided on others.
+    let desired =
+        moment.team.spread(&candidates, |link| desired_membership(region, border, moment, link.handle));
+    let wanted = desired.iter().fold(RegionSet::EMPTY, |all, (_, wanted)| all.union(*wanted));
+    border.neighbours.need(wanted);
     let (mut leaving, mut contact_poses) = (Vec::new(), ContactPoses::default());
-    for link in candidates {
-        leaving.extend(decide_on(side, moment, link, &mut contact_poses));
+    for (link, (desired, _)) in candidates.into_iter().zip(desired) {
+        leaving.extend(decide_on(side, moment, link, desired, &mut contact_poses));
     }
     leaving.extend(articulated::leaving(&side.region, &mut side.border, moment));
     for (link, owner) in &leaving {
@@ -280,28 +285,30 @@ fn share_fresh(side: &mut Side, moment: Moment<'_>) -> Vec<RigidBodyHandle> {
 
 /// Returns the bodies whose islands are to be found. A body near the border that is alone, has no predicted contact and lies in its
 /// cell is an island by itself.
-fn island_seeds(region: &Region, predicted: &PredictedContacts) -> Vec<RigidBodyHandle> {
-    let near = predicted.near.iter().filter(|near| {
+fn island_seeds(region: &Region, predicted: &PredictedContacts, moment: Moment<'_>) -> Vec<RigidBodyHandle> {
+    let near = moment.team.spread(&predicted.near, |near| {
         let handle = near.link.handle;
         let here = region.cell().contains_box(&near.swept) && region.slot(handle).holders.is_empty();
-        !here || predicted.meetings_of(near.link.id).next().is_some() || region.is_pressed(handle)
+        let is_seed =
+            !here || predicted.meetings_of(near.link.id).next().is_some() || region.is_pressed(handle);
+        is_seed.then_some(handle)
     });
-    near.map(|near| near.link).chain(region.held_elsewhere()).map(|link| link.handle).collect()
+    near.into_iter().flatten().chain(region.held_elsewhere().map(|link| link.handle)).collect()
 }
 
 /// Returns every body owned here whose membership or owner may have to change, in id order.
-fn candidates(region: &Region, border: &Border) -> Vec<BodyRef> {
+fn candidates(region: &Region, border: &Border, moment: Moment<'_>) -> Vec<BodyRef> {
     let owned = |handle: &RigidBodyHandle| {
         let slot = region.slot(*handle);
         (slot.role == Ownership::Owner).then_some(BodyRef { id: slot.id, handle: *handle })
     };
     let mut all = region.shared().to_vec();
     all.extend(border.reach.reached.iter().filter_map(owned));
-    let stays = |near: &&Near| {
-        let meets = border.predicted.meetings_of(near.link.id).next().is_some();
-        region.cell().contains_box(&near.swept) && !meets
-    };
-    all.extend(border.predicted.near.iter().filter(|near| !stays(near)).map(|near| near.link));
+    let changes = moment.team.spread(&border.predicted.near, |near| {
+        let meets = || border.predicted.meetings_of(near.link.id).next().is_some();
+        (!region.cell().contains_box(&near.swept) || meets()).then_some(near.link)
+    });
+    all.extend(changes.into_iter().flatten());
     let moving = border.islands.found.iter().filter(|island| !island.big && island.target != region.rank());
     all.extend(moving.flat_map(|island| &island.members));
     // Runs of it are in order: those are merged.
@@ -322,11 +329,10 @@ fn decide_on(
     side: &mut Side,
     moment: Moment<'_>,
     link: BodyRef,
+    mut desired: Desired,
     contact_poses: &mut ContactPoses,
 ) -> Option<(BodyRef, usize)> {
     let Side { region, border, outbox, .. } = side;
-    let (mut desired, wanted) = desired_membership(region, border, moment, link.handle);
-    border.neighbours.need(wanted);
     let own_rank = region.rank();
     let own = RegionSet::only(own_rank);
     let away = note_away(region, link, desired.owner, moment);

@@ -253,6 +253,7 @@ impl PredictedContacts {
         if going.is_empty() {
             return Vec::new();
         }
+        // Both are swept so far ahead as these were: that does not change while a world lasts.
         let around = going.iter().map(|near| near.swept).reduce(|all, bounds| all.union(&bounds));
         let is_in_reach = |near: &&Near| around.is_some_and(|around| around.touches(&near.swept));
         // What goes along need not be out yet.
@@ -422,47 +423,41 @@ pub(super) fn look(
     predicted.ahead_s = ahead_ticks(moment) * moment.settings.dt_s;
     let now = moment.tick.0 as u32;
     predicted.find_inner(region);
-    let mut looked = Vec::with_capacity(handles.len());
-    for &handle in handles {
-        let slot = region.slot(handle);
-        if slot.role != Ownership::Owner {
-            continue;
-        }
-        let link = BodyRef { id: slot.id, handle };
-        let rest = predicted.rest_of(region, handle);
+    let rests = moment.team.spread(handles, |&handle| {
+        (region.slot(handle).role == Ownership::Owner).then(|| predicted.rest_of(region, handle))
+    });
+    let mut close = Vec::new();
+    // By Rapier's body index: one more than the place in that list.
+    let mut places = vec![0; region.index_bound()];
+    for (&handle, rest) in handles.iter().zip(rests) {
+        let (Some(rest), place) = (rest, &mut places[index_of(handle)]) else { continue };
         if rest > 0 {
             region.rest_until(handle, now + rest);
+            *place = FAR;
+        } else if *place == 0 {
+            close.push(BodyRef { id: region.slot(handle).id, handle });
+            *place = close.len() as u32;
         }
-        looked.push((link, rest == 0));
     }
-    looked.sort_unstable_by_key(|(link, _)| link.id);
-    looked.dedup_by_key(|(link, _)| link.id);
+    let ahead_s = predicted.ahead_s;
+    let mut found: Vec<_> = moment.team.spread(&close, |&link| Some(near(region, link, ahead_s)));
     // By Rapier's handle, not by id: nothing is hashed.
     let own = |near: &Near| region.role_of(near.link.handle) == Some((near.link.id, Ownership::Owner));
-    let ahead_s = predicted.ahead_s;
-    let mut found = looked.iter().peekable();
-    let mut newcomers = Vec::new();
-    predicted.near.retain_mut(|known| {
-        while let Some(&(link, is_near)) = found.next_if(|(link, _)| link.id < known.link.id) {
-            newcomers.extend(is_near.then(|| near(region, link, ahead_s)));
-        }
-        match found.next_if(|(link, _)| link.id == known.link.id) {
-            Some(&(link, is_near)) => {
-                if is_near {
-                    *known = near(region, link, ahead_s);
-                }
-                is_near
-            }
-            None => own(known),
-        }
-    });
-    newcomers.extend(found.filter(|(_, is_near)| *is_near).map(|&(link, _)| near(region, link, ahead_s)));
-    if !newcomers.is_empty() {
-        predicted.near.append(&mut newcomers);
-        // Two lists in order, which are merged.
-        predicted.near.sort_by_key(|near| near.link.id);
-    }
     let PredictedContacts { near, seen, .. } = predicted;
+    near.retain_mut(|known| {
+        let place = if own(known) { places[index_of(known.link.handle)] } else { FAR };
+        if let Some(anew) = place.checked_sub(1).and_then(|place| found.get_mut(place as usize)?.take()) {
+            *known = anew;
+        }
+        place != FAR
+    });
+    let mut newcomers: Vec<_> = found.into_iter().flatten().collect();
+    if !newcomers.is_empty() {
+        newcomers.sort_unstable_by_key(|near| near.link.id);
+        near.append(&mut newcomers);
+        // Two lists in order, which are merged.
+        near.sort_by_key(|near| near.link.id);
+    }
     // Of most of many regions nothing reaches out of their cells.
     let extents: Vec<_> = seen.iter().filter_map(|nearby| nearby.extent).collect();
     near.retain_mut(|near| {
@@ -472,6 +467,13 @@ pub(super) fn look(
             || !region.cell().contains_box(&near.swept)
             || extents.iter().any(|extent| extent.touches(&near.swept))
     });
+}
+
+/// In the place of a body that is far from any border.
+const FAR: u32 = u32::MAX;
+
+fn index_of(handle: RigidBodyHandle) -> usize {
+    handle.into_raw_parts().0 as usize
 }
 
 fn near(region: &Region, link: BodyRef, ahead_s: f32) -> Near {
@@ -542,23 +544,21 @@ pub(super) fn show(
     let fast: Vec<_> = predicted.seen.iter().map(|nearby| fast_bounds(nearby, predicted.ahead_s)).collect();
     let extents = predicted.seen.iter().enumerate();
     let extents: Vec<_> = extents.filter_map(|(rank, nearby)| Some((rank, nearby.extent?))).collect();
-    for near in &predicted.near {
+    #[cfg(test)]
+    LOOKS.set(LOOKS.get() + predicted.near.len() * extents.len());
+    let shown = moment.team.spread(&predicted.near, |near| {
         let bounds = near.swept;
-        if !region.cell().contains_box(&bounds) {
-            extent = Some(extent.map_or(bounds, |extent| extent.union(&bounds)));
-        }
         let mut viewers = moment.partition.touching(&bounds);
         for (rank, extent) in &extents {
-            #[cfg(test)]
-            LOOKS.set(LOOKS.get() + 1);
             if extent.touches(&bounds) {
                 viewers.insert(*rank);
             }
         }
+        let mut wanted = RegionSet::EMPTY;
         if has_strangers {
             let ahead_s = predicted.ahead_s + LOOKAHEAD_TICKS * predicted.tick_s;
             let soon = swept(&near.bounds, near.velocity.to_array(), ahead_s.into());
-            neighbours.want(moment.partition.touching(&soon).union(viewers));
+            wanted = moment.partition.touching(&soon).union(viewers);
         }
         let slot = region.slot(near.link.handle);
         let dynamic = slot.traits.kind == BodyKind::Dynamic;
@@ -571,17 +571,26 @@ pub(super) fn show(
             let met = slot.holders.iter().filter(meets).map(RegionSet::only);
             slot.holders.without(met.fold(RegionSet::EMPTY, RegionSet::union))
         };
-        for rank in viewers.without(known).without(own).iter() {
-            let nearby = near.nearby();
-            predicted.lists[rank].push(NearbyBody {
-                // A character stops at what it meets, so that its region must hold that; and what carries a multibody is nowhere else.
-                island: match dynamic {
-                    true => near.island,
-                    false => u16::from(slot.traits.character.is_some() || near.articulated),
-                },
-                goes: if dynamic { near.goes(region, moment.partition) } else { RegionSet::EMPTY },
-                ..nearby
-            });
+        let to = viewers.without(known).without(own);
+        let nearby = (!to.is_empty()).then(|| NearbyBody {
+            // A character stops at what it meets, so that its region must hold that; and what carries a multibody is nowhere else.
+            island: match dynamic {
+                true => near.island,
+                false => u16::from(slot.traits.character.is_some() || near.articulated),
+            },
+            goes: if dynamic { near.goes(region, moment.partition) } else { RegionSet::EMPTY },
+            ..near.nearby()
+        });
+        let reaches = (!region.cell().contains_box(&bounds)).then_some(bounds);
+        (nearby, to, wanted, reaches)
+    });
+    for (nearby, to, wanted, reaches) in shown {
+        neighbours.want(wanted);
+        if let Some(bounds) = reaches {
+            extent = Some(extent.map_or(bounds, |extent| extent.union(&bounds)));
+        }
+        if let Some(nearby) = nearby {
+            to.iter().for_each(|rank| predicted.lists[rank].push(nearby));
         }
     }
     let audience = extent.map_or(RegionSet::EMPTY, |extent| predicted.audience(&extent, moment.partition));

@@ -20,6 +20,10 @@ pub(super) fn for_each_overlap(
     ahead_s: f64,
     mut visit: impl FnMut(&NearbyBody, &NearbyBody),
 ) {
+    // Where bodies lie before an empty region, all of them are told to it.
+    if first.is_empty() || second.is_empty() {
+        return;
+    }
     let boxes = |list: &[NearbyBody]| -> Vec<_> {
         list.iter().map(|nearby| swept(&nearby.bounds, nearby.velocity, ahead_s)).collect()
     };

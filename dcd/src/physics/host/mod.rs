@@ -36,7 +36,7 @@ use std::time::{Duration, Instant};
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use self::threads::{Threads, Trial};
+use self::threads::{Threads, Trial, WORTH_WAITING};
 use super::coupling::{Ground, Moment, Side, meet_in};
 use super::fidelity::Governor;
 use super::hooks::ContactHooks;
@@ -46,6 +46,7 @@ use super::partition::Partition;
 use super::region::{Ownership, Profile, Region};
 use super::settings::StepSettings;
 use super::shapes::ShapeLibrary;
+use super::spread::Team;
 use super::statics::Statics;
 use crate::protocol::{BodyRecord, BorderMessage, Handover, JointRecord, RegionEvents, Velocity, WorldPose};
 use crate::space::{BodyId, JointId, RegionId, RegionSet, Tick};
@@ -258,28 +259,42 @@ impl RegionHost {
             region.step(&parameters, steps);
             side.region.count_time(start.elapsed(), begins);
         };
-        let gather = move |side: &mut Side| {
+        let gather = move |side: &mut Side, team: Team| {
             let start = Instant::now();
             let moment = Moment::new(&partition, &settings, tick, rounds, round, coarsest);
-            settings.coupling.gather(side, Moment { dt_s: side.substep_s(settings.dt_s), ..moment });
+            let dt_s = side.substep_s(settings.dt_s);
+            settings.coupling.gather(side, Moment { dt_s, team, ..moment });
             side.region.count_time(start.elapsed(), false);
         };
         if self.threads.are_entered() {
             let by_all = self.one_by_one();
             let due = self.sides.iter_mut().enumerate().filter(|(_, side)| is_due(side, &moment));
-            let mut due: Vec<_> = due.map(|(place, side)| (by_all.contains(&place), side)).collect();
-            for (_, side) in due.iter_mut().filter(|(is_by_all, _)| *is_by_all) {
-                self.threads.together(|| step(side));
+            let due = due.map(|(place, side)| (by_all.contains(&place), side));
+            let (mut by_all, mut others): (Vec<_>, Vec<_>) = due.partition(|(is_by_all, _)| *is_by_all);
+            let awake = |side: &Side| side.region.physics().islands.num_active_bodies();
+            let all_awake =
+                |sides: &[(bool, &mut Side)]| sides.iter().map(|(_, side)| awake(side)).sum::<usize>();
+            // What it says to others all threads find out, unless others have as much to do meanwhile.
+            let is_alone = by_all.len() == 1 && all_awake(&others) * WORTH_WAITING < all_awake(&by_all);
+            for (_, side) in &mut by_all {
+                self.threads.together(|| {
+                    step(side);
+                    if is_alone {
+                        gather(side, Team::here());
+                    }
+                });
             }
-            // What they say to others one thread finds out, beside the steps of the others.
-            due.sort_by_key(|(is_by_all, side)| {
-                (!is_by_all, Reverse(side.region.physics().islands.num_active_bodies()))
-            });
-            self.threads.share_out(due.iter_mut().collect(), |(is_stepped, side)| {
+            if is_alone {
+                by_all.clear();
+            }
+            for sides in [&mut by_all, &mut others] {
+                sides.sort_by_key(|(_, side)| Reverse(awake(side)));
+            }
+            self.threads.share_out(by_all.iter_mut().chain(&mut others).collect(), |(is_stepped, side)| {
                 if !*is_stepped {
                     step(side);
                 }
-                gather(side);
+                gather(side, Team::here());
             });
         } else if any_is_due {
             let partition = Arc::clone(&self.partition);
@@ -287,7 +302,7 @@ impl RegionHost {
                 let moment = Moment::new(&partition, &settings, tick, rounds, round, coarsest);
                 for side in sides.iter_mut().filter(|side| is_due(side, &moment)) {
                     step(side);
-                    gather(side);
+                    gather(side, Team::ALONE);
                 }
             });
         }

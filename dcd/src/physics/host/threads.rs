@@ -156,6 +156,9 @@ impl Threads {
 /// another six to nine times as fast as one, and the same in flight three to five times (suite `cores` of the benchmarks).
 const SERIAL: f64 = 0.15;
 
+/// About the part of a step that it takes to find out what regions say to others of it, where many bodies lie near borders: an eighth.
+pub(super) const WORTH_WAITING: usize = 8;
+
 /// Regions are stepped one by one only where a tick is to take less than this part of what it would take otherwise.
 const WORTH_GATHERING: f64 = 0.85;
 

@@ -9,6 +9,7 @@ mod cast;
 mod check;
 mod filter;
 mod found;
+mod nearest;
 mod overlap;
 mod point;
 mod ray;

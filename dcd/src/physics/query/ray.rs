@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use rapier3d::prelude::*;
 
+use super::nearest::nearest;
 use super::{Answerer, BodyFilter, Lets, Queries, QueryError, check};
 use crate::physics::convert;
 use crate::physics::region::Region;
@@ -74,7 +75,7 @@ impl Queries<'_> {
             let reach_m = best.map_or(ray.max_m, |hit| hit.distance_m);
             let Some(part) = ray.part(&answerer.extent(), reach_m) else { return };
             let (local, reach) = part.local(answerer);
-            let hit = answerer.pipeline.cast_ray_and_get_normal(&local, reach, ray.solid);
+            let hit = nearest(&answerer.pipeline, &local, reach, ray.solid);
             let Some(hit) = hit.and_then(|(handle, hit)| part.hit(answerer, &local, handle, &hit)) else {
                 return;
             };

@@ -91,13 +91,17 @@ impl Region {
                 .then(|| convert::region_from_world(self.anchor, &body.state.pose)),
         });
         let link = BodyRef { id: body.id, handle };
-        self.list(link);
+        if !holders.is_empty() || matches!(role, Ownership::Replica { .. }) {
+            self.list(link);
+        }
         if role == Ownership::Owner {
             self.fresh.push(link);
         }
-        let tied = |joint: &JointRecord| joint.a == body.id || joint.b == body.id;
-        for joint in self.waiting.values().filter(|joint| tied(joint)).cloned().collect::<Vec<_>>() {
-            self.insert_joint(&joint);
+        if !self.waiting.is_empty() {
+            let tied = |joint: &JointRecord| joint.a == body.id || joint.b == body.id;
+            for joint in self.waiting.values().filter(|joint| tied(joint)).cloned().collect::<Vec<_>>() {
+                self.insert_joint(&joint);
+            }
         }
         self.touch_only(handle, found);
         Ok(handle)
@@ -115,12 +119,15 @@ impl Region {
         if self.slot(handle).assembly.is_some() {
             self.note_retied(handle);
         }
-        let joints: Vec<_> = self.joints_of(handle).collect();
-        for joint in &joints {
-            self.remove_joint(joint.id);
+        // Most have none, and need not be asked for.
+        if !self.slot(handle).joints.is_empty() || !self.waiting.is_empty() {
+            let joints: Vec<_> = self.joints_of(handle).collect();
+            for joint in &joints {
+                self.remove_joint(joint.id);
+            }
+            // Joints whose other end is still held here wait for it.
+            joints.iter().for_each(|joint| self.insert_joint(joint));
         }
-        // Joints whose other end is still held here wait for it.
-        joints.iter().for_each(|joint| self.insert_joint(joint));
         self.forget_retied(id);
         self.listener.forget(id);
         self.targets.forget(handle);

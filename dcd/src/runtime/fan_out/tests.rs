@@ -217,7 +217,8 @@ fn of_each_client_the_newest_acknowledgements_wait_whatever_others_say() {
     ear.hear(other, heard(1));
     (1..=MANY as u32).for_each(|series| ear.hear(CLIENT, heard(series)));
     ear.hear(other, heard(2));
-    let taken = ear.0.lock().take();
+    let (events, heard_of_all) = ear.0.lock().take();
+    let taken = in_order(events, heard_of_all);
     let of = |who| {
         let series = |event: &ReplicationEvent| match event {
             ReplicationEvent::Heard { client, heard, .. } if *client == who => Some(heard.series),

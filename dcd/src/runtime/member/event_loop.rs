@@ -14,6 +14,7 @@ use super::{Input, Onlooker, Presence, QUEUE, Shared};
 use crate::cluster::{
     Client, ClientEvent, ClientOutput, NodeEvent, NodeOutput, Peer, PhysicsCommand, PhysicsEvent, WORLD_ENDED,
 };
+use crate::net::NetTotals;
 use crate::protocol::{Farewell, Message, ToClient};
 use crate::recording::tick_of;
 use crate::runtime::ending::{Cause, Ending, Reason};
@@ -159,13 +160,13 @@ impl Loop {
             self.gauge.iter().for_each(|gauge| gauge.turned(Instant::now()));
             if self.count_at <= now {
                 self.count_at = now + COUNT;
-                self.count();
+                self.count(self.links.totals());
             }
             if self.end.is_none() && self.release_by.is_some_and(|by| by <= now) {
                 self.end = Some(Err(ProcessError::NotReleased { server: self.server, waited: RELEASE }));
             }
         }
-        self.count();
+        self.count(self.links.totals_now());
         let recorded = self.node.as_mut().map_or(Ok(()), RecordedNode::finish);
         let end = self.end.take().unwrap_or(Ok(())).and(recorded);
         let farewell = self.reason.as_ref().map(|reason| reason.text.clone());
@@ -178,9 +179,9 @@ impl Loop {
         self.connections.end(reason);
     }
 
-    /// Counts the traffic of all links: not after each tick, since it is summed over as many as there are clients.
-    fn count(&self) {
-        let totals = self.links.all_totals();
+    /// Notes the traffic of all links: not after each tick, since it is summed over as many as there are clients.
+    fn count(&self, traffic: NetTotals) {
+        let totals = self.links.all_totals(traffic);
         let mut state = self.shared.lock();
         (state.traffic, state.received) = (totals.net.traffic, totals.received);
         state.summary.bytes = state.traffic.bytes_in + state.traffic.bytes_out;

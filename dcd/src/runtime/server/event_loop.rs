@@ -413,12 +413,13 @@ impl Loop {
     /// Counts the traffic of all links.
     fn count(&self) {
         let Some(links) = &self.links else { return };
-        let traffic = links.totals().traffic;
+        let totals = links.totals();
+        let traffic = totals.traffic;
         let mut state = self.shared.lock();
         state.traffic = traffic;
         state.summary.bytes = traffic.bytes_in + traffic.bytes_out;
         drop(state);
-        self.metrics.iter().for_each(|metrics| metrics.counted(links.all_totals()));
+        self.metrics.iter().for_each(|metrics| metrics.counted(links.all_totals(totals)));
     }
 
     fn finish(self, totals: Option<NetTotals>) {

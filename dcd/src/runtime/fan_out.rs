@@ -57,23 +57,23 @@ pub(super) struct Ear(Arc<Inbox>);
 impl Ear {
     /// Gives it an acknowledgement of a client. It counts for what is told next, which is after a tick: the thread is not woken for it.
     pub(super) fn hear(&self, client: ClientId, heard: Heard) {
-        let mut waiting = self.0.lock();
-        let now = waiting.newest;
-        waiting.push(ReplicationEvent::Heard { client, heard, now });
+        let mut all = lock(&self.0.heard);
+        let now = all.newest;
+        all.push(client, heard, now);
     }
 
     /// Returns the same at a leader.
     #[cfg(test)]
     pub(super) fn of_leader() -> Self {
         let ear = Self::default();
-        ear.0.lock().leads = true;
+        lock(&ear.0.heard).leads = true;
         ear
     }
 
     /// Returns how many acknowledgements wait for the thread.
     #[cfg(test)]
     pub(super) fn waiting(&self) -> usize {
-        self.0.lock().heard.values().map(VecDeque::len).sum()
+        lock(&self.0.heard).of.values().map(VecDeque::len).sum()
     }
 }
 
@@ -133,30 +133,61 @@ impl Drop for FanOut {
     }
 }
 
-#[derive(Default)]
 struct Inbox {
     waiting: Mutex<Waiting>,
     changed: Condvar,
+    heard: Arc<Mutex<Acknowledged>>,
 }
 
 /// What each client acknowledged, and the newest tick then.
 type AllHeard = BTreeMap<ClientId, VecDeque<(Heard, Tick)>>;
 
+/// What clients acknowledged. It has a lock of its own, which is taken after the other, if both are: the network's thread puts it there, and does not
+/// wait until ticks have been made one.
 #[derive(Default)]
-struct Waiting {
-    /// All but acknowledgements, which wake nobody.
-    events: VecDeque<ReplicationEvent>,
-    heard: AllHeard,
+struct Acknowledged {
+    of: AllHeard,
     /// The newest tick that is complete.
     newest: Tick,
     /// Whether this process leads: what clients acknowledge to others lies here for nobody.
     leads: bool,
+}
+
+impl Acknowledged {
+    fn push(&mut self, client: ClientId, heard: Heard, now: Tick) {
+        if self.leads {
+            let waiting = self.of.entry(client).or_default();
+            if waiting.len() == HEARD {
+                waiting.pop_front();
+            }
+            waiting.push_back((heard, now));
+        }
+    }
+}
+
+#[derive(Default)]
+struct Waiting {
+    /// All but acknowledgements, which wake nobody.
+    events: VecDeque<ReplicationEvent>,
+    heard: Arc<Mutex<Acknowledged>>,
     over: bool,
+}
+
+fn lock<T>(of: &Mutex<T>) -> MutexGuard<'_, T> {
+    of.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Default for Inbox {
+    fn default() -> Self {
+        let waiting = Waiting::default();
+        let heard = Arc::clone(&waiting.heard);
+        Self { waiting: Mutex::new(waiting), changed: Condvar::new(), heard }
+    }
 }
 
 impl Inbox {
     fn lock(&self) -> MutexGuard<'_, Waiting> {
-        self.waiting.lock().unwrap_or_else(PoisonError::into_inner)
+        lock(&self.waiting)
     }
 
     /// Waits for an event and takes all; `None` when there is none and no more will come.
@@ -174,7 +205,7 @@ impl Inbox {
 impl Waiting {
     /// Takes all.
     fn take(&mut self) -> (VecDeque<ReplicationEvent>, AllHeard) {
-        (std::mem::take(&mut self.events), std::mem::take(&mut self.heard))
+        (std::mem::take(&mut self.events), std::mem::take(&mut lock(&self.heard).of))
     }
 
     fn push(&mut self, event: ReplicationEvent) {
@@ -182,17 +213,13 @@ impl Waiting {
             // What a former leader has not told yet concerns nobody.
             ReplicationEvent::Begin(_) => {
                 self.events.clear();
-                self.heard.clear();
-                self.leads = true;
+                let mut heard = lock(&self.heard);
+                heard.of.clear();
+                heard.leads = true;
                 event
             }
-            ReplicationEvent::Heard { .. } if !self.leads => return,
             ReplicationEvent::Heard { client, heard, now } => {
-                let waiting = self.heard.entry(client).or_default();
-                if waiting.len() == HEARD {
-                    waiting.pop_front();
-                }
-                return waiting.push_back((heard, now));
+                return lock(&self.heard).push(client, heard, now);
             }
             // A later guess, or what came true, says all that an earlier guess does.
             ReplicationEvent::Speculative { .. } => {
@@ -204,7 +231,7 @@ impl Waiting {
                 event
             }
             ReplicationEvent::Tick(news) => {
-                self.newest = news.tick();
+                lock(&self.heard).newest = news.tick();
                 self.drop_guesses();
                 ReplicationEvent::Tick(match self.take_tick() {
                     Some(mut earlier) => {
@@ -216,7 +243,7 @@ impl Waiting {
             }
             // What the tick that waits says of its former link would come after this, and what came over that acknowledges what counts no more.
             ReplicationEvent::Admit(client) | ReplicationEvent::Dismiss(client) => {
-                self.heard.remove(&client);
+                lock(&self.heard).of.remove(&client);
                 for waiting in &mut self.events {
                     if let ReplicationEvent::Tick(news) = waiting {
                         news.uninterested(client);
@@ -248,9 +275,10 @@ impl Waiting {
 
     /// This process leads no more: what is still told are states that came true.
     fn stop(&mut self) {
-        self.leads = false;
         self.drop_guesses();
-        self.heard.clear();
+        let mut heard = lock(&self.heard);
+        heard.leads = false;
+        heard.of.clear();
     }
 
     /// Takes the last tick that waits, if as many do as may.

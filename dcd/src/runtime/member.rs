@@ -333,7 +333,7 @@ impl Member {
         self.shared.lock().summary.tick
     }
 
-    /// Returns the traffic over the network, as of a tenth of a second ago; with many links, two tenths.
+    /// Returns the traffic over the network, as of a tenth of a second ago; with more than sixteen links, as of when it was counted before.
     pub fn traffic(&self) -> PeerStats {
         self.shared.lock().traffic
     }

@@ -310,7 +310,7 @@ impl ServerProcess {
         self.metrics_address
     }
 
-    /// Returns the traffic over the network.
+    /// Returns the traffic over the network, as of a tenth of a second ago; with more than sixteen links, as of when it was counted before.
     pub fn traffic(&self) -> PeerStats {
         self.shared.lock().traffic
     }

@@ -74,6 +74,12 @@ mod tests {
             };
             world.insert(RigidBodyBuilder::dynamic().translation(at), collider);
         }
+        let at = |x: f32| RigidBodyBuilder::dynamic().translation(Vector::new(x, 0.5, 0.5));
+        let pair = [-0.4, 0.4].map(|x| (Pose::from_translation(Vector::X * x), SharedShape::ball(0.5)));
+        world.insert(at(-1.4), ColliderBuilder::compound(pair.to_vec()));
+        let corners = vec![Vector::ZERO, Vector::new(0.0, 2.0, 0.0), Vector::new(0.0, 0.0, 2.0)];
+        world.insert(at(8.0), ColliderBuilder::trimesh(corners, vec![[0, 1, 2]]).unwrap());
+        world.insert(at(-2.6), ColliderBuilder::cuboid(0.5, 4.0, 4.0).enabled(false));
         let floor = ColliderBuilder::new(SharedShape::halfspace(Vector::Y));
         world.insert(RigidBodyBuilder::fixed().translation(Vector::new(0.0, -20.0, 0.0)), floor);
         world.step();

@@ -202,7 +202,7 @@ fn what_is_acknowledged_past_the_leader_counts_as_of_its_newest_tick() {
         stage.tick().into_iter().for_each(|event| ear.0.lock().push(event));
         ear.hear(CLIENT, heard(3));
         let waiting = ear.0.lock();
-        assert_eq!(waiting.heard[&CLIENT].back(), Some(&(heard(3), Tick(stage.tick))));
+        assert_eq!(lock(&waiting.heard).of[&CLIENT].back(), Some(&(heard(3), Tick(stage.tick))));
     }
     ear.0.lock().end();
     assert_eq!(ear.waiting(), 0);
@@ -308,7 +308,7 @@ fn few_ticks_wait_and_who_tells_clients_makes_one_of_them() {
         ),
         "all else stays, and it is in the last one's place"
     );
-    assert_eq!(waiting.heard[&CLIENT].len(), 10);
+    assert_eq!(lock(&waiting.heard).of[&CLIENT].len(), 10);
 }
 
 #[test]

@@ -438,6 +438,7 @@ impl Loop {
         state.summary.bodies = movable(&server).count();
         state.summary.state_hash = Some(hasher.finish());
         if let Some(totals) = totals {
+            state.traffic = totals.traffic;
             state.summary.bytes = totals.traffic.bytes_in + totals.traffic.bytes_out;
         }
         if let (Err(cause), Some(path)) = (recorded, record) {

@@ -54,7 +54,7 @@ impl Check for StoredBody {
 
 /// Changes that are not written to the directory yet.
 #[derive(Clone, Debug, Default, Encode, Decode)]
-struct Changes {
+pub(super) struct Changes {
     /// Bodies that came, went or changed their [`Life`].
     lives: BTreeSet<BodyId>,
     /// Bodies that moved.
@@ -138,7 +138,7 @@ impl Record {
                 _ => entry.body.epoch = Epoch::placed_in(view.0).max(entry.body.epoch.next()),
             }
         }
-        new.mark_all();
+        new.mark_all(Changes::default());
         // What is not there any more is written down too.
         new.changes.lives.extend(self.bodies.keys());
         new.changes.joints.extend(self.joints.keys());
@@ -158,11 +158,17 @@ impl Record {
         u64::from_le_bytes(first)
     }
 
-    /// Marks everything as to be written to the directory.
-    pub(super) fn mark_all(&mut self) {
-        self.changes.lives = self.bodies.keys().copied().collect();
-        self.changes.shapes = self.shapes.keys().copied().collect();
-        self.changes.joints = self.joints.keys().copied().collect();
+    /// Marks everything as to be written to the directory, and what another record had marked: it may be gone from here.
+    pub(super) fn mark_all(&mut self, marked: Changes) {
+        self.changes = marked;
+        self.changes.lives.extend(self.bodies.keys());
+        self.changes.shapes.extend(self.shapes.keys());
+        self.changes.joints.extend(self.joints.keys());
+    }
+
+    /// Takes the marks of what is to be written to the directory.
+    pub(super) fn take_marks(&mut self) -> Changes {
+        std::mem::take(&mut self.changes)
     }
 
     /// Returns whether states of bodies are to be written to the directory.
@@ -172,7 +178,7 @@ impl Record {
 
     /// Forgets what was to be written to the directory.
     pub(super) fn forget_changes(&mut self) {
-        self.changes = Changes::default();
+        self.take_marks();
     }
 
     /// Returns what has changed since the last call, as writes: lives of bodies, shapes and joints, or, if `soft`, states of

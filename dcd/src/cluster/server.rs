@@ -7,6 +7,7 @@ mod budget;
 mod builders;
 mod common;
 mod drain;
+mod fading;
 mod group;
 mod moves;
 mod nodes;
@@ -28,11 +29,11 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
 use self::common::{ABSENCE, ClientEntry, Common, NodeEntry};
+use self::fading::Fading;
 use self::group::Group;
 use self::nodes::Resumption;
 use self::questions::Questions;
 use self::status::Statuses;
-use self::unused::Unused;
 use self::vicinity::Vicinity;
 use super::{Batch, Peer, Pinger, PollCounts, Polls, Record};
 use crate::protocol::{
@@ -247,11 +248,11 @@ impl Server {
             world_changed: true,
             next_ids: record.next_ids(),
             groups_changed: BTreeSet::new(),
-            unused: Unused::default(),
+            fading: Fading::default(),
             outputs: VecDeque::new(),
         };
         let mut group = Group::new(main, record, Tick(0));
-        group.record.mark_all();
+        group.record.mark_all(Default::default());
         let groups = [(main, group)].into();
         let arbiter = arbiter::Arbiter::default();
         let polls = Polls::new(common.config.grouping.votes);

@@ -408,7 +408,7 @@ fn host_of(
 /// bodies it holds. Returns the owned bodies that disappeared, as they were. What cannot be done is refused by all alike, so it
 /// is only logged.
 fn apply(host: &mut RegionHost, ops: Vec<WorldOp>, band_m: f64) -> Vec<BodyRecord> {
-    let mut removed = Vec::new();
+    let (mut removed, mut gone) = (Vec::new(), BTreeSet::new());
     // Here as on nodes that hold nothing of what these concern.
     if ops.iter().any(WorldOp::concerns_all) {
         host.meet_all();
@@ -430,7 +430,7 @@ fn apply(host: &mut RegionHost, ops: Vec<WorldOp>, band_m: f64) -> Vec<BodyRecor
             WorldOp::RemoveJoint(id) => {
                 host.remove_joint(id);
             }
-            WorldOp::ForgetShapes(gone) => host.forget_shapes(&gone.into_iter().collect()),
+            WorldOp::ForgetShapes(names) => gone.extend(names),
             WorldOp::Input(input) => host.obey(&input),
             WorldOp::Push(push) => {
                 host.push(&push);
@@ -448,6 +448,10 @@ fn apply(host: &mut RegionHost, ops: Vec<WorldOp>, band_m: f64) -> Vec<BodyRecor
                 states.iter().for_each(|state| lead(host, state, lag_s, band_m));
             }
         }
+    }
+    // All bodies are looked through: once.
+    if !gone.is_empty() {
+        host.forget_shapes(&gone);
     }
     removed
 }

@@ -1,6 +1,7 @@
 //! Keeps avatars on record: they come with their client, are parked while it is away, and return as they were (thesis
 //! 4.3.2.10). Every group has its own record of them.
 
+use super::builders::are_used;
 use super::common::Common;
 use super::group::Group;
 use super::{Server, ServerOutput, budget};
@@ -49,16 +50,20 @@ impl Server {
                     Some(refusal)
                 } else if body.traits.vehicle.as_ref().is_some_and(|vehicle| !limits.allow_vehicle(vehicle)) {
                     Some(Refusal::TooFast)
-                } else if !record.admits(&body, &shapes, self.common.config.can_build) {
+                } else if !are_used(&shapes, std::slice::from_ref(&body), record.shapes_with(&shapes))
+                    || !record.admits(&body, &shapes, self.common.config.can_build)
+                {
                     Some(Refusal::Shape)
                 } else {
-                    budget::refusal(record, client, &body, &shapes)
+                    let refusal = budget::refusal(record, client, &body, &shapes);
+                    let mut is_too_soon = || !allowance.bring(self.common.now, &unknown);
+                    refusal.or_else(|| is_too_soon().then_some(Refusal::TooMany))
                 };
                 if refusal.is_none() {
                     allowance.shapes.add(&unknown);
                     for group in self.groups.values_mut() {
                         let shapes = group.record.learn(shapes.clone());
-                        self.common.unused.have_come(&shapes);
+                        self.common.fading.have_come(&shapes);
                         // Epochs are ours to give, clients push nothing, what a character wants is its velocity, and nobody has found contacts of
                         // what is new.
                         let wanted = body.state.velocity.linear;

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use nalgebra::{Isometry3, Vector3};
 
-use super::MAX_AVATARS;
+use super::{MAX_AVATARS, MAX_SHAPE_BYTES};
 use crate::cluster::Record;
 use crate::protocol::{
     BodyRecord, BodyTraits, Character, ColliderRecord, Costs, Pose, Refusal, ShapeHash, ShapeRecord, Vehicle,
@@ -46,6 +46,8 @@ const MAX_DAMPING: f32 = 60.0;
 const SPAWNS: f64 = 2.0 * MAX_AVATARS as f64;
 /// How many more each second.
 const SPAWNS_PER_S: f64 = 128.0;
+/// How many bytes of shapes more a client may bring with its avatars each second, as others are forgotten: all are told of them.
+const SHAPE_BYTES_PER_S: f64 = MAX_SHAPE_BYTES as f64 / 60.0;
 /// What a search of the world for scenery counts, in avatars.
 const LOOK: f64 = 8.0;
 /// What being told the whole world counts, in avatars.
@@ -76,10 +78,18 @@ impl Account {
     }
 }
 
+/// What keeping a shape takes beside its record, and telling all of it and then that it is gone, bytes.
+const KEPT_BYTES: usize = 256;
+
+/// Returns what a shape takes to keep and to send, bytes.
+pub(super) fn kept_len(shape: &ShapeRecord) -> usize {
+    KEPT_BYTES + encoded_len(shape)
+}
+
 /// The shapes that one client has brought, that nobody knew before, and that are not forgotten yet.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Brought {
-    /// What each takes to send, bytes.
+    /// What each takes, bytes.
     shapes: BTreeMap<ShapeHash, usize>,
     bytes: usize,
 }
@@ -88,21 +98,26 @@ impl Brought {
     /// Returns how many bytes they take with these, of which it may have brought some already.
     pub(super) fn bytes_with(&self, new: &[ShapeRecord]) -> usize {
         let new = new.iter().filter(|shape| !self.shapes.contains_key(&shape.hash()));
-        self.bytes.saturating_add(new.map(encoded_len).sum())
+        self.bytes.saturating_add(new.map(kept_len).sum())
     }
 
     /// Counts these.
     pub(super) fn add(&mut self, new: &[ShapeRecord]) {
         for shape in new {
-            let bytes = encoded_len(shape);
+            let bytes = kept_len(shape);
             self.bytes += bytes - self.shapes.insert(shape.hash(), bytes).unwrap_or(0);
         }
     }
 
     /// Counts those no more that are forgotten.
     pub(super) fn forget(&mut self, gone: &BTreeSet<ShapeHash>) {
-        self.shapes.retain(|hash, _| !gone.contains(hash));
-        self.bytes = self.shapes.values().sum();
+        // Of all who ever brought one.
+        if self.shapes.len() < gone.len() {
+            self.shapes.retain(|hash, _| !gone.contains(hash));
+            self.bytes = self.shapes.values().sum();
+        } else {
+            self.bytes -= gone.iter().filter_map(|hash| self.shapes.remove(hash)).sum::<usize>();
+        }
     }
 }
 
@@ -124,6 +139,8 @@ pub(super) struct Building {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Allowance {
     pub shapes: Brought,
+    /// Bytes of shapes of avatars.
+    told: Account,
     /// Avatars and welcomes.
     asked: Account,
     /// Whether it may build, and what it has asked and done for that.
@@ -134,6 +151,12 @@ impl Allowance {
     /// Counts an avatar to be brought. Returns whether the client may bring it.
     pub(super) fn spawn(&mut self, now: Duration) -> bool {
         self.ask(now, 1.0)
+    }
+
+    /// Counts shapes that nobody knew, which come with an avatar. Returns whether the client may bring them.
+    pub(super) fn bring(&mut self, now: Duration, new: &[ShapeRecord]) -> bool {
+        let bytes: usize = new.iter().map(kept_len).sum();
+        self.told.ask(now, bytes as f64, MAX_SHAPE_BYTES as f64, SHAPE_BYTES_PER_S)
     }
 
     /// Counts a search of the world. Returns whether the client may have it.

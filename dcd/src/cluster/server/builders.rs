@@ -135,7 +135,7 @@ impl Server {
                 if self.is_held(&bodies, &joints) {
                     return Err((Refusal::Exists, false));
                 }
-                self.common.unused.bring_back(&bodies, &mut shapes, BUILD_BYTES);
+                self.common.fading.bring_back(&bodies, &mut shapes, BUILD_BYTES);
                 self.admit(client, &bodies, &shapes, &joints).map_err(as_refused)?;
                 BuildOp::Insert { bodies, shapes, joints }
             }
@@ -205,7 +205,7 @@ impl Server {
 
 /// Returns whether each of these shapes is one of a body's colliders, or a part of one: what is on record is told with the first body that has it,
 /// and once.
-fn are_used<'a>(
+pub(super) fn are_used<'a>(
     shapes: &[ShapeRecord],
     bodies: &[BodyRecord],
     find: impl Fn(ShapeHash) -> Option<&'a ShapeRecord>,

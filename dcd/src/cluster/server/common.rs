@@ -4,8 +4,8 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
 use super::budget::{Account, Allowance};
+use super::fading::Fading;
 use super::moves::Moves;
-use super::unused::Unused;
 use super::vicinity::Vicinity;
 use super::{ServerConfig, ServerOutput};
 use crate::cluster::{Peer, Record};
@@ -106,7 +106,7 @@ pub(super) struct Common {
     /// Of the next body and the next joint that the program makes.
     pub next_ids: (u32, u64),
     pub groups_changed: BTreeSet<GroupId>,
-    pub unused: Unused,
+    pub fading: Fading,
     pub outputs: VecDeque<ServerOutput>,
 }
 

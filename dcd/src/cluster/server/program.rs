@@ -35,7 +35,7 @@ impl Server {
     pub(super) fn obey(&mut self, op: BuildOp) {
         match op {
             BuildOp::Insert { bodies, mut shapes, joints } => {
-                self.common.unused.bring_back(&bodies, &mut shapes, usize::MAX);
+                self.common.fading.bring_back(&bodies, &mut shapes, usize::MAX);
                 let (next_body, next_joint) = &mut self.common.next_ids;
                 // Clients number what they build apart.
                 for body in bodies.iter().filter(|body| body.id.builder().is_none()) {
@@ -95,7 +95,7 @@ impl Group {
         joints: &[JointRecord],
     ) {
         let new_shapes = self.record.learn(shapes.to_vec());
-        common.unused.have_come(&new_shapes);
+        common.fading.have_come(&new_shapes);
         for body in bodies {
             // Nobody has found contacts of what is new, whoever says so.
             let state = BodyState { contact_offset: None, ..body.state };

@@ -322,10 +322,11 @@ impl Server {
                 let heirs = self.groups.values().filter(|group| group.id != id && lives(group));
                 let heir = heirs.max_by_key(|group| (size(group), std::cmp::Reverse(group.id)));
                 let Some(heir) = heir.map(|group| group.id) else { continue };
+                let marked = self.main_mut().record.take_marks();
                 let former = std::mem::take(&mut self.main_mut().retold);
                 self.main = heir;
                 self.common.world_changed = true;
-                self.main_mut().record.mark_all();
+                self.main_mut().record.mark_all(marked);
                 self.main_mut().retold.replaces(&former);
             }
             self.groups.remove(&id);

@@ -255,6 +255,10 @@ impl Server {
             });
             writes.push((Key::Group(id), stored));
         }
+        // Of the others their views alone are written down.
+        let main = self.main;
+        let others = self.groups.values_mut().filter(|group| group.id != main);
+        others.for_each(|group| group.record.forget_changes());
         let Group { record, retold, .. } = self.main_mut();
         writes.extend(record.take_changes(false));
         writes.extend(retold.take_writes(false));

@@ -125,7 +125,7 @@ fn terrain_that_is_dug_is_forgotten_by_record_store_and_clients_and_then_by_node
     forgotten.sort();
     expected.sort();
     assert_eq!(forgotten, expected);
-    assert!(server.common.unused.is_at_rest());
+    assert!(server.common.fading.is_at_rest());
     let entry = &server.common.nodes[&NodeId(1)];
     assert!(entry.shapes.iter().all(|hash| server.record().shape(*hash).is_some()));
 }
@@ -224,4 +224,55 @@ fn a_client_may_bring_other_hulls_once_those_that_it_brought_are_forgotten() {
     dig(&mut server, 0..MANY);
     pass(&mut server);
     assert!(comes_and_goes(&mut server, 10));
+    assert!(!comes_and_goes(&mut server, 11), "all would be told faster than before");
+    pass(&mut server);
+    assert!(comes_and_goes(&mut server, 11));
+}
+
+#[test]
+fn what_is_dug_where_nobody_computes_the_world_is_forgotten_too() {
+    let mut server = played();
+    let now = server_now(&server);
+    handled(&mut server, now, ServerEvent::Disconnected(Peer::Node(NodeId(1))));
+    while !server.main().held {
+        server.handle_timeout(server.poll_timeout().expect("it is given up"));
+    }
+    dig(&mut server, 0..40);
+    assert!(!server.common.fading.is_at_rest());
+    pass(&mut server);
+    assert!(server.common.fading.is_at_rest(), "the server keeps nothing for nobody");
+}
+
+#[test]
+fn an_avatar_brings_the_shapes_that_it_has_and_no_others_and_small_ones_count_by_what_they_take() {
+    let mut server = server();
+    joins(&mut server);
+    let spawns = |server: &mut Server, number: u32, others: Vec<ShapeRecord>| {
+        let id = BodyId::avatar(CLIENT, 0);
+        let ball = ShapeRecord::Ball(1.0 + number as f32 * 1e-4);
+        let mut body = sim_body(id, [1.0; 3]);
+        Arc::make_mut(&mut body.traits).colliders.push(collider(&ball));
+        let shapes = others.into_iter().chain([ball]).collect();
+        let now = server_now(server);
+        says(server, now, Message::FromClient(CLIENT, FromClient::Spawn { body, shapes }));
+        let came = server.record().body(id).is_some();
+        says(server, now, Message::FromClient(CLIENT, FromClient::Despawn(id)));
+        came
+    };
+    assert!(!spawns(&mut server, 0, vec![ShapeRecord::Ball(0.3)]), "nobody has that");
+    assert!(spawns(&mut server, 0, Vec::new()));
+    // Each is kept and told, and that it is gone, which takes more than its five bytes.
+    let came = (1..6_000).filter(|&number| {
+        if number % 64 == 0 {
+            let next = server_now(&server) + Duration::from_millis(500);
+            handled(&mut server, next, ServerEvent::MayBuild(ClientId(99)));
+        }
+        spawns(&mut server, number, Vec::new())
+    });
+    let came = came.count();
+    assert!((3_500..4_500).contains(&came), "{came} came");
+}
+
+fn server_now(server: &Server) -> Duration {
+    server.common.now + server.stopped
 }

@@ -42,7 +42,7 @@ mod tests {
         let bodies: Vec<_> = (0..10 * WORTH_SPREADING).collect();
         let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
         let met = std::sync::Barrier::new(3);
-        let is_first = |body: &usize| body % (2 * WORTH_SPREADING) == 0;
+        let is_first = |body: &usize| body.is_multiple_of(2 * WORTH_SPREADING);
         let found = pool.install(|| {
             let firsts = std::sync::atomic::AtomicUsize::new(0);
             Team::here().spread(&bodies, |body| {

@@ -283,3 +283,24 @@ fn who_comes_to_hear_of_everything_is_told_the_shapes_too_that_no_body_has_at_th
     program(&mut server, &mut told, insert(after.index(), Vec::new()));
     assert!(told.bodies.contains_key(&after));
 }
+
+#[test]
+fn the_end_of_a_body_is_told_to_who_knows_it_in_each_of_two_groups() {
+    let mut server = server();
+    let outputs = hello(&mut server, 1, VERSION);
+    obey(&mut server, 1, outputs);
+    let outputs = hello(&mut server, 2, VERSION);
+    let delays = vec![Delay { node: NodeId(2), delay_ms: None }];
+    tell(&mut server, 1, Message::ToServer(ToServer::Delays(delays)));
+    obey(&mut server, 2, outputs);
+    let outputs = wait(&mut server);
+    obey(&mut server, 2, outputs);
+    server.common.nodes.get_mut(&NodeId(2)).unwrap().member.client = Some(CLIENT);
+    let mut told = join(&mut server, Some(area([1.0; 3], 50.0)));
+    let group = server.common.clients[&CLIENT].group;
+    assert!(group > server.main && server.groups.len() == 2, "the main one is the first to tell");
+    let id = BodyId::persistent(0);
+    assert!(told.bodies.contains_key(&id));
+    program(&mut server, &mut told, BuildOp::Remove(id));
+    assert!(!told.bodies.contains_key(&id));
+}

@@ -237,9 +237,9 @@
 // half-spaces.
 #define DCD_REFUSED_SHAPE 7
 
-// In DcdBodyChange.reason: too many avatars, too much asked of them at a time, or more than 1 MiB of new shapes:
-// use the shapes that you have. Of a builder: more than 4,096 bodies or joints of its own, 24,576 changes at once and 1,024 more each second,
-// or 16 MiB of shapes.
+// In DcdBodyChange.reason: too many avatars, too much asked of them at a time, or more than 1 MiB of new shapes that are not
+// forgotten yet: use the shapes that you have. Of a builder: more than 4,096 bodies or joints of its own, 24,576 changes at once and 1,024 more
+// each second, or 16 MiB of such shapes.
 #define DCD_REFUSED_TOO_MANY 8
 
 // In DcdBodyChange.reason: the avatar would cost too much: it has more than 8 extra solver or PGS iterations, reaches farther than 100 m

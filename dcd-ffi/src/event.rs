@@ -125,9 +125,9 @@ pub const DCD_REFUSED_LATE: u32 = 6;
 /// In DcdBodyChange.reason: the shape did not arrive with the avatar, or cannot be an avatar's; or a builder's, which has neither voxels nor
 /// half-spaces.
 pub const DCD_REFUSED_SHAPE: u32 = 7;
-/// In DcdBodyChange.reason: too many avatars, too much asked of them at a time, or more than 1 MiB of new shapes:
-/// use the shapes that you have. Of a builder: more than 4,096 bodies or joints of its own, 24,576 changes at once and 1,024 more each second,
-/// or 16 MiB of shapes.
+/// In DcdBodyChange.reason: too many avatars, too much asked of them at a time, or more than 1 MiB of new shapes that are not
+/// forgotten yet: use the shapes that you have. Of a builder: more than 4,096 bodies or joints of its own, 24,576 changes at once and 1,024 more
+/// each second, or 16 MiB of such shapes.
 pub const DCD_REFUSED_TOO_MANY: u32 = 8;
 /// In DcdBodyChange.reason: the avatar would cost too much: it has more than 8 extra solver or PGS iterations, reaches farther than 100 m
 /// from its origin, begins where 64 others of this client are, or all of them together have more than 20,000 corners (200,000,

@@ -519,17 +519,6 @@ impl Client {
         again.into_iter().for_each(|question| self.tell_leader(FromClient::Ask(question)));
     }
 
-    fn tell_leader(&mut self, input: FromClient) {
-        match &self.leader {
-            Some(_) if self.node.is_some() => self.outputs.push_back(ClientOutput::Node(input)),
-            Some(member) if self.linked => {
-                let to = Peer::Node(member.node);
-                self.send(to, Message::FromClient(self.id, input));
-            }
-            _ => {}
-        }
-    }
-
     fn told(&mut self, message: ToClient) {
         match message {
             ToClient::Welcome { world, logical_time, next_built, .. } => {

@@ -362,7 +362,8 @@ impl ServerProcess {
     }
 
     /// Changes the world, in this order; it is on record some milliseconds later, and computed some ticks later. Bodies have been
-    /// checked: nodes refuse a server that sends what may not be.
+    /// checked: nodes refuse a server that sends what may not be. Each insertion brings the shapes of its bodies: the world forgets those
+    /// that no body has any more, and what is known already costs nothing.
     pub fn change(&self, ops: Vec<BuildOp>) {
         self.change_with(ops, ShapeLibrary::default());
     }

@@ -1,6 +1,7 @@
 //! Collects what the program of a server, or a client that may build, does to the world between two steps, and reads the world with it.
 
 mod altered;
+mod shapes;
 #[cfg(test)]
 mod tests;
 
@@ -255,20 +256,6 @@ impl Author {
         ops
     }
 
-    /// Forgets shapes that the world has forgotten.
-    fn forget_shapes(&mut self, world: &dyn Known) {
-        let own = self.awaited.values().flat_map(|body| &body.traits.colliders);
-        let mut used: BTreeSet<_> = own.map(|collider| collider.shape).collect();
-        used.extend(self.shapes.hashes().filter(|hash| world.has_shape(*hash)));
-        self.shapes.keep(used);
-        self.fitting.retain(|hash| self.shapes.record_of(*hash).is_some());
-    }
-
-    /// Returns the shapes of what was made, as far as the world has not forgotten them.
-    pub(super) fn shapes(&self) -> &ShapeLibrary {
-        &self.shapes
-    }
-
     pub(super) fn insert(
         &mut self,
         pose: WorldPose,
@@ -291,22 +278,6 @@ impl Author {
         let Some(&first) = bodies.first() else { return };
         self.bodies.retain(|id, _| *id < first);
         self.next_body = first.index();
-    }
-
-    /// Returns an error if a shape is too long to be sent.
-    fn check_shapes(&mut self, body: &BodyRecord) -> Result<(), Error> {
-        for hash in body.traits.colliders.iter().map(|collider| collider.shape) {
-            if self.fitting.contains(&hash) {
-                continue;
-            }
-            let Some(shape) = self.shapes.record_of(hash) else { continue };
-            let parts: Vec<_> = shape.parts().filter_map(|part| self.shapes.record_of(part)).collect();
-            if !parts.into_iter().chain([shape]).all(ShapeRecord::can_travel) {
-                return Err(ShapeError::TooLong.into());
-            }
-            self.fitting.insert(hash);
-        }
-        Ok(())
     }
 
     pub(super) fn remove(&mut self, world: &dyn Known, id: BodyId) -> Result<(), Error> {
@@ -453,21 +424,6 @@ impl Author {
                 let woken = self.altered_bodies.get(&known.id).is_some_and(|altered| altered.wakes);
                 let altered = Altered { traits, user_data, wakes: wakes || woken, sent: None };
                 self.altered_bodies.insert(known.id, altered);
-            }
-        }
-        Ok(())
-    }
-
-    /// Takes over the shapes of a body from the server's record, parts before compounds.
-    fn learn(&mut self, world: &dyn Known, body: &BodyRecord) -> Result<(), Error> {
-        for collider in &body.traits.colliders {
-            if self.shapes.record_of(collider.shape).is_some() {
-                continue;
-            }
-            let Some(shape) = world.shape(collider.shape) else { continue };
-            let parts: Vec<_> = shape.parts().filter_map(|part| world.shape(part)).collect();
-            for shape in parts.into_iter().chain([shape]) {
-                self.shapes.add(shape)?;
             }
         }
         Ok(())
@@ -673,12 +629,6 @@ impl Author {
             fixed.extend((traits.kind == BodyKind::Fixed).then_some((id, state.pose)));
         });
         fixed
-    }
-
-    /// Returns a shape of a body on record, or of one that the program inserted.
-    pub(super) fn shape(&self, world: &dyn Known, hash: ShapeHash) -> Option<ShapeRecord> {
-        let own = self.shapes.record_of(hash).cloned();
-        own.or_else(|| world.shape(hash))
     }
 
     fn unsupported(&self, what: &'static str, instead: Instead) -> Error {

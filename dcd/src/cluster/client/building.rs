@@ -1,11 +1,13 @@
 //! Sends what a client builds to the server, and keeps it until that is on record there: a server that comes back is told again what it
-//! may not have written down.
+//! may not have written down, with shapes that the world has forgotten meanwhile.
 
-use std::collections::{BTreeMap, BTreeSet, VecDeque};
+use std::collections::{BTreeMap, BTreeSet};
 
+use super::shapes::named;
 use super::{Client, ClientOutput};
 use crate::protocol::{
-    Alteration, BUILD_BYTES, BuildOp, Costs, FromClient, MAX_BUILD_OPS, Refusal, encoded_len, split,
+    Alteration, BUILD_BYTES, BuildOp, Costs, FromClient, MAX_BUILD_OPS, Refusal, ShapeHash, ShapeRecord,
+    encoded_len, split,
 };
 
 /// The most bytes that may wait for the server's word.
@@ -18,6 +20,8 @@ pub(super) struct Building {
     requests: u64,
     messages: u64,
     waiting: BTreeMap<u64, Waiting>,
+    /// Shapes that what waits names, was sent without, and that the world has forgotten since.
+    forgotten: BTreeMap<ShapeHash, ShapeRecord>,
     /// The indices of the next body and the next joint, as the server said.
     pub(super) next: (u32, u32),
 }
@@ -35,12 +39,65 @@ impl Building {
     /// Takes the server's word on a message.
     pub(super) fn answered(&mut self, number: u64) {
         self.waiting.remove(&number);
+        if self.waiting.is_empty() {
+            self.forgotten.clear();
+        }
     }
 
     /// Forgets what the server has not answered: the world is another.
     pub(super) fn clear(&mut self) {
         self.waiting.clear();
+        self.forgotten.clear();
     }
+
+    /// Keeps those of these shapes, which the world has forgotten, that what waits names; the others are known.
+    pub(super) fn keep_named(
+        &mut self,
+        gone: BTreeMap<ShapeHash, ShapeRecord>,
+        known: &BTreeMap<ShapeHash, ShapeRecord>,
+    ) {
+        self.forgotten.extend(gone);
+        let ops = self.waiting.values().flat_map(|waiting| &waiting.ops);
+        let named: BTreeSet<_> = ops.flat_map(|op| self.named_by(op, known)).collect();
+        self.forgotten.retain(|hash, _| named.contains(hash));
+    }
+
+    fn named_by(&self, op: &BuildOp, known: &BTreeMap<ShapeHash, ShapeRecord>) -> BTreeSet<ShapeHash> {
+        let BuildOp::Insert { bodies, shapes, .. } = op else { return BTreeSet::new() };
+        let brought: BTreeMap<_, _> = shapes.iter().map(|shape| (shape.hash(), shape)).collect();
+        named(bodies.iter(), |hash| {
+            let other = || known.get(hash).or_else(|| self.forgotten.get(hash));
+            brought.get(hash).copied().or_else(other)
+        })
+    }
+
+    /// Adds the shapes to what is to be built that it lacks since the world has forgotten them, as far as they fit into a message.
+    fn bring_along(&self, mut op: BuildOp, known: &BTreeMap<ShapeHash, ShapeRecord>) -> BuildOp {
+        let mut lacking = self.named_by(&op, known);
+        if let BuildOp::Insert { shapes, .. } = &mut op {
+            shapes.iter().for_each(|shape| _ = lacking.remove(&shape.hash()));
+            lacking.retain(|hash| !known.contains_key(hash));
+            let forgotten = lacking.iter().filter_map(|hash| self.forgotten.get(hash));
+            shapes.extend(forgotten.filter(|shape| encoded_len(*shape) <= BUILD_BYTES).cloned());
+            // Parts come before compounds.
+            shapes.sort_by_key(ShapeRecord::is_compound);
+        }
+        op
+    }
+}
+
+/// Returns messages of what is to be built, in order, and what fits into none.
+fn packed(ops: impl IntoIterator<Item = BuildOp>) -> (Vec<Vec<BuildOp>>, Vec<BuildOp>) {
+    let parts = ops.into_iter().flat_map(|op| op.in_parts(BUILD_BYTES));
+    let (fitting, too_long): (Vec<_>, Vec<_>) = parts.partition(|op| encoded_len(op) <= BUILD_BYTES);
+    let mut messages = Vec::new();
+    for mut ops in split(fitting, BUILD_BYTES) {
+        while !ops.is_empty() {
+            let later = ops.split_off(ops.len().min(MAX_BUILD_OPS));
+            messages.push(std::mem::replace(&mut ops, later));
+        }
+    }
+    (messages, too_long)
 }
 
 impl Client {
@@ -58,19 +115,9 @@ impl Client {
     /// Sends what is to be built; what waits for the server is sent once it has welcomed us.
     pub(super) fn build(&mut self, ops: Vec<BuildOp>) {
         self.building.requests += 1;
-        let mut fitting = VecDeque::new();
-        for op in ops.into_iter().flat_map(|op| op.in_parts(BUILD_BYTES)) {
-            match encoded_len(&op) <= BUILD_BYTES {
-                true => fitting.push_back(op),
-                false => self.refuse(&op, Refusal::Costly(Costs::Bytes)),
-            }
-        }
-        for mut ops in split(fitting, BUILD_BYTES) {
-            while !ops.is_empty() {
-                let later = ops.split_off(ops.len().min(MAX_BUILD_OPS));
-                self.send_build(std::mem::replace(&mut ops, later));
-            }
-        }
+        let (messages, too_long) = packed(ops);
+        too_long.iter().for_each(|op| self.refuse(op, Refusal::Costly(Costs::Bytes)));
+        messages.into_iter().for_each(|ops| self.send_build(ops));
     }
 
     fn send_build(&mut self, ops: Vec<BuildOp>) {
@@ -127,9 +174,27 @@ impl Client {
             ops.reverse();
         }
         waiting.retain(|_, waiting| !waiting.ops.is_empty());
+        if !self.building.forgotten.is_empty() {
+            waiting = self.bring_shapes_along(waiting);
+        }
         for (&number, Waiting { ops, .. }) in &waiting {
             self.ask_server(FromClient::Build { number, ops: ops.clone() });
         }
         self.building.waiting = waiting;
+    }
+
+    /// Returns what waits with the shapes that it lacks by now, in new messages: in those that it was sent in there may be no room for them.
+    fn bring_shapes_along(&mut self, waiting: BTreeMap<u64, Waiting>) -> BTreeMap<u64, Waiting> {
+        let mut again = BTreeMap::new();
+        for Waiting { request, ops, .. } in waiting.into_values() {
+            let (messages, too_long) =
+                packed(ops.into_iter().map(|op| self.building.bring_along(op, &self.shapes)));
+            too_long.iter().for_each(|op| self.refuse(op, Refusal::Costly(Costs::Bytes)));
+            for ops in messages {
+                self.building.messages += 1;
+                again.insert(self.building.messages, Waiting { request, bytes: encoded_len(&ops), ops });
+            }
+        }
+        again
     }
 }

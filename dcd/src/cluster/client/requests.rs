@@ -26,6 +26,18 @@ impl Client {
         self.send(Peer::Server, Message::FromClient(self.id, message));
     }
 
+    /// Sends the leader what concerns it, if it can be told.
+    pub(super) fn tell_leader(&mut self, input: FromClient) {
+        match &self.leader {
+            Some(_) if self.node.is_some() => self.outputs.push_back(ClientOutput::Node(input)),
+            Some(member) if self.linked => {
+                let to = Peer::Node(member.node);
+                self.send(to, Message::FromClient(self.id, input));
+            }
+            _ => {}
+        }
+    }
+
     /// Sends a request to the server, again until it is answered; while the world is told over a new link, as soon as it has arrived.
     pub(super) fn want(&mut self, message: FromClient) {
         self.unanswered.push(message.clone());

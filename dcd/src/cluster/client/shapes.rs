@@ -1,9 +1,9 @@
 //! Keeps the shapes of the world that a client is told of, until the server says that no body has them any more.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::Client;
-use crate::protocol::{ShapeHash, ShapeRecord};
+use crate::protocol::{BodyRecord, ShapeHash, ShapeRecord};
 
 impl Client {
     pub(super) fn learn(&mut self, shapes: Vec<ShapeRecord>) {
@@ -19,11 +19,23 @@ impl Client {
         if gone.is_empty() {
             return;
         }
-        let colliders = self.bodies.values().flat_map(|view| &view.body.traits.colliders);
-        let mut used: BTreeSet<_> = colliders.map(|collider| collider.shape).collect();
-        let known = used.iter().filter_map(|hash| self.shapes.get(hash));
-        let parts: Vec<_> = known.flat_map(ShapeRecord::parts).collect();
-        used.extend(parts);
-        self.shapes.retain(|hash, _| used.contains(hash) || !gone.contains(hash));
+        let used = named(self.bodies.values().map(|view| &view.body), |hash| self.shapes.get(hash));
+        let is_gone = |(hash, _): &(ShapeHash, _)| gone.contains(hash) && !used.contains(hash);
+        let (gone, left): (BTreeMap<_, _>, _) =
+            std::mem::take(&mut self.shapes).into_iter().partition(is_gone);
+        self.shapes = left;
+        self.building.keep_named(gone, &self.shapes);
     }
+}
+
+/// Returns the shapes that bodies name, and the parts of those that are found.
+pub(super) fn named<'a, 'b>(
+    bodies: impl Iterator<Item = &'b BodyRecord>,
+    find: impl Fn(&ShapeHash) -> Option<&'a ShapeRecord>,
+) -> BTreeSet<ShapeHash> {
+    let colliders = bodies.flat_map(|body| &body.traits.colliders);
+    let mut named: BTreeSet<_> = colliders.map(|collider| collider.shape).collect();
+    let parts: Vec<_> = named.iter().filter_map(find).flat_map(ShapeRecord::parts).collect();
+    named.extend(parts);
+    named
 }

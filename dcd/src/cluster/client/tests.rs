@@ -1,5 +1,7 @@
 //! Tests what a client sends to server and leader (interest, questions), and which states of bodies it takes in.
 
+mod shapes;
+
 use super::*;
 use crate::protocol::link::CLIENT_FRAME_BYTES;
 use crate::protocol::{Costs, QueryParts, QueryResult, SharedState, Stamp, encode};
@@ -648,28 +650,4 @@ fn what_waits_for_a_server_that_is_away_is_bounded() {
     assert!((150..400).contains(&index), "{index} bodies of some 40 kB");
     let body = Some(BodyId::built(ClientId(1), index));
     assert_eq!(output, ClientOutput::Rejected { body, reason: Refusal::TooMany });
-}
-
-#[test]
-fn shapes_are_forgotten_that_the_server_says_are_gone_or_does_not_tell_again_but_those_of_bodies() {
-    let mut client = Client::new(ClientId(1), None, None);
-    let [part, gone, lost] = [0.1, 0.2, 0.3].map(crate::protocol::ShapeRecord::Ball);
-    let pair = crate::protocol::ShapeRecord::Compound(vec![(sim_collider(&part).pose, part.hash())]);
-    let mut body = sim_body(BodyId::persistent(0), [0.0; 3]);
-    std::sync::Arc::make_mut(&mut body.traits).colliders.push(sim_collider(&pair));
-    let inserted = |shapes| ToClient::Inserted { body: body.clone(), shapes, joints: Vec::new() };
-    tell(&mut client, inserted(vec![part.clone(), pair.clone(), gone.clone(), lost.clone()]));
-    let names = |shapes: &[&ShapeRecord]| shapes.iter().map(|shape| shape.hash()).collect::<BTreeSet<_>>();
-    let known = |client: &Client| client.shapes().keys().copied().collect::<BTreeSet<_>>();
-    tell(&mut client, ToClient::ShapesGone(names(&[&part, &pair, &gone]).into_iter().collect()));
-    assert_eq!(known(&client), names(&[&part, &pair, &lost]), "a body has the pair");
-    // Its link broke, and what was said meanwhile is lost.
-    let welcome =
-        ToClient::Welcome { id: ClientId(1), world: sim_world(1), logical_time: 1, next_built: (0, 0) };
-    tell(&mut client, welcome);
-    tell(&mut client, ToClient::Chunk(Chunk::Shapes(vec![part.clone(), pair.clone(), gone.clone()])));
-    tell(&mut client, ToClient::Chunk(Chunk::Bodies(vec![body.clone()])));
-    assert!(known(&client).contains(&lost.hash()), "not all is told yet");
-    tell(&mut client, ToClient::WorldEnd);
-    assert_eq!(known(&client), names(&[&part, &pair, &gone]));
 }

@@ -178,12 +178,13 @@ impl Common {
         messages.into_iter().for_each(|(client, message)| self.send_client(client, message));
     }
 
-    /// Tells the clients that know a body that it is gone.
+    /// Tells the clients that play with this group and know a body that it is gone.
     pub(super) fn announce_end(&mut self, group: GroupId, id: BodyId) {
         let mut concerned = Vec::new();
-        for (&client, entry) in self.clients.iter_mut() {
+        // It may be there still for those who play with another group.
+        for (&client, entry) in self.clients.iter_mut().filter(|(_, entry)| entry.group == group) {
             let knows = entry.vicinity.as_mut().is_none_or(|vicinity| vicinity.forget(id));
-            if entry.linked && entry.group == group && (knows || id.client() == Some(client)) {
+            if entry.linked && (knows || id.client() == Some(client)) {
                 concerned.push(client);
             }
         }

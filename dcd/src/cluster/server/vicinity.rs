@@ -160,7 +160,12 @@ impl Server {
                 entry.vicinity = Some(vicinity);
                 news
             }
-            None => vicinity.introduce(&record.present().map(|body| body.id).collect(), record),
+            None => {
+                // It counts as knowing all shapes from now on: what comes with one of them comes without it.
+                let shapes = record.shape_chunks(&mut vicinity.shapes);
+                let bodies = vicinity.introduce(&record.present().map(|body| body.id).collect(), record);
+                shapes.into_iter().map(ToClient::Chunk).chain(bodies).collect()
+            }
         };
         news.into_iter().for_each(|message| self.common.send_client(client, message));
         None

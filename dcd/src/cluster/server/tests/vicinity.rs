@@ -131,6 +131,12 @@ fn say(server: &mut Server, told: &mut Told, message: Message) {
     told.hear(std::iter::from_fn(|| server.poll_output()));
 }
 
+fn program(server: &mut Server, told: &mut Told, op: BuildOp) {
+    let now = server.common.now;
+    server.handle(now, ServerEvent::Program(vec![op]));
+    told.hear(std::iter::from_fn(|| server.poll_output()));
+}
+
 fn join(server: &mut Server, interest: Option<Area>) -> Told {
     let mut told = Told::default();
     let hello = Hello { version: VERSION, role: JoinAs::Client { interest } };
@@ -194,10 +200,7 @@ fn what_comes_and_goes_is_told_to_those_near_it() {
         let mut new = body(index, &ShapeRecord::Cuboid([0.5; 3]));
         new.state.pose.translation = place;
         let shapes = vec![ShapeRecord::Cuboid([0.5; 3])];
-        let now = server.common.now;
-        let op = BuildOp::Insert { bodies: vec![new], shapes, joints: Vec::new() };
-        server.handle(now, ServerEvent::Program(vec![op]));
-        told.hear(std::iter::from_fn(|| server.poll_output()));
+        program(server, told, BuildOp::Insert { bodies: vec![new], shapes, joints: Vec::new() });
     };
     let (near, far) = (20_001, 20_002);
     insert(&mut server, &mut told, far, [10.0, 1.0, 10.0]);
@@ -205,9 +208,7 @@ fn what_comes_and_goes_is_told_to_those_near_it() {
     insert(&mut server, &mut told, near, MIDDLE);
     assert!(told.bodies.contains_key(&BodyId::persistent(near)), "with its shape, which was new before");
     for index in [near, far] {
-        let now = server.common.now;
-        server.handle(now, ServerEvent::Program(vec![BuildOp::Remove(BodyId::persistent(index))]));
-        told.hear(std::iter::from_fn(|| server.poll_output()));
+        program(&mut server, &mut told, BuildOp::Remove(BodyId::persistent(index)));
     }
     assert!(!told.bodies.contains_key(&BodyId::persistent(near)));
 }
@@ -260,4 +261,46 @@ fn joints_of_a_body_are_found_and_go_with_it_whatever_became_of_others() {
     let expected = [Key::Body(BodyId::persistent(0)), Key::Joint(JointId(2)), Key::Joint(JointId(3))];
     assert!(written.eq(expected.map(|key| (key, false))));
     assert_eq!([1, 2, 3].map(|body| of(&again, body)), [vec![1], vec![1], vec![]]);
+}
+
+#[test]
+fn who_comes_to_hear_of_everything_is_told_the_shapes_too_that_no_body_has_at_that_time() {
+    let mut server = large_world();
+    let mut told = join(&mut server, Some(area(MIDDLE, 50.0)));
+    let shape = ShapeRecord::Cuboid([0.5; 3]);
+    let insert = |index, shapes| {
+        let mut new = body(index, &shape);
+        new.state.pose.translation = [10.0, 1.0, 10.0];
+        BuildOp::Insert { bodies: vec![new], shapes, joints: Vec::new() }
+    };
+    let [before, after] = [20_001, 20_002].map(BodyId::persistent);
+    program(&mut server, &mut told, insert(before.index(), vec![shape.clone()]));
+    program(&mut server, &mut told, BuildOp::Remove(before));
+    assert!(server.record().shape(shape.hash()).is_some() && !told.shapes.contains(&shape.hash()));
+    say(&mut server, &mut told, from_client(FromClient::Interest(None)));
+    assert_eq!(told.bodies.len(), (EDGE * EDGE) as usize);
+    // It is on record, and is not told with the body.
+    program(&mut server, &mut told, insert(after.index(), Vec::new()));
+    assert!(told.bodies.contains_key(&after));
+}
+
+#[test]
+fn the_end_of_a_body_is_told_to_who_knows_it_in_each_of_two_groups() {
+    let mut server = server();
+    let outputs = hello(&mut server, 1, VERSION);
+    obey(&mut server, 1, outputs);
+    let outputs = hello(&mut server, 2, VERSION);
+    let delays = vec![Delay { node: NodeId(2), delay_ms: None }];
+    tell(&mut server, 1, Message::ToServer(ToServer::Delays(delays)));
+    obey(&mut server, 2, outputs);
+    let outputs = wait(&mut server);
+    obey(&mut server, 2, outputs);
+    server.common.nodes.get_mut(&NodeId(2)).unwrap().member.client = Some(CLIENT);
+    let mut told = join(&mut server, Some(area([1.0; 3], 50.0)));
+    let group = server.common.clients[&CLIENT].group;
+    assert!(group > server.main && server.groups.len() == 2, "the main one is the first to tell");
+    let id = BodyId::persistent(0);
+    assert!(told.bodies.contains_key(&id));
+    program(&mut server, &mut told, BuildOp::Remove(id));
+    assert!(!told.bodies.contains_key(&id));
 }

@@ -116,12 +116,12 @@ impl Running {
         let mut running =
             Self { turns_at: sim.now(), sim, bounds, random: Random::new(seed ^ 0xA7), avatars: Vec::new() };
         for client in clients {
-            running.bring(client, &mut shapes)?;
+            running.bring(client)?;
         }
         Ok(running)
     }
 
-    fn bring(&mut self, client: ClientId, shapes: &mut ShapeLibrary) -> Result<(), Box<dyn Error>> {
+    fn bring(&mut self, client: ClientId) -> Result<(), Box<dyn Error>> {
         let id = BodyId::avatar(client, 0);
         let ball = ColliderBuilder::ball(0.3)
             .density(4.0)
@@ -130,6 +130,7 @@ impl Running {
             .active_events(ActiveEvents::COLLISION_EVENTS);
         let builder = RigidBodyBuilder::dynamic().can_sleep(false);
         let place = self.somewhere();
+        let mut shapes = ShapeLibrary::default();
         let body = shapes.describe(id, WorldPose::at(place), &builder.build(), &[ball])?;
         self.sim.submit(client, ClientEvent::Spawn { body, shapes: shapes.records() });
         self.sim.run_until(|sim| sim.client(client).body(id).is_some())?;

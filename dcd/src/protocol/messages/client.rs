@@ -18,7 +18,7 @@ pub enum FromClient {
     Spawn {
         /// Its id must be one of the client's own.
         body: BodyRecord,
-        /// The shapes that its colliders name, as far as the world may not know them.
+        /// The shapes that its colliders name, as far as the world may not know them, with the parts of those, and no others.
         shapes: Vec<ShapeRecord>,
     },
     /// The avatar disappears for good.

@@ -29,7 +29,6 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
 use self::common::{ABSENCE, ClientEntry, Common, NodeEntry};
-use self::fading::Fading;
 use self::group::Group;
 use self::nodes::Resumption;
 use self::questions::Questions;
@@ -248,7 +247,7 @@ impl Server {
             world_changed: true,
             next_ids: record.next_ids(),
             groups_changed: BTreeSet::new(),
-            fading: Fading::default(),
+            fading: Default::default(),
             outputs: VecDeque::new(),
         };
         let mut group = Group::new(main, record, Tick(0));

@@ -12,6 +12,8 @@ use crate::protocol::{
 
 /// The most bytes that may wait for the server's word.
 const MAX_WAITING_BYTES: usize = 8 << 20;
+/// The most bytes of shapes that come along with more than the first that names them.
+const MAX_BROUGHT_BYTES: usize = 1 << 20;
 
 /// What a client has asked to be built and has no answer to, in order.
 #[derive(Clone, Debug, Default)]
@@ -71,14 +73,27 @@ impl Building {
         })
     }
 
-    /// Adds the shapes to what is to be built that it lacks since the world has forgotten them, as far as they fit into a message.
-    fn bring_along(&self, mut op: BuildOp, known: &BTreeMap<ShapeHash, ShapeRecord>) -> BuildOp {
+    /// Adds the shapes to what is to be built that it lacks since the world has forgotten them, as far as they fit into a message. Those that were
+    /// `brought` with something before it are brought again, while that takes little: what brought them may be refused.
+    fn bring_along(
+        &self,
+        mut op: BuildOp,
+        known: &BTreeMap<ShapeHash, ShapeRecord>,
+        brought: &mut (BTreeSet<ShapeHash>, usize),
+    ) -> BuildOp {
         let mut lacking = self.named_by(&op, known);
         if let BuildOp::Insert { shapes, .. } = &mut op {
             shapes.iter().for_each(|shape| _ = lacking.remove(&shape.hash()));
             lacking.retain(|hash| !known.contains_key(hash));
             let forgotten = lacking.iter().filter_map(|hash| self.forgotten.get(hash));
-            shapes.extend(forgotten.filter(|shape| encoded_len(*shape) <= BUILD_BYTES).cloned());
+            let back = forgotten.filter(|shape| {
+                let bytes = encoded_len(*shape);
+                let comes = bytes <= BUILD_BYTES
+                    && (brought.0.insert(shape.hash()) || brought.1 + bytes <= MAX_BROUGHT_BYTES);
+                brought.1 += if comes { bytes } else { 0 };
+                comes
+            });
+            shapes.extend(back.cloned());
             // Parts come before compounds.
             shapes.sort_by_key(ShapeRecord::is_compound);
         }
@@ -185,10 +200,10 @@ impl Client {
 
     /// Returns what waits with the shapes that it lacks by now, in new messages: in those that it was sent in there may be no room for them.
     fn bring_shapes_along(&mut self, waiting: BTreeMap<u64, Waiting>) -> BTreeMap<u64, Waiting> {
-        let mut again = BTreeMap::new();
+        let (mut again, mut brought) = (BTreeMap::new(), Default::default());
         for Waiting { request, ops, .. } in waiting.into_values() {
-            let (messages, too_long) =
-                packed(ops.into_iter().map(|op| self.building.bring_along(op, &self.shapes)));
+            let ops = ops.into_iter().map(|op| self.building.bring_along(op, &self.shapes, &mut brought));
+            let (messages, too_long) = packed(ops);
             too_long.iter().for_each(|op| self.refuse(op, Refusal::Costly(Costs::Bytes)));
             for ops in messages {
                 self.building.messages += 1;

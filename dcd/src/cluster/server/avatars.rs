@@ -14,8 +14,8 @@ use crate::space::{BodyId, ClientId, Epoch, Tick};
 
 /// The most avatars of one client.
 pub const MAX_AVATARS: usize = 1_024;
-/// The most bytes of shapes that nobody knew before and that one client brings, over all of its visits while a server runs and
-/// until they are forgotten: all are told of them.
+/// The most bytes of shapes that nobody knew before and that one client brings with avatars, over all of its visits while a server runs and
+/// until they are forgotten; and so many at once, and as many each minute: all are told of them. Each counts 256 more than its record has.
 pub const MAX_SHAPE_BYTES: usize = 1 << 20;
 
 impl Server {

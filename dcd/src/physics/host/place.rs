@@ -265,8 +265,10 @@ impl RegionHost {
 
     /// Forgets those of these shapes that nothing here has.
     pub(crate) fn forget_shapes(&mut self, gone: &BTreeSet<ShapeHash>) {
-        let used = self.used_shapes();
-        self.shapes.forget(gone, used);
+        if !gone.is_empty() {
+            let used = self.used_shapes();
+            self.shapes.forget(gone, used);
+        }
     }
 
     fn used_shapes(&self) -> BTreeSet<ShapeHash> {

@@ -426,7 +426,7 @@ fn regions_with_several_threads_each_give_the_same_bits() {
     // So many near the border that all threads of a team look at them, and one region with nearly all of them.
     let gas = Params::new().with("n", 3000).with("fill", 0.2).with("speed", 20);
     let gas = Scene::named("gas", &gas).unwrap();
-    let aside = Partitioning::Cuts(vec![(Axis::X, 8.5)]);
+    let aside = Partitioning::Cuts(vec![(Axis::X, 4.4)]);
     let run = |scene: &Scene, partitioning: &Partitioning, threads| {
         let partitioning = partitioning.clone();
         let config = WorldConfig { partitioning, threads, ..WorldConfig::for_scene(scene) };

@@ -139,10 +139,10 @@ struct Inbox {
     heard: Arc<Mutex<Acknowledged>>,
 }
 
-/// What each client acknowledged, and the newest tick then.
+/// The acknowledgements of each client, each with the newest tick then.
 type AllHeard = BTreeMap<ClientId, VecDeque<(Heard, Tick)>>;
 
-/// What clients acknowledged. It has a lock of its own, which is taken after the other, if both are: the network's thread puts it there, and does not
+/// Keeps what clients acknowledged. It has a lock of its own, which is taken after the other, if both are: the network's thread puts it there, and does not
 /// wait until ticks have been made one.
 #[derive(Default)]
 struct Acknowledged {

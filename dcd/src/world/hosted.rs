@@ -18,8 +18,8 @@ use crate::cluster::{Life, Record};
 use crate::net::PeerStats;
 use crate::physics::StepSettings;
 use crate::protocol::{
-    BodyRecord, Check, Controller, Drive, JointRecord, Push, Query, QueryResult, ShapeHash, ShapeRecord,
-    Velocity, WorldEvents, WorldPose,
+    BodyRecord, BuildOp, Check, Controller, Drive, JointRecord, Push, Query, QueryResult, ShapeHash,
+    ShapeRecord, Velocity, WorldEvents, WorldPose,
 };
 use crate::runtime::{LocalWorld, Member, ProcessError, SUSPENDED, ServerProcess, Stats};
 use crate::space::{BodyId, DistributionTree, JointId, Tick};
@@ -112,8 +112,11 @@ impl Hosted {
     fn flush(&mut self) {
         let (Process::Server(server), Some(author)) = (&self.process, &mut self.author) else { return };
         let ops = author.take(server);
-        if !ops.is_empty() {
+        // The shapes are copied where one is added while the server has them.
+        if ops.iter().any(|op| matches!(op, BuildOp::Insert { .. })) {
             server.change_with(ops, author.shapes().clone());
+        } else if !ops.is_empty() {
+            server.change(ops);
         }
         self.waiting.drain(..).for_each(|question| server.ask(question));
     }

@@ -46,7 +46,7 @@ const MAX_DAMPING: f32 = 60.0;
 const SPAWNS: f64 = 2.0 * MAX_AVATARS as f64;
 /// How many more each second.
 const SPAWNS_PER_S: f64 = 128.0;
-/// How many bytes of shapes more a client may bring with its avatars each second, as others are forgotten: all are told of them.
+/// The bytes of shapes that a client may bring more with its avatars each second, as others are forgotten: all are told of them.
 const SHAPE_BYTES_PER_S: f64 = MAX_SHAPE_BYTES as f64 / 60.0;
 /// What a search of the world for scenery counts, in avatars.
 const LOOK: f64 = 8.0;
@@ -78,7 +78,7 @@ impl Account {
     }
 }
 
-/// What keeping a shape takes beside its record, and telling all of it and then that it is gone, bytes.
+/// The bytes that it takes to keep a shape beside its record, and to tell all of it and then that it is gone.
 const KEPT_BYTES: usize = 256;
 
 /// Returns what a shape takes to keep and to send, bytes.
@@ -89,7 +89,7 @@ pub(super) fn kept_len(shape: &ShapeRecord) -> usize {
 /// The shapes that one client has brought, that nobody knew before, and that are not forgotten yet.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Brought {
-    /// What each takes, bytes.
+    /// The bytes that each takes.
     shapes: BTreeMap<ShapeHash, usize>,
     bytes: usize,
 }

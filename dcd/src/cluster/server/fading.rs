@@ -11,7 +11,7 @@ use crate::protocol::{BodyRecord, ShapeHash, ShapeRecord, encoded_len};
 const ROOM: usize = 4 << 20;
 /// So many for each body at least: looking through many takes long.
 const ROOM_PER_BODY: usize = 16;
-/// How long something that names a shape may be on its way: a link that is silent for longer is gone.
+/// The longest time for which something that names a shape may be on its way: a link that is silent for longer is gone.
 const UNDERWAY: Duration = CLIENT_IDLE_TIMEOUT;
 
 /// Shapes that no body has.

@@ -59,6 +59,8 @@ pub mod cluster;
 #[doc(hidden)]
 pub mod delta;
 #[doc(hidden)]
+pub mod fidelity;
+#[doc(hidden)]
 pub mod playback;
 #[doc(hidden)]
 pub mod protocol;
@@ -95,10 +97,12 @@ pub mod sim;
 #[cfg(feature = "physics")]
 pub use drawing::{DebugDraw, DebugDrawFlags, DebugDrawSettings, DebugShape};
 #[cfg(feature = "physics")]
+pub use fidelity::{Fidelity, FidelityReport};
+#[cfg(feature = "physics")]
 pub use physics::{
     BodyExtent, BorderView, CharacterHit, CharacterMove, ColliderId, ContactHooks, ContactPoint, Coupling,
-    Explosion, Fidelity, FidelityReport, Fluid, HookedPair, Inconsistency, LinkSettings, Preset, Profile,
-    StepSettings, Tasks, VehicleController,
+    Explosion, Fluid, HookedPair, Inconsistency, LinkSettings, Preset, Profile, StepSettings, Tasks,
+    VehicleController,
 };
 #[cfg(feature = "physics")]
 pub use playback::ViewTime;

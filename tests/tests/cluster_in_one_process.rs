@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
+use dcd::Fidelity;
 use dcd::net::JoinRole;
 use dcd::physics::{Coupling, StepSettings};
 use dcd::protocol::{BodyKind, DelayThresholds, Pace, Thresholds, Velocity, View, WorldPose};
@@ -213,6 +214,19 @@ fn equals_a_local_world(scene: &Scene, config: &WorldConfig, nodes: usize, ticks
     let mut stats = local.stats();
     (stats.exchanges, stats.disagreement_m_s) = (exchanges as usize, disagreement);
     stats
+}
+
+/// Cars drive through districts that nobody looks at, some of which sleep; those of a viewer are computed in full.
+#[test]
+fn a_served_town_that_is_computed_less_where_nobody_looks_equals_a_local_one() {
+    let scene = Scene::named("town", &Params::new().with("n", 900).with("cars", 4)).unwrap();
+    let config = WorldConfig { fidelity: Fidelity::AUTO, ..WorldConfig::for_scene(&scene) };
+    let stats = equals_a_local_world(&scene, &config, 3, 240);
+    assert!(stats.transfers > 0, "the test needs traffic");
+    let mut local = LocalWorld::from_scene(&scene, config).unwrap();
+    (0..240).for_each(|_| local.step().unwrap());
+    let report = local.fidelity_report().unwrap();
+    assert!(report.levels[2] > 8 && report.audits > 0, "{report:?}");
 }
 
 /// Where a world is cut.

@@ -15,6 +15,7 @@ mod draft;
 mod drain;
 mod end;
 mod failure;
+mod fidelity;
 mod film;
 mod interrupt;
 mod join_token;

@@ -9,6 +9,7 @@ use std::time::Duration;
 use super::common::{Common, print};
 use super::config_file::ConfigArgs;
 use super::failure::Failure;
+use super::fidelity::FidelityArgs;
 use super::interrupt::Interrupt;
 use super::notify::Notifier;
 use super::requests;
@@ -74,6 +75,8 @@ pub(super) struct Serve {
     regions: Option<u16>,
     #[command(flatten)]
     cuts: CutArgs,
+    #[command(flatten)]
+    fidelity: FidelityArgs,
     /// Steps as fast as the nodes can, rather than in real time
     #[arg(long)]
     unpaced: bool,
@@ -143,6 +146,10 @@ impl Serve {
         self.record.as_deref().map_or(Ok(()), unused)?;
         if self.verify > 0.0 && self.lag > 0 {
             let why = "--verify needs lockstep, which --lag gives up: what a participant was told in a tick is not known then. Leave one of them out";
+            return Err(Failure::usage(why));
+        }
+        if self.lag > 0 && self.fidelity.is_on() {
+            let why = "--fidelity needs lockstep, which --lag gives up: regions that share bodies must be at one time. Leave one of them out";
             return Err(Failure::usage(why));
         }
         let config = self.config()?;
@@ -272,12 +279,17 @@ impl Serve {
     /// Opens what the world begins with.
     fn origin(&self, common: &Common) -> Result<Beginning, Failure> {
         if !snapshot::is_one(&self.scene) {
-            let scene = scenes::open(&self.scene, &Params::from_args(&self.set)?)?;
+            let mut scene = scenes::open(&self.scene, &Params::from_args(&self.set)?)?;
+            self.fidelity.apply(&mut scene)?;
             let world = self.cuts.served_config(&scene, self.regions)?;
             world.tree().map_err(|error| explained(error.into(), &scene))?;
             return Ok(Beginning::Scene(Box::new((scene, world))));
         }
-        let begun = [("--set", !self.set.is_empty()), ("--regions", self.regions.is_some())];
+        let begun = [
+            ("--set", !self.set.is_empty()),
+            ("--regions", self.regions.is_some()),
+            ("--fidelity", self.fidelity.is_given()),
+        ];
         let given = begun.into_iter().find(|(_, given)| *given).map(|(name, _)| name);
         if let Some(name) = given.or_else(|| self.cuts.first_given()) {
             return Err(Failure::usage(format!(

@@ -15,6 +15,7 @@ use super::interrupt::Interrupt;
 use super::values::{SERVER, address, is_used, joining};
 use crate::net::{Authority, JoinRole, NetError};
 use crate::protocol::{NodeStatus, Status as Told};
+use crate::runtime::measure::FidelityShare;
 use crate::runtime::{ProcessError, StatusLink};
 use crate::space::Bounds;
 
@@ -41,7 +42,7 @@ const CLEAR: &str = "\x1b[2J\x1b[H";
     verbatim_doc_comment,
     after_long_help = "--json prints an object with the keys tick ticks_per_s real_time bodies clients main_group nodes groups regions. nodes are\n\
                        objects with node address client group state regions bodies load delay_ms unreached; groups with group view tick leader\n\
-                       changing clients; regions with region group owner bodies min max. real_time is 1 where the world keeps up with the clock.\n\
+                       changing clients fidelity (as of dcd run; null where all is computed in full); regions with region group owner bodies min max. real_time is 1 where the world keeps up with the clock.\n\
                        With --watch there is a line per second."
 )]
 pub(super) struct Status {
@@ -149,6 +150,8 @@ struct Group {
     leader: Option<String>,
     changing: bool,
     clients: u32,
+    /// As `dcd run` prints it.
+    fidelity: Option<FidelityShare>,
 }
 
 #[derive(Serialize)]
@@ -172,6 +175,7 @@ impl Report {
             leader: group.leader.map(|leader| leader.to_string()),
             changing: group.is_changing,
             clients: group.clients,
+            fidelity: group.fidelity.map(FidelityShare::from),
         });
         let regions = now.groups.iter().flat_map(|group| {
             group.regions.iter().map(|region| {
@@ -210,7 +214,7 @@ impl Report {
             self.nodes.len(),
             self.clients
         );
-        for Group { group, view, tick, leader, changing, clients } in &self.groups {
+        for Group { group, view, tick, leader, changing, clients, fidelity } in &self.groups {
             let leader = match leader {
                 Some(leader) => format!("{leader} leads"),
                 None => "no node computes it".to_owned(),
@@ -221,6 +225,9 @@ impl Report {
                 text,
                 "{group}{main}: view {view} at tick {tick}, {leader}, {clients} clients{changing}"
             );
+            if let Some(fidelity) = fidelity {
+                let _ = writeln!(text, "  {}", fidelity.words());
+            }
         }
         // Names are long after a world has gone back to a backup.
         let names =

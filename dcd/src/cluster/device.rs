@@ -1,6 +1,7 @@
 //! Defines the interface of a node to its physics: a device that takes one [`PhysicsCommand`] at a time and answers with a
 //! [`PhysicsEvent`].
 
+use crate::fidelity::RegionState;
 use crate::protocol::{
     Answer, BodyCheckpoint, BodyRecord, BorderMessage, Chunk, Claim, EnvironmentProperties, JointRecord,
     LoadReport, Placed, RegionEvents, SharedState, WorldOp,
@@ -136,6 +137,8 @@ pub enum PhysicsEvent {
         checkpoint: Vec<BodyCheckpoint>,
         /// The load of the regions here, if it was wanted.
         load: Option<LoadReport>,
+        /// The states of the regions here, in id order, where the world's fidelity lets them be stepped less often.
+        regions: Vec<RegionState>,
     },
     /// To [`PhysicsCommand::Drain`].
     Drained,

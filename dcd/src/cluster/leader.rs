@@ -8,6 +8,7 @@ mod holders;
 mod inputs;
 mod inter_group;
 mod questions;
+mod scheduling;
 #[cfg(test)]
 mod tests;
 
@@ -22,8 +23,10 @@ use self::inputs::{Inputs, Taken};
 pub use self::inter_group::Deviations;
 use self::inter_group::InterGroup;
 use self::questions::Questions;
+use self::scheduling::Scheduling;
 use super::Peer;
 use super::state_replication::{Latest, ReplicationEvent, StateReplication, TickNews};
+use crate::fidelity::Schedule;
 use crate::protocol::{
     Area, BodyRecord, ContactLedger, Dispatch, Done, EnvironmentProperties, FromClient, Heard, Input, Pace,
     Query, Refusal, RegionEvents, Repartition, Report, SharedState, Thresholds, ToClient, ToServer, View,
@@ -33,6 +36,8 @@ use crate::space::{Allocation, BodyId, ClientId, Epoch, NodeId, RegionId, Renami
 
 /// The most bytes of the server's operations in one tick, unless the first is longer: what is left over waits.
 const OPS_BYTES: usize = 4 << 20;
+/// The server is told once per so many ticks what fidelity saves.
+const TELL_FIDELITY: u64 = 60;
 /// Allocations kept, of which late reports may speak.
 const KEPT_ALLOCATIONS: usize = 8;
 
@@ -102,6 +107,8 @@ pub struct Leader {
     inter_group: Option<InterGroup>,
     /// While the regions follow the load.
     balancing: Option<Balancing>,
+    /// While not all is computed in full.
+    scheduling: Option<Scheduling>,
     /// Who computes which regions, from which tick on: what a member says counts of its own regions only.
     computed_by: VecDeque<(Tick, Allocation)>,
     /// The newest view in which the server has placed a body that members may report, of whatever group.
@@ -149,6 +156,7 @@ impl Leader {
             balancing: world
                 .balance
                 .map(|settings| Balancing::new(settings, view.clone(), world.protocol.lag_ticks() > 0)),
+            scheduling: Scheduling::new(view, world),
             computed_by: [(view.tick, view.allocation.clone())].into(),
             newest_view: view.number.0,
         }
@@ -299,6 +307,9 @@ impl Leader {
         if let (Some(balancing), Some(load)) = (&mut self.balancing, done.load) {
             balancing.hear(from, done.tick, load);
         }
+        if let Some(scheduling) = &mut self.scheduling {
+            scheduling.hear(from, done.regions);
+        }
         self.questions.answered(from, done.answers);
         self.questions.done(from, done.tick);
         self.messages.extend(self.questions.tell());
@@ -313,6 +324,7 @@ impl Leader {
             self.forget_contacts(completed);
             self.forward_states();
             self.compare_and_tell();
+            self.tell_fidelity();
         }
     }
 
@@ -395,7 +407,12 @@ impl Leader {
         };
         self.tick = self.tick.next();
         let mut ops = self.next_ops();
-        ops.extend(self.repartition().map(WorldOp::Repartition));
+        let repartition = self.repartition();
+        // Where the tree changes all catch up.
+        let schedule =
+            self.schedule().filter(|schedule| repartition.is_none() && *schedule != Schedule::default());
+        ops.extend(repartition.map(WorldOp::Repartition));
+        ops.extend(schedule.map(WorldOp::Schedule));
         for op in &ops {
             match op {
                 WorldOp::Insert { bodies, .. } => bodies.iter().for_each(|body| self.appears(body)),
@@ -434,6 +451,24 @@ impl Leader {
         taken.into_iter().map(|taken| taken.input)
     }
 
+    /// Returns which regions stay behind in this tick, where not all is computed in full. While there are other groups, what their clients look at
+    /// is not known here: all is.
+    fn schedule(&mut self) -> Option<Schedule> {
+        let scheduling = self.scheduling.as_mut()?;
+        let schedule = scheduling.schedule(self.tick, &self.interests, self.inputs.places());
+        self.inter_group.is_none().then_some(schedule)
+    }
+
+    /// Tells the server now and then what it saves and costs that not all is computed in full.
+    fn tell_fidelity(&mut self) {
+        if let Some(scheduling) =
+            self.scheduling.as_ref().filter(|_| self.tick.0.is_multiple_of(TELL_FIDELITY))
+        {
+            let (view, report) = (self.view, scheduling.report());
+            self.server_messages.push(ToServer::Fidelity { view, report });
+        }
+    }
+
     /// Returns the change of the tree before this tick, if the load asks for one.
     fn repartition(&mut self) -> Option<Repartition> {
         let balancing = self.balancing.as_mut()?;
@@ -441,6 +476,9 @@ impl Leader {
         let change = balancing.plan()?;
         for Renaming { from, to, .. } in change.renamings(&before) {
             self.contacts.rename(from, to);
+        }
+        if let Some(scheduling) = &mut self.scheduling {
+            scheduling.settle(balancing.tree(), balancing.allocation());
         }
         self.news.is_allocated(balancing.allocation().clone());
         self.computed_by.push_back((self.tick, balancing.allocation().clone()));

@@ -2,6 +2,7 @@
 
 mod alter;
 mod articulation;
+mod audit;
 mod choice;
 mod collider_id;
 mod contact_listener;
@@ -9,7 +10,6 @@ mod control;
 mod convert;
 mod coupling;
 mod extent;
-mod fidelity;
 mod forces;
 mod hook_tape;
 mod hooks;
@@ -44,7 +44,6 @@ pub use choice::{CouplingChoice, Method};
 pub use collider_id::ColliderId;
 pub use control::{CharacterHit, CharacterMove, ControlError, VehicleController};
 pub use extent::BodyExtent;
-pub use fidelity::{Fidelity, FidelityReport};
 pub use forces::{Explosion, Fluid};
 pub(crate) use hook_tape::{NotedHooks, RepeatedHooks};
 pub use hooks::{ContactHooks, HookedPair};

@@ -30,7 +30,6 @@ pub(super) use assembly::Assembly;
 pub(super) use floating_origin::better_anchor;
 pub(super) use moved::Moved;
 pub use profile::Profile;
-pub(super) use refine::Signals;
 pub use slot::Ownership;
 pub(super) use slot::{BodyRef, Slot};
 
@@ -52,6 +51,7 @@ use super::contact_listener::ContactListener;
 use super::convert;
 use super::hooks::ContactHooks;
 use super::partition::HUB_REACH_M;
+use crate::fidelity::Signals;
 use crate::protocol::{BodyTraits, JointRecord, RegionEvents};
 use crate::space::{BodyId, Bounds, Cell, JointId, RegionId, Tick};
 

@@ -306,6 +306,7 @@ mod tests {
             is_changing: false,
             clients: 1,
             regions: vec![region],
+            fidelity: None,
         };
         let node = NodeStatus {
             node: NodeId(1),
@@ -452,6 +453,8 @@ mod tests {
                 tree: crate::space::DistributionTree::halved(
                     crate::space::Bounds::new([0.0; 3], [8.0; 3]), 4).unwrap(),
                 balance: None,
+                fidelity: crate::fidelity::Fidelity::Off,
+                viewpoints: Vec::new(),
                 halo_m: None,
                 avatar_speed_limit: 10.0,
                 protocol: crate::protocol::SyncProtocol::Synchronised,

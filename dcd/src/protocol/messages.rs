@@ -14,8 +14,9 @@ use std::net::SocketAddr;
 use bincode::{Decode, Encode};
 
 use super::{BodyRecord, JointRecord, ShapeRecord, StepRecord};
+use crate::fidelity::Fidelity;
 use crate::space::{
-    Allocation, Balance, ClientId, DistributionTree, GroupId, NodeId, RegionId, Tick, TreeError,
+    Allocation, Balance, ClientId, DistributionTree, GroupId, NodeId, RegionId, Tick, TreeError, Viewpoint,
 };
 
 pub(crate) use build::BUILD_BYTES;
@@ -245,6 +246,10 @@ pub struct EnvironmentProperties {
     pub tree: DistributionTree,
     /// How the regions follow the load from then on; `None`: they stay.
     pub balance: Option<Balance>,
+    /// How much of it is computed in full.
+    pub fidelity: Fidelity,
+    /// Where it is looked at from, beside what clients look at.
+    pub viewpoints: Vec<Viewpoint>,
     /// How far beyond its box a region holds replicas, metres; `None`: by the size and speed of bodies.
     pub halo_m: Option<f64>,
     /// The fastest that a client may ask its avatars to move, m/s.

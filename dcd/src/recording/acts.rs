@@ -75,7 +75,8 @@ fn of_op(op: &WorldOp, id: BodyId) -> Option<String> {
         WorldOp::RemoveJoint(_)
         | WorldOp::ForgetShapes(_)
         | WorldOp::Repartition(_)
-        | WorldOp::Ask { .. } => None,
+        | WorldOp::Ask { .. }
+        | WorldOp::Schedule(_) => None,
     }
 }
 

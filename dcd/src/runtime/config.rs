@@ -1,7 +1,8 @@
 //! Defines the settings of a world: its box, cut, threads and steps; and the errors of a local one.
 
 use super::choice;
-use crate::physics::{ControlError, Fidelity, HostError, StepSettings};
+use crate::fidelity::Fidelity;
+use crate::physics::{ControlError, HostError, StepSettings};
 use crate::protocol::{BodyKind, BodyRecord};
 use crate::scene::Scene;
 use crate::space::{Axis, Balance, BodyId, Bounds, DistributionTree, JointId, TreeError};
@@ -38,8 +39,7 @@ pub struct WorldConfig {
     /// How regions follow the load; `None` leaves them as they are cut. Served, a world of [`Partitioning::Auto`] has one region for each
     /// node then: [`Balance::by_nodes`].
     pub balance: Option<Balance>,
-    /// How much of it is computed in full. Only [`Fidelity::Off`] goes with the couplings `owner` and `proxy`; a served world is computed in full
-    /// whatever this says.
+    /// How much of it is computed in full. Only [`Fidelity::Off`] goes with the couplings `owner` and `proxy`, and with a lag of served worlds.
     pub fidelity: Fidelity,
     /// How it is stepped.
     pub step: StepSettings,

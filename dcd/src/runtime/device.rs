@@ -10,7 +10,8 @@ use tracing::warn;
 
 use self::verify::{Listener, Twin};
 use crate::cluster::{PhysicsCommand, PhysicsEvent, Sampling, TickStats, correction, deviation_m};
-use crate::physics::{HostError, Partition, RegionHost};
+use crate::fidelity::Fidelity;
+use crate::physics::{HostError, Partition, Region, RegionHost};
 use crate::protocol::{
     Answer, BodyCheckpoint, BodyKind, BodyRecord, BorderMessage, Chunk, Claim, EnvironmentProperties,
     JointRecord, LoadReport, Push, Query, RegionLoad, SharedState, WorldOp,
@@ -38,6 +39,8 @@ pub struct PhysicsDevice {
     compute_us: u32,
     report: Sampler,
     checkpoint: Sampler,
+    /// The regions that were stepped since the last report.
+    stepped: BTreeSet<RegionId>,
     /// The world of speculative ticks, computed while others are waited for: all bodies held here, in one region.
     copy: Option<RegionHost>,
     /// Avatars that are or were held here.
@@ -66,6 +69,7 @@ impl PhysicsDevice {
             compute_us: 0,
             report: Sampler::default(),
             checkpoint: Sampler::default(),
+            stepped: BTreeSet::new(),
             copy: None,
             avatars: BTreeSet::new(),
             world: None,
@@ -100,6 +104,9 @@ impl PhysicsDevice {
                 if world.protocol.lag_ticks() > 0 {
                     host.meet_always();
                 }
+                if world.fidelity != Fidelity::Off {
+                    host.follow_schedules();
+                }
                 self.host = Some(host);
                 self.world = Some(world);
                 None
@@ -132,6 +139,7 @@ impl PhysicsDevice {
                 });
                 self.questions = questions.collect();
                 self.note_pushes(tick, &ops);
+                let is_scheduled = self.is_scheduled();
                 let host = self.world();
                 assert_eq!(tick, host.tick().next(), "ticks are computed in order");
                 let new = ops.iter().flat_map(|op| match op {
@@ -139,8 +147,12 @@ impl PhysicsDevice {
                     _ => &[],
                 });
                 let avatars: Vec<_> = new.map(|body| body.id).filter(|id| id.client().is_some()).collect();
+                let schedule = ops.iter().find_map(WorldOp::schedule).cloned().unwrap_or_default();
                 let removed = apply(host, ops, band_m);
                 host.set_rounds(rounds as usize);
+                if is_scheduled {
+                    host.keep(&schedule);
+                }
                 host.compute();
                 self.avatars.extend(avatars);
                 (self.rebuilding, self.rounds_left) = (false, rounds - 1);
@@ -216,6 +228,11 @@ impl PhysicsDevice {
     /// Returns the distance within which a body of another group is not corrected, metres: half the inter-group threshold.
     fn band_m(&self) -> f64 {
         self.world.as_ref().map_or(0.0, |world| f64::from(world.thresholds.between_groups_m) / 2.0)
+    }
+
+    /// Returns whether regions may be stepped less often than once per tick.
+    fn is_scheduled(&self) -> bool {
+        self.world.as_ref().is_some_and(|world| world.fidelity != Fidelity::Off)
     }
 
     fn world(&mut self) -> &mut RegionHost {
@@ -322,6 +339,7 @@ impl PhysicsDevice {
             self.rounds_left = rounds_left - 1;
             return Ok(self.computed(Vec::new()));
         } else {
+            host.conclude();
             host.end_tick();
         }
         self.rebuilding = false;
@@ -333,11 +351,20 @@ impl PhysicsDevice {
         let host = self.host.as_mut().expect("a world comes before commands");
         let events = host.events().cloned().collect();
         host.clear_events();
+        self.stepped.extend(host.regions().filter(|region| !host.stays_behind(region)).map(Region::id));
+        let stepped = match report {
+            Sampling::Nothing => BTreeSet::new(),
+            _ => std::mem::take(&mut self.stepped),
+        };
+        // What stays behind is where it was.
+        let is_told = |region: &Region| report == Sampling::All || stepped.contains(&region.id());
         let report: Vec<SharedState> = self
             .report
             .sample(host, report)
             .into_iter()
-            .filter_map(|id| host.owned(id).map(|(region, handle)| region.shared_state(handle)))
+            .filter_map(|id| host.owned(id))
+            .filter(|(region, _)| is_told(region))
+            .map(|(region, handle)| region.shared_state(handle))
             .collect();
         let checkpoint: Vec<BodyCheckpoint> = self
             .checkpoint
@@ -370,7 +397,18 @@ impl PhysicsDevice {
             found: host.queries().answer(&question),
         };
         let answers = questions.into_iter().map(answer).collect();
-        PhysicsEvent::Settled { rounds_wanted, stats, holds, events, answers, report, checkpoint, load: None }
+        let regions = if self.is_scheduled() { host.region_states() } else { Vec::new() };
+        PhysicsEvent::Settled {
+            rounds_wanted,
+            stats,
+            holds,
+            events,
+            answers,
+            report,
+            checkpoint,
+            load: None,
+            regions,
+        }
     }
 
     /// Returns what there is to do here, where it is summed up.
@@ -442,8 +480,8 @@ fn apply(host: &mut RegionHost, ops: Vec<WorldOp>, band_m: f64) -> Vec<BodyRecor
                     warn!(?alteration, %error, "nothing is changed");
                 }
             }
-            // Done before the tick began; answered when it is over.
-            WorldOp::Repartition(_) | WorldOp::Ask { .. } => {}
+            // Done before the tick began; answered when it is over; kept when all is applied.
+            WorldOp::Repartition(_) | WorldOp::Ask { .. } | WorldOp::Schedule(_) => {}
             WorldOp::Correct { tick, states } => {
                 // Poses here are those after the last tick.
                 let lag_s = (host.tick().0 as f64 - tick.0 as f64) * f64::from(host.settings().dt_s);

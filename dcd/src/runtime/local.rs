@@ -9,9 +9,10 @@ use super::choice::{Choice, Why};
 use super::config::{Partitioning, WorldConfig, WorldError, check_speed};
 use super::joint_strength::Strengths;
 use super::tape::{Copies, Tape};
+use crate::fidelity::FidelityReport;
 use crate::physics::{
-    FidelityReport, Handover, HostError, LinkSettings, Ownership, Partition, Queries, Region, RegionHost,
-    StepSettings, joint_record,
+    Handover, HostError, LinkSettings, Ownership, Partition, Queries, Region, RegionHost, StepSettings,
+    joint_record,
 };
 use crate::protocol::{
     BodyRecord, BodyState, BodyTraits, Check, ContactLedger, Controller, Drive, Invalid, JointRecord,

@@ -1,23 +1,22 @@
 //! Makes of a scene, or of a world in this process, what a served world begins with.
 
-use tracing::warn;
-
 use super::config::check_speed;
 use super::links::WORLD_BYTES;
 use super::saved::contents;
 use super::{LocalWorld, Partitioning, ProcessError, ServeConfig, Why, WorldConfig, WorldError};
 use crate::cluster::Record;
-use crate::physics::{Coupling, Fidelity, Partition, RegionHost, ShapeError, ShapeLibrary, StepSettings};
+use crate::fidelity::Fidelity;
+use crate::physics::{Coupling, Partition, RegionHost, ShapeError, ShapeLibrary, StepSettings};
 use crate::protocol::{
     BodyKind, BodyRecord, EnvironmentProperties, JointRecord, MAX_STATE_TICKS, ShapeRecord, SyncProtocol,
     encoded_len,
 };
 use crate::scene::Scene;
-use crate::space::{Balance, DistributionTree, Epoch};
+use crate::space::{Balance, DistributionTree, Epoch, Viewpoint};
 
 /// The initial state of a served world: a scene, or a copy of a local world.
 pub enum Origin<'a> {
-    /// A scene; of the configuration only the cut and the step settings count.
+    /// A scene; of the configuration only the cut, the fidelity and the step settings count.
     Scene(&'a Scene, &'a WorldConfig),
     /// A world as it is now, with its cut and settings, copied. What is not a property of a body or joint stays behind:
     /// contacts under load begin anew, and the tick begins at 0.
@@ -30,6 +29,8 @@ pub(crate) struct Beginning {
     balance: Option<Balance>,
     halo_m: Option<f64>,
     step: StepSettings,
+    fidelity: Fidelity,
+    viewpoints: Vec<Viewpoint>,
     shapes: Vec<ShapeRecord>,
     bodies: Vec<BodyRecord>,
     joints: Vec<JointRecord>,
@@ -37,13 +38,6 @@ pub(crate) struct Beginning {
 
 impl Beginning {
     pub(crate) fn of(origin: Origin<'_>) -> Result<Self, ProcessError> {
-        let fidelity = match origin {
-            Origin::Scene(_, config) => config.fidelity,
-            Origin::World(world) => world.host().fidelity(),
-        };
-        if fidelity != Fidelity::Off {
-            warn!(?fidelity, "a served world is computed in full: fidelity is of worlds of one process");
-        }
         match origin {
             Origin::Scene(scene, config) => {
                 config.check()?;
@@ -52,7 +46,9 @@ impl Beginning {
                 let (tree, halo_m, step) = (config.tree_of(scene)?, config.halo_m, config.step);
                 let is_uncut = matches!(config.partitioning, Partitioning::Auto);
                 let balance = config.balance.or_else(|| is_uncut.then(|| by_nodes(&tree)));
-                Ok(Self { tree, balance, halo_m, step, shapes: shapes.records(), bodies, joints })
+                let (fidelity, viewpoints) = (config.fidelity, scene.viewpoints.clone());
+                let shapes = shapes.records();
+                Ok(Self { tree, balance, halo_m, step, fidelity, viewpoints, shapes, bodies, joints })
             }
             Origin::World(world) => {
                 let host = world.host();
@@ -75,6 +71,8 @@ impl Beginning {
                     // An empty world has none, unless it was given.
                     halo_m: Some(host.partition().halo_m()).filter(|halo_m| *halo_m > 0.0),
                     step: host.asked_settings(),
+                    fidelity: host.fidelity(),
+                    viewpoints: host.viewpoints().to_vec(),
                     shapes,
                     bodies,
                     joints,
@@ -97,7 +95,7 @@ pub(super) fn world_of(
     beginning: Beginning,
     config: &ServeConfig,
 ) -> Result<(EnvironmentProperties, Record), ProcessError> {
-    let Beginning { tree, balance, halo_m, step, shapes, bodies, joints } = beginning;
+    let Beginning { tree, balance, halo_m, step, fidelity, viewpoints, shapes, bodies, joints } = beginning;
     if !(1..=MAX_STATE_TICKS).contains(&config.state_every) {
         let (what, range) = ("state_every", "a number of ticks from 1 to 30");
         return Err(WorldError::Setting { what, value: config.state_every.to_string(), range }.into());
@@ -133,6 +131,10 @@ pub(super) fn world_of(
     if lag_ticks > 0 && step.coupling != Coupling::Owner {
         return Err(ProcessError::Lag { coupling: step.coupling.name() });
     }
+    if lag_ticks > 0 && fidelity != Fidelity::Off {
+        let range = "off where members run ahead of one another (--lag): regions that share bodies must be at one time";
+        return Err(WorldError::Setting { what: "fidelity", value: format!("{fidelity:?}"), range }.into());
+    }
     let protocol = match lag_ticks {
         0 => SyncProtocol::Synchronised,
         lag_ticks => SyncProtocol::Unsynchronised { lag_ticks },
@@ -147,6 +149,8 @@ pub(super) fn world_of(
         step: step.record(),
         tree,
         balance,
+        fidelity,
+        viewpoints,
         halo_m,
         avatar_speed_limit: config.avatar_speed_limit,
         protocol,

@@ -131,7 +131,8 @@ mod tests {
     use rapier3d::prelude::*;
 
     use super::*;
-    use crate::physics::{ContactHooks, Fidelity, HookedPair};
+    use crate::fidelity::Fidelity;
+    use crate::physics::{ContactHooks, HookedPair};
     use crate::protocol::{Push, Velocity, WorldPose};
     use crate::recording::{Flip, Mismatch, Replay, difference, open};
     use crate::runtime::replays::Here;

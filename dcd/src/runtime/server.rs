@@ -27,6 +27,7 @@ use super::saved::{local_of, saved_of};
 use super::{Connections, LocalWorld, Origin, ProcessError, Pulse, ServeConfig};
 use crate::cluster::directory::{Batch, Directory, DirectoryError, Entry, Key};
 use crate::cluster::{DrainError, Grouping, Record, SavedWorld, ServerConfig, ServerOrigin, Verification};
+use crate::fidelity::FidelityReport;
 use crate::metrics::Endpoint;
 use crate::net::{
     Authority, HeldEvent, JoinRole, Limits, Net, NetConfig, NetError, PeerName, PeerStats, check_address,
@@ -292,6 +293,11 @@ impl ServerProcess {
     /// Returns a summary of the world so far.
     pub fn summary(&self) -> ServerSummary {
         self.shared.lock().summary.clone()
+    }
+
+    /// Returns what the main group saves and costs by not computing all in full, as its leader said last.
+    pub(crate) fn fidelity_report(&self) -> Option<FidelityReport> {
+        self.server.lock().unwrap_or_else(PoisonError::into_inner).fidelity_report()
     }
 
     /// Returns what tells whether the server's loop turns, and how it is.

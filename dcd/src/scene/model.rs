@@ -2,9 +2,8 @@
 
 use rapier3d::prelude::*;
 
-use crate::physics::{
-    CouplingChoice, Fidelity, LinkSettings, StepSettings, equip_link, insert_link, motion_between,
-};
+use crate::fidelity::Fidelity;
+use crate::physics::{CouplingChoice, LinkSettings, StepSettings, equip_link, insert_link, motion_between};
 use crate::protocol::{LinkRecord, WorldPose};
 use crate::space::{Axis, Balance, Bounds, Viewpoint};
 

@@ -27,6 +27,8 @@ pub fn sim_world(regions: usize) -> EnvironmentProperties {
         },
         tree: DistributionTree::halved(bounds, regions).expect("a small number of regions"),
         balance: None,
+        fidelity: crate::fidelity::Fidelity::Off,
+        viewpoints: Vec::new(),
         halo_m: Some(1.0),
         avatar_speed_limit: 20.0,
         protocol: SyncProtocol::Synchronised,

@@ -321,7 +321,8 @@ impl StandIn {
             | WorldOp::ForgetShapes(_)
             | WorldOp::Push(_)
             | WorldOp::Alter(_)
-            | WorldOp::Repartition(_) => {}
+            | WorldOp::Repartition(_)
+            | WorldOp::Schedule(_) => {}
             WorldOp::Ask { client, question } => self.questions.push((client, question)),
             WorldOp::Correct { tick: told, states } => {
                 let (dt_s, band_m) = {
@@ -540,7 +541,18 @@ impl StandIn {
         let answers =
             questions.into_iter().map(|(client, question)| answer(&owned, client, &question)).collect();
         let load = load.then(|| self.load_report());
-        PhysicsEvent::Settled { rounds_wanted, stats, holds, events, answers, report, checkpoint, load }
+        let regions = Vec::new();
+        PhysicsEvent::Settled {
+            rounds_wanted,
+            stats,
+            holds,
+            events,
+            answers,
+            report,
+            checkpoint,
+            load,
+            regions,
+        }
     }
 }
 

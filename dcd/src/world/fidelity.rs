@@ -3,13 +3,14 @@
 use super::error::Error;
 use super::role::Instead;
 use super::{Inner, World};
-use crate::physics::FidelityReport;
+use crate::fidelity::FidelityReport;
 use crate::space::Viewpoint;
 
 /// How much is computed in full.
 impl World {
     /// Sets where a local world is looked at from, for its [`Fidelity`](crate::Fidelity): regions farther than what is seen from there are
-    /// stepped less often. Without any viewpoint all of it is looked at. Call it as often as viewers move.
+    /// stepped less often. Without any viewpoint all of it is looked at. Call it as often as viewers move. A served world is looked at from the viewpoints
+    /// that it had when it began to be served, and by its clients ([`World::set_interest`]).
     ///
     /// ```
     /// use dcd::{Fidelity, Viewpoint};
@@ -31,12 +32,13 @@ impl World {
         Ok(world.set_viewpoints(viewpoints)?)
     }
 
-    /// Returns what [`Fidelity`](crate::Fidelity) saves and costs; `None` where all is computed in full.
+    /// Returns what [`Fidelity`](crate::Fidelity) saves and costs; `None` where all is computed in full. The server of a world says what the leader
+    /// of its main group told last; nodes and clients do not know.
     #[must_use]
     pub fn fidelity_report(&self) -> Option<FidelityReport> {
         match &self.inner {
             Inner::Local(world) => world.fidelity_report(),
-            Inner::Remote(_) => None,
+            Inner::Remote(world) => world.fidelity_report(),
         }
     }
 }

@@ -15,6 +15,7 @@ use super::remote::{Remote, SAVE};
 use super::role::{Instead, Role, Unsupported};
 use super::view::{Body, MovableBody};
 use crate::cluster::{Life, Record};
+use crate::fidelity::FidelityReport;
 use crate::net::PeerStats;
 use crate::physics::StepSettings;
 use crate::protocol::{
@@ -497,6 +498,13 @@ impl Remote for Hosted {
         match &self.process {
             Process::Server(server) => server.summary().regions,
             Process::Node(node) => node.read_summary(|summary| summary.regions),
+        }
+    }
+
+    fn fidelity_report(&self) -> Option<FidelityReport> {
+        match &self.process {
+            Process::Server(server) => server.fidelity_report(),
+            Process::Node(_) => None,
         }
     }
 

@@ -9,6 +9,7 @@ use super::network::Network;
 use super::role::{Instead, Role, Unsupported};
 use super::view::{Body, BodyChange, MovableBody, Owner, RegionInfo};
 #[cfg(feature = "net")]
+use crate::fidelity::FidelityReport;
 use crate::net::PeerStats;
 use crate::physics::StepSettings;
 use crate::playback::{Motion, ViewTime};
@@ -43,6 +44,9 @@ pub(super) trait Remote: Send + Sync {
     fn poll(&self, timeout: Duration) -> bool;
     fn is_lost(&self) -> bool;
     fn stats(&self) -> Stats;
+    fn fidelity_report(&self) -> Option<FidelityReport> {
+        None
+    }
     fn region_count(&self) -> usize;
     #[cfg(feature = "net")]
     fn network(&self) -> &Network;

@@ -164,6 +164,7 @@ fn settled() -> PhysicsEvent {
         report: Vec::new(),
         checkpoint: Vec::new(),
         load: None,
+        regions: Vec::new(),
     }
 }
 

@@ -1,7 +1,6 @@
 //! Implements `dcd run`: steps a scene on this machine and measures it.
 
 mod csv;
-mod fidelity;
 mod live;
 pub(in crate::cli) mod snapshot;
 mod table;
@@ -11,9 +10,9 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use self::fidelity::FidelityArgs;
 use super::common::{Common, print};
 use super::failure::Failure;
+use super::fidelity::FidelityArgs;
 use super::film::FilmArgs;
 use super::interrupt::Interrupt;
 use super::scenes;

@@ -86,6 +86,11 @@ impl Inputs {
         self.avatars.entry(avatar).or_insert_with(new).place = place;
     }
 
+    /// Returns where the avatars are.
+    pub(super) fn places(&self) -> impl Iterator<Item = [f64; 3]> {
+        self.avatars.values().map(|avatar| avatar.place)
+    }
+
     pub(super) fn forget(&mut self, id: BodyId) {
         if let Some(avatar) = self.avatars.remove(&id) {
             uncount(&mut self.counts, id, avatar.waiting.len());

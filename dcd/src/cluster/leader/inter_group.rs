@@ -328,6 +328,7 @@ mod tests {
             events: Vec::new(),
             answers: vec![],
             load: None,
+            regions: vec![],
         };
         leader.done(NodeId(1), done);
         leader.dispatch(Duration::from_secs(tick.0 + 1)).expect("it is alone")

@@ -66,6 +66,7 @@ fn both_done(leader: &mut Leader, tick: u64, one: Vec<Touch>, two: Vec<Touch>) {
             events: vec![events],
             answers: vec![],
             load: None,
+            regions: vec![],
         };
         leader.done(NodeId(id), done);
     }

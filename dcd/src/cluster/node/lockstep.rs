@@ -216,7 +216,15 @@ impl Node {
                 self.exchange(outgoing, &neighbours, removed)
             }
             PhysicsEvent::Settled {
-                rounds_wanted, holds, events, answers, report, checkpoint, load, ..
+                rounds_wanted,
+                holds,
+                events,
+                answers,
+                report,
+                checkpoint,
+                load,
+                regions,
+                ..
             } => {
                 let Phase::Computing(tick, _) = self.phase else { panic!("no tick is being computed") };
                 self.phase = Phase::Resting;
@@ -247,7 +255,7 @@ impl Node {
                 let holds = (self.holds != holds)
                     .then(|| std::mem::replace(&mut self.holds, holds.clone()))
                     .map(|_| holds);
-                let done = Done { view, tick, rounds_wanted, holds, events, answers, load };
+                let done = Done { view, tick, rounds_wanted, holds, events, answers, load, regions };
                 self.done.push_back(done.clone());
                 if self.done.len() as u64 > 1 + self.lag() {
                     self.done.pop_front();

@@ -17,6 +17,7 @@ use super::retold::Retold;
 use super::verdicts::Drawn;
 use crate::cluster::state_replication::TELL_TICK;
 use crate::cluster::{Life, Record};
+use crate::fidelity::FidelityReport;
 use crate::protocol::{BodyRecord, ToClient, ToNode, ToServer, View, WorldOp};
 use crate::space::{Allocation, BodyId, DistributionTree, GroupId, NodeId, RegionId, Tick};
 
@@ -72,6 +73,8 @@ pub(super) struct Group {
     returns: BTreeMap<NodeId, u32>,
     /// The participants that are verified.
     pub drawn: Drawn,
+    /// What its leader said last of what it saves and costs that not all is computed in full.
+    pub fidelity: Option<FidelityReport>,
 }
 
 impl Group {
@@ -102,6 +105,7 @@ impl Group {
             audit: None,
             returns: BTreeMap::new(),
             drawn: Drawn::default(),
+            fidelity: None,
         }
     }
 

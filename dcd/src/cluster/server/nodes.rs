@@ -199,6 +199,13 @@ impl Server {
                 self.verdict(node, view, tick, of, finding)
             }
             ToServer::Answer { view, number, found } => self.answered(node, view, number, found),
+            ToServer::Fidelity { view, report } => match self.is_led_by(node, view) {
+                true => {
+                    let group = self.group_of(node).and_then(|id| self.groups.get_mut(&id));
+                    group.into_iter().for_each(|group| group.fidelity = Some(report));
+                }
+                false => self.common.stale += 1,
+            },
             ToServer::Contacts { view, events, .. } => match self.is_led_by(node, view) {
                 true => self.common.outputs.push_back(ServerOutput::Contacts(events)),
                 false => self.common.stale += 1,

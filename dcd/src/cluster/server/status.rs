@@ -7,6 +7,7 @@ use super::common::NodeEntry;
 use super::group::Group;
 use super::{Server, ServerOutput};
 use crate::cluster::Peer;
+use crate::fidelity::FidelityReport;
 use crate::protocol::{BodyKind, GroupStatus, Message, NodeStatus, RegionStatus, Status, View};
 use crate::space::{NodeId, RegionId};
 
@@ -45,6 +46,11 @@ impl Server {
         self.common.outputs.push_back(ServerOutput::Send { to, message: Message::Status(status) });
     }
 
+    /// Returns what the main group saves and costs by not computing all in full, as its leader said last.
+    pub fn fidelity_report(&self) -> Option<FidelityReport> {
+        self.main().fidelity
+    }
+
     /// Returns what operators are told.
     pub(super) fn status(&self) -> Status {
         let node = |(&node, entry): (&NodeId, &NodeEntry)| NodeStatus {
@@ -69,6 +75,7 @@ impl Server {
                 is_changing: group.change.is_some(),
                 clients: clients.filter(|entry| entry.linked && entry.group == group.id).count() as u32,
                 regions: view.map(|view| regions(group, view)).unwrap_or_default(),
+                fidelity: group.fidelity,
             }
         };
         Status {

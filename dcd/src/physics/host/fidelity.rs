@@ -1,13 +1,17 @@
-//! Steps regions at the rates that a governor chooses, and audits what they compute.
+//! Steps regions at the pace that a governor chooses, here or at the leader of a group, and audits what they compute.
 
 use std::collections::BTreeMap;
 
 use rapier3d::prelude::*;
 
 use super::RegionHost;
-use crate::physics::coupling::Side;
-use crate::physics::fidelity::{Audit, Fidelity, FidelityReport, Governor, RegionState};
-use crate::space::{RegionId, Viewpoint, mixed};
+use crate::fidelity::{
+    Audited, COARSEST, Fidelity, FidelityReport, Governed, Governor, LookedAt, Pick, RegionState, Schedule,
+};
+use crate::physics::audit::Audit;
+use crate::physics::coupling::{Clock, Side};
+use crate::physics::region::Region;
+use crate::space::{RegionId, RegionSet, Viewpoint, mixed};
 
 /// Loads out of proportion are looked for every so many ticks.
 const REFINE_TICKS: u64 = 16;
@@ -20,20 +24,49 @@ const GATHERING: f64 = 0.01;
 /// The increment of SplitMix64.
 const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
 
+/// The audits under way in a tick. Hosts are copied between ticks, when there are none.
+#[derive(Default)]
+pub(super) struct Audits(Vec<Auditing>);
+
+impl Clone for Audits {
+    fn clone(&self) -> Self {
+        Self::default()
+    }
+}
+
 /// An audit under way, of a region in this place.
-pub(super) struct Auditing {
+struct Auditing {
     place: usize,
     /// Of so many ticks' step.
     span: u8,
-    /// Where it is one of all: see [`RegionHost::audit_all`]. Otherwise the part of all bodies that do not fly alone.
-    share: Option<f32>,
-    audit: Audit,
+    /// `None` where it is one of all: see [`RegionHost::audit_all`].
+    share: Option<Share>,
+    /// `None` where all that was drawn flies alone, or what does not cannot be audited.
+    audit: Option<Audit>,
+}
+
+/// The part of a region's bodies that do not fly alone, as drawn, and what an audit costs, in bodies stepped once.
+#[derive(Clone, Copy)]
+struct Share {
+    held: f32,
+    cost: f32,
 }
 
 impl RegionHost {
     /// Sets how much of the world is computed in full; to be called before the first step.
     pub fn set_fidelity(&mut self, fidelity: Fidelity) {
         self.governor = (fidelity != Fidelity::Off).then(|| Governor::new(fidelity));
+    }
+
+    /// Returns the most ticks that one step of a region may have.
+    pub(super) fn coarsest(&self) -> u8 {
+        if self.is_scheduled || self.governor.is_some() { COARSEST } else { 1 }
+    }
+
+    /// Returns by how many ticks a region computed here is behind the present.
+    pub fn behind(&self, region: RegionId) -> u8 {
+        let side = self.sides.iter().find(|side| side.region.id() == region);
+        side.map_or(0, |side| side.clock.owed)
     }
 
     /// Returns how much of the world is computed in full.
@@ -49,8 +82,17 @@ impl RegionHost {
     /// Sets where the world is looked at from; without any viewpoint all of it is.
     pub fn set_viewpoints(&mut self, viewpoints: Vec<Viewpoint>) {
         if let Some(governor) = &mut self.governor {
-            governor.set_viewpoints(viewpoints);
+            governor.look(match viewpoints.is_empty() {
+                true => LookedAt::All,
+                false => LookedAt::From(viewpoints),
+            });
         }
+    }
+
+    /// Returns where the world is looked at from; none where all of it is.
+    #[cfg(feature = "net")]
+    pub(crate) fn viewpoints(&self) -> &[Viewpoint] {
+        self.governor.as_ref().map_or(&[], Governor::viewpoints)
     }
 
     /// Returns how seldom each region was stepped in the last tick, where that followed the time that steps take: no other run chooses
@@ -95,86 +137,122 @@ impl RegionHost {
         self.governor.as_ref()?.true_error_m_s()
     }
 
-    /// Chooses which regions are stepped in the tick that begins, and perhaps an island to be audited in it.
-    pub(super) fn govern(&mut self) -> Vec<Auditing> {
-        let Some(governor) = &mut self.governor else { return Vec::new() };
-        let states = self.sides.iter().map(|side| RegionState {
-            id: side.region.id(),
-            cell: *side.region.cell(),
-            // What rests is not stepped: the time that its last steps took is not spent.
-            step_ms: if side.is_idle() { 0.0 } else { side.region.mean_step_us() * 1e-3 },
-            signals: side.region.signals(),
-        });
-        governor.choose(&states.collect::<Vec<_>>(), self.settings.dt_s);
+    /// Chooses the pace of the tick that begins in a world of this process, and keeps it.
+    pub(super) fn govern(&mut self) {
+        let states = self.region_states();
+        let Some(governor) = &mut self.governor else { return };
+        let cells = self.sides.iter().map(|side| *side.region.cell());
+        let regions = states.iter().zip(cells).map(|(state, cell)| Governed { state, cell, by: 0 });
+        let schedule = governor.schedule(self.tick.next(), &regions.collect::<Vec<_>>(), self.settings.dt_s);
         for side in &mut self.sides {
             side.clock.rate = governor.rates().get(&side.region.id()).copied().unwrap_or(1);
         }
+        self.keep(&schedule);
+        if self.governor.as_ref().is_some_and(Governor::audits_all) {
+            let all: Vec<_> = (0..self.sides.len()).flat_map(|place| self.audits(place)).collect();
+            self.auditing.0.extend(all);
+        }
+    }
+
+    /// Has the tick that begins step all regions but those that are to stay behind, here and elsewhere, and audits what is to be audited.
+    pub(crate) fn keep(&mut self, schedule: &Schedule) {
         // In turn, so that no tick takes much longer than another.
         let due = |side: &&mut Side| (self.tick.0 + side.region.rank() as u64).is_multiple_of(REFINE_TICKS);
         self.sides.iter_mut().filter(due).for_each(|side| side.region.refine());
-        self.schedule();
+        self.behind = schedule.behind.iter().filter_map(|region| self.partition.rank_of(*region)).collect();
+        for side in &mut self.sides {
+            let stays = self.behind.contains(side.region.rank());
+            // What rests is the same at any time.
+            let owed = if side.is_idle() && !stays { 0 } else { side.clock.owed };
+            (side.clock.span, side.clock.owed) = if stays { (0, owed + 1) } else { (owed + 1, 0) };
+        }
         for side in self.sides.iter_mut().filter(|side| side.steps_now()) {
             side.region.foresee(side.clock.span);
         }
-        let mut begun = Vec::new();
-        if self.governor.as_ref().is_some_and(Governor::audits_all) {
-            begun.extend((0..self.sides.len()).flat_map(|place| self.audits(place)));
+        self.audited = None;
+        self.auditing.0.clear();
+        let place = schedule.audit.and_then(|pick| self.place_of[self.partition.rank_of(pick.region)?]);
+        if let (Some(place), Some(pick)) = (place, schedule.audit) {
+            let begun = self.sample(place, pick);
+            self.auditing.0.extend(begun);
         }
-        begun.extend(self.sample());
-        begun
     }
 
-    /// Begins to audit the island of a body that is chosen at random, when the last audit is paid for.
-    fn sample(&mut self) -> Option<Auditing> {
-        let work = |side: &Side| {
-            if side.steps_now() { side.region.physics().islands.num_active_bodies() } else { 0 }
-        };
-        let work: usize = self.sides.iter().map(work).sum();
-        if !self.governor.as_mut()?.earn(work) {
-            return None;
-        }
-        let awake = |side: &Side| -> Vec<_> {
-            if side.steps_now() {
-                side.region.physics().islands.active_bodies().collect()
-            } else {
-                Vec::new()
+    /// Has others say from now on which regions stay behind in each tick: see [`RegionHost::keep`].
+    pub(crate) fn follow_schedules(&mut self) {
+        self.is_scheduled = true;
+    }
+
+    /// Returns whether a region computed here stays behind in the tick under way, or did in the last.
+    pub(crate) fn stays_behind(&self, region: &Region) -> bool {
+        self.behind.contains(region.rank())
+    }
+
+    /// Takes all regions for present: what they owe is not caught up. Where membership changes, those that go on owe as many ticks as they did, and those
+    /// that are placed anew none.
+    pub(super) fn forgive(&mut self) {
+        self.behind = RegionSet::EMPTY;
+        self.sides.iter_mut().for_each(|side| side.clock = Clock::default());
+    }
+
+    /// Returns the state of each region computed here after the last tick, in rank order.
+    pub(crate) fn region_states(&self) -> Vec<RegionState> {
+        let state = |side: &Side| {
+            let Side { region, clock, .. } = side;
+            let rests = side.is_idle();
+            let [took_ms, full_ms] = self.spent_ms(side);
+            let audited = self.audited.filter(|(audited, _)| *audited == region.id());
+            RegionState {
+                region: region.id(),
+                behind: clock.owed,
+                rests,
+                awaited: side.is_awaited(),
+                bound: side.bound_to(),
+                awake: region.physics().islands.active_bodies().count() as u32,
+                // What rests is not stepped: the time that its last steps took is not spent.
+                step_ms: if rests { 0.0 } else { (region.mean_step_us() * 1e-3) as f32 },
+                signals: region.signals(),
+                took_ms,
+                full_ms,
+                audited: audited.map(|(_, audited)| audited),
             }
         };
-        let awake: Vec<_> = self.sides.iter().map(awake).collect();
-        // Every body in every tick is as likely as any other: what a step computes counts for each of its ticks. What flies alone is right;
-        // how much of all that is, some draws tell.
-        let weight = |place: usize| (awake[place].len() * usize::from(self.sides[place].clock.span)) as u64;
-        let total: u64 = (0..awake.len()).map(weight).sum();
-        if total == 0 {
+        self.sides.iter().map(state).collect()
+    }
+
+    /// Returns how long a region's step in the last tick took, and as many steps of one tick each would have taken, as reckoned, milliseconds.
+    fn spent_ms(&self, side: &Side) -> [f32; 2] {
+        if !side.steps_now() {
+            return [0.0; 2];
+        }
+        let per_tick = self.settings.solver_iterations.max(1);
+        let iterations = side.clock.iterations(per_tick) as f64 / per_tick as f64;
+        let took_ms = side.region.last_step().as_secs_f64() * 1e3;
+        [took_ms as f32, (took_ms * f64::from(side.clock.span) / (0.5 + 0.5 * iterations)) as f32]
+    }
+
+    /// Draws bodies of the region in this place, and begins to audit the island of the first that does not fly alone: what flies alone is right,
+    /// and how much of all that is, the draws tell.
+    fn sample(&self, place: usize, pick: Pick) -> Option<Auditing> {
+        let side = &self.sides[place];
+        let awake: Vec<_> = side.region.physics().islands.active_bodies().collect();
+        if awake.is_empty() || !side.steps_now() {
             return None;
         }
-        let mut random = mixed(self.tick.0 + 1);
-        let mut draw = || {
-            random = mixed(random.wrapping_add(GOLDEN));
-            let mut at = random % total;
-            let place = (0..awake.len()).find(|&place| {
-                let is_here = at < weight(place);
-                at = at.saturating_sub(weight(place));
-                is_here
-            });
-            let place = place.expect("the sum of all weights is above it");
-            (place, awake[place][(random >> 32) as usize % awake[place].len()])
-        };
-        let drawn: Vec<_> = (0..DRAWS).map(|_| draw()).collect();
-        let is_held =
-            |&&(place, body): &&(usize, RigidBodyHandle)| self.sides[place].region.may_collide(body);
-        let held: Vec<_> = drawn.iter().filter(is_held).collect();
-        let share = held.len() as f32 / DRAWS as f32;
-        let auditing = held.first().and_then(|&&(place, body)| self.audit(place, body));
-        let governor = self.governor.as_mut()?;
-        // To gather all awake bodies and to draw costs something, whatever comes of it.
-        let drawing = DRAWING + work as f64 * GATHERING;
-        governor.pay(drawing + auditing.as_ref().map_or(0.0, |auditing| auditing.audit.work()));
-        if held.is_empty() {
-            governor.note_error(self.sides[drawn[0].0].region.id(), 0.0);
-        }
-        // What cannot be audited is not drawn again.
-        auditing.map(|auditing| Auditing { share: Some(share), ..auditing })
+        let mut random = pick.seed;
+        let drawn: Vec<_> = (0..DRAWS)
+            .map(|_| {
+                random = mixed(random.wrapping_add(GOLDEN));
+                awake[(random >> 32) as usize % awake.len()]
+            })
+            .collect();
+        let held: Vec<_> = drawn.into_iter().filter(|&body| side.region.may_collide(body)).collect();
+        let audit = held.first().and_then(|&body| self.audit(place, body));
+        // To gather the awake bodies and to draw costs something, whatever comes of it.
+        let drawing = DRAWING + awake.len() as f64 * GATHERING;
+        let cost = drawing + audit.as_ref().map_or(0.0, Audit::work);
+        let share = Share { held: held.len() as f32 / DRAWS as f32, cost: cost as f32 };
+        Some(Auditing { place, span: side.clock.span, share: Some(share), audit })
     }
 
     /// Begins to audit all islands of the region in this place.
@@ -183,8 +261,17 @@ impl RegionHost {
         let mut begun: Vec<Auditing> = Vec::new();
         if side.steps_now() {
             for handle in side.region.physics().islands.active_bodies() {
-                if !begun.iter().any(|auditing| auditing.audit.contains(handle)) {
-                    begun.extend(self.audit(place, handle));
+                let is_known =
+                    |auditing: &Auditing| auditing.audit.as_ref().is_some_and(|audit| audit.contains(handle));
+                if !begun.iter().any(is_known) {
+                    let audit = self.audit(place, handle);
+                    let span = side.clock.span;
+                    begun.extend(audit.map(|audit| Auditing {
+                        place,
+                        span,
+                        share: None,
+                        audit: Some(audit),
+                    }));
                 }
             }
         }
@@ -192,38 +279,43 @@ impl RegionHost {
     }
 
     /// Begins to audit the island of an awake body of the region in this place.
-    fn audit(&self, place: usize, seed: RigidBodyHandle) -> Option<Auditing> {
+    fn audit(&self, place: usize, seed: RigidBodyHandle) -> Option<Audit> {
         let Side { region, clock, .. } = &self.sides[place];
         let parameters = region.refined(IntegrationParameters {
             dt: self.settings.dt_s,
             num_solver_iterations: self.settings.solver_iterations,
             ..self.settings.integration
         });
-        let audit = Audit::begin(region, seed, clock.span, &parameters)?;
-        Some(Auditing { place, span: clock.span, share: None, audit })
+        Audit::begin(region, seed, clock.span, &parameters)
     }
 
-    /// Notes what the tick's steps took, and concludes its audits.
-    pub(super) fn conclude(&mut self, all: Vec<Auditing>) {
-        let Some(governor) = &mut self.governor else { return };
-        let per_tick = self.settings.solver_iterations.max(1);
-        for side in self.sides.iter().filter(|side| side.steps_now()) {
-            let iterations = side.clock.iterations(per_tick) as f64 / per_tick as f64;
-            governor.note_step(side.region.last_step().as_secs_f64() * 1e3, side.clock.span, iterations);
-        }
+    /// Concludes the audits of the tick.
+    pub(crate) fn conclude(&mut self) {
         let (mut sum, mut weight) = (0.0, 0.0);
-        for Auditing { place, span, share, audit } in all {
+        for Auditing { place, span, share, audit } in std::mem::take(&mut self.auditing.0) {
             let region = &self.sides[place].region;
-            let bodies = audit.len() as f64;
-            let Some(error_m_s) = audit.finish(region) else { continue };
+            let bodies = audit.as_ref().map_or(0, Audit::len) as f64;
+            let error_m_s = audit.and_then(|audit| audit.finish(region));
             match share {
-                Some(share) => governor.note_error(region.id(), share * error_m_s),
+                Some(Share { held, cost }) => {
+                    // What cannot be audited is not drawn again.
+                    let error_m_s = if held == 0.0 { Some(0.0) } else { error_m_s.map(|error| held * error) };
+                    self.audited = Some((region.id(), Audited { error_m_s, cost }));
+                }
                 None => {
+                    let Some(error_m_s) = error_m_s else { continue };
                     sum += f64::from(error_m_s) * f64::from(span) * bodies;
                     weight += f64::from(span) * bodies;
                 }
             }
         }
+        if self.governor.is_none() {
+            return;
+        }
+        let spent: Vec<_> = self.sides.iter().map(|side| self.spent_ms(side)).collect();
+        let governor = self.governor.as_mut().expect("just asked");
+        spent.into_iter().for_each(|[took_ms, full_ms]| governor.note_spent(took_ms, full_ms));
+        self.audited.iter().for_each(|(region, audited)| governor.note_audited(*region, audited));
         governor.note_all(sum, weight);
     }
 

@@ -16,7 +16,6 @@ mod quiet;
 mod repartition;
 mod replace;
 mod rounds;
-mod schedule;
 mod tasks;
 mod teams;
 mod threads;
@@ -38,7 +37,6 @@ use serde::{Deserialize, Serialize};
 
 use self::threads::{Threads, Trial, WORTH_WAITING};
 use super::coupling::{Ground, Moment, Side, meet_in};
-use super::fidelity::Governor;
 use super::hooks::ContactHooks;
 use super::outbox::Outbox;
 use super::owner_index::{Home, OwnerIndex};
@@ -48,6 +46,7 @@ use super::settings::StepSettings;
 use super::shapes::ShapeLibrary;
 use super::spread::Team;
 use super::statics::Statics;
+use crate::fidelity::{Audited, Governor};
 use crate::protocol::{BodyRecord, BorderMessage, Handover, JointRecord, RegionEvents, Velocity, WorldPose};
 use crate::space::{BodyId, JointId, RegionId, RegionSet, Tick};
 
@@ -87,6 +86,16 @@ pub struct RegionHost {
     holders_unsure: bool,
     /// Chooses the rates at which regions are stepped, where not all is computed in full.
     governor: Option<Governor>,
+    /// Whether others choose them; the regions that stay behind in the tick under way, by rank, and what is audited in it.
+    #[serde(skip)]
+    is_scheduled: bool,
+    #[serde(skip)]
+    behind: RegionSet,
+    #[serde(skip)]
+    auditing: fidelity::Audits,
+    /// What the last audit found, if it was of the last tick.
+    #[serde(skip)]
+    audited: Option<(RegionId, Audited)>,
     tick: Tick,
     /// Rounds of the tick to come, and how many of them are done.
     rounds: usize,
@@ -130,6 +139,10 @@ impl RegionHost {
             settled: false,
             holders_unsure: false,
             governor: None,
+            is_scheduled: false,
+            behind: RegionSet::EMPTY,
+            auditing: fidelity::Audits::default(),
+            audited: None,
             tick: Tick(0),
             rounds: settings.coupling.first_steps(settings.exchanges),
             round: 0,
@@ -322,9 +335,7 @@ impl RegionHost {
 
     /// Chooses the neighbours of every region here for the tick to come, or has all meet.
     fn meet(&mut self, all: bool) {
-        let regions = self.partition.len();
-        let behind =
-            self.sides.iter().filter(|side| side.is_behind()).map(|side| side.region.rank()).collect();
+        let (regions, behind) = (self.partition.len(), self.behind);
         let settles = self.meets && !std::mem::replace(&mut self.settled, true);
         for side in &mut self.sides {
             if settles {
@@ -491,12 +502,12 @@ impl RegionHost {
             self.exchange_here()?;
             self.target_newcomers(&fresh);
         }
-        let audit = self.govern();
+        self.govern();
         for _ in 0..self.rounds {
             self.compute_here();
             self.exchange_here()?;
         }
-        self.conclude(audit);
+        self.conclude();
         // Stable: a body that went twice has its ways in order.
         self.handovers.sort_by_key(|handover| handover.body);
         self.end_tick();

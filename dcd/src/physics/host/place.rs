@@ -162,6 +162,7 @@ impl RegionHost {
         let steps = self.settings.coupling.first_steps(self.settings.exchanges);
         (self.rounds, self.settled) = (steps, false);
         self.holders_unsure = true;
+        self.forgive();
         for side in &mut self.sides {
             side.forget_holders(self.partition.len(), steps);
         }

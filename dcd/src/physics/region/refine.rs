@@ -2,9 +2,9 @@
 //! are tied to has as many; and contacts are stiffer in the region, since what a soft one gives way grows with the load.
 
 use rapier3d::prelude::*;
-use serde::{Deserialize, Serialize};
 
 use super::{Ownership, Region};
+use crate::fidelity::Signals;
 
 /// A contact or a joint of bodies of which one is so many times as heavy as the other takes more iterations.
 const RATIO: f32 = 30.0;
@@ -18,15 +18,6 @@ const STIFFER: f32 = 2.4;
 const FORESEEN_M: f32 = 1.0;
 /// The spin that tells is the one that so many of the bodies exceed.
 const SPINNING: usize = 10;
-
-/// Tells how a region bears the length of its steps.
-#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
-pub(in crate::physics) struct Signals {
-    /// The mean of the awake bodies' deepest overlaps, metres.
-    pub overlap_m: f32,
-    /// The spin that a tenth of the awake bodies exceed, rad/s.
-    pub spin_rad_s: f32,
-}
 
 impl Region {
     /// Gives more iterations to the awake bodies that touch, or are tied to, bodies much heavier or lighter, and takes them from those that

@@ -6,6 +6,7 @@ use super::{
     Answer, Chunk, EnvironmentProperties, Finding, Input, Member, Query, QueryResult, Verified, View,
     ViewNumber,
 };
+use crate::fidelity::{FidelityReport, RegionState, Schedule};
 use crate::protocol::{
     Alteration, BodyRecord, BodyState, BorderMessage, JointRecord, RegionEvents, ShapeHash, ShapeRecord,
     SharedState, WorldEvents,
@@ -273,6 +274,13 @@ pub enum ToServer {
         /// What.
         finding: Finding,
     },
+    /// From the leader, once per second: what it saves and costs that not all is computed in full.
+    Fidelity {
+        /// The present view.
+        view: ViewNumber,
+        /// As far as is known since the view began.
+        report: FidelityReport,
+    },
 }
 
 /// The measured delay from the sender to another node.
@@ -436,9 +444,19 @@ pub enum WorldOp {
         /// What it asks.
         question: Query,
     },
+    /// Some regions stay behind in this tick. All others are stepped, by all the ticks that they are behind; without this all are.
+    Schedule(Schedule),
 }
 
 impl WorldOp {
+    /// Returns which regions stay behind, if it says so.
+    pub const fn schedule(&self) -> Option<&Schedule> {
+        match self {
+            Self::Schedule(schedule) => Some(schedule),
+            _ => None,
+        }
+    }
+
     /// Returns the change of the tree, if it is one.
     pub const fn repartition(&self) -> Option<&Repartition> {
         match self {
@@ -520,6 +538,8 @@ pub struct Done {
     pub answers: Vec<Answer>,
     /// What it has to do, when that is due.
     pub load: Option<LoadReport>,
+    /// The states of its regions, in id order, where the world's fidelity lets them be stepped less often.
+    pub regions: Vec<RegionState>,
 }
 
 /// A member's report of bodies that moved since its last report.

@@ -5,6 +5,7 @@ use std::net::SocketAddr;
 use bincode::{Decode, Encode};
 
 use super::ViewNumber;
+use crate::fidelity::FidelityReport;
 use crate::space::{Bounds, ClientId, GroupId, NodeId, RegionId, Tick};
 
 /// A world as its server knows it at one moment. Bodies are counted by its record, at most half a second old.
@@ -43,6 +44,8 @@ pub struct GroupStatus {
     pub clients: u32,
     /// In id order.
     pub regions: Vec<RegionStatus>,
+    /// What it saves and costs that not all is computed in full, as its leader said last.
+    pub fidelity: Option<FidelityReport>,
 }
 
 /// A region, and its owner.

@@ -1,8 +1,9 @@
 //! Checks messages: worlds, views, inputs, queries and answers, and everything that one role sends another.
 
 use super::{all, ascending, finite, must, not_negative, within_reach};
+use crate::fidelity::{Audited, COARSEST, FidelityReport, RegionState, Signals};
 use crate::protocol::*;
-use crate::space::{Allocation, Balance, Bounds, DistributionTree, MAX_REGIONS};
+use crate::space::{Allocation, Balance, Bounds, DistributionTree, MAX_REGIONS, Viewpoint};
 
 /// The most border messages that a member takes in in one tick: of a thousand others in 64 rounds.
 const MOST_HEARD: usize = 1 << 16;
@@ -19,6 +20,14 @@ impl Check for EnvironmentProperties {
             must(false, what, range)?;
         }
         must(self.protocol.lag_ticks() <= u64::from(MAX_LAG), "world.lag_ticks", "at most 60")?;
+        if let Some((what, _, range)) = self.fidelity.fault() {
+            must(false, what, range)?;
+        }
+        must(
+            self.viewpoints.iter().all(Viewpoint::is_fit),
+            "world.viewpoints",
+            "finite, no radius negative",
+        )?;
         must((1..=MAX_STATE_TICKS).contains(&self.state_every), "world.state_every", "1 to 30")?;
         let Bounds { min, max } = self.tree.bounds();
         must(min.iter().chain(&max).all(|v| v.abs() <= WORLD_REACH_M), "world.bounds", "within 1e9 m")?;
@@ -110,7 +119,30 @@ impl Check for WorldOp {
                 all(states)
             }
             Self::Ask { question, .. } => question.check(),
+            Self::Schedule(schedule) => {
+                must(schedule.behind.len() <= MAX_REGIONS, "schedule.behind", "at most all regions")?;
+                ascending(&schedule.behind, |&region| region, "schedule.behind")
+            }
         }
+    }
+}
+
+impl Check for FidelityReport {
+    fn check(&self) -> Result<(), Invalid> {
+        let Self { error_m_s, low95_m_s, high95_m_s, share_of_full_time, .. } = *self;
+        not_negative(&[error_m_s, low95_m_s, share_of_full_time as f32], "fidelity")?;
+        // Infinite before there are two audits.
+        must(high95_m_s >= 0.0, "fidelity.high95_m_s", "not negative")
+    }
+}
+
+impl Check for RegionState {
+    fn check(&self) -> Result<(), Invalid> {
+        must(self.behind < COARSEST, "region.behind", "less than 4 ticks")?;
+        let Signals { overlap_m, spin_rad_s } = self.signals;
+        not_negative(&[self.step_ms, self.took_ms, self.full_ms, overlap_m, spin_rad_s], "region")?;
+        let Some(Audited { error_m_s, cost }) = self.audited else { return Ok(()) };
+        not_negative(&[error_m_s.unwrap_or(0.0), cost], "region.audited")
     }
 }
 
@@ -249,6 +281,9 @@ impl Check for Done {
         must((1..=MAX_ROUNDS).contains(&self.rounds_wanted), "done.rounds_wanted", "1 to 64")?;
         self.answers.iter().try_for_each(|answer| answer.found.check())?;
         self.load.as_ref().map_or(Ok(()), Check::check)?;
+        must(self.regions.len() <= MAX_REGIONS, "done.regions", "at most all regions")?;
+        ascending(&self.regions, |state| state.region, "done.regions")?;
+        all(&self.regions)?;
         all(&self.events)
     }
 }
@@ -315,6 +350,7 @@ impl Check for ToServer {
                 tick.check()?;
                 must(states.len() <= STATES_BYTES, "states", "no more than a datagram holds")
             }
+            Self::Fidelity { report, .. } => report.check(),
             Self::Touched { bodies, .. } => ascending(bodies, |&(body, _)| body, "touched"),
             Self::Verdict { view, tick, .. } => {
                 view.check()?;

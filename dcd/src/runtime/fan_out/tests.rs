@@ -59,8 +59,16 @@ impl Stage {
 
     fn done(&mut self) {
         let (view, tick) = (ViewNumber(1), Tick(self.tick));
-        let done =
-            Done { view, tick, rounds_wanted: 1, holds: None, events: vec![], answers: vec![], load: None };
+        let done = Done {
+            view,
+            tick,
+            rounds_wanted: 1,
+            holds: None,
+            events: vec![],
+            answers: vec![],
+            load: None,
+            regions: vec![],
+        };
         self.nodes.iter().for_each(|&node| self.leader.done(node, done.clone()));
     }
 

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use serde::Serialize;
 
-use crate::physics::FidelityReport;
+use crate::fidelity::FidelityReport;
 
 /// Steps at the start that are not timed: caches, pools and contacts are still being filled.
 const WARM_UP: usize = 30;
@@ -72,7 +72,7 @@ pub struct Report {
     pub fidelity: Option<FidelityShare>,
 }
 
-/// A [`FidelityReport`](crate::physics::FidelityReport) as numbers.
+/// A [`FidelityReport`](crate::fidelity::FidelityReport) as numbers.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FidelityShare {
     /// The time of regions' steps over the time that they would have taken at full rate, as the governor reckons.
@@ -96,6 +96,22 @@ pub struct Stated {
     pub low95: f32,
     /// The upper end.
     pub high95: Option<f32>,
+}
+
+impl FidelityShare {
+    /// Says it in a line.
+    pub(crate) fn words(&self) -> String {
+        let [full, half, quarter] = self.levels;
+        let Stated { mean, low95, high95 } = self.error_stated_m_s;
+        let error = match high95 {
+            Some(high95) => format!("mean error {mean:.3} m/s per tick ({low95:.3} to {high95:.3})"),
+            None => "no error known yet".to_owned(),
+        };
+        format!(
+            "{full} regions in each tick, {half} in each second, {quarter} in each fourth: {:.0} % of the time of all in full, {error}",
+            100.0 * self.share_of_full_time
+        )
+    }
 }
 
 impl From<FidelityReport> for FidelityShare {

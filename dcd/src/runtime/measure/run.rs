@@ -9,9 +9,10 @@ use std::time::{Duration, Instant};
 use rapier3d::prelude::{PhysicsWorld, RigidBodyType};
 
 use super::report::{Chosen, FidelityShare, MeanMax, Report, StartEnd, StepTimes};
+use crate::fidelity::FidelityReport;
 #[cfg(feature = "parallel")]
 use crate::physics::HostError;
-use crate::physics::{ContactSample, FidelityReport, Measured, View};
+use crate::physics::{ContactSample, Measured, View};
 use crate::runtime::{Choice, LocalWorld, Stats, Why, WorldConfig, WorldError};
 use crate::scene::Scene;
 use crate::space::BodyId;

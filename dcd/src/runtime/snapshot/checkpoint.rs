@@ -70,7 +70,7 @@ mod tests {
     use rapier3d::prelude::*;
 
     use super::*;
-    use crate::physics::Fidelity;
+    use crate::fidelity::Fidelity;
     use crate::protocol::WorldPose;
     use crate::runtime::{Partitioning, WorldConfig};
     use crate::scene::{Params, Scene};

@@ -3,7 +3,8 @@
 use rapier3d::prelude::*;
 
 use super::*;
-use crate::physics::{Coupling, Fidelity};
+use crate::fidelity::Fidelity;
+use crate::physics::Coupling;
 use crate::scene::SceneBody;
 use crate::space::{Axis, Bounds, Viewpoint};
 

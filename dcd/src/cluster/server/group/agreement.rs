@@ -89,7 +89,7 @@ pub(super) fn dispatches(
     (by_tick.into_values().map(counts).collect(), refused)
 }
 
-/// Returns the members that have begun a tick otherwise than these dispatches say, in which all regions meet, or are cut otherwise: the leader told
+/// Returns the members that have begun a tick otherwise than these dispatches say, in which all regions meet, some stay behind, or all are cut otherwise: the leader told
 /// them alone, and each would wait there for what the others never send.
 pub(super) fn astray(
     view: &View,
@@ -101,7 +101,8 @@ pub(super) fn astray(
         return BTreeSet::new();
     };
     // Where members may be ticks apart all meet in every tick, and it goes on with them.
-    let meets = |op: &&WorldOp| op.repartition().is_some() || lag == 0 && op.concerns_all();
+    let is_for_all = |op: &WorldOp| op.concerns_all() || op.schedule().is_some();
+    let meets = |op: &&WorldOp| op.repartition().is_some() || lag == 0 && is_for_all(op);
     let differs = |own: &Dispatch| {
         // What is older all have done, and some do not name it any more.
         let one = counted.iter().find(|one| one.tick == own.tick && one.tick.0 + lag + 1 > end.tick.0);

@@ -2,18 +2,24 @@
 //! demands. Audits compute some islands again, finer, and so tell how large the error is.
 //!
 //! After time-critical collision detection (thesis 4.3.2.3) and perceptually adaptive simulation (O'Sullivan and Dingliana 2001).
+//!
+//! One [`Governor`] chooses for a whole world: in a local world by what its regions say of themselves after each tick, in a served one at the leader
+//! of a group, by what members say of theirs. What it chooses for a tick is a [`Schedule`], by which every host steps its regions.
 
-mod audit;
 mod estimate;
 mod governor;
+mod schedule;
+#[cfg(test)]
+mod tests;
 
-pub(super) use audit::Audit;
-pub(super) use governor::{Governor, RegionState};
+pub use governor::{Governed, Governor, LookedAt};
+pub use schedule::{Audited, COARSEST, Pick, RegionState, Schedule, Signals};
 
+use bincode::{Decode, Encode};
 use serde::{Deserialize, Serialize};
 
 /// How much of a world is computed in full.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Encode, Decode, Serialize, Deserialize)]
 #[non_exhaustive]
 pub enum Fidelity {
     /// All of it, in every tick.
@@ -73,7 +79,7 @@ impl std::str::FromStr for Fidelity {
 }
 
 /// What fidelity saved and what it cost, as far as is known.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Encode, Decode)]
 #[non_exhaustive]
 pub struct FidelityReport {
     /// The mean error of a body per tick against a model four times as fine, m/s, by the audits of the last ticks; with its 95 %

@@ -1,13 +1,14 @@
-//! Chooses the rate of each region: by whether it is looked at, by the error that audits find, or by the time that steps take.
+//! Chooses the rate of each region: by whether it is looked at, by the error that audits find, or by the time that steps take; and which regions
+//! are stepped in a tick. Those at a lower rate stay behind the present for some ticks and catch up in one step. Regions that share bodies, or are about
+//! to, are at one time always, so that copies of one moment are compared.
 
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
 use super::estimate::Estimate;
-use super::{Fidelity, FidelityReport};
-use crate::physics::region::Signals;
-use crate::space::{Cell, RegionId, Viewpoint};
+use super::{Audited, Fidelity, FidelityReport, Pick, RegionState, Schedule, Signals};
+use crate::space::{Cell, RegionId, RegionSet, Tick, Viewpoint, mixed};
 
 /// Rates by level: a region is stepped once per so many ticks.
 const RATES: [u8; 3] = [1, 2, 4];
@@ -37,15 +38,27 @@ const PLANNED: f64 = 0.8;
 const AUDITED: f64 = 0.01;
 /// Ticks in which overruns do not count: nothing has been measured yet.
 const FIRST_TICKS: u64 = 60;
+/// The increment of SplitMix64.
+const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
 
-/// The state of a region that levels are chosen by.
+/// A region, as its pace is chosen by.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::physics) struct RegionState {
-    pub id: RegionId,
+pub struct Governed<'a> {
+    /// Its state after the last tick.
+    pub state: &'a RegionState,
+    /// Its cell.
     pub cell: Cell,
-    /// The time that one step takes, smoothed, milliseconds.
-    pub step_ms: f64,
-    pub signals: Signals,
+    /// Who computes it: what one computes takes as long as all of that together.
+    pub by: u64,
+}
+
+/// What of a world is looked at.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum LookedAt {
+    /// All of it.
+    All,
+    /// What is seen from these places.
+    From(Vec<Viewpoint>),
 }
 
 /// The memory of a governor about one region.
@@ -63,11 +76,11 @@ struct Memory {
     patience: u64,
 }
 
-/// Chooses levels for the regions of one process.
+/// Chooses the pace of all regions of a world.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(in crate::physics) struct Governor {
+pub struct Governor {
     fidelity: Fidelity,
-    viewpoints: Vec<Viewpoint>,
+    looked_at: LookedAt,
     regions: BTreeMap<RegionId, Memory>,
     /// Of all audits.
     error: Estimate,
@@ -98,10 +111,11 @@ pub(in crate::physics) struct Governor {
 }
 
 impl Governor {
-    pub(in crate::physics) fn new(fidelity: Fidelity) -> Self {
+    /// Makes one of a world in which all is looked at.
+    pub fn new(fidelity: Fidelity) -> Self {
         Self {
             fidelity,
-            viewpoints: Vec::new(),
+            looked_at: LookedAt::All,
             regions: BTreeMap::new(),
             error: Estimate::default(),
             audits: 0,
@@ -119,22 +133,87 @@ impl Governor {
         }
     }
 
-    pub(in crate::physics) fn fidelity(&self) -> Fidelity {
+    /// Returns what it keeps.
+    pub fn fidelity(&self) -> Fidelity {
         self.fidelity
     }
 
-    pub(in crate::physics) fn set_viewpoints(&mut self, viewpoints: Vec<Viewpoint>) {
-        self.viewpoints = viewpoints;
+    /// Returns where it is looked at from; none where all of it is.
+    pub fn viewpoints(&self) -> &[Viewpoint] {
+        match &self.looked_at {
+            LookedAt::All => &[],
+            LookedAt::From(viewpoints) => viewpoints,
+        }
+    }
+
+    /// Sets what of the world is looked at.
+    pub fn look(&mut self, at: LookedAt) {
+        self.looked_at = at;
     }
 
     /// Returns the rates that were chosen for the tick that is under way, or done.
-    pub(in crate::physics) fn rates(&self) -> &BTreeMap<RegionId, u8> {
+    pub fn rates(&self) -> &BTreeMap<RegionId, u8> {
         &self.rates
+    }
+
+    /// Chooses which regions stay behind in the tick that begins, and perhaps one of which an island is to be audited. The regions are all of the
+    /// world, in order of their ranks.
+    pub fn schedule(&mut self, tick: Tick, regions: &[Governed<'_>], dt_s: f32) -> Schedule {
+        self.choose(regions, dt_s);
+        let behind = self.left_behind(tick, regions);
+        Schedule { audit: self.pick(tick, regions, &behind), behind }
+    }
+
+    /// Returns the regions that stay behind, in id order.
+    fn left_behind(&mut self, tick: Tick, regions: &[Governed<'_>]) -> Vec<RegionId> {
+        let mut behind = RegionSet::EMPTY;
+        self.levels = [0; 3];
+        for group in bound(regions) {
+            let members = || group.iter().filter_map(|rank| regions.get(rank)).map(|region| region.state);
+            let rate = |state: &RegionState| self.rates.get(&state.region).copied().unwrap_or(1);
+            // Where all rest nothing is stepped, and what was chosen stands.
+            let busy = members().filter(|state| !state.rests).map(rate).min();
+            let rate = busy.or(members().map(rate).min()).unwrap_or(1);
+            self.levels[rate.ilog2() as usize] += members().count();
+            let owed = members().map(|state| state.behind).max().unwrap_or(0);
+            // Groups of one rate take turns, so that ticks take alike.
+            let turn = group.iter().next().expect("a group has a member") as u64;
+            let is_awaited = members().any(|state| state.awaited);
+            let is_due = is_awaited || owed + 1 >= rate || (tick.0 + turn).is_multiple_of(rate.into());
+            if !is_due {
+                // What rests is the same at any time.
+                let moves = |rank: &usize| regions.get(*rank).is_some_and(|region| !region.state.rests);
+                behind = behind.union(group.iter().filter(moves).collect());
+            }
+        }
+        behind.iter().map(|rank| regions[rank].state.region).collect()
+    }
+
+    /// Chooses a region for an audit when the last one is paid for. Every body in every tick is as likely as any other: what a step computes
+    /// counts for each of its ticks.
+    fn pick(&mut self, tick: Tick, regions: &[Governed<'_>], behind: &[RegionId]) -> Option<Pick> {
+        let steps = |region: &&Governed<'_>| {
+            !region.state.rests && behind.binary_search(&region.state.region).is_err()
+        };
+        let stepped = || regions.iter().filter(steps).map(|region| region.state);
+        let work: u64 = stepped().map(|state| u64::from(state.awake)).sum();
+        if !self.earn(work) {
+            return None;
+        }
+        let weight = |state: &RegionState| u64::from(state.awake) * (u64::from(state.behind) + 1);
+        let seed = mixed(mixed(tick.0).wrapping_add(GOLDEN));
+        let mut at = seed % stepped().map(weight).sum::<u64>().max(1);
+        let found = stepped().find(|state| {
+            let is_there = at < weight(state);
+            at = at.saturating_sub(weight(state));
+            is_there
+        });
+        Some(Pick { region: found?.region, seed })
     }
 
     /// Has regions keep these rates until others are told: what a recorded world chose by the time that its steps took. Returns whether
     /// they are rates.
-    pub(in crate::physics) fn follow(&mut self, rates: BTreeMap<RegionId, u8>) -> bool {
+    pub fn follow(&mut self, rates: BTreeMap<RegionId, u8>) -> bool {
         let are_rates = rates.values().all(|rate| RATES.contains(rate));
         if are_rates {
             (self.rates, self.is_told) = (rates, true);
@@ -143,20 +222,25 @@ impl Governor {
     }
 
     /// Chooses the rate of every region for the tick that begins.
-    pub(in crate::physics) fn choose(&mut self, regions: &[RegionState], dt_s: f32) {
+    fn choose(&mut self, regions: &[Governed<'_>], dt_s: f32) {
         let now = self.ticks;
         self.ticks += 1;
         if self.is_told {
             return;
         }
-        self.regions.retain(|id, _| regions.iter().any(|region| region.id == *id));
+        self.regions.retain(|id, _| regions.iter().any(|region| region.state.region == *id));
         for region in regions {
-            let memory =
-                self.regions.entry(region.id).or_insert_with(|| Memory { since: now, ..Memory::default() });
+            let memory = self
+                .regions
+                .entry(region.state.region)
+                .or_insert_with(|| Memory { since: now, ..Memory::default() });
             let margin_m = if memory.watched { LEAVE * MARGIN_M } else { MARGIN_M };
             let is_seen = |view: &Viewpoint| view.gap_m(&region.cell) <= margin_m;
             let was_watched = memory.watched;
-            memory.watched = self.viewpoints.is_empty() || self.viewpoints.iter().any(is_seen);
+            memory.watched = match &self.looked_at {
+                LookedAt::All => true,
+                LookedAt::From(viewpoints) => viewpoints.iter().any(is_seen),
+            };
             // A budget may leave no more for what has long been looked at.
             let is_kept = was_watched && matches!(self.fidelity, Fidelity::Budget { .. });
             if memory.watched && !is_kept && memory.level > 0 {
@@ -170,27 +254,26 @@ impl Governor {
                 Fidelity::Budget { tick_ms } => self.keep_time(tick_ms.into(), regions),
             }
         }
-        let rate = |region: &RegionState| RATES[usize::from(self.regions[&region.id].level)];
-        self.rates = regions.iter().map(|region| (region.id, rate(region))).collect();
+        let rate = |id: RegionId| RATES[usize::from(self.regions[&id].level)];
+        self.rates = regions.iter().map(|region| (region.state.region, rate(region.state.region))).collect();
     }
 
     /// Lets unwatched regions become coarser, a level at a time, until audits find too large an error, or signals too long a step.
-    fn keep_error(&mut self, tolerance_m_s: f32, dt_s: f32, regions: &[RegionState]) {
+    fn keep_error(&mut self, tolerance_m_s: f32, dt_s: f32, regions: &[Governed<'_>]) {
         let now = self.ticks;
-        for region in regions {
-            let memory = self.regions.get_mut(&region.id).expect("every region has a memory");
-            memory.look(&region.signals, now);
+        for RegionState { region, signals, .. } in regions.iter().map(|region| region.state) {
+            let memory = self.regions.get_mut(region).expect("every region has a memory");
+            memory.look(signals, now);
             if memory.watched {
                 continue;
             }
             let (mean, count) = (memory.error.mean(), memory.error.count());
             let coarsest = RATES.len() as u8 - 1;
-            let turn_rad =
-                |level: u8| region.signals.spin_rad_s * dt_s * f32::from(RATES[usize::from(level)]);
+            let turn_rad = |level: u8| signals.spin_rad_s * dt_s * f32::from(RATES[usize::from(level)]);
             // Deeper by no more than what the error that is tolerated moves a body by in the longest step.
             let deeper_m = tolerance_m_s * dt_s * f32::from(RATES[RATES.len() - 1]);
             let overlaps = memory.is_settled(now)
-                && memory.overlap_m.is_some_and(|full_m| region.signals.overlap_m > full_m + deeper_m);
+                && memory.overlap_m.is_some_and(|full_m| signals.overlap_m > full_m + deeper_m);
             let errs = count >= SEASONED && mean > tolerance_m_s;
             if memory.level > 0 && (errs || overlaps || turn_rad(memory.level) > SLACK * TURN_RAD) {
                 memory.patience = (2 * memory.patience).clamp(PATIENCE_TICKS, 64 * PATIENCE_TICKS);
@@ -208,20 +291,31 @@ impl Governor {
         }
     }
 
-    /// Makes regions coarser until the tick fits the budget: first the unwatched, the farthest first, down to each second tick and then
-    /// to each fourth; then the watched in the same way.
-    fn keep_time(&mut self, tick_ms: f64, regions: &[RegionState]) {
-        let far_m = |region: &RegionState| {
-            self.viewpoints.iter().map(|view| view.gap_m(&region.cell)).fold(f64::INFINITY, f64::min)
+    /// Makes the regions of each process coarser until the tick fits the budget there: first the unwatched, the farthest first, down to each second
+    /// tick and then to each fourth; then the watched in the same way.
+    fn keep_time(&mut self, tick_ms: f64, regions: &[Governed<'_>]) {
+        let mut by: BTreeMap<u64, Vec<&Governed<'_>>> = BTreeMap::new();
+        regions.iter().for_each(|region| by.entry(region.by).or_default().push(region));
+        by.into_values().for_each(|regions| self.keep_time_of(tick_ms, &regions));
+    }
+
+    fn keep_time_of(&mut self, tick_ms: f64, regions: &[&Governed<'_>]) {
+        let viewpoints = self.viewpoints();
+        let far_m = |region: &Governed<'_>| {
+            viewpoints.iter().map(|view| view.gap_m(&region.cell)).fold(f64::INFINITY, f64::min)
         };
-        let mut order: Vec<_> =
-            regions.iter().map(|region| (self.regions[&region.id].watched, far_m(region), region)).collect();
+        let mut order: Vec<_> = regions
+            .iter()
+            .map(|region| (self.regions[&region.state.region].watched, far_m(region), region.state))
+            .collect();
         order.sort_by(|(a_watched, a_m, a), (b_watched, b_m, b)| {
-            a_watched.cmp(b_watched).then(b_m.total_cmp(a_m)).then(a.id.cmp(&b.id))
+            a_watched.cmp(b_watched).then(b_m.total_cmp(a_m)).then(a.region.cmp(&b.region))
         });
-        let mut levels: BTreeMap<RegionId, u8> = regions.iter().map(|region| (region.id, 0)).collect();
-        let at_ms = |region: &RegionState, level: u8| region.step_ms / f64::from(RATES[usize::from(level)]);
-        let mut expected_ms: f64 = regions.iter().map(|region| region.step_ms).sum();
+        let mut levels: BTreeMap<RegionId, u8> =
+            regions.iter().map(|region| (region.state.region, 0)).collect();
+        let at_ms =
+            |state: &RegionState, level: u8| f64::from(state.step_ms) / f64::from(RATES[usize::from(level)]);
+        let mut expected_ms: f64 = regions.iter().map(|region| f64::from(region.state.step_ms)).sum();
         let goal_ms = PLANNED * tick_ms;
         'shed: for watched in [false, true] {
             for level in 1..RATES.len() as u8 {
@@ -230,7 +324,7 @@ impl Governor {
                         break 'shed;
                     }
                     expected_ms += at_ms(region, level) - at_ms(region, level - 1);
-                    levels.insert(region.id, level);
+                    levels.insert(region.region, level);
                 }
             }
         }
@@ -242,26 +336,32 @@ impl Governor {
         }
     }
 
-    /// Notes that a region took so long for a step of so many ticks, which had so many times the iterations of one tick.
-    pub(in crate::physics) fn note_step(&mut self, took_ms: f64, ticks: u8, iterations: f64) {
-        self.spent_ms += took_ms;
-        self.full_ms += took_ms * f64::from(ticks) / (0.5 + 0.5 * iterations);
+    /// Notes how long a region's step took, and as many steps of one tick each would have taken, milliseconds.
+    pub fn note_spent(&mut self, took_ms: f32, full_ms: f32) {
+        self.spent_ms += f64::from(took_ms);
+        self.full_ms += f64::from(full_ms);
+    }
+
+    /// Notes what an audit of a region found.
+    pub fn note_audited(&mut self, region: RegionId, audited: &Audited) {
+        self.pay(audited.cost.into());
+        audited.error_m_s.into_iter().for_each(|error_m_s| self.note_error(region, error_m_s));
     }
 
     /// Notes that so many bodies are stepped in a tick; returns whether an audit is paid for.
-    pub(in crate::physics) fn earn(&mut self, bodies: usize) -> bool {
+    fn earn(&mut self, bodies: u64) -> bool {
         self.credit += self.audited * bodies as f64;
         bodies > 0 && self.credit >= 0.0
     }
 
     /// Pays for an audit that costs as much as stepping so many bodies once. What an island costs decides when the next one is audited,
     /// not whether it is: so each is as likely as it is large.
-    pub(in crate::physics) fn pay(&mut self, bodies: f64) {
+    fn pay(&mut self, bodies: f64) {
         self.credit = self.credit.min(0.0) - bodies;
     }
 
     /// Notes what an audit of a region found: the mean error of an island's bodies per tick, m/s.
-    pub(in crate::physics) fn note_error(&mut self, region: RegionId, error_m_s: f32) {
+    pub(super) fn note_error(&mut self, region: RegionId, error_m_s: f32) {
         self.audits += 1;
         self.error.add(error_m_s);
         if let Some(memory) = self.regions.get_mut(&region) {
@@ -269,34 +369,34 @@ impl Governor {
         }
     }
 
-    pub(in crate::physics) fn set_audited(&mut self, part: f64) {
+    /// Sets the part of the time that audits may take.
+    pub fn set_audited(&mut self, part: f64) {
         self.audited = part;
     }
 
-    pub(in crate::physics) fn audit_all(&mut self) {
+    /// Has every island audited in every tick, beside those by which levels are chosen.
+    pub fn audit_all(&mut self) {
         self.audits_all = true;
     }
 
-    pub(in crate::physics) fn audits_all(&self) -> bool {
+    /// Returns whether every island is.
+    pub fn audits_all(&self) -> bool {
         self.audits_all
     }
 
     /// Notes the sum of errors, m/s, of so many bodies and ticks.
-    pub(in crate::physics) fn note_all(&mut self, errors: f64, weight: f64) {
+    pub fn note_all(&mut self, errors: f64, weight: f64) {
         self.all = (self.all.0 + errors, self.all.1 + weight);
     }
 
-    pub(in crate::physics) fn true_error_m_s(&self) -> Option<f64> {
+    /// Returns the mean error of all bodies in all ticks in which all were audited, m/s.
+    pub fn true_error_m_s(&self) -> Option<f64> {
         let (errors, weight) = self.all;
         (weight > 0.0).then(|| errors / weight)
     }
 
-    pub(in crate::physics) fn note_levels(&mut self, levels: [usize; 3]) {
-        self.levels = levels;
-    }
-
     /// Notes how long a tick took.
-    pub(in crate::physics) fn note_time(&mut self, took_ms: f64) {
+    pub fn note_time(&mut self, took_ms: f64) {
         if let Fidelity::Budget { tick_ms } = self.fidelity
             && self.ticks > FIRST_TICKS
         {
@@ -304,7 +404,8 @@ impl Governor {
         }
     }
 
-    pub(in crate::physics) fn report(&self) -> FidelityReport {
+    /// Returns what it saves and costs.
+    pub fn report(&self) -> FidelityReport {
         let [low95_m_s, high95_m_s] = self.error.interval();
         FidelityReport {
             share_of_full_time: if self.full_ms > 0.0 { self.spent_ms / self.full_ms } else { 1.0 },
@@ -337,108 +438,16 @@ impl Memory {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Regions in a row, 10 m each, of which a step takes so long.
-    fn row(count: u32, step_ms: f64) -> Vec<RegionState> {
-        let cell = |k: f64| Cell { min: [10.0 * k, -5.0, -5.0], max: [10.0 * k + 10.0, 5.0, 5.0] };
-        (0..count)
-            .map(|k| RegionState {
-                id: RegionId(k),
-                cell: cell(f64::from(k)),
-                step_ms,
-                signals: Signals::default(),
-            })
-            .collect()
+/// Returns the regions, by rank, in groups that must be at one time.
+fn bound(regions: &[Governed<'_>]) -> Vec<RegionSet> {
+    let mut groups: Vec<RegionSet> = Vec::new();
+    for (rank, region) in regions.iter().enumerate() {
+        let bound = region.state.bound.union(RegionSet::only(rank));
+        // Groups are apart: those that it is bound to become one with it.
+        let (joined, apart): (Vec<_>, Vec<_>) =
+            groups.into_iter().partition(|group| !group.intersection(bound).is_empty());
+        groups = apart;
+        groups.push(joined.into_iter().fold(bound, RegionSet::union));
     }
-
-    fn governor(fidelity: Fidelity) -> Governor {
-        let mut governor = Governor::new(fidelity);
-        governor.set_viewpoints(vec![Viewpoint { at: [0.0; 3], radius_m: 1.0 }]);
-        governor
-    }
-
-    fn rates(governor: &mut Governor, regions: &[RegionState]) -> Vec<u8> {
-        governor.choose(regions, 1.0 / 60.0);
-        governor.rates().values().copied().collect()
-    }
-
-    fn rates_after(governor: &mut Governor, regions: &[RegionState], ticks: u64) -> Vec<u8> {
-        (0..ticks).map(|_| rates(governor, regions)).last().unwrap()
-    }
-
-    #[test]
-    fn a_budget_is_kept_by_what_is_farthest_first_and_what_is_seen_last() {
-        for (step_ms, rates) in [
-            (0.9, [1, 1, 1, 1, 1, 1]),
-            (1.5, [1, 1, 1, 1, 2, 2]),
-            (2.2, [1, 2, 2, 2, 2, 2]),
-            (3.0, [1, 2, 4, 4, 4, 4]),
-            (4.0, [2, 4, 4, 4, 4, 4]),
-            (50.0, [4, 4, 4, 4, 4, 4]),
-        ] {
-            let mut governor = governor(Fidelity::Budget { tick_ms: 10.0 });
-            assert_eq!(rates_after(&mut governor, &row(6, step_ms), 20), rates, "{step_ms} ms");
-            assert_eq!(rates_after(&mut governor, &row(6, 0.5), 20), [1; 6], "when there is less to do");
-        }
-    }
-
-    #[test]
-    fn an_error_above_the_tolerance_makes_a_region_finer_for_ever_longer_times() {
-        let mut governor = governor(Fidelity::Tolerance { m_s: 0.1 });
-        let regions = row(4, 1.0);
-        let mut fine = Vec::new();
-        for tick in 0..4_000 {
-            let rates = rates(&mut governor, &regions);
-            for (id, &rate) in (0..).map(RegionId).zip(&rates) {
-                // The second region that is not seen errs at its lowest rate.
-                governor.note_error(id, if id == RegionId(3) && rate == 4 { 0.5 } else { 0.01 });
-            }
-            if rates[3] < 4 && tick > 100 {
-                fine.push(tick);
-            }
-        }
-        assert_eq!(rates_after(&mut governor, &regions, 1)[..3], [1, 4, 4]);
-        let returns = fine.windows(2).filter(|two| two[1] > two[0] + 1).count();
-        assert!((2..8).contains(&returns), "{returns} returns to the lowest rate in 4,000 ticks");
-    }
-
-    #[test]
-    fn what_spins_is_stepped_so_often_that_it_turns_by_a_radian_at_most() {
-        for (spin_rad_s, rate) in [(10.0, 4), (14.0, 4), (20.0, 2), (29.0, 2), (31.0, 1), (200.0, 1)] {
-            let mut governor = governor(Fidelity::AUTO);
-            let mut regions = row(3, 1.0);
-            regions[2].signals.spin_rad_s = spin_rad_s;
-            assert_eq!(rates_after(&mut governor, &regions, 200), [1, 4, rate], "{spin_rad_s} rad/s");
-            // When it comes to spin faster it is stepped more often.
-            regions[1].signals.spin_rad_s = 40.0;
-            assert_eq!(rates_after(&mut governor, &regions, 40)[1], 1);
-        }
-    }
-
-    #[test]
-    fn what_overlaps_more_than_at_full_rate_becomes_finer() {
-        let mut governor = governor(Fidelity::Tolerance { m_s: 0.3 });
-        let mut regions = row(3, 1.0);
-        // As deep at any rate is no fault of the rate.
-        regions[1].signals.overlap_m = 0.5;
-        regions[2].signals.overlap_m = 0.01;
-        assert_eq!(rates_after(&mut governor, &regions, 200), [1, 4, 4]);
-        // By 0.3 m/s in four ticks: 20 mm.
-        regions[2].signals.overlap_m = 0.029;
-        assert_eq!(rates_after(&mut governor, &regions, 100)[2], 4);
-        regions[2].signals.overlap_m = 0.031;
-        assert!(rates_after(&mut governor, &regions, 100)[2] < 4);
-    }
-
-    #[test]
-    fn a_region_that_comes_into_view_is_computed_in_full_at_once() {
-        let mut governor = governor(Fidelity::AUTO);
-        let regions = row(6, 1.0);
-        assert_eq!(rates_after(&mut governor, &regions, 100)[5], 4);
-        governor.set_viewpoints(vec![Viewpoint { at: [55.0, 0.0, 0.0], radius_m: 1.0 }]);
-        assert_eq!(rates_after(&mut governor, &regions, 1)[5], 1);
-    }
+    groups
 }

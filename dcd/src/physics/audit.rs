@@ -19,7 +19,7 @@ const STEPPING: f64 = 2.0;
 const AROUND_M: f32 = 0.1;
 
 /// An island before a step, and what it came to in a finer model.
-pub(in crate::physics) struct Audit {
+pub(super) struct Audit {
     world: PhysicsWorld,
     /// Each body of the island in the region and in the small world.
     members: BTreeMap<(u32, u32), (RigidBodyHandle, RigidBodyHandle)>,
@@ -31,7 +31,7 @@ pub(in crate::physics) struct Audit {
 impl Audit {
     /// Copies the island of a body, before a step of so many ticks. `None` where it cannot be computed by itself: with a multibody, a
     /// character or a vehicle in it, or a body whose mass is split among regions; or where the body is no dynamic one of the region's own.
-    pub(in crate::physics) fn begin(
+    pub(super) fn begin(
         region: &Region,
         seed: RigidBodyHandle,
         ticks: u8,
@@ -117,23 +117,23 @@ impl Audit {
     }
 
     /// Returns whether a body of the region is in the island.
-    pub(in crate::physics) fn contains(&self, handle: RigidBodyHandle) -> bool {
+    pub(super) fn contains(&self, handle: RigidBodyHandle) -> bool {
         self.members.contains_key(&handle.into_raw_parts())
     }
 
     /// Returns how many bodies of the region are in the island.
-    pub(in crate::physics) fn len(&self) -> usize {
+    pub(super) fn len(&self) -> usize {
         self.members.len()
     }
 
     /// Returns what it costs, in bodies stepped once.
-    pub(in crate::physics) fn work(&self) -> f64 {
+    pub(super) fn work(&self) -> f64 {
         MAKING + STEPPING * (FINESSE * usize::from(self.ticks) * self.members.len()) as f64
     }
 
     /// Computes the finer model and returns how far it is from what the region came to: the mean difference of the bodies' velocities per
     /// tick of the step, m/s. `None` where a body went.
-    pub(in crate::physics) fn finish(mut self, region: &Region) -> Option<f32> {
+    pub(super) fn finish(mut self, region: &Region) -> Option<f32> {
         let after = &region.physics().bodies;
         if self.members.values().any(|(body, _)| !after.contains(*body)) {
             return None;

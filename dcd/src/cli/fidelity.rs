@@ -1,7 +1,7 @@
-//! Says how much of a world is computed in full: the options of `dcd run` for that.
+//! Says how much of a world is computed in full: the options of `dcd run` and `dcd serve` for that.
 
 use crate::cli::failure::Failure;
-use crate::physics::Fidelity;
+use crate::fidelity::Fidelity;
 use crate::scene::Scene;
 use crate::space::Viewpoint;
 
@@ -12,7 +12,8 @@ pub(super) struct FidelityArgs {
     /// milliseconds; `off` computes all in full [default: what the scene says, else off]
     #[arg(long, value_name = "HOW")]
     fidelity: Option<Fidelity>,
-    /// Look from here so many metres far, in world space; may be given several times [default: what the scene says, else at all]
+    /// Look from here so many metres far, in world space; may be given several times. A served world is looked at by its clients, too, each in its area
+    /// of interest [default: what the scene says, else at all, or where it is served at what its clients look at]
     #[arg(long, value_name = "X,Y,Z,RADIUS", allow_hyphen_values = true, value_parser = viewpoint)]
     viewpoint: Vec<Viewpoint>,
 }
@@ -20,6 +21,11 @@ pub(super) struct FidelityArgs {
 impl FidelityArgs {
     pub(super) fn is_given(&self) -> bool {
         self.fidelity.is_some() || !self.viewpoint.is_empty()
+    }
+
+    /// Returns whether not all is to be computed in full.
+    pub(super) fn is_on(&self) -> bool {
+        self.fidelity.is_some_and(|fidelity| fidelity != Fidelity::Off)
     }
 
     /// Has a scene looked at from the viewpoints that were given, and computed as was said.

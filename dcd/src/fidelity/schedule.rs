@@ -1,0 +1,73 @@
+//! Defines what is told about the pace of regions: what each says of itself after a tick, and which stay behind in the next. From both follows by how
+//! many ticks each is stepped.
+
+use bincode::{Decode, Encode};
+use serde::{Deserialize, Serialize};
+
+use crate::space::{RegionId, RegionSet};
+
+/// The most ticks that one step of a region may have: it is behind the present by one less at most.
+pub const COARSEST: u8 = 4;
+
+/// The findings of a look at a region, by which a step is judged too long.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Encode, Decode, Serialize, Deserialize)]
+pub struct Signals {
+    /// The mean of the awake bodies' deepest overlaps, metres.
+    pub overlap_m: f32,
+    /// The spin that a tenth of the awake bodies exceed, rad/s.
+    pub spin_rad_s: f32,
+}
+
+/// The state of a region after a tick, as the pace of the next is chosen by.
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode)]
+pub struct RegionState {
+    /// Which region.
+    pub region: RegionId,
+    /// Ticks that it is behind the present.
+    pub behind: u8,
+    /// Nothing in it can change by itself: it is the same at any time.
+    pub rests: bool,
+    /// Bodies inserted there wait to be told to regions that it is not at one time with.
+    pub awaited: bool,
+    /// The regions, by rank, that must be at one time with it: those with which it shares bodies, or is about to.
+    pub bound: RegionSet,
+    /// Awake bodies.
+    pub awake: u32,
+    /// How long one of its steps takes, smoothed, milliseconds.
+    pub step_ms: f32,
+    /// What the last look at it found.
+    pub signals: Signals,
+    /// How long its step in this tick took, milliseconds; 0 if there was none.
+    pub took_ms: f32,
+    /// How long as many steps of one tick each would have taken, as reckoned, milliseconds.
+    pub full_ms: f32,
+    /// What was found by an audit in this tick.
+    pub audited: Option<Audited>,
+}
+
+/// The result of an audit.
+#[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
+pub struct Audited {
+    /// The mean error per tick of the region's bodies, as estimated by it, m/s; `None` where what was drawn could not be audited.
+    pub error_m_s: Option<f32>,
+    /// What it cost, in bodies stepped once.
+    pub cost: f32,
+}
+
+/// The pace of all regions in one tick. Those that do not stay behind are stepped, by all the ticks that they are behind and this one.
+#[derive(Clone, Debug, Default, PartialEq, Encode, Decode)]
+pub struct Schedule {
+    /// The regions that stay behind, in id order.
+    pub behind: Vec<RegionId>,
+    /// What is audited in this tick.
+    pub audit: Option<Pick>,
+}
+
+/// A region of which an island is to be audited.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode)]
+pub struct Pick {
+    /// Which region.
+    pub region: RegionId,
+    /// By which its bodies are drawn.
+    pub seed: u64,
+}

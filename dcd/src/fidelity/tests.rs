@@ -1,0 +1,198 @@
+//! Tests the choice of rates.
+
+use super::*;
+use crate::space::{Cell, RegionId, RegionSet, Tick, Viewpoint};
+
+/// Regions in a row, 10 m each, of which a step takes so long.
+fn row(count: u32, step_ms: f32) -> Vec<RegionState> {
+    let region = |k| RegionState {
+        region: RegionId(k),
+        behind: 0,
+        rests: false,
+        awaited: false,
+        bound: RegionSet::EMPTY,
+        awake: 10,
+        step_ms,
+        signals: Signals::default(),
+        took_ms: step_ms,
+        full_ms: step_ms,
+        audited: None,
+    };
+    (0..count).map(region).collect()
+}
+
+/// Has a governor choose, of regions in a row that as many processes compute.
+fn schedule(governor: &mut Governor, tick: u64, regions: &[RegionState], processes: u64) -> Schedule {
+    let cell = |k: f64| Cell { min: [10.0 * k, -5.0, -5.0], max: [10.0 * k + 10.0, 5.0, 5.0] };
+    let governed = |(k, state)| Governed { state, cell: cell(f64::from(k)), by: u64::from(k) % processes };
+    let regions: Vec<_> = (0..).zip(regions).map(governed).collect();
+    governor.schedule(Tick(tick), &regions, 1.0 / 60.0)
+}
+
+fn governor(fidelity: Fidelity) -> Governor {
+    let mut governor = Governor::new(fidelity);
+    governor.look(LookedAt::From(vec![Viewpoint { at: [0.0; 3], radius_m: 1.0 }]));
+    governor
+}
+
+fn rates(governor: &mut Governor, regions: &[RegionState]) -> Vec<u8> {
+    schedule(governor, 1, regions, 1);
+    governor.rates().values().copied().collect()
+}
+
+fn rates_after(governor: &mut Governor, regions: &[RegionState], ticks: u64) -> Vec<u8> {
+    (0..ticks).map(|_| rates(governor, regions)).last().unwrap()
+}
+
+#[test]
+fn a_budget_is_kept_by_what_is_farthest_first_and_what_is_seen_last() {
+    for (step_ms, rates) in [
+        (0.9, [1, 1, 1, 1, 1, 1]),
+        (1.5, [1, 1, 1, 1, 2, 2]),
+        (2.2, [1, 2, 2, 2, 2, 2]),
+        (3.0, [1, 2, 4, 4, 4, 4]),
+        (4.0, [2, 4, 4, 4, 4, 4]),
+        (50.0, [4, 4, 4, 4, 4, 4]),
+    ] {
+        let mut governor = governor(Fidelity::Budget { tick_ms: 10.0 });
+        assert_eq!(rates_after(&mut governor, &row(6, step_ms), 20), rates, "{step_ms} ms");
+        assert_eq!(rates_after(&mut governor, &row(6, 0.5), 20), [1; 6], "when there is less to do");
+    }
+}
+
+#[test]
+fn an_error_above_the_tolerance_makes_a_region_finer_for_ever_longer_times() {
+    let mut governor = governor(Fidelity::Tolerance { m_s: 0.1 });
+    let regions = row(4, 1.0);
+    let mut fine = Vec::new();
+    for tick in 0..4_000 {
+        let rates = rates(&mut governor, &regions);
+        for (id, &rate) in (0..).map(RegionId).zip(&rates) {
+            // The second region that is not seen errs at its lowest rate.
+            governor.note_error(id, if id == RegionId(3) && rate == 4 { 0.5 } else { 0.01 });
+        }
+        if rates[3] < 4 && tick > 100 {
+            fine.push(tick);
+        }
+    }
+    assert_eq!(rates_after(&mut governor, &regions, 1)[..3], [1, 4, 4]);
+    let returns = fine.windows(2).filter(|two| two[1] > two[0] + 1).count();
+    assert!((2..8).contains(&returns), "{returns} returns to the lowest rate in 4,000 ticks");
+}
+
+#[test]
+fn what_spins_is_stepped_so_often_that_it_turns_by_a_radian_at_most() {
+    for (spin_rad_s, rate) in [(10.0, 4), (14.0, 4), (20.0, 2), (29.0, 2), (31.0, 1), (200.0, 1)] {
+        let mut governor = governor(Fidelity::AUTO);
+        let mut regions = row(3, 1.0);
+        regions[2].signals.spin_rad_s = spin_rad_s;
+        assert_eq!(rates_after(&mut governor, &regions, 200), [1, 4, rate], "{spin_rad_s} rad/s");
+        // When it comes to spin faster it is stepped more often.
+        regions[1].signals.spin_rad_s = 40.0;
+        assert_eq!(rates_after(&mut governor, &regions, 40)[1], 1);
+    }
+}
+
+#[test]
+fn what_overlaps_more_than_at_full_rate_becomes_finer() {
+    let mut governor = governor(Fidelity::Tolerance { m_s: 0.3 });
+    let mut regions = row(3, 1.0);
+    // As deep at any rate is no fault of the rate.
+    regions[1].signals.overlap_m = 0.5;
+    regions[2].signals.overlap_m = 0.01;
+    assert_eq!(rates_after(&mut governor, &regions, 200), [1, 4, 4]);
+    // By 0.3 m/s in four ticks: 20 mm.
+    regions[2].signals.overlap_m = 0.029;
+    assert_eq!(rates_after(&mut governor, &regions, 100)[2], 4);
+    regions[2].signals.overlap_m = 0.031;
+    assert!(rates_after(&mut governor, &regions, 100)[2] < 4);
+}
+
+#[test]
+fn a_region_that_comes_into_view_is_computed_in_full_at_once() {
+    let mut governor = governor(Fidelity::AUTO);
+    let regions = row(6, 1.0);
+    assert_eq!(rates_after(&mut governor, &regions, 100)[5], 4);
+    governor.look(LookedAt::From(vec![Viewpoint { at: [55.0, 0.0, 0.0], radius_m: 1.0 }]));
+    assert_eq!(rates_after(&mut governor, &regions, 1)[5], 1);
+}
+
+/// The regions that stay behind in each of some ticks, which are stepped as they are told.
+fn ticks(governor: &mut Governor, regions: &mut [RegionState], ticks: std::ops::Range<u64>) -> Vec<Vec<u32>> {
+    let tick = |tick| {
+        let behind = schedule(governor, tick, regions, 1).behind;
+        for region in regions.iter_mut() {
+            region.behind = if behind.contains(&region.region) { region.behind + 1 } else { 0 };
+        }
+        behind.into_iter().map(|region| region.0).collect()
+    };
+    ticks.map(tick).collect()
+}
+
+#[test]
+fn regions_catch_up_by_turns_and_those_that_share_something_together() {
+    let mut governor = governor(Fidelity::AUTO);
+    let mut regions = row(6, 1.0);
+    let _ = ticks(&mut governor, &mut regions, 1..200);
+    let behind = ticks(&mut governor, &mut regions, 200..208);
+    let stepped = |id: u32| (0..8).filter(|&k| !behind[k].contains(&id)).collect::<Vec<_>>();
+    assert_eq!(stepped(0), (0..8).collect::<Vec<_>>(), "in view");
+    let mut begins: Vec<_> = (1..6).map(|id| stepped(id)[0]).collect();
+    (1..6).for_each(|id| assert_eq!(stepped(id).len(), 2, "{id}: {behind:?}"));
+    begins.sort_unstable();
+    assert_eq!(begins, [0, 1, 1, 2, 3], "no tick has all of them");
+    // Bound, the one by the other.
+    regions[2].bound = RegionSet::only(4);
+    let behind = ticks(&mut governor, &mut regions, 208..240);
+    assert!(behind[4..].iter().all(|tick| tick.contains(&2) == tick.contains(&4)), "{behind:?}");
+    // To one that is looked at.
+    regions[4].bound = RegionSet::only(0);
+    let behind = ticks(&mut governor, &mut regions, 240..260);
+    assert!(behind.iter().all(|tick| !tick.contains(&2) && !tick.contains(&4)), "{behind:?}");
+    assert!(behind.iter().any(|tick| tick.contains(&3)));
+}
+
+#[test]
+fn what_rests_and_what_waits_to_be_told_does_not_stay_behind() {
+    let mut governor = governor(Fidelity::AUTO);
+    let mut regions = row(4, 1.0);
+    let _ = ticks(&mut governor, &mut regions, 1..200);
+    (regions[2].rests, regions[3].awaited) = (true, true);
+    let behind = ticks(&mut governor, &mut regions, 200..220);
+    assert!(behind.iter().all(|tick| tick.iter().all(|&id| id == 1)), "{behind:?}");
+    assert!(behind.iter().any(|tick| tick == &[1]));
+}
+
+#[test]
+fn a_budget_is_kept_by_each_process_for_itself() {
+    let mut governor = governor(Fidelity::Budget { tick_ms: 10.0 });
+    let mut regions = row(6, 1.5);
+    // The odd ones are of one that is slower by far.
+    regions.iter_mut().skip(1).step_by(2).for_each(|region| region.step_ms = 5.0);
+    for tick in 0..20 {
+        schedule(&mut governor, tick, &regions, 2);
+    }
+    assert_eq!(governor.rates().values().copied().collect::<Vec<_>>(), [1, 2, 1, 2, 1, 4]);
+}
+
+#[test]
+fn an_audit_falls_on_each_region_as_often_as_its_steps_have_bodies() {
+    let mut governor = governor(Fidelity::AUTO);
+    let mut regions = row(4, 1.0);
+    regions[0].awake = 10_000;
+    regions[1].awake = 0;
+    regions[2].awake = 30_000;
+    regions[3].rests = true;
+    let mut picked = [0; 4];
+    for tick in 0..2_000 {
+        if let Some(pick) = schedule(&mut governor, tick, &regions, 1).audit {
+            picked[pick.region.0 as usize] += 1;
+            governor.note_audited(pick.region, &Audited { error_m_s: Some(0.1), cost: 400.0 });
+        }
+    }
+    let part = f64::from(picked[2]) / f64::from(picked[0] + picked[2]);
+    assert_eq!((picked[1], picked[3]), (0, 0));
+    // A hundredth of 40,000 bodies pays for one in each tick.
+    assert!(picked[0] + picked[2] > 1_900 && (0.7..0.8).contains(&part), "{picked:?}");
+    assert!((governor.report().error_m_s - 0.1).abs() < 1e-6);
+}

@@ -1,4 +1,4 @@
-//! Says how much of a local world is computed in full and where it is looked at from, and reads what that saves and costs.
+//! Says how much of a world is computed in full and where it is looked at from, and reads what that saves and costs.
 
 use dcd::{Fidelity, Viewpoint};
 
@@ -85,10 +85,11 @@ pub(crate) fn asked(fidelity: DcdFidelity, limit: f32) -> Result<Option<Fidelity
 
 /// Sets where a local world is looked at from, in place of what was set before: regions farther than what is seen from there are
 /// stepped less often, as DcdWorldDef.fidelity allows. Without viewpoints, as at first, all of it is looked at. Call it as often as viewers move.
+/// A world that is served from it (DcdServerDef.source) keeps its fidelity and viewpoints, and is looked at by its clients, too (dcd_interest_set).
 ///
 /// `viewpoints` points to `count` of them, read during the call; it may be null when there are none.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a place out of range or a radius that is negative or NaN,
-/// DCD_ERR_UNSUPPORTED in a served world, which is computed in full.
+/// DCD_ERR_UNSUPPORTED in a served world.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_viewpoints_set(
     world: DcdWorld,
@@ -111,7 +112,8 @@ pub unsafe extern "C" fn dcd_viewpoints_set(
     })
 }
 
-/// Reads what fidelity saves and costs. Where all is computed in full, share_of_full_time is 1 and the rest says nothing.
+/// Reads what fidelity saves and costs. Where all is computed in full, share_of_full_time is 1 and the rest says nothing. The server of a world says
+/// what it was told last, once per second; nodes and clients do not know, and say the same as where all is computed in full.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
 #[unsafe(no_mangle)]

@@ -24,7 +24,7 @@ fn row(count: u32, step_ms: f32) -> Vec<RegionState> {
 /// Has a governor choose, of regions in a row that as many processes compute.
 fn schedule(governor: &mut Governor, tick: u64, regions: &[RegionState], processes: u64) -> Schedule {
     let cell = |k: f64| Cell { min: [10.0 * k, -5.0, -5.0], max: [10.0 * k + 10.0, 5.0, 5.0] };
-    let governed = |(k, state)| Governed { state, cell: cell(f64::from(k)), by: u64::from(k) % processes };
+    let governed = |(k, state)| Governed { state, cell: cell(f64::from(k)), by: k as u64 % processes };
     let regions: Vec<_> = (0..).zip(regions).map(governed).collect();
     governor.schedule(Tick(tick), &regions, 1.0 / 60.0)
 }
@@ -140,7 +140,7 @@ fn regions_catch_up_by_turns_and_those_that_share_something_together() {
     let mut begins: Vec<_> = (1..6).map(|id| stepped(id)[0]).collect();
     (1..6).for_each(|id| assert_eq!(stepped(id).len(), 2, "{id}: {behind:?}"));
     begins.sort_unstable();
-    assert_eq!(begins, [0, 1, 1, 2, 3], "no tick has all of them");
+    assert_eq!(begins, [0, 1, 2, 3, 3], "no tick has all of them");
     // Bound, the one by the other.
     regions[2].bound = RegionSet::only(4);
     let behind = ticks(&mut governor, &mut regions, 208..240);
@@ -168,7 +168,7 @@ fn a_budget_is_kept_by_each_process_for_itself() {
     let mut governor = governor(Fidelity::Budget { tick_ms: 10.0 });
     let mut regions = row(6, 1.5);
     // The odd ones are of one that is slower by far.
-    regions.iter_mut().skip(1).step_by(2).for_each(|region| region.step_ms = 5.0);
+    regions.iter_mut().skip(1).step_by(2).for_each(|region| region.step_ms = 6.0);
     for tick in 0..20 {
         schedule(&mut governor, tick, &regions, 2);
     }
@@ -192,7 +192,7 @@ fn an_audit_falls_on_each_region_as_often_as_its_steps_have_bodies() {
     }
     let part = f64::from(picked[2]) / f64::from(picked[0] + picked[2]);
     assert_eq!((picked[1], picked[3]), (0, 0));
-    // A hundredth of 40,000 bodies pays for one in each tick.
-    assert!(picked[0] + picked[2] > 1_900 && (0.7..0.8).contains(&part), "{picked:?}");
+    // A hundredth of the 17,500 bodies that are stepped per tick pays for one in about three.
+    assert!(picked[0] + picked[2] > 400 && (0.7..0.8).contains(&part), "{picked:?}");
     assert!((governor.report().error_m_s - 0.1).abs() < 1e-6);
 }

@@ -223,6 +223,8 @@ mod tests {
                 balance: None,
                 halo_m: None,
                 step: StepSettings::default(),
+                fidelity: Fidelity::Off,
+                viewpoints: Vec::new(),
                 shapes,
                 bodies: Vec::new(),
                 joints: Vec::new(),

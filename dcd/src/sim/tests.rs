@@ -5,6 +5,7 @@ mod builders;
 mod contact;
 mod cut_off;
 mod digging;
+mod fidelity;
 mod groups;
 mod hour;
 

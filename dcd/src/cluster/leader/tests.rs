@@ -148,6 +148,7 @@ fn a_tick_takes_as_many_rounds_as_a_member_wanted_after_the_one_before() {
                 events: vec![],
                 answers: vec![],
                 load: None,
+                regions: vec![],
             },
         );
     }
@@ -376,6 +377,7 @@ fn a_member_is_believed_of_its_own_regions_only() {
         events: vec![events],
         answers: vec![],
         load: None,
+        regions: vec![],
     };
     leader.take_messages();
     leader.done(NodeId(2), done.clone());

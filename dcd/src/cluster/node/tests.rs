@@ -112,6 +112,7 @@ fn settle(node: &mut Node) -> Vec<NodeOutput> {
         report: vec![],
         checkpoint: vec![],
         load: None,
+        regions: vec![],
     };
     node.handle(NOW, NodeEvent::Physics(settled));
     drain(node)
@@ -398,6 +399,7 @@ fn who_is_ahead_of_its_leader_says_all_again_that_a_broken_link_may_have_lost() 
         report: vec![],
         checkpoint: vec![],
         load: None,
+        regions: vec![],
     };
     node.handle(NOW, NodeEvent::Physics(settled));
     complete(&mut node, 4, vec![]);

@@ -32,8 +32,16 @@ const SLACK: f32 = 1.25;
 const NEWER: f32 = 0.25;
 /// A region that was found too coarse stays finer for so many ticks, at first; each time twice as long, up to 64 times.
 const PATIENCE_TICKS: u64 = 120;
-/// The part of a budget that is planned for: single ticks take longer than the mean.
+/// The part of a budget that is planned for at first, at most and at least. Single ticks take longer than the mean, by as much as the scene and the
+/// machine have it: so what is planned becomes this much less with each tick that overruns the budget, and more with each that does not, which is
+/// even where one of a hundred overruns it (stochastic approximation of a quantile, Robbins and Monro 1951).
 const PLANNED: f64 = 0.8;
+const PLANNED_MOST: f64 = 0.9;
+const PLANNED_LEAST: f64 = 0.2;
+const OVERRUN: f64 = 0.96;
+const KEPT: f64 = 1.0004;
+/// Where nothing need be shed what is planned comes back by this, each time that levels are chosen.
+const RECOVERY: f64 = 1.02;
 /// The part of the time that audits take.
 const AUDITED: f64 = 0.01;
 /// Ticks in which overruns do not count: nothing has been measured yet.
@@ -98,6 +106,8 @@ pub struct Governor {
     /// Where all islands are audited, the sum of their errors, and of their bodies and ticks.
     #[serde(skip)]
     all: (f64, f64),
+    /// The part of a budget that is planned for.
+    planned: f64,
     /// What audits may cost by now, in bodies stepped once.
     credit: f64,
     /// How many regions are stepped in every tick, in every second, in every fourth: more often than chosen where they are bound to others.
@@ -126,6 +136,7 @@ impl Governor {
             all: (0.0, 0.0),
             spent_ms: 0.0,
             full_ms: 0.0,
+            planned: PLANNED,
             credit: 0.0,
             levels: [0; 3],
             rates: BTreeMap::new(),
@@ -296,10 +307,17 @@ impl Governor {
     fn keep_time(&mut self, tick_ms: f64, regions: &[Governed<'_>]) {
         let mut by: BTreeMap<u64, Vec<&Governed<'_>>> = BTreeMap::new();
         regions.iter().for_each(|region| by.entry(region.by).or_default().push(region));
-        by.into_values().for_each(|regions| self.keep_time_of(tick_ms, &regions));
+        let mut sheds = false;
+        for regions in by.into_values() {
+            sheds |= self.keep_time_of(tick_ms, &regions);
+        }
+        if !sheds {
+            self.planned = (self.planned * RECOVERY).min(PLANNED.max(self.planned));
+        }
     }
 
-    fn keep_time_of(&mut self, tick_ms: f64, regions: &[&Governed<'_>]) {
+    /// Does so with the regions of one process. Returns whether any is not computed in full.
+    fn keep_time_of(&mut self, tick_ms: f64, regions: &[&Governed<'_>]) -> bool {
         let viewpoints = self.viewpoints();
         let far_m = |region: &Governed<'_>| {
             viewpoints.iter().map(|view| view.gap_m(&region.cell)).fold(f64::INFINITY, f64::min)
@@ -316,7 +334,7 @@ impl Governor {
         let at_ms =
             |state: &RegionState, level: u8| f64::from(state.step_ms) / f64::from(RATES[usize::from(level)]);
         let mut expected_ms: f64 = regions.iter().map(|region| f64::from(region.state.step_ms)).sum();
-        let goal_ms = PLANNED * tick_ms;
+        let goal_ms = self.planned * tick_ms;
         'shed: for watched in [false, true] {
             for level in 1..RATES.len() as u8 {
                 for (_, _, region) in order.iter().filter(|(is, ..)| *is == watched) {
@@ -328,12 +346,14 @@ impl Governor {
                 }
             }
         }
+        let sheds = levels.values().any(|level| *level > 0);
         for (id, level) in levels {
             let memory = self.regions.get_mut(&id).expect("every region has a memory");
             if memory.level != level {
                 memory.turn_to(level, self.ticks);
             }
         }
+        sheds
     }
 
     /// Notes how long a region's step took, and as many steps of one tick each would have taken, milliseconds.
@@ -397,11 +417,11 @@ impl Governor {
 
     /// Notes how long a tick took.
     pub fn note_time(&mut self, took_ms: f64) {
-        if let Fidelity::Budget { tick_ms } = self.fidelity
-            && self.ticks > FIRST_TICKS
-        {
-            self.overruns += u64::from(took_ms > f64::from(tick_ms));
-        }
+        let Fidelity::Budget { tick_ms } = self.fidelity else { return };
+        let is_over = took_ms > f64::from(tick_ms);
+        self.planned *= if is_over { OVERRUN } else { KEPT };
+        self.planned = self.planned.clamp(PLANNED_LEAST, PLANNED_MOST);
+        self.overruns += u64::from(is_over && self.ticks > FIRST_TICKS);
     }
 
     /// Returns what it saves and costs.

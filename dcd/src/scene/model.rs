@@ -32,7 +32,7 @@ pub struct Scene {
     pub cuts: Vec<(Axis, f64)>,
     /// Load balancing of regions, when the scene says so: in a world of one process, and in a served one.
     pub balance: Option<Balance>,
-    /// How much of a world of one process is computed in full.
+    /// How much of it is computed in full.
     pub fidelity: Fidelity,
     /// Where the scene is looked at from, when it says so.
     pub viewpoints: Vec<Viewpoint>,

@@ -159,7 +159,7 @@ impl RegionHost {
         // In turn, so that no tick takes much longer than another.
         let due = |side: &&mut Side| (self.tick.0 + side.region.rank() as u64).is_multiple_of(REFINE_TICKS);
         self.sides.iter_mut().filter(due).for_each(|side| side.region.refine());
-        self.behind = schedule.behind.iter().filter_map(|region| self.partition.rank_of(*region)).filter(|rank| self.place_of[*rank].is_some()).collect();
+        self.behind = schedule.behind.iter().filter_map(|region| self.partition.rank_of(*region)).collect();
         for side in &mut self.sides {
             // Who says that one stays longer than any may is not believed.
             if side.clock.owed + 1 >= COARSEST {

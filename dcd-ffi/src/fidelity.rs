@@ -113,7 +113,7 @@ pub unsafe extern "C" fn dcd_viewpoints_set(
 }
 
 /// Reads what fidelity saves and costs. Where all is computed in full, share_of_full_time is 1 and the rest says nothing. The server of a world says
-/// what it was told last, once per second; nodes and clients do not know, and say the same as where all is computed in full.
+/// what it was told last, every 60 steps; nodes and clients do not know, and say the same as where all is computed in full.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
 #[unsafe(no_mangle)]

@@ -308,7 +308,7 @@ impl Leader {
             balancing.hear(from, done.tick, load);
         }
         if let Some(scheduling) = &mut self.scheduling {
-            scheduling.hear(from, done.regions);
+            scheduling.hear(from, Duration::from_micros(done.compute_us.into()), done.regions);
         }
         self.questions.answered(from, done.answers);
         self.questions.done(from, done.tick);
@@ -408,11 +408,7 @@ impl Leader {
         self.tick = self.tick.next();
         let mut ops = self.next_ops();
         let repartition = self.repartition();
-        // Where the tree changes all catch up.
-        let schedule =
-            self.schedule().filter(|schedule| repartition.is_none() && *schedule != Schedule::default());
         ops.extend(repartition.map(WorldOp::Repartition));
-        ops.extend(schedule.map(WorldOp::Schedule));
         for op in &ops {
             match op {
                 WorldOp::Insert { bodies, .. } => bodies.iter().for_each(|body| self.appears(body)),
@@ -429,6 +425,10 @@ impl Leader {
         ops.extend(self.questions.dispatch(self.tick, &self.members));
         self.questions.allow();
         self.messages.extend(self.questions.tell());
+        // Where the tree changes all catch up.
+        let is_cut_anew = ops.iter().any(|op| op.repartition().is_some());
+        let schedule = self.schedule().filter(|schedule| !is_cut_anew && *schedule != Schedule::default());
+        ops.extend(schedule.map(WorldOp::Schedule));
         // Members that are not in step cannot exchange within a tick.
         let wanted = std::mem::replace(&mut self.rounds_wanted, 1);
         let rounds = if self.lag == 0 { wanted } else { 1 };
@@ -455,8 +455,8 @@ impl Leader {
     /// is not known here: all is.
     fn schedule(&mut self) -> Option<Schedule> {
         let scheduling = self.scheduling.as_mut()?;
-        let schedule = scheduling.schedule(self.tick, &self.interests, self.inputs.places());
-        self.inter_group.is_none().then_some(schedule)
+        let interests = self.inter_group.is_none().then_some(&self.interests);
+        Some(scheduling.schedule(self.tick, interests, self.inputs.places()))
     }
 
     /// Tells the server now and then what it saves and costs that not all is computed in full.

@@ -33,15 +33,18 @@ const NEWER: f32 = 0.25;
 /// A region that was found too coarse stays finer for so many ticks, at first; each time twice as long, up to 64 times.
 const PATIENCE_TICKS: u64 = 120;
 /// The part of a budget that is planned for at first, at most and at least. Single ticks take longer than the mean, by as much as the scene and the
-/// machine have it: so what is planned becomes this much less with each tick that overruns the budget, and more with each that does not, which is
-/// even where one of a hundred overruns it (stochastic approximation of a quantile, Robbins and Monro 1951).
+/// machine have it, or less, where threads share regions out: so as long as a process sheds, what is planned there becomes this much less with each tick
+/// that overruns the budget, and more with each that does not, which is even where one of a hundred overruns it (stochastic approximation of a quantile, Robbins
+/// and Monro 1951).
 const PLANNED: f64 = 0.8;
-const PLANNED_MOST: f64 = 0.9;
+const PLANNED_MOST: f64 = 8.0;
 const PLANNED_LEAST: f64 = 0.2;
 const OVERRUN: f64 = 0.96;
 const KEPT: f64 = 1.0004;
 /// Where nothing need be shed what is planned comes back by this, each time that levels are chosen.
 const RECOVERY: f64 = 1.02;
+/// The largest part that is stated of the time at full rate.
+const LARGEST_SHARE: f64 = 1e6;
 /// The part of the time that audits take.
 const AUDITED: f64 = 0.01;
 /// Ticks in which overruns do not count: nothing has been measured yet.
@@ -84,6 +87,21 @@ struct Memory {
     patience: u64,
 }
 
+/// What a process plans for.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+struct Plan {
+    /// The part of a budget.
+    part: f64,
+    /// Whether some of its regions are not computed in full for that.
+    sheds: bool,
+}
+
+impl Default for Plan {
+    fn default() -> Self {
+        Self { part: PLANNED, sheds: false }
+    }
+}
+
 /// Chooses the pace of all regions of a world.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Governor {
@@ -106,8 +124,8 @@ pub struct Governor {
     /// Where all islands are audited, the sum of their errors, and of their bodies and ticks.
     #[serde(skip)]
     all: (f64, f64),
-    /// The part of a budget that is planned for.
-    planned: f64,
+    /// The part of a budget that is planned for in each process, and whether it sheds.
+    plans: BTreeMap<u64, Plan>,
     /// What audits may cost by now, in bodies stepped once.
     credit: f64,
     /// How many regions are stepped in every tick, in every second, in every fourth: more often than chosen where they are bound to others.
@@ -136,7 +154,7 @@ impl Governor {
             all: (0.0, 0.0),
             spent_ms: 0.0,
             full_ms: 0.0,
-            planned: PLANNED,
+            plans: BTreeMap::new(),
             credit: 0.0,
             levels: [0; 3],
             rates: BTreeMap::new(),
@@ -307,17 +325,18 @@ impl Governor {
     fn keep_time(&mut self, tick_ms: f64, regions: &[Governed<'_>]) {
         let mut by: BTreeMap<u64, Vec<&Governed<'_>>> = BTreeMap::new();
         regions.iter().for_each(|region| by.entry(region.by).or_default().push(region));
-        let mut sheds = false;
-        for regions in by.into_values() {
-            sheds |= self.keep_time_of(tick_ms, &regions);
-        }
-        if !sheds {
-            self.planned = (self.planned * RECOVERY).min(PLANNED.max(self.planned));
+        self.plans.retain(|process, _| by.contains_key(process));
+        for (process, regions) in by {
+            let Plan { part, .. } = self.plans.get(&process).copied().unwrap_or_default();
+            let sheds = self.keep_time_of(part * tick_ms, &regions);
+            // What it was told by ticks in which it need not shed says nothing.
+            let part = if sheds { part } else { (part * RECOVERY).min(PLANNED) };
+            self.plans.insert(process, Plan { part, sheds });
         }
     }
 
     /// Does so with the regions of one process. Returns whether any is not computed in full.
-    fn keep_time_of(&mut self, tick_ms: f64, regions: &[&Governed<'_>]) -> bool {
+    fn keep_time_of(&mut self, goal_ms: f64, regions: &[&Governed<'_>]) -> bool {
         let viewpoints = self.viewpoints();
         let far_m = |region: &Governed<'_>| {
             viewpoints.iter().map(|view| view.gap_m(&region.cell)).fold(f64::INFINITY, f64::min)
@@ -334,7 +353,6 @@ impl Governor {
         let at_ms =
             |state: &RegionState, level: u8| f64::from(state.step_ms) / f64::from(RATES[usize::from(level)]);
         let mut expected_ms: f64 = regions.iter().map(|region| f64::from(region.state.step_ms)).sum();
-        let goal_ms = self.planned * tick_ms;
         'shed: for watched in [false, true] {
             for level in 1..RATES.len() as u8 {
                 for (_, _, region) in order.iter().filter(|(is, ..)| *is == watched) {
@@ -415,20 +433,30 @@ impl Governor {
         (weight > 0.0).then(|| errors / weight)
     }
 
-    /// Notes how long a tick took.
-    pub fn note_time(&mut self, took_ms: f64) {
+    /// Notes how long a tick took each process.
+    pub fn note_times(&mut self, took_ms: &BTreeMap<u64, f64>) {
         let Fidelity::Budget { tick_ms } = self.fidelity else { return };
-        let is_over = took_ms > f64::from(tick_ms);
-        self.planned *= if is_over { OVERRUN } else { KEPT };
-        self.planned = self.planned.clamp(PLANNED_LEAST, PLANNED_MOST);
-        self.overruns += u64::from(is_over && self.ticks > FIRST_TICKS);
+        if self.ticks <= FIRST_TICKS {
+            return;
+        }
+        let is_over = |took_ms: f64| took_ms > f64::from(tick_ms);
+        self.overruns += u64::from(took_ms.values().copied().any(is_over));
+        for (process, &took_ms) in took_ms {
+            if let Some(plan) = self.plans.get_mut(process).filter(|plan| plan.sheds) {
+                plan.part *= if is_over(took_ms) { OVERRUN } else { KEPT };
+                plan.part = plan.part.clamp(PLANNED_LEAST, PLANNED_MOST);
+            }
+        }
     }
 
     /// Returns what it saves and costs.
     pub fn report(&self) -> FidelityReport {
         let [low95_m_s, high95_m_s] = self.error.interval();
         FidelityReport {
-            share_of_full_time: if self.full_ms > 0.0 { self.spent_ms / self.full_ms } else { 1.0 },
+            share_of_full_time: match self.full_ms > 0.0 {
+                true => (self.spent_ms / self.full_ms).min(LARGEST_SHARE),
+                false => 1.0,
+            },
             error_m_s: self.error.mean(),
             low95_m_s,
             high95_m_s,

@@ -45,6 +45,35 @@ pub struct RegionState {
     pub audited: Option<Audited>,
 }
 
+impl RegionState {
+    /// Returns the times in it, which no other run finds again: of one of its steps, of that in this tick, and of as many steps as that has ticks.
+    pub fn times_ms(&self) -> [f32; 3] {
+        [self.step_ms, self.took_ms, self.full_ms]
+    }
+
+    /// Puts other times in their place.
+    pub fn set_times_ms(&mut self, times_ms: [f32; 3]) {
+        [self.step_ms, self.took_ms, self.full_ms] = times_ms;
+    }
+
+    /// Returns the state of a region of which nothing is known: it is computed in full.
+    pub fn unknown(region: RegionId) -> Self {
+        Self {
+            region,
+            behind: 0,
+            rests: false,
+            awaited: true,
+            bound: RegionSet::EMPTY,
+            awake: 0,
+            step_ms: 0.0,
+            signals: Signals::default(),
+            took_ms: 0.0,
+            full_ms: 0.0,
+            audited: None,
+        }
+    }
+}
+
 /// The result of an audit.
 #[derive(Clone, Copy, Debug, PartialEq, Encode, Decode, Serialize, Deserialize)]
 pub struct Audited {

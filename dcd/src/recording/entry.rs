@@ -77,10 +77,12 @@ pub(super) enum NodeEntry<M = Message, C = FromClient> {
     Client(C),
     Leave,
     Timeout,
-    /// The physics had done its work, in this time, and told this load of regions; all else of its answer is computed again.
+    /// The physics had done its work, in this time, and told this load of regions, and these times of theirs
+    /// ([`RegionState::times_ms`](crate::fidelity::RegionState::times_ms)); all else of its answer is computed again.
     Answered {
         compute_us: u32,
         step_us: Vec<f64>,
+        region_ms: Vec<[f32; 3]>,
     },
     Settled(Digests),
     /// What another member computes had been computed once more, as far as this run had come; its answer is computed again.

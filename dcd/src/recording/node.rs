@@ -44,10 +44,16 @@ impl NodeReplay {
     }
 
     /// Returns the next answer of the physics, with the times that were recorded.
-    fn answer(&mut self, compute_us: u32, step_us: &[f64]) -> Result<PhysicsEvent, RecordingError> {
+    fn answer(
+        &mut self,
+        compute_us: u32,
+        step_us: &[f64],
+        region_ms: &[[f32; 3]],
+    ) -> Result<PhysicsEvent, RecordingError> {
         let mut event = self.answers.pop_front().ok_or_else(|| self.astray())?;
-        if let PhysicsEvent::Settled { stats, load, .. } = &mut event {
+        if let PhysicsEvent::Settled { stats, load, regions, .. } = &mut event {
             stats.compute_us = compute_us;
+            regions.iter_mut().zip(region_ms).for_each(|(state, &recorded)| state.set_times_ms(recorded));
             let regions = load.iter_mut().flat_map(|load| &mut load.regions);
             regions.zip(step_us).for_each(|(region, &recorded)| region.step_us = recorded);
         }
@@ -113,8 +119,8 @@ impl Replayed for NodeReplay {
                 NodeEntry::Message { from, message } => NodeEvent::Message { from, message },
                 NodeEntry::Client(message) => NodeEvent::Client(message),
                 NodeEntry::Leave => NodeEvent::Leave,
-                NodeEntry::Answered { compute_us, step_us } => {
-                    NodeEvent::Physics(self.answer(compute_us, &step_us)?)
+                NodeEntry::Answered { compute_us, step_us, region_ms } => {
+                    NodeEvent::Physics(self.answer(compute_us, &step_us, &region_ms)?)
                 }
                 NodeEntry::Verified(run) => {
                     let answer = self.verified.get_mut(&run).and_then(VecDeque::pop_front);

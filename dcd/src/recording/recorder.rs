@@ -13,6 +13,7 @@ use super::ring::Ring;
 use super::server::{self, ServerEntry};
 use super::{Maker, file};
 use crate::cluster::{NodeConfig, NodeEvent, PhysicsEvent, ServerConfig, ServerEvent, ServerOrigin};
+use crate::fidelity::RegionState;
 use crate::protocol::{FromClient, Message};
 use crate::space::{RegionId, Tick};
 
@@ -299,15 +300,16 @@ impl Drop for Recorder {
 
 /// Returns what cannot be computed again of an answer: how long it took.
 fn answered<M, C>(event: &PhysicsEvent) -> NodeEntry<M, C> {
-    let (mut compute_us, mut step_us) = (0, Vec::new());
+    let (mut compute_us, mut step_us, mut region_ms) = (0, Vec::new(), Vec::new());
     match event {
         // By a thread of its own, so that its answers come in between.
         PhysicsEvent::Verified { run, .. } => return NodeEntry::Verified(*run),
-        PhysicsEvent::Settled { stats, load, .. } => {
+        PhysicsEvent::Settled { stats, load, regions, .. } => {
             compute_us = stats.compute_us;
             step_us = load.iter().flat_map(|load| &load.regions).map(|region| region.step_us).collect();
+            region_ms = regions.iter().map(RegionState::times_ms).collect();
         }
         _ => {}
     }
-    NodeEntry::Answered { compute_us, step_us }
+    NodeEntry::Answered { compute_us, step_us, region_ms }
 }

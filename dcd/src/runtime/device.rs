@@ -344,10 +344,16 @@ impl PhysicsDevice {
         }
         self.rebuilding = false;
         let exchanges = if rebuilding { 0 } else { self.world().exchanges_done() };
-        Ok(self.settled(exchanges, report, checkpoint))
+        Ok(self.settled(rebuilding, exchanges, report, checkpoint))
     }
 
-    fn settled(&mut self, exchanges: usize, report: Sampling, checkpoint: Sampling) -> PhysicsEvent {
+    fn settled(
+        &mut self,
+        rebuilding: bool,
+        exchanges: usize,
+        report: Sampling,
+        checkpoint: Sampling,
+    ) -> PhysicsEvent {
         let host = self.host.as_mut().expect("a world comes before commands");
         let events = host.events().cloned().collect();
         host.clear_events();
@@ -397,7 +403,11 @@ impl PhysicsDevice {
             found: host.queries().answer(&question),
         };
         let answers = questions.into_iter().map(answer).collect();
-        let regions = if self.is_scheduled() { host.region_states() } else { Vec::new() };
+        let mut regions = if self.is_scheduled() { host.region_states() } else { Vec::new() };
+        if rebuilding {
+            // Nothing was stepped.
+            regions.iter_mut().for_each(|state| state.set_times_ms([state.step_ms, 0.0, 0.0]));
+        }
         PhysicsEvent::Settled {
             rounds_wanted,
             stats,

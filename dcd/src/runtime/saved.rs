@@ -33,6 +33,8 @@ pub(super) fn local_of(
     let leaves = partition.leaves().to_vec();
     let mut host = RegionHost::new(partition, properties.step.into(), 1, &leaves)?;
     host.set_balance(properties.balance);
+    host.set_fidelity(properties.fidelity);
+    host.set_viewpoints(properties.viewpoints.clone());
     // Parts before the compounds that name them.
     let (compounds, parts): (Vec<_>, Vec<_>) = saved.shapes.into_iter().partition(ShapeRecord::is_compound);
     for shape in parts.into_iter().chain(compounds) {

@@ -50,8 +50,9 @@ impl Physics for RapierEngine {
         }
         let mut event = self.device.execute(command)?;
         // What is told of the machine's own time is left out: a seed is to give the same run.
-        if let Some(PhysicsEvent::Settled { stats, load, .. }) = &mut event {
+        if let Some(PhysicsEvent::Settled { stats, load, regions, .. }) = &mut event {
             stats.compute_us = 0;
+            regions.iter_mut().for_each(|state| state.set_times_ms([state.awake as f32 * 1e-3; 3]));
             let regions = load.iter_mut().flat_map(|load| &mut load.regions);
             regions.for_each(|region| region.step_us = region.activity);
         }

@@ -8,8 +8,8 @@ use super::error::Error;
 use super::network::Network;
 use super::role::{Instead, Role, Unsupported};
 use super::view::{Body, BodyChange, MovableBody, Owner, RegionInfo};
-#[cfg(feature = "net")]
 use crate::fidelity::FidelityReport;
+#[cfg(feature = "net")]
 use crate::net::PeerStats;
 use crate::physics::StepSettings;
 use crate::playback::{Motion, ViewTime};

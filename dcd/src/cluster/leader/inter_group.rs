@@ -328,6 +328,7 @@ mod tests {
             events: Vec::new(),
             answers: vec![],
             load: None,
+            compute_us: 0,
             regions: vec![],
         };
         leader.done(NodeId(1), done);

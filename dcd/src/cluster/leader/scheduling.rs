@@ -2,6 +2,7 @@
 //! decides which stay behind in the next; all members are told.
 
 use std::collections::BTreeMap;
+use std::time::Duration;
 
 use crate::fidelity::{Fidelity, FidelityReport, Governed, Governor, LookedAt, RegionState, Schedule};
 use crate::protocol::{Area, EnvironmentProperties, View};
@@ -16,10 +17,12 @@ pub(super) struct Scheduling {
     dt_s: f32,
     allocation: Allocation,
     cells: BTreeMap<RegionId, Cell>,
-    /// By region, as last told.
+    /// By region, as told after the last tick.
     states: BTreeMap<RegionId, RegionState>,
-    /// How long the steps of each member's regions took in the tick that is being completed, milliseconds.
-    took_ms: BTreeMap<NodeId, f64>,
+    /// How long each member computed in that tick, milliseconds.
+    took_ms: BTreeMap<u64, f64>,
+    /// The region of which an island is audited in it.
+    audited: Option<RegionId>,
 }
 
 impl Scheduling {
@@ -36,6 +39,7 @@ impl Scheduling {
             cells: BTreeMap::new(),
             states: BTreeMap::new(),
             took_ms: BTreeMap::new(),
+            audited: None,
         };
         scheduling.settle(&view.tree, &view.allocation);
         Some(scheduling)
@@ -48,40 +52,49 @@ impl Scheduling {
         self.states.clear();
     }
 
-    /// Takes in what a member says of its regions after a tick.
-    pub(super) fn hear(&mut self, from: NodeId, states: Vec<RegionState>) {
+    /// Takes in what a member says of its regions after a tick, for which it has computed so long. Nobody is believed about others' regions, nor an
+    /// audit that was not asked for.
+    pub(super) fn hear(&mut self, from: NodeId, computed: Duration, states: Vec<RegionState>) {
+        self.took_ms.insert(u64::from(from.0), computed.as_secs_f64() * 1e3);
         for state in states {
             if self.allocation.get(&state.region) != Some(&from) {
                 continue;
             }
             self.governor.note_spent(state.took_ms, state.full_ms);
-            *self.took_ms.entry(from).or_default() += f64::from(state.took_ms);
-            state.audited.iter().for_each(|audited| self.governor.note_audited(state.region, audited));
+            if let Some(audited) = state.audited
+                && self.audited.take_if(|asked| *asked == state.region).is_some()
+            {
+                self.governor.note_audited(state.region, &audited);
+            }
             self.states.insert(state.region, state);
         }
     }
 
     /// Chooses which regions stay behind in a tick, in which clients look at these areas, or at all, and play where these avatars are. Without a client, and without a
-    /// viewpoint of the world's own, nobody looks.
+    /// viewpoint of the world's own, nobody looks. `None`: nobody knows what is looked at, so all is computed in full.
     pub(super) fn schedule(
         &mut self,
         tick: Tick,
-        interests: &BTreeMap<ClientId, Option<Area>>,
+        interests: Option<&BTreeMap<ClientId, Option<Area>>>,
         avatars: impl Iterator<Item = [f64; 3]>,
     ) -> Schedule {
-        let slowest_ms = std::mem::take(&mut self.took_ms).into_values().fold(0.0, f64::max);
-        self.governor.note_time(slowest_ms);
-        // The first tick of a view, or of a tree.
-        if !self.states.keys().eq(self.cells.keys()) {
-            return Schedule::default();
-        }
-        self.governor.look(self.looked_at(interests, avatars));
-        let regions = self.states.values().zip(&self.cells).map(|(state, (region, cell))| Governed {
+        self.governor.note_times(&std::mem::take(&mut self.took_ms));
+        self.governor.look(interests.map_or(LookedAt::All, |interests| self.looked_at(interests, avatars)));
+        // Of what is not told, as in the first tick of a view or of a tree, nothing is taken for granted.
+        let mut told = std::mem::take(&mut self.states);
+        let known = |&region| told.remove(&region).unwrap_or(RegionState::unknown(region));
+        let states: Vec<_> = self.cells.keys().map(known).collect();
+        let regions = states.iter().zip(&self.cells).map(|(state, (region, cell))| Governed {
             state,
             cell: *cell,
             by: self.allocation.get(region).map_or(0, |node| u64::from(node.0)),
         });
-        self.governor.schedule(tick, &regions.collect::<Vec<_>>(), self.dt_s)
+        let mut schedule = self.governor.schedule(tick, &regions.collect::<Vec<_>>(), self.dt_s);
+        if interests.is_none() {
+            schedule.behind.clear();
+        }
+        self.audited = schedule.audit.map(|pick| pick.region);
+        schedule
     }
 
     fn looked_at(
@@ -104,5 +117,86 @@ impl Scheduling {
     /// Returns what it saves and costs.
     pub(super) fn report(&self) -> FidelityReport {
         self.governor.report()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fidelity::Audited;
+    use crate::protocol::{Member, ViewNumber};
+    use crate::sim::sim_world;
+    use crate::space::GroupId;
+
+    const HONEST: NodeId = NodeId(1);
+    const OTHER: NodeId = NodeId(2);
+
+    fn scheduling(fidelity: Fidelity) -> Scheduling {
+        let world = EnvironmentProperties { fidelity, ..sim_world(2) };
+        let member = |node| Member { node, address: ([127, 0, 0, 1], 1).into(), client: None };
+        let view = View {
+            group: GroupId(1),
+            number: ViewNumber(1),
+            tick: Tick(0),
+            leader: HONEST,
+            members: [HONEST, OTHER].map(member).into(),
+            tree: world.tree.clone(),
+            allocation: world.tree.leaves().zip([HONEST, OTHER]).collect(),
+            events: false,
+        };
+        Scheduling::new(&view, &world).expect("not all is computed in full")
+    }
+
+    /// Has both members tell a tick of their regions, and a tick chosen.
+    fn tick(scheduling: &mut Scheduling, tick: u64, of: impl Fn(RegionState) -> RegionState) -> Schedule {
+        for (region, node) in scheduling.allocation.clone() {
+            let state = RegionState { awaited: false, awake: 1_000, ..RegionState::unknown(region) };
+            scheduling.hear(node, Duration::from_millis(1), vec![of(state)]);
+        }
+        scheduling.schedule(Tick(tick), Some(&BTreeMap::new()), std::iter::empty())
+    }
+
+    #[test]
+    fn what_is_not_told_of_a_region_leaves_others_behind_but_never_that_one() {
+        let mut scheduling = scheduling(Fidelity::Tolerance { m_s: 1e6 });
+        let [one, other] = [0, 1].map(|at| *scheduling.allocation.keys().nth(at).unwrap());
+        let behind: Vec<_> = (1..200).map(|at| tick(&mut scheduling, at, |state| state).behind).collect();
+        assert!(behind[..32].iter().all(Vec::is_empty), "levels need some time");
+        assert!([one, other].iter().all(|region| behind[100..].iter().any(|tick| tick.contains(region))));
+        for at in 200..240 {
+            scheduling.hear(
+                HONEST,
+                Duration::ZERO,
+                vec![RegionState { awaited: false, ..RegionState::unknown(one) }],
+            );
+            let behind = scheduling.schedule(Tick(at), Some(&BTreeMap::new()), std::iter::empty()).behind;
+            assert!(!behind.contains(&other));
+        }
+        assert!(scheduling.schedule(Tick(240), None, std::iter::empty()).behind.is_empty(), "nobody knows");
+    }
+
+    #[test]
+    fn an_audit_that_was_not_asked_for_and_a_word_about_others_regions_count_for_nothing() {
+        let mut scheduling = scheduling(Fidelity::Tolerance { m_s: 1e6 });
+        let lie = Some(Audited { error_m_s: Some(1e6), cost: 1e6 });
+        let mut asked = 0;
+        for at in 1..400 {
+            let picked = scheduling.audited;
+            asked += u64::from(picked.is_some());
+            let found = Some(Audited { error_m_s: Some(0.1), cost: 100.0 });
+            tick(&mut scheduling, at, |state| RegionState {
+                audited: if picked == Some(state.region) { found } else { lie },
+                ..state
+            });
+            let others = *scheduling.allocation.iter().find(|(_, node)| **node == HONEST).unwrap().0;
+            scheduling.hear(
+                OTHER,
+                Duration::ZERO,
+                vec![RegionState { took_ms: 1e6, ..RegionState::unknown(others) }],
+            );
+        }
+        let report = scheduling.report();
+        assert!(asked > 20 && report.audits == asked, "{asked}: {report:?}");
+        assert!((report.error_m_s - 0.1).abs() < 1e-6 && report.share_of_full_time == 1.0, "{report:?}");
     }
 }

@@ -66,6 +66,7 @@ fn both_done(leader: &mut Leader, tick: u64, one: Vec<Touch>, two: Vec<Touch>) {
             events: vec![events],
             answers: vec![],
             load: None,
+            compute_us: 0,
             regions: vec![],
         };
         leader.done(NodeId(id), done);
@@ -148,6 +149,7 @@ fn a_tick_takes_as_many_rounds_as_a_member_wanted_after_the_one_before() {
                 events: vec![],
                 answers: vec![],
                 load: None,
+                compute_us: 0,
                 regions: vec![],
             },
         );
@@ -377,6 +379,7 @@ fn a_member_is_believed_of_its_own_regions_only() {
         events: vec![events],
         answers: vec![],
         load: None,
+        compute_us: 0,
         regions: vec![],
     };
     leader.take_messages();

@@ -217,6 +217,7 @@ impl Node {
             }
             PhysicsEvent::Settled {
                 rounds_wanted,
+                stats,
                 holds,
                 events,
                 answers,
@@ -224,7 +225,6 @@ impl Node {
                 checkpoint,
                 load,
                 regions,
-                ..
             } => {
                 let Phase::Computing(tick, _) = self.phase else { panic!("no tick is being computed") };
                 self.phase = Phase::Resting;
@@ -255,7 +255,9 @@ impl Node {
                 let holds = (self.holds != holds)
                     .then(|| std::mem::replace(&mut self.holds, holds.clone()))
                     .map(|_| holds);
-                let done = Done { view, tick, rounds_wanted, holds, events, answers, load, regions };
+                let compute_us = stats.compute_us;
+                let done =
+                    Done { view, tick, rounds_wanted, holds, events, answers, load, compute_us, regions };
                 self.done.push_back(done.clone());
                 if self.done.len() as u64 > 1 + self.lag() {
                     self.done.pop_front();

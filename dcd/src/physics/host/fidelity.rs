@@ -139,8 +139,11 @@ impl RegionHost {
 
     /// Chooses the pace of the tick that begins in a world of this process, and keeps it.
     pub(super) fn govern(&mut self) {
+        if self.governor.is_none() {
+            return;
+        }
         let states = self.region_states();
-        let Some(governor) = &mut self.governor else { return };
+        let governor = self.governor.as_mut().expect("asked above");
         let cells = self.sides.iter().map(|side| *side.region.cell());
         let regions = states.iter().zip(cells).map(|(state, cell)| Governed { state, cell, by: 0 });
         let schedule = governor.schedule(self.tick.next(), &regions.collect::<Vec<_>>(), self.settings.dt_s);
@@ -160,15 +163,17 @@ impl RegionHost {
         let due = |side: &&mut Side| (self.tick.0 + side.region.rank() as u64).is_multiple_of(REFINE_TICKS);
         self.sides.iter_mut().filter(due).for_each(|side| side.region.refine());
         self.behind = schedule.behind.iter().filter_map(|region| self.partition.rank_of(*region)).collect();
+        if self.is_scheduled {
+            self.disbelieve();
+        }
         for side in &mut self.sides {
-            // Who says that one stays longer than any may is not believed.
-            if side.clock.owed + 1 >= COARSEST {
-                self.behind.remove(side.region.rank());
-            }
             let stays = self.behind.contains(side.region.rank());
             // What rests is the same at any time.
             let owed = if side.is_idle() && !stays { 0 } else { side.clock.owed };
             (side.clock.span, side.clock.owed) = if stays { (0, owed + 1) } else { (owed + 1, 0) };
+            if self.is_scheduled && !stays {
+                side.clock.rate = side.clock.span;
+            }
         }
         for side in self.sides.iter_mut().filter(|side| side.steps_now()) {
             side.region.foresee(side.clock.span);
@@ -179,6 +184,17 @@ impl RegionHost {
         if let (Some(place), Some(pick)) = (place, schedule.audit) {
             let begun = self.sample(place, pick);
             self.auditing.0.extend(begun);
+        }
+    }
+
+    /// Has regions that are said to stay behind for longer than any may catch up, here and at all others alike.
+    fn disbelieve(&mut self) {
+        self.late.resize(self.partition.len(), 0);
+        for (rank, late) in self.late.iter_mut().enumerate() {
+            if *late + 1 >= COARSEST {
+                self.behind.remove(rank);
+            }
+            *late = if self.behind.contains(rank) { *late + 1 } else { 0 };
         }
     }
 
@@ -195,7 +211,8 @@ impl RegionHost {
     /// Takes all regions for present: what they owe is not caught up. Where membership changes, those that go on owe as many ticks as they did, and those
     /// that are placed anew none.
     pub(super) fn forgive(&mut self) {
-        self.behind = RegionSet::EMPTY;
+        (self.behind, self.audited) = (RegionSet::EMPTY, None);
+        self.late.clear();
         self.sides.iter_mut().for_each(|side| side.clock = Clock::default());
     }
 
@@ -212,7 +229,7 @@ impl RegionHost {
                 rests,
                 awaited: side.is_awaited(),
                 bound: side.bound_to(),
-                awake: region.physics().islands.active_bodies().count() as u32,
+                awake: region.physics().islands.num_active_bodies() as u32,
                 // What rests is not stepped: the time that its last steps took is not spent.
                 step_ms: if rests { 0.0 } else { (region.mean_step_us() * 1e-3) as f32 },
                 signals: region.signals(),
@@ -222,6 +239,17 @@ impl RegionHost {
             }
         };
         self.sides.iter().map(state).collect()
+    }
+
+    /// Returns the regions that stay behind in the tick under way, or did in the last, by rank.
+    pub(super) fn left_behind(&self) -> RegionSet {
+        match self.is_scheduled {
+            true => self.behind,
+            // As saved, and by the ranks that they have now.
+            false => {
+                self.sides.iter().filter(|side| side.is_behind()).map(|side| side.region.rank()).collect()
+            }
+        }
     }
 
     /// Returns how long a region's step in the last tick took, and as many steps of one tick each would have taken, as reckoned, milliseconds.
@@ -326,7 +354,7 @@ impl RegionHost {
     /// Notes how long a tick took, for a budget.
     pub(crate) fn note_tick_time(&mut self, took_ms: f64) {
         if let Some(governor) = &mut self.governor {
-            governor.note_time(took_ms);
+            governor.note_times(&BTreeMap::from([(0, took_ms)]));
         }
     }
 }

@@ -91,6 +91,9 @@ pub struct RegionHost {
     is_scheduled: bool,
     #[serde(skip)]
     behind: RegionSet,
+    /// By rank: for how many ticks each has stayed behind, where others choose.
+    #[serde(skip)]
+    late: Vec<u8>,
     #[serde(skip)]
     auditing: fidelity::Audits,
     /// What the last audit found, if it was of the last tick.
@@ -141,6 +144,7 @@ impl RegionHost {
             governor: None,
             is_scheduled: false,
             behind: RegionSet::EMPTY,
+            late: Vec::new(),
             auditing: fidelity::Audits::default(),
             audited: None,
             tick: Tick(0),
@@ -335,7 +339,7 @@ impl RegionHost {
 
     /// Chooses the neighbours of every region here for the tick to come, or has all meet.
     fn meet(&mut self, all: bool) {
-        let (regions, behind) = (self.partition.len(), self.behind);
+        let (regions, behind) = (self.partition.len(), self.left_behind());
         let settles = self.meets && !std::mem::replace(&mut self.settled, true);
         for side in &mut self.sides {
             if settles {

@@ -117,11 +117,12 @@ impl RegionHost {
         here.is_some_and(|region| !region.holds_movable() && !region.owes_word())
     }
 
-    /// Returns the load of a region, in the units of the balance.
+    /// Returns the load of a region computed here, in the units of the balance. A step of one at a lower rate is one of several ticks.
     pub fn load_of(&self, region: &Region, load: Load) -> f64 {
+        let rate = || self.place_of[region.rank()].map_or(1, |place| self.sides[place].clock.rate);
         match load {
             Load::Counts => region.activity(),
-            Load::Times => region.mean_step_us(),
+            Load::Times => region.mean_step_us() / f64::from(rate()),
         }
     }
 
@@ -133,11 +134,9 @@ impl RegionHost {
             false => Arc::default(),
         };
         let mut burdens = Vec::new();
-        for Side { region, clock, .. } in &self.sides {
+        for Side { region, .. } in &self.sides {
             let awake: Vec<_> = region.awake_places().collect();
-            // A step of a region at a lower rate is one of several ticks.
-            let ticks = if load == Load::Times { f64::from(clock.rate) } else { 1.0 };
-            let weight = self.load_of(region, load) / ticks / awake.len() as f64;
+            let weight = self.load_of(region, load) / awake.len() as f64;
             burdens.extend(awake.into_iter().map(|(id, place)| Burden {
                 place,
                 weight,
@@ -216,6 +215,7 @@ impl RegionHost {
             leaves: self.partition.leaves().clone(),
         };
         self.sides.iter_mut().for_each(|side| side.remap_ranks(&ranks));
+        self.late.clear();
         self.sides.sort_by_key(|side| side.region.rank());
         self.place_of = vec![None; self.partition.len()];
         // A region that is born elsewhere knows nothing of others' substeps: all begin again alike.

@@ -274,7 +274,7 @@ pub enum ToServer {
         /// What.
         finding: Finding,
     },
-    /// From the leader, once per second: what it saves and costs that not all is computed in full.
+    /// From the leader, every 60 ticks: what it saves and costs that not all is computed in full.
     Fidelity {
         /// The present view.
         view: ViewNumber,
@@ -538,6 +538,8 @@ pub struct Done {
     pub answers: Vec<Answer>,
     /// What it has to do, when that is due.
     pub load: Option<LoadReport>,
+    /// How long it has computed for it, microseconds.
+    pub compute_us: u32,
     /// The states of its regions, in id order, where the world's fidelity lets them be stepped less often.
     pub regions: Vec<RegionState>,
 }

@@ -5,6 +5,11 @@ use crate::fidelity::{Audited, COARSEST, FidelityReport, RegionState, Signals};
 use crate::protocol::*;
 use crate::space::{Allocation, Balance, Bounds, DistributionTree, MAX_REGIONS, Viewpoint};
 
+/// The longest time that a step of a region is said to take, milliseconds; the most bodies awake in one; the largest error and cost of an audit.
+const MOST_MS: f32 = 1e6;
+const MOST_AWAKE: u32 = 1 << 24;
+const MOST_FOUND: f32 = 1e6;
+
 /// The most border messages that a member takes in in one tick: of a thousand others in 64 rounds.
 const MOST_HEARD: usize = 1 << 16;
 
@@ -140,9 +145,13 @@ impl Check for RegionState {
     fn check(&self) -> Result<(), Invalid> {
         must(self.behind < COARSEST, "region.behind", "less than 4 ticks")?;
         let Signals { overlap_m, spin_rad_s } = self.signals;
-        not_negative(&[self.step_ms, self.took_ms, self.full_ms, overlap_m, spin_rad_s], "region")?;
+        not_negative(&[overlap_m, spin_rad_s], "region.signals")?;
+        let may_be = |v: f32| (0.0..=MOST_MS).contains(&v);
+        must(self.times_ms().into_iter().all(may_be), "region.times_ms", "0 to 1e6")?;
+        must(self.awake <= MOST_AWAKE, "region.awake", "at most 16,777,216")?;
         let Some(Audited { error_m_s, cost }) = self.audited else { return Ok(()) };
-        not_negative(&[error_m_s.unwrap_or(0.0), cost], "region.audited")
+        let may_be = |v: f32| (0.0..=MOST_FOUND).contains(&v);
+        must(may_be(error_m_s.unwrap_or(0.0)) && may_be(cost), "region.audited", "0 to 1e6")
     }
 }
 

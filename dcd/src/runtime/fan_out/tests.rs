@@ -67,6 +67,7 @@ impl Stage {
             events: vec![],
             answers: vec![],
             load: None,
+            compute_us: 0,
             regions: vec![],
         };
         self.nodes.iter().for_each(|&node| self.leader.done(node, done.clone()));

@@ -98,6 +98,7 @@ pub struct Stated {
     pub high95: Option<f32>,
 }
 
+#[cfg(feature = "cli")]
 impl FidelityShare {
     /// Says it in a line.
     pub(crate) fn words(&self) -> String {

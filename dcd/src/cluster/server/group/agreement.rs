@@ -10,6 +10,7 @@ use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::cluster::state_replication::TELL_TICK;
+use crate::fidelity::Schedule;
 use crate::protocol::{Dispatch, Input, View, WorldOp, encode_value};
 use crate::space::{Allocation, DistributionTree, NodeId, Tick};
 
@@ -80,7 +81,10 @@ pub(super) fn dispatches(
         Some((_, own)) => (*own).clone(),
         None => {
             let is_sure = 2 * of.len() > named.len() || of.iter().any(|(node, _)| is_dedicated(*node));
+            let schedule = schedule_of(&of, is_dedicated).cloned();
             let mut one = merged(&of.into_iter().map(|(_, one)| one).collect::<Vec<_>>());
+            one.ops.retain(|op| op.schedule().is_none());
+            one.ops.extend(schedule.map(WorldOp::Schedule));
             // What else a leader did is on record, or is lost as if it had died a moment before.
             one.ops.retain(|op| is_sure || is_for_some(op) || matches!(op, WorldOp::Ask { .. }));
             one
@@ -101,18 +105,34 @@ pub(super) fn astray(
         return BTreeSet::new();
     };
     // Where members may be ticks apart all meet in every tick, and it goes on with them.
-    let is_for_all = |op: &WorldOp| op.concerns_all() || op.schedule().is_some();
-    let meets = |op: &&WorldOp| op.repartition().is_some() || lag == 0 && is_for_all(op);
+    let meets = |op: &&WorldOp| op.repartition().is_some() || lag == 0 && op.concerns_all();
+    let schedule = |one: &Dispatch| one.ops.iter().find_map(WorldOp::schedule).cloned();
     let differs = |own: &Dispatch| {
         // What is older all have done, and some do not name it any more.
         let one = counted.iter().find(|one| one.tick == own.tick && one.tick.0 + lag + 1 > end.tick.0);
         own.view == view.number
-            && one.is_some_and(|one| own.ops.iter().filter(meets).any(|op| !one.ops.contains(op)))
+            && one.is_some_and(|one| {
+                own.ops.iter().filter(meets).any(|op| !one.ops.contains(op)) || schedule(own) != schedule(one)
+            })
     };
     // A dedicated one never: who else says what the leader told might have it sent away.
     let plays = |node| view.members.iter().any(|one| one.node == node && one.client.is_some());
     let is_astray = |(node, own): &(&NodeId, &Vec<Dispatch>)| plays(**node) && own.iter().any(differs);
     named.iter().filter(is_astray).map(|(&node, _)| node).collect()
+}
+
+/// Returns which regions stay behind in a tick as these members name it: as most of those say that are no participants, if there are any. All have begun
+/// it as they say, and those never begin anew.
+fn schedule_of<'a>(
+    of: &[(NodeId, &'a Dispatch)],
+    is_dedicated: impl Fn(NodeId) -> bool,
+) -> Option<&'a Schedule> {
+    let said = |dedicated: bool| {
+        let those = of.iter().filter(|(node, _)| !dedicated || is_dedicated(*node));
+        those.map(|(_, one)| one.ops.iter().find_map(WorldOp::schedule)).collect::<Vec<_>>()
+    };
+    let [dedicated, all] = [said(true), said(false)];
+    most_common(if dedicated.is_empty() { all.iter() } else { dedicated.iter() }).copied().flatten()
 }
 
 /// Returns the newest tick that each member names which takes part in this run, in order. Those that are silent are at the view's tick.
@@ -374,6 +394,26 @@ mod tests {
             [].into(),
             "it goes on with them"
         );
+    }
+
+    #[test]
+    fn which_regions_stay_behind_is_what_those_say_that_are_no_participants() {
+        let mut view = view();
+        view.members[2].client = Some(ClientId(1));
+        let stays = |region| WorldOp::Schedule(Schedule { behind: vec![RegionId(region)], audit: None });
+        let tick = |ops| vec![dispatch(8, ops)];
+        let of = |named: &[(NodeId, Vec<Dispatch>)]| {
+            let named = named.iter().cloned().collect();
+            let (counted, _) = dispatches(&view, Tick(7), 0, &named);
+            (counted[0].ops.clone(), astray(&view, 0, &named, &counted))
+        };
+        let (true_one, lie) = (tick(vec![stays(1)]), tick(vec![stays(2)]));
+        for said in [lie, tick(Vec::new()), tick(vec![remove(1)])] {
+            let (ops, astray) = of(&[(TWO, true_one.clone()), (THREE, said)]);
+            assert_eq!((ops, astray), (vec![stays(1)], [THREE].into()), "it has begun otherwise, or lies");
+        }
+        assert_eq!(of(&[(TWO, tick(Vec::new())), (THREE, true_one.clone())]), (vec![], [THREE].into()));
+        assert_eq!(of(&[(TWO, true_one.clone()), (THREE, true_one)]), (vec![stays(1)], [].into()));
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use std::cell::RefCell;
 use std::ffi::{CStr, c_char};
+use std::ops::Deref;
 
 use dcd::cluster::RestoreError;
 use dcd::error::{GltfError, RecordingError};
@@ -44,16 +45,31 @@ pub const DCD_ERR_IO: DcdStatus = -13;
 /// The system or the world has no more: threads, ids.
 pub const DCD_ERR_LIMIT: DcdStatus = -14;
 
-/// Why a call failed: its code, and a message with the cause and the remedy.
+/// Why a call failed. Boxed: what a call returns then is one word, and not four that are copied from place to place though it went well.
 #[derive(Debug)]
-pub(crate) struct Failure {
+pub(crate) struct Failure(Box<Why>);
+
+/// The code of a failure, and a message with the cause and the remedy.
+#[derive(Debug)]
+pub(crate) struct Why {
     pub status: DcdStatus,
     pub message: String,
 }
 
+const _: () = assert!(size_of::<Result<(), Failure>>() == size_of::<usize>());
+
+impl Deref for Failure {
+    type Target = Why;
+
+    fn deref(&self) -> &Why {
+        &self.0
+    }
+}
+
 impl Failure {
+    #[cold]
     pub(crate) fn new(status: DcdStatus, message: impl Into<String>) -> Self {
-        Self { status, message: message.into() }
+        Self(Box::new(Why { status, message: message.into() }))
     }
 
     pub(crate) fn argument(message: impl Into<String>) -> Self {

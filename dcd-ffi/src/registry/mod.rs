@@ -92,13 +92,15 @@ fn in_cell<R>(world: DcdWorld, work: impl FnOnce(&Cell) -> Option<Result<R, Fail
     not_null(world.v, "world")?;
     let mut work = Some(work);
     let done = LAST.try_with(|last| -> Result<_, Failure> {
-        if last.borrow().as_ref().is_none_or(|(handle, _)| *handle != world.v) {
+        let mut known = last.borrow();
+        if known.as_ref().is_none_or(|(handle, _)| *handle != world.v) {
+            drop(known);
             let found = cell(world)?;
             last.replace(Some((world.v, found)));
+            // No call is made within another on this thread, so nobody replaces it meanwhile.
+            known = last.borrow();
         }
-        // No call is made within another on this thread, so nobody replaces it meanwhile.
-        let last = last.borrow();
-        Ok(last.as_ref().zip(work.take()).and_then(|((_, cell), work)| work(cell)))
+        Ok(known.as_ref().zip(work.take()).and_then(|((_, cell), work)| work(cell)))
     });
     let done = match done {
         Ok(done) => done?,

@@ -54,21 +54,37 @@ impl OwnerIndex {
         }
     }
 
+    /// Sets the place of a body. Inlined, so that it is not put into memory to be read from there at once.
+    #[inline]
     pub(super) fn set(&mut self, id: BodyId, home: Home) {
-        let before = match dense_index(id) {
-            Some(index) => {
-                if self.pages.len() <= index / PAGE {
-                    self.pages.resize(index / PAGE + 1, None);
-                }
-                let empty = || Box::new(Page { homes: [None; PAGE], used: 0 });
-                let page = self.pages[index / PAGE].get_or_insert_with(empty);
-                let before = page.homes[index % PAGE].replace(home);
-                page.used += usize::from(before.is_none());
-                before
+        let dense = dense_index(id);
+        let page = dense.and_then(|index| self.pages.get_mut(index / PAGE)?.as_deref_mut());
+        match (dense, page) {
+            (Some(index), Some(page)) => {
+                let is_new = usize::from(page.homes[index % PAGE].is_none());
+                page.homes[index % PAGE] = Some(home);
+                page.used += is_new;
+                self.len += is_new;
             }
-            None => self.sparse.insert(id, home),
+            _ => self.set_first(id, home.rank, home.handle),
+        }
+    }
+
+    /// Sets the place of a body that is on no page yet, or will be on none. It is given in its parts, which lie in registers.
+    #[cold]
+    fn set_first(&mut self, id: BodyId, rank: usize, handle: RigidBodyHandle) {
+        let home = Home { rank, handle };
+        let Some(index) = dense_index(id) else {
+            self.len += usize::from(self.sparse.insert(id, home).is_none());
+            return;
         };
-        self.len += usize::from(before.is_none());
+        if self.pages.len() <= index / PAGE {
+            self.pages.resize(index / PAGE + 1, None);
+        }
+        let mut page = Box::new(Page { homes: [None; PAGE], used: 1 });
+        page.homes[index % PAGE] = Some(home);
+        self.pages[index / PAGE] = Some(page);
+        self.len += 1;
     }
 
     pub(super) fn remove(&mut self, id: BodyId) {
@@ -157,6 +173,13 @@ mod tests {
             index.set(id, home(id.index() as usize));
         }
         assert_eq!(index.len(), 100_002);
+        // One that moves to another region is counted once.
+        for id in [kept[0], avatar] {
+            let before = index.home(id).unwrap();
+            index.set(id, home(9));
+            assert_eq!((index.home(id), index.len()), (Some(home(9)), 100_002));
+            index.set(id, before);
+        }
         for id in (0..100_000).map(BodyId::persistent).filter(|id| !kept.contains(id)) {
             index.remove(id);
             index.remove(id);

@@ -123,7 +123,7 @@ impl Statics {
 
 fn insert(region: &mut Region, body: &BodyRecord, shapes: &ShapeLibrary) -> Result<(), ShapeError> {
     if region.handle_of(body.id).is_none() {
-        region.insert(body, Ownership::Immovable, RegionSet::EMPTY, shapes)?;
+        region.insert(body.clone(), Ownership::Immovable, RegionSet::EMPTY, shapes)?;
     }
     Ok(())
 }

@@ -184,9 +184,10 @@ impl LocalWorld {
         let id = record.id;
         let next = self.next_body.checked_add(1).ok_or(WorldError::Full)?;
         check_speed(&record, self.host.settings().speed_limit_m_s())?;
-        self.host.insert_one(&record)?;
-        if self.tape.is_some() {
-            self.tape_bodies(vec![record]);
+        let taped = self.tape.is_some().then(|| vec![record.clone()]);
+        self.host.insert_one(record)?;
+        if let Some(record) = taped {
+            self.tape_bodies(record);
         }
         self.next_body = next;
         Ok(id)

@@ -218,6 +218,7 @@ impl World {
 
     /// Returns whether the world has a body, as far as this process knows.
     #[must_use]
+    #[inline]
     pub fn contains(&self, body: BodyId) -> bool {
         match &self.inner {
             Inner::Local(world) => world.contains(body),
@@ -253,6 +254,7 @@ impl World {
 
     /// Returns the pose of a body in world space.
     #[must_use]
+    #[inline]
     pub fn pose(&self, body: BodyId) -> Option<WorldPose> {
         match &self.inner {
             Inner::Local(world) => world.pose(body),
@@ -262,6 +264,7 @@ impl World {
 
     /// Returns the velocity of a body, m/s and rad/s; zero for a fixed one.
     #[must_use]
+    #[inline]
     pub fn velocity(&self, body: BodyId) -> Option<Velocity> {
         match &self.inner {
             Inner::Local(world) => world.velocity(body),
@@ -271,6 +274,7 @@ impl World {
 
     /// Returns [`World::pose`] and [`World::velocity`] of a body, by one look-up.
     #[must_use]
+    #[inline]
     pub fn motion(&self, body: BodyId) -> Option<(WorldPose, Velocity)> {
         match &self.inner {
             Inner::Local(world) => world.motion(body),

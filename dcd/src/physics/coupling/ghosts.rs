@@ -168,7 +168,7 @@ fn hold(
         }
         region.remove(body.id);
     }
-    match region.insert(body, role, RegionSet::EMPTY, ground.shapes) {
+    match region.insert(body.clone(), role, RegionSet::EMPTY, ground.shapes) {
         Ok(handle) => {
             ground.statics.cover(region, handle, ground.shapes)?;
             Ok(Some(handle))

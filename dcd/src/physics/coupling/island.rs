@@ -623,7 +623,7 @@ mod tests {
         let mut insert = |region: &mut Region, index: u32| {
             let (body, ball) = (RigidBodyBuilder::dynamic().build(), ColliderBuilder::ball(0.5));
             let body = shapes.describe(BodyId::persistent(index), WorldPose::default(), &body, &[ball]);
-            region.insert(&body.unwrap(), Ownership::Owner, RegionSet::EMPTY, &shapes).unwrap()
+            region.insert(body.unwrap(), Ownership::Owner, RegionSet::EMPTY, &shapes).unwrap()
         };
         let former = insert(&mut region, 0);
         let mut islands = Islands::default();

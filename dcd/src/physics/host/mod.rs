@@ -566,6 +566,7 @@ impl RegionHost {
     }
 
     /// Returns the region of a rank, if it is computed here.
+    #[inline]
     fn region_at(&self, rank: usize) -> Option<&Region> {
         Some(&self.sides[self.place_of[rank]?].region)
     }

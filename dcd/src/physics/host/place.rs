@@ -101,20 +101,27 @@ impl RegionHost {
     }
 
     /// Inserts one body that no joint ties, as [`RegionHost::insert`] would.
-    pub(crate) fn insert_one(&mut self, body: &BodyRecord) -> Result<(), HostError> {
+    pub(crate) fn insert_one(&mut self, body: BodyRecord) -> Result<(), HostError> {
         self.meet_all();
         if self.held(body.id) {
             return Err(HostError::Taken(body.id));
         }
         // Whether its shapes are known shows before it is inserted.
-        check_state(body)?;
+        check_state(&body)?;
         self.insert_alone(body)
     }
 
-    fn insert_checked(&mut self, bodies: Vec<BodyRecord>, joints: &[JointRecord]) -> Result<(), HostError> {
-        if joints.is_empty() && bodies.len() == 1 {
+    fn insert_checked(
+        &mut self,
+        mut bodies: Vec<BodyRecord>,
+        joints: &[JointRecord],
+    ) -> Result<(), HostError> {
+        if joints.is_empty()
+            && bodies.len() == 1
+            && let Some(body) = bodies.pop()
+        {
             // Many come one by one: what a list costs is spared.
-            return self.insert_alone(&bodies[0]);
+            return self.insert_alone(body);
         }
         let placement = Placement::of(&bodies, joints, &self.shapes, &self.settings)?;
         let owners = placement.owners(&bodies, &self.partition);
@@ -411,18 +418,18 @@ impl RegionHost {
     }
 
     /// Inserts one checked body: it belongs to where it is.
-    fn insert_alone(&mut self, body: &BodyRecord) -> Result<(), HostError> {
+    fn insert_alone(&mut self, body: BodyRecord) -> Result<(), HostError> {
         if body.traits.kind == BodyKind::Fixed {
-            return self.insert_placed(vec![body.clone()], &[usize::MAX], &[false], &[]);
+            return self.insert_placed(vec![body], &[usize::MAX], &[false], &[]);
         }
         let place = self.place_of[self.partition.rank_at(body.state.pose.translation)];
         // One like it has made room for it.
-        if place.is_none_or(|place| self.sides[place].region.newest_like(body).is_none()) {
-            self.make_room(body)?;
+        if place.is_none_or(|place| self.sides[place].region.newest_like(&body).is_none()) {
+            self.make_room(&body)?;
         }
         let Some(place) = place else { return Ok(()) };
         let region = &mut self.sides[place].region;
-        settle_origin(region, std::iter::once(body));
+        settle_origin(region, std::iter::once(&body));
         Ok(self.insert_owned(place, body, false)?)
     }
 
@@ -465,7 +472,7 @@ impl RegionHost {
                     if body.traits.kind == BodyKind::Fixed && !late {
                         self.statics.insert_near(body.id, &mut self.sides[place].region, &self.shapes)?;
                     } else if owner == rank && is_late == late && body.traits.kind != BodyKind::Fixed {
-                        self.insert_owned(place, body, whole)?;
+                        self.insert_owned(place, body.clone(), whole)?;
                     }
                 }
                 if warms && !late {
@@ -521,12 +528,12 @@ impl RegionHost {
     }
 
     /// Inserts a movable body into the region that owns it, and notes that it does.
-    fn insert_owned(&mut self, place: usize, body: &BodyRecord, whole: bool) -> Result<(), ShapeError> {
-        let region = &mut self.sides[place].region;
+    fn insert_owned(&mut self, place: usize, body: BodyRecord, whole: bool) -> Result<(), ShapeError> {
+        let (id, region) = (body.id, &mut self.sides[place].region);
         let handle = region.insert(body, Ownership::Owner, RegionSet::EMPTY, &self.shapes)?;
         region.slot_mut(handle).whole = whole;
         self.statics.cover(region, handle, &self.shapes)?;
-        self.owner_index.set(body.id, Home { rank: region.rank(), handle });
+        self.owner_index.set(id, Home { rank: region.rank(), handle });
         Ok(())
     }
 

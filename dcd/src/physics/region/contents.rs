@@ -14,15 +14,16 @@ use crate::protocol::{BodyRecord, JointRecord};
 use crate::space::{BodyId, Epoch, RegionSet};
 
 impl Region {
-    /// Inserts a body that is not held here yet, with this ownership.
+    /// Inserts a body that is not held here yet, with this ownership. It comes by value: each copy of what it shares with others that is made and
+    /// dropped on the way costs two locked exchanges.
     pub(in crate::physics) fn insert(
         &mut self,
-        body: &BodyRecord,
+        body: BodyRecord,
         role: Ownership,
         holders: RegionSet,
         shapes: &ShapeLibrary,
     ) -> Result<RigidBodyHandle, ShapeError> {
-        let like = self.newest_like(body).map(|like| (like.reach_m, like.outline.clone()));
+        let like = self.newest_like(&body).map(|like| (like.reach_m, like.outline.clone()));
         if like.is_none() {
             for collider in &body.traits.colliders {
                 shapes.look_at(collider.shape)?;
@@ -31,8 +32,8 @@ impl Region {
         self.stirred = true;
         let found = std::mem::take(&mut self.moved);
         let bodies = &mut self.world.bodies;
-        let handle = bodies.insert(record::body_builder(body, self.anchor));
-        record::finish_body(&mut bodies[handle], body);
+        let handle = bodies.insert(record::body_builder(&body, self.anchor));
+        record::finish_body(&mut bodies[handle], &body);
         let before = self.by_id.insert(body.id, handle);
         assert!(before.is_none(), "{} is already held by {}", body.id, self.id);
         for (place, record) in body.traits.colliders.iter().enumerate() {
@@ -75,7 +76,7 @@ impl Region {
             epoch: body.epoch,
             role,
             holders,
-            traits: body.traits.clone(),
+            traits: body.traits,
             reach_m,
             outline,
             joints: Vec::new(),
@@ -245,7 +246,7 @@ mod tests {
             let (body, collider) = (RigidBodyBuilder::dynamic().build(), ColliderBuilder::ball(0.5));
             let body =
                 shapes.describe(BodyId::persistent(index), WorldPose::at([0.0; 3]), &body, &[collider]);
-            region.insert(&body.unwrap(), Ownership::Owner, RegionSet::EMPTY, &shapes).unwrap();
+            region.insert(body.unwrap(), Ownership::Owner, RegionSet::EMPTY, &shapes).unwrap();
         };
         for index in 0..4 {
             insert(&mut region, index);

@@ -20,7 +20,7 @@ use crate::protocol::SharedState;
 use crate::space::ClientId;
 
 /// Version of the protocol. It grows with every change of the message set; peers of unequal versions refuse each other.
-pub const VERSION: u32 = 29;
+pub const VERSION: u32 = 30;
 
 /// The most bytes of a message. A single shape (a height field of 2,000 × 2,000) is what needs most; what is longer is refused
 /// before it is sent (`ShapeRecord::can_travel`).
@@ -459,6 +459,7 @@ mod tests {
                 pace: crate::protocol::Pace::RealTime,
                 state_every: 3,
                 last_tick: None,
+                relays_above: None,
             };
             let welcome = Message::ToNode(ToNode::Welcome { id: crate::space::NodeId(1), world });
             for message in [sample(), welcome, Message::Ping(Ping { sent_us: 5 }), status()] {

@@ -368,7 +368,11 @@ impl Client {
         if self.vigil.is_due(now) {
             let leader = self.leader.as_ref().map(|leader| Peer::Node(leader.node));
             let relay = self.doubt_relay();
-            leader.into_iter().chain(relay).chain([Peer::Server]).for_each(|peer| self.send(peer, Pinger::ask(now)));
+            leader
+                .into_iter()
+                .chain(relay)
+                .chain([Peer::Server])
+                .for_each(|peer| self.send(peer, Pinger::ask(now)));
         }
         if self.dial_leader_at.take_if(|at| *at <= now).is_some() && self.node.is_none() && !self.linked {
             self.outputs.extend(self.leader.clone().map(ClientOutput::Connect));

@@ -31,9 +31,7 @@ use crate::protocol::{
     Query, Refusal, RegionEvents, Repartition, Report, SharedState, Thresholds, ToClient, ToServer, View,
     ViewNumber, WorldOp, encoded_len, most_items,
 };
-use crate::space::{
-    Allocation, BodyId, ClientId, DistributionTree, Epoch, NodeId, RegionId, Renaming, Tick,
-};
+use crate::space::{Allocation, BodyId, ClientId, DistributionTree, Epoch, NodeId, RegionId, Renaming, Tick};
 
 /// The most bytes of the server's operations in one tick, unless the first is longer: what is left over waits.
 const OPS_BYTES: usize = 4 << 20;

@@ -424,7 +424,7 @@ impl Node {
     }
 
     fn connected(&mut self, now: Duration, peer: Peer) {
-        self.links.insert(peer);
+        let is_anew = !self.links.insert(peer);
         match peer {
             Peer::Server => self.greet_server(now),
             Peer::Node(node) => {
@@ -435,6 +435,10 @@ impl Node {
             Peer::Client(client) => {
                 if let Some(leader) = &mut self.leader {
                     leader.admit(client);
+                }
+                // What it was told over the link before counts no more.
+                if is_anew {
+                    self.tell_of_link(client, false);
                 }
                 self.tell_of_link(client, true);
             }

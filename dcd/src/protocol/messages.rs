@@ -190,7 +190,7 @@ impl Message {
                 ToClient::Answer { .. } => Subject::Answers,
                 ToClient::LeaderIs { .. } | ToClient::Regions { .. } | ToClient::ToldBy(_) => {
                     Subject::Regions
-                },
+                }
                 ToClient::Welcome { .. } | ToClient::Rejected { .. } | ToClient::Built(_) => Subject::Rest,
             },
             Self::Relay(ToRelay::News(_) | ToRelay::Guess { .. }) => Subject::States,

@@ -142,8 +142,7 @@ impl Node {
         for (client, message) in messages {
             self.tell_client(client, message);
         }
-        let for_relays =
-            self.leader.as_mut().map(|leader| leader.take_relay_messages()).unwrap_or_default();
+        let for_relays = self.leader.as_mut().map(|leader| leader.take_relay_messages()).unwrap_or_default();
         for (node, message) in for_relays {
             self.send(Peer::Node(node), Message::Relay(message));
         }

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::TickNews;
 use super::news::Latest;
+use super::reach::Reach;
 use crate::protocol::{Area, CHUNK_BYTES, RelayNews, ToRelay, ViewNumber, split};
 use crate::space::{BodyId, ClientId};
 
@@ -16,6 +17,7 @@ pub(super) struct Feed {
     /// Clients that have come, each with its turn, or gone since the tick before.
     changes: BTreeMap<ClientId, Option<u32>>,
     interests: BTreeMap<ClientId, Option<Area>>,
+    reach: Reach,
     applied: BTreeMap<ClientId, (u64, i8)>,
 }
 
@@ -32,7 +34,7 @@ impl Feed {
         }
         self.clients.insert(client);
         self.changes.insert(client, Some(turn));
-        self.interests.insert(client, area);
+        self.interested(client, area);
         self.applied.remove(&client);
     }
 
@@ -40,10 +42,12 @@ impl Feed {
         self.clients.remove(&client);
         self.changes.insert(client, None);
         self.interests.remove(&client);
+        self.reach.leave(client);
         self.applied.remove(&client);
     }
 
     pub(super) fn interested(&mut self, client: ClientId, area: Option<Area>) {
+        self.reach.turn(client, area);
         self.interests.insert(client, area);
     }
 
@@ -60,12 +64,10 @@ impl Feed {
         latest: &Latest,
     ) -> Vec<ToRelay> {
         let begins = !self.is_over() && !std::mem::replace(&mut self.has_begun, true);
-        let states: Vec<_> = match begins {
-            true => latest.values().map(|&(state, tick)| (tick, state)).collect(),
-            false => {
-                moved.filter_map(|id| latest.get(&id)).map(|&(state, tick)| (tick, state)).collect()
-            }
-        };
+        let gone = tick.gone.iter().copied().filter(|&id| self.reach.forget(id)).collect();
+        let chosen = self.reach.choose(moved, latest);
+        let states: Vec<_> =
+            chosen.iter().filter_map(|id| latest.get(id)).map(|&(state, tick)| (tick, state)).collect();
         let mut parts = split(states, CHUNK_BYTES).into_iter();
         let first = RelayNews {
             view,
@@ -76,14 +78,21 @@ impl Feed {
             is_last: tick.is_last,
             clients: std::mem::take(&mut self.changes).into_iter().collect(),
             interests: std::mem::take(&mut self.interests).into_iter().collect(),
-            applied: std::mem::take(&mut self.applied).into_iter().map(|(of, (time, early))| (of, time, early)).collect(),
-            gone: tick.gone.iter().copied().collect(),
+            applied: std::mem::take(&mut self.applied)
+                .into_iter()
+                .map(|(of, (time, early))| (of, time, early))
+                .collect(),
+            gone,
             allocation: tick.allocation.clone(),
             states: parts.next().unwrap_or_default(),
         };
         let (number, last) = (tick.tick, parts.len());
-        let rest = (1..).zip(parts).map(|(at, states)| {
-            RelayNews { view, more: at < last, tick: number, states, ..RelayNews::default() }
+        let rest = (1..).zip(parts).map(|(at, states)| RelayNews {
+            view,
+            more: at < last,
+            tick: number,
+            states,
+            ..RelayNews::default()
         });
         std::iter::once(first).chain(rest).map(|news| ToRelay::News(Box::new(news))).collect()
     }

@@ -4,11 +4,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::news::{Change, Latest, News};
+use super::reach::AROUND_M;
 use crate::protocol::{Area, SharedState};
 use crate::space::{BodyId, ClientId, Tick};
-
-/// How far a body may have come from an area within the time that goes by from one teller of a client to the next, metres.
-const LEFT_M: f64 = 64.0;
 
 /// One client's area of interest, and what it was sent.
 #[derive(Clone, Debug)]
@@ -62,9 +60,10 @@ impl Audience {
     /// Notes that another may have told the client of the bodies that moved since a tick, and cannot be asked: it is told again of those near the
     /// area, which may just have left it.
     pub(super) fn begin_after(&mut self, since: Tick, latest: &Latest) {
-        let wide = Area { radius_m: self.area.radius_m + LEFT_M, ..self.area };
+        let wide = Area { radius_m: self.area.radius_m + AROUND_M, ..self.area };
         let is_near = |at| wide.enters(at) || self.near.values().any(|area| area.enters(at));
-        let left = latest.iter().filter(|(_, (state, tick))| *tick >= since && is_near(state.pose.translation));
+        let left =
+            latest.iter().filter(|(_, (state, tick))| *tick >= since && is_near(state.pose.translation));
         self.owed.extend(left.map(|(&id, _)| id));
     }
 

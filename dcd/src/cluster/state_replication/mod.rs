@@ -9,6 +9,7 @@ mod feed;
 mod interest;
 mod news;
 mod place;
+mod reach;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -386,7 +387,14 @@ impl StateReplication {
             feed.into_iter().for_each(|feed| feed.has_applied(client, newest));
         }
         let (gone, allocation) = (news.gone.clone(), news.allocation.clone());
-        Some(TickNews { tick: news.tick, opened: news.opened, is_last: news.is_last, gone, allocation, ..TickNews::default() })
+        Some(TickNews {
+            tick: news.tick,
+            opened: news.opened,
+            is_last: news.is_last,
+            gone,
+            allocation,
+            ..TickNews::default()
+        })
     }
 
     fn tell_relays(&mut self, tick: &TickNews, moved: &Moved) {

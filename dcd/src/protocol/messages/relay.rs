@@ -35,7 +35,7 @@ pub enum ToRelay {
 pub struct RelayNews {
     /// The present view.
     pub view: ViewNumber,
-    /// Whether the relay begins anew: it has no clients but those that follow, and is told of all bodies.
+    /// Whether the relay begins anew: it has no clients but those that follow, and knows of no body but those that are told.
     pub begins: bool,
     /// Whether another part of the same tick follows.
     pub more: bool,
@@ -55,6 +55,6 @@ pub struct RelayNews {
     pub gone: Vec<BodyId>,
     /// Who computes which region, if that is new.
     pub allocation: Option<Allocation>,
-    /// Bodies that moved, in id order, and after which tick they were so.
+    /// Bodies near what its clients are interested in that moved, or came to be near it, in id order, and after which tick they were so.
     pub states: Vec<(Tick, SharedState)>,
 }

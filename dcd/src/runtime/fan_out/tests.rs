@@ -128,7 +128,9 @@ fn a_thread_that_is_held_up_keeps_no_tick_waiting_and_tells_the_newest_states_wh
     assert!(fan_out.handle(stage.tick()));
     // It has begun to tell of the first tick, and stands still.
     let first = tells.recv_timeout(PATIENCE).unwrap();
-    assert!(matches!(first.message, Message::ToClient(_, ToClient::CompactStates { stamp, .. }) if stamp.tick == Tick(1)));
+    assert!(
+        matches!(first.message, Message::ToClient(_, ToClient::CompactStates { stamp, .. }) if stamp.tick == Tick(1))
+    );
     let begin = Instant::now();
     for _ in 0..MANY {
         assert!(fan_out.handle(stage.tick()));
@@ -141,7 +143,9 @@ fn a_thread_that_is_held_up_keeps_no_tick_waiting_and_tells_the_newest_states_wh
     // From here on it is never held up.
     drop(open);
     let next = tells.recv_timeout(PATIENCE).unwrap();
-    assert!(matches!(next.message, Message::ToClient(_, ToClient::CompactStates { stamp, .. }) if stamp.tick == last));
+    assert!(
+        matches!(next.message, Message::ToClient(_, ToClient::CompactStates { stamp, .. }) if stamp.tick == last)
+    );
     drop(fan_out);
     assert!(
         tells
@@ -282,7 +286,8 @@ fn what_waits_is_told_before_it_ends() {
     let mut stage = Stage::new();
     fan_out.handle(stage.tick());
     drop(fan_out);
-    let is_of_states = |told: Told| matches!(told.message, Message::ToClient(_, ToClient::CompactStates { .. }));
+    let is_of_states =
+        |told: Told| matches!(told.message, Message::ToClient(_, ToClient::CompactStates { .. }));
     assert!(tells.try_iter().any(is_of_states));
 }
 

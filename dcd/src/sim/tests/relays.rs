@@ -44,7 +44,10 @@ fn check_fresh(sim: &Sim, clients: &[ClientId], seed: u64) {
             let is = truth[&id].pose.translation;
             if at % 2 == 0 || AREA.covers(believed) || CORE.covers(is) {
                 let age = now.0.saturating_sub(view.settled_tick().0);
-                assert!(age <= FRESH_TICKS, "seed {seed}: {client} has {id} as it was {age} ticks ago, {now}");
+                assert!(
+                    age <= FRESH_TICKS,
+                    "seed {seed}: {client} has {id} as it was {age} ticks ago, {now}"
+                );
                 seen += 1;
             }
         }
@@ -109,7 +112,7 @@ fn inputs_are_said_to_be_applied_though_a_relay_tells_of_them() {
 /// is not so.
 #[test]
 fn a_relay_that_is_gone_or_silent_leaves_no_client_untold() {
-    for seed in 0..48 {
+    for seed in 0..24 {
         let (mut sim, clients) = relayed(seed, 4, (seed % 3 / 2) as u32);
         let (leader, relay) = (leader(&sim), relays(&sim, &clients)[0]);
         let told = *clients.iter().find(|&&client| sim.client(client).told_by() == Some(relay)).unwrap();
@@ -158,5 +161,27 @@ fn a_relay_that_is_gone_or_silent_leaves_no_client_untold() {
             _ => {}
         }
         stay_fresh(&mut sim, &clients, seed);
+    }
+}
+
+#[test]
+fn clients_of_relays_see_what_others_do_whatever_goes_wrong() {
+    use FaultProfile::{
+        Delay, Duplicate, Grow, KillLeader, KillNode, KillServer, Loss5, Loss20, OneWay, Partition1,
+        Partition5, Rebalance, Reorder, Restore, Shrink, Stop,
+    };
+    let profiles = [
+        Loss5, Loss20, Delay, Reorder, Duplicate, Partition1, Partition5, OneWay, KillNode, KillLeader,
+        KillServer, Stop, Rebalance, Grow, Shrink, Restore,
+    ];
+    for (profile, seed) in profiles.into_iter().flat_map(|profile| (0..2).map(move |seed| (profile, seed))) {
+        let config = TrialConfig { relays_above: Some(seed as u32 % 2), ..TrialConfig::default() };
+        let outcome = run_trial(&config, profile, seed, &profile.schedule(seed));
+        assert!(
+            outcome.violation.is_none(),
+            "{profile}, seed {seed}: {:?}\n{}",
+            outcome.violation,
+            outcome.timeline
+        );
     }
 }

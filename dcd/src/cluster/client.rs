@@ -313,11 +313,7 @@ impl Client {
                 }
             }
             ClientEvent::Message { from, message: Message::Pong(pong) } => {
-                let is_teller = match self.relay.teller() {
-                    Some(relay) => from == Peer::Node(relay),
-                    None => self.is_leader(from),
-                };
-                if is_teller {
+                if self.is_teller(from) {
                     self.relay.answered();
                     self.vigil.heard(now, false);
                 }
@@ -724,17 +720,6 @@ impl Client {
                     self.showing.iter_mut().for_each(|showing| showing.refused(id));
                 }
                 self.outputs.push_back(ClientOutput::Rejected { body, reason });
-            }
-        }
-    }
-
-    /// Acknowledges states, if that is due.
-    fn acknowledge(&mut self, now: Duration) {
-        if let Some(heard) = self.receiver.due(now, self.bytes_per_s) {
-            let heard = FromClient::Heard(heard);
-            match self.relay.teller() {
-                Some(relay) => self.send(Peer::Node(relay), Message::FromClient(self.id, heard)),
-                None => self.tell_leader(heard),
             }
         }
     }

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use super::{AGAIN, Client, ClientOutput};
 use crate::cluster::Peer;
-use crate::protocol::{FromClient, Member, Part, ToClient};
+use crate::protocol::{FromClient, Member, Message, Part, ToClient};
 use crate::space::NodeId;
 
 /// The relay, as the leader has named it.
@@ -52,6 +52,25 @@ impl Client {
     #[doc(hidden)]
     pub fn told_by(&self) -> Option<NodeId> {
         self.relay.teller()
+    }
+
+    /// Acknowledges states, if that is due.
+    pub(super) fn acknowledge(&mut self, now: Duration) {
+        if let Some(heard) = self.receiver.due(now, self.bytes_per_s) {
+            let heard = FromClient::Heard(heard);
+            match self.relay.teller() {
+                Some(relay) => self.send(Peer::Node(relay), Message::FromClient(self.id, heard)),
+                None => self.tell_leader(heard),
+            }
+        }
+    }
+
+    /// Returns whether a peer is who tells it states: the relay, or else the leader.
+    pub(super) fn is_teller(&self, peer: Peer) -> bool {
+        match self.relay.teller() {
+            Some(relay) => peer == Peer::Node(relay),
+            None => self.is_leader(peer),
+        }
     }
 
     /// Takes in who tells it states from now on.

@@ -37,6 +37,9 @@ pub(crate) struct FanOut {
     /// Numbers of clients, one run for each.
     #[arg(long, value_delimiter = ',', default_value = "0,10,100,500", conflicts_with = "quick")]
     clients: Vec<usize>,
+    /// Measures each number once more, where the leader tells so many itself and the other node those beyond.
+    #[arg(long, value_name = "CLIENTS", conflicts_with = "quick")]
+    relays: Option<u32>,
     /// Radius in which each hears, metres; all are spread evenly over the world.
     #[arg(long, default_value_t = 12.0)]
     interest: f64,
@@ -74,6 +77,14 @@ struct Row {
     bytes_per_s: f64,
     /// Batches of states that each client took in.
     updates_per_s: f64,
+    /// Clients that the leader tells itself; none: all.
+    #[serde(default)]
+    relays_above: Option<u32>,
+    /// UDP payloads that each node sent, to all.
+    #[serde(default)]
+    leader_sent_per_s: Option<f64>,
+    #[serde(default)]
+    other_sent_per_s: Option<f64>,
 }
 
 impl FanOut {
@@ -84,23 +95,29 @@ impl FanOut {
     fn measure(&self, rows: &mut Sheet<Row>) -> Result<(), Box<dyn Error>> {
         let (clients, seconds) =
             if self.output.quick { (&[0, 4][..], 1.0) } else { (&self.clients[..], self.seconds) };
+        let relays = if self.output.quick { Some(0) } else { self.relays };
         for &count in clients {
-            let row = self.serve(count, Duration::from_secs_f64(seconds))?;
-            eprintln!(
-                "{count} clients: {} ticks per second, {} ms of the leader per tick",
-                short(row.ticks_per_s),
-                short(row.leader_ms)
-            );
-            rows.push(row)?;
+            for above in [None].into_iter().chain(relays.filter(|_| count > 0).map(Some)) {
+                let row = self.serve(count, above, Duration::from_secs_f64(seconds))?;
+                eprintln!(
+                    "{count} clients{}: {} ticks per second, {} ms of the leader per tick, which sends {} bytes/s",
+                    above.map(|above| format!(", of which the leader tells {above}")).unwrap_or_default(),
+                    short(row.ticks_per_s),
+                    short(row.leader_ms),
+                    short(row.leader_sent_per_s.unwrap_or_default())
+                );
+                rows.push(row)?;
+            }
         }
         Ok(())
     }
 
     /// Serves the world to so many clients.
-    fn serve(&self, count: usize, time: Duration) -> Result<Row, Box<dyn Error>> {
+    fn serve(&self, count: usize, relays_above: Option<u32>, time: Duration) -> Result<Row, Box<dyn Error>> {
         let scene = Scene::named("dve", &Params::new().with("n", self.cubes))?;
         let data = tempfile::tempdir()?;
-        let config = ServeConfig { nodes: NODES, events: false, ..ServeConfig::new(data.path()) };
+        let config =
+            ServeConfig { nodes: NODES, events: false, relays_above, ..ServeConfig::new(data.path()) };
         let server = ServerProcess::start(Origin::Scene(&scene, &WorldConfig::for_scene(&scene)), config)?;
         let mut nodes = Vec::new();
         for _ in 0..NODES {
@@ -127,7 +144,7 @@ impl FanOut {
             client.end()?;
         }
         drop(server);
-        Ok(self.row(count, &before, &after))
+        Ok(Row { relays_above, ..self.row(count, &before, &after) })
     }
 
     /// Starts the processes of clients, each with an interest at a place of its own.
@@ -178,6 +195,9 @@ impl FanOut {
             clients_ms: after.of_clients.since(&before.of_clients).all() / ticks,
             bytes_per_s: per_client(after.clients.bytes - before.clients.bytes),
             updates_per_s: per_client(after.clients.updates - before.clients.updates),
+            relays_above: None,
+            leader_sent_per_s: Some((after.leader.sent - before.leader.sent) as f64 / seconds),
+            other_sent_per_s: Some((after.other.sent - before.other.sent) as f64 / seconds),
         }
     }
 }
@@ -186,6 +206,7 @@ impl FanOut {
 struct Moment {
     at: Instant,
     leader: Reading,
+    other: Reading,
     clients: Reading,
     of_leader: Usage,
     of_other: Usage,
@@ -205,9 +226,11 @@ impl Moment {
         }
         let [of_leader, of_other] = [0, 1].map(|i| Usage::of(nodes[i].id()));
         let leader = nodes[0].read()?;
+        let other = nodes[1].read()?;
         Ok(Self {
             at: Instant::now(),
             leader,
+            other,
             clients: said,
             of_leader: of_leader?,
             of_other: of_other?,
@@ -226,11 +249,16 @@ fn table(rows: &[Measured<Row>]) -> String {
         "clients' processes, CPU ms per tick",
         "bytes/s per client",
         "updates/s per client",
+        "bytes/s sent, leader / other node",
     ];
     let cells = |Measured { row, .. }: &Measured<Row>| {
         let per_client = |value: f64| if row.clients == 0 { "–".to_owned() } else { short(value) };
         vec![
-            row.clients.to_string(),
+            match row.relays_above {
+                None => row.clients.to_string(),
+                Some(0) => format!("{}, told by the other node", row.clients),
+                Some(above) => format!("{}, of which the leader tells {above}", row.clients),
+            },
             short(row.ticks_per_s),
             format!("{} / {}", short(row.tick_p50_ms), short(row.tick_p99_ms)),
             [row.world_ms, row.fan_out_ms, row.net_ms, row.leader_ms].map(short).join(" / "),
@@ -238,6 +266,9 @@ fn table(rows: &[Measured<Row>]) -> String {
             short(row.clients_ms),
             per_client(row.bytes_per_s),
             per_client(row.updates_per_s),
+            [row.leader_sent_per_s, row.other_sent_per_s]
+                .map(|sent| sent.map_or_else(|| "–".to_owned(), short))
+                .join(" / "),
         ]
     };
     page::table(&head, rows.iter().map(cells))

@@ -38,6 +38,9 @@ pub(super) struct Reading {
     /// What its clients were sent, UDP payloads, and how often they were told of states.
     pub(super) bytes: u64,
     pub(super) updates: u64,
+    /// What a node sent, UDP payloads.
+    #[serde(default)]
+    pub(super) sent: u64,
 }
 
 impl FanOutProcess {
@@ -63,7 +66,7 @@ fn node(server: SocketAddr, token: String) -> Result<(), Box<dyn Error>> {
     println!("{}", node.summary().node.0);
     answer(|| {
         let ticks = ticks.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        Reading { ticks, ..Reading::default() }
+        Reading { ticks, sent: node.traffic().udp_bytes_out, ..Reading::default() }
     })
 }
 
@@ -103,6 +106,7 @@ fn clients(server: SocketAddr, interest_m: f64) -> Result<(), Box<dyn Error>> {
         ticks: Vec::new(),
         bytes: worlds.iter().map(|world| world.traffic().udp_bytes_in).sum(),
         updates: worlds.iter().map(ClientWorld::updates).sum(),
+        sent: 0,
     })?;
     worlds.iter().try_for_each(ClientWorld::check)?;
     Ok(())

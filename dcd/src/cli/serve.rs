@@ -89,6 +89,10 @@ pub(super) struct Serve {
     /// Ticks from one state of a moving body that clients are told to the next; what they show between is interpolated
     #[arg(long, value_name = "TICKS", default_value_t = 3, value_parser = clap::value_parser!(u32).range(1..=MAX_STATE_TICKS as i64))]
     state_every: u32,
+    /// The clients that the leader of a group tells of bodies that move itself; with more, other dedicated nodes of the group tell those beyond, whom it
+    /// tells once each what all of theirs need [default: it tells all]
+    #[arg(long, value_name = "CLIENTS")]
+    relays: Option<u32>,
     /// Compute the regions of this share of participants once more, 0 to 1, at the node that leads, and compare: who is drawn is not told. Needs a
     /// dedicated node (`dcd node`), with as many more regions to compute; one that computes otherwise is sent away
     #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = share)]
@@ -206,6 +210,7 @@ impl Serve {
             avatar_expiry: self.keep_avatars,
             record: self.record.clone(),
             metrics: self.metrics,
+            relays_above: self.relays,
             verify: self.verify,
             groups: self.groups()?,
         })

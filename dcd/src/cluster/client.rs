@@ -7,6 +7,7 @@ mod changed;
 mod following;
 mod hearing;
 mod newest;
+mod relay;
 mod requests;
 mod shapes;
 mod showing;
@@ -24,6 +25,7 @@ use tracing::debug;
 pub use self::body_view::BodyView;
 use self::building::Building;
 use self::newest::NewestInputs;
+use self::relay::Relay;
 use self::showing::Showing;
 use self::surroundings::Surroundings;
 use self::vigil::Vigil;
@@ -171,6 +173,7 @@ pub struct Client {
     tree: Option<DistributionTree>,
     allocation: Allocation,
     linked: bool,
+    relay: Relay,
     server_linked: bool,
     dial_server_at: Option<Duration>,
     dial_leader_at: Option<Duration>,
@@ -231,6 +234,7 @@ impl Client {
             tree: None,
             allocation: Allocation::new(),
             linked: false,
+            relay: Relay::default(),
             server_linked: false,
             dial_server_at: None,
             dial_leader_at: None,
@@ -275,7 +279,9 @@ impl Client {
             ClientEvent::Connected(peer) if self.is_leader(peer) => {
                 self.linked = true;
                 self.dial_leader_at = None;
-                self.receiver.reset();
+                if self.relay.teller().is_none() {
+                    self.receiver.reset();
+                }
                 self.is_leader_new = true;
                 self.say_inputs_again();
                 self.send_interest();
@@ -295,20 +301,26 @@ impl Client {
                 self.vigil.rest();
                 self.showing.iter_mut().for_each(|showing| showing.disconnected(peer));
             }
+            ClientEvent::Connected(peer) if self.relay.is(peer) => self.relay_connected(),
+            ClientEvent::Disconnected(peer) if self.relay.is(peer) => self.relay_disconnected(now),
             ClientEvent::Connected(_) | ClientEvent::Disconnected(_) => {}
             ClientEvent::Message { from, message: Message::ToClient(client, message) } => {
-                if client == self.id && (from == Peer::Server || self.is_leader(from)) {
-                    self.told(message);
+                let may_tell = from == Peer::Server
+                    || self.is_leader(from)
+                    || self.relay.is(from) && relay::is_of_relay(&message);
+                if client == self.id && may_tell {
+                    self.told(Some(from), message);
                 }
             }
             ClientEvent::Message { from, message: Message::Pong(pong) } => {
-                if self.is_leader(from) {
+                if self.is_teller(from) {
+                    self.relay.answered();
                     self.vigil.heard(now, false);
                 }
                 self.showing.iter_mut().for_each(|showing| showing.pong(now, from, pong));
             }
             ClientEvent::Message { .. } => {}
-            ClientEvent::Node(message) => self.told(message),
+            ClientEvent::Node(message) => self.told(None, message),
             ClientEvent::Spawn { body, shapes } => self.spawn(body, shapes),
             ClientEvent::Input { body, tick, velocity, pose } => {
                 self.send_newest(Input { body, logical_time: 0, tick, velocity, pose, drive: None });
@@ -351,11 +363,17 @@ impl Client {
         }
         if self.vigil.is_due(now) {
             let leader = self.leader.as_ref().map(|leader| Peer::Node(leader.node));
-            leader.into_iter().chain([Peer::Server]).for_each(|peer| self.send(peer, Pinger::ask(now)));
+            let relay = self.doubt_relay();
+            leader
+                .into_iter()
+                .chain(relay)
+                .chain([Peer::Server])
+                .for_each(|peer| self.send(peer, Pinger::ask(now)));
         }
         if self.dial_leader_at.take_if(|at| *at <= now).is_some() && self.node.is_none() && !self.linked {
             self.outputs.extend(self.leader.clone().map(ClientOutput::Connect));
         }
+        self.tend_relay(now);
     }
 
     /// Returns when [`Client::handle_timeout`] is next due; ask again after every event.
@@ -368,6 +386,7 @@ impl Client {
             .chain(ping)
             .chain(heard)
             .chain(self.vigil.timeout())
+            .chain(self.relay.timeout())
             .chain(self.surroundings.timeout())
             .min()
     }
@@ -519,7 +538,7 @@ impl Client {
         again.into_iter().for_each(|question| self.tell_leader(FromClient::Ask(question)));
     }
 
-    fn told(&mut self, message: ToClient) {
+    fn told(&mut self, from: Option<Peer>, message: ToClient) {
         match message {
             ToClient::Welcome { world, logical_time, next_built, .. } => {
                 self.building.next = next_built;
@@ -621,6 +640,7 @@ impl Client {
             ToClient::Altered(Alteration::Joint(joint)) => self.joints.alter(*joint),
             ToClient::JointRemoved(id) => _ = self.joints.remove(id),
             ToClient::ShapesGone(gone) => self.forget_shapes(&gone.into_iter().collect()),
+            ToClient::ToldBy(relay) => self.turn_to_relay(relay),
             ToClient::Built(number) => self.building.answered(number),
             ToClient::States { stamp, states } if self.group.is_none_or(|own| own == stamp.group) => {
                 self.hear_tick(&stamp);
@@ -628,6 +648,7 @@ impl Client {
                     self.newest.are_applied(stamp.applied);
                 }
                 if self.linked {
+                    self.relay.answered();
                     self.vigil.heard(self.now, !states.is_empty());
                 }
                 self.showing.iter_mut().for_each(|showing| showing.hear(self.now, &stamp, &states));
@@ -667,8 +688,10 @@ impl Client {
                     return;
                 }
                 // Of a part that cannot be read nothing is believed; the next ones are told against nothing.
-                match self.receiver.take_in(self.now, stamp.tick, &part, stamp.speculative) {
-                    Ok(states) if !states.is_empty() => self.told(ToClient::States { stamp, states }),
+                let read = self.receiver.take_in(self.now, stamp.tick, &part, stamp.speculative);
+                self.note_teller(from, &part);
+                match read {
+                    Ok(states) if !states.is_empty() => self.told(from, ToClient::States { stamp, states }),
                     Ok(_) => {}
                     Err(error) => debug!(%error, tick = stamp.tick.0, "states cannot be read"),
                 }
@@ -698,13 +721,6 @@ impl Client {
                 }
                 self.outputs.push_back(ClientOutput::Rejected { body, reason });
             }
-        }
-    }
-
-    /// Acknowledges states, if that is due.
-    fn acknowledge(&mut self, now: Duration) {
-        if let Some(heard) = self.receiver.due(now, self.bytes_per_s) {
-            self.tell_leader(FromClient::Heard(heard));
         }
     }
 

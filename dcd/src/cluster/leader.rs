@@ -8,6 +8,7 @@ mod holders;
 mod inputs;
 mod inter_group;
 mod questions;
+mod relays;
 mod scheduling;
 #[cfg(test)]
 mod tests;
@@ -23,16 +24,17 @@ use self::inputs::{Inputs, Taken};
 pub use self::inter_group::Deviations;
 use self::inter_group::InterGroup;
 use self::questions::Questions;
+use self::relays::Relays;
 use self::scheduling::Scheduling;
 use super::Peer;
-use super::state_replication::{Latest, ReplicationEvent, StateReplication, TickNews};
+use super::state_replication::{Latest, Replication, ReplicationEvent, StateReplication, TickNews};
 use crate::fidelity::Schedule;
 use crate::protocol::{
     Area, BodyRecord, ContactLedger, Dispatch, Done, EnvironmentProperties, FromClient, Heard, Input, Pace,
     Query, Refusal, RegionEvents, Repartition, Report, SharedState, Thresholds, ToClient, ToServer, View,
     ViewNumber, WorldOp, encoded_len, most_items,
 };
-use crate::space::{Allocation, BodyId, ClientId, Epoch, NodeId, RegionId, Renaming, Tick};
+use crate::space::{Allocation, BodyId, ClientId, DistributionTree, Epoch, NodeId, RegionId, Renaming, Tick};
 
 /// The most bytes of the server's operations in one tick, unless the first is longer: what is left over waits.
 const OPS_BYTES: usize = 4 << 20;
@@ -40,15 +42,6 @@ const OPS_BYTES: usize = 4 << 20;
 const TELL_FIDELITY: u64 = 60;
 /// Allocations kept, of which late reports may speak.
 const KEPT_ALLOCATIONS: usize = 8;
-
-/// Where clients' states are chosen and coded.
-#[derive(Clone, Debug)]
-enum Replication {
-    /// At once, where the leader is.
-    Here(Box<StateReplication>),
-    /// On another thread, which is given these events.
-    Elsewhere(Vec<ReplicationEvent>),
-}
 
 /// Holds what a leader knows that leads the next view, too.
 #[derive(Clone, Debug)]
@@ -95,6 +88,7 @@ pub struct Leader {
     /// What the replication is to be told with the next tick.
     news: TickNews,
     replication: Replication,
+    relays: Relays,
     questions: Questions,
     /// What clients want to hear of; those that have not said so are not among them.
     interests: BTreeMap<ClientId, Option<Area>>,
@@ -111,6 +105,8 @@ pub struct Leader {
     scheduling: Option<Scheduling>,
     /// Who computes which regions, from which tick on: what a member says counts of its own regions only.
     computed_by: VecDeque<(Tick, Allocation)>,
+    /// The tree of the view, which changes while regions follow the load.
+    tree: DistributionTree,
     /// The newest view in which the server has placed a body that members may report, of whatever group.
     newest_view: u64,
 }
@@ -143,6 +139,7 @@ impl Leader {
             moved: BTreeSet::new(),
             contacts: ContactLedger::default(),
             replication: Replication::Here(Box::new(StateReplication::new(now, view, world, &clients))),
+            relays: Relays::new(view, world),
             applied: BTreeMap::new(),
             news: TickNews::default(),
             clients,
@@ -158,6 +155,7 @@ impl Leader {
                 .map(|settings| Balancing::new(settings, view.clone(), world.protocol.lag_ticks() > 0)),
             scheduling: Scheduling::new(view, world),
             computed_by: [(view.tick, view.allocation.clone())].into(),
+            tree: view.tree.clone(),
             newest_view: view.number.0,
         }
     }
@@ -204,36 +202,28 @@ impl Leader {
     /// Has the states for clients chosen and coded by whoever is given the events of [`Leader::take_replication_events`], from the first on.
     #[must_use]
     pub fn with_replication_elsewhere(mut self) -> Self {
-        if let Replication::Here(replication) = self.replication {
-            let replication = Box::new(replication.with_own_thread());
-            self.replication = Replication::Elsewhere(vec![ReplicationEvent::Begin(replication)]);
-        }
+        self.replication = self.replication.moved_elsewhere();
         self
     }
 
     /// Returns the events for a replication elsewhere since the last call.
     pub fn take_replication_events(&mut self) -> Vec<ReplicationEvent> {
-        match &mut self.replication {
-            Replication::Here(_) => Vec::new(),
-            Replication::Elsewhere(events) => std::mem::take(events),
-        }
+        self.replication.take_events()
     }
 
     fn replicate(&mut self, event: ReplicationEvent) {
-        match &mut self.replication {
-            Replication::Here(replication) => {
-                replication.handle(event);
-                self.messages.extend(replication.take_messages());
-            }
-            Replication::Elsewhere(events) => events.push(event),
-        }
+        let (for_clients, for_relays) = self.replication.handle(event);
+        self.messages.extend(for_clients);
+        self.relays.messages.extend(for_relays);
     }
 
     /// Admits a client that is linked directly; it says what it wants to hear of.
     pub fn admit(&mut self, client: ClientId) {
         self.clients.insert(client, Peer::Client(client));
         self.uninterest(client);
-        self.replicate(ReplicationEvent::Admit(client));
+        self.relays.forget(client);
+        let turn = self.relays.next_turn(client);
+        self.replicate(ReplicationEvent::Admit(client, turn));
     }
 
     /// Takes in a client's area of interest; `None` is everything. It counts after the present tick, so that however often it
@@ -243,6 +233,7 @@ impl Leader {
         if self.clients.contains_key(&client) {
             self.interests.insert(client, area);
             self.news.interested(client, area);
+            self.relays.interested(client);
         }
     }
 
@@ -270,6 +261,7 @@ impl Leader {
             self.applied.remove(&client);
             self.uninterest(client);
             self.questions.forget(client);
+            self.relays.forget(client);
             self.replicate(ReplicationEvent::Dismiss(client));
         }
     }
@@ -370,6 +362,7 @@ impl Leader {
     fn forward_states(&mut self) {
         let moved = std::mem::take(&mut self.moved);
         let states = moved.into_iter().filter_map(|id| Some((id, *self.latest.get(&id)?))).collect();
+        self.give_clients();
         let is_last = self.last_tick == Some(self.tick);
         let news = std::mem::take(&mut self.news).after(self.tick, self.opened, is_last, states);
         self.replicate(ReplicationEvent::Tick(news));

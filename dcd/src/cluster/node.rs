@@ -5,6 +5,7 @@ mod borders;
 mod clients;
 mod links;
 mod lockstep;
+mod relay;
 mod speculation;
 #[cfg(test)]
 mod tests;
@@ -16,6 +17,7 @@ use std::net::SocketAddr;
 use std::time::Duration;
 
 use self::links::Links;
+use self::relay::Relay;
 use self::speculation::Speculation;
 use self::verifier::Verifier;
 use self::witness::Witness;
@@ -158,6 +160,7 @@ pub struct Node {
     leader: Option<Leader>,
     /// The events for a replication that runs elsewhere, if it does.
     replication: Option<Vec<ReplicationEvent>>,
+    relay: Relay,
     /// What clients sent before this node leads.
     inputs: Vec<(ClientId, FromClient)>,
     /// What nodes that are no members yet passed on of their clients.
@@ -265,6 +268,7 @@ impl Node {
             early: BTreeMap::new(),
             leader: None,
             replication: None,
+            relay: Relay::default(),
             inputs: Vec::new(),
             early_words: Vec::new(),
             done_inputs: BTreeMap::new(),
@@ -420,7 +424,7 @@ impl Node {
     }
 
     fn connected(&mut self, now: Duration, peer: Peer) {
-        self.links.insert(peer);
+        let is_anew = !self.links.insert(peer);
         match peer {
             Peer::Server => self.greet_server(now),
             Peer::Node(node) => {
@@ -432,6 +436,11 @@ impl Node {
                 if let Some(leader) = &mut self.leader {
                     leader.admit(client);
                 }
+                // What it was told over the link before counts no more.
+                if is_anew {
+                    self.tell_of_link(client, false);
+                }
+                self.tell_of_link(client, true);
             }
         }
     }
@@ -447,6 +456,7 @@ impl Node {
                 if let Some(leader) = &mut self.leader {
                     leader.dismiss(client);
                 }
+                self.tell_of_link(client, false);
             }
         }
     }
@@ -454,6 +464,7 @@ impl Node {
     fn stop(&mut self, farewell: Farewell, reason: String) {
         self.stopped = true;
         self.end_leading();
+        self.end_relaying();
         self.outputs.push_back(NodeOutput::Stopped { farewell, reason });
     }
 
@@ -491,6 +502,11 @@ impl Node {
             (Peer::Node(node), Message::Waiting(view)) if view == self.number() => {
                 self.waiting.insert(node, now);
             }
+            (Peer::Node(node), Message::Relay(message)) => self.hear_as_relay(now, node, message),
+            (Peer::Node(node), Message::Linked { view, client, up }) => match &mut self.leader {
+                Some(leader) if view == leader.view() => leader.linked_elsewhere(node, client, up),
+                _ => self.counters.stale += 1,
+            },
             (_, Message::FromClient(client, message)) => self.hear_client(from, client, message),
             (Peer::Node(node), Message::ToClient(client, message)) => {
                 let leads = self.view.as_ref().is_some_and(|view| view.leader == node);

@@ -118,6 +118,11 @@ impl Receiver {
         }
     }
 
+    /// Returns the series that it reads.
+    pub(crate) fn series(&self) -> Option<u32> {
+        self.series
+    }
+
     /// Returns what states have cost so far.
     pub fn tally(&self) -> &Tally {
         &self.tally

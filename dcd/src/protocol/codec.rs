@@ -462,6 +462,7 @@ mod tests {
                 pace: crate::protocol::Pace::RealTime,
                 state_every: 3,
                 last_tick: None,
+                relays_above: None,
             };
             let welcome = Message::ToNode(ToNode::Welcome { id: crate::space::NodeId(1), world });
             for message in [sample(), welcome, Message::Ping(Ping { sent_us: 5 }), status()] {

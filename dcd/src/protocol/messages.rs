@@ -6,6 +6,7 @@ mod client;
 mod group;
 mod program;
 mod query;
+mod relay;
 mod status;
 mod verify;
 
@@ -34,6 +35,7 @@ pub use query::{
     MAX_QUERY_BYTES, MAX_TURN, MAX_TURNING_M, OVERLAPS_COST, Overlap, OverlapQuery, PartFilter, Place, Query,
     QueryParts, QueryResult, RayAnswer, RayQuery, SHAPE_COST,
 };
+pub use relay::{RelayNews, ToRelay};
 pub use status::{GroupStatus, NodeStatus, RegionStatus, Status};
 pub use verify::{Finding, HeardBorder, Hindrance, Testimony, Verified};
 
@@ -89,6 +91,17 @@ pub enum Message {
         to: NodeId,
         /// What it told it.
         border: Border,
+    },
+    /// Leader to member: it tells some of the clients in the leader's place.
+    Relay(ToRelay),
+    /// Member to leader: a client that is expected there has a link, or has none any more.
+    Linked {
+        /// The present view.
+        view: ViewNumber,
+        /// Which client.
+        client: ClientId,
+        /// Whether it has one.
+        up: bool,
     },
 }
 
@@ -176,9 +189,12 @@ impl Message {
                 | ToClient::ShapesGone(_) => Subject::Bodies,
                 ToClient::Contacts { .. } => Subject::Contacts,
                 ToClient::Answer { .. } => Subject::Answers,
-                ToClient::LeaderIs { .. } | ToClient::Regions { .. } => Subject::Regions,
+                ToClient::LeaderIs { .. } | ToClient::Regions { .. } | ToClient::ToldBy(_) => {
+                    Subject::Regions
+                }
                 ToClient::Welcome { .. } | ToClient::Rejected { .. } | ToClient::Built(_) => Subject::Rest,
             },
+            Self::Relay(ToRelay::News(_) | ToRelay::Guess { .. }) => Subject::States,
             Self::Ping(_) | Self::Pong(_) => Subject::Pings,
             Self::Program(_) => Subject::Programs,
             Self::Border(_) | Self::Copied { .. } => Subject::Borders,
@@ -264,6 +280,8 @@ pub struct EnvironmentProperties {
     pub state_every: u32,
     /// The world ends after this tick; `None`: when it is told to.
     pub last_tick: Option<Tick>,
+    /// The clients that a leader tells itself while there are members that may relay for the others; `None`: all.
+    pub relays_above: Option<u32>,
 }
 
 /// The protocol by which the members of a group keep in step (thesis 4.3.2.10).

@@ -50,9 +50,9 @@ pub use messages::{
     MAX_COST, MAX_FOUND, MAX_HEARD, MAX_INTRODUCED, MAX_OPEN_COST, MAX_OPEN_QUERIES, MAX_QUERY_BYTES,
     MAX_TURN, MAX_TURNING_M, Member, Message, Motion, NodeStatus, OVERLAPS_COST, Overlap, OverlapQuery, Pace,
     Part, PartFilter, Ping, Place, Placed, Pong, Program, Push, Query, QueryParts, QueryResult, RayAnswer,
-    RayQuery, Refusal, RegionLoad, RegionStatus, Repartition, Report, SHAPE_COST, Stamp, Stance, Status,
-    Subject, SyncProtocol, Testimony, Thresholds, ToClient, ToNode, ToServer, Verified, View, ViewNumber,
-    WorldOp,
+    RayQuery, Refusal, RegionLoad, RegionStatus, RelayNews, Repartition, Report, SHAPE_COST, Stamp, Stance,
+    Status, Subject, SyncProtocol, Testimony, Thresholds, ToClient, ToNode, ToRelay, ToServer, Verified,
+    View, ViewNumber, WorldOp,
 };
 #[cfg(feature = "physics")]
 pub(crate) use shape::voxels_fit;

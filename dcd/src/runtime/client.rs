@@ -253,6 +253,12 @@ impl ClientWorld {
         self.member.who.node()
     }
 
+    /// Returns the member that tells it the states of bodies in the leader's place, if one does.
+    #[doc(hidden)]
+    pub fn told_by(&self) -> Option<NodeId> {
+        self.member.shared.lock().client.as_ref().and_then(Client::told_by)
+    }
+
     /// Returns how the world is cut into regions, as the server last said.
     pub fn tree(&self) -> Option<DistributionTree> {
         self.member.shared.lock().client.as_ref()?.tree().cloned()

@@ -43,11 +43,10 @@ pub(super) struct Outlet {
     pub(super) sent: Arc<Mutex<Received>>,
 }
 
-/// A message that goes another way than by a datagram: for a client in this process, or one that must arrive.
+/// A message that goes another way than by a datagram: for a client in this process, or one that must arrive, as all for a relay.
 pub(super) struct Told {
     pub(super) to: Peer,
-    pub(super) client: ClientId,
-    pub(super) message: ToClient,
+    pub(super) message: Message,
 }
 
 /// Gives the thread what clients acknowledge.
@@ -242,7 +241,9 @@ impl Waiting {
                 })
             }
             // What the tick that waits says of its former link would come after this, and what came over that acknowledges what counts no more.
-            ReplicationEvent::Admit(client) | ReplicationEvent::Dismiss(client) => {
+            ReplicationEvent::Admit(client, _)
+            | ReplicationEvent::Dismiss(client)
+            | ReplicationEvent::Relay { client, .. } => {
                 lock(&self.heard).of.remove(&client);
                 for waiting in &mut self.events {
                     if let ReplicationEvent::Tick(news) = waiting {
@@ -258,7 +259,10 @@ impl Waiting {
     /// Returns whether what waits says all that a guess does which was taken before.
     fn outdates_guesses(&self) -> bool {
         let is_newer = |event: &ReplicationEvent| {
-            !matches!(event, ReplicationEvent::Admit(_) | ReplicationEvent::Dismiss(_))
+            !matches!(
+                event,
+                ReplicationEvent::Admit(..) | ReplicationEvent::Dismiss(_) | ReplicationEvent::Relay { .. }
+            )
         };
         self.over || self.events.iter().any(is_newer)
     }
@@ -351,13 +355,20 @@ impl<T: Fn(Told)> Teller<T> {
                 *replication = Some(new);
             }
             (Some(replication), event) => {
-                if let ReplicationEvent::Admit(client) | ReplicationEvent::Dismiss(client) = &event {
+                if let ReplicationEvent::Admit(client, _)
+                | ReplicationEvent::Dismiss(client)
+                | ReplicationEvent::Relay { client, .. } = &event
+                {
                     self.batches.remove(client);
                     self.links.remove(client);
                 }
                 replication.handle(event);
                 for (client, message) in replication.take_messages() {
                     self.send(replication, client, message);
+                }
+                for (node, message) in replication.take_relay_messages() {
+                    let message = Message::Relay(message);
+                    (self.tell)(Told { to: Peer::Node(node), message });
                 }
             }
             (None, _) => {}
@@ -367,7 +378,9 @@ impl<T: Fn(Told)> Teller<T> {
     fn send(&mut self, replication: &mut StateReplication, client: ClientId, message: ToClient) {
         let Some(to) = replication.route(client) else { return };
         let key = self.outlet.keys.read().unwrap_or_else(PoisonError::into_inner).get(&to).copied();
-        let Some(key) = key else { return (self.tell)(Told { to, client, message }) };
+        let Some(key) = key else {
+            return (self.tell)(Told { to, message: Message::ToClient(client, message) });
+        };
         // A client's own link is made anew with it, and begins anew; that of the node whose user it is breaks and comes back in the same view.
         if matches!(to, Peer::Client(_)) && *self.links.entry(client).or_insert(key) != key {
             return;
@@ -383,8 +396,7 @@ impl<T: Fn(Told)> Teller<T> {
         let message = Message::ToClient(client, message);
         let bytes = protocol::encode(&message);
         if message.lane() != Lane::State || bytes.len() > protocol::DATAGRAM_BYTES {
-            let Message::ToClient(_, message) = message else { unreachable!("it is one for a client") };
-            return (self.tell)(Told { to, client, message });
+            return (self.tell)(Told { to, message });
         }
         if guess && self.outlet.datagrams.waiting(key) > GUESSES_WAITING {
             return;

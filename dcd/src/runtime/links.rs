@@ -236,7 +236,10 @@ impl Links {
                 }
                 crate::net::Lane::Client
             }
-            Lane::Control if matches!(message, Message::ToClient(..) | Message::FromClient(..)) => {
+            // What a relay is told waits behind no dispatch, and no dispatch behind that.
+            Lane::Control
+                if matches!(message, Message::ToClient(..) | Message::FromClient(..) | Message::Relay(_)) =>
+            {
                 crate::net::Lane::Client
             }
             Lane::Control => crate::net::Lane::Admin,

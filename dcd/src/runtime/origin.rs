@@ -158,6 +158,7 @@ pub(super) fn world_of(
         pace: config.pace,
         state_every: config.state_every,
         last_tick: config.last_tick,
+        relays_above: config.relays_above,
     };
     Ok((environment, record))
 }

@@ -48,6 +48,9 @@ pub struct ServeConfig {
     /// An address where the server answers over HTTP with its metrics (`/metrics`, in Prometheus' format) and whether it is well
     /// (`/healthz`, `/readyz`). Whoever reaches it may read that.
     pub metrics: Option<SocketAddr>,
+    /// The clients that the leader of a group tells the states of bodies itself; those beyond are told by other dedicated nodes of the group, which it
+    /// tells once each. `None`: it tells all.
+    pub relays_above: Option<u32>,
     /// The share of participants, 0 to 1, whose regions the leader computes once more to compare the two, where that is a dedicated node: each
     /// is drawn when it begins to compute, and not told. One that computes otherwise is sent away.
     pub verify: f64,
@@ -74,6 +77,7 @@ impl ServeConfig {
             events: true,
             record: None,
             metrics: None,
+            relays_above: None,
             verify: 0.0,
             groups: GroupConfig::default(),
         }

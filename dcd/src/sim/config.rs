@@ -39,6 +39,8 @@ pub struct SimConfig {
     pub grouping: Grouping,
     /// Ticks from one state that clients are told to the next.
     pub state_every: u32,
+    /// The clients that a leader tells itself; `None`: all.
+    pub relays_above: Option<u32>,
     /// Ticks between nodes' checkpoints of moved bodies to the server.
     pub checkpoint_every: u64,
     /// Whether its nodes are recorded.
@@ -66,6 +68,7 @@ impl Default for SimConfig {
             balance: None,
             grouping: Grouping::default(),
             state_every: 3,
+            relays_above: None,
             checkpoint_every: 6,
             record: false,
             verify: false,

@@ -36,6 +36,7 @@ pub fn sim_world(regions: usize) -> EnvironmentProperties {
         pace: Pace::RealTime,
         state_every: 3,
         last_tick: None,
+        relays_above: None,
     }
 }
 

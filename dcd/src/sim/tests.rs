@@ -20,6 +20,7 @@ mod interest;
 mod neighbours;
 mod owners;
 mod questions;
+mod relays;
 mod restore;
 mod showing;
 mod verify;

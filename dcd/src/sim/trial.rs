@@ -72,6 +72,8 @@ pub struct TrialConfig {
     pub record: bool,
     /// Whether two of three nodes are participants that are verified.
     pub verify: bool,
+    /// The clients that a leader tells itself; `None`: all.
+    pub relays_above: Option<u32>,
 }
 
 impl Default for TrialConfig {
@@ -89,6 +91,7 @@ impl Default for TrialConfig {
             flip: None,
             record: false,
             verify: false,
+            relays_above: None,
         }
     }
 }
@@ -278,6 +281,7 @@ impl<'a> Trial<'a> {
             checkpoint_every: (rate / 5).max(1).into(),
             record: config.record,
             verify: config.verify,
+            relays_above: config.relays_above,
             ..SimConfig::default()
         });
         let mut trial = Self {

@@ -142,6 +142,7 @@ impl Sim {
         (world.thresholds, world.protocol) = (config.thresholds, config.protocol);
         world.balance = config.balance.or(world.balance);
         world.state_every = config.state_every;
+        world.relays_above = config.relays_above;
         let server_config = ServerConfig {
             world,
             min_nodes: config.nodes.max(1) as usize,

@@ -14,6 +14,7 @@ mod notified;
 mod packaged;
 mod process;
 mod recorded;
+mod relays;
 mod restarted;
 mod resting;
 mod saved;

@@ -1,6 +1,7 @@
 //! Follows the leader of a client's group: over which link it is told of the world, and which ticks that is of.
 
 use super::{Client, ClientOutput};
+use crate::cluster::Peer;
 use crate::protocol::{Member, Stamp};
 
 /// A leader whose first states are so much older than what was told before has gone back: no message is as late.
@@ -40,6 +41,14 @@ impl Client {
         self.linked = false;
         if former != next {
             self.outputs.extend(former_node.map(ClientOutput::Disconnect));
+            if self.relay_leads(leader.as_ref())
+                && let Some(leader) = &leader
+            {
+                self.linked = true;
+                let (now, peer) = (self.now, Peer::Node(leader.node));
+                self.showing.iter_mut().for_each(|showing| showing.connected(now, peer));
+                return;
+            }
         }
         self.outputs.extend(leader.map(ClientOutput::Connect));
     }

@@ -71,8 +71,10 @@ impl Node {
             (Some(leader), FromClient::Interest(area)) => leader.take_interest(client, area),
             (Some(leader), FromClient::Ask(question)) => leader.ask(client, question),
             (Some(leader), FromClient::Heard(heard)) => leader.heard(client, heard),
-            // Of another leader's states.
-            (None, FromClient::Heard(_)) => {}
+            (Some(leader), FromClient::Untold) => leader.untold(client),
+            // Of what it was told in the leader's place, or by another leader.
+            (None, FromClient::Heard(heard)) => self.heard_as_relay(client, heard),
+            (None, FromClient::Untold) => {}
             // The client may hear of its new leader before the leader does.
             (None, message) if self.inputs.len() < EARLY_INPUTS => self.inputs.push((client, message)),
             (None, _) => self.counters.overflow += 1,
@@ -140,6 +142,10 @@ impl Node {
         for (client, message) in messages {
             self.tell_client(client, message);
         }
+        let for_relays = self.leader.as_mut().map(|leader| leader.take_relay_messages()).unwrap_or_default();
+        for (node, message) in for_relays {
+            self.send(Peer::Node(node), Message::Relay(message));
+        }
         let for_server = self.leader.as_mut().map(|leader| leader.take_server_messages()).unwrap_or_default();
         for message in for_server {
             self.send_server(message);
@@ -172,6 +178,6 @@ impl Node {
 /// Returns whether a client says this to its leader. None of that is longer than a client's frame; what lasts, and may be longer, is for the
 /// server, which puts it on record before it happens.
 fn is_for_leader(message: &FromClient) -> bool {
-    use FromClient::{Ask, Heard, Input, Interest};
-    matches!(message, Input(_) | Interest(_) | Ask(_) | Heard(_))
+    use FromClient::{Ask, Heard, Input, Interest, Untold};
+    matches!(message, Input(_) | Interest(_) | Ask(_) | Heard(_) | Untold)
 }

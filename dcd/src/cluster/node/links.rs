@@ -162,6 +162,9 @@ impl Node {
         let Some(link) = self.link.nodes.get_mut(&node) else { return };
         link.up = true;
         link.dial_at = None;
+        if let Some(leader) = &mut self.leader {
+            leader.relay_back(node);
+        }
         // What was under way may be lost; what is known is passed over by the receiver.
         let again: Vec<_> = link.said.iter().cloned().map(Message::Border).collect();
         for message in again {
@@ -193,6 +196,9 @@ impl Node {
 
     pub(super) fn link_down(&mut self, now: Duration, node: NodeId) {
         let (me, is_member) = (self.config.id, self.others.contains(&node));
+        if let Some(leader) = &mut self.leader {
+            leader.relay_lost(node);
+        }
         let Some(link) = self.link.nodes.get_mut(&node) else { return };
         if std::mem::replace(&mut link.up, false) {
             link.down_since = now;

@@ -156,6 +156,7 @@ impl Node {
         self.early.clear();
         self.done_inputs.clear();
         self.end_leading();
+        self.end_relaying();
         self.done.clear();
         self.witness = Witness::default();
         self.verifier.end();
@@ -383,6 +384,7 @@ impl Node {
             !queue.is_empty()
         });
         // What clients sent and was not dispatched yet is not lost with the view.
+        self.end_relaying();
         let (pending, legacy) = self.end_leading().map(Leader::into_legacy).unzip();
         self.inputs.splice(..0, pending.unwrap_or_default());
         let leader =

@@ -107,7 +107,7 @@ impl Server {
             }
             // A participant without a leader, which sends it again to the next, or has something else to acknowledge by then.
             // What is built is heard apart.
-            FromClient::Ask(_) | FromClient::Heard(_) | FromClient::Build { .. } => None,
+            FromClient::Ask(_) | FromClient::Heard(_) | FromClient::Untold | FromClient::Build { .. } => None,
         };
         if let Some((body, reason)) = refused {
             self.common.send_client(client, ToClient::Rejected { body: Some(body), reason });

@@ -4,8 +4,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::news::{Change, Latest, News};
+use super::reach::AROUND_M;
 use crate::protocol::{Area, SharedState};
-use crate::space::{BodyId, ClientId};
+use crate::space::{BodyId, ClientId, Tick};
 
 /// One client's area of interest, and what it was sent.
 #[derive(Clone, Debug)]
@@ -54,6 +55,16 @@ impl Audience {
             self.area = area;
             self.settle(latest);
         }
+    }
+
+    /// Notes that another may have told the client of the bodies that moved since a tick, and cannot be asked: it is told again of those near the
+    /// area, which may just have left it.
+    pub(super) fn begin_after(&mut self, since: Tick, latest: &Latest) {
+        let wide = Area { radius_m: self.area.radius_m + AROUND_M, ..self.area };
+        let is_near = |at| wide.enters(at) || self.near.values().any(|area| area.enters(at));
+        let left =
+            latest.iter().filter(|(_, (state, tick))| *tick >= since && is_near(state.pose.translation));
+        self.owed.extend(left.map(|(&id, _)| id));
     }
 
     fn settle(&mut self, latest: &Latest) {
@@ -212,7 +223,7 @@ mod tests {
     use super::*;
     use crate::protocol::{Velocity, WorldPose};
     use crate::sim::Random;
-    use crate::space::{Epoch, RegionId, Tick};
+    use crate::space::{Epoch, RegionId};
 
     const CLIENT: ClientId = ClientId(4);
     const AVATAR: BodyId = BodyId::avatar(CLIENT, 0);

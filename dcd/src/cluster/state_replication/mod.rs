@@ -5,22 +5,28 @@
 //! yet only the newest states count ([`TickNews::absorb`]).
 
 mod channel;
+mod feed;
 mod interest;
 mod news;
+mod place;
+mod reach;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use self::channel::{Batches, Channel};
+use self::feed::Feed;
 use self::interest::Audience;
 pub(super) use self::news::Latest;
 use self::news::{Moved, News};
+pub(super) use self::place::Replication;
 use super::Peer;
 use crate::delta::{FreeMotion, RESTARTS};
 use crate::protocol::{
-    Area, EnvironmentProperties, Heard, Member, SharedState, Stamp, ToClient, View, ViewNumber,
+    Area, EnvironmentProperties, Heard, Member, RelayNews, SharedState, Stamp, ToClient, ToRelay, View,
+    ViewNumber,
 };
-use crate::space::{Allocation, BodyId, ClientId, GroupId, Tick};
+use crate::space::{Allocation, BodyId, ClientId, GroupId, NodeId, Tick};
 
 /// The ticks after which clients and the server at the earliest hear that time goes on though nothing moves (a heartbeat).
 pub(in crate::cluster) const TELL_TICK: u64 = 30;
@@ -33,6 +39,16 @@ const REST: Duration = Duration::from_secs(5);
 
 /// By how much that pace may be missed between two heartbeats: who shows the world reckons with it.
 const PACE_MISSED: Duration = Duration::from_millis(250);
+
+/// By how much the series of a client's turns are apart: it is told by its leader, by a relay, and by the leader again, and what is still on its
+/// way of an earlier turn is older than all of a later one.
+const TURN_SERIES: u32 = 64;
+
+/// The seconds that may go by from one turn of a client to the next.
+const TURN_S: f64 = 3.0;
+
+/// The most turns of a client in a view.
+pub(in crate::cluster) const MAX_TURNS: u32 = RESTARTS / TURN_SERIES;
 
 /// When a client was last told of anything.
 #[derive(Clone, Copy, Debug)]
@@ -105,6 +121,25 @@ impl TickNews {
         self.gone.insert(id);
     }
 
+    /// Returns what a leader tells its relay, as what is new after a tick.
+    pub(super) fn of_relay(news: RelayNews) -> Self {
+        Self {
+            tick: news.tick,
+            opened: Duration::from_micros(news.opened_us),
+            is_last: news.is_last,
+            gone: news.gone.into_iter().collect(),
+            moved: news.states.into_iter().map(|(tick, state)| (state.id, (state, tick))).collect(),
+            applied: news.applied.into_iter().map(|(client, time, early)| (client, (time, early))).collect(),
+            interests: news.interests.into_iter().collect(),
+            allocation: news.allocation,
+        }
+    }
+
+    /// Takes in another part of what a leader tells its relay of the same tick.
+    pub(super) fn extend(&mut self, states: Vec<(Tick, SharedState)>) {
+        self.moved.extend(states.into_iter().map(|(tick, state)| (state.id, (state, tick))));
+    }
+
     /// Takes in what a later tick changes: of each body its newest state alone remains.
     pub fn absorb(&mut self, later: Self) {
         for id in later.gone {
@@ -123,8 +158,19 @@ impl TickNews {
 pub enum ReplicationEvent {
     /// A leader begins, and its replication with it; that of a former view ends.
     Begin(Box<StateReplication>),
-    /// A client is linked, perhaps anew: what it was told before counts no more.
-    Admit(ClientId),
+    /// A client is linked, perhaps anew: what it was told before counts no more. This is the number of its turn.
+    Admit(ClientId, u32),
+    /// A client is told by a relay from now on.
+    Relay {
+        /// Who.
+        client: ClientId,
+        /// By which member.
+        node: NodeId,
+        /// The number of its turn.
+        turn: u32,
+        /// What it wants to hear of.
+        area: Option<Area>,
+    },
     /// A client's link is gone.
     Dismiss(ClientId),
     /// A client has acknowledged states.
@@ -165,6 +211,11 @@ pub struct StateReplication {
     is_last: bool,
     latest: Latest,
     clients: BTreeMap<ClientId, Peer>,
+    /// How often each client has been told by another, or anew, in this view.
+    turns: BTreeMap<ClientId, u32>,
+    /// Clients that relays tell, and what those are told.
+    relayed: BTreeMap<ClientId, NodeId>,
+    feeds: BTreeMap<NodeId, Feed>,
     /// Clients that have not said yet what they want to hear of: they are told no states.
     undecided: BTreeSet<ClientId>,
     /// The logical time of each client's newest input that a tick has applied, and how early it came.
@@ -182,6 +233,7 @@ pub struct StateReplication {
     /// Audiences of clients that have an area of interest.
     audiences: BTreeMap<ClientId, Audience>,
     messages: Vec<(ClientId, ToClient)>,
+    relay_messages: Vec<(NodeId, ToRelay)>,
 }
 
 impl StateReplication {
@@ -205,6 +257,9 @@ impl StateReplication {
             latest: Latest::new(),
             undecided: clients.keys().copied().collect(),
             clients: clients.clone(),
+            turns: BTreeMap::new(),
+            relayed: BTreeMap::new(),
+            feeds: BTreeMap::new(),
             applied: BTreeMap::new(),
             told: BTreeMap::new(),
             channels: BTreeMap::new(),
@@ -214,6 +269,7 @@ impl StateReplication {
             moved_last: Vec::new(),
             audiences: BTreeMap::new(),
             messages: Vec::new(),
+            relay_messages: Vec::new(),
         }
     }
 
@@ -228,7 +284,12 @@ impl StateReplication {
     pub fn handle(&mut self, event: ReplicationEvent) {
         match event {
             ReplicationEvent::Begin(new) => *self = *new,
-            ReplicationEvent::Admit(client) => self.admit(client),
+            ReplicationEvent::Admit(client, turn) => self.admit(client, turn),
+            ReplicationEvent::Relay { client, node, turn, area } => {
+                self.dismiss(client);
+                self.relayed.insert(client, node);
+                self.feeds.entry(node).or_default().admit(client, turn, area);
+            }
             ReplicationEvent::Dismiss(client) => self.dismiss(client),
             ReplicationEvent::Heard { client, heard, now } => {
                 if let Some(channel) = self.channels.get_mut(&client) {
@@ -237,13 +298,21 @@ impl StateReplication {
             }
             ReplicationEvent::Tick(news) => self.take_in(news),
             ReplicationEvent::Speculative { tick, states } => self.tell_speculative(tick, &states),
-            ReplicationEvent::End => self.clients.clear(),
+            ReplicationEvent::End => {
+                self.clients.clear();
+                self.feeds.clear();
+            }
         }
     }
 
     /// Returns the messages for clients since the last call.
     pub fn take_messages(&mut self) -> Vec<(ClientId, ToClient)> {
         std::mem::take(&mut self.messages)
+    }
+
+    /// Returns the messages for relays since the last call.
+    pub fn take_relay_messages(&mut self) -> Vec<(NodeId, ToRelay)> {
+        std::mem::take(&mut self.relay_messages)
     }
 
     /// Returns the link over which a client is reached.
@@ -259,14 +328,22 @@ impl StateReplication {
     }
 
     /// Admits a client that is linked directly; it says what it wants to hear of.
-    fn admit(&mut self, client: ClientId) {
+    fn admit(&mut self, client: ClientId, turn: u32) {
+        self.leave_relay(client);
+        self.turns.insert(client, turn);
         self.clients.insert(client, Peer::Client(client));
         self.channels.remove(&client);
         self.audiences.remove(&client);
         self.undecided.insert(client);
     }
 
+    fn leave_relay(&mut self, client: ClientId) {
+        let feed = self.relayed.remove(&client).and_then(|node| self.feeds.get_mut(&node));
+        feed.into_iter().for_each(|feed| feed.dismiss(client));
+    }
+
     fn dismiss(&mut self, client: ClientId) {
+        self.leave_relay(client);
         self.clients.remove(&client);
         self.told.remove(&client);
         self.applied.remove(&client);
@@ -276,6 +353,7 @@ impl StateReplication {
     }
 
     fn take_in(&mut self, news: TickNews) {
+        let relayed = self.tell_relayed(&news);
         (self.tick, self.opened, self.is_last) = (news.tick, news.opened, news.is_last);
         self.allocation = news.allocation.unwrap_or(std::mem::take(&mut self.allocation));
         self.applied.extend(news.applied.into_iter().filter(|(client, _)| self.clients.contains_key(client)));
@@ -287,8 +365,44 @@ impl StateReplication {
             let before = self.latest.insert(id, (state, tick));
             moved.insert(id, before.map(|(before, _)| before.pose.translation));
         }
+        if let Some(tick) = relayed {
+            self.tell_relays(&tick, &moved);
+        }
         self.turn_audiences(news.interests);
         self.forward_states(moved);
+    }
+
+    /// Notes what relays are to be told of their clients. Returns what each is told of the tick beside, if there are any.
+    fn tell_relayed(&mut self, news: &TickNews) -> Option<TickNews> {
+        if self.feeds.is_empty() {
+            return None;
+        }
+        let Self { relayed, feeds, .. } = self;
+        for (&client, &area) in &news.interests {
+            let feed = relayed.get(&client).and_then(|node| feeds.get_mut(node));
+            feed.into_iter().for_each(|feed| feed.interested(client, area));
+        }
+        for (&client, &newest) in &news.applied {
+            let feed = relayed.get(&client).and_then(|node| feeds.get_mut(node));
+            feed.into_iter().for_each(|feed| feed.has_applied(client, newest));
+        }
+        let (gone, allocation) = (news.gone.clone(), news.allocation.clone());
+        Some(TickNews {
+            tick: news.tick,
+            opened: news.opened,
+            is_last: news.is_last,
+            gone,
+            allocation,
+            ..TickNews::default()
+        })
+    }
+
+    fn tell_relays(&mut self, tick: &TickNews, moved: &Moved) {
+        for (&node, feed) in &mut self.feeds {
+            let told = feed.tell(self.view, tick, moved.keys().copied(), &self.latest);
+            self.relay_messages.extend(told.into_iter().map(|message| (node, message)));
+        }
+        self.feeds.retain(|_, feed| !feed.is_over());
     }
 
     fn forget(&mut self, id: BodyId) {
@@ -301,6 +415,7 @@ impl StateReplication {
     }
 
     fn turn_audiences(&mut self, interests: BTreeMap<ClientId, Option<Area>>) {
+        let turn_ticks = (TURN_S / self.dt.as_secs_f64()) as u64;
         for (client, area) in interests {
             // One whose link is gone says it again over the next one.
             if !self.clients.contains_key(&client) {
@@ -313,7 +428,11 @@ impl StateReplication {
                     if let Some(channel) = self.channels.get_mut(&client) {
                         channel.catch_up(&self.batches, || self.latest.keys().copied());
                     }
-                    self.audiences.insert(client, Audience::new(client, area, &self.latest));
+                    let mut audience = Audience::new(client, area, &self.latest);
+                    if self.turns.get(&client).is_some_and(|turn| *turn > 0) {
+                        audience.begin_after(Tick(self.tick.0.saturating_sub(turn_ticks)), &self.latest);
+                    }
+                    self.audiences.insert(client, audience);
                 }
                 (Some(_), None) => {
                     self.audiences.remove(&client);
@@ -496,7 +615,8 @@ impl StateReplication {
     /// Returns the channel of a client.
     fn channel(&mut self, client: ClientId) -> &mut Channel {
         // Views follow each other with growing numbers, and so do series.
-        let series = (self.view.0 as u32).wrapping_mul(RESTARTS);
+        let turn = self.turns.get(&client).map_or(0, |turn| *turn % MAX_TURNS);
+        let series = (self.view.0 as u32).wrapping_mul(RESTARTS) + turn * TURN_SERIES;
         let new = || Channel::new(client, self.motion, series, self.batches.next());
         self.channels.entry(client).or_insert_with(new)
     }
@@ -537,6 +657,9 @@ impl StateReplication {
         let is_limited = |client: &ClientId| self.channels.get(client).is_some_and(Channel::is_limited);
         let parts = self.audiences.iter().map(|(&client, all)| (client, of(all)));
         let all = self.hear_all().into_iter().map(|client| (client, states.to_vec()));
+        let (view, states_of_all) = (self.view, states);
+        let guess = |&node: &NodeId| (node, ToRelay::Guess { view, tick, states: states_of_all.to_vec() });
+        self.relay_messages.extend(self.feeds.keys().map(guess));
         let told: Vec<(_, Vec<_>)> = parts.chain(all).filter(|(client, _)| !is_limited(client)).collect();
         for (client, states) in told {
             self.tell(client, tick, true, states);

@@ -43,6 +43,8 @@ pub enum FromClient {
         /// At most [`MAX_BUILD_OPS`](super::MAX_BUILD_OPS).
         ops: Vec<BuildOp>,
     },
+    /// To the leader: nothing is heard from the member that it named as the one who tells ([`ToClient::ToldBy`]). It is to tell the client itself.
+    Untold,
 }
 
 /// A client's acknowledgement of states.
@@ -235,6 +237,9 @@ pub enum ToClient {
     },
     /// What was to be built by the message of this number is on record, but for what was refused before.
     Built(u64),
+    /// From the leader: this member tells the client the states of bodies once they are linked, and till then, or if it is `None`, the leader
+    /// itself does. All else goes on over the link to the leader.
+    ToldBy(Option<Member>),
 }
 
 impl ToClient {

@@ -390,7 +390,7 @@ impl Check for FromClient {
                 must(ops.len() <= MAX_BUILD_OPS, "build", "at most 1,024 changes at once")?;
                 all(ops)
             }
-            Self::Despawn(_) | Self::Leave => Ok(()),
+            Self::Despawn(_) | Self::Leave | Self::Untold => Ok(()),
         }
     }
 }
@@ -452,7 +452,35 @@ impl Check for ToClient {
             | Self::JointRemoved(_)
             | Self::ShapesGone(_)
             | Self::Built(_)
+            | Self::ToldBy(_)
             | Self::Rejected { .. } => Ok(()),
+        }
+    }
+}
+
+impl Check for ToRelay {
+    fn check(&self) -> Result<(), Invalid> {
+        match self {
+            Self::Expect { view, clients } => {
+                view.check()?;
+                ascending(clients, |&client| client, "relay.expect")
+            }
+            Self::News(news) => {
+                news.view.check()?;
+                news.tick.check()?;
+                ascending(&news.clients, |&(client, _)| client, "relay.clients")?;
+                news.interests.iter().try_for_each(|(_, area)| area.map_or(Ok(()), |area| area.check()))?;
+                ascending(&news.states, |(_, state)| state.id, "relay.states")?;
+                news.states.iter().try_for_each(|(tick, state)| {
+                    tick.check()?;
+                    state.check()
+                })
+            }
+            Self::Guess { view, tick, states } => {
+                view.check()?;
+                tick.check()?;
+                all(states)
+            }
         }
     }
 }
@@ -513,6 +541,8 @@ impl Check for Message {
                 must(testimony.heard.len() <= MOST_HEARD, "testimony.heard", "at most 65,536 messages")
             }
             Self::Copied { border, .. } => border.check(),
+            Self::Relay(message) => message.check(),
+            Self::Linked { view, .. } => view.check(),
             Self::Waiting(_) | Self::Ping(_) | Self::Pong(_) | Self::AskStatus => Ok(()),
         }
     }

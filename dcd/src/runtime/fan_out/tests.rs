@@ -137,7 +137,9 @@ fn a_thread_that_is_held_up_keeps_no_tick_waiting_and_tells_the_newest_states_wh
     assert!(fan_out.handle(stage.tick()));
     // It has begun to tell of the first tick, and stands still.
     let first = tells.recv_timeout(PATIENCE).unwrap();
-    assert!(matches!(first.message, ToClient::CompactStates { stamp, .. } if stamp.tick == Tick(1)));
+    assert!(
+        matches!(first.message, Message::ToClient(_, ToClient::CompactStates { stamp, .. }) if stamp.tick == Tick(1))
+    );
     let begin = Instant::now();
     for _ in 0..MANY {
         assert!(fan_out.handle(stage.tick()));
@@ -150,12 +152,14 @@ fn a_thread_that_is_held_up_keeps_no_tick_waiting_and_tells_the_newest_states_wh
     // From here on it is never held up.
     drop(open);
     let next = tells.recv_timeout(PATIENCE).unwrap();
-    assert!(matches!(next.message, ToClient::CompactStates { stamp, .. } if stamp.tick == last));
+    assert!(
+        matches!(next.message, Message::ToClient(_, ToClient::CompactStates { stamp, .. }) if stamp.tick == last)
+    );
     drop(fan_out);
     assert!(
         tells
             .try_iter()
-            .all(|told| matches!(told.message, ToClient::CompactStates { stamp, .. } if stamp.tick == last))
+            .all(|told| matches!(told.message, Message::ToClient(_, ToClient::CompactStates { stamp, .. }) if stamp.tick == last))
     );
 }
 
@@ -181,7 +185,8 @@ fn a_guess_that_came_true_while_clients_were_told_what_was_before_it_is_told_to_
         assert!(fan_out.handle(stage.tick()));
         let next = || {
             let told = tells.recv_timeout(PATIENCE).unwrap();
-            let stamp = stamp_of(&told.message).copied();
+            let Message::ToClient(_, message) = &told.message else { panic!("there are no relays") };
+            let stamp = stamp_of(message).copied();
             stamp.map(|stamp| (stamp.tick, stamp.speculative))
         };
         assert_eq!(next(), Some((Tick(1), false)));
@@ -243,7 +248,7 @@ fn of_each_client_the_newest_acknowledgements_wait_whatever_others_say() {
     // What came over a former link is about what counts no more.
     ear.hear(CLIENT, heard(1));
     ear.hear(other, heard(1));
-    ear.0.lock().push(ReplicationEvent::Admit(CLIENT));
+    ear.0.lock().push(ReplicationEvent::Admit(CLIENT, 0));
     assert_eq!(ear.waiting(), 1);
 }
 
@@ -290,7 +295,8 @@ fn what_waits_is_told_before_it_ends() {
     let mut stage = Stage::new();
     fan_out.handle(stage.tick());
     drop(fan_out);
-    let is_of_states = |told: Told| matches!(told.message, ToClient::CompactStates { .. });
+    let is_of_states =
+        |told: Told| matches!(told.message, Message::ToClient(_, ToClient::CompactStates { .. }));
     assert!(tells.try_iter().any(is_of_states));
 }
 
@@ -313,7 +319,7 @@ fn few_ticks_wait_and_who_tells_clients_makes_one_of_them() {
     assert!(
         matches!(
             waiting.events.make_contiguous(),
-            [ReplicationEvent::Begin(_), ReplicationEvent::Admit(CLIENT), .., ReplicationEvent::Tick(_)]
+            [ReplicationEvent::Begin(_), ReplicationEvent::Admit(CLIENT, _), .., ReplicationEvent::Tick(_)]
         ),
         "all else stays, and it is in the last one's place"
     );

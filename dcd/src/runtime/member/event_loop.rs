@@ -326,14 +326,14 @@ impl Loop {
         }
     }
 
-    /// Tells a client what the fan-out does not send itself.
-    fn tell(&mut self, Told { to, client, message }: Told) {
+    /// Tells a client, or a relay, what the fan-out does not send itself.
+    fn tell(&mut self, Told { to, message }: Told) {
         let here = self.node.as_ref().map(|node| Peer::Node(node.node().id()));
-        match Some(to) == here {
-            true => self.client(ClientEvent::Node(message)),
+        match message {
+            Message::ToClient(_, message) if Some(to) == here => self.client(ClientEvent::Node(message)),
             // Who is not linked any more is dismissed soon.
-            false if self.links.is_linked(to) => self.links.send(to, &Message::ToClient(client, message)),
-            false => {}
+            message if self.links.is_linked(to) => self.links.send(to, &message),
+            _ => {}
         }
     }
 

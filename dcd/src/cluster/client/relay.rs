@@ -1,0 +1,141 @@
+//! Follows the member that tells a client the states of bodies in its leader's place (a relay), over a link of its own. All else goes over the
+//! link to the leader, who tells the client itself when that link fails.
+
+use std::time::Duration;
+
+use super::{AGAIN, Client, ClientOutput};
+use crate::cluster::Peer;
+use crate::protocol::{FromClient, Member, Message, Part, ToClient};
+use crate::space::NodeId;
+
+/// The relay, as the leader has named it.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Relay {
+    member: Option<Member>,
+    pub(super) linked: bool,
+    dial_at: Option<Duration>,
+    /// Whether the newest states came from it: they are acknowledged to it.
+    tells: bool,
+    /// Whether it is silent, and has been asked whether it is there.
+    asked: bool,
+}
+
+impl Relay {
+    /// Returns whether a peer is the relay.
+    pub(super) fn is(&self, peer: Peer) -> bool {
+        self.member.as_ref().is_some_and(|member| peer == Peer::Node(member.node))
+    }
+
+    /// Returns it, if the newest states came from there and the link stands.
+    pub(super) fn teller(&self) -> Option<NodeId> {
+        self.member.as_ref().filter(|_| self.linked && self.tells).map(|member| member.node)
+    }
+
+    /// Returns when it is dialled again.
+    pub(super) fn timeout(&self) -> Option<Duration> {
+        self.dial_at
+    }
+
+    /// Notes that it has answered.
+    pub(super) fn answered(&mut self) {
+        self.asked = false;
+    }
+}
+
+/// Returns whether a relay tells a client this.
+pub(super) fn is_of_relay(message: &ToClient) -> bool {
+    matches!(message, ToClient::States { .. } | ToClient::CompactStates { .. })
+}
+
+impl Client {
+    /// Returns the member that tells it states in the leader's place, if one does.
+    #[doc(hidden)]
+    pub fn told_by(&self) -> Option<NodeId> {
+        self.relay.teller()
+    }
+
+    /// Acknowledges states, if that is due.
+    pub(super) fn acknowledge(&mut self, now: Duration) {
+        if let Some(heard) = self.receiver.due(now, self.bytes_per_s) {
+            let heard = FromClient::Heard(heard);
+            match self.relay.teller() {
+                Some(relay) => self.send(Peer::Node(relay), Message::FromClient(self.id, heard)),
+                None => self.tell_leader(heard),
+            }
+        }
+    }
+
+    /// Returns whether a peer is who tells it states: the relay, or else the leader.
+    pub(super) fn is_teller(&self, peer: Peer) -> bool {
+        match self.relay.teller() {
+            Some(relay) => peer == Peer::Node(relay),
+            None => self.is_leader(peer),
+        }
+    }
+
+    /// Takes in who tells it states from now on.
+    pub(super) fn turn_to_relay(&mut self, relay: Option<Member>) {
+        let is_leader = |member: &Member| self.is_leader(Peer::Node(member.node));
+        let relay = relay.filter(|member| self.node.is_none() && !is_leader(member));
+        // One that is linked is named again in each view.
+        if self.relay.member == relay && (self.relay.linked || self.relay.dial_at.is_some()) {
+            return;
+        }
+        self.leave_relay();
+        self.relay.member = relay.clone();
+        self.outputs.extend(relay.map(ClientOutput::Connect));
+    }
+
+    /// Ends the link to the relay, if there is one.
+    pub(super) fn leave_relay(&mut self) {
+        let former = std::mem::take(&mut self.relay);
+        self.outputs.extend(former.member.map(|member| ClientOutput::Disconnect(member.node)));
+    }
+
+    /// Takes its link for that to a leader, which it has become. Returns whether it stands.
+    pub(super) fn relay_leads(&mut self, leader: Option<&Member>) -> bool {
+        if self.relay.member.is_none() || self.relay.member.as_ref() != leader {
+            self.leave_relay();
+            return false;
+        }
+        std::mem::take(&mut self.relay).linked
+    }
+
+    pub(super) fn relay_connected(&mut self) {
+        (self.relay.linked, self.relay.dial_at) = (true, None);
+    }
+
+    pub(super) fn relay_disconnected(&mut self, now: Duration) {
+        if self.relay.teller().is_some() {
+            self.tell_leader(FromClient::Untold);
+            self.vigil.rest();
+        }
+        (self.relay.linked, self.relay.tells, self.relay.asked) = (false, false, false);
+        self.relay.dial_at = Some(now + AGAIN);
+    }
+
+    /// Notes who has told a part, if it is one of the newest series: leaders and relays take turns, and a later one has later series.
+    pub(super) fn note_teller(&mut self, from: Option<Peer>, part: &Part) {
+        if self.receiver.series() == Some(part.series) {
+            self.relay.tells = from.is_some_and(|from| self.relay.is(from));
+        }
+    }
+
+    /// Gives a relay up that is silent though it was asked: the leader is to tell the client itself. Returns it if it is to be asked.
+    pub(super) fn doubt_relay(&mut self) -> Option<Peer> {
+        let relay = self.relay.teller()?;
+        if !std::mem::replace(&mut self.relay.asked, true) {
+            return Some(Peer::Node(relay));
+        }
+        self.leave_relay();
+        self.tell_leader(FromClient::Untold);
+        None
+    }
+
+    /// Dials the relay again, if that is due.
+    pub(super) fn tend_relay(&mut self, now: Duration) {
+        if self.relay.dial_at.take_if(|at| *at <= now).is_some() {
+            self.outputs.extend(self.relay.member.clone().map(ClientOutput::Connect));
+        }
+    }
+}

@@ -1,0 +1,51 @@
+//! Lets a state replication run where its leader, or its relay, is, or elsewhere.
+
+use super::{ReplicationEvent, StateReplication};
+use crate::protocol::{ToClient, ToRelay};
+use crate::space::{ClientId, NodeId};
+
+/// Where clients' states are chosen and coded.
+#[derive(Clone, Debug)]
+pub(in crate::cluster) enum Replication {
+    /// At once, in the same process.
+    Here(Box<StateReplication>),
+    /// On another thread, which is given these events.
+    Elsewhere(Vec<ReplicationEvent>),
+}
+
+/// What a replication says: to clients, and to relays.
+pub(in crate::cluster) type Said = (Vec<(ClientId, ToClient)>, Vec<(NodeId, ToRelay)>);
+
+impl Replication {
+    /// Gives it an event, and returns what follows from it here.
+    pub(in crate::cluster) fn handle(&mut self, event: ReplicationEvent) -> Said {
+        match self {
+            Self::Here(replication) => {
+                replication.handle(event);
+                (replication.take_messages(), replication.take_relay_messages())
+            }
+            Self::Elsewhere(events) => {
+                events.push(event);
+                Said::default()
+            }
+        }
+    }
+
+    /// Has it run elsewhere from its beginning on.
+    pub(in crate::cluster) fn moved_elsewhere(self) -> Self {
+        match self {
+            Self::Here(replication) => {
+                Self::Elsewhere(vec![ReplicationEvent::Begin(Box::new(replication.with_own_thread()))])
+            }
+            Self::Elsewhere(_) => self,
+        }
+    }
+
+    /// Returns the events for a replication elsewhere since the last call.
+    pub(in crate::cluster) fn take_events(&mut self) -> Vec<ReplicationEvent> {
+        match self {
+            Self::Here(_) => Vec::new(),
+            Self::Elsewhere(events) => std::mem::take(events),
+        }
+    }
+}

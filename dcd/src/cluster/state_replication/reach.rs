@@ -1,0 +1,247 @@
+//! Knows of which part of the world the clients of a relay are told, so that the relay is told of no other.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::news::Latest;
+use crate::protocol::{Area, SharedState};
+use crate::space::{BodyId, ClientId};
+
+/// The size of the cells by which it is known, metres.
+const CELL_M: f64 = 32.0;
+
+/// How far beyond an area bodies count, metres: a client that comes from another teller is told of what may just have left its area.
+pub(super) const AROUND_M: f64 = 32.0;
+
+/// Who has a larger area is told of everything: cells would be too many.
+const MOST_M: f64 = 256.0;
+
+type Cell = [i64; 3];
+
+/// The part of the world of which a relay is told.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Reach {
+    /// Clients that hear of everything.
+    all: BTreeSet<ClientId>,
+    /// The cells near the areas of others, and those near their avatars.
+    areas: BTreeMap<ClientId, Vec<Cell>>,
+    avatars: BTreeMap<BodyId, Cell>,
+    clients: BTreeSet<ClientId>,
+    /// In how many of these lists each cell is.
+    cells: BTreeMap<Cell, u32>,
+    /// Cells that were in none the last time.
+    grown: BTreeSet<Cell>,
+    /// Whether it was everything the last time.
+    was_all: bool,
+    /// Where the relay has each body.
+    told: BTreeMap<BodyId, Cell>,
+}
+
+impl Reach {
+    /// Notes what a client is interested in.
+    pub(super) fn turn(&mut self, client: ClientId, area: Option<Area>) {
+        self.forget_area(client);
+        self.clients.insert(client);
+        match area.filter(|area| area.radius_m <= MOST_M) {
+            None => _ = self.all.insert(client),
+            Some(area) => {
+                let cells = cells_around(&area);
+                cells.iter().for_each(|cell| self.cover(*cell));
+                self.areas.insert(client, cells);
+            }
+        }
+    }
+
+    pub(super) fn leave(&mut self, client: ClientId) {
+        self.forget_area(client);
+        self.clients.remove(&client);
+        let own = BodyId::avatar(client, 0)..=BodyId::avatar(client, u32::MAX);
+        for avatar in self.avatars.range(own).map(|(&id, _)| id).collect::<Vec<_>>() {
+            self.forget_avatar(avatar);
+        }
+    }
+
+    pub(super) fn forget(&mut self, id: BodyId) -> bool {
+        self.forget_avatar(id);
+        self.told.remove(&id).is_some()
+    }
+
+    /// Returns the bodies of which the relay is told: those of the moved ones that are in its part of the world, or were, and all that are
+    /// where that has grown.
+    pub(super) fn choose(
+        &mut self,
+        moved: impl Iterator<Item = BodyId>,
+        latest: &Latest,
+    ) -> BTreeSet<BodyId> {
+        self.follow_avatars(latest);
+        let is_all = !self.all.is_empty();
+        let begins = is_all && !std::mem::replace(&mut self.was_all, is_all);
+        self.was_all = is_all;
+        let grown = std::mem::take(&mut self.grown);
+        let mut chosen: BTreeSet<BodyId> = match is_all {
+            true => moved.collect(),
+            false => {
+                moved.filter(|id| latest.get(id).is_some_and(|(state, _)| self.reaches(state))).collect()
+            }
+        };
+        if begins || !is_all && !grown.is_empty() {
+            let comes = |(id, (state, _)): &(&BodyId, &(SharedState, _))| {
+                let is_new = |cell: &Cell| grown.contains(cell);
+                begins || is_new(&cell_of(state)) || self.told.get(id).is_some_and(is_new)
+            };
+            chosen.extend(latest.iter().filter(comes).map(|(&id, _)| id));
+        }
+        let places = chosen.iter().filter_map(|id| Some((*id, cell_of(&latest.get(id)?.0))));
+        self.told.extend(places);
+        chosen
+    }
+
+    fn reaches(&self, state: &SharedState) -> bool {
+        let is_own = state.id.client().is_some_and(|client| self.clients.contains(&client));
+        let is_in = |cell: &Cell| self.cells.contains_key(cell);
+        is_own || is_in(&cell_of(state)) || self.told.get(&state.id).is_some_and(is_in)
+    }
+
+    fn follow_avatars(&mut self, latest: &Latest) {
+        for client in self.areas.keys().copied().collect::<Vec<_>>() {
+            let own = BodyId::avatar(client, 0)..=BodyId::avatar(client, u32::MAX);
+            for (&id, (state, _)) in latest.range(own) {
+                let now = cell_of(state);
+                if self.avatars.get(&id) != Some(&now) {
+                    self.forget_avatar(id);
+                    self.avatars.insert(id, now);
+                    neighbours(now).for_each(|cell| self.cover(cell));
+                }
+            }
+        }
+    }
+
+    fn cover(&mut self, cell: Cell) {
+        let count = self.cells.entry(cell).or_default();
+        *count += 1;
+        if *count == 1 {
+            self.grown.insert(cell);
+        }
+    }
+
+    fn uncover(&mut self, cell: Cell) {
+        if let Some(count) = self.cells.get_mut(&cell) {
+            *count -= 1;
+            if *count == 0 {
+                self.cells.remove(&cell);
+                self.grown.remove(&cell);
+            }
+        }
+    }
+
+    fn forget_area(&mut self, client: ClientId) {
+        self.all.remove(&client);
+        for cell in self.areas.remove(&client).unwrap_or_default() {
+            self.uncover(cell);
+        }
+    }
+
+    fn forget_avatar(&mut self, id: BodyId) {
+        if let Some(at) = self.avatars.remove(&id) {
+            neighbours(at).for_each(|cell| self.uncover(cell));
+        }
+    }
+}
+
+fn cell_of(state: &SharedState) -> Cell {
+    state.pose.translation.map(|at| (at / CELL_M).floor() as i64)
+}
+
+/// Returns a cell and all that touch it.
+fn neighbours(of: Cell) -> impl Iterator<Item = Cell> {
+    let near = |at: i64| at.saturating_sub(1)..=at.saturating_add(1);
+    near(of[0]).flat_map(move |x| near(of[1]).flat_map(move |y| near(of[2]).map(move |z| [x, y, z])))
+}
+
+/// Returns the cells in which bodies count that are near an area.
+fn cells_around(area: &Area) -> Vec<Cell> {
+    let reach_m = 1.15 * area.radius_m + 2.0 + AROUND_M;
+    let along = |axis: usize| {
+        let cell = |at: f64| (at / CELL_M).floor() as i64;
+        cell(area.centre[axis] - reach_m)..=cell(area.centre[axis] + reach_m)
+    };
+    let plane = |x| along(1).flat_map(move |y| along(2).map(move |z| [x, y, z]));
+    along(0).flat_map(plane).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::protocol::{Velocity, WorldPose};
+    use crate::sim::Random;
+    use crate::space::{Epoch, RegionId, Tick};
+
+    fn state(id: BodyId, translation: [f64; 3]) -> SharedState {
+        let (owner, epoch, pose) = (RegionId(1), Epoch(0), WorldPose::at(translation));
+        SharedState { id, owner, epoch, pose, velocity: Velocity::default(), sleeping: false }
+    }
+
+    /// Bodies, avatars and interests move and jump at random: of all that is near a client, or that the relay has there, it has where that is.
+    #[test]
+    fn what_a_relay_has_near_its_clients_is_so_whatever_moves() {
+        let mut left_out = 0;
+        for seed in 0..200 {
+            let mut random = Random::new(seed);
+            let place = |random: &mut Random| [0; 3].map(|_| 1_000.0 * random.unit());
+            let [one, other] = [ClientId(1), ClientId(2)];
+            let avatar = BodyId::avatar(one, 0);
+            let ids: Vec<_> = (0..40).map(BodyId::persistent).chain([avatar]).collect();
+            let mut latest: Latest =
+                ids.iter().map(|&id| (id, (state(id, place(&mut random)), Tick(0)))).collect();
+            let (mut reach, mut areas, mut known) = (Reach::default(), BTreeMap::new(), BTreeMap::new());
+            for _ in 0..80 {
+                let mut moved = BTreeSet::new();
+                for &id in &ids {
+                    let at = latest[&id].0.pose.translation;
+                    let to = match random.below(12) {
+                        0 => place(&mut random),
+                        1..5 => at.map(|at| at + 30.0 * (random.unit() - 0.5)),
+                        _ => continue,
+                    };
+                    latest.insert(id, (state(id, to), Tick(0)));
+                    moved.insert(id);
+                }
+                let client = if random.below(2) == 0 { one } else { other };
+                match random.below(8) {
+                    0 => {
+                        reach.leave(client);
+                        areas.remove(&client);
+                    }
+                    1 => {
+                        reach.turn(client, None);
+                        areas.insert(client, None);
+                    }
+                    2..5 => {
+                        let area = Area { centre: place(&mut random), radius_m: 5.0 + 60.0 * random.unit() };
+                        reach.turn(client, Some(area));
+                        areas.insert(client, Some(area));
+                    }
+                    _ => {}
+                }
+                let told = reach.choose(moved.iter().copied(), &latest);
+                left_out += moved.difference(&told).count();
+                known.extend(told.into_iter().map(|id| (id, latest[&id].0.pose.translation)));
+                for (&client, area) in &areas {
+                    let around = Area::around_avatar(latest[&avatar].0.pose.translation);
+                    let near = |at| match area {
+                        None => true,
+                        Some(area) => area.enters(at) || client == one && around.enters(at),
+                    };
+                    for (id, (state, _)) in &latest {
+                        let (is, known) = (state.pose.translation, known.get(id));
+                        let matters =
+                            near(is) || known.is_some_and(|&at| near(at)) || id.client() == Some(client);
+                        assert!(!matters || known == Some(&is), "seed {seed}: {id} is at {is:?}, {known:?}");
+                    }
+                }
+            }
+            areas.keys().for_each(|client| reach.leave(*client));
+            assert!(reach.cells.is_empty() && reach.avatars.is_empty(), "seed {seed}");
+        }
+        assert!(left_out > 1_000, "what is far from all clients is not told: {left_out}");
+    }
+}

@@ -10,6 +10,7 @@ mod speculation;
 #[cfg(test)]
 mod tests;
 mod verifier;
+mod view_change;
 mod witness;
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};

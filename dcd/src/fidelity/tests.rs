@@ -224,7 +224,7 @@ fn a_budget_is_overrun_by_one_tick_in_a_hundred_however_unlike_ticks_are() {
         }
         (over as f64 / 2_880.0, spent / 2_880.0)
     };
-    for (mean_ms, from) in [(1.2, 0), (2.4, 3_000), (0.3, 6_000)] {
+    for (mean_ms, from) in [(0.8, 0), (1.6, 3_000), (0.3, 6_000)] {
         let (part, spent_ms) = over(&mut governor, mean_ms, from);
         assert!(part < 0.015, "{mean_ms} ms: {part} of the ticks");
         assert!(spent_ms > 2.5, "{mean_ms} ms: {spent_ms} ms of 10 are used");

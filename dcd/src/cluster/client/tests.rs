@@ -6,7 +6,7 @@ use super::*;
 use crate::protocol::link::CLIENT_FRAME_BYTES;
 use crate::protocol::{Costs, QueryParts, QueryResult, SharedState, Stamp, encode};
 use crate::sim::{sim_body, sim_collider, sim_world};
-use crate::space::Epoch;
+use crate::space::{Epoch, RegionId};
 
 #[test]
 fn what_the_leader_said_is_not_undone_by_an_earlier_word_of_the_server() {

@@ -361,7 +361,7 @@ impl Client {
         }
         if self.vigil.is_due(now) {
             let leader = self.leader.as_ref().map(|leader| Peer::Node(leader.node));
-            let relay = self.doubt_relay();
+            let relay = self.doubt_relay(now);
             leader
                 .into_iter()
                 .chain(relay)

@@ -223,7 +223,9 @@ impl Leader {
         self.uninterest(client);
         self.relays.forget(client);
         let turn = self.relays.next_turn(client);
-        self.replicate(ReplicationEvent::Admit(client, turn));
+        // A relay may have told it up to now.
+        let told_elsewhere = turn > 0;
+        self.replicate(ReplicationEvent::Admit { client, turn, told_elsewhere, area: None });
     }
 
     /// Takes in a client's area of interest; `None` is everything. It counts after the present tick, so that however often it
@@ -370,7 +372,8 @@ impl Leader {
 
     /// Sends clients the states of a speculative tick, computed without the other nodes.
     pub fn tell_speculative(&mut self, tick: Tick, states: Vec<SharedState>) {
-        self.replicate(ReplicationEvent::Speculative { tick, states });
+        let silent = self.missing().collect();
+        self.replicate(ReplicationEvent::Speculative { tick, states, silent });
     }
 
     /// Takes in which states a client has acknowledged.

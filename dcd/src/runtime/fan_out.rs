@@ -13,8 +13,8 @@ use tracing::debug;
 use super::bandwidth::Received;
 use crate::cluster::{Peer, ReplicationEvent, StateReplication, TickNews};
 use crate::net::{Datagrams, PeerKey};
-use crate::protocol::{self, Heard, Lane, Message, Stamp, ToClient};
-use crate::space::{ClientId, Tick};
+use crate::protocol::{self, Heard, Lane, Message, Stamp, ToClient, ToRelay};
+use crate::space::{ClientId, NodeId, Tick};
 
 /// Acknowledgements of a client that may wait, of the newest: one that keeps to the rules gathers them for 10 ms each. An acknowledgement is not
 /// made again, and who seems to acknowledge nothing is told little, so that no client may push out those of another.
@@ -241,7 +241,7 @@ impl Waiting {
                 })
             }
             // What the tick that waits says of its former link would come after this, and what came over that acknowledges what counts no more.
-            ReplicationEvent::Admit(client, _)
+            ReplicationEvent::Admit { client, .. }
             | ReplicationEvent::Dismiss(client)
             | ReplicationEvent::Relay { client, .. } => {
                 lock(&self.heard).of.remove(&client);
@@ -261,7 +261,9 @@ impl Waiting {
         let is_newer = |event: &ReplicationEvent| {
             !matches!(
                 event,
-                ReplicationEvent::Admit(..) | ReplicationEvent::Dismiss(_) | ReplicationEvent::Relay { .. }
+                ReplicationEvent::Admit { .. }
+                    | ReplicationEvent::Dismiss(_)
+                    | ReplicationEvent::Relay { .. }
             )
         };
         self.over || self.events.iter().any(is_newer)
@@ -355,7 +357,7 @@ impl<T: Fn(Told)> Teller<T> {
                 *replication = Some(new);
             }
             (Some(replication), event) => {
-                if let ReplicationEvent::Admit(client, _)
+                if let ReplicationEvent::Admit { client, .. }
                 | ReplicationEvent::Dismiss(client)
                 | ReplicationEvent::Relay { client, .. } = &event
                 {
@@ -367,12 +369,23 @@ impl<T: Fn(Told)> Teller<T> {
                     self.send(replication, client, message);
                 }
                 for (node, message) in replication.take_relay_messages() {
+                    let is_guess = matches!(message, ToRelay::Guess { .. });
+                    // What is to arrive in any case would wait behind it.
+                    if is_guess && self.frames_waiting(node) > GUESSES_WAITING {
+                        continue;
+                    }
                     let message = Message::Relay(message);
                     (self.tell)(Told { to: Peer::Node(node), message });
                 }
             }
             (None, _) => {}
         }
+    }
+
+    /// Returns the bytes of frames that wait for the link to a member.
+    fn frames_waiting(&self, node: NodeId) -> usize {
+        let keys = self.outlet.keys.read().unwrap_or_else(PoisonError::into_inner);
+        keys.get(&Peer::Node(node)).map_or(0, |key| self.outlet.datagrams.frames_waiting(*key))
     }
 
     fn send(&mut self, replication: &mut StateReplication, client: ClientId, message: ToClient) {

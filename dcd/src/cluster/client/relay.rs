@@ -8,6 +8,9 @@ use crate::cluster::Peer;
 use crate::protocol::{FromClient, Member, Message, Part, ToClient};
 use crate::space::NodeId;
 
+/// The time after which a relay is dialled again that was silent, or could not be reached.
+const LATER: Duration = Duration::from_secs(10);
+
 /// The relay, as the leader has named it.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Relay {
@@ -105,13 +108,20 @@ impl Client {
         (self.relay.linked, self.relay.dial_at) = (true, None);
     }
 
+    /// Takes in that its link is gone, or could not be made. The leader is told so though the relay has told nothing: that may still have an
+    /// older link of the client's, and have said that it is there.
     pub(super) fn relay_disconnected(&mut self, now: Duration) {
+        // It was left, and is dialled later.
+        if self.relay.dial_at.is_some() {
+            return;
+        }
         if self.relay.teller().is_some() {
-            self.tell_leader(FromClient::Untold);
             self.vigil.rest();
         }
-        (self.relay.linked, self.relay.tells, self.relay.asked) = (false, false, false);
-        self.relay.dial_at = Some(now + AGAIN);
+        self.tell_leader(FromClient::Untold);
+        let was_linked = std::mem::take(&mut self.relay.linked);
+        (self.relay.tells, self.relay.asked) = (false, false);
+        self.relay.dial_at = Some(now + if was_linked { AGAIN } else { LATER });
     }
 
     /// Notes who has told a part, if it is one of the newest series: leaders and relays take turns, and a later one has later series.
@@ -121,13 +131,20 @@ impl Client {
         }
     }
 
-    /// Gives a relay up that is silent though it was asked: the leader is to tell the client itself. Returns it if it is to be asked.
-    pub(super) fn doubt_relay(&mut self) -> Option<Peer> {
-        let relay = self.relay.teller()?;
-        if !std::mem::replace(&mut self.relay.asked, true) {
+    /// Gives a relay up for a while that is silent though it was asked, or never told anything: the leader is to tell the client itself. Returns
+    /// it if it is to be asked.
+    pub(super) fn doubt_relay(&mut self, now: Duration) -> Option<Peer> {
+        let teller = self.relay.teller();
+        if let Some(relay) = teller
+            && !std::mem::replace(&mut self.relay.asked, true)
+        {
             return Some(Peer::Node(relay));
         }
-        self.leave_relay();
+        let member = self.relay.member.clone()?;
+        if self.relay.linked {
+            self.outputs.push_back(ClientOutput::Disconnect(member.node));
+            self.relay = Relay { member: Some(member), dial_at: Some(now + LATER), ..Relay::default() };
+        }
         self.tell_leader(FromClient::Untold);
         None
     }

@@ -7,7 +7,10 @@ use super::Leader;
 use crate::cluster::Peer;
 use crate::cluster::state_replication::{MAX_TURNS, ReplicationEvent};
 use crate::protocol::{EnvironmentProperties, Member, ToClient, ToRelay, View};
-use crate::space::{BodyId, ClientId, NodeId, RegionId};
+use crate::space::{BodyId, ClientId, NodeId, RegionId, Tick};
+
+/// The seconds within which a client should have a link to the relay that it is given to.
+const ON_THE_WAY_S: f64 = 5.0;
 
 /// A client that was given to a relay.
 #[derive(Clone, Copy, Debug)]
@@ -15,6 +18,8 @@ struct Given {
     to: NodeId,
     /// Whether it is told there; until the relay says that the client is linked, the leader tells it.
     told: bool,
+    /// The tick in which it was given.
+    since: Tick,
 }
 
 /// Which clients relays tell. It lasts as long as the view.
@@ -42,8 +47,11 @@ impl Relays {
         Self { above: world.relays_above, members: members.collect(), ..Self::default() }
     }
 
-    /// Returns the number of the next turn of a client.
+    /// Returns the number of the next turn of a client: where there are no relays, each begins with a link, and all with nothing.
     pub(super) fn next_turn(&mut self, client: ClientId) -> u32 {
+        if self.above.is_none() {
+            return 0;
+        }
         let next = self.turns.get(&client).map_or(0, |turn| turn.saturating_add(1));
         self.turns.insert(client, next);
         next
@@ -94,14 +102,14 @@ impl Leader {
             }
             self.relays.decided.insert(client);
             let linked = self.clients.keys().filter(|&&client| is_direct(client)).count();
-            let own = linked - self.relays.given.len();
+            let own = linked - self.told_or_soon();
             let is_above = self.relays.above.is_some_and(|above| own > above as usize);
             let relay = match is_above {
                 true => self.relays.choose(linked, self.near(client)),
                 false => None,
             };
             if let Some(to) = relay {
-                self.relays.given.insert(client, Given { to, told: false });
+                self.relays.given.insert(client, Given { to, told: false, since: self.tick });
                 expected.entry(to).or_default().push(client);
             }
             let member = relay.and_then(|node| self.relays.members.get(&node)).cloned();
@@ -110,6 +118,13 @@ impl Leader {
         let view = self.view;
         let expect = |(node, clients)| (node, ToRelay::Expect { view, clients });
         self.relays.messages.extend(expected.into_iter().map(expect));
+    }
+
+    /// Returns how many clients are told by relays, or were given to them so lately that they may still be on their way there.
+    fn told_or_soon(&self) -> usize {
+        let patience_ticks = (ON_THE_WAY_S / self.dt.as_secs_f64()) as u64;
+        let is_so = |given: &&Given| given.told || self.tick.0 <= given.since.0 + patience_ticks;
+        self.relays.given.values().filter(is_so).count()
     }
 
     /// Returns who computes the region in which a client is interested, or has an avatar.
@@ -147,10 +162,10 @@ impl Leader {
             return;
         }
         let turn = self.relays.next_turn(client);
-        self.replicate(ReplicationEvent::Admit(client, turn));
-        if let Some(area) = self.interests.get(&client) {
-            self.news.interested(client, *area);
-        }
+        // The next complete tick, with which interests are told else, may be long in coming: the relay may have to be given up first.
+        let area = self.interests.get(&client).copied();
+        self.news.uninterested(client);
+        self.replicate(ReplicationEvent::Admit { client, turn, told_elsewhere: true, area });
         self.say_applied_again(client);
     }
 

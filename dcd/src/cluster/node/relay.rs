@@ -45,7 +45,8 @@ impl Node {
                 }
             }
             ToRelay::Guess { tick, states, .. } => {
-                self.relay_event(ReplicationEvent::Speculative { tick, states });
+                let silent = BTreeSet::new();
+                self.relay_event(ReplicationEvent::Speculative { tick, states, silent });
             }
             ToRelay::News(_) => unreachable!("taken care of above"),
         }
@@ -62,7 +63,7 @@ impl Node {
         }
         for (client, turn) in std::mem::take(&mut news.clients) {
             self.relay_event(match turn {
-                Some(turn) => ReplicationEvent::Admit(client, turn),
+                Some(turn) => ReplicationEvent::Admit { client, turn, told_elsewhere: true, area: None },
                 None => ReplicationEvent::Dismiss(client),
             });
         }

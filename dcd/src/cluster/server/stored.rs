@@ -80,6 +80,12 @@ impl Check for StoredGroup {
     }
 }
 
+/// Returns whether two are the same world, though the one may be computed and told in another way than the other: what is served counts.
+fn is_same(stored: &EnvironmentProperties, served: &EnvironmentProperties) -> bool {
+    let EnvironmentProperties { fidelity, viewpoints, relays_above, .. } = served.clone();
+    EnvironmentProperties { fidelity, viewpoints, relays_above, ..stored.clone() } == *served
+}
+
 /// What a server begins with.
 #[derive(Clone, Debug, Encode, Decode)]
 pub enum ServerOrigin {
@@ -145,15 +151,20 @@ impl Server {
             }
         }
         let stored: StoredWorld = world.ok_or(RestoreError::NoWorld)?;
-        if stored.world != config.world {
+        if !is_same(&stored.world, &config.world) {
             return Err(RestoreError::OtherWorld);
         }
+        // Nodes that went on hold what was served before, and are told what a world is when they begin: they do so anew, with what is stored.
+        let is_altered = stored.world != config.world;
+        let over = if is_altered { std::mem::take(&mut groups) } else { BTreeMap::new() };
         // Where bodies are is written down more often than the world.
-        let views = groups.values().map(|group| group.view.tick);
+        let views = groups.values().chain(over.values()).map(|group| group.view.tick);
         let tick = bodies.iter().map(StoredBody::tick).chain(views).fold(stored.tick, Tick::max);
         let record = Record::restored(bodies, shapes, joints);
         let mut server = Self::new(config, record);
         server.main_mut().record.forget_changes();
+        server.common.world_changed |= is_altered;
+        server.common.groups_changed.extend(over.into_keys());
         server.common.number = ahead_of(stored.number);
         server.common.begun = stored.begun;
         let (body, joint) = server.common.next_ids;

@@ -5,8 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::TickNews;
 use super::news::Latest;
 use super::reach::Reach;
-use crate::protocol::{Area, CHUNK_BYTES, RelayNews, ToRelay, ViewNumber, split};
-use crate::space::{BodyId, ClientId};
+use crate::protocol::{Area, CHUNK_BYTES, RelayNews, SharedState, ToRelay, ViewNumber, most_items, split};
+use crate::space::{BodyId, ClientId, Tick};
 
 /// What a relay is told. It lasts as long as that has clients.
 #[derive(Clone, Debug, Default)]
@@ -53,6 +53,13 @@ impl Feed {
 
     pub(super) fn has_applied(&mut self, client: ClientId, newest: (u64, i8)) {
         self.applied.insert(client, newest);
+    }
+
+    /// Returns what the relay is told of a speculative tick: what its clients may hear of, in one message, since a later guess takes the place of
+    /// those before.
+    pub(super) fn guess(&self, view: ViewNumber, tick: Tick, states: &[SharedState]) -> ToRelay {
+        let near = states.iter().filter(|state| self.reach.hears_of(state)).copied();
+        ToRelay::Guess { view, tick, states: near.take(most_items::<SharedState>()).collect() }
     }
 
     /// Returns what the relay is told of a tick, in which these bodies are gone and those have moved.

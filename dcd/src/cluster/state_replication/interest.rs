@@ -8,6 +8,15 @@ use super::reach::AROUND_M;
 use crate::protocol::{Area, SharedState};
 use crate::space::{BodyId, ClientId, Tick};
 
+/// Returns the place nearest to another on a straight way.
+fn nearest(from: [f64; 3], way: [f64; 3], to: [f64; 3]) -> [f64; 3] {
+    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let apart = [0, 1, 2].map(|axis| to[axis] - from[axis]);
+    let length = dot(way, way);
+    let share = if length > 0.0 { (dot(apart, way) / length).clamp(0.0, 1.0) } else { 0.0 };
+    [0, 1, 2].map(|axis| from[axis] + share * way[axis])
+}
+
 /// One client's area of interest, and what it was sent.
 #[derive(Clone, Debug)]
 pub(super) struct Audience {
@@ -57,13 +66,18 @@ impl Audience {
         }
     }
 
-    /// Notes that another may have told the client of the bodies that moved since a tick, and cannot be asked: it is told again of those near the
-    /// area, which may just have left it.
-    pub(super) fn begin_after(&mut self, since: Tick, latest: &Latest) {
+    /// Notes that another may have told the client of the bodies that moved in the seconds before now (a tick, and how long one lasts), and cannot
+    /// be asked: it is told again of those that may have left the area since, by where they are or where they come from as fast as they are.
+    pub(super) fn begin_after(&mut self, now: (Tick, f64), seconds: f64, latest: &Latest) {
+        let (Tick(now), dt) = now;
+        let since = now.saturating_sub((seconds / dt) as u64);
         let wide = Area { radius_m: self.area.radius_m + AROUND_M, ..self.area };
-        let is_near = |at| wide.enters(at) || self.near.values().any(|area| area.enters(at));
-        let left =
-            latest.iter().filter(|(_, (state, tick))| *tick >= since && is_near(state.pose.translation));
+        let areas: Vec<_> = self.near.values().chain([&wide]).collect();
+        let may_have_left = |state: &SharedState| {
+            let way_m = state.velocity.linear.map(|speed| -f64::from(speed) * seconds);
+            areas.iter().any(|area| area.enters(nearest(state.pose.translation, way_m, area.centre)))
+        };
+        let left = latest.iter().filter(|(_, (state, tick))| tick.0 >= since && may_have_left(state));
         self.owed.extend(left.map(|(&id, _)| id));
     }
 

@@ -158,8 +158,17 @@ impl TickNews {
 pub enum ReplicationEvent {
     /// A leader begins, and its replication with it; that of a former view ends.
     Begin(Box<StateReplication>),
-    /// A client is linked, perhaps anew: what it was told before counts no more. This is the number of its turn.
-    Admit(ClientId, u32),
+    /// A client is to be told from now on: what it was told before counts no more.
+    Admit {
+        /// Who.
+        client: ClientId,
+        /// The number of its turn.
+        turn: u32,
+        /// Whether another has told it until now, which cannot be asked of what.
+        told_elsewhere: bool,
+        /// What it wants to hear of, if it has said so.
+        area: Option<Option<Area>>,
+    },
     /// A client is told by a relay from now on.
     Relay {
         /// Who.
@@ -190,6 +199,8 @@ pub enum ReplicationEvent {
         tick: Tick,
         /// The bodies in it.
         states: Vec<SharedState>,
+        /// The members that are waited for, who are told of no guess.
+        silent: BTreeSet<NodeId>,
     },
     /// This process leads no more.
     End,
@@ -213,6 +224,8 @@ pub struct StateReplication {
     clients: BTreeMap<ClientId, Peer>,
     /// How often each client has been told by another, or anew, in this view.
     turns: BTreeMap<ClientId, u32>,
+    /// Clients that another has told until they came here, as long as they have not said what they want to hear of.
+    told_elsewhere: BTreeSet<ClientId>,
     /// Clients that relays tell, and what those are told.
     relayed: BTreeMap<ClientId, NodeId>,
     feeds: BTreeMap<NodeId, Feed>,
@@ -258,6 +271,7 @@ impl StateReplication {
             undecided: clients.keys().copied().collect(),
             clients: clients.clone(),
             turns: BTreeMap::new(),
+            told_elsewhere: BTreeSet::new(),
             relayed: BTreeMap::new(),
             feeds: BTreeMap::new(),
             applied: BTreeMap::new(),
@@ -284,7 +298,10 @@ impl StateReplication {
     pub fn handle(&mut self, event: ReplicationEvent) {
         match event {
             ReplicationEvent::Begin(new) => *self = *new,
-            ReplicationEvent::Admit(client, turn) => self.admit(client, turn),
+            ReplicationEvent::Admit { client, turn, told_elsewhere, area } => {
+                self.admit(client, turn, told_elsewhere);
+                self.turn_audiences(area.map(|area| (client, area)));
+            }
             ReplicationEvent::Relay { client, node, turn, area } => {
                 self.dismiss(client);
                 self.relayed.insert(client, node);
@@ -297,7 +314,12 @@ impl StateReplication {
                 }
             }
             ReplicationEvent::Tick(news) => self.take_in(news),
-            ReplicationEvent::Speculative { tick, states } => self.tell_speculative(tick, &states),
+            ReplicationEvent::Speculative { tick, states, silent } => {
+                let told = self.feeds.iter().filter(|(node, _)| !silent.contains(node));
+                let guess = |(&node, feed): (&_, &Feed)| (node, feed.guess(self.view, tick, &states));
+                self.relay_messages.extend(told.map(guess));
+                self.tell_speculative(tick, &states);
+            }
             ReplicationEvent::End => {
                 self.clients.clear();
                 self.feeds.clear();
@@ -328,9 +350,11 @@ impl StateReplication {
     }
 
     /// Admits a client that is linked directly; it says what it wants to hear of.
-    fn admit(&mut self, client: ClientId, turn: u32) {
+    fn admit(&mut self, client: ClientId, turn: u32, told_elsewhere: bool) {
         self.leave_relay(client);
         self.turns.insert(client, turn);
+        self.told_elsewhere.remove(&client);
+        self.told_elsewhere.extend(told_elsewhere.then_some(client));
         self.clients.insert(client, Peer::Client(client));
         self.channels.remove(&client);
         self.audiences.remove(&client);
@@ -345,6 +369,8 @@ impl StateReplication {
     fn dismiss(&mut self, client: ClientId) {
         self.leave_relay(client);
         self.clients.remove(&client);
+        self.turns.remove(&client);
+        self.told_elsewhere.remove(&client);
         self.told.remove(&client);
         self.applied.remove(&client);
         self.channels.remove(&client);
@@ -414,14 +440,14 @@ impl StateReplication {
         self.channels.values_mut().for_each(|channel| channel.forget(id));
     }
 
-    fn turn_audiences(&mut self, interests: BTreeMap<ClientId, Option<Area>>) {
-        let turn_ticks = (TURN_S / self.dt.as_secs_f64()) as u64;
+    fn turn_audiences(&mut self, interests: impl IntoIterator<Item = (ClientId, Option<Area>)>) {
         for (client, area) in interests {
             // One whose link is gone says it again over the next one.
             if !self.clients.contains_key(&client) {
                 continue;
             }
             let is_first = self.undecided.remove(&client);
+            let told_elsewhere = self.told_elsewhere.remove(&client);
             match (self.audiences.get_mut(&client), area) {
                 (Some(audience), Some(area)) => audience.turn_to(area, &self.latest),
                 (None, Some(area)) => {
@@ -429,8 +455,8 @@ impl StateReplication {
                         channel.catch_up(&self.batches, || self.latest.keys().copied());
                     }
                     let mut audience = Audience::new(client, area, &self.latest);
-                    if self.turns.get(&client).is_some_and(|turn| *turn > 0) {
-                        audience.begin_after(Tick(self.tick.0.saturating_sub(turn_ticks)), &self.latest);
+                    if told_elsewhere {
+                        audience.begin_after((self.tick, self.dt.as_secs_f64()), TURN_S, &self.latest);
                     }
                     self.audiences.insert(client, audience);
                 }
@@ -657,9 +683,6 @@ impl StateReplication {
         let is_limited = |client: &ClientId| self.channels.get(client).is_some_and(Channel::is_limited);
         let parts = self.audiences.iter().map(|(&client, all)| (client, of(all)));
         let all = self.hear_all().into_iter().map(|client| (client, states.to_vec()));
-        let (view, states_of_all) = (self.view, states);
-        let guess = |&node: &NodeId| (node, ToRelay::Guess { view, tick, states: states_of_all.to_vec() });
-        self.relay_messages.extend(self.feeds.keys().map(guess));
         let told: Vec<(_, Vec<_>)> = parts.chain(all).filter(|(client, _)| !is_limited(client)).collect();
         for (client, states) in told {
             self.tell(client, tick, true, states);

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::news::Latest;
 use crate::protocol::{Area, SharedState};
-use crate::space::{BodyId, ClientId};
+use crate::space::{BodyId, ClientId, Epoch, Tick};
 
 /// The size of the cells by which it is known, metres.
 const CELL_M: f64 = 32.0;
@@ -16,6 +16,9 @@ pub(super) const AROUND_M: f64 = 32.0;
 const MOST_M: f64 = 256.0;
 
 type Cell = [i64; 3];
+
+/// Tells the states of a body apart.
+type Version = (Epoch, Tick);
 
 /// The part of the world of which a relay is told.
 #[derive(Clone, Debug, Default)]
@@ -32,22 +35,25 @@ pub(super) struct Reach {
     grown: BTreeSet<Cell>,
     /// Whether it was everything the last time.
     was_all: bool,
-    /// Where the relay has each body.
-    told: BTreeMap<BodyId, Cell>,
+    /// Where the relay has each body, and as of when.
+    told: BTreeMap<BodyId, (Cell, Version)>,
 }
 
 impl Reach {
-    /// Notes what a client is interested in.
+    /// Notes what a client is interested in. What is covered before and after has not grown meanwhile: it is left at last.
     pub(super) fn turn(&mut self, client: ClientId, area: Option<Area>) {
-        self.forget_area(client);
         self.clients.insert(client);
-        match area.filter(|area| area.radius_m <= MOST_M) {
-            None => _ = self.all.insert(client),
-            Some(area) => {
-                let cells = cells_around(&area);
-                cells.iter().for_each(|cell| self.cover(*cell));
-                self.areas.insert(client, cells);
-            }
+        let area = area.filter(|area| area.radius_m <= MOST_M);
+        let Some(cells) = area.map(|area| cells_around(&area)) else {
+            self.forget_area(client);
+            self.all.insert(client);
+            return;
+        };
+        self.all.remove(&client);
+        if self.areas.get(&client) != Some(&cells) {
+            cells.iter().for_each(|cell| self.cover(*cell));
+            let former = self.areas.insert(client, cells).unwrap_or_default();
+            former.into_iter().for_each(|cell| self.uncover(cell));
         }
     }
 
@@ -66,7 +72,7 @@ impl Reach {
     }
 
     /// Returns the bodies of which the relay is told: those of the moved ones that are in its part of the world, or were, and all that are
-    /// where that has grown.
+    /// where that has grown, but for those that it has as they are.
     pub(super) fn choose(
         &mut self,
         moved: impl Iterator<Item = BodyId>,
@@ -84,21 +90,30 @@ impl Reach {
             }
         };
         if begins || !is_all && !grown.is_empty() {
-            let comes = |(id, (state, _)): &(&BodyId, &(SharedState, _))| {
+            let comes = |(id, (state, tick)): &(&BodyId, &(SharedState, Tick))| {
+                let told = self.told.get(id);
+                let is_known = told.is_some_and(|(_, version)| *version == (state.epoch, *tick));
                 let is_new = |cell: &Cell| grown.contains(cell);
-                begins || is_new(&cell_of(state)) || self.told.get(id).is_some_and(is_new)
+                let has_come = || is_new(&cell_of(state)) || told.is_some_and(|(cell, _)| is_new(cell));
+                !is_known && (begins || has_come())
             };
             chosen.extend(latest.iter().filter(comes).map(|(&id, _)| id));
         }
-        let places = chosen.iter().filter_map(|id| Some((*id, cell_of(&latest.get(id)?.0))));
+        let place = |(state, tick): &(SharedState, Tick)| (cell_of(state), (state.epoch, *tick));
+        let places = chosen.iter().filter_map(|id| Some((*id, place(latest.get(id)?))));
         self.told.extend(places);
         chosen
+    }
+
+    /// Returns whether the relay is told of a body that is so.
+    pub(super) fn hears_of(&self, state: &SharedState) -> bool {
+        !self.all.is_empty() || self.reaches(state)
     }
 
     fn reaches(&self, state: &SharedState) -> bool {
         let is_own = state.id.client().is_some_and(|client| self.clients.contains(&client));
         let is_in = |cell: &Cell| self.cells.contains_key(cell);
-        is_own || is_in(&cell_of(state)) || self.told.get(&state.id).is_some_and(is_in)
+        is_own || is_in(&cell_of(state)) || self.told.get(&state.id).is_some_and(|(cell, _)| is_in(cell))
     }
 
     fn follow_avatars(&mut self, latest: &Latest) {
@@ -107,9 +122,9 @@ impl Reach {
             for (&id, (state, _)) in latest.range(own) {
                 let now = cell_of(state);
                 if self.avatars.get(&id) != Some(&now) {
-                    self.forget_avatar(id);
-                    self.avatars.insert(id, now);
                     neighbours(now).for_each(|cell| self.cover(cell));
+                    let former = self.avatars.insert(id, now).map(neighbours);
+                    former.into_iter().flatten().for_each(|cell| self.uncover(cell));
                 }
             }
         }
@@ -173,7 +188,7 @@ mod tests {
     use super::*;
     use crate::protocol::{Velocity, WorldPose};
     use crate::sim::Random;
-    use crate::space::{Epoch, RegionId, Tick};
+    use crate::space::RegionId;
 
     fn state(id: BodyId, translation: [f64; 3]) -> SharedState {
         let (owner, epoch, pose) = (RegionId(1), Epoch(0), WorldPose::at(translation));
@@ -193,7 +208,7 @@ mod tests {
             let mut latest: Latest =
                 ids.iter().map(|&id| (id, (state(id, place(&mut random)), Tick(0)))).collect();
             let (mut reach, mut areas, mut known) = (Reach::default(), BTreeMap::new(), BTreeMap::new());
-            for _ in 0..80 {
+            for tick in 1..=80 {
                 let mut moved = BTreeSet::new();
                 for &id in &ids {
                     let at = latest[&id].0.pose.translation;
@@ -202,7 +217,7 @@ mod tests {
                         1..5 => at.map(|at| at + 30.0 * (random.unit() - 0.5)),
                         _ => continue,
                     };
-                    latest.insert(id, (state(id, to), Tick(0)));
+                    latest.insert(id, (state(id, to), Tick(tick)));
                     moved.insert(id);
                 }
                 let client = if random.below(2) == 0 { one } else { other };
@@ -243,5 +258,29 @@ mod tests {
             assert!(reach.cells.is_empty() && reach.avatars.is_empty(), "seed {seed}");
         }
         assert!(left_out > 1_000, "what is far from all clients is not told: {left_out}");
+    }
+
+    /// An area goes on by half of its margin, over and over: what rests is told once.
+    #[test]
+    fn a_step_of_an_interest_tells_of_what_is_new_there_alone() {
+        let [one, other] = [ClientId(1), ClientId(2)];
+        let places = (0..200).map(|at| (BodyId::persistent(at), [2.0 * f64::from(at), 0.0, 0.0]));
+        let avatars = [(BodyId::avatar(one, 0), [0.0; 3]), (BodyId::avatar(other, 0), [900.0, 0.0, 0.0])];
+        let mut latest: Latest =
+            places.chain(avatars).map(|(id, at)| (id, (state(id, at), Tick(0)))).collect();
+        let mut reach = Reach::default();
+        let mut told = BTreeSet::new();
+        for step in 0..200_u32 {
+            let at = 0.6 * f64::from(step);
+            reach.turn(one, Some(Area { centre: [at, 0.0, 0.0], radius_m: 12.0 }));
+            // Its avatar goes along, and back over the border of a cell now and then.
+            let avatar = BodyId::avatar(one, 0);
+            let to = [at - f64::from(step % 7), 0.0, 0.0];
+            latest.insert(avatar, (state(avatar, to), Tick(u64::from(step))));
+            for id in reach.choose([avatar].into_iter(), &latest) {
+                assert!(told.insert(id) || id == avatar, "{id} is told again at step {step}");
+            }
+        }
+        assert!((90..190).contains(&told.len()), "{} are told", told.len());
     }
 }

@@ -1,5 +1,6 @@
 //! Tests that whoever leads goes on whatever becomes of the thread that tells clients.
 
+use std::collections::BTreeSet;
 use std::sync::mpsc;
 use std::time::{Duration, Instant};
 
@@ -101,7 +102,11 @@ fn states(tick: u64) -> Vec<SharedState> {
 }
 
 fn guess(tick: u64) -> ReplicationEvent {
-    ReplicationEvent::Speculative { tick: Tick(tick), states: states(tick) }
+    ReplicationEvent::Speculative { tick: Tick(tick), states: states(tick), silent: BTreeSet::new() }
+}
+
+fn admit() -> ReplicationEvent {
+    ReplicationEvent::Admit { client: CLIENT, turn: 0, told_elsewhere: false, area: None }
 }
 
 fn outlet() -> (Net, Outlet, tempfile::TempDir) {
@@ -248,7 +253,7 @@ fn of_each_client_the_newest_acknowledgements_wait_whatever_others_say() {
     // What came over a former link is about what counts no more.
     ear.hear(CLIENT, heard(1));
     ear.hear(other, heard(1));
-    ear.0.lock().push(ReplicationEvent::Admit(CLIENT, 0));
+    ear.0.lock().push(admit());
     assert_eq!(ear.waiting(), 1);
 }
 
@@ -319,7 +324,12 @@ fn few_ticks_wait_and_who_tells_clients_makes_one_of_them() {
     assert!(
         matches!(
             waiting.events.make_contiguous(),
-            [ReplicationEvent::Begin(_), ReplicationEvent::Admit(CLIENT, _), .., ReplicationEvent::Tick(_)]
+            [
+                ReplicationEvent::Begin(_),
+                ReplicationEvent::Admit { client: CLIENT, .. },
+                ..,
+                ReplicationEvent::Tick(_)
+            ]
         ),
         "all else stays, and it is in the last one's place"
     );

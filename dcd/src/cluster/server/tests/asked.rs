@@ -1,10 +1,11 @@
 //! Tests what the server does with what clients ask for avatars, and its program for bodies.
 
 use super::*;
+use crate::Fidelity;
 use crate::cluster::Key;
 use crate::cluster::directory::{Entry, Revision};
 use crate::protocol::{Alteration, BodyKind, BuildOp, Input, Push, Velocity, WorldOp, WorldPose};
-use crate::space::JointId;
+use crate::space::{JointId, Viewpoint};
 
 /// Returns what leaders are told to do to the world.
 fn applied(outputs: Vec<ServerOutput>) -> Vec<WorldOp> {
@@ -350,10 +351,56 @@ fn handled(server: &mut Server, event: ServerEvent, stored: &mut Stored) -> Vec<
 }
 
 fn restarted(stored: Stored) -> Server {
+    restarted_with(config(1), stored).expect("it is whole")
+}
+
+fn restarted_with(config: ServerConfig, stored: Stored) -> Result<Server, RestoreError> {
     let entry = |(key, value): (Key, Option<Vec<u8>>)| {
         Some(Entry { key, revision: Revision::default(), value: value? })
     };
-    Server::restore(config(1), stored.into_iter().filter_map(entry).collect()).expect("it is whole")
+    Server::restore(config, stored.into_iter().filter_map(entry).collect())
+}
+
+/// How a world is computed and told may be another when it is served again. Nodes that went on meanwhile are welcomed with what it is now.
+#[test]
+fn a_stored_world_is_served_again_with_other_relays_fidelity_and_viewpoints() {
+    let (mut server, mut stored) = (server(), Stored::new());
+    let join = |resume| {
+        let role = JoinAs::Node { address: ([127, 0, 0, 1], 1).into(), client: None, resume, heard: 0 };
+        let message = Message::Hello(Hello { version: VERSION, role });
+        ServerEvent::Message { from: Peer::Node(NodeId(1)), message }
+    };
+    let loaded = Message::ToServer(ToServer::Loaded);
+    let loaded = ServerEvent::Message { from: Peer::Node(NodeId(1)), message: loaded };
+    handled(&mut server, join(None), &mut stored);
+    handled(&mut server, loaded, &mut stored);
+    let view = server.view().expect("it has begun").number;
+    let main = server.main;
+    let welcome = |said: Vec<ServerOutput>| {
+        said.into_iter().find_map(|output| match output {
+            ServerOutput::Send { message: Message::ToNode(ToNode::Welcome { world, .. }), .. } => Some(world),
+            _ => None,
+        })
+    };
+
+    let mut same = restarted(stored.clone());
+    assert_eq!(welcome(handled(&mut same, join(Some(view)), &mut stored.clone())), None, "it goes on");
+
+    let mut other = config(1);
+    other.world.relays_above = Some(7);
+    other.world.fidelity = Fidelity::AUTO;
+    other.world.viewpoints = vec![Viewpoint { at: [1.0; 3], radius_m: 5.0 }];
+    let served = other.world.clone();
+    let mut server = restarted_with(other.clone(), stored.clone()).expect("it is the same world");
+    let said = handled(&mut server, join(Some(view)), &mut stored);
+    assert_eq!(welcome(said), Some(served));
+    assert_eq!(stored[&Key::Group(main)], None, "its nodes are not waited for");
+    let mut again = restarted_with(other.clone(), stored.clone()).expect("what is served now is stored");
+    let said = handled(&mut again, ServerEvent::Save, &mut stored);
+    assert_eq!(welcome(said), None);
+
+    other.world.state_every += 1;
+    assert!(matches!(restarted_with(other, stored), Err(RestoreError::OtherWorld)));
 }
 
 #[test]

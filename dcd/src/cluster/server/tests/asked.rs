@@ -1,9 +1,9 @@
 //! Tests what the server does with what clients ask for avatars, and its program for bodies.
 
 use super::*;
-use crate::Fidelity;
 use crate::cluster::Key;
 use crate::cluster::directory::{Entry, Revision};
+use crate::fidelity::Fidelity;
 use crate::protocol::{Alteration, BodyKind, BuildOp, Input, Push, Velocity, WorldOp, WorldPose};
 use crate::space::{JointId, Viewpoint};
 

@@ -38,7 +38,7 @@ pub(super) enum Arrival {
     Unanswered(Peer),
     /// The bytes of a message, and whether they came as a datagram.
     Frame(Peer, Vec<u8>, bool),
-    Physics(PhysicsEvent),
+    Physics(Box<PhysicsEvent>),
 }
 
 /// An arrival with its receiver and its link.
@@ -72,7 +72,7 @@ enum Event {
     Closed(LinkId, Side),
     Linger(LinkId, Side),
     Healed,
-    Physics(NodeId, PhysicsEvent),
+    Physics(NodeId, Box<PhysicsEvent>),
 }
 
 /// Statistics of the network.
@@ -194,7 +194,7 @@ impl Network {
 
     /// Schedules an answer of a node's physics.
     pub(super) fn physics(&mut self, time: Duration, node: NodeId, event: PhysicsEvent) {
-        self.push(time, Event::Physics(node, event));
+        self.push(time, Event::Physics(node, Box::new(event)));
     }
 
     /// Starts a process, perhaps again.

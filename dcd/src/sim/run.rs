@@ -149,7 +149,7 @@ impl Sim {
                     Arrival::Connected(peer) => NodeEvent::Connected(peer),
                     Arrival::Disconnected(peer) | Arrival::Unanswered(peer) => NodeEvent::Disconnected(peer),
                     Arrival::Frame(from, bytes, _) => NodeEvent::Message { from, message: open(bytes) },
-                    Arrival::Physics(event) => NodeEvent::Physics(event),
+                    Arrival::Physics(event) => NodeEvent::Physics(*event),
                 };
                 self.node_event(node, event);
             }

@@ -3811,19 +3811,23 @@ DCD_API DcdStatus dcd_checkpoint_destroy(DcdWorld world, DcdCheckpointId checkpo
 
 // Sets where a local world is looked at from, in place of what was set before: regions farther than what is seen from there are
 // stepped less often, as DcdWorldDef.fidelity allows. Without viewpoints, as at first, all of it is looked at. Call it as often as viewers move.
+// A world that is served from it (DcdServerDef.source) keeps its fidelity and viewpoints, and is looked at by its clients, too (dcd_interest_set).
 //
 // `viewpoints` points to `count` of them, read during the call; it may be null when there are none.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a place out of range or a radius that is negative or NaN,
-// DCD_ERR_UNSUPPORTED in a served world, which is computed in full.
+// DCD_ERR_UNSUPPORTED in a served world.
 DCD_API
 DcdStatus dcd_viewpoints_set(DcdWorld world,
                              const DcdViewpoint *viewpoints,
                              size_t count);
 
-// Reads what fidelity saves and costs. Where all is computed in full, share_of_full_time is 1 and the rest says nothing.
+// Reads what fidelity saves and costs. Where all is computed in full, share_of_full_time is 1 and the rest says nothing. The server of a world says
+// what it was told last, every 60 steps; nodes and clients do not know, and say the same as where all is computed in full.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
-DCD_API DcdStatus dcd_fidelity_report(DcdWorld world, DcdFidelityReport *out);
+DCD_API
+DcdStatus dcd_fidelity_report(DcdWorld world,
+                              DcdFidelityReport *out);
 
 // Begins to record a local world to a file: a snapshot of it as it is now, what is done to it from now on, and a digest of each region
 // after each step. `dcd replay FILE` computes it again from that, bit for bit, `dcd diff` finds where two recordings differ. A thread

@@ -32,17 +32,8 @@ const SLACK: f32 = 1.25;
 const NEWER: f32 = 0.25;
 /// A region that was found too coarse stays finer for so many ticks, at first; each time twice as long, up to 64 times.
 const PATIENCE_TICKS: u64 = 120;
-/// The part of a budget that is planned for at first, at most and at least. Single ticks take longer than the mean, by as much as the scene and the
-/// machine have it, or less, where threads share regions out: so as long as a process sheds, what is planned there becomes this much less with each tick
-/// that overruns the budget, and more with each that does not, which is even where one of a hundred overruns it (stochastic approximation of a quantile, Robbins
-/// and Monro 1951).
+/// The part of a budget that is planned for: single ticks take longer than the mean.
 const PLANNED: f64 = 0.8;
-const PLANNED_MOST: f64 = 8.0;
-const PLANNED_LEAST: f64 = 0.2;
-const OVERRUN: f64 = 0.96;
-const KEPT: f64 = 1.0004;
-/// Where nothing need be shed what is planned comes back by this, each time that levels are chosen.
-const RECOVERY: f64 = 1.02;
 /// The largest part that is stated of the time at full rate.
 const LARGEST_SHARE: f64 = 1e6;
 /// The part of the time that audits take.
@@ -87,21 +78,6 @@ struct Memory {
     patience: u64,
 }
 
-/// What a process plans for.
-#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-struct Plan {
-    /// The part of a budget.
-    part: f64,
-    /// Whether some of its regions are not computed in full for that.
-    sheds: bool,
-}
-
-impl Default for Plan {
-    fn default() -> Self {
-        Self { part: PLANNED, sheds: false }
-    }
-}
-
 /// Chooses the pace of all regions of a world.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Governor {
@@ -124,8 +100,6 @@ pub struct Governor {
     /// Where all islands are audited, the sum of their errors, and of their bodies and ticks.
     #[serde(skip)]
     all: (f64, f64),
-    /// The part of a budget that is planned for in each process, and whether it sheds.
-    plans: BTreeMap<u64, Plan>,
     /// What audits may cost by now, in bodies stepped once.
     credit: f64,
     /// How many regions are stepped in every tick, in every second, in every fourth: more often than chosen where they are bound to others.
@@ -154,7 +128,6 @@ impl Governor {
             all: (0.0, 0.0),
             spent_ms: 0.0,
             full_ms: 0.0,
-            plans: BTreeMap::new(),
             credit: 0.0,
             levels: [0; 3],
             rates: BTreeMap::new(),
@@ -325,18 +298,11 @@ impl Governor {
     fn keep_time(&mut self, tick_ms: f64, regions: &[Governed<'_>]) {
         let mut by: BTreeMap<u64, Vec<&Governed<'_>>> = BTreeMap::new();
         regions.iter().for_each(|region| by.entry(region.by).or_default().push(region));
-        self.plans.retain(|process, _| by.contains_key(process));
-        for (process, regions) in by {
-            let Plan { part, .. } = self.plans.get(&process).copied().unwrap_or_default();
-            let sheds = self.keep_time_of(part * tick_ms, &regions);
-            // What it was told by ticks in which it need not shed says nothing.
-            let part = if sheds { part } else { (part * RECOVERY).min(PLANNED) };
-            self.plans.insert(process, Plan { part, sheds });
-        }
+        by.into_values().for_each(|regions| self.keep_time_of(PLANNED * tick_ms, &regions));
     }
 
-    /// Does so with the regions of one process. Returns whether any is not computed in full.
-    fn keep_time_of(&mut self, goal_ms: f64, regions: &[&Governed<'_>]) -> bool {
+    /// Does so with the regions of one process.
+    fn keep_time_of(&mut self, goal_ms: f64, regions: &[&Governed<'_>]) {
         let viewpoints = self.viewpoints();
         let far_m = |region: &Governed<'_>| {
             viewpoints.iter().map(|view| view.gap_m(&region.cell)).fold(f64::INFINITY, f64::min)
@@ -364,14 +330,12 @@ impl Governor {
                 }
             }
         }
-        let sheds = levels.values().any(|level| *level > 0);
         for (id, level) in levels {
             let memory = self.regions.get_mut(&id).expect("every region has a memory");
             if memory.level != level {
                 memory.turn_to(level, self.ticks);
             }
         }
-        sheds
     }
 
     /// Notes how long a region's step took, and as many steps of one tick each would have taken, milliseconds.
@@ -439,14 +403,7 @@ impl Governor {
         if self.ticks <= FIRST_TICKS {
             return;
         }
-        let is_over = |took_ms: f64| took_ms > f64::from(tick_ms);
-        self.overruns += u64::from(took_ms.values().copied().any(is_over));
-        for (process, &took_ms) in took_ms {
-            if let Some(plan) = self.plans.get_mut(process).filter(|plan| plan.sheds) {
-                plan.part *= if is_over(took_ms) { OVERRUN } else { KEPT };
-                plan.part = plan.part.clamp(PLANNED_LEAST, PLANNED_MOST);
-            }
-        }
+        self.overruns += u64::from(took_ms.values().any(|&took_ms| took_ms > f64::from(tick_ms)));
     }
 
     /// Returns what it saves and costs.

@@ -196,37 +196,3 @@ fn an_audit_falls_on_each_region_as_often_as_its_steps_have_bodies() {
     assert!(picked[0] + picked[2] > 400 && (0.7..0.8).contains(&part), "{picked:?}");
     assert!((governor.report().error_m_s - 0.1).abs() < 1e-6);
 }
-
-/// Steps take up to twice as long as the mean, at random, and twice as long again after a while.
-#[test]
-fn a_budget_is_overrun_by_one_tick_in_a_hundred_however_unlike_ticks_are() {
-    let mut governor = governor(Fidelity::Budget { tick_ms: 10.0 });
-    let mut random = 7;
-    let mut over = |governor: &mut Governor, mean_ms: f32, from: u64| {
-        let mut regions = row(12, mean_ms);
-        let (mut over, mut spent) = (0, 0.0);
-        for tick in from..from + 3_000 {
-            let behind = schedule(governor, tick, &regions, 1).behind;
-            random = crate::space::mixed(u64::wrapping_add(random, 0x9e37_79b9_7f4a_7c15));
-            // Few ticks are as long as can be.
-            let noise = 0.5 + 1.5 * ((random >> 40) as f64 / (1 << 24) as f64).powi(4);
-            let stepped = regions.iter().filter(|region| !behind.contains(&region.region)).count();
-            let took_ms = stepped as f64 * f64::from(mean_ms) * noise;
-            governor.note_times(&[(0, took_ms)].into());
-            for region in &mut regions {
-                region.behind = if behind.contains(&region.region) { region.behind + 1 } else { 0 };
-            }
-            // Not in the second in which it finds out.
-            if tick >= from + 120 {
-                over += u64::from(took_ms > 10.0);
-                spent += took_ms;
-            }
-        }
-        (over as f64 / 2_880.0, spent / 2_880.0)
-    };
-    for (mean_ms, from) in [(0.8, 0), (1.6, 3_000), (0.3, 6_000)] {
-        let (part, spent_ms) = over(&mut governor, mean_ms, from);
-        assert!(part < 0.015, "{mean_ms} ms: {part} of the ticks");
-        assert!(spent_ms > 2.5, "{mean_ms} ms: {spent_ms} ms of 10 are used");
-    }
-}

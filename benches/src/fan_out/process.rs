@@ -38,7 +38,7 @@ pub(super) struct Reading {
     /// What its clients were sent, UDP payloads, and how often they were told of states.
     pub(super) bytes: u64,
     pub(super) updates: u64,
-    /// What a node sent, UDP payloads.
+    /// The bytes that a node sent, UDP payloads.
     #[serde(default)]
     pub(super) sent: u64,
 }

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::estimate::Estimate;
 use super::{Audited, Fidelity, FidelityReport, Pick, RegionState, Schedule, Signals};
-use crate::space::{Cell, RegionId, RegionSet, Tick, Viewpoint, mixed};
+use crate::space::{Cell, RegionId, RegionSet, Tick, Viewpoint, drawn, mixed};
 
 /// Rates by level: a region is stepped once per so many ticks.
 const RATES: [u8; 3] = [1, 2, 4];
@@ -40,8 +40,6 @@ const LARGEST_SHARE: f64 = 1e6;
 const AUDITED: f64 = 0.01;
 /// Ticks in which overruns do not count: nothing has been measured yet.
 const FIRST_TICKS: u64 = 60;
-/// The increment of SplitMix64.
-const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
 
 /// A region, as its pace is chosen by.
 #[derive(Clone, Copy, Debug)]
@@ -203,7 +201,7 @@ impl Governor {
             return None;
         }
         let weight = |state: &RegionState| u64::from(state.awake) * (u64::from(state.behind) + 1);
-        let seed = mixed(mixed(tick.0).wrapping_add(GOLDEN));
+        let seed = drawn(mixed(tick.0));
         let mut at = seed % stepped().map(weight).sum::<u64>().max(1);
         let found = stepped().find(|state| {
             let is_there = at < weight(state);
@@ -397,13 +395,13 @@ impl Governor {
         (weight > 0.0).then(|| errors / weight)
     }
 
-    /// Notes how long a tick took each process.
-    pub fn note_times(&mut self, took_ms: &BTreeMap<u64, f64>) {
+    /// Notes how long a tick took the process that took longest.
+    pub fn note_time(&mut self, took_ms: f64) {
         let Fidelity::Budget { tick_ms } = self.fidelity else { return };
         if self.ticks <= FIRST_TICKS {
             return;
         }
-        self.overruns += u64::from(took_ms.values().any(|&took_ms| took_ms > f64::from(tick_ms)));
+        self.overruns += u64::from(took_ms > f64::from(tick_ms));
     }
 
     /// Returns what it saves and costs.

@@ -1,7 +1,7 @@
 //! Computes the digest of a region: the sum of the hashes of its bodies' states. A sum names the culprit: where a single bit of a single
 //! body is otherwise, the difference of two digests is that of two hashes, and trying all bits of all bodies finds which.
 
-use crate::space::{BodyId, mixed};
+use crate::space::{BodyId, drawn, mixed};
 
 /// Words of the state of a body.
 const WORDS: usize = 16;
@@ -101,7 +101,7 @@ impl BodyBits {
     }
 
     fn hash(&self, id: BodyId) -> u64 {
-        let start = mixed(id.bits().wrapping_add(0x9e37_79b9_7f4a_7c15));
+        let start = drawn(id.bits());
         (0..WORDS).step_by(2).fold(start, |hash, at| mixed(hash ^ self.pair(at)).wrapping_add(at as u64))
     }
 }

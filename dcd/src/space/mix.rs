@@ -7,6 +7,11 @@ pub const fn mixed(v: u64) -> u64 {
     v ^ (v >> 31)
 }
 
+/// Returns the number that SplitMix64 makes in this state; a sequence comes of giving it back.
+pub const fn drawn(state: u64) -> u64 {
+    mixed(state.wrapping_add(0x9e37_79b9_7f4a_7c15))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

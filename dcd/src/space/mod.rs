@@ -18,7 +18,7 @@ pub(crate) use groups::Groups;
 #[cfg(feature = "physics")]
 pub(crate) use groups::PlaceGroups;
 pub use ids::{BodyId, ClientId, Epoch, GroupId, JointId, NodeId, RegionId, Tick};
-pub use mix::mixed;
+pub use mix::{drawn, mixed};
 pub use region_set::{MAX_REGIONS, RegionSet};
 pub use tree::{DistributionTree, Limits, Renaming, TreeChange, TreeError, Yielding};
 pub use viewpoint::Viewpoint;

@@ -16,7 +16,7 @@ const ON_THE_WAY_S: f64 = 5.0;
 #[derive(Clone, Copy, Debug)]
 struct Given {
     to: NodeId,
-    /// Whether it is told there; until the relay says that the client is linked, the leader tells it.
+    /// Says whether it is told there; until the relay says that the client is linked, the leader tells it.
     told: bool,
     /// The tick in which it was given.
     since: Tick,
@@ -27,9 +27,9 @@ struct Given {
 pub(super) struct Relays {
     /// The clients that the leader tells itself; `None`: all.
     above: Option<u32>,
-    /// Who may relay: members that are no participants, but for the leader.
+    /// The members that may relay: those that are no participants, but for the leader.
     members: BTreeMap<NodeId, Member>,
-    /// Those of them that have no link here.
+    /// The ones of them that have no link here.
     away: BTreeSet<NodeId>,
     /// Clients that have named an interest since the tick before, and are not given to anybody.
     undecided: BTreeSet<ClientId>,

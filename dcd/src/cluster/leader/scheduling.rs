@@ -19,8 +19,8 @@ pub(super) struct Scheduling {
     cells: BTreeMap<RegionId, Cell>,
     /// By region, as told after the last tick.
     states: BTreeMap<RegionId, RegionState>,
-    /// How long each member computed in that tick, milliseconds.
-    took_ms: BTreeMap<u64, f64>,
+    /// How long the member that took longest computed in that tick, milliseconds.
+    slowest_ms: f64,
     /// The region of which an island is audited in it.
     audited: Option<RegionId>,
 }
@@ -38,7 +38,7 @@ impl Scheduling {
             allocation: Allocation::new(),
             cells: BTreeMap::new(),
             states: BTreeMap::new(),
-            took_ms: BTreeMap::new(),
+            slowest_ms: 0.0,
             audited: None,
         };
         scheduling.settle(&view.tree, &view.allocation);
@@ -55,7 +55,7 @@ impl Scheduling {
     /// Takes in what a member says of its regions after a tick, for which it has computed so long. Nobody is believed about others' regions, nor an
     /// audit that was not asked for.
     pub(super) fn hear(&mut self, from: NodeId, computed: Duration, states: Vec<RegionState>) {
-        self.took_ms.insert(u64::from(from.0), computed.as_secs_f64() * 1e3);
+        self.slowest_ms = self.slowest_ms.max(computed.as_secs_f64() * 1e3);
         for state in states {
             if self.allocation.get(&state.region) != Some(&from) {
                 continue;
@@ -78,7 +78,7 @@ impl Scheduling {
         interests: Option<&BTreeMap<ClientId, Option<Area>>>,
         avatars: impl Iterator<Item = [f64; 3]>,
     ) -> Schedule {
-        self.governor.note_times(&std::mem::take(&mut self.took_ms));
+        self.governor.note_time(std::mem::take(&mut self.slowest_ms));
         self.governor.look(interests.map_or(LookedAt::All, |interests| self.looked_at(interests, avatars)));
         // Of what is not told, as in the first tick of a view or of a tree, nothing is taken for granted.
         let mut told = std::mem::take(&mut self.states);

@@ -1,4 +1,4 @@
-//! Steps regions at the pace that a governor chooses, here or at the leader of a group, and audits what they compute.
+//! Steps regions as a governor chooses, here or at the leader of a group, and audits what they compute.
 
 use std::collections::BTreeMap;
 
@@ -11,7 +11,7 @@ use crate::fidelity::{
 use crate::physics::audit::Audit;
 use crate::physics::coupling::{Clock, Side};
 use crate::physics::region::Region;
-use crate::space::{RegionId, RegionSet, Viewpoint, mixed};
+use crate::space::{RegionId, RegionSet, Viewpoint, drawn};
 
 /// Loads out of proportion are looked for every so many ticks.
 const REFINE_TICKS: u64 = 16;
@@ -21,8 +21,6 @@ const DRAWS: usize = 32;
 const DRAWING: f64 = 10.0;
 /// The cost of looking at an awake body, in bodies stepped once.
 const GATHERING: f64 = 0.01;
-/// The increment of SplitMix64.
-const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
 
 /// The audits under way in a tick. Hosts are copied between ticks, when there are none.
 #[derive(Default)]
@@ -137,7 +135,7 @@ impl RegionHost {
         self.governor.as_ref()?.true_error_m_s()
     }
 
-    /// Chooses the pace of the tick that begins in a world of this process, and keeps it.
+    /// Chooses which regions stay behind in the tick that begins in a world of this process.
     pub(super) fn govern(&mut self) {
         if self.governor.is_none() {
             return;
@@ -208,8 +206,8 @@ impl RegionHost {
         self.behind.contains(region.rank())
     }
 
-    /// Takes all regions for present: what they owe is not caught up. Where membership changes, those that go on owe as many ticks as they did, and those
-    /// that are placed anew none.
+    /// Takes all regions for present: what they owe is not caught up. Where membership changes nobody knows what regions of others owe, and those that
+    /// share bodies are at one time already.
     pub(super) fn forgive(&mut self) {
         (self.behind, self.audited) = (RegionSet::EMPTY, None);
         self.late.clear();
@@ -274,7 +272,7 @@ impl RegionHost {
         let mut random = pick.seed;
         let drawn: Vec<_> = (0..DRAWS)
             .map(|_| {
-                random = mixed(random.wrapping_add(GOLDEN));
+                random = drawn(random);
                 awake[(random >> 32) as usize % awake.len()]
             })
             .collect();
@@ -354,7 +352,7 @@ impl RegionHost {
     /// Notes how long a tick took, for a budget.
     pub(crate) fn note_tick_time(&mut self, took_ms: f64) {
         if let Some(governor) = &mut self.governor {
-            governor.note_times(&BTreeMap::from([(0, took_ms)]));
+            governor.note_time(took_ms);
         }
     }
 }
@@ -412,7 +410,7 @@ mod tests {
             let mut behind_most = 0;
             for _ in 0..90 {
                 let mut is_behind = |_: &&RegionId| {
-                    random = mixed(u64::wrapping_add(random, GOLDEN));
+                    random = drawn(random);
                     random % 3 > 0
                 };
                 let behind = regions.iter().filter(|region| is_behind(region)).copied().collect();

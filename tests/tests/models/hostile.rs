@@ -18,8 +18,13 @@ impl Folder {
         fs::write(self.0.path().join(name), text).unwrap();
     }
 
+    /// Loads a file that may name any other.
     fn load(&self, name: &str) -> Result<Scene, SceneError> {
-        Scene::load(self.0.path().join(name), &Params::new())
+        self.load_with(name, &Params::new().with("outside", 1))
+    }
+
+    fn load_with(&self, name: &str, params: &Params) -> Result<Scene, SceneError> {
+        Scene::load(self.0.path().join(name), params)
     }
 
     /// The error of a file that is refused.
@@ -147,6 +152,78 @@ fn models_that_attach_themselves_or_what_is_not_there_are_refused() {
     folder.write("30.xml", &arm("").replace("arm", "b"));
     let error = folder.error("0.xml");
     assert!(error.contains("what it attaches have more than 16 MiB; attach less"), "{error}");
+}
+
+#[test]
+fn a_model_opens_no_file_outside_of_its_folder_unless_it_is_allowed_to() {
+    let tetra = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
+    let body = r#"<mujoco><worldbody><body name="b"><geom size="1"/></body></worldbody></mujoco>"#;
+    let mjcf = |inside: &str| format!("<mujoco>\n{inside}</mujoco>");
+    let including = |file: &str| mjcf(&format!(r#"<include file="{file}"/>"#));
+    let attaching = |file: &str| {
+        mjcf(&format!(
+            r#"<asset><model name="m" file="{file}"/></asset><worldbody><body><attach model="m" body="b"/></body></worldbody>"#
+        ))
+    };
+    let meshed = |file: &str| {
+        mjcf(&format!(
+            r#"<asset><mesh name="m" file="{file}"/></asset><worldbody><body><geom type="mesh" mesh="m"/></body></worldbody>"#
+        ))
+    };
+    let robot = |mesh: &str| {
+        format!(
+            r#"<robot name="r"><link name="a"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
+            <collision><geometry><mesh filename="{mesh}"/></geometry></collision></link></robot>"#
+        )
+    };
+    let folder = Folder::new(&[("body.xml", body), ("tetra.obj", tetra)]);
+    fs::create_dir_all(folder.0.path().join("robot/meshes")).unwrap();
+    fs::create_dir_all(folder.0.path().join("package/meshes")).unwrap();
+    let whole = |name: &str| folder.0.path().join(name).display().to_string();
+    let name = folder.0.path().file_name().unwrap().to_str().unwrap();
+    for (at, text) in [
+        ("robot/includes.xml", including("../body.xml")),
+        ("robot/includes_whole.xml", including(&whole("body.xml"))),
+        ("robot/includes_one_that_includes.xml", including("inner.xml")),
+        ("robot/inner.xml", including("../body.xml")),
+        ("robot/attaches.xml", attaching("../body.xml")),
+        ("robot/loads.xml", meshed("../tetra.obj")),
+        ("robot/loads.urdf", robot("../tetra.obj")),
+        ("robot/loads_whole.urdf", robot(&format!("file://{}", whole("tetra.obj")))),
+        ("robot/loads_above.urdf", robot("package://any/tetra.obj")),
+        ("robot/loads_by_name.urdf", robot(&format!("package://{name}/tetra.obj"))),
+        ("robot/loads_root.urdf", robot(&format!("package://{}", whole("tetra.obj")))),
+    ] {
+        folder.write(at, &text);
+        let error =
+            folder.load_with(at, &Params::new()).map(|scene| scene.bodies.len()).unwrap_err().to_string();
+        let remedy = "put it there, or allow the model all files: `outside=1`";
+        assert!(error.contains(" lies outside of ") && error.contains(remedy), "{at}: {error}");
+        assert_eq!(
+            folder.load(at).unwrap().bodies.len(),
+            if at.contains("attaches") { 2 } else { 1 },
+            "{at}"
+        );
+    }
+    #[cfg(unix)]
+    {
+        std::os::unix::fs::symlink(whole("tetra.obj"), folder.0.path().join("robot/link.obj")).unwrap();
+        folder.write("robot/loads_link.urdf", &robot("link.obj"));
+        let error =
+            folder.load_with("robot/loads_link.urdf", &Params::new()).map(drop).unwrap_err().to_string();
+        assert!(error.contains(" lies outside of "), "{error}");
+    }
+    // What lies in its own folder, in its package of ROS, or in another one.
+    folder.write("robot/meshes/tetra.obj", tetra);
+    folder.write("robot/own.urdf", &robot("package://robot/meshes/tetra.obj"));
+    folder.write("package/package.xml", "<package/>");
+    folder.write("package/meshes/tetra.obj", tetra);
+    folder.write("robot/other.urdf", &robot("package://package/meshes/tetra.obj"));
+    fs::create_dir_all(folder.0.path().join("package/urdf")).unwrap();
+    folder.write("package/urdf/beside.urdf", &robot("../meshes/tetra.obj"));
+    for at in ["robot/own.urdf", "robot/other.urdf", "package/urdf/beside.urdf"] {
+        assert_eq!(folder.load_with(at, &Params::new()).unwrap().bodies.len(), 1, "{at}");
+    }
 }
 
 #[test]

@@ -5,6 +5,7 @@
 //! [`placing`] makes a scene of copies of it.
 
 mod collada;
+mod files;
 mod mesh;
 mod mjcf;
 mod model;
@@ -18,11 +19,12 @@ use std::path::Path;
 
 use super::params::{ParamInfo, Values, count, number};
 use super::{Params, Scene, SceneError};
+use files::Files;
 use model::Model;
 use source::{Fault, Source};
 
 /// The parameters of any model file.
-pub static MODEL_PARAMS: [ParamInfo; 10] = [
+pub static MODEL_PARAMS: [ParamInfo; 11] = [
     count("copies", "1", 1, 100_000, "how often the model is placed, in a square grid"),
     number("spacing", "0", [0.0, 1e4], "m", "from one copy to the next; 0: its own size and a fifth"),
     number("height", "0", [0.0, 1e4], "m", "how far the model is lifted"),
@@ -50,6 +52,7 @@ pub static MODEL_PARAMS: [ParamInfo; 10] = [
         1,
         "1: joints of the tree of bodies are a multibody's, which cannot come apart; 0: impulses hold them",
     ),
+    count("outside", "0", 0, 1, "1: the model may open files that lie outside of its folder"),
     number("dt", "0", [0.0, 1.0], "s", "seconds a step; 0: what the file says, else 1/60"),
 ];
 
@@ -65,6 +68,7 @@ struct ModelParams {
     iterations: usize,
     multibody: bool,
     dt_s: f32,
+    outside: bool,
 }
 
 /// Returns whether the path's extension names a format of this module.
@@ -86,15 +90,16 @@ pub(super) fn load(path: &Path, params: &Params) -> Result<Scene, SceneError> {
         iterations: values.count("iterations"),
         multibody: values.count("multibody") == 1,
         dt_s: values.number("dt"),
+        outside: values.count("outside") == 1,
     };
-    let source = Source::read(path)?;
+    let (source, files) = (Source::read(path)?, Files::of(path, params.outside));
     let mut model = match kind(path) {
         Some(Kind::Urdf) if params.key > 0 => {
             let message = format!("`key={}`: a URDF has no keyframes", params.key);
             return Err(source.fault(Fault::new(message, "leave it out, or take an MJCF file")));
         }
-        Some(Kind::Urdf) => urdf::read(&source, &params)?,
-        _ => mjcf::read(&source, &params)?,
+        Some(Kind::Urdf) => urdf::read(&source, &params, &files)?,
+        _ => mjcf::read(&source, &params, &files)?,
     };
     weights::settle(&mut model).map_err(|fault| source.fault(fault))?;
     let scene = placing::place(model, &params);

@@ -34,7 +34,11 @@ impl Fault {
 
     /// Creates an error at a node of the document.
     pub(super) fn at(node: Node<'_, '_>, cause: impl Into<String>, remedy: impl Into<String>) -> Self {
-        Self { line: Some(line_of(node)), ..Self::new(cause, remedy) }
+        Self::new(cause, remedy).at_line_of(node)
+    }
+
+    pub(super) fn at_line_of(self, node: Node<'_, '_>) -> Self {
+        Self { line: Some(line_of(node)), ..self }
     }
 }
 

@@ -10,6 +10,7 @@ use roxmltree::{Document, Node};
 use super::scan::{self, Flags};
 use super::{fault, poses};
 use crate::scene::SceneError;
+use crate::scene::models::files::{Files, canonical};
 use crate::scene::models::source::{Fault, Source, required};
 use crate::scene::models::warnings::Warnings;
 
@@ -17,6 +18,12 @@ use crate::scene::models::warnings::Warnings;
 const MAX_TEXT: usize = 16 << 20;
 /// The most models of which each is attached by the one before.
 const MAX_CHAIN: usize = 64;
+
+/// The files that attach one another, each by the one before, and itself.
+struct Open<'a> {
+    files: &'a Files,
+    chain: Vec<PathBuf>,
+}
 
 /// A model that is there to be attached.
 struct Attachable {
@@ -30,20 +37,21 @@ struct Attachable {
 pub(super) fn check(
     source: &Source,
     document: &Document<'_>,
+    files: &Files,
     flags: &mut Flags,
     warnings: &mut Warnings,
 ) -> Result<(), SceneError> {
-    let mut chain = vec![canonical(&source.path)];
-    attached(source, document, flags, warnings, &mut chain).map(drop)
+    let mut open = Open { files, chain: vec![canonical(&source.path)] };
+    attached(source, document, flags, warnings, &mut open).map(drop)
 }
 
-/// Returns the bytes of the file with all that it attaches; `chain` are the files that attach it, and itself.
+/// Returns the bytes of the file with all that it attaches.
 fn attached(
     source: &Source,
     document: &Document<'_>,
     flags: &mut Flags,
     warnings: &mut Warnings,
-    chain: &mut Vec<PathBuf>,
+    open: &mut Open<'_>,
 ) -> Result<usize, SceneError> {
     let mut bytes = source.text.len();
     let mut grow = |node: Node<'_, '_>, by: usize| {
@@ -58,17 +66,18 @@ fn attached(
         let (name, file) = (attribute("name")?, attribute("file")?);
         let path = source.folder().join(file);
         let own = canonical(&path);
-        if chain.contains(&own) {
+        if open.chain.contains(&own) {
             let fault = Fault::at(node, format!("{file} attaches itself"), "drop one of the two <model>s");
             return Err(source.fault(fault));
         }
-        if chain.len() > MAX_CHAIN {
+        if open.chain.len() > MAX_CHAIN {
             let cause = format!("more than {MAX_CHAIN} files attach one another in a chain");
             return Err(source.fault(Fault::at(node, cause, "attach less deep")));
         }
-        chain.push(own);
-        let model = read(&path, warnings, chain)?;
-        chain.pop();
+        open.files.check(&path, None).map_err(|fault| source.fault(fault.at_line_of(node)))?;
+        open.chain.push(own);
+        let model = read(&path, warnings, open)?;
+        open.chain.pop();
         grow(node, model.bytes)?;
         models.insert(name, model);
     }
@@ -98,7 +107,7 @@ fn attached(
 }
 
 /// Reads a model that is to be attached, as the reader will: its text cannot be changed before.
-fn read(path: &Path, warnings: &mut Warnings, chain: &mut Vec<PathBuf>) -> Result<Attachable, SceneError> {
+fn read(path: &Path, warnings: &mut Warnings, open: &mut Open<'_>) -> Result<Attachable, SceneError> {
     let source = Source::read(path)?;
     let document = source.document("mujoco")?;
     if let Some(node) = document.descendants().find(|node| node.has_tag_name("include")) {
@@ -120,16 +129,11 @@ fn read(path: &Path, warnings: &mut Warnings, chain: &mut Vec<PathBuf>) -> Resul
         let cause = "<compiler> behind <default>, in a model that is attached, comes too late";
         return Err(source.fault(Fault::at(*compiler, cause, "write it first")));
     }
-    let bytes = attached(&source, &document, &mut flags, warnings, chain)?;
+    let bytes = attached(&source, &document, &mut flags, warnings, open)?;
     let file = mjcf::Model::from_file(path).map_err(|error| source.fault(fault(&error)))?;
     Ok(Attachable { file, flags, bytes })
 }
 
 fn is_model(node: &Node<'_, '_>) -> bool {
     node.has_tag_name("model") && node.parent().is_some_and(|parent| parent.has_tag_name("asset"))
-}
-
-/// Returns the path by which a file is known again.
-fn canonical(path: &Path) -> PathBuf {
-    path.canonicalize().unwrap_or_else(|_| path.to_owned())
 }

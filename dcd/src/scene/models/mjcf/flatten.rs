@@ -4,6 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::scene::SceneError;
+use crate::scene::models::files::Files;
 use crate::scene::models::source::{Fault, Source, required};
 
 /// The most bytes of a model's text with all that it includes, and the most files that it includes, counted as often as they are.
@@ -13,19 +14,20 @@ const MAX_INCLUDED: usize = 4096;
 const MAX_CHAIN: usize = 64;
 
 /// The files that are being expanded, each included by the one before, and how many have been included.
-struct Open {
+struct Open<'a> {
+    files: &'a Files,
     paths: Vec<PathBuf>,
     included: usize,
 }
 
 /// Returns the file with everything that it includes.
-pub(super) fn flatten(source: &Source) -> Result<Source, SceneError> {
-    let mut open = Open { paths: vec![source.path.clone()], included: 0 };
+pub(super) fn flatten(source: &Source, files: &Files) -> Result<Source, SceneError> {
+    let mut open = Open { files, paths: vec![source.path.clone()], included: 0 };
     let text = expanded(source, source.folder(), &mut open)?;
     Ok(Source { path: source.path.clone(), text, own_lines: open.included == 0 })
 }
 
-fn expanded(source: &Source, main: &Path, open: &mut Open) -> Result<String, SceneError> {
+fn expanded(source: &Source, main: &Path, open: &mut Open<'_>) -> Result<String, SceneError> {
     let document = source.parsed()?;
     let mut text = String::with_capacity(source.text.len());
     let mut done = 0;
@@ -51,6 +53,7 @@ fn expanded(source: &Source, main: &Path, open: &mut Open) -> Result<String, Sce
             let cause = format!("more than {MAX_INCLUDED} files are included");
             return Err(source.fault(Fault::at(node, cause, "include less, or less often")));
         }
+        open.files.check(path, None).map_err(|fault| source.fault(fault.at_line_of(node)))?;
         let inner = Source::read(path)?;
         open.paths.push(path.clone());
         let inner = expanded(&inner, main, open)?;

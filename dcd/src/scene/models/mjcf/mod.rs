@@ -18,6 +18,7 @@ use rapier3d_mjcf::mjcf_rs::{self as mjcf, ParseError};
 use rapier3d_mjcf::{MjcfBody, MjcfDofKind, MjcfLoaderOptions, MjcfRobot};
 
 use super::ModelParams;
+use super::files::Files;
 use super::model::{MAX_BODIES, Model, ModelJoint, Part, collider_builder, drop_wide_limits, mass_of};
 use super::source::{Fault, Source};
 use super::warnings::Warnings;
@@ -27,15 +28,15 @@ use scan::Flags;
 use shapes::Placed;
 
 /// Reads an MJCF file into a model.
-pub(super) fn read(source: &Source, params: &ModelParams) -> Result<Model, SceneError> {
-    let source = &flatten::flatten(source)?;
+pub(super) fn read(source: &Source, params: &ModelParams, files: &Files) -> Result<Model, SceneError> {
+    let source = &flatten::flatten(source, files)?;
     let document = source.document("mujoco")?;
     let mut warnings = Warnings::default();
     let mut flags = scan::check(source, &document, &mut warnings).map_err(|fault| source.fault(fault))?;
-    attach::check(source, &document, &mut flags, &mut warnings)?;
+    attach::check(source, &document, files, &mut flags, &mut warnings)?;
     let file = mjcf::Model::from_str(&poses::complete(&document), source.folder())
         .map_err(|error| source.fault(fault(&error)))?;
-    convert(source, file, &flags, warnings, params).map_err(|fault| source.fault(fault))
+    convert(source, file, &flags, warnings, params, files).map_err(|fault| source.fault(fault))
 }
 
 fn convert(
@@ -44,13 +45,14 @@ fn convert(
     flags: &Flags,
     mut warnings: Warnings,
     params: &ModelParams,
+    files: &Files,
 ) -> Result<Model, Fault> {
     if file.bodies.len() > MAX_BODIES {
         let cause = format!("the model has {} bodies, which is more than {MAX_BODIES}", file.bodies.len());
         return Err(Fault::new(cause, "join what does not move by itself into one body, or split the model"));
     }
     check_references(&mut file, &flags.attached)?;
-    let shapes = shapes::prepare(&mut file, source.folder(), &flags.convex, &mut warnings)?;
+    let shapes = shapes::prepare(&mut file, source.folder(), files, &flags.convex, &mut warnings)?;
     let options = MjcfLoaderOptions {
         skip_plane_geoms: false,
         make_roots_fixed: params.fixed,

@@ -11,6 +11,7 @@ use rapier3d_mjcf::mjcf_rs::compiler::InertiaFromGeom;
 use rapier3d_mjcf::mjcf_rs::glam::{DQuat, DVec3};
 use rapier3d_mjcf::mjcf_rs::{self as mjcf, assets::MeshInertia};
 
+use crate::scene::models::files::Files;
 use crate::scene::models::mesh::{self, Meshes};
 use crate::scene::models::source::Fault;
 use crate::scene::models::warnings::Warnings;
@@ -25,10 +26,11 @@ pub(super) type Placed = (SharedShape, Pose);
 pub(super) fn prepare(
     file: &mut mjcf::Model,
     folder: &Path,
+    files: &Files,
     convex: &BTreeSet<String>,
     warnings: &mut Warnings,
 ) -> Result<Vec<Vec<Placed>>, Fault> {
-    let mut maker = Maker { meshes: Meshes::default(), convex, folder };
+    let mut maker = Maker { meshes: Meshes::default(), convex, folder, files };
     // Geoms that are only looks are not loaded.
     file.compiler.discard_visual = true;
     let mut all = Vec::new();
@@ -99,6 +101,7 @@ struct Maker<'a> {
     /// Meshes that the file gives the mass of their hull; the reader takes that for the default, which it is not.
     convex: &'a BTreeSet<String>,
     folder: &'a Path,
+    files: &'a Files,
 }
 
 impl Maker<'_> {
@@ -213,6 +216,7 @@ impl Maker<'_> {
                 format!("mesh `{}` has neither file nor vertices", geom.mesh.as_deref().unwrap_or_default());
             return Err(Fault::new(cause, "give it one of them"));
         };
+        self.files.check(&path, None)?;
         let (mut points, mut triangles) = (Vec::new(), Vec::new());
         for (part, faces) in self.meshes.read(&path)? {
             let first = points.len() as u32;

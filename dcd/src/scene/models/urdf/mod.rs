@@ -4,13 +4,14 @@ mod parse;
 mod roots;
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use rapier3d::prelude::*;
 use rapier3d_urdf::urdf_rs::{self, Geometry};
 use rapier3d_urdf::{UrdfLoaderOptions, UrdfRobot};
 
 use super::ModelParams;
+use super::files::Files;
 use super::mesh::{self, Meshes};
 use super::model::{Model, ModelJoint, Part, collider_builder, drop_wide_limits, is_weld};
 use super::source::{Fault, Source};
@@ -20,18 +21,18 @@ use parse::Parsed;
 use roots::Roots;
 
 /// Reads a URDF file into a model.
-pub(super) fn read(source: &Source, params: &ModelParams) -> Result<Model, SceneError> {
+pub(super) fn read(source: &Source, params: &ModelParams, files: &Files) -> Result<Model, SceneError> {
     let document = source.document("robot")?;
     parse::parse(&document)
-        .and_then(|parsed| convert(source, parsed, params))
+        .and_then(|parsed| convert(source, parsed, params, files))
         .map_err(|fault| source.fault(fault))
 }
 
-fn convert(source: &Source, mut parsed: Parsed, params: &ModelParams) -> Result<Model, Fault> {
+fn convert(source: &Source, mut parsed: Parsed, params: &ModelParams, files: &Files) -> Result<Model, Fault> {
     // The loader ignores meshes that it cannot read, and takes a URDF's moving meshes for shells. It is given boxes in their place,
     // one per mesh, which are then replaced.
     let mut meshes = Meshes::default();
-    let shapes = mesh_shapes(&mut parsed.robot, source.folder(), &mut meshes)?;
+    let shapes = mesh_shapes(&mut parsed.robot, source.folder(), files, &mut meshes)?;
     for mesh in meshes.not_z_up {
         parsed.warnings.add("up_axis of Collada", mesh, "its numbers are taken as they stand");
     }
@@ -86,6 +87,7 @@ struct MeshShape {
 fn mesh_shapes(
     robot: &mut urdf_rs::Robot,
     folder: &Path,
+    files: &Files,
     meshes: &mut Meshes,
 ) -> Result<BTreeMap<String, Vec<MeshShape>>, Fault> {
     let mut shapes: BTreeMap<String, Vec<MeshShape>> = BTreeMap::new();
@@ -97,7 +99,7 @@ fn mesh_shapes(
                 continue;
             };
             let scale = scale.map_or(Vector::ONE, |scale| Vector::from(scale.0.map(|v| v as f32)));
-            for (points, triangles) in meshes.read(&resolve(filename, folder)?)? {
+            for (points, triangles) in meshes.read(&resolve(filename, folder, files)?)? {
                 shapes.entry(link.name.clone()).or_default().push(MeshShape {
                     collider: collisions.len(),
                     points: points.iter().map(|&point| point * scale).collect(),
@@ -114,24 +116,33 @@ fn mesh_shapes(
 }
 
 /// Returns the file behind a mesh's name: `package://name/path` is looked for in the folders above, with and without `name`.
-fn resolve(name: &str, folder: &Path) -> Result<PathBuf, Fault> {
+fn resolve(name: &str, folder: &Path, files: &Files) -> Result<PathBuf, Fault> {
     let remedy = "put the mesh there, or correct the path in the file";
     let plain = name.strip_prefix("file://").unwrap_or(name);
     let package = name.strip_prefix("package://").or_else(|| name.strip_prefix("model://"));
     let Some(inside) = package else {
         let path = folder.join(plain);
+        files.check(&path, None)?;
         let missing = || Fault::new(format!("mesh {} is not there", path.display()), remedy);
         return if path.is_file() { Ok(path) } else { Err(missing()) };
     };
     // A file named without a folder lies in the present one.
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     let whole = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
-    let rest = inside.split_once('/').map_or(inside, |(_, rest)| rest);
-    let mut candidates = whole.ancestors().flat_map(|above| [above.join(inside), above.join(rest)]);
-    candidates.find(|path| path.is_file()).ok_or_else(|| {
+    let (package, rest) = inside.split_once('/').unwrap_or(("", inside));
+    let is_name = matches!(Path::new(package).components().next(), Some(Component::Normal(_)));
+    let places = |above: &Path| {
+        let package = is_name.then(|| above.join(package));
+        [(package, above.join(inside)), (None, above.join(rest))]
+    };
+    let found = whole.ancestors().flat_map(places).find(|(_, path)| path.is_file());
+    let Some((package, path)) = found else {
         let cause = format!("mesh {name} is in no folder above {}", whole.display());
-        Fault::new(cause, "put the package into a folder above, or write the path relative to the file")
-    })
+        let remedy = "put the package into a folder above, or write the path relative to the file";
+        return Err(Fault::new(cause, remedy));
+    };
+    files.check(&path, package.as_deref())?;
+    Ok(path)
 }
 
 fn replace_meshes(part: &mut Part, shapes: &[MeshShape], fixed: bool) -> Result<(), Fault> {

@@ -366,7 +366,7 @@ impl LocalWorld {
         Ok(())
     }
 
-    /// Sets the part of the time that audits may take; without end, every island is audited in every tick, for tests of what is stated.
+    /// Sets the part of the time that audits may take, for tests of what is stated.
     #[doc(hidden)]
     pub fn set_audited(&mut self, part: f64) {
         self.host.set_audited(part);

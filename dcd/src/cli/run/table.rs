@@ -74,7 +74,8 @@ pub(super) fn of(report: &Report) -> String {
         format!("{ticks} ticks ({simulated_s:.2} s) in {wall_s:.3} s: {rtf:.2} times real time"),
         String::new(),
     ];
-    lines.extend(rows.iter().map(|(name, value)| format!("{name:<14}{value}")));
+    let fidelity = report.fidelity.as_ref().map(|fidelity| ("fidelity", fidelity.words()));
+    lines.extend(rows.into_iter().chain(fidelity).map(|(name, value)| format!("{name:<14}{value}")));
     lines.join("\n")
 }
 

@@ -108,8 +108,13 @@ impl FidelityShare {
             Some(high95) => format!("mean error {mean:.3} m/s per tick ({low95:.3} to {high95:.3})"),
             None => "no error known yet".to_owned(),
         };
+        let overruns = match self.overruns {
+            0 => String::new(),
+            1 => ", 1 tick over the budget".to_owned(),
+            ticks => format!(", {ticks} ticks over the budget"),
+        };
         format!(
-            "{full} regions in each tick, {half} in each second, {quarter} in each fourth: {:.0} % of the time of all in full, {error}",
+            "{full} regions in each tick, {half} in each second, {quarter} in each fourth: {:.0} % of the time of all in full, {error}{overruns}",
             100.0 * self.share_of_full_time
         )
     }

@@ -357,12 +357,10 @@ impl Region {
         self.due[handle.into_raw_parts().0 as usize] = tick;
     }
 
-    /// Returns whether nothing here can change in the tick to come by itself: all that it holds sleeps, and nothing has stirred it.
+    /// Returns whether nothing here can change in the tick to come by itself: all that it holds sleeps, and nothing has stirred it. What is
+    /// decided on bodies that others hold too is another matter.
     pub(super) fn is_idle(&self) -> bool {
-        !self.stirred
-            && self.held_elsewhere_count() == 0
-            && self.world.islands.active_bodies().next().is_none()
-            && self.fresh().next().is_none()
+        !self.stirred && self.world.islands.active_bodies().next().is_none() && self.fresh().next().is_none()
     }
 
     /// Notes that something was received from other regions that concerns it: it is not idle.

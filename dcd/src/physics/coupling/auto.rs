@@ -164,6 +164,11 @@ impl Pace {
         self.steps[own] == (self.wanted, self.wanted) && *self.level.get_or_init(is_level)
     }
 
+    /// Returns whether no border waits to be allowed to climb again.
+    pub(super) fn has_rested(&self) -> bool {
+        self.borders.iter().all(|border| border.rest == 0)
+    }
+
     /// Ends the tick: the substeps announced for the next tick are the present ones from now on.
     pub(super) fn turn(&mut self) {
         for (now, next) in &mut self.steps {

@@ -47,6 +47,10 @@ use super::statics::Statics;
 use crate::protocol::BorderMessage;
 use crate::space::{RegionId, RegionSet, Tick};
 
+/// A region that holds bodies with others rests when it has been silent for so many ticks: longer than anything is put off that is decided on
+/// such bodies ([`ownership`]).
+const SILENT_TICKS: u32 = 150;
+
 /// A region with the state of its borders and the messages to its neighbours.
 #[derive(Clone, Serialize, Deserialize)]
 pub(super) struct Side {
@@ -90,7 +94,17 @@ impl Side {
 
     /// Returns whether nothing here can change in the tick to come.
     pub(super) fn is_idle(&self) -> bool {
-        self.region.is_idle() && !self.border.awaits_any() && self.border.pace.is_settled(self.region.rank())
+        let Self { region, border, .. } = self;
+        let is_settled = region.held_elsewhere_count() == 0 || border.silent_ticks == SILENT_TICKS;
+        region.is_idle() && is_settled && !border.awaits_any() && border.pace.is_settled(region.rank())
+    }
+
+    /// Counts a tick in which nothing has changed here nor was said, or ends the count.
+    fn count_silence(&mut self) {
+        let Self { region, border, outbox, .. } = self;
+        let says_nothing = border.decisions.is_empty() && outbox.letters().next().is_none();
+        let is_silent = region.is_idle() && says_nothing && border.pace.has_rested();
+        border.silent_ticks = if is_silent { SILENT_TICKS.min(border.silent_ticks + 1) } else { 0 };
     }
 
     /// Translates all ranks kept here, after ranks have changed.
@@ -213,6 +227,7 @@ impl Coupling {
         }
         if moment.last {
             side.border.neighbours.ask(side.region.rank(), &mut side.outbox);
+            side.count_silence();
         }
     }
 
@@ -224,8 +239,11 @@ impl Coupling {
         ground: Ground<'_>,
         moment: Moment<'_>,
     ) -> Result<(), ShapeError> {
-        for message in inbox.clone().filter(|message| message.asks) {
-            side.border.neighbours.hear(ground.rank_of(message));
+        for message in inbox.clone() {
+            side.border.silent_ticks = 0;
+            if message.asks {
+                side.border.neighbours.hear(ground.rank_of(message));
+            }
         }
         match self {
             Self::Owner => owner::apply(side, inbox, ground),
@@ -256,6 +274,8 @@ pub(super) struct Border {
     /// The numbers of substeps that regions take.
     pub pace: auto::Pace,
     pub neighbours: Neighbours,
+    /// Ticks in a row, up to [`SILENT_TICKS`], in which all slept here and nothing was said, heard or decided.
+    silent_ticks: u32,
     /// By rank of the other region: how far copies disagreed in the last exchange, m/s; none where nothing is shared.
     disagreement: Vec<Option<auto::Disagreement>>,
     /// Bodies to be checked once, asleep or not, because the border or another region's bodies have come to them.
@@ -401,6 +421,11 @@ pub(super) fn looks() -> [usize; 3] {
 
 #[cfg(test)]
 impl Side {
+    /// Has what it shares keep it from resting for long.
+    pub(super) fn end_silence(&mut self) {
+        self.border.silent_ticks = 0;
+    }
+
     /// Returns whether what it remembers of its borders is what it would find there.
     pub(super) fn remembers_right(&self) -> bool {
         let [mut known, mut found] = [self.border.clone(), self.border.clone()];

@@ -119,41 +119,70 @@ fn gone(id: &str) {
     }
 }
 
-/// `script` gives the server a terminal of its own.
+/// A server that goes on with a stored world at a terminal of its own, which `script` gives it, and where Ctrl-C has been pressed.
+#[cfg(target_os = "linux")]
+struct AtTerminal {
+    terminal: std::process::Child,
+    keys: std::process::ChildStdin,
+    id: String,
+}
+
+#[cfg(target_os = "linux")]
+impl AtTerminal {
+    fn interrupted(server: &Server) -> Self {
+        let (data, scene) = (server.data(), playground());
+        let line = format!(
+            "echo process $$; exec env --default-signal=HUP,INT {PROGRAM} serve {} --listen {} --data {}",
+            scene.display(),
+            server.address,
+            data.display()
+        );
+        let mut script = Command::new("script");
+        script.args(["--quiet", "--return", "--command", &line, "/dev/null"]);
+        let mut terminal = script
+            .env("SHELL", "/bin/sh")
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .expect("`script` of util-linux is there");
+        let mut lines = BufReader::new(terminal.stdout.take().unwrap()).lines().map_while(Result::ok);
+        let mut line =
+            |part: &str| lines.find(|line| line.contains(part)).unwrap_or_else(|| panic!("no `{part}`"));
+        let id = line("process ").trim().rsplit(' ').next().unwrap().to_owned();
+        line("going on with the world at tick ");
+        let mut keys = terminal.stdin.take().unwrap();
+        keys.write_all(b"\x03").unwrap();
+        line("Ctrl-C again ends it");
+        // What is said later nobody reads, and a full pipe would hold it up.
+        std::thread::spawn(move || lines.for_each(drop));
+        // What comes within 200 ms is the same press; within two seconds, another.
+        std::thread::sleep(Duration::from_millis(400));
+        Self { terminal, keys, id }
+    }
+}
+
 #[cfg(target_os = "linux")]
 #[test]
 fn a_terminal_that_is_closed_after_ctrl_c_ends_no_world() {
     let mut server = killed(3.0);
-    let (data, scene) = (server.data(), playground());
-    let line = format!(
-        "echo process $$; exec env --default-signal=HUP,INT {PROGRAM} serve {} --listen {} --data {}",
-        scene.display(),
-        server.address,
-        data.display()
-    );
-    let mut script = Command::new("script");
-    script.args(["--quiet", "--command", &line, "/dev/null"]);
-    let mut terminal = script
-        .env("SHELL", "/bin/sh")
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .spawn()
-        .expect("`script` of util-linux is there");
-    let mut lines = BufReader::new(terminal.stdout.take().unwrap()).lines().map_while(Result::ok);
-    let mut line =
-        |part: &str| lines.find(|line| line.contains(part)).unwrap_or_else(|| panic!("no `{part}`"));
-    let id = line("process ").trim().rsplit(' ').next().unwrap().to_owned();
-    line("going on with the world at tick ");
-    let mut keys = terminal.stdin.take().unwrap();
-    keys.write_all(b"\x03").unwrap();
-    line("Ctrl-C again ends it");
-    // What comes within 200 ms is the same press; within two seconds, another.
-    std::thread::sleep(Duration::from_millis(400));
-    terminal.kill().unwrap();
-    terminal.wait().unwrap();
-    gone(&id);
+    let mut at = AtTerminal::interrupted(&server);
+    at.terminal.kill().unwrap();
+    at.terminal.wait().unwrap();
+    gone(&at.id);
     server.restart();
     server.stop();
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn ctrl_c_pressed_again_ends_the_world() {
+    let server = killed(3.0);
+    let mut at = AtTerminal::interrupted(&server);
+    at.keys.write_all(b"\x03").unwrap();
+    assert_eq!(at.terminal.wait().unwrap().code(), Some(130));
+    gone(&at.id);
+    // There is no world to go on with: the next begins.
+    begins(serve(&server, &[playground().to_str().unwrap()]));
 }
 
 /// As `nohup` does.

@@ -1,6 +1,7 @@
 //! Starts and ends a process that is a node, a client, or both (a participant, the thesis's normal case): its loop has a thread of
 //! its own, and shares with the user what the user reads.
 
+mod absence;
 mod event_loop;
 mod recorded_node;
 
@@ -58,8 +59,8 @@ pub struct MemberConfig {
     pub checkpoint_every: u64,
     /// How long the node waits for others before it computes speculative ticks for its clients.
     pub patience: Duration,
-    /// How long the server may be out of reach before the process gives up. Meanwhile a node computes on.
-    pub give_up: Duration,
+    /// How long the server may be out of reach before the process gives up; `None`: without end. Meanwhile a node computes on.
+    pub give_up: Option<Duration>,
     /// The area that a client wants to be told of; `None`: the whole world.
     pub interest: Option<Area>,
     /// A file to record the node to: all that it is given, and a digest of each region after each tick.
@@ -74,7 +75,8 @@ pub struct MemberConfig {
 pub type Onlooker = Box<dyn FnMut(&RegionHost, &TickStats) + Send>;
 
 impl MemberConfig {
-    /// Returns the usual settings for this identity.
+        let give_up = identity.client().map(|_| GIVE_UP);
+    /// Returns the usual settings for this identity: a node waits for its server without end, a client or participant for 30 s.
     pub fn new(server: SocketAddr, identity: Identity) -> Self {
         Self {
             server,
@@ -85,7 +87,7 @@ impl MemberConfig {
             threads: 1,
             checkpoint_every: 12,
             patience: Duration::from_millis(100),
-            give_up: GIVE_UP,
+            give_up,
             interest: None,
             record: None,
             metrics: None,

@@ -121,6 +121,37 @@ fn a_node_that_dies_while_there_is_no_server_is_taken_over_when_it_is_back() {
     demo.node("n2").kill();
     let start = Instant::now();
     demo.server.restart();
+/// A server is away for so long; its nodes and who watches them wait, and are there when it is back.
+fn is_away_for(away: Duration) {
+    let _alone = alone();
+    let mut demo = Demo::start();
+    demo.server.process.kill();
+    let tick = demo.witness.tick();
+    let stood = demo.witness.watch_for(away);
+    let ticks_per_s = (demo.witness.tick() - tick) as f64 / away.as_secs_f64();
+    let start = Instant::now();
+    let from = demo.server.restart();
+    let (view, _) = demo.both();
+    println!(
+        "after {away:?} without a server at {ticks_per_s:.1} ticks a second (the world stood still for {stood:.2?}) it goes on \
+         from tick {from}: {view} after {:.2?}",
+        start.elapsed()
+    );
+    assert!(ticks_per_s > 30.0 && stood < PAUSE, "{ticks_per_s} {stood:?}");
+    assert!(start.elapsed() < RETURN, "{:?}", start.elapsed());
+    // The world is where its nodes are, not where the server's record ended.
+    demo.witness.advance(30);
+    assert!(demo.witness.tick() > tick + (away.as_secs_f64() * 30.0) as u64);
+    demo.server.witness().leave();
+    demo.end(&[]);
+}
+
+#[test]
+#[ignore = "takes three quarters of a minute"]
+fn a_server_that_is_away_for_forty_seconds_finds_its_nodes_computing() {
+    is_away_for(Duration::from_secs(40));
+}
+
     while !demo.server.view().contains("n1 r1 r2; n1 leads") {}
     demo.witness.advance(30);
     println!("goes on after {:.2} s", start.elapsed().as_secs_f64());

@@ -25,7 +25,9 @@ pub(crate) struct Witness {
 
 impl Witness {
     pub(crate) fn join(servers: &str, token: String) -> Self {
-        let mut world = ClientWorld::connect(&joining(servers, token)).unwrap();
+        // A node waits without end, and who watches one waits with it.
+        let config = JoinConfig { give_up: Some(Duration::from_secs(3600)), ..joining(servers, token) };
+        let mut world = ClientWorld::connect(&config).unwrap();
         let body = RigidBodyBuilder::kinematic_velocity_based();
         let avatar = world
             .spawn(WorldPose::at([-4.0, 20.0, 0.0]), &body.build(), &[ColliderBuilder::ball(0.5)])

@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 
 use tracing::{debug, info, warn};
 
+use super::absence::Absence;
 use super::recorded_node::RecordedNode;
 use super::{Input, Onlooker, Presence, QUEUE, Shared};
 use crate::cluster::{
@@ -57,13 +58,14 @@ pub(super) struct Loop {
     pub(super) gauge: Option<NodeGauge>,
     /// When the process leaves without the server, after its user asked to leave.
     release_by: Option<Duration>,
-    give_up: Duration,
+    /// How long the server, or a client's leader, is waited for; `None`: without end.
+    give_up: Option<Duration>,
     /// Outputs may be left to carry out.
     has_more: bool,
-    /// Since when the server is out of reach, and why.
-    lost: Option<(Duration, String)>,
-    /// Since when a client hears no leader, and why.
-    unheard: Option<(Duration, String)>,
+    /// While the server is out of reach.
+    lost: Option<Absence>,
+    /// While a client hears no leader.
+    unheard: Option<Absence>,
     /// Where the leader is that it does not hear.
     unheard_leader: Option<SocketAddr>,
     /// Whether it was ever reached: one that never was is not waited for.
@@ -78,7 +80,7 @@ pub(super) struct Loop {
 impl Loop {
     pub(super) fn new(
         servers: Vec<SocketAddr>,
-        give_up: Duration,
+        give_up: Option<Duration>,
         links: Links,
         node: Option<RecordedNode>,
         device: PhysicsDevice,
@@ -149,13 +151,7 @@ impl Loop {
                 self.link_event(event);
                 self.pump();
             }
-            if self.end.is_none()
-                && let Some((since, reason)) = &self.lost
-                && since.saturating_add(self.give_up) <= now
-            {
-                let (reason, waited) = (reason.clone(), self.give_up);
-                self.end = Some(Err(ProcessError::GivenUp { server: self.server, waited, reason }));
-            }
+            self.look_for_server(now);
             self.look_for_leader(now);
             self.gauge.iter().for_each(|gauge| gauge.turned(Instant::now()));
             if self.count_at <= now {
@@ -203,10 +199,38 @@ impl Loop {
         if self.unheard_leader.replace(leader) != Some(leader) {
             self.unheard = None;
         }
-        let (since, reason) =
-            self.unheard.get_or_insert_with(|| (now, "nothing is heard from it".to_owned()));
-        if self.end.is_none() && since.saturating_add(self.give_up) <= now {
-            let (reason, waited) = (reason.clone(), self.give_up);
+    /// Ends a process whose server is out of reach for too long; one that waits without end says each minute that it does.
+    fn look_for_server(&mut self, now: Duration) {
+        let Some(lost) = &mut self.lost else { return };
+        if lost.is_to_be_told(now) {
+            let (servers, waited_s) = (&self.servers, lost.lasted(now).as_secs());
+            warn!(
+                ?servers,
+                waited_s,
+                reason = lost.reason(),
+                "still waiting for the server, and going on without it"
+            );
+        }
+        if self.end.is_none()
+            && let Some(waited) = lost.is_over(now)
+        {
+            let reason = lost.reason().to_owned();
+            self.end = Some(Err(ProcessError::GivenUp { server: self.server, waited, reason }));
+        }
+    }
+
+        let limit = self.give_up;
+        let unheard = self
+            .unheard
+            .get_or_insert_with(|| Absence::new(now, limit, "nothing is heard from it".to_owned()));
+        if unheard.is_to_be_told(now) {
+            let (waited_s, reason) = (unheard.lasted(now).as_secs(), unheard.reason());
+            warn!(%leader, waited_s, reason, "still waiting for the node that tells of the world");
+        }
+        if self.end.is_none()
+            && let Some(waited) = unheard.is_over(now)
+        {
+            let reason = unheard.reason().to_owned();
             self.end = Some(Err(ProcessError::LeaderUnreachable { leader, waited, reason }));
         }
     }
@@ -215,7 +239,7 @@ impl Loop {
         let node = self.node.as_ref().and_then(RecordedNode::poll_timeout);
         let client = self.shared.lock().client.as_ref().and_then(Client::poll_timeout);
         let waits = [&self.lost, &self.unheard].into_iter().flatten();
-        let end = waits.map(|(since, _)| since.saturating_add(self.give_up)).min();
+        let end = waits.filter_map(Absence::poll_timeout);
         node.into_iter().chain(client).chain(end).min()
     }
 
@@ -292,19 +316,21 @@ impl Loop {
                         self.end = Some(Err(end));
                         return;
                     }
-                    let since = self.lost.as_ref().map(|(since, _)| *since);
-                    if since.is_none() {
-                        warn!(%server, reason, "the server is out of reach; going on without it, and dialling it again");
+                    match &mut self.lost {
+                        Some(lost) => lost.goes_on(reason),
+                        None => {
+                            warn!(%server, reason, "the server is out of reach; going on without it, and dialling it again");
+                            self.lost = Some(Absence::new(now, self.give_up, reason));
+                        }
                     }
-                    self.lost = Some((since.unwrap_or(now), reason));
-                } else if let Some((_, why)) = self.unheard.as_mut().filter(|_| self.node.is_none()) {
-                    if *why != reason {
+                } else if let Some(unheard) = self.unheard.as_mut().filter(|_| self.node.is_none()) {
+                    if unheard.reason() != reason {
                         warn!(
                             ?peer,
                             reason, "the node that tells of the world is out of reach; dialling it again"
                         );
                     }
-                    *why = reason;
+                    unheard.goes_on(reason);
                 } else {
                     debug!(?peer, reason, "a link is gone");
                 }

@@ -5,16 +5,15 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use dcd_tests::fuzz::{TARGETS, Target, changed, target};
 
-/// Runs seeds, and so many changes of them; names the seed of the first that fails.
-fn run(name: &str, changes: u64) {
-    let Target { form, run, seeds, .. } = *target(name).expect("it is a target");
+/// Runs seeds, and some changes of them; names those that fail.
+fn run(name: &str) {
+    let Target { form, run, seeds, quick, .. } = *target(name).expect("it is a target");
     let seeds = seeds();
     assert!(!seeds.is_empty() && seeds.iter().all(|seed| !seed.is_empty()), "{name} has seeds");
     for (index, seed) in seeds.iter().enumerate() {
         assert!(catch_unwind(|| run(seed)).is_ok(), "{name}: seed {index} fails as it is");
     }
-    let first = std::env::var("FUZZ_FROM").map_or(0, |text| text.parse().unwrap());
-    let changes = std::env::var("FUZZ_CHANGES").map_or(changes, |text| text.parse().unwrap());
+    let (first, changes) = (asked("FUZZ_FROM").unwrap_or(0), asked("FUZZ_CHANGES").unwrap_or(quick));
     let mut failed = Vec::new();
     for number in first..first + changes {
         let of = |step: u64| &seeds[(number / step) as usize % seeds.len()];
@@ -24,6 +23,11 @@ fn run(name: &str, changes: u64) {
         }
     }
     assert!(failed.is_empty(), "{name}: changes {failed:?} fail");
+}
+
+/// The number that a variable of the environment has.
+fn asked(variable: &str) -> Option<u64> {
+    std::env::var(variable).ok().map(|text| text.parse().unwrap_or_else(|_| panic!("{variable} is a number")))
 }
 
 /// Writes the seeds for libFuzzer below the folder that `FUZZ_CORPUS` names.
@@ -41,70 +45,97 @@ fn seeds_are_written_where_wanted() {
 
 #[test]
 fn message_takes_what_nobody_sends() {
-    run("message", 100_000);
+    run("message");
 }
 
 #[test]
 fn states_takes_what_nobody_sends() {
-    run("states", 2_000);
+    run("states");
 }
 
 #[test]
 fn joining_takes_what_nobody_sends() {
-    run("joining", 20_000);
+    run("joining");
 }
 
 #[test]
 fn scene_takes_what_nobody_sends() {
-    run("scene", 500);
+    run("scene");
 }
 
 #[test]
 fn model_takes_what_nobody_sends() {
-    run("model", 500);
+    run("model");
 }
 
 #[test]
 fn snapshot_takes_what_nobody_sends() {
-    run("snapshot", 500);
+    run("snapshot");
 }
 
 #[test]
 fn recording_takes_what_nobody_sends() {
-    run("recording", 200);
+    run("recording");
 }
 
 #[test]
 fn directory_takes_what_nobody_sends() {
-    run("directory", 2_000);
+    run("directory");
 }
 
 #[test]
 fn server_takes_what_nobody_sends() {
-    run("server", 1_000);
+    run("server");
 }
 
 #[test]
 fn client_takes_what_nobody_sends() {
-    run("client", 2_000);
+    run("client");
 }
 
 #[test]
 fn leader_takes_what_nobody_sends() {
-    run("leader", 1_000);
+    run("leader");
 }
 
 #[test]
 fn member_takes_what_nobody_sends() {
-    run("member", 1_000);
+    run("member");
 }
 
 #[test]
 fn device_takes_what_nobody_sends() {
-    run("device", 200);
+    run("device");
 }
 
 #[test]
 fn rules_takes_what_nobody_sends() {
-    run("rules", 5_000);
+    run("rules");
+}
+
+#[test]
+fn page_takes_what_nobody_sends() {
+    run("page");
+}
+
+#[test]
+fn config_takes_what_nobody_sends() {
+    run("config");
+}
+
+/// As each target is tried by a test of its name, here and in the processes of a long look.
+#[test]
+fn every_target_has_a_test() {
+    let text = include_str!("fuzz.rs");
+    for Target { name, .. } in TARGETS {
+        assert!(
+            text.contains(&format!("fn {name}_takes_what_nobody_sends() {{\n    run(\"{name}\");")),
+            "{name}"
+        );
+        let program = format!("../fuzz/fuzz_targets/{name}.rs");
+        assert!(
+            std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join(program).exists(),
+            "{name} has no program"
+        );
+    }
 }

@@ -14,9 +14,6 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use tracing::error_span;
-use tracing::field::display;
-
 use self::event_loop::Loop;
 use self::recorded_node::RecordedNode;
 use super::acknowledgements::Acknowledgements;
@@ -24,6 +21,7 @@ use super::bandwidth::Received;
 use super::ending::{GIVE_UP, Reason};
 use super::fan_out::{FanOut, Told};
 use super::links::Links;
+use super::log::LogSpan;
 use super::metrics::{NodeGauge, NodeMetrics};
 use super::{Connections, PhysicsDevice, ProcessError, Pulse};
 use crate::cluster::{Client, ClientEvent, Node, NodeConfig, Peer, PhysicsEvent, TickStats};
@@ -75,9 +73,9 @@ pub struct MemberConfig {
 pub type Onlooker = Box<dyn FnMut(&RegionHost, &TickStats) + Send>;
 
 impl MemberConfig {
-        let give_up = identity.client().map(|_| GIVE_UP);
     /// Returns the usual settings for this identity: a node waits for its server without end, a client or participant for 30 s.
     pub fn new(server: SocketAddr, identity: Identity) -> Self {
+        let give_up = identity.client().map(|_| GIVE_UP);
         Self {
             server,
             standbys: Vec::new(),
@@ -283,10 +281,8 @@ impl Member {
         let thread = std::thread::Builder::new()
             .name(format!("dcd-{who:?}"))
             .spawn(move || {
-                let (node, client) = (who.node().map(display), who.client().map(display));
-                let _log = error_span!("process", role = %who.role(), node, client).entered();
                 let shared = running.shared.clone();
-                if catch_unwind(AssertUnwindSafe(|| running.run(&inputs))).is_err() {
+                if catch_unwind(AssertUnwindSafe(|| running.run(&inputs, LogSpan::new(who)))).is_err() {
                     shared.lock().end = Some(Err(ProcessError::Fault));
                     shared.changed.notify_all();
                     running.connections.end(Reason::of_end(&Err(ProcessError::Fault)));

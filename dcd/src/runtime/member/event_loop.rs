@@ -21,8 +21,10 @@ use crate::recording::tick_of;
 use crate::runtime::ending::{Cause, Ending, Reason};
 use crate::runtime::fan_out::{FanOut, Told};
 use crate::runtime::links::{LinkEvent, Links};
+use crate::runtime::log::LogSpan;
 use crate::runtime::metrics::NodeGauge;
 use crate::runtime::{Connections, PhysicsDevice, ProcessError};
+use crate::space::Tick;
 
 /// How often sending is tried again where a link had no room.
 const RETRY: Duration = Duration::from_millis(2);
@@ -114,8 +116,10 @@ impl Loop {
     }
 
     /// Runs until the process has left, its world has ended, or something went wrong.
-    pub(super) fn run(&mut self, inputs: &mpsc::Receiver<Input>) {
+    pub(super) fn run(&mut self, inputs: &mpsc::Receiver<Input>, mut log: LogSpan) {
         while self.end.is_none() {
+            let (view, tick) = self.reached();
+            let _log = log.enter(view, tick);
             let now = self.start.elapsed();
             let due = self.poll_timeout();
             let mut wait = due.map_or(Duration::from_millis(500), |due| due.saturating_sub(now));
@@ -175,6 +179,14 @@ impl Loop {
         self.connections.end(reason);
     }
 
+    /// Returns the node's view, and the last tick that is complete as far as is known.
+    fn reached(&self) -> (Option<u64>, Tick) {
+        if let Some(node) = self.node.as_ref().map(RecordedNode::node) {
+            return (node.view().map(|view| view.number.0), node.tick());
+        }
+        (None, self.shared.lock().client.as_ref().map_or(Tick(0), Client::tick))
+    }
+
     /// Notes the traffic of all links: not after each tick, since it is summed over as many as there are clients.
     fn count(&self, traffic: NetTotals) {
         let totals = self.links.all_totals(traffic);
@@ -187,18 +199,6 @@ impl Loop {
         }
     }
 
-    /// Ends a client to which its server names a leader that it cannot reach.
-    fn look_for_leader(&mut self, now: Duration) {
-        let leader =
-            self.shared.lock().client.as_ref().and_then(Client::unheard_leader).map(|leader| leader.address);
-        let Some(leader) = leader else {
-            self.unheard = None;
-            return;
-        };
-        // A new leader has its own time.
-        if self.unheard_leader.replace(leader) != Some(leader) {
-            self.unheard = None;
-        }
     /// Ends a process whose server is out of reach for too long; one that waits without end says each minute that it does.
     fn look_for_server(&mut self, now: Duration) {
         let Some(lost) = &mut self.lost else { return };
@@ -219,6 +219,18 @@ impl Loop {
         }
     }
 
+    /// Ends a client to which its server names a leader that it cannot reach.
+    fn look_for_leader(&mut self, now: Duration) {
+        let leader =
+            self.shared.lock().client.as_ref().and_then(Client::unheard_leader).map(|leader| leader.address);
+        let Some(leader) = leader else {
+            self.unheard = None;
+            return;
+        };
+        // A new leader has its own time.
+        if self.unheard_leader.replace(leader) != Some(leader) {
+            self.unheard = None;
+        }
         let limit = self.give_up;
         let unheard = self
             .unheard

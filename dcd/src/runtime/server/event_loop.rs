@@ -18,6 +18,7 @@ use crate::runtime::directory::FolderLock;
 use crate::runtime::end_request::EndRequests;
 use crate::runtime::ending::{Cause, Reason};
 use crate::runtime::links::{LinkEvent, Links};
+use crate::runtime::log::LogSpan;
 use crate::runtime::metrics::ServerMetrics;
 use crate::runtime::{Connections, ProcessError};
 use crate::space::{NodeId, Tick};
@@ -86,8 +87,13 @@ impl Drain {
 
 impl Loop {
     pub(super) fn run(mut self, inputs: &mpsc::Receiver<Input>) {
+        let mut log = LogSpan::new(PeerName::Server);
         while !self.over {
-            let due = self.server().poll_timeout().map(|due| due.saturating_sub(self.start.elapsed()));
+            let server = self.server();
+            let due = server.poll_timeout().map(|due| due.saturating_sub(self.start.elapsed()));
+            let (view, tick) = (server.view().map(|view| view.number.0), server.tick());
+            drop(server);
+            let _log = log.enter(view, tick);
             let Some(links) = &mut self.links else { break };
             let wait = due.unwrap_or(IDLE).min(if links.flush(Instant::now()) { RETRY } else { IDLE });
             let input = inputs.recv_timeout(wait);
@@ -166,6 +172,8 @@ impl Loop {
                 break;
             }
         }
+        let (view, tick) = (self.server().view().map(|view| view.number.0), self.server().tick());
+        let _log = log.enter(view, tick);
         let totals = self.links.take().map(Links::shutdown);
         self.finish(totals);
     }

@@ -89,10 +89,8 @@ impl Loop {
     pub(super) fn run(mut self, inputs: &mpsc::Receiver<Input>) {
         let mut log = LogSpan::new(PeerName::Server);
         while !self.over {
-            let server = self.server();
-            let due = server.poll_timeout().map(|due| due.saturating_sub(self.start.elapsed()));
-            let (view, tick) = (server.view().map(|view| view.number.0), server.tick());
-            drop(server);
+            let due = self.server().poll_timeout().map(|due| due.saturating_sub(self.start.elapsed()));
+            let (view, tick) = self.reached();
             let _log = log.enter(view, tick);
             let Some(links) = &mut self.links else { break };
             let wait = due.unwrap_or(IDLE).min(if links.flush(Instant::now()) { RETRY } else { IDLE });
@@ -172,7 +170,7 @@ impl Loop {
                 break;
             }
         }
-        let (view, tick) = (self.server().view().map(|view| view.number.0), self.server().tick());
+        let (view, tick) = self.reached();
         let _log = log.enter(view, tick);
         let totals = self.links.take().map(Links::shutdown);
         self.finish(totals);
@@ -180,6 +178,12 @@ impl Loop {
 
     fn server(&self) -> MutexGuard<'_, RecordedServer> {
         self.server.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Returns the view of the main group, and the last tick that is on record.
+    fn reached(&self) -> (Option<u64>, Tick) {
+        let server = self.server();
+        (server.view().map(|view| view.number.0), server.tick())
     }
 
     fn stop(&mut self, now: Duration) {

@@ -26,7 +26,7 @@ struct Machines {
 }
 
 impl Machines {
-    /// Writes the options of two servers of one world.
+    /// Writes the options of two servers of one world: those that are shipped, with a region for each node.
     fn new(etcd: &EtcdCluster) -> Self {
         let machines = Self {
             root: tempfile::tempdir().unwrap(),
@@ -64,10 +64,13 @@ impl Machines {
 
     fn install(&self, file: &str, number: usize, named: &[(&str, String)]) {
         let shipped = fs::read_to_string(packaging(file)).unwrap();
-        let text = named.iter().fold(shipped, |text, (from, to)| {
+        let mut text = named.iter().fold(shipped, |text, (from, to)| {
             assert!(text.contains(from), "{file} has no {from}");
             text.replace(from, to)
         });
+        if file == "server.toml" {
+            text += "regions = 3\n";
+        }
         fs::create_dir_all(self.folder(number)).unwrap();
         fs::write(self.folder(number).join(file), text).unwrap();
     }

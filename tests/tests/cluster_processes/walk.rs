@@ -113,7 +113,6 @@ impl Machines {
 
     /// Waits until `dcd status` shows these nodes at work and no other, and all bodies; how the world stands meanwhile.
     fn are_at_work(&self, server: usize, names: &[&str], witness: &Witness) -> Duration {
-        let start = Instant::now();
         let is_so = || {
             let status = self.status(server);
             let nodes = status["nodes"].as_array().unwrap();
@@ -122,10 +121,19 @@ impl Machines {
                 has_regions && names.contains(&node["node"].as_str().unwrap())
             };
             let so = nodes.len() == names.len() && nodes.iter().all(works) && status["bodies"] == BODIES;
-            assert!(so || start.elapsed() < LIMIT, "{names:?} are not at work: {status}");
-            so
+            (so, status)
         };
-        witness.watch_until(is_so)
+        std::thread::scope(|scope| {
+            let waits = scope.spawn(|| {
+                let start = Instant::now();
+                while let (false, status) = is_so() {
+                    assert!(start.elapsed() < LIMIT, "{names:?} are not at work: {status}");
+                }
+            });
+            let stood = witness.watch_until(|| waits.is_finished());
+            waits.join().unwrap();
+            stood
+        })
     }
 }
 

@@ -334,6 +334,7 @@ pub unsafe extern "C" fn dcd_metrics_address(
 
 /// Joins as a node: this process computes a share of the world, on threads of the library, whether or not you call dcd_step,
 /// which does what it does for a server. Returns once the server has let it in; the share comes when the server gives it one.
+/// While the server is out of reach the node computes on, and waits for it without end.
 ///
 /// The handle serves the calls that a server's does, but for tokens and dcd_disconnect; to see the world too, use dcd_participant_join.
 /// dcd_world_destroy first hands the share to other nodes, which may take some seconds.

@@ -121,6 +121,9 @@ pub use space::{
     Axis, Balance, BodyId, Bounds, Cell, ClientId, Epoch, JointId, NodeId, RegionId, Tick, Viewpoint,
 };
 #[cfg(feature = "view")]
+#[doc(hidden)]
+pub use view::read_browser;
+#[cfg(feature = "view")]
 pub use view::{ViewError, Viewer};
 #[cfg(feature = "physics")]
 pub use world::{Body, BodyChange, Error, Instead, MovableBody, Owner, RegionInfo, Role, Unsupported, World};

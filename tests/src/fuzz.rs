@@ -23,6 +23,8 @@ pub struct Target {
     pub name: &'static str,
     /// What its bytes are.
     pub form: Form,
+    /// How many changes of its seeds a quick look tries: they take some seconds. A long one tries as many times more of each target.
+    pub quick: u64,
     /// Runs it; panics where it finds a fault.
     pub run: fn(&[u8]),
     /// Returns inputs as honest processes send them.
@@ -41,22 +43,34 @@ pub enum Form {
 }
 
 /// All targets.
-pub const TARGETS: [Target; 14] = [
-    Target { name: "message", form: Form::Value, run: decoders::message, seeds: seeds::messages },
-    Target { name: "states", form: Form::Script, run: decoders::states, seeds: seeds::states },
-    Target { name: "joining", form: Form::Value, run: decoders::joining, seeds: seeds::joining },
-    Target { name: "scene", form: Form::Text, run: decoders::scene, seeds: seeds::scenes },
-    Target { name: "model", form: Form::Text, run: decoders::model, seeds: seeds::models },
-    Target { name: "snapshot", form: Form::Value, run: decoders::snapshot, seeds: seeds::snapshots },
-    Target { name: "recording", form: Form::Value, run: decoders::recording, seeds: seeds::recordings },
-    Target { name: "directory", form: Form::Script, run: machines::directory, seeds: seeds::directories },
-    Target { name: "server", form: Form::Script, run: machines::server, seeds: seeds::servers },
-    Target { name: "client", form: Form::Script, run: machines::client, seeds: seeds::clients },
-    Target { name: "leader", form: Form::Script, run: nodes::leader, seeds: seeds::leaders },
-    Target { name: "member", form: Form::Script, run: nodes::member, seeds: seeds::members },
-    Target { name: "device", form: Form::Script, run: devices::device, seeds: seeds::devices },
-    Target { name: "rules", form: Form::Value, run: rules::rules, seeds: seeds::rules },
+pub const TARGETS: [Target; 16] = [
+    target_of("message", Form::Value, 100_000, decoders::message, seeds::messages),
+    target_of("states", Form::Script, 2_000, decoders::states, seeds::states),
+    target_of("joining", Form::Value, 20_000, decoders::joining, seeds::joining),
+    target_of("scene", Form::Text, 500, decoders::scene, seeds::scenes),
+    target_of("model", Form::Text, 500, decoders::model, seeds::models),
+    target_of("page", Form::Value, 20_000, decoders::page, seeds::pages),
+    target_of("config", Form::Text, 300, decoders::config, seeds::configs),
+    target_of("snapshot", Form::Value, 500, decoders::snapshot, seeds::snapshots),
+    target_of("recording", Form::Value, 200, decoders::recording, seeds::recordings),
+    target_of("directory", Form::Script, 2_000, machines::directory, seeds::directories),
+    target_of("server", Form::Script, 1_000, machines::server, seeds::servers),
+    target_of("client", Form::Script, 2_000, machines::client, seeds::clients),
+    target_of("leader", Form::Script, 1_000, nodes::leader, seeds::leaders),
+    target_of("member", Form::Script, 1_000, nodes::member, seeds::members),
+    target_of("device", Form::Script, 200, devices::device, seeds::devices),
+    target_of("rules", Form::Value, 5_000, rules::rules, seeds::rules),
 ];
+
+const fn target_of(
+    name: &'static str,
+    form: Form,
+    quick: u64,
+    run: fn(&[u8]),
+    seeds: fn() -> Vec<Vec<u8>>,
+) -> Target {
+    Target { name, form, quick, run, seeds }
+}
 
 /// Returns the target of this name.
 #[must_use]

@@ -2,6 +2,7 @@
 //! flood of another process, beside clients that join meanwhile.
 
 mod calls;
+mod gates;
 mod hostile;
 mod process;
 
@@ -18,6 +19,7 @@ use dcd::net::{Authority, JoinRole};
 use dcd::runtime::{ClientWorld, JoinConfig};
 use serde::{Deserialize, Serialize};
 
+use self::gates::GATES;
 use self::hostile::{Flood, Sent};
 pub(crate) use self::process::FloodProcess;
 use self::process::Ticks;
@@ -33,9 +35,6 @@ const LIMIT: Duration = Duration::from_secs(60);
 const JOINING: Duration = Duration::from_secs(10);
 /// Between two that join.
 const APART: Duration = Duration::from_millis(250);
-/// The most megabytes by which a flood may make a process grow, and the most by which others' slowest ticks may take longer.
-const MEMORY_GATE_MB: f64 = 64.0;
-const TICK_GATE: f64 = 1.2;
 /// Until links of peers that are gone are given up, and what was theirs is freed.
 const AFTER: Duration = Duration::from_secs(12);
 
@@ -110,19 +109,13 @@ impl Floods {
         let rows = self.output.fill(&SHOWN, |rows| self.measure(rows))?;
         let mut holds = true;
         for Measured { row, .. } in &rows {
-            if !row.memory_holds || row.joins_failed > 0 {
-                eprintln!(
-                    "{}: {} MB more, and {} of {} clients could not join",
-                    name(row.flood),
-                    short(row.grown_mb),
-                    row.joins_failed,
-                    row.joins
-                );
+            // A second of ticks, on a machine that does something else besides, says nothing of one in a hundred.
+            for missed in row.missed(!self.output.quick) {
+                eprintln!("{}: {missed}", name(row.flood));
                 holds = false;
             }
         }
-        // What a quick try measures is worth nothing: it fails where a flood ends a process.
-        Ok(if holds || self.output.quick { ExitCode::SUCCESS } else { ExitCode::FAILURE })
+        Ok(if holds { ExitCode::SUCCESS } else { ExitCode::FAILURE })
     }
 
     fn measure(&self, rows: &mut Sheet<Row>) -> Result<(), Box<dyn Error>> {
@@ -193,12 +186,12 @@ impl Floods {
             node_peak_mb: peak[1].peak_mb,
             node_after_mb: memory_after[1].now_mb,
             grown_mb,
-            memory_holds: grown_mb < MEMORY_GATE_MB,
+            memory_holds: grown_mb < GATES.memory_mb,
             tick_p50_before_ms: at(&mut before.ticks_ms, 0.5),
             tick_p50_ms: at(&mut during.ticks_ms, 0.5),
             tick_p99_before_ms,
             tick_p99_ms,
-            ticks_hold: tick_p99_ms < TICK_GATE * tick_p99_before_ms,
+            ticks_hold: tick_p99_ms < GATES.ticks * tick_p99_before_ms,
             ticks_per_s: during.ticks_ms.len() as f64 / during.seconds,
             world_before_ms: before.world_ms,
             world_ms: during.world_ms,
@@ -421,11 +414,11 @@ fn table(rows: &[Measured<Row>]) -> String {
             if row.sent == 0 { "–".to_owned() } else { short(row.sent_per_s) },
             bold(
                 [row.server_before_mb, row.server_peak_mb, row.server_after_mb].map(short).join(" / "),
-                row.server_peak_mb - row.server_before_mb < MEMORY_GATE_MB,
+                row.server_peak_mb - row.server_before_mb < GATES.memory_mb,
             ),
             bold(
                 [row.node_before_mb, row.node_peak_mb, row.node_after_mb].map(short).join(" / "),
-                row.node_peak_mb - row.node_before_mb < MEMORY_GATE_MB,
+                row.node_peak_mb - row.node_before_mb < GATES.memory_mb,
             ),
             [row.tick_p50_before_ms, row.tick_p99_before_ms].map(short).join(" / "),
             bold([row.tick_p50_ms, row.tick_p99_ms].map(short).join(" / "), row.ticks_hold),

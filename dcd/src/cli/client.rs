@@ -250,15 +250,16 @@ impl Client {
         let (json, bandwidth, compute, limit) = (self.json, self.bandwidth, self.compute, self.seconds);
         let join = JoinConfig {
             identity: self.identity,
-            give_up: self.give_up,
+            give_up: Some(self.give_up),
             // It goes with the first avatar from then on.
             interest: self.interest.map(|radius| Area { centre: [0.0; 3], radius_m: radius.into() }),
             listen: self.listen,
             advertise: self.advertise,
             ..joining(&self.server, self.token.read(true)?)
         };
-        let truth =
-            self.truth.map(|token| JoinConfig { give_up: self.give_up, ..joining(&self.server, token) });
+        let truth = self
+            .truth
+            .map(|token| JoinConfig { give_up: Some(self.give_up), ..joining(&self.server, token) });
         // All that may fail here does so before the token is used up.
         let name = format!("a client of {}", self.server[0]);
         let viewer = self.view.map(|at| view::open(at, &name)).transpose()?;

@@ -38,6 +38,8 @@ mod values;
 mod view;
 mod world;
 
+use std::ffi::{OsStr, OsString};
+use std::path::Path;
 use std::process::ExitCode;
 use std::sync::LazyLock;
 
@@ -122,6 +124,21 @@ pub fn main() -> ExitCode {
     };
     cli.common.start_log();
     cli.command.execute(&cli.common).unwrap_or_else(|failure| cli.common.report(failure))
+}
+
+/// Returns whether a file of options (`--config`) is one of `dcd serve` or `dcd node`. For tests: a file may have anything in it.
+#[doc(hidden)]
+pub fn reads_config(path: &Path) -> bool {
+    ["serve", "node"].into_iter().any(|subcommand| {
+        let args = [OsStr::new("dcd"), OsStr::new(subcommand), OsStr::new("--config"), path.as_os_str()];
+        let Ok(args) = config_file::expand(Cli::command(), args.map(OsString::from).to_vec()) else {
+            return false;
+        };
+        let parsed = Cli::try_parse_from(args);
+        let forgets = matches!(&parsed, Ok(Cli { command: Command::Serve(serve), .. }) if serve.is_fresh());
+        assert!(!forgets, "a file begins a world anew");
+        parsed.is_ok()
+    })
 }
 
 #[cfg(test)]

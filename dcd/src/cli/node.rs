@@ -12,7 +12,7 @@ use super::interrupt::Interrupt;
 use super::join_token::TokenArgs;
 use super::notify::Notifier;
 use super::summary::{Computed, Summary};
-use super::values::{GIVE_UP, SERVER, address, joining, unused, wall_seconds};
+use super::values::{SERVER, address, joining, unused, wall_seconds};
 use super::view::{self, ANY_PORT};
 use crate::net::JoinRole;
 use crate::runtime::{JoinConfig, Member, MemberConfig, Onlooker, ProcessError};
@@ -54,9 +54,9 @@ pub(super) struct Node {
     /// File that keeps who the node is: with it, it joins under the same name again
     #[arg(long, value_name = "FILE")]
     identity: Option<PathBuf>,
-    /// How long to wait for a server that gets out of reach after joining, in seconds
-    #[arg(long, value_name = "SECONDS", default_value = GIVE_UP, value_parser = wall_seconds)]
-    give_up: Duration,
+    /// How long to wait for a server that gets out of reach after joining, in seconds [default: without end]
+    #[arg(long, value_name = "SECONDS", value_parser = wall_seconds)]
+    give_up: Option<Duration>,
     /// Record all that the node is given, and a digest of each region after each tick: `dcd replay FILE` computes it again
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,

@@ -141,6 +141,11 @@ pub(super) struct Serve {
 }
 
 impl Serve {
+    /// Returns whether a stored world is to be forgotten.
+    pub(super) fn is_fresh(&self) -> bool {
+        self.fresh
+    }
+
     pub(super) fn execute(self, common: &Common) -> Result<ExitCode, Failure> {
         let origin = self.origin(common)?;
         let interrupt = Interrupt::listen()?;

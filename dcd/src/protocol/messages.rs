@@ -110,6 +110,8 @@ pub enum Message {
 pub enum Subject {
     /// Poses and velocities of bodies that move.
     States,
+    /// What leaders tell relays, so that these tell clients states.
+    Feeds,
     /// What bodies and joints are: when a process joins, and when they appear, change or go.
     Bodies,
     /// Beginnings, ends and forces of contacts.
@@ -132,8 +134,9 @@ pub enum Subject {
 
 impl Subject {
     /// All of them.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::States,
+        Self::Feeds,
         Self::Bodies,
         Self::Contacts,
         Self::Answers,
@@ -149,6 +152,7 @@ impl Subject {
     pub const fn name(self) -> &'static str {
         match self {
             Self::States => "states",
+            Self::Feeds => "feeds",
             Self::Bodies => "bodies",
             Self::Contacts => "contacts",
             Self::Answers => "answers",
@@ -194,7 +198,7 @@ impl Message {
                 }
                 ToClient::Welcome { .. } | ToClient::Rejected { .. } | ToClient::Built(_) => Subject::Rest,
             },
-            Self::Relay(ToRelay::News(_) | ToRelay::Guess { .. }) => Subject::States,
+            Self::Relay(ToRelay::News(_) | ToRelay::Guess { .. }) => Subject::Feeds,
             Self::Ping(_) | Self::Pong(_) => Subject::Pings,
             Self::Program(_) => Subject::Programs,
             Self::Border(_) | Self::Copied { .. } => Subject::Borders,

@@ -9,7 +9,6 @@ use tracing::warn;
 use std::net::SocketAddr;
 
 use super::bandwidth::{Bandwidth, COSTLIEST};
-use super::ending::GIVE_UP;
 use super::{Connections, Member, MemberConfig, NodeSummary, Presence, ProcessError, metrics};
 use crate::cluster::{BodyView, Client, ClientEvent};
 use crate::net::{Identity, JoinRole, NetError, PeerStats, Token, check_address, join, renew};
@@ -38,8 +37,9 @@ pub struct JoinConfig {
     pub identity: Option<PathBuf>,
     /// How long to wait for the server and the world.
     pub timeout: Duration,
-    /// How long the server may be out of reach later on before the process gives up. Meanwhile it dials again and again.
-    pub give_up: Duration,
+    /// How long the server may be out of reach later on before the process gives up. Meanwhile it dials again and again. `None`: a client or
+    /// participant 30 s; a node without end, since the world is at its nodes until a server is back.
+    pub give_up: Option<Duration>,
     /// The area of interest to begin with: the process is sent the bodies there, the scenery that reaches into it, and the shapes and joints
     /// of those, and later what comes there or where the area is moved to. `None`: it is sent the whole world, whatever its interest
     /// is later on.
@@ -65,7 +65,7 @@ fn renews(former: &Identity, role: JoinRole) -> bool {
 }
 
 impl JoinConfig {
-    /// Returns the usual settings: no identity file, ten seconds to join, thirty for a server that is lost, one thread, any port.
+    /// Returns the usual settings: no identity file, ten seconds to join, one thread, any port.
     #[must_use]
     pub fn new(server: SocketAddr, token: impl Into<String>) -> Self {
         Self {
@@ -75,7 +75,7 @@ impl JoinConfig {
             identity: None,
             timeout: Duration::from_secs(10),
             interest: None,
-            give_up: GIVE_UP,
+            give_up: None,
             threads: 1,
             listen: None,
             advertise: None,
@@ -180,7 +180,7 @@ impl ClientWorld {
         let member = Member::start(MemberConfig {
             standbys: config.standbys.clone(),
             threads: config.threads,
-            give_up: config.give_up,
+            give_up: config.give_up.or(usual.give_up),
             listen: config.listen,
             advertise: config.advertise,
             record: config.record.clone(),

@@ -7,7 +7,7 @@ use super::ProcessError;
 use crate::net::CloseCode;
 use crate::protocol::Farewell;
 
-/// How long a process waits for a broken link. A server that is started again is back by then.
+/// How long a client waits for a broken link, if nobody says otherwise. A server that is started again is back by then.
 pub(super) const GIVE_UP: Duration = Duration::from_secs(30);
 
 /// The reason for which a link is ended on purpose.

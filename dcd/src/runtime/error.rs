@@ -78,7 +78,7 @@ pub enum ProcessError {
     /// The server was waited for, and did not come back.
     #[error(
         "the server at {server} has been out of reach for {} s ({reason}); start it again with its --data and --listen, and \
-         this process with a new token; --give-up lets it wait longer",
+         this process with a new token, or a node with its --identity; --give-up lets it wait longer",
         waited.as_secs_f64()
     )]
     GivenUp {

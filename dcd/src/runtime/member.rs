@@ -1,6 +1,7 @@
 //! Starts and ends a process that is a node, a client, or both (a participant, the thesis's normal case): its loop has a thread of
 //! its own, and shares with the user what the user reads.
 
+mod absence;
 mod event_loop;
 mod recorded_node;
 
@@ -13,9 +14,6 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use tracing::error_span;
-use tracing::field::display;
-
 use self::event_loop::Loop;
 use self::recorded_node::RecordedNode;
 use super::acknowledgements::Acknowledgements;
@@ -23,6 +21,7 @@ use super::bandwidth::Received;
 use super::ending::{GIVE_UP, Reason};
 use super::fan_out::{FanOut, Told};
 use super::links::Links;
+use super::log::LogSpan;
 use super::metrics::{NodeGauge, NodeMetrics};
 use super::{Connections, PhysicsDevice, ProcessError, Pulse};
 use crate::cluster::{Client, ClientEvent, Node, NodeConfig, Peer, PhysicsEvent, TickStats};
@@ -58,8 +57,8 @@ pub struct MemberConfig {
     pub checkpoint_every: u64,
     /// How long the node waits for others before it computes speculative ticks for its clients.
     pub patience: Duration,
-    /// How long the server may be out of reach before the process gives up. Meanwhile a node computes on.
-    pub give_up: Duration,
+    /// How long the server may be out of reach before the process gives up; `None`: without end. Meanwhile a node computes on.
+    pub give_up: Option<Duration>,
     /// The area that a client wants to be told of; `None`: the whole world.
     pub interest: Option<Area>,
     /// A file to record the node to: all that it is given, and a digest of each region after each tick.
@@ -74,8 +73,9 @@ pub struct MemberConfig {
 pub type Onlooker = Box<dyn FnMut(&RegionHost, &TickStats) + Send>;
 
 impl MemberConfig {
-    /// Returns the usual settings for this identity.
+    /// Returns the usual settings for this identity: a node waits for its server without end, a client or participant for 30 s.
     pub fn new(server: SocketAddr, identity: Identity) -> Self {
+        let give_up = identity.client().map(|_| GIVE_UP);
         Self {
             server,
             standbys: Vec::new(),
@@ -85,7 +85,7 @@ impl MemberConfig {
             threads: 1,
             checkpoint_every: 12,
             patience: Duration::from_millis(100),
-            give_up: GIVE_UP,
+            give_up,
             interest: None,
             record: None,
             metrics: None,
@@ -281,10 +281,8 @@ impl Member {
         let thread = std::thread::Builder::new()
             .name(format!("dcd-{who:?}"))
             .spawn(move || {
-                let (node, client) = (who.node().map(display), who.client().map(display));
-                let _log = error_span!("process", role = %who.role(), node, client).entered();
                 let shared = running.shared.clone();
-                if catch_unwind(AssertUnwindSafe(|| running.run(&inputs))).is_err() {
+                if catch_unwind(AssertUnwindSafe(|| running.run(&inputs, LogSpan::new(who)))).is_err() {
                     shared.lock().end = Some(Err(ProcessError::Fault));
                     shared.changed.notify_all();
                     running.connections.end(Reason::of_end(&Err(ProcessError::Fault)));

@@ -30,6 +30,8 @@ mod joint_watch;
 #[cfg(feature = "net")]
 mod links;
 mod local;
+#[cfg(feature = "net")]
+mod log;
 pub mod measure;
 #[cfg(feature = "net")]
 mod member;

@@ -13,7 +13,6 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use ring::rand::{SecureRandom, SystemRandom};
-use tracing::error_span;
 
 use self::event_loop::Loop;
 use super::directory::{self, GoesOn, Opened};
@@ -527,7 +526,6 @@ fn record_to(path: &Path, config: &ServerConfig, origin: &ServerOrigin) -> Resul
 /// Runs the loop on a thread of its own. A bug in it ends the server, and not the process.
 fn spawn(running: Loop, inputs: mpsc::Receiver<Input>) -> Result<JoinHandle<()>, ProcessError> {
     let run = move || {
-        let _log = error_span!("process", role = "server").entered();
         let (shared, connections) = (running.shared.clone(), running.connections.clone());
         let (metrics, authority) = (running.metrics.clone(), running.authority.clone());
         if catch_unwind(AssertUnwindSafe(|| running.run(&inputs))).is_err() {

@@ -30,6 +30,8 @@ pub(crate) use hub::Due;
 use hub::Hub;
 use sample::Sample;
 use server::Server;
+#[doc(hidden)]
+pub use server::read_browser;
 use wire::Hello;
 
 /// The shortest time between two pictures.

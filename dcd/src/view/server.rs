@@ -1,6 +1,6 @@
 //! Serves the page and the stream to browsers: a thread that listens, and one for each connection.
 
-use std::io;
+use std::io::{self, Read, Write};
 use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -137,18 +137,14 @@ impl Shared {
         stream.set_read_timeout(Some(self.timeouts.stream))?;
         stream.set_write_timeout(Some(self.timeouts.stream))?;
         self.streams().push((number, stream.try_clone()?));
-        let config = WebSocketConfig::default()
-            .max_message_size(Some(MOST_MESSAGE))
-            .max_frame_size(Some(MOST_MESSAGE))
-            .read_buffer_size(4 << 10);
-        let mut socket = WebSocket::from_partially_read(stream, rest, Role::Server, Some(config));
+        let mut socket = WebSocket::from_partially_read(stream, rest, Role::Server, Some(websocket()));
         let mut progress = Progress::default();
         while let Some(message) = self.hear(&mut socket) {
             let Some(request) = Asked::parse(&message) else { break };
             if let Asked::Choose(_) = request {
                 progress.forget_chosen();
             }
-            let Some(want) = self.obey(number, request) else { continue };
+            let Some(want) = obey(&self.hub, number, request) else { continue };
             // In frames: what comes in one must fit together.
             for bytes in self.hub.answer(number, &mut progress, want, NEWS) {
                 if socket.write(Message::Binary(bytes)).is_err() {
@@ -179,20 +175,77 @@ impl Shared {
         }
         None
     }
+}
 
-    /// Does what a page asks; returns what it wants to see, if it waits for an answer.
-    fn obey(&self, viewer: u64, asked: Asked) -> Option<Want> {
-        match asked {
-            Asked::See(want) => return Some(want),
-            Asked::Pause(paused) => self.hub.control_by_page(|control| control.pause(paused)),
-            Asked::Step(count) => self.hub.control_by_page(|control| control.step(count)),
-            Asked::Speed(speed) => self.hub.control_by_page(|control| control.set_speed(speed)),
-            Asked::Contacts(contacts) => self.hub.wish(viewer, |wishes| wishes.contacts = contacts),
-            Asked::Go(tick) => self.hub.go(tick),
-            Asked::Choose(body) => self.hub.wish(viewer, |wishes| wishes.chosen = Vec::from_iter(body)),
-        }
-        None
+/// Returns the settings of a stream: a page's messages are short.
+fn websocket() -> WebSocketConfig {
+    WebSocketConfig::default()
+        .max_message_size(Some(MOST_MESSAGE))
+        .max_frame_size(Some(MOST_MESSAGE))
+        .read_buffer_size(4 << 10)
+}
+
+/// Does what a page asks; returns what it wants to see, if it waits for an answer.
+fn obey(hub: &Hub, viewer: u64, asked: Asked) -> Option<Want> {
+    match asked {
+        Asked::See(want) => return Some(want),
+        Asked::Pause(paused) => hub.control_by_page(|control| control.pause(paused)),
+        Asked::Step(count) => hub.control_by_page(|control| control.step(count)),
+        Asked::Speed(speed) => hub.control_by_page(|control| control.set_speed(speed)),
+        Asked::Contacts(contacts) => hub.wish(viewer, |wishes| wishes.contacts = contacts),
+        Asked::Go(tick) => hub.go(tick),
+        Asked::Choose(body) => hub.wish(viewer, |wishes| wishes.chosen = Vec::from_iter(body)),
     }
+    None
+}
+
+/// Reads bytes as all that a browser sends over one connection, to a viewer whose key is `key`: the head of a request, and behind that of
+/// a stream its messages. Returns how many of those were obeyed. For tests: whoever finds the port may send any.
+#[doc(hidden)]
+pub fn read_browser(bytes: &[u8]) -> usize {
+    /// What a browser says; answers go nowhere.
+    struct Said<'a>(&'a [u8]);
+
+    impl Read for Said<'_> {
+        fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
+            self.0.read(into)
+        }
+    }
+
+    impl Write for Said<'_> {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            Ok(bytes.len())
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    const VIEWER: u64 = 1;
+    let hub = Hub::new("key".to_owned());
+    hub.give_controls();
+    let mut said = Said(bytes);
+    let rest = match http::read(&mut said, &hub.key) {
+        Ok(Ok(Request::Stream { rest, .. })) if hub.enter(VIEWER) => rest,
+        Ok(Ok(Request::File(path))) => {
+            page::file(&path);
+            return 0;
+        }
+        _ => return 0,
+    };
+    let mut socket = WebSocket::from_partially_read(said, rest, Role::Server, Some(websocket()));
+    let (mut progress, mut obeyed) = (Progress::default(), 0);
+    while let Ok(message) = socket.read() {
+        let Message::Binary(message) = message else { continue };
+        let Some(asked) = Asked::parse(&message) else { break };
+        obeyed += 1;
+        let answered =
+            obey(&hub, VIEWER, asked).map(|want| hub.answer(VIEWER, &mut progress, want, Duration::ZERO));
+        let _ = (answered, hub.wishes(), hub.wait_for_step(1.0 / 60.0, Duration::ZERO));
+    }
+    hub.leave(VIEWER);
+    obeyed
 }
 
 /// Returns whether nothing came in time: systems have two names for that.
@@ -237,7 +290,6 @@ impl Asked {
 
 #[cfg(test)]
 mod tests {
-    use std::io::{Read, Write};
     use std::time::Instant;
 
     use super::*;

@@ -37,7 +37,7 @@ impl World {
         let mut member = MemberConfig::new(config.server, config.join(JoinRole::Node)?);
         member.standbys.clone_from(&config.standbys);
         member.threads = config.threads;
-        member.give_up = config.give_up;
+        member.give_up = config.give_up.or(member.give_up);
         member.listen = config.listen;
         member.advertise = config.advertise;
         member.record.clone_from(&config.record);

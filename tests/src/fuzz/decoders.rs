@@ -1,7 +1,8 @@
-//! Decodes bytes that nobody encoded: messages, states, what is said while joining, scenes, snapshots and recordings.
+//! Decodes bytes that nobody encoded: messages, states, what is said while joining, scenes, options, requests of browsers, snapshots and recordings.
 
 use std::cell::RefCell;
 use std::io::Cursor;
+use std::path::Path;
 use std::time::Duration;
 
 use dcd::cluster::CanBuild;
@@ -54,17 +55,22 @@ pub(super) fn joining(bytes: &[u8]) {
 }
 
 thread_local! {
-    /// The folder of the scenes that this thread reads.
+    /// The folder of the files that this thread reads.
     static FOLDER: RefCell<Option<tempfile::TempDir>> = const { RefCell::new(None) };
 }
 
 /// Returns whether a file of this name and content is a scene.
 pub(super) fn loads(name: &str, content: &[u8]) -> bool {
+    in_file(name, content, |path| Scene::load(path, &Params::default()).is_ok())
+}
+
+/// Has a file of this name and content read.
+fn in_file(name: &str, content: &[u8], read: impl FnOnce(&Path) -> bool) -> bool {
     FOLDER.with_borrow_mut(|folder| {
         let folder = folder.get_or_insert_with(|| tempfile::tempdir().expect("a folder can be made"));
         let path = folder.path().join(name);
         std::fs::write(&path, content).expect("a file can be written");
-        Scene::load(path, &Params::default()).is_ok()
+        read(&path)
     })
 }
 
@@ -78,6 +84,21 @@ pub(super) fn model(text: &[u8]) {
     for name in ["model.xml", "model.urdf"] {
         loads(name, text);
     }
+}
+
+/// Reads what a browser sends to a viewer, and HTTP requests thus.
+pub(super) fn page(bytes: &[u8]) {
+    dcd::read_browser(bytes);
+}
+
+/// Reads a file of options, which begins no world anew whatever it has.
+pub(super) fn config(text: &[u8]) {
+    is_config(text);
+}
+
+/// Returns whether a file of this content is one of options.
+pub(super) fn is_config(content: &[u8]) -> bool {
+    in_file("options.toml", content, dcd::cli::reads_config)
 }
 
 /// Restores a snapshot.

@@ -20,7 +20,7 @@ use dcd::space::{DistributionTree, GroupId};
 use dcd::{BodyId, Bounds, ClientId, Epoch, NodeId, Params, RegionId, Scene, Tick, Velocity, WorldPose};
 
 use super::cluster::{Cluster, points, world};
-use super::decoders::loads;
+use super::decoders::{is_config, loads};
 use super::machines::kind_of;
 use super::nodes::node_config;
 use super::script::{Event, Kind, events, put, put_event};
@@ -375,6 +375,35 @@ pub(super) fn rules() -> Vec<Vec<u8>> {
         [3, 0, 0, 255],
     ];
     vec![formed, held.concat()]
+}
+
+/// Requests as browsers and Prometheus send them, and a stream with each of the messages that a page sends.
+pub(super) fn pages() -> Vec<Vec<u8>> {
+    let get = |path: &str| format!("GET {path} HTTP/1.1\r\nHost: 127.0.0.1:4000\r\n\r\n").into_bytes();
+    let mut pages: Vec<_> = ["/", "/view.js?key=key", "/metrics"].map(get).to_vec();
+    let head = b"GET /stream?key=key HTTP/1.1\r\nHost: 127.0.0.1:4000\r\nOrigin: http://127.0.0.1:4000\r\nUpgrade: websocket\r\n\
+        Connection: Upgrade\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n";
+    let kinds = 1..=9_u8;
+    let mut stream = head.to_vec();
+    for kind in kinds.clone() {
+        let number = if kind == 5 { 2.0_f64.to_le_bytes() } else { u64::from(kind).to_le_bytes() };
+        // A binary frame of nine bytes, masked by nothing.
+        stream.extend([0x82, 0x80 | 9, 0, 0, 0, 0, kind]);
+        stream.extend(number);
+    }
+    assert_eq!(dcd::read_browser(&stream), kinds.count(), "all messages of a page are understood");
+    pages.push(stream);
+    pages
+}
+
+/// The files of options that dcd ships, and one with options of each kind.
+pub(super) fn configs() -> Vec<Vec<u8>> {
+    let text = "scene = \"tower\"\nnodes = 2\nunpaced = true\nset = [\"n=3\", \"mass=2\"]\ndata = \"folder\"\nlog-format = \"json\"\nverbose = 2\n";
+    let files =
+        [include_str!("../../../packaging/server.toml"), include_str!("../../../packaging/node.toml"), text];
+    let files = files.map(|text| text.as_bytes().to_vec());
+    files.iter().for_each(|file| assert!(is_config(file), "{}", String::from_utf8_lossy(file)));
+    files.to_vec()
 }
 
 #[cfg(test)]

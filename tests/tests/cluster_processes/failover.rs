@@ -12,9 +12,8 @@ use crate::witness::{Witness, joining};
 
 /// A world whose nodes are well stands no longer, on a busy machine.
 const PAUSE: Duration = Duration::from_secs(1);
-/// Until joins work again, and where other tests keep the machine busy.
+/// Until joins work again.
 const TAKEOVER: Duration = Duration::from_secs(3);
-const TAKEOVER_WHEN_BUSY: Duration = Duration::from_secs(8);
 
 /// Two servers of one world, of which one serves it, two nodes, a client that watches and one that plays.
 struct Pair {
@@ -142,12 +141,24 @@ struct Takeover {
 }
 
 impl Takeover {
-    fn check(&self, what: &str) {
+    /// Says how long joins had to wait.
+    fn check(&self, what: &str) -> Duration {
         println!(
             "{what}: joins work again after {:.2?}; the world stood still for {:.2?}",
             self.joined, self.stood
         );
-        assert!(self.joined < TAKEOVER_WHEN_BUSY && self.stood < PAUSE, "{what}: {self:?}");
+        assert!(self.stood < PAUSE, "{what}: {self:?}");
+        self.joined
+    }
+}
+
+/// Joins work again in time. Whom the machine itself keeps waiting gets a second chance.
+fn is_taken_over_in_time(case: impl Fn() -> Option<Duration>) {
+    let _alone = alone();
+    let Some(first) = case() else { return };
+    if first >= TAKEOVER {
+        let second = case().expect("etcd is there");
+        assert!(second < TAKEOVER, "{first:?}, then {second:?}");
     }
 }
 
@@ -162,55 +173,58 @@ fn serve(place: &str, listen: &str, data: &Path) -> Process {
 
 #[test]
 fn a_server_that_is_killed_under_load_is_taken_over_by_the_one_that_stands_by() {
-    let _alone = alone();
-    let Some(mut pair) = Pair::start(1) else { return };
-    let used = token(&pair.data(0), "client");
-    drop(ClientWorld::connect(&joining(&pair.both(), used.clone())).unwrap());
-    let mut fastest = Duration::MAX;
-    for _ in 0..3 {
-        pair.active().kill();
-        let takeover = pair.take_over();
-        takeover.check("killed");
-        fastest = fastest.min(takeover.joined);
-        pair.stand_by();
-    }
-    assert!(fastest < TAKEOVER, "{fastest:?}");
-    let refused = ClientWorld::connect(&joining(&pair.both(), used)).map(drop).unwrap_err().to_string();
-    assert!(refused.contains("used"), "a token is used for all servers: {refused}");
-    pair.end();
+    is_taken_over_in_time(|| {
+        let mut pair = Pair::start(1)?;
+        let used = token(&pair.data(0), "client");
+        drop(ClientWorld::connect(&joining(&pair.both(), used.clone())).unwrap());
+        let mut slowest = Duration::ZERO;
+        for _ in 0..3 {
+            pair.active().kill();
+            slowest = slowest.max(pair.take_over().check("killed"));
+            pair.stand_by();
+        }
+        let refused = ClientWorld::connect(&joining(&pair.both(), used)).map(drop).unwrap_err().to_string();
+        assert!(refused.contains("used"), "a token is used for all servers: {refused}");
+        pair.end();
+        Some(slowest)
+    });
 }
 
 #[test]
 fn a_server_is_taken_over_while_a_member_of_etcd_is_down() {
-    let _alone = alone();
-    let Some(mut pair) = Pair::start(3) else { return };
-    // Whoever leads: a server that loses its etcd for an election goes on.
-    pair.etcd.kill(0);
-    let stood = pair.witness.watch_for(Duration::from_secs(4));
-    println!("a member of etcd is killed: the world stood still for {stood:.2?}");
-    assert!(stood < PAUSE, "{stood:?}");
-    pair.active().kill();
-    pair.take_over().check("killed with one member of three down");
-    pair.stand_by();
-    pair.end();
+    is_taken_over_in_time(|| {
+        let mut pair = Pair::start(3)?;
+        // Whoever leads: a server that loses its etcd for an election goes on.
+        pair.etcd.kill(0);
+        let stood = pair.witness.watch_for(Duration::from_secs(4));
+        println!("a member of etcd is killed: the world stood still for {stood:.2?}");
+        assert!(stood < PAUSE, "{stood:?}");
+        pair.active().kill();
+        let joined = pair.take_over().check("killed with one member of three down");
+        pair.stand_by();
+        pair.end();
+        Some(joined)
+    });
 }
 
 #[test]
 fn a_server_is_taken_over_in_an_etcd_with_tls_and_users() {
-    let _alone = alone();
-    let options = ["--auth-token-ttl", "1"];
-    let Some(etcd) = EtcdCluster::start_over_tls(&[Certified::Well; 3], &options) else { return };
-    etcd.add_user("dcd", PASSWORD, "dcd/play/");
-    etcd.enable_users();
-    let mut pair = Pair::start_at(etcd.place("play") + "&user=dcd", etcd);
-    // Who then answers has not given the token.
-    pair.etcd.kill(0);
-    let stood = pair.witness.watch_for(Duration::from_secs(4));
-    assert!(stood < PAUSE, "{stood:?}");
-    pair.active().kill();
-    pair.take_over().check("killed over TLS");
-    pair.stand_by();
-    pair.end();
+    is_taken_over_in_time(|| {
+        let options = ["--auth-token-ttl", "1"];
+        let etcd = EtcdCluster::start_over_tls(&[Certified::Well; 3], &options)?;
+        etcd.add_user("dcd", PASSWORD, "dcd/play/");
+        etcd.enable_users();
+        let mut pair = Pair::start_at(etcd.place("play") + "&user=dcd", etcd);
+        // Who then answers has not given the token.
+        pair.etcd.kill(0);
+        let stood = pair.witness.watch_for(Duration::from_secs(4));
+        assert!(stood < PAUSE, "{stood:?}");
+        pair.active().kill();
+        let joined = pair.take_over().check("killed over TLS");
+        pair.stand_by();
+        pair.end();
+        Some(joined)
+    });
 }
 
 #[test]
@@ -232,13 +246,12 @@ fn a_server_without_a_users_password_says_what_is_missing() {
 }
 
 /// A server stops, is taken over, and finds that out when it goes on.
-fn stop_and_resume_the_active_server(stop: Duration) {
-    let _alone = alone();
-    let Some(mut pair) = Pair::start(1) else { return };
+fn stop_and_resume_the_active_server(stop: Duration) -> Option<Duration> {
+    let mut pair = Pair::start(1)?;
     let former = pair.active;
     pair.active().signal("-STOP");
     let stopped = Instant::now();
-    pair.take_over().check("stopped");
+    let joined = pair.take_over().check("stopped");
     pair.witness.watch_for(stop.saturating_sub(stopped.elapsed()));
     let former = pair.servers[former].take().unwrap();
     former.signal("-CONT");
@@ -248,28 +261,31 @@ fn stop_and_resume_the_active_server(stop: Duration) {
     let stood = pair.witness.watch_for(Duration::from_secs(2));
     assert!(stood < PAUSE, "{stood:?}");
     pair.end();
+    Some(joined)
 }
 
 #[test]
 fn a_server_that_was_stopped_for_five_seconds_is_fenced_out() {
-    stop_and_resume_the_active_server(Duration::from_secs(5));
+    is_taken_over_in_time(|| stop_and_resume_the_active_server(Duration::from_secs(5)));
 }
 
 #[test]
 #[ignore = "takes half a minute"]
 fn a_server_that_was_stopped_for_thirty_seconds_is_fenced_out() {
-    stop_and_resume_the_active_server(Duration::from_secs(30));
+    is_taken_over_in_time(|| stop_and_resume_the_active_server(Duration::from_secs(30)));
 }
 
 #[test]
 fn a_server_that_is_told_to_stop_hands_over_to_the_one_that_stands_by() {
-    let _alone = alone();
-    let Some(mut pair) = Pair::start(1) else { return };
-    pair.active().interrupt();
-    pair.take_over().check("told to stop");
-    let kept = pair.servers[1 - pair.active].take().unwrap().end();
-    assert_eq!((kept.code(), &kept.json()["kept"]), (Some(0), &true.into()), "{kept:?}");
-    pair.end();
+    is_taken_over_in_time(|| {
+        let mut pair = Pair::start(1)?;
+        pair.active().interrupt();
+        let joined = pair.take_over().check("told to stop");
+        let kept = pair.servers[1 - pair.active].take().unwrap().end();
+        assert_eq!((kept.code(), &kept.json()["kept"]), (Some(0), &true.into()), "{kept:?}");
+        pair.end();
+        Some(joined)
+    });
 }
 
 #[test]

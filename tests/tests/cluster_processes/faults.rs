@@ -1,9 +1,12 @@
 //! Tests kill -9 and stops of every role, in the demo's world: it goes on, and nothing is lost or doubled.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::time::{Duration, Instant};
 
-use crate::process::{Process, Server, alone};
+use dcd::space::{BodyId, ClientId};
+
+use crate::process::{LIMIT, Process, Server, alone, dcd};
 use crate::witness::{Sight, Witness};
 
 /// A world whose nodes are well stands no longer, on a busy machine.
@@ -49,11 +52,16 @@ impl Demo {
     /// The end: nothing lost, nothing doubled, and everybody who still lives ends well. How many ticks each of them computed
     /// speculatively.
     fn end(self, dead: &[&str]) -> BTreeMap<String, u64> {
+        self.end_with(0, dead)
+    }
+
+    /// The same while clients have so many avatars.
+    fn end_with(self, avatars: u64, dead: &[&str]) -> BTreeMap<String, u64> {
         self.witness.advance(60);
         let tick = self.witness.tick();
         self.witness.leave();
         let served = self.server.stop();
-        assert_eq!(served["bodies"], 155);
+        assert_eq!(served["bodies"], 155 + avatars);
         let mut speculative = BTreeMap::new();
         for (name, node) in self.nodes.into_iter().filter(|(name, _)| !dead.contains(&&**name)) {
             let ended = node.end();
@@ -113,6 +121,37 @@ fn a_killed_server_is_back_within_ten_seconds_and_physics_never_pauses() {
     demo.end(&[]);
 }
 
+/// A server is away for so long; its nodes and who watches them wait, and are there when it is back.
+fn is_away_for(away: Duration) {
+    let _alone = alone();
+    let mut demo = Demo::start();
+    demo.server.process.kill();
+    let tick = demo.witness.tick();
+    let stood = demo.witness.watch_for(away);
+    let ticks_per_s = (demo.witness.tick() - tick) as f64 / away.as_secs_f64();
+    let start = Instant::now();
+    let from = demo.server.restart();
+    let (view, _) = demo.both();
+    println!(
+        "after {away:?} without a server at {ticks_per_s:.1} ticks a second (the world stood still for {stood:.2?}) it goes on \
+         from tick {from}: {view} after {:.2?}",
+        start.elapsed()
+    );
+    assert!(ticks_per_s > 30.0 && stood < PAUSE, "{ticks_per_s} {stood:?}");
+    assert!(start.elapsed() < RETURN, "{:?}", start.elapsed());
+    // The world is where its nodes are, not where the server's record ended.
+    demo.witness.advance(30);
+    assert!(demo.witness.tick() > tick + (away.as_secs_f64() * 30.0) as u64);
+    demo.server.witness().leave();
+    demo.end(&[]);
+}
+
+#[test]
+#[ignore = "takes three quarters of a minute"]
+fn a_server_that_is_away_for_forty_seconds_finds_its_nodes_computing() {
+    is_away_for(Duration::from_secs(40));
+}
+
 #[test]
 fn a_node_that_dies_while_there_is_no_server_is_taken_over_when_it_is_back() {
     let _alone = alone();
@@ -153,7 +192,7 @@ fn stop_and_resume_a_node(stop: Duration) {
     for name in ["n2", "n1"] {
         let mut demo = Demo::start();
         demo.node(name).signal("-STOP");
-        let Sight { stood, frozen, guesses, back_m } = demo.witness.see_for(stop);
+        let Sight { stood, frozen, guesses, back_m, .. } = demo.witness.see_for(stop);
         assert!(stood < TAKEOVER, "{name}: {stood:?}");
         demo.node(name).signal("-CONT");
         let (view, back) = demo.both();
@@ -183,6 +222,42 @@ fn stop_and_resume_the_server(stop: Duration) {
     demo.end(&[]);
 }
 
+/// A client stops; the world goes on, and what it hosts goes on when it does.
+fn stop_and_resume_a_client(stop: Duration) {
+    let _alone = alone();
+    let demo = Demo::start();
+    let token = demo.server.token("client");
+    let args = ["client", "--server", &demo.server.address, "--avatars", "2", "--token", &token];
+    let mut client = Process::start(&mut dcd(&args));
+    let name = client.line("joined as ");
+    let number = name.strip_prefix('c').and_then(|number| number.parse().ok()).expect("a client's name");
+    let avatar = BodyId::avatar(ClientId(number), 0);
+    let place = || demo.witness.world.body(avatar).map(|view| view.body.state.pose.translation);
+    // It wanders.
+    let moves = |from: [f64; 3]| {
+        let gone = || place().is_some_and(|at| (0..3).any(|i| (at[i] - from[i]).abs() > 0.3));
+        let start = Instant::now();
+        demo.witness.watch_until(|| gone() || start.elapsed() > LIMIT);
+        assert!(gone(), "the avatar stays at {from:?}");
+        start.elapsed()
+    };
+    demo.witness.watch_until(|| place().is_some());
+    moves(place().unwrap());
+    client.signal("-STOP");
+    let stood = demo.witness.watch_for(stop);
+    client.signal("-CONT");
+    let after = demo.witness.watch_for(Duration::from_secs(3));
+    demo.witness.watch_until(|| place().is_some());
+    let back = moves(place().unwrap());
+    println!(
+        "a client stopped for {stop:?}: the world stood still for {stood:.2?}, then for {after:.2?}; its avatar moved {back:.2?} later"
+    );
+    assert!(stood < PAUSE && after < PAUSE && back < RETURN, "{stood:?} {after:?} {back:?}");
+    demo.end_with(2, &[]);
+    let ended = client.end();
+    assert!(ended.errors.contains("the world has ended"), "{ended:?}");
+}
+
 #[test]
 fn a_node_or_leader_stopped_for_four_seconds_is_taken_over_and_comes_back() {
     stop_and_resume_a_node(Duration::from_secs(4));
@@ -191,6 +266,17 @@ fn a_node_or_leader_stopped_for_four_seconds_is_taken_over_and_comes_back() {
 #[test]
 fn a_server_stopped_for_three_seconds_is_not_missed() {
     stop_and_resume_the_server(Duration::from_secs(3));
+}
+
+#[test]
+fn a_client_stopped_for_three_seconds_goes_on_where_it_was() {
+    stop_and_resume_a_client(Duration::from_secs(3));
+}
+
+#[test]
+#[ignore = "takes a quarter of a minute"]
+fn a_client_stopped_for_ten_seconds_goes_on_where_it_was() {
+    stop_and_resume_a_client(Duration::from_secs(10));
 }
 
 #[test]
@@ -247,4 +333,38 @@ fn regions_follow_processes_that_come_die_and_leave() {
     for (name, node) in nodes {
         assert_eq!(node.end().code(), Some(0), "{name}");
     }
+}
+
+/// The list of faults in `benches/README.md` names tests that are there, and says which are ignored.
+#[test]
+fn the_list_of_faults_names_tests() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/cluster_processes");
+    let files =
+        std::fs::read_dir(folder).unwrap().map(|file| std::fs::read_to_string(file.unwrap().path()).unwrap());
+    let files = files.collect::<String>();
+    let is_ignored = |name: &str| {
+        let tests = files.split("#[test]\n").filter_map(|test| test.split_once("fn "));
+        let tests = tests.filter(|(_, test)| test.split('(').next().is_some_and(|full| full.contains(name)));
+        let ignored: Vec<_> = tests.map(|(before, _)| before.contains("#[ignore")).collect();
+        assert!(!ignored.is_empty(), "no test is called {name}");
+        ignored.iter().all(|ignored| *ignored)
+    };
+    let page = include_str!("../../../benches/README.md");
+    let (_, section) = page.split_once("## Faults by real processes").unwrap();
+    let cells = section
+        .lines()
+        .filter(|line| line.starts_with("| "))
+        .skip(2)
+        .filter_map(|line| line.split('|').nth(3));
+    let mut known = 0;
+    for name in cells.flat_map(|cell| cell.split(", ")) {
+        let bare = name.split('`').nth(1).unwrap_or_else(|| panic!("{name} is no name"));
+        // A command is no test.
+        if bare.contains(' ') {
+            continue;
+        }
+        assert_eq!(is_ignored(bare), name.contains("(ignored)"), "{bare}");
+        known += 1;
+    }
+    assert!(known > 25, "{known}");
 }

@@ -45,6 +45,8 @@ fn each_line_of_a_json_log_is_an_object_that_says_who_wrote_it() {
         (text(&stops["span"], "role"), text(&stops["span"], "node")),
         (Some("node".into()), Some("n1".into()))
     );
+    // Where the world was: it had begun by then.
+    assert!(stops["span"]["tick"].as_u64() > Some(0) && stops["span"]["view"].as_u64() >= Some(1), "{stops}");
 }
 
 #[test]

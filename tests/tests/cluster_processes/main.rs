@@ -22,6 +22,7 @@ mod status;
 mod stored;
 mod takeover;
 mod versions;
+mod walk;
 mod weather;
 mod witness;
 mod wrong;

@@ -1,5 +1,6 @@
 //! Tests what `packaging/` has for operators: units of systemd, and the files of options that they name.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -107,6 +108,15 @@ fn the_container_has_what_it_names() {
         }
     }
     assert!(copied > 6, "{copied}");
+    // What a builder is sent is that alone.
+    let sent = fs::read_to_string(packaging().join("../.dockerignore")).unwrap();
+    let sent: BTreeSet<_> = sent.lines().filter_map(|line| line.strip_prefix('!')).collect();
+    let wanted =
+        file.lines().filter_map(|line| line.strip_prefix("COPY ")).filter(|line| !line.starts_with("--from"));
+    // The scenes that go into the image are in the folder dcd.
+    let wanted =
+        wanted.flat_map(|line| line.split(' ').rev().skip(1)).filter(|word| !word.starts_with("dcd/"));
+    assert_eq!(sent, wanted.collect());
     let manifest = fs::read_to_string(packaging().join("../Cargo.toml")).unwrap();
     let members = manifest.lines().find_map(|line| line.strip_prefix("members = ")).unwrap();
     for member in members.split('"').skip(1).step_by(2) {

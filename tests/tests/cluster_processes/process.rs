@@ -119,6 +119,10 @@ impl Process {
         assert!(sent.success());
     }
 
+    pub(crate) fn is_running(&mut self) -> bool {
+        self.child.try_wait().unwrap().is_none()
+    }
+
     /// What a crash does.
     pub(crate) fn kill(&mut self) {
         let _ = self.child.kill();

@@ -12,8 +12,14 @@ const TAKEOVER: Duration = Duration::from_secs(3);
 /// The same in the worst weather: QUIC gives nobody up sooner than after three probes' times, which grow with delay and jitter, and
 /// each of the six messages of a view change that is lost costs such a time.
 const TAKEOVER_IN_A_STORM: Duration = Duration::from_secs(5);
+/// No older is what a client is shown of the world, in 99 % of the time, where one packet in twenty is lost.
+const STALE: Duration = Duration::from_millis(250);
 const LOSS: Weather =
     Weather { loss: 0.05, delay: Duration::ZERO, jitter: Duration::ZERO, reorder: 0.0, duplicate: 0.0 };
+const FEW_LOST: Weather = Weather { loss: 0.01, ..LOSS };
+const MANY_LOST: Weather = Weather { loss: 0.2, ..LOSS };
+const OVERTAKEN: Weather = Weather { loss: 0.0, reorder: 0.04, ..LOSS };
+const DOUBLED: Weather = Weather { loss: 0.0, duplicate: 0.05, ..LOSS };
 const DELAY: Weather =
     Weather { loss: 0.0, delay: Duration::from_millis(100), jitter: Duration::from_millis(50), ..LOSS };
 const LOSS_FAR_AWAY: Weather = Weather { delay: Duration::from_millis(30), ..LOSS };
@@ -105,6 +111,9 @@ struct Pace {
 /// A loss costs a round trip on loopback, and so does not show.
 const IN_LOSS: Pace =
     Pace { least_ticks_per_s: 15.0, longest_stop: Duration::from_secs(1), is_guessed: false };
+/// One packet in five: what is said again is lost again.
+const IN_HEAVY_LOSS: Pace =
+    Pace { least_ticks_per_s: 5.0, longest_stop: Duration::from_secs(3), is_guessed: false };
 /// A tick takes one delay from node to node, and one from the leader and back.
 const IN_DELAY: Pace =
     Pace { least_ticks_per_s: 1.5, longest_stop: Duration::from_secs(2), is_guessed: true };
@@ -116,15 +125,16 @@ const IN_A_STORM: Pace =
     Pace { least_ticks_per_s: 0.5, longest_stop: Duration::from_secs(8), is_guessed: true };
 
 /// The world goes on for so long in this weather, and nobody is given up.
-fn goes_on(seed: u64, weather: Weather, pace: Pace, time: Duration) {
+fn goes_on(seed: u64, weather: Weather, pace: Pace, time: Duration) -> Sight {
     let cluster = Cluster::start(seed);
     cluster.proxy.set(weather);
     let tick = cluster.witness.tick();
-    let Sight { stood, frozen, guesses, back_m } = cluster.witness.see_for(time);
+    let sight = cluster.witness.see_for(time);
+    let Sight { stood, stale_p99, frozen, guesses, back_m, older } = sight;
     let ticks_per_s = (cluster.witness.tick() - tick) as f64 / time.as_secs_f64();
     println!(
-        "{ticks_per_s:.1} ticks a second; the world stood still for {stood:.2?} at most, the picture for {frozen:.2?} ({guesses} \
-         speculative, {back_m:.2} m put back)"
+        "{ticks_per_s:.1} ticks a second; the world stood still for {stood:.2?} at most, and for less than {stale_p99:.2?} in 99 % of \
+         the time; the picture for {frozen:.2?} ({guesses} speculative, {back_m:.2} m put back)"
     );
     let traffic = cluster.proxy.traffic();
     for (share, count) in [
@@ -137,12 +147,38 @@ fn goes_on(seed: u64, weather: Weather, pace: Pace, time: Duration) {
     assert!(ticks_per_s >= pace.least_ticks_per_s, "{ticks_per_s}");
     assert!(stood < pace.longest_stop, "{stood:?}");
     assert!(!pace.is_guessed || guesses > 10 && frozen < stood, "{guesses} {frozen:?}");
+    assert_eq!(older, 0, "no state goes back");
     cluster.end(Some(1));
+    sight
 }
 
 #[test]
-fn a_loss_of_five_percent_gives_nobody_up() {
-    goes_on(1, LOSS, IN_LOSS, Duration::from_secs(5));
+fn a_loss_of_five_percent_gives_nobody_up_and_what_is_shown_is_new() {
+    let _alone = alone();
+    // Whom the machine itself keeps waiting gets a second chance.
+    let stale = || goes_on(1, LOSS, IN_LOSS, Duration::from_secs(5)).stale_p99;
+    let first = stale();
+    assert!(first < STALE || stale() < STALE, "{first:?}");
+}
+
+#[test]
+fn a_loss_of_one_percent_gives_nobody_up() {
+    goes_on(9, FEW_LOST, IN_LOSS, Duration::from_secs(4));
+}
+
+#[test]
+fn a_loss_of_twenty_percent_gives_nobody_up() {
+    goes_on(10, MANY_LOST, IN_HEAVY_LOSS, Duration::from_secs(5));
+}
+
+#[test]
+fn packets_that_are_overtaken_show_no_state_that_goes_back() {
+    goes_on(14, OVERTAKEN, IN_LOSS, Duration::from_secs(4));
+}
+
+#[test]
+fn packets_that_arrive_twice_show_no_state_that_goes_back() {
+    goes_on(15, DOUBLED, IN_LOSS, Duration::from_secs(4));
 }
 
 #[test]
@@ -225,11 +261,11 @@ fn a_cut_of_a_second_is_waited_for() {
 }
 
 /// A node is cut off for longer than anybody waits, and is back among the others when the cut heals.
-fn is_back_after(cut: impl Fn(&Cluster, SocketAddr)) {
+fn is_back_after(time: Duration, cut: impl Fn(&Cluster, SocketAddr)) {
     let _alone = alone();
     let mut cluster = Cluster::start(6);
     cut(&cluster, cluster.nodes[1].address);
-    let stood = cluster.witness.watch_for(Duration::from_secs(5));
+    let stood = cluster.witness.watch_for(time);
     assert!(stood < TAKEOVER, "{stood:?}");
     cluster.heal();
     let start = Instant::now();
@@ -246,12 +282,18 @@ fn is_back_after(cut: impl Fn(&Cluster, SocketAddr)) {
 
 #[test]
 fn a_node_cut_off_for_five_seconds_is_back_within_three() {
-    is_back_after(Cluster::isolate);
+    is_back_after(Duration::from_secs(5), Cluster::isolate);
+}
+
+#[test]
+#[ignore = "takes half a minute"]
+fn a_node_cut_off_for_thirty_seconds_is_back_within_three() {
+    is_back_after(Duration::from_secs(30), Cluster::isolate);
 }
 
 #[test]
 fn a_node_that_hears_but_is_not_heard_is_back_within_three() {
-    is_back_after(|cluster, node| cluster.proxy.cut(Some(node), None));
+    is_back_after(Duration::from_secs(5), |cluster, node| cluster.proxy.cut(Some(node), None));
 }
 
 #[test]

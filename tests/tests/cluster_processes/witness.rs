@@ -25,7 +25,9 @@ pub(crate) struct Witness {
 
 impl Witness {
     pub(crate) fn join(servers: &str, token: String) -> Self {
-        let mut world = ClientWorld::connect(&joining(servers, token)).unwrap();
+        // A node waits without end, and who watches one waits with it.
+        let config = JoinConfig { give_up: Some(Duration::from_secs(3600)), ..joining(servers, token) };
+        let mut world = ClientWorld::connect(&config).unwrap();
         let body = RigidBodyBuilder::kinematic_velocity_based();
         let avatar = world
             .spawn(WorldPose::at([-4.0, 20.0, 0.0]), &body.build(), &[ColliderBuilder::ball(0.5)])
@@ -77,7 +79,7 @@ impl Witness {
     }
 
     /// Watches until something is done, and says how long the world stood still at most.
-    pub(crate) fn watch_until(&self, is_done: impl Fn() -> bool) -> Duration {
+    pub(crate) fn watch_until(&self, mut is_done: impl FnMut() -> bool) -> Duration {
         self.watch(|_, _| is_done()).stood
     }
 
@@ -86,11 +88,11 @@ impl Witness {
         self.watch(|_, since| since >= time)
     }
 
-    fn watch(&self, enough: impl Fn(u64, Duration) -> bool) -> Sight {
+    fn watch(&self, mut enough: impl FnMut(u64, Duration) -> bool) -> Sight {
         let start = Instant::now();
         let (mut stood, mut frozen) = (Longest::since(start), Longest::since(start));
         let (mut tick, mut shown, mut guesses) = (self.tick(), self.view(), 0);
-        let mut back_m = 0.0_f64;
+        let (mut back_m, mut older) = (0.0_f64, 0);
         while !enough(tick, start.elapsed()) {
             let seen = self.world.updates();
             self.world.wait_update(seen, Duration::from_millis(100));
@@ -100,6 +102,7 @@ impl Witness {
                 tick = view.settled_tick().0;
                 stood.moved();
             }
+            older += u64::from(view.settled_tick().0 < tick);
             if view.tick != shown.tick {
                 let way = |view: &BodyView| view.body.state.pose.translation[2];
                 back_m = back_m.max(way(&shown) - way(&view));
@@ -109,7 +112,8 @@ impl Witness {
             }
             assert!(stood.lasts() < LIMIT, "the world stands still at tick {tick}");
         }
-        Sight { stood: stood.longest(), frozen: frozen.longest(), guesses, back_m }
+        let stale_p99 = stood.age_but_for(0.01);
+        Sight { stood: stood.longest(), stale_p99, frozen: frozen.longest(), guesses, back_m, older }
     }
 }
 
@@ -118,23 +122,28 @@ impl Witness {
 pub(crate) struct Sight {
     /// The longest time between two ticks that count.
     pub(crate) stood: Duration,
+    /// How old the newest tick that counts was at most in 99 % of the time, since it came.
+    pub(crate) stale_p99: Duration,
     /// The longest time between two pictures, speculative ones too.
     pub(crate) frozen: Duration,
     /// Speculative pictures.
     pub(crate) guesses: u64,
     /// How far the avatar was put back at most when a guess was over, metres: it goes half a metre a second.
     pub(crate) back_m: f64,
+    /// How often it was shown a tick that counts and is older than one that it had been shown.
+    pub(crate) older: u64,
 }
 
-/// The longest time without something.
+/// The times without something.
 struct Longest {
     since: Instant,
     longest: Duration,
+    gaps: Vec<Duration>,
 }
 
 impl Longest {
     fn since(since: Instant) -> Self {
-        Self { since, longest: Duration::ZERO }
+        Self { since, longest: Duration::ZERO, gaps: Vec::new() }
     }
 
     fn lasts(&self) -> Duration {
@@ -142,8 +151,24 @@ impl Longest {
     }
 
     fn moved(&mut self) {
+        self.gaps.push(self.lasts());
         self.longest = self.longest();
         self.since = Instant::now();
+    }
+
+    /// How long it had lasted, at any moment but for this share of the time.
+    fn age_but_for(&self, share: f64) -> Duration {
+        let mut gaps: Vec<_> = self.gaps.iter().chain([&self.lasts()]).map(Duration::as_secs_f64).collect();
+        gaps.sort_by(f64::total_cmp);
+        let allowed = share * gaps.iter().sum::<f64>();
+        // Of each gap that is longer than an age, what is beyond it counts.
+        let beyond = |age: f64| gaps.iter().map(|gap| (gap - age).max(0.0)).sum::<f64>();
+        let (mut below, mut above) = (0.0, gaps.last().copied().unwrap_or(0.0));
+        for _ in 0..40 {
+            let middle = 0.5 * (below + above);
+            if beyond(middle) > allowed { below = middle } else { above = middle }
+        }
+        Duration::from_secs_f64(above)
     }
 
     fn longest(&self) -> Duration {

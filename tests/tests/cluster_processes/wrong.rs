@@ -153,8 +153,9 @@ fn a_server_that_is_not_there_or_goes_away_is_named() {
     let unused = Process::start(minted.arg(folder.path())).end().lines[0].clone();
     let said = error(&["node", "--server", &closed, "--token", &unused], 1);
     has(&said, &[&closed, "no answer", "check that it is running"]);
-    let mut server = Server::playground("1");
+    let mut server = Server::playground("2");
     let (_, mut node) = server.node_with(&["--give-up", "2"]);
+    let (_, mut patient) = server.node();
     server.view();
     let token = server.token("client");
     let args = ["client", "--server", &server.address, "--give-up", "2.5", "--token", &token];
@@ -171,6 +172,7 @@ fn a_server_that_is_not_there_or_goes_away_is_named() {
         has(&ended.errors, &[&format!("has been out of reach for {waited} s"), "--give-up"]);
         has(&ended.errors, parts);
     }
+    assert!(patient.is_running(), "who is not told to give up waits for its server");
 }
 
 #[test]

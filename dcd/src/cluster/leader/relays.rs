@@ -127,6 +127,12 @@ impl Leader {
         self.relays.given.values().filter(is_so).count()
     }
 
+    /// Returns how many clients it tells itself, and how many relays tell in its place.
+    pub fn clients_told(&self) -> (usize, usize) {
+        let by_relays = self.relays.given.values().filter(|given| given.told).count();
+        (self.clients.len() - by_relays, by_relays)
+    }
+
     /// Returns who computes the region in which a client is interested, or has an avatar.
     fn near(&self, client: ClientId) -> Option<NodeId> {
         let area = self.interests.get(&client).copied().flatten();

@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use super::Node;
+use crate::cluster::leader::Leader;
 use crate::cluster::state_replication::Replication;
 use crate::cluster::{Peer, ReplicationEvent, StateReplication, TickNews};
 use crate::protocol::{Heard, Message, RelayNews, ToRelay};
@@ -15,6 +16,8 @@ use crate::space::{ClientId, NodeId};
 pub(super) struct Relay {
     /// Clients that the leader wants to hear of when their links begin and end.
     expected: BTreeSet<ClientId>,
+    /// Clients that it tells.
+    told: BTreeSet<ClientId>,
     /// While it tells clients; if that is done elsewhere, without events: those go with a leader's.
     replication: Option<Replication>,
     /// The parts of a tick that have come so far.
@@ -62,6 +65,10 @@ impl Node {
             self.begin_relaying(now);
         }
         for (client, turn) in std::mem::take(&mut news.clients) {
+            match turn {
+                Some(_) => self.relay.told.insert(client),
+                None => self.relay.told.remove(&client),
+            };
             self.relay_event(match turn {
                 Some(turn) => ReplicationEvent::Admit { client, turn, told_elsewhere: true, area: None },
                 None => ReplicationEvent::Dismiss(client),
@@ -86,6 +93,12 @@ impl Node {
             events.extend(replication.take_events());
         }
         (self.relay.replication, self.relay.begun) = (Some(replication), None);
+        self.relay.told.clear();
+    }
+
+    /// Returns how many clients this node tells of the world, and how many others tell in its place while it leads.
+    pub fn clients_told(&self) -> (usize, usize) {
+        self.leader.as_ref().map_or((self.relay.told.len(), 0), Leader::clients_told)
     }
 
     /// Gives its replication an event, and sends what follows from it.

@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 
 use tracing::{debug, info, warn};
 
+use super::absence::Absence;
 use super::recorded_node::RecordedNode;
 use super::{Input, Onlooker, Presence, QUEUE, Shared};
 use crate::cluster::{
@@ -20,8 +21,10 @@ use crate::recording::tick_of;
 use crate::runtime::ending::{Cause, Ending, Reason};
 use crate::runtime::fan_out::{FanOut, Told};
 use crate::runtime::links::{LinkEvent, Links};
+use crate::runtime::log::LogSpan;
 use crate::runtime::metrics::NodeGauge;
 use crate::runtime::{Connections, PhysicsDevice, ProcessError};
+use crate::space::Tick;
 
 /// How often sending is tried again where a link had no room.
 const RETRY: Duration = Duration::from_millis(2);
@@ -57,13 +60,14 @@ pub(super) struct Loop {
     pub(super) gauge: Option<NodeGauge>,
     /// When the process leaves without the server, after its user asked to leave.
     release_by: Option<Duration>,
-    give_up: Duration,
+    /// How long the server, or a client's leader, is waited for; `None`: without end.
+    give_up: Option<Duration>,
     /// Outputs may be left to carry out.
     has_more: bool,
-    /// Since when the server is out of reach, and why.
-    lost: Option<(Duration, String)>,
-    /// Since when a client hears no leader, and why.
-    unheard: Option<(Duration, String)>,
+    /// While the server is out of reach.
+    lost: Option<Absence>,
+    /// While a client hears no leader.
+    unheard: Option<Absence>,
     /// Where the leader is that it does not hear.
     unheard_leader: Option<SocketAddr>,
     /// Whether it was ever reached: one that never was is not waited for.
@@ -78,7 +82,7 @@ pub(super) struct Loop {
 impl Loop {
     pub(super) fn new(
         servers: Vec<SocketAddr>,
-        give_up: Duration,
+        give_up: Option<Duration>,
         links: Links,
         node: Option<RecordedNode>,
         device: PhysicsDevice,
@@ -112,8 +116,10 @@ impl Loop {
     }
 
     /// Runs until the process has left, its world has ended, or something went wrong.
-    pub(super) fn run(&mut self, inputs: &mpsc::Receiver<Input>) {
+    pub(super) fn run(&mut self, inputs: &mpsc::Receiver<Input>, mut log: LogSpan) {
         while self.end.is_none() {
+            let (view, tick) = self.reached();
+            let _log = log.enter(view, tick);
             let now = self.start.elapsed();
             let due = self.poll_timeout();
             let mut wait = due.map_or(Duration::from_millis(500), |due| due.saturating_sub(now));
@@ -149,13 +155,7 @@ impl Loop {
                 self.link_event(event);
                 self.pump();
             }
-            if self.end.is_none()
-                && let Some((since, reason)) = &self.lost
-                && since.saturating_add(self.give_up) <= now
-            {
-                let (reason, waited) = (reason.clone(), self.give_up);
-                self.end = Some(Err(ProcessError::GivenUp { server: self.server, waited, reason }));
-            }
+            self.look_for_server(now);
             self.look_for_leader(now);
             self.gauge.iter().for_each(|gauge| gauge.turned(Instant::now()));
             if self.count_at <= now {
@@ -179,6 +179,14 @@ impl Loop {
         self.connections.end(reason);
     }
 
+    /// Returns the node's view, and the last tick that is complete as far as is known.
+    fn reached(&self) -> (Option<u64>, Tick) {
+        if let Some(node) = self.node.as_ref().map(RecordedNode::node) {
+            return (node.view().map(|view| view.number.0), node.tick());
+        }
+        (None, self.shared.lock().client.as_ref().map_or(Tick(0), Client::tick))
+    }
+
     /// Notes the traffic of all links: not after each tick, since it is summed over as many as there are clients.
     fn count(&self, traffic: NetTotals) {
         let totals = self.links.all_totals(traffic);
@@ -188,6 +196,26 @@ impl Loop {
         drop(state);
         if let (Some(gauge), Some(node)) = (&self.gauge, &self.node) {
             gauge.counted(node.node(), totals);
+        }
+    }
+
+    /// Ends a process whose server is out of reach for too long; one that waits without end says each minute that it does.
+    fn look_for_server(&mut self, now: Duration) {
+        let Some(lost) = &mut self.lost else { return };
+        if lost.is_to_be_told(now) {
+            let (servers, waited_s) = (&self.servers, lost.lasted(now).as_secs());
+            warn!(
+                ?servers,
+                waited_s,
+                reason = lost.reason(),
+                "still waiting for the server, and going on without it"
+            );
+        }
+        if self.end.is_none()
+            && let Some(waited) = lost.is_over(now)
+        {
+            let reason = lost.reason().to_owned();
+            self.end = Some(Err(ProcessError::GivenUp { server: self.server, waited, reason }));
         }
     }
 
@@ -203,10 +231,18 @@ impl Loop {
         if self.unheard_leader.replace(leader) != Some(leader) {
             self.unheard = None;
         }
-        let (since, reason) =
-            self.unheard.get_or_insert_with(|| (now, "nothing is heard from it".to_owned()));
-        if self.end.is_none() && since.saturating_add(self.give_up) <= now {
-            let (reason, waited) = (reason.clone(), self.give_up);
+        let limit = self.give_up;
+        let unheard = self
+            .unheard
+            .get_or_insert_with(|| Absence::new(now, limit, "nothing is heard from it".to_owned()));
+        if unheard.is_to_be_told(now) {
+            let (waited_s, reason) = (unheard.lasted(now).as_secs(), unheard.reason());
+            warn!(%leader, waited_s, reason, "still waiting for the node that tells of the world");
+        }
+        if self.end.is_none()
+            && let Some(waited) = unheard.is_over(now)
+        {
+            let reason = unheard.reason().to_owned();
             self.end = Some(Err(ProcessError::LeaderUnreachable { leader, waited, reason }));
         }
     }
@@ -215,7 +251,7 @@ impl Loop {
         let node = self.node.as_ref().and_then(RecordedNode::poll_timeout);
         let client = self.shared.lock().client.as_ref().and_then(Client::poll_timeout);
         let waits = [&self.lost, &self.unheard].into_iter().flatten();
-        let end = waits.map(|(since, _)| since.saturating_add(self.give_up)).min();
+        let end = waits.filter_map(Absence::poll_timeout);
         node.into_iter().chain(client).chain(end).min()
     }
 
@@ -292,19 +328,21 @@ impl Loop {
                         self.end = Some(Err(end));
                         return;
                     }
-                    let since = self.lost.as_ref().map(|(since, _)| *since);
-                    if since.is_none() {
-                        warn!(%server, reason, "the server is out of reach; going on without it, and dialling it again");
+                    match &mut self.lost {
+                        Some(lost) => lost.goes_on(reason),
+                        None => {
+                            warn!(%server, reason, "the server is out of reach; going on without it, and dialling it again");
+                            self.lost = Some(Absence::new(now, self.give_up, reason));
+                        }
                     }
-                    self.lost = Some((since.unwrap_or(now), reason));
-                } else if let Some((_, why)) = self.unheard.as_mut().filter(|_| self.node.is_none()) {
-                    if *why != reason {
+                } else if let Some(unheard) = self.unheard.as_mut().filter(|_| self.node.is_none()) {
+                    if unheard.reason() != reason {
                         warn!(
                             ?peer,
                             reason, "the node that tells of the world is out of reach; dialling it again"
                         );
                     }
-                    *why = reason;
+                    unheard.goes_on(reason);
                 } else {
                     debug!(?peer, reason, "a link is gone");
                 }

@@ -25,6 +25,8 @@ struct Numbers {
     over: bool,
     links: LinkTotals,
     counters: NodeCounters,
+    /// Clients that it tells, and that relays tell in its place.
+    clients_told: (usize, usize),
     membership: Option<Membership>,
     views: u64,
     tick: Tick,
@@ -67,6 +69,7 @@ impl NodeMetrics {
             over: false,
             links: LinkTotals::default(),
             counters: NodeCounters::default(),
+            clients_told: (0, 0),
             membership: None,
             views: 0,
             tick: Tick(0),
@@ -106,6 +109,7 @@ impl NodeGauge {
     pub(in crate::runtime) fn counted(&self, node: &Node, links: LinkTotals) {
         let mut numbers = self.metrics.lock();
         (numbers.counters, numbers.links) = (node.counters(), links);
+        numbers.clients_told = node.clients_told();
         numbers.place(node);
     }
 
@@ -240,6 +244,9 @@ impl Source for NodeMetrics {
         text.counter("dcd_views_total", "Views that this node was a member of.").is(n.views as f64);
         text.gauge("dcd_group_nodes", "Members of this node's group.")
             .is(place.map_or(0.0, |place| place.members as f64));
+        text.gauge("dcd_clients_told", "Clients that this node tells, and that relays tell while it leads.")
+            .of(&[("by", "itself")], n.clients_told.0 as f64)
+            .of(&[("by", "relays")], n.clients_told.1 as f64);
         text.gauge("dcd_leads", "1 if this node leads its group.")
             .is(place.map_or(0.0, |place| f64::from(u8::from(place.leads))));
         text.into_string()

@@ -109,6 +109,7 @@ impl Source for ServerMetrics {
         let members: usize = server.views().map(|(_, view)| view.members.len()).sum();
         let regions = server.view().map_or(0, |view| view.allocation.len());
         let view = server.view().map_or(0, |view| view.number.0);
+        let fidelity = server.fidelity_report();
         let (groups, tick) = (server.views().count(), server.tick().0);
         let (stale, polls, changing) = (server.stale(), server.poll_counts(), server.is_changing());
         drop(server);
@@ -116,6 +117,22 @@ impl Source for ServerMetrics {
         text.gauge("dcd_world_tick", "The last tick that a node is known to have completed.").is(tick as f64);
         text.gauge("dcd_world_bodies", "Movable bodies on record.").is(movable as f64);
         text.gauge("dcd_world_regions", "Regions that nodes compute, of the main group.").is(regions as f64);
+        // Without fidelity all are stepped in every tick.
+        let stepped = fidelity.map_or([regions, 0, 0], |report| report.levels);
+        text.gauge("dcd_world_regions_stepped", "Regions of the main group, by how often they are stepped.")
+            .of(&[("every", "1")], stepped[0] as f64)
+            .of(&[("every", "2")], stepped[1] as f64)
+            .of(&[("every", "4")], stepped[2] as f64);
+        text.gauge(
+            "dcd_world_time_share",
+            "The time of steps, as a share of what it would be if all regions were stepped in every tick.",
+        )
+        .is(fidelity.map_or(1.0, |report| report.share_of_full_time));
+        text.gauge(
+            "dcd_world_fidelity_error_meters_per_second",
+            "The mean error of a body per tick that fidelity costs, by its audits.",
+        )
+        .is(fidelity.map_or(0.0, |report| f64::from(report.error_m_s)));
         text.gauge("dcd_world_nodes", "Nodes that have joined and are linked.").is(nodes as f64);
         text.gauge("dcd_world_members", "Nodes that are members of a group.").is(members as f64);
         text.gauge("dcd_world_clients", "Clients that have joined and are linked.").is(clients as f64);

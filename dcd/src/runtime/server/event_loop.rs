@@ -18,6 +18,7 @@ use crate::runtime::directory::FolderLock;
 use crate::runtime::end_request::EndRequests;
 use crate::runtime::ending::{Cause, Reason};
 use crate::runtime::links::{LinkEvent, Links};
+use crate::runtime::log::LogSpan;
 use crate::runtime::metrics::ServerMetrics;
 use crate::runtime::{Connections, ProcessError};
 use crate::space::{NodeId, Tick};
@@ -86,8 +87,11 @@ impl Drain {
 
 impl Loop {
     pub(super) fn run(mut self, inputs: &mpsc::Receiver<Input>) {
+        let mut log = LogSpan::new(PeerName::Server);
         while !self.over {
             let due = self.server().poll_timeout().map(|due| due.saturating_sub(self.start.elapsed()));
+            let (view, tick) = self.reached();
+            let _log = log.enter(view, tick);
             let Some(links) = &mut self.links else { break };
             let wait = due.unwrap_or(IDLE).min(if links.flush(Instant::now()) { RETRY } else { IDLE });
             let input = inputs.recv_timeout(wait);
@@ -166,12 +170,20 @@ impl Loop {
                 break;
             }
         }
+        let (view, tick) = self.reached();
+        let _log = log.enter(view, tick);
         let totals = self.links.take().map(Links::shutdown);
         self.finish(totals);
     }
 
     fn server(&self) -> MutexGuard<'_, RecordedServer> {
         self.server.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Returns the view of the main group, and the last tick that is on record.
+    fn reached(&self) -> (Option<u64>, Tick) {
+        let server = self.server();
+        (server.view().map(|view| view.number.0), server.tick())
     }
 
     fn stop(&mut self, now: Duration) {

@@ -1,0 +1,4 @@
+//! Runs the target `config`.
+#![no_main]
+
+dcd_fuzz::fuzz_by!("config");

@@ -1,0 +1,4 @@
+//! Runs the target `page`.
+#![no_main]
+
+dcd_fuzz::fuzz_by!("page");

@@ -405,7 +405,7 @@ typedef struct DcdWorldDef {
     // DCD_CUT_... bits: the axes across which `regions` are cut; 0 is all but that of gravity. With `regions` 0 it must be 0.
     uint32_t axes;
     // The fastest that a dynamic body moves, m/s, up to DCD_MAX_NUMBER; 0 is what the scene says, else 400. What forces and contacts make
-    // faster is cut to it; a body that is made or set to be faster is refused.
+    // faster is cut to it; a body that is made or set to be faster is refused. dcd_settings_set changes it.
     float speed_limit;
     // DCD_FIDELITY_...: how much of the world is computed in full; dcd_viewpoints_set says where it is looked at from. It goes with the
     // couplings that share mass: not with DCD_COUPLING_OWNER and _PROXY.
@@ -442,7 +442,7 @@ typedef struct DcdWorldInfo {
     float gravity[3];
     // The number that the server knows this client, builder or participant by, from 1; 0 for all others.
     uint32_t client;
-    // The fastest that a dynamic body moves, m/s; 0 for a node.
+    // The fastest that a dynamic body moves, m/s, as dcd_settings_set left it; 0 for a node.
     float speed_limit;
     // 0.
     uint32_t reserved;
@@ -1154,10 +1154,10 @@ typedef struct DcdSettings {
     // Length of a step in seconds, above 0.
     float dt;
     // Units of length per metre, above 0: 100 if your numbers are centimetres. It scales the tolerances of the solver, the
-    // thresholds of sleep, `max_speed` and `max_correction`; gravity, densities and all else are numbers of your units.
+    // thresholds of sleep and `max_correction`; gravity, `speed_limit`, densities and all else are numbers of your units.
     float length_unit;
-    // m/s, 0 or more: faster than so no dynamic body moves.
-    float max_speed;
+    // DcdWorldDef.speed_limit: m/s, above 0, up to DCD_MAX_NUMBER.
+    float speed_limit;
     // Natural frequency of contacts, 1/s, 0 or more: higher is stiffer.
     float contact_frequency;
     // Damping ratio of contacts, 0 or more: higher takes overlaps away more slowly.
@@ -2686,7 +2686,7 @@ DCD_API DcdStatus dcd_body_create(DcdWorld world, const DcdBodyDef *def, DcdBody
 //
 // `defs` is read during the call.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, more
-// than DCD_MAX_ITEMS bodies, a dynamic body without mass or faster than DcdWorldDef.speed_limit, and of an avatar for a mesh or terrain, DCD_ERR_LIMIT when the world has given 4,294,967,295
+// than DCD_MAX_ITEMS bodies, a dynamic body without mass or faster than DcdWorldInfo.speed_limit, and of an avatar for a mesh or terrain, DCD_ERR_LIMIT when the world has given 4,294,967,295
 // ids, DCD_ERR_UNSUPPORTED for a fixed avatar, one of DCD_KINEMATIC_POSE or with thresholds of sleep, and for a node,
 // DCD_ERR_NETWORK when its link is gone.
 DCD_API
@@ -2789,7 +2789,7 @@ DcdStatus dcd_body_set_pose(DcdWorld world,
 // bodies; the next dcd_step asks for it.
 //
 // Errors: DCD_ERR_UNSUPPORTED for a body that this process may not drive, DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for
-// numbers out of range, a dynamic body above DcdWorldDef.speed_limit, a fixed body or one that follows poses.
+// numbers out of range, a dynamic body above DcdWorldInfo.speed_limit, a fixed body or one that follows poses.
 DCD_API DcdStatus dcd_body_set_velocity(DcdWorld world, DcdBodyId body, const DcdVelocity *velocity);
 
 // Sets the kinematic target of a body of type DCD_KINEMATIC_POSE: the pose that it has after the next step. What it touches feels the
@@ -3243,7 +3243,8 @@ DCD_API DcdStatus dcd_settings(DcdWorld world, DcdSettings *out);
 
 // Changes how a world is stepped, from the next dcd_step on: read it by dcd_settings, change members, and give it back. Bodies that sleep are
 // woken if gravity changes. It is saved with the world. A served world keeps the settings with which its server was made, and is stepped
-// by Rapier's own parameters: of a world that is to be a server's source, change only gravity, dt, solver_iterations and tolerance.
+// by Rapier's own parameters: of a world that is to be a server's source, change only gravity, dt, solver_iterations, tolerance and
+// speed_limit.
 //
 // `settings` is read during the call.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range (then nothing is changed),
@@ -4335,7 +4336,7 @@ DCD_ASSERT_(offsetof(DcdSettings, solver_iterations) == 4);
 DCD_ASSERT_(offsetof(DcdSettings, gravity) == 8);
 DCD_ASSERT_(offsetof(DcdSettings, dt) == 20);
 DCD_ASSERT_(offsetof(DcdSettings, length_unit) == 24);
-DCD_ASSERT_(offsetof(DcdSettings, max_speed) == 28);
+DCD_ASSERT_(offsetof(DcdSettings, speed_limit) == 28);
 DCD_ASSERT_(offsetof(DcdSettings, contact_frequency) == 32);
 DCD_ASSERT_(offsetof(DcdSettings, contact_damping) == 36);
 DCD_ASSERT_(offsetof(DcdSettings, static_frequency) == 40);

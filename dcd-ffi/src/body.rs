@@ -41,7 +41,7 @@ pub unsafe extern "C" fn dcd_body_create(
 ///
 /// `defs` is read during the call.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, more
-/// than DCD_MAX_ITEMS bodies, a dynamic body without mass or faster than DcdWorldDef.speed_limit, and of an avatar for a mesh or terrain, DCD_ERR_LIMIT when the world has given 4,294,967,295
+/// than DCD_MAX_ITEMS bodies, a dynamic body without mass or faster than DcdWorldInfo.speed_limit, and of an avatar for a mesh or terrain, DCD_ERR_LIMIT when the world has given 4,294,967,295
 /// ids, DCD_ERR_UNSUPPORTED for a fixed avatar, one of DCD_KINEMATIC_POSE or with thresholds of sleep, and for a node,
 /// DCD_ERR_NETWORK when its link is gone.
 #[unsafe(no_mangle)]

@@ -171,7 +171,7 @@ pub unsafe extern "C" fn dcd_body_set_pose(
 /// bodies; the next dcd_step asks for it.
 ///
 /// Errors: DCD_ERR_UNSUPPORTED for a body that this process may not drive, DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for
-/// numbers out of range, a dynamic body above DcdWorldDef.speed_limit, a fixed body or one that follows poses.
+/// numbers out of range, a dynamic body above DcdWorldInfo.speed_limit, a fixed body or one that follows poses.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_body_set_velocity(
     world: DcdWorld,

@@ -123,7 +123,7 @@ fn layouts() -> Vec<Layout> {
             struct_size, kind, size, border, frame, vertex_count, triangle_count, rows, columns, parts, reserved
         }
         DcdSettings {
-            struct_size, solver_iterations, gravity, dt, length_unit, max_speed, contact_frequency, contact_damping,
+            struct_size, solver_iterations, gravity, dt, length_unit, speed_limit, contact_frequency, contact_damping,
             static_frequency, static_damping, max_correction, allowed_overlap, contact_margin, warm_start,
             internal_iterations, ccd_substeps, tolerance, reserved
         }

@@ -19,7 +19,8 @@
  * dcd_bug_set, dcd_hooks_set, dcd_tasks_set and dcd_allocator_set). They must be aligned for their type. What it lends says how long it lives. Texts are UTF-8 that ends with NUL.
  *
  * Threads. Any thread may call any function at any time. Calls on one world run one after the other; a call waits for its
- * turn, but queries (dcd_cast_rays, dcd_overlap_shapes and the like) run beside each other. Calls on different worlds run side by side. From within a function
+ * turn, but queries (dcd_cast_rays, dcd_overlap_shapes and the like) and what only reads (dcd_body_get, dcd_state_read, dcd_stats and the like)
+ * run beside each other. Calls on different worlds run side by side. From within a function
  * that the library calls (those of dcd_log_set, dcd_bug_set, dcd_debug_draw, dcd_hooks_set, dcd_tasks_set, queries) every call on a world is DCD_ERR_BUSY.
  *
  * Bugs of ours. A panic inside the library becomes DCD_ERR_PANIC, and dcd_bug_set tells where. The world it happened in answers every later call so, and

@@ -15,7 +15,7 @@ use crate::handle::stale;
 use crate::ids::{DcdBodyId, DcdWorld};
 use crate::pointer::{self, Out};
 use crate::properties::{DcdBodyProperties, recorded_kind};
-use crate::registry::{World, find, with};
+use crate::registry::{World, ask, find, with};
 use crate::shape;
 use crate::status::{DcdStatus, Failure};
 use crate::types::{
@@ -308,7 +308,7 @@ fn remove(world: &mut World, id: BodyId) -> Result<(), Failure> {
 /// world answers DCD_ERR_PANIC.
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_body_is_valid(world: DcdWorld, body: DcdBodyId) -> bool {
-    guard_value(false, || with(world, |world| find(world, body)).is_ok())
+    guard_value(false, || ask(world, |world| find(world, body)).is_ok())
 }
 
 /// Finds the body that the world numbered `index` when it was made: body i of a scene, or the i-th that was created.
@@ -319,7 +319,7 @@ pub unsafe extern "C" fn dcd_body_at(world: DcdWorld, index: u32, out: *mut DcdB
     guard("dcd_body_at", || {
         // SAFETY: the caller vouches for `out`.
         let out = unsafe { Out::new(out, "out")? };
-        with(world, |world| {
+        ask(world, |world| {
             let id = BodyId::persistent(index);
             if !world.dcd.contains(id) {
                 world.dcd.sees("see the bodies of its world")?;

@@ -12,7 +12,7 @@ use dcd::protocol::{Area, WORLD_REACH_M};
 use crate::guard::guard;
 use crate::ids::{DcdBodyId, DcdWorld};
 use crate::pointer::{self, Out, Room, Sized32, check_point};
-use crate::registry::{self, with};
+use crate::registry::{self, ask};
 use crate::status::{DCD_ERR_NETWORK, DCD_ERR_NULL, DCD_ERR_TIMEOUT, DcdStatus, Failure};
 use crate::world;
 
@@ -162,7 +162,7 @@ pub unsafe extern "C" fn dcd_own_avatars(
     guard("dcd_own_avatars", || {
         // SAFETY: the caller vouches for `cap` entries and for `count`.
         let out = unsafe { Room::new(out, cap, count, ["out", "count"])? };
-        with(world, |world| {
+        ask(world, |world| {
             let avatars = world.dcd.own_avatars();
             out.fill(avatars.into_iter().map(|id| world.mark.body(id)))
         })

@@ -3,7 +3,7 @@
 use crate::guard::guard;
 use crate::ids::DcdWorld;
 use crate::pointer::{Out, Sized32};
-use crate::registry::with;
+use crate::registry::ask;
 use crate::status::DcdStatus;
 
 /// What the last step took, in seconds, and what was computed in it: sums over all regions, which compute side by side, so that times may be more
@@ -53,7 +53,7 @@ pub unsafe extern "C" fn dcd_profile(world: DcdWorld, out: *mut DcdProfile) -> D
     guard("dcd_profile", || {
         // SAFETY: the caller vouches for the pointer.
         let out = unsafe { Out::sized(out, "out")? };
-        with(world, |world| {
+        ask(world, |world| {
             let profile = world.dcd.profile()?;
             out.write(DcdProfile {
                 struct_size: size_of::<DcdProfile>() as u32,

@@ -14,7 +14,7 @@ use crate::guard::guard;
 use crate::ids::DcdWorld;
 use crate::join::Entry;
 use crate::pointer::{self, Out, Room, Sized32};
-use crate::registry::{self, with};
+use crate::registry::{self, ask, with};
 use crate::role::{DCD_ROLE_BUILDER, DCD_ROLE_CLIENT, DCD_ROLE_NODE, DCD_ROLE_PARTICIPANT, DcdRole};
 use crate::status::{DCD_ERR_NULL, DCD_ERR_UNSUPPORTED, DcdStatus, Failure};
 use crate::world::{self, DcdWorldDef, Opened};
@@ -305,7 +305,7 @@ pub unsafe extern "C" fn dcd_address(
     guard("dcd_address", || {
         // SAFETY: the caller vouches for `cap` bytes and for `needed`.
         let room = unsafe { Room::new(buf, cap, needed, ["buf", "needed"])? };
-        with(world, |world| fill_text(room, &world.dcd.address()?.to_string()))
+        ask(world, |world| fill_text(room, &world.dcd.address()?.to_string()))
     })
 }
 
@@ -324,7 +324,7 @@ pub unsafe extern "C" fn dcd_metrics_address(
     guard("dcd_metrics_address", || {
         // SAFETY: the caller vouches for `cap` bytes and for `needed`.
         let room = unsafe { Room::new(buf, cap, needed, ["buf", "needed"])? };
-        with(world, |world| {
+        ask(world, |world| {
             let message = "this world answers nowhere with metrics; give `metrics` in the definition of the server, node or participant";
             let found = world.dcd.metrics_address();
             fill_text(room, &found.ok_or_else(|| Failure::new(DCD_ERR_UNSUPPORTED, message))?.to_string())

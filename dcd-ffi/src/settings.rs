@@ -6,7 +6,7 @@ use crate::guard::guard;
 use crate::ids::DcdWorld;
 use crate::limits::DCD_MAX_NUMBER;
 use crate::pointer::{self, Out, Sized32, check_not_negative, check_numbers, check_reserved};
-use crate::registry::with;
+use crate::registry::{ask, with};
 use crate::status::{DcdStatus, Failure};
 
 /// How a world is stepped. Start from DCD_SETTINGS_INIT and dcd_settings. It may grow at its end.
@@ -158,7 +158,7 @@ pub unsafe extern "C" fn dcd_settings(world: DcdWorld, out: *mut DcdSettings) ->
     guard("dcd_settings", || {
         // SAFETY: the caller vouches for the pointer.
         let out = unsafe { Out::sized(out, "out")? };
-        with(world, |world| {
+        ask(world, |world| {
             out.write(DcdSettings::of(&world.dcd.settings()?));
             Ok(())
         })

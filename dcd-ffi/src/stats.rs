@@ -8,7 +8,7 @@ use dcd::World as Dcd;
 use crate::guard::guard;
 use crate::ids::DcdWorld;
 use crate::pointer::{Out, Room, Sized32};
-use crate::registry::with;
+use crate::registry::ask;
 use crate::status::DcdStatus;
 
 /// Counters of a world. Start from DCD_STATS_INIT.
@@ -64,7 +64,7 @@ pub unsafe extern "C" fn dcd_stats(world: DcdWorld, out: *mut DcdStats) -> DcdSt
     guard("dcd_stats", || {
         // SAFETY: the caller vouches for the pointer.
         let out = unsafe { Out::sized(out, "out")? };
-        with(world, |world| {
+        ask(world, |world| {
             let (stats, traffic) = (world.dcd.stats(), world.dcd.traffic());
             out.write(DcdStats {
                 struct_size: size_of::<DcdStats>() as u32,
@@ -103,7 +103,7 @@ pub unsafe extern "C" fn dcd_stats_text(
     guard("dcd_stats_text", || {
         // SAFETY: the caller vouches for `cap` bytes and for `needed`.
         let out = unsafe { Room::new(buf.cast::<u8>(), cap, needed, ["buf", "needed"])? };
-        with(world, |world| {
+        ask(world, |world| {
             let mut text = describe(&world.dcd).into_bytes();
             text.push(0);
             out.fill(text.into_iter())
@@ -120,7 +120,7 @@ pub unsafe extern "C" fn dcd_state_hash(world: DcdWorld, out: *mut u64) -> DcdSt
     guard("dcd_state_hash", || {
         // SAFETY: the caller vouches for the pointer.
         let out = unsafe { Out::new(out, "out")? };
-        with(world, |world| {
+        ask(world, |world| {
             out.write(world.dcd.state_hash()?);
             Ok(())
         })

@@ -10,7 +10,7 @@ use crate::fidelity::{self, DcdFidelity};
 use crate::guard::{guard, guard_value};
 use crate::ids::DcdWorld;
 use crate::pointer::{self, Out, Sized32};
-use crate::registry::{self, add, with};
+use crate::registry::{self, add, ask};
 use crate::role::{DcdRole, number_of};
 use crate::settings::check_speed_limit;
 use crate::status::{DcdStatus, Failure};
@@ -338,7 +338,7 @@ pub unsafe extern "C" fn dcd_world_info(world: DcdWorld, out: *mut DcdWorldInfo)
     guard("dcd_world_info", || {
         // SAFETY: the caller vouches for the pointer.
         let out = unsafe { Out::sized(out, "out")? };
-        with(world, |world| {
+        ask(world, |world| {
             out.write(DcdWorldInfo {
                 struct_size: size_of::<DcdWorldInfo>() as u32,
                 role: number_of(world.dcd.role()),

@@ -120,9 +120,12 @@ unsafe fn each_overlap<Q: Somewhere>(
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Barrier;
+    use std::sync::atomic::{AtomicBool, Ordering};
+    use std::sync::{Barrier, Mutex, mpsc};
+    use std::time::Duration;
 
     use super::*;
+    use crate::query::NOBODY;
     use crate::registry;
 
     /// A world of one sphere of two metres.
@@ -149,7 +152,7 @@ mod tests {
                         min: [-1.0; 3],
                         max: [1.0; 3],
                         mask: u32::MAX,
-                        exclude: crate::query::NOBODY,
+                        exclude: NOBODY,
                         reserved: 0,
                     };
                     let context = (&raw const both).cast_mut().cast();
@@ -167,6 +170,54 @@ mod tests {
                 });
             }
         });
+        registry::remove(world).unwrap();
+    }
+
+    /// A thread that asks, and waits within its query until another has read.
+    struct Asking {
+        inside: Barrier,
+        read: Mutex<mpsc::Receiver<()>>,
+        was_read: AtomicBool,
+    }
+
+    unsafe extern "C" fn wait_until_read(context: *mut c_void, _: *const DcdOverlap) -> bool {
+        // SAFETY: the test gives one that outlives the call.
+        let asking = unsafe { &*context.cast::<Asking>() };
+        asking.inside.wait();
+        let read = asking.read.lock().unwrap().recv_timeout(Duration::from_secs(60));
+        asking.was_read.store(read.is_ok(), Ordering::Release);
+        false
+    }
+
+    #[test]
+    fn a_body_is_read_while_another_thread_asks() {
+        let world = world();
+        let body = registry::ask(world, |world| Ok(world.mark.body(dcd::BodyId::persistent(0)))).unwrap();
+        let (tell, read) = mpsc::channel();
+        let asking =
+            Asking { inside: Barrier::new(2), read: Mutex::new(read), was_read: AtomicBool::new(false) };
+        let place =
+            DcdBoxQuery { min: [-1.0; 3], max: [1.0; 3], mask: u32::MAX, exclude: NOBODY, reserved: 0 };
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                let context = (&raw const asking).cast_mut().cast();
+                let asked = Some(wait_until_read as unsafe extern "C" fn(_, _) -> _);
+                // SAFETY: all pointers are valid during the call.
+                let status = unsafe {
+                    dcd_overlap_box_each(world, &raw const place, std::ptr::null(), asked, context)
+                };
+                assert_eq!(status, crate::status::DCD_OK);
+            });
+            asking.inside.wait();
+            let mut pose = crate::types::DcdPose { p: [0.0; 3], q: [0.0; 4] };
+            // SAFETY: the pose is valid, and nothing else is asked for.
+            let status =
+                unsafe { crate::motion::dcd_body_get(world, body, &raw mut pose, std::ptr::null_mut()) };
+            assert_eq!((status, pose.q[3]), (crate::status::DCD_OK, 1.0));
+            // Whom it took too long is gone.
+            let _ = tell.send(());
+        });
+        assert!(asking.was_read.load(Ordering::Acquire), "it took its turn after the query");
         registry::remove(world).unwrap();
     }
 }

@@ -221,6 +221,37 @@ static void bodies(DcdWorld world)
     FAILS(dcd_bodies((DcdWorld){ 0 }, all, 4, &count), DCD_ERR_NULL, "world");
 }
 
+/* What is drawn between two poses: positions go straight, rotations the shorter way. */
+static void poses_between(void)
+{
+    const double eighth = 3.14159265358979 / 8.0; /* half of half a right angle */
+    const DcdPose from = { { 1.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } };
+    DcdPose to = { { 3.0, 4.0, 0.0 }, { 0.0f, 0.0f, (float)sin(2.0 * eighth), (float)cos(2.0 * eighth) } }, between, bad;
+    OK(dcd_pose_interpolate(&from, &to, 0.0, &between));
+    HOLDS(memcmp(between.p, from.p, sizeof from.p) == 0 && near(between.q[3], 1.0, 1e-6));
+    for (int sign = 1; sign >= -1; sign -= 2) { /* the same rotation both times */
+        for (int i = 0; i < 4; i++)
+            to.q[i] *= (float)sign;
+        OK(dcd_pose_interpolate(&from, &to, 0.5, &between));
+        HOLDS(near(between.p[0], 2.0, 1e-9) && near(between.p[1], 2.0, 1e-9));
+        HOLDS(near(fabs(between.q[3]), cos(eighth), 1e-6) && near(between.q[2] / between.q[3], tan(eighth), 1e-6));
+    }
+    between = to;
+    OK(dcd_pose_interpolate(&from, &between, 1.0, &between)); /* into one of the two */
+    HOLDS(memcmp(between.p, to.p, sizeof to.p) == 0);
+    FAILS(dcd_pose_interpolate(NULL, &to, 0.5, &between), DCD_ERR_NULL, "from");
+    FAILS(dcd_pose_interpolate(&from, NULL, 0.5, &between), DCD_ERR_NULL, "to");
+    FAILS(dcd_pose_interpolate(&from, &to, 0.5, NULL), DCD_ERR_NULL, "out");
+    FAILS(dcd_pose_interpolate(&from, &to, NAN, &between), DCD_ERR_ARGUMENT, "t is not finite");
+    bad = from;
+    bad.q[3] = 0.5f;
+    FAILS(dcd_pose_interpolate(&bad, &to, 0.5, &between), DCD_ERR_ARGUMENT, "from.q");
+    bad = to;
+    bad.p[2] = INFINITY;
+    FAILS(dcd_pose_interpolate(&from, &bad, 0.5, &between), DCD_ERR_ARGUMENT, "to");
+    HOLDS(memcmp(between.p, to.p, sizeof to.p) == 0);
+}
+
 int main(void)
 {
     DcdWorldDef def = DCD_WORLD_DEF_INIT;
@@ -229,6 +260,7 @@ int main(void)
     OK(dcd_world_create(&def, &world));
     shapes(world);
     bodies(world);
+    poses_between();
     OK(dcd_world_destroy(world));
     return checked();
 }

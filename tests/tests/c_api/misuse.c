@@ -1258,6 +1258,7 @@ static void snapshots(void)
     EXPECT(dcd_world_destroy(world), DCD_OK);
     EXPECT(dcd_step_begin(world), DCD_ERR_STALE_ID);
     EXPECT(dcd_step_wait(world, 0), DCD_ERR_STALE_ID);
+    EXPECT(dcd_record_stop(world), DCD_ERR_STALE_ID);
 }
 
 static DcdWorld logged_world;
@@ -1271,6 +1272,7 @@ static void on_log(void *user, DcdLogLevel level, const char *message, size_t le
         ++*count;
     }
     logged_status = dcd_step(logged_world);
+    EXPECT(dcd_bug_set(NULL, NULL), DCD_ERR_BUSY);
 }
 
 static void logging(void)

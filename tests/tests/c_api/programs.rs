@@ -193,7 +193,7 @@ fn build_wrapper(out: &Path, flags: &[&str]) -> PathBuf {
 fn the_cpp_header_does_what_it_says() {
     for dialect in ["-std=c++17", "-std=c++20"] {
         let dir = tempfile::tempdir().unwrap();
-        let said = run_well(&mut Command::new(build_wrapper(dir.path(), &[dialect])));
+        let said = run_well(Command::new(build_wrapper(dir.path(), &[dialect])).arg(dir.path()));
         assert!(said.contains(" checks, 0 failures"), "{said}");
     }
 }
@@ -201,7 +201,7 @@ fn the_cpp_header_does_what_it_says() {
 #[test]
 fn sanitizers_find_nothing_in_the_programs() {
     let dir = tempfile::tempdir().unwrap();
-    run_well(&mut Command::new(build_wrapper(dir.path(), &SANITIZED)));
+    run_well(Command::new(build_wrapper(dir.path(), &SANITIZED)).arg(dir.path()));
     for source in [checker("misuse.c"), checker("behaviour.c"), example("hello.c"), example("game_loop.c")] {
         run_well(Command::new(build(&source, dir.path(), &SANITIZED)).current_dir(dir.path()));
     }

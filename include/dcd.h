@@ -1988,6 +1988,10 @@ typedef struct DcdViewpoint {
     // World space, metres.
     double at[3];
     // How far is looked, metres, 0 or more: regions within it are computed in full.
+    // Islands that are awake now: groups of bodies that touch or are tied.
+    uint64_t islands_awake;
+    // Memory that bodies, colliders, contacts and joints take, roughly, bytes: not that of shapes, nor what is kept for the next step.
+    uint64_t memory;
     double radius;
 } DcdViewpoint;
 
@@ -3772,7 +3776,7 @@ DCD_API DcdStatus dcd_stats_text(DcdWorld world, char *buf, size_t cap, size_t *
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED in a served world.
 DCD_API DcdStatus dcd_state_hash(DcdWorld world, uint64_t *out);
 
-// Reads what the last dcd_step of a local world took by phase; all is 0 before the first, and of regions that rested.
+// Reads what the last dcd_step of a local world took by phase, 0 before the first and of regions that rested, and what there is now.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED in a served world, of which dcd_stats tells the wall time of taking in
 // what came and the bytes of the network.
@@ -4015,7 +4019,7 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
 #define DCD_FIDELITY_REPORT_INIT \
     { (uint32_t)sizeof(DcdFidelityReport), 0.0f, 0.0f, 0.0f, 0.0, 0, 0, { 0, 0, 0 }, 0 }
 #define DCD_PROFILE_INIT \
-    { (uint32_t)sizeof(DcdProfile), 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 0, 0, 0 }
+    { (uint32_t)sizeof(DcdProfile), 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 0, 0, 0, 0, 0 }
 /* No function is asked. */
 #define DCD_HOOKS_INIT { (uint32_t)sizeof(DcdHooks), 0, NULL, NULL, NULL, NULL }
 #define DCD_TASKS_INIT { (uint32_t)sizeof(DcdTasks), 0, NULL, NULL, NULL }
@@ -4350,7 +4354,7 @@ DCD_ASSERT_(offsetof(DcdSettings, internal_iterations) == 64);
 DCD_ASSERT_(offsetof(DcdSettings, ccd_substeps) == 68);
 DCD_ASSERT_(offsetof(DcdSettings, tolerance) == 72);
 DCD_ASSERT_(offsetof(DcdSettings, reserved) == 76);
-DCD_ASSERT_(sizeof(DcdProfile) == 96);
+DCD_ASSERT_(sizeof(DcdProfile) == 112);
 DCD_ASSERT_(offsetof(DcdProfile, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdProfile, reserved) == 4);
 DCD_ASSERT_(offsetof(DcdProfile, rapier) == 8);
@@ -4434,6 +4438,8 @@ DCD_ASSERT_(offsetof(DcdViewTime, shown) == 16);
 DCD_ASSERT_(offsetof(DcdViewTime, predicted) == 24);
 DCD_ASSERT_(offsetof(DcdViewTime, clock_error) == 32);
 DCD_ASSERT_(offsetof(DcdViewTime, input_delay) == 40);
+DCD_ASSERT_(offsetof(DcdProfile, islands_awake) == 96);
+DCD_ASSERT_(offsetof(DcdProfile, memory) == 104);
 DCD_ASSERT_(sizeof(DcdDrawnShape) == 56);
 DCD_ASSERT_(offsetof(DcdDrawnShape, kind) == 0);
 DCD_ASSERT_(offsetof(DcdDrawnShape, mesh) == 4);

@@ -93,6 +93,11 @@ pub struct DcdServerDef {
     pub directory: *const c_char,
     /// A file to record to all that the server is given, for `dcd replay`; or null. One that holds something is refused: it may say what went wrong before.
     pub record_path: *const c_char,
+    /// Seconds that the avatars of a client which left wait for its return (DcdClientDef.identity_path) before they are removed, above 0 and up to
+    /// 31,536,000.
+    pub avatar_expiry: f32,
+    /// 0.
+    pub reserved: u32,
 }
 
 /// The definition of a node that joins a served world. Start from DCD_NODE_DEF_INIT and give at least server and token.
@@ -115,8 +120,8 @@ pub struct DcdNodeDef {
     pub user_data: u64,
     /// Threads that compute its share, 1 to 1024; 0 is one per core.
     pub threads: u32,
-    /// 0.
-    pub reserved: u32,
+    /// As in DcdClientDef.
+    pub give_up_ms: u32,
     /// A file to record to all that the node is given, and a digest of each region after each tick, for `dcd replay`; or null. As in DcdServerDef.
     pub record_path: *const c_char,
     /// As in DcdServerDef, of the node.
@@ -205,6 +210,11 @@ pub unsafe extern "C" fn dcd_server_create(def: *const DcdServerDef, out: *mut D
                 "avatar_speed is {speed}; give metres per second up to 100000"
             )));
         }
+        let expiry = def.avatar_expiry;
+        if !(expiry > 0.0 && expiry <= A_YEAR) {
+            return Err(Failure::argument(format!("avatar_expiry is {expiry}; give seconds up to {A_YEAR}")));
+        }
+        pointer::check_reserved(def.reserved)?;
         if def.flags & !(DCD_SERVER_FRESH | DCD_SERVER_UNPACED) != 0 {
             let flags = def.flags;
             return Err(Failure::argument(format!("flags is {flags:#x}; give bits DCD_SERVER_...")));
@@ -217,6 +227,7 @@ pub unsafe extern "C" fn dcd_server_create(def: *const DcdServerDef, out: *mut D
             pace: if def.flags & DCD_SERVER_UNPACED != 0 { Pace::Unpaced } else { Pace::RealTime },
             last_tick: (def.last_tick > 0).then_some(Tick(def.last_tick)),
             avatar_speed_limit: def.avatar_speed,
+            avatar_expiry: Duration::from_secs_f32(expiry),
             state_every: def.state_every,
             verify: def.verify.into(),
             groups,
@@ -344,8 +355,8 @@ pub unsafe extern "C" fn dcd_node_join(def: *const DcdNodeDef, out: *mut DcdWorl
         // SAFETY: the caller vouches for both pointers and for the texts.
         let (entry, (listen, advertise), threads, out) = unsafe {
             let def = pointer::read_sized(def, "def")?;
-            pointer::check_reserved(def.reserved)?;
             let entry = Entry::read(def.server, def.token, def.identity_path, def.timeout_ms, def.user_data)?;
+            let entry = entry.patient(def.give_up_ms);
             let listen = pointer::optional_address(def.listen, "listen")?;
             let advertise = pointer::optional_address(def.advertise, "advertise")?;
             let entry = entry.recorded(def.record_path)?.measured(def.metrics)?;
@@ -357,6 +368,9 @@ pub unsafe extern "C" fn dcd_node_join(def: *const DcdNodeDef, out: *mut DcdWorl
         })
     })
 }
+
+/// Seconds.
+const A_YEAR: f32 = 31_536_000.0;
 
 /// A token is shorter, NUL included.
 const TOKEN_ROOM: usize = 512;

@@ -111,6 +111,30 @@ pub unsafe extern "C" fn dcd_stats_text(
     })
 }
 
+/// Checks what must hold in a local world between two steps, for tests and reports of bugs: that each body has one owner, that owners and
+/// regions agree on who holds what, that parts of masses add up, that numbers are finite. Writes what does not, one finding per line,
+/// NUL-terminated, into `buf` of `cap` bytes; `needed` receives the size with NUL: 1 as long as all is well, and in a served world, which has
+/// nothing to check here. `buf` may be null with `cap` 0, to ask for the size. It costs a look at every body.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `needed` is written all the same and `buf` is not).
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_validate(
+    world: DcdWorld,
+    buf: *mut c_char,
+    cap: usize,
+    needed: *mut usize,
+) -> DcdStatus {
+    guard("dcd_validate", || {
+        // SAFETY: the caller vouches for `cap` bytes and for `needed`.
+        let out = unsafe { Room::new(buf.cast::<u8>(), cap, needed, ["buf", "needed"])? };
+        ask(world, |world| {
+            let found = world.dcd.validate();
+            let text: String = found.iter().map(|finding| format!("{finding}\n")).collect();
+            out.fill(text.bytes().chain([0]).collect::<Vec<_>>().into_iter())
+        })
+    })
+}
+
 /// Hashes the pose and velocity of every movable body to one number: equal worlds, equal numbers, whatever the number of
 /// threads.
 ///

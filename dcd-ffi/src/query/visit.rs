@@ -4,12 +4,14 @@ use std::ffi::c_void;
 use std::ops::ControlFlow;
 
 use dcd::physics::ColliderId;
-use dcd::protocol::RayAnswer;
+use dcd::protocol::{CastAnswer, RayAnswer};
 
+use super::cast::{question as cast_question, shape_hit, solid};
 use super::overlap::{overlap, question};
 use super::ray::{question as ray_question, ray_hit};
 use super::{
-    Batch, DcdBoxQuery, DcdFilter, DcdOverlap, DcdRay, DcdRayHit, DcdShapeQuery, Somewhere, refused,
+    Batch, DcdBoxQuery, DcdFilter, DcdOverlap, DcdRay, DcdRayHit, DcdShapeCast, DcdShapeHit, DcdShapeQuery,
+    Somewhere, refused,
 };
 use crate::callback::{Callback, enter};
 use crate::guard::guard;
@@ -23,6 +25,9 @@ use crate::status::{DCD_ERR_NULL, DcdStatus, Failure};
 /// It is called on the thread that asks, must return normally (no longjmp, no C++ exception), and calls on worlds from within it give
 /// DCD_ERR_BUSY.
 pub type DcdRayFn = Option<unsafe extern "C" fn(context: *mut c_void, hit: *const DcdRayHit) -> f32>;
+/// Called with a body that a moving shape met. Returns how much of its way the shape goes from now on: 1 for as much as it did, hit->fraction
+/// to be called for bodies that it meets earlier only, 0 to end. As DcdRayFn else.
+pub type DcdShapeCastFn = Option<unsafe extern "C" fn(context: *mut c_void, hit: *const DcdShapeHit) -> f32>;
 /// Called with a body that was found; `found` is valid during the call. Returns whether to go on. As DcdRayFn else.
 pub type DcdOverlapFn = Option<unsafe extern "C" fn(context: *mut c_void, found: *const DcdOverlap) -> bool>;
 
@@ -52,6 +57,40 @@ pub unsafe extern "C" fn dcd_cast_ray_each(
                 reach.into()
             };
             asked.queries.ask_ray_each(&asked.filter, &ray, meet).map_err(refused)
+        })
+    })
+}
+
+/// Calls `function` with every body that one shape meets which moves straight, a collider of it once, in no order that is promised, until it
+/// has enough: for a way on which a rule of yours says what stops the shape.
+///
+/// `cast` and `filter` are read during the call. Errors: as dcd_cast_shapes; DCD_ERR_ARGUMENT also for a cast that turns.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_cast_shape_each(
+    world: DcdWorld,
+    cast: *const DcdShapeCast,
+    filter: *const DcdFilter,
+    function: DcdShapeCastFn,
+    context: *mut c_void,
+) -> DcdStatus {
+    guard("dcd_cast_shape_each", || {
+        let function = function.ok_or_else(no_function)?;
+        // SAFETY: the caller vouches for the cast and for the filter.
+        let batch = unsafe { Batch::new(cast, 1, "cast", filter)? };
+        ask(world, |world| {
+            let asked = batch.ask(world)?;
+            let cast = &batch.queries[0];
+            let (shape, cast) = (solid(world, cast.shape)?, cast_question(world, asked.mask, cast)?);
+            if cast.turn != [0.0; 3] {
+                return Err(Failure::argument("turn is not 0; dcd_cast_shapes takes casts that turn"));
+            }
+            let meet = |hit: CastAnswer| {
+                let (hit, mut reach) = (shape_hit(world, Some(hit)), 0.0);
+                // SAFETY: the caller vouches for the function and its context.
+                enter(Callback::Query, || reach = unsafe { function(context, &raw const hit) });
+                reach
+            };
+            asked.queries.ask_cast_each(&asked.filter, &*shape.0, &cast, meet).map_err(refused)
         })
     })
 }

@@ -203,6 +203,11 @@ static void a_ball_breaks_a_tower()
     HOLDS(calls == 1);
     world.cast_ray_each(rays[1], goes_on, movable).expect();
     HOLDS(calls == 1);
+    const auto meets = [&calls](const dcd::ShapeHit &hit) { return ++calls, hit.fraction; };
+    world.cast_shape_each(cast, meets).expect();
+    HOLDS(calls == 2);
+    world.cast_shape_each(cast, meets, movable).expect();
+    HOLDS(calls == 2);
     std::vector<DcdBodyId> near_by;
     const auto note = [&near_by](const dcd::Overlap &found) { return near_by.push_back(found.body), false; };
     world.overlap_box_each(around, note).expect();
@@ -239,7 +244,7 @@ static void a_ball_breaks_a_tower()
     HOLDS(world.connections()->empty() && world.poll(1000));
     HOLDS(world.info()->user_data == 7 && world.stats()->ticks == 120);
     HOLDS(world.stats_text()->find("ticks        120\n") != std::string::npos);
-    HOLDS(*world.state_hash() != 0);
+    HOLDS(*world.state_hash() != 0 && world.validate()->empty());
 }
 
 static void joints_and_shapes()
@@ -292,6 +297,8 @@ static void joints_and_shapes()
     HOLDS(world.shape_compound(parts, frames));
     const float twice[] = { 2.0f, 2.0f, 2.0f };
     HOLDS(world.shape_scale(parts[0], twice));
+    HOLDS(world.shape_half_space({ 0.0f, 1.0f, 0.0f }) && world.shape_segment(corners[0], corners[1]));
+    HOLDS(world.shape_info(*world.shape_round(parts[0], 0.25f))->border == 0.25f);
     HOLDS(world.shape_compound(parts, dcd::Span<const dcd::Frame>(frames, 1)).status().code() == DCD_ERR_ARGUMENT);
     HOLDS(!world.shape_hull({}));
 }
@@ -561,7 +568,7 @@ static void a_person_and_a_car_set_off()
         HOLDS(world.step());
     }
     const double walked = world.body_get(person)->pose.p[0];
-    HOLDS(std::fabs(walked - 2.0) < 0.1 && world.body_get(chassis)->pose.p[0] > 0.5);
+    HOLDS(std::fabs(walked - 2.0) < 0.2 && world.body_get(chassis)->pose.p[0] > 0.5);
 
     dcd::ViewTime time = *world.view_time();
     time.shown = time.predicted = 59.5;

@@ -19,7 +19,8 @@
  * dcd_bug_set, dcd_hooks_set, dcd_tasks_set and dcd_allocator_set). They must be aligned for their type. What it lends says how long it lives. Texts are UTF-8 that ends with NUL.
  *
  * Threads. Any thread may call any function at any time. Calls on one world run one after the other; a call waits for its
- * turn, but queries (dcd_cast_rays, dcd_overlap_shapes and the like) run beside each other. Calls on different worlds run side by side. From within a function
+ * turn, but queries (dcd_cast_rays, dcd_overlap_shapes and the like) and what only reads (dcd_body_get, dcd_state_read, dcd_stats and the like)
+ * run beside each other. Calls on different worlds run side by side. From within a function
  * that the library calls (those of dcd_log_set, dcd_bug_set, dcd_debug_draw, dcd_hooks_set, dcd_tasks_set, queries) every call on a world is DCD_ERR_BUSY.
  *
  * Bugs of ours. A panic inside the library becomes DCD_ERR_PANIC, and dcd_bug_set tells where. The world it happened in answers every later call so, and
@@ -405,7 +406,7 @@ typedef struct DcdWorldDef {
     // DCD_CUT_... bits: the axes across which `regions` are cut; 0 is all but that of gravity. With `regions` 0 it must be 0.
     uint32_t axes;
     // The fastest that a dynamic body moves, m/s, up to DCD_MAX_NUMBER; 0 is what the scene says, else 400. What forces and contacts make
-    // faster is cut to it; a body that is made or set to be faster is refused.
+    // faster is cut to it; a body that is made or set to be faster is refused. dcd_settings_set changes it.
     float speed_limit;
     // DCD_FIDELITY_...: how much of the world is computed in full; dcd_viewpoints_set says where it is looked at from. It goes with the
     // couplings that share mass: not with DCD_COUPLING_OWNER and _PROXY.
@@ -442,7 +443,7 @@ typedef struct DcdWorldInfo {
     float gravity[3];
     // The number that the server knows this client, builder or participant by, from 1; 0 for all others.
     uint32_t client;
-    // The fastest that a dynamic body moves, m/s; 0 for a node.
+    // The fastest that a dynamic body moves, m/s, as dcd_settings_set left it; 0 for a node.
     float speed_limit;
     // 0.
     uint32_t reserved;
@@ -470,6 +471,10 @@ typedef struct DcdClientDef {
     // comes there, or where dcd_interest_set moves it to, appears (DCD_BODY_APPEARED). 0: you are told the whole world, whatever
     // your interest is later on.
     double interest_radius;
+    // Milliseconds that the server may be out of reach later on, before dcd_step gives up; 0 is 30,000.
+    uint32_t give_up_ms;
+    // 0.
+    uint32_t reserved;
 } DcdClientDef;
 
 // The definition of a participant that joins a served world. Start from DCD_PARTICIPANT_DEF_INIT and give at least server and token.
@@ -488,8 +493,8 @@ typedef struct DcdParticipantDef {
     uint64_t user_data;
     // Threads that compute its share, 1 to 1024; 0 is one per core.
     uint32_t threads;
-    // 0.
-    uint32_t reserved;
+    // As in DcdClientDef.
+    uint32_t give_up_ms;
     // As in DcdClientDef.
     double interest_centre[3];
     // As in DcdClientDef.
@@ -576,6 +581,11 @@ typedef struct DcdServerDef {
     const char *directory;
     // A file to record to all that the server is given, for `dcd replay`; or null. One that holds something is refused: it may say what went wrong before.
     const char *record_path;
+    // Seconds that the avatars of a client which left wait for its return (DcdClientDef.identity_path) before they are removed, above 0 and up to
+    // 31,536,000.
+    float avatar_expiry;
+    // 0.
+    uint32_t reserved;
 } DcdServerDef;
 
 // The definition of a node that joins a served world. Start from DCD_NODE_DEF_INIT and give at least server and token.
@@ -596,8 +606,8 @@ typedef struct DcdNodeDef {
     uint64_t user_data;
     // Threads that compute its share, 1 to 1024; 0 is one per core.
     uint32_t threads;
-    // 0.
-    uint32_t reserved;
+    // As in DcdClientDef.
+    uint32_t give_up_ms;
     // A file to record to all that the node is given, and a digest of each region after each tick, for `dcd replay`; or null. As in DcdServerDef.
     const char *record_path;
     // As in DcdServerDef, of the node.
@@ -1154,10 +1164,10 @@ typedef struct DcdSettings {
     // Length of a step in seconds, above 0.
     float dt;
     // Units of length per metre, above 0: 100 if your numbers are centimetres. It scales the tolerances of the solver, the
-    // thresholds of sleep, `max_speed` and `max_correction`; gravity, densities and all else are numbers of your units.
+    // thresholds of sleep and `max_correction`; gravity, `speed_limit`, densities and all else are numbers of your units.
     float length_unit;
-    // m/s, 0 or more: faster than so no dynamic body moves.
-    float max_speed;
+    // DcdWorldDef.speed_limit: m/s, above 0, up to DCD_MAX_NUMBER.
+    float speed_limit;
     // Natural frequency of contacts, 1/s, 0 or more: higher is stiffer.
     float contact_frequency;
     // Damping ratio of contacts, 0 or more: higher takes overlaps away more slowly.
@@ -1847,6 +1857,10 @@ typedef struct DcdBoxQuery {
 // DCD_ERR_BUSY.
 typedef float (*DcdRayFn)(void *context, const DcdRayHit *hit);
 
+// Called with a body that a moving shape met. Returns how much of its way the shape goes from now on: 1 for as much as it did, hit->fraction
+// to be called for bodies that it meets earlier only, 0 to end. As DcdRayFn else.
+typedef float (*DcdShapeCastFn)(void *context, const DcdShapeHit *hit);
+
 // Called with a body that was found; `found` is valid during the call. Returns whether to go on. As DcdRayFn else.
 typedef bool (*DcdOverlapFn)(void *context, const DcdOverlap *found);
 
@@ -1974,6 +1988,10 @@ typedef struct DcdProfile {
     uint64_t awake;
     // Joints, awake or not.
     uint64_t joints;
+    // Islands that are awake now: groups of bodies that touch or are tied.
+    uint64_t islands_awake;
+    // Memory that bodies, colliders, contacts and joints take, roughly, bytes: not that of shapes, nor what is kept for the next step.
+    uint64_t memory;
 } DcdProfile;
 
 // A local world as it was between two steps. 0 is null; an id is never given again.
@@ -2485,7 +2503,7 @@ DCD_API DcdStatus dcd_world_info(DcdWorld world, DcdWorldInfo *out);
 // - dcd_body_set_velocity sets the speed of an avatar, dcd_body_set_pose lets it jump; the next dcd_step sends this input. The
 //   server may set a limit to speed and refuse by DCD_BODY_REFUSED.
 // - dcd_step takes in what has come since the last, and returns at once: call it as often as dt says. A server that is out of
-//   reach is dialled again for half a minute: meanwhile the world goes on as long as nodes compute it, avatars can be
+//   reach is dialled again for half a minute (DcdClientDef.give_up_ms): meanwhile the world goes on as long as nodes compute it, avatars can be
 //   moved, and those that are created or destroyed are so once the server is back. After that, or when the world has ended,
 //   it returns DCD_ERR_NETWORK, each time; the world can be read still, and must be destroyed.
 // - The bodies that are there on joining are not told of: list them once by dcd_bodies, and follow dcd_events from then on.
@@ -2647,6 +2665,36 @@ DcdStatus dcd_shape_heightfield(DcdWorld world,
                                 const float *scale,
                                 DcdShapeId *out);
 
+// Makes a half space: all behind the plane through its origin that `normal` points away from, without end; of any length above 0. It is
+// ground for fixed bodies, in which nothing falls through: it has no mass and no edge.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for a normal out of range or without length.
+DCD_API
+DcdStatus dcd_shape_half_space(DcdWorld world,
+                               const float *normal,
+                               DcdShapeId *out);
+
+// Makes a line from `a` to `b`: a wire, an edge. It has no mass by density: use it for fixed bodies, or give them DcdBodyDef.mass.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for points out of range, or nearer to one another than DCD_MIN_SIZE.
+DCD_API
+DcdStatus dcd_shape_segment(DcdWorld world,
+                            const float *a,
+                            const float *b,
+                            DcdShapeId *out);
+
+// Makes a box, cylinder, cone or hull round: grown by `border` metres on all sides, with edges and corners of that radius (DcdShapeInfo.border).
+// What rolls over its edges goes smoothly, and hulls touch at more than a corner.
+//
+// The other shape may be destroyed afterwards.
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_ARGUMENT for a border below DCD_MIN_SIZE or out of range, or another kind
+// of shape, also one that is round already.
+DCD_API
+DcdStatus dcd_shape_round(DcdWorld world,
+                          DcdShapeId shape,
+                          float border,
+                          DcdShapeId *out);
+
 // Makes one shape of `count` others, part i at frames[i]. Parts must be simple: no mesh, terrain or compound.
 //
 // `parts` and `frames` have `count` entries, at least one. The parts may be destroyed afterwards.
@@ -2687,7 +2735,7 @@ DCD_API DcdStatus dcd_body_create(DcdWorld world, const DcdBodyDef *def, DcdBody
 //
 // `defs` is read during the call.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, more
-// than DCD_MAX_ITEMS bodies, a dynamic body without mass or faster than DcdWorldDef.speed_limit, and of an avatar for a mesh or terrain, DCD_ERR_LIMIT when the world has given 4,294,967,295
+// than DCD_MAX_ITEMS bodies, a dynamic body without mass or faster than DcdWorldInfo.speed_limit, and of an avatar for a mesh or terrain, DCD_ERR_LIMIT when the world has given 4,294,967,295
 // ids, DCD_ERR_UNSUPPORTED for a fixed avatar, one of DCD_KINEMATIC_POSE or with thresholds of sleep, and for a node,
 // DCD_ERR_NETWORK when its link is gone.
 DCD_API
@@ -2790,7 +2838,7 @@ DcdStatus dcd_body_set_pose(DcdWorld world,
 // bodies; the next dcd_step asks for it.
 //
 // Errors: DCD_ERR_UNSUPPORTED for a body that this process may not drive, DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for
-// numbers out of range, a dynamic body above DcdWorldDef.speed_limit, a fixed body or one that follows poses.
+// numbers out of range, a dynamic body above DcdWorldInfo.speed_limit, a fixed body or one that follows poses.
 DCD_API DcdStatus dcd_body_set_velocity(DcdWorld world, DcdBodyId body, const DcdVelocity *velocity);
 
 // Sets the kinematic target of a body of type DCD_KINEMATIC_POSE: the pose that it has after the next step. What it touches feels the
@@ -3244,7 +3292,8 @@ DCD_API DcdStatus dcd_settings(DcdWorld world, DcdSettings *out);
 
 // Changes how a world is stepped, from the next dcd_step on: read it by dcd_settings, change members, and give it back. Bodies that sleep are
 // woken if gravity changes. It is saved with the world. A served world keeps the settings with which its server was made, and is stepped
-// by Rapier's own parameters: of a world that is to be a server's source, change only gravity, dt, solver_iterations and tolerance.
+// by Rapier's own parameters: of a world that is to be a server's source, change only gravity, dt, solver_iterations, tolerance and
+// speed_limit.
 //
 // `settings` is read during the call.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range (then nothing is changed),
@@ -3577,6 +3626,17 @@ DcdStatus dcd_cast_ray_each(DcdWorld world,
                             DcdRayFn function,
                             void *context);
 
+// Calls `function` with every body that one shape meets which moves straight, a collider of it once, in no order that is promised, until it
+// has enough: for a way on which a rule of yours says what stops the shape.
+//
+// `cast` and `filter` are read during the call. Errors: as dcd_cast_shapes; DCD_ERR_ARGUMENT also for a cast that turns.
+DCD_API
+DcdStatus dcd_cast_shape_each(DcdWorld world,
+                              const DcdShapeCast *cast,
+                              const DcdFilter *filter,
+                              DcdShapeCastFn function,
+                              void *context);
+
 // Calls `function` with every body that a shape overlaps, a collider of it once, in no order that is promised, until it has enough: to know
 // whether a place is free, one is.
 //
@@ -3765,13 +3825,25 @@ DCD_API DcdStatus dcd_stats(DcdWorld world, DcdStats *out);
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `needed` is written all the same and `buf` is not).
 DCD_API DcdStatus dcd_stats_text(DcdWorld world, char *buf, size_t cap, size_t *needed);
 
+// Checks what must hold in a local world between two steps, for tests and reports of bugs: that each body has one owner, that owners and
+// regions agree on who holds what, that parts of masses add up, that numbers are finite. Writes what does not, one finding per line,
+// NUL-terminated, into `buf` of `cap` bytes; `needed` receives the size with NUL: 1 as long as all is well, and in a served world, which has
+// nothing to check here. `buf` may be null with `cap` 0, to ask for the size. It costs a look at every body.
+//
+// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `needed` is written all the same and `buf` is not).
+DCD_API
+DcdStatus dcd_validate(DcdWorld world,
+                       char *buf,
+                       size_t cap,
+                       size_t *needed);
+
 // Hashes the pose and velocity of every movable body to one number: equal worlds, equal numbers, whatever the number of
 // threads.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED in a served world.
 DCD_API DcdStatus dcd_state_hash(DcdWorld world, uint64_t *out);
 
-// Reads what the last dcd_step of a local world took by phase; all is 0 before the first, and of regions that rested.
+// Reads what the last dcd_step of a local world took by phase, 0 before the first and of regions that rested, and what there is now.
 //
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED in a served world, of which dcd_stats tells the wall time of taking in
 // what came and the bytes of the network.
@@ -3985,7 +4057,7 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
 
 /* Ten seconds of patience, no identity file; one thread per core. */
 #define DCD_CLIENT_DEF_INIT \
-    { (uint32_t)sizeof(DcdClientDef), 10000, NULL, NULL, NULL, 0, { 0.0, 0.0, 0.0 }, 0.0 }
+    { (uint32_t)sizeof(DcdClientDef), 10000, NULL, NULL, NULL, 0, { 0.0, 0.0, 0.0 }, 0.0, 0, 0 }
 #define DCD_PARTICIPANT_DEF_INIT \
     { (uint32_t)sizeof(DcdParticipantDef), 10000, NULL, NULL, NULL, 0, 0, 0, { 0.0, 0.0, 0.0 }, 0.0, NULL, NULL }
 
@@ -3995,7 +4067,7 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
     { (uint32_t)sizeof(DcdGroupDef), 0, 0.0f, 0.0f, 0.1f, 32 }
 #define DCD_SERVER_DEF_INIT \
     { (uint32_t)sizeof(DcdServerDef), 1, NULL, NULL, 0, NULL, { 0 }, NULL, "127.0.0.1:0", NULL, 0, \
-      20.0f, 0, 0, 3, 0.0f, NULL, NULL, NULL }
+      20.0f, 0, 0, 3, 0.0f, NULL, NULL, NULL, 3600.0f, 0 }
 #define DCD_NODE_DEF_INIT \
     { (uint32_t)sizeof(DcdNodeDef), 10000, NULL, NULL, NULL, NULL, 0, 0, 0, NULL, NULL, NULL }
 
@@ -4014,7 +4086,7 @@ DCD_API DcdStatus dcd_snapshot_load_file(DcdWorld world, const char *path);
 #define DCD_FIDELITY_REPORT_INIT \
     { (uint32_t)sizeof(DcdFidelityReport), 0.0f, 0.0f, 0.0f, 0.0, 0, 0, { 0, 0, 0 }, 0 }
 #define DCD_PROFILE_INIT \
-    { (uint32_t)sizeof(DcdProfile), 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 0, 0, 0 }
+    { (uint32_t)sizeof(DcdProfile), 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 0, 0, 0, 0, 0 }
 /* No function is asked. */
 #define DCD_HOOKS_INIT { (uint32_t)sizeof(DcdHooks), 0, NULL, NULL, NULL, NULL }
 #define DCD_TASKS_INIT { (uint32_t)sizeof(DcdTasks), 0, NULL, NULL, NULL }
@@ -4106,7 +4178,7 @@ DCD_ASSERT_(offsetof(DcdWorldInfo, gravity) == 32);
 DCD_ASSERT_(offsetof(DcdWorldInfo, client) == 44);
 DCD_ASSERT_(offsetof(DcdWorldInfo, speed_limit) == 48);
 DCD_ASSERT_(offsetof(DcdWorldInfo, reserved) == 52);
-DCD_ASSERT_(sizeof(DcdClientDef) == 72);
+DCD_ASSERT_(sizeof(DcdClientDef) == 80);
 DCD_ASSERT_(offsetof(DcdClientDef, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdClientDef, timeout_ms) == 4);
 DCD_ASSERT_(offsetof(DcdClientDef, server) == 8);
@@ -4115,6 +4187,8 @@ DCD_ASSERT_(offsetof(DcdClientDef, identity_path) == 24);
 DCD_ASSERT_(offsetof(DcdClientDef, user_data) == 32);
 DCD_ASSERT_(offsetof(DcdClientDef, interest_centre) == 40);
 DCD_ASSERT_(offsetof(DcdClientDef, interest_radius) == 64);
+DCD_ASSERT_(offsetof(DcdClientDef, give_up_ms) == 72);
+DCD_ASSERT_(offsetof(DcdClientDef, reserved) == 76);
 DCD_ASSERT_(sizeof(DcdParticipantDef) == 96);
 DCD_ASSERT_(offsetof(DcdParticipantDef, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdParticipantDef, timeout_ms) == 4);
@@ -4123,7 +4197,7 @@ DCD_ASSERT_(offsetof(DcdParticipantDef, token) == 16);
 DCD_ASSERT_(offsetof(DcdParticipantDef, identity_path) == 24);
 DCD_ASSERT_(offsetof(DcdParticipantDef, user_data) == 32);
 DCD_ASSERT_(offsetof(DcdParticipantDef, threads) == 40);
-DCD_ASSERT_(offsetof(DcdParticipantDef, reserved) == 44);
+DCD_ASSERT_(offsetof(DcdParticipantDef, give_up_ms) == 44);
 DCD_ASSERT_(offsetof(DcdParticipantDef, interest_centre) == 48);
 DCD_ASSERT_(offsetof(DcdParticipantDef, interest_radius) == 72);
 DCD_ASSERT_(offsetof(DcdParticipantDef, record_path) == 80);
@@ -4135,7 +4209,7 @@ DCD_ASSERT_(offsetof(DcdGroupDef, near_ms) == 8);
 DCD_ASSERT_(offsetof(DcdGroupDef, far_ms) == 12);
 DCD_ASSERT_(offsetof(DcdGroupDef, agree) == 16);
 DCD_ASSERT_(offsetof(DcdGroupDef, size) == 20);
-DCD_ASSERT_(sizeof(DcdServerDef) == 128);
+DCD_ASSERT_(sizeof(DcdServerDef) == 136);
 DCD_ASSERT_(offsetof(DcdServerDef, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdServerDef, nodes) == 4);
 DCD_ASSERT_(offsetof(DcdServerDef, scene) == 8);
@@ -4155,6 +4229,8 @@ DCD_ASSERT_(offsetof(DcdServerDef, verify) == 100);
 DCD_ASSERT_(offsetof(DcdServerDef, metrics) == 104);
 DCD_ASSERT_(offsetof(DcdServerDef, directory) == 112);
 DCD_ASSERT_(offsetof(DcdServerDef, record_path) == 120);
+DCD_ASSERT_(offsetof(DcdServerDef, avatar_expiry) == 128);
+DCD_ASSERT_(offsetof(DcdServerDef, reserved) == 132);
 DCD_ASSERT_(sizeof(DcdNodeDef) == 80);
 DCD_ASSERT_(offsetof(DcdNodeDef, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdNodeDef, timeout_ms) == 4);
@@ -4164,7 +4240,7 @@ DCD_ASSERT_(offsetof(DcdNodeDef, identity_path) == 24);
 DCD_ASSERT_(offsetof(DcdNodeDef, listen) == 32);
 DCD_ASSERT_(offsetof(DcdNodeDef, user_data) == 40);
 DCD_ASSERT_(offsetof(DcdNodeDef, threads) == 48);
-DCD_ASSERT_(offsetof(DcdNodeDef, reserved) == 52);
+DCD_ASSERT_(offsetof(DcdNodeDef, give_up_ms) == 52);
 DCD_ASSERT_(offsetof(DcdNodeDef, record_path) == 56);
 DCD_ASSERT_(offsetof(DcdNodeDef, metrics) == 64);
 DCD_ASSERT_(offsetof(DcdNodeDef, advertise) == 72);
@@ -4336,7 +4412,7 @@ DCD_ASSERT_(offsetof(DcdSettings, solver_iterations) == 4);
 DCD_ASSERT_(offsetof(DcdSettings, gravity) == 8);
 DCD_ASSERT_(offsetof(DcdSettings, dt) == 20);
 DCD_ASSERT_(offsetof(DcdSettings, length_unit) == 24);
-DCD_ASSERT_(offsetof(DcdSettings, max_speed) == 28);
+DCD_ASSERT_(offsetof(DcdSettings, speed_limit) == 28);
 DCD_ASSERT_(offsetof(DcdSettings, contact_frequency) == 32);
 DCD_ASSERT_(offsetof(DcdSettings, contact_damping) == 36);
 DCD_ASSERT_(offsetof(DcdSettings, static_frequency) == 40);
@@ -4349,7 +4425,7 @@ DCD_ASSERT_(offsetof(DcdSettings, internal_iterations) == 64);
 DCD_ASSERT_(offsetof(DcdSettings, ccd_substeps) == 68);
 DCD_ASSERT_(offsetof(DcdSettings, tolerance) == 72);
 DCD_ASSERT_(offsetof(DcdSettings, reserved) == 76);
-DCD_ASSERT_(sizeof(DcdProfile) == 96);
+DCD_ASSERT_(sizeof(DcdProfile) == 112);
 DCD_ASSERT_(offsetof(DcdProfile, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdProfile, reserved) == 4);
 DCD_ASSERT_(offsetof(DcdProfile, rapier) == 8);
@@ -4363,6 +4439,8 @@ DCD_ASSERT_(offsetof(DcdProfile, contact_pairs) == 64);
 DCD_ASSERT_(offsetof(DcdProfile, contacts) == 72);
 DCD_ASSERT_(offsetof(DcdProfile, awake) == 80);
 DCD_ASSERT_(offsetof(DcdProfile, joints) == 88);
+DCD_ASSERT_(offsetof(DcdProfile, islands_awake) == 96);
+DCD_ASSERT_(offsetof(DcdProfile, memory) == 104);
 DCD_ASSERT_(sizeof(DcdViewpoint) == 32);
 DCD_ASSERT_(offsetof(DcdViewpoint, at) == 0);
 DCD_ASSERT_(offsetof(DcdViewpoint, radius) == 24);

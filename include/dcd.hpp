@@ -514,6 +514,11 @@ public:
             return dcd_stats_text(world_, out, cap, needed);
         });
     }
+    /* What does not hold in the world, one finding per line: empty as long as all is well. */
+    Result<std::string> validate() const
+    {
+        return text([&](char *out, std::size_t cap, std::size_t *needed) { return dcd_validate(world_, out, cap, needed); });
+    }
     Result<std::uint64_t> state_hash() const
     {
         return got<std::uint64_t>([&](std::uint64_t *out) { return dcd_state_hash(world_, out); });
@@ -621,6 +626,20 @@ public:
         return got<ShapeId>([&](ShapeId *out) {
             return dcd_shape_heightfield(world_, heights.data(), fits ? rows : 0, columns, scale.data(), out);
         });
+    }
+    /* The ground behind a plane through its origin. */
+    Result<ShapeId> shape_half_space(const Vec3 &normal)
+    {
+        return got<ShapeId>([&](ShapeId *out) { return dcd_shape_half_space(world_, normal.data(), out); });
+    }
+    Result<ShapeId> shape_segment(const Vec3 &a, const Vec3 &b)
+    {
+        return got<ShapeId>([&](ShapeId *out) { return dcd_shape_segment(world_, a.data(), b.data(), out); });
+    }
+    /* A box, cylinder, cone or hull with edges and corners of this radius, grown by it. */
+    Result<ShapeId> shape_round(ShapeId shape, float border)
+    {
+        return got<ShapeId>([&](ShapeId *out) { return dcd_shape_round(world_, shape, border, out); });
     }
     /* DCD_ERR_ARGUMENT also when there are not as many frames as parts. */
     Result<ShapeId> shape_compound(Span<const ShapeId> parts, Span<const Frame> frames)
@@ -970,6 +989,12 @@ public:
     {
         const auto call = [](void *context, const DcdRayHit *hit) -> float { return (*static_cast<Meet *>(context))(*hit); };
         return Status(dcd_cast_ray_each(world_, &ray, &filter, call, std::addressof(meet)));
+    }
+    /* `meet` takes a const ShapeHit & and returns how much of its way the shape goes from then on; see DcdShapeCastFn. */
+    template <class Meet> Status cast_shape_each(const ShapeCast &cast, Meet meet, const Filter &filter = {}) const
+    {
+        const auto call = [](void *context, const DcdShapeHit *hit) -> float { return (*static_cast<Meet *>(context))(*hit); };
+        return Status(dcd_cast_shape_each(world_, &cast, &filter, call, std::addressof(meet)));
     }
     /* `meet` takes a const Overlap & and returns whether to go on; see DcdOverlapFn. */
     template <class Meet> Status overlap_shape_each(const ShapeQuery &shape, Meet meet, const Filter &filter = {}) const

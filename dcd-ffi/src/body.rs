@@ -15,7 +15,7 @@ use crate::handle::stale;
 use crate::ids::{DcdBodyId, DcdWorld};
 use crate::pointer::{self, Out};
 use crate::properties::{DcdBodyProperties, recorded_kind};
-use crate::registry::{World, find, with};
+use crate::registry::{World, ask, find, with};
 use crate::shape;
 use crate::status::{DcdStatus, Failure};
 use crate::types::{
@@ -41,7 +41,7 @@ pub unsafe extern "C" fn dcd_body_create(
 ///
 /// `defs` is read during the call.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, more
-/// than DCD_MAX_ITEMS bodies, a dynamic body without mass or faster than DcdWorldDef.speed_limit, and of an avatar for a mesh or terrain, DCD_ERR_LIMIT when the world has given 4,294,967,295
+/// than DCD_MAX_ITEMS bodies, a dynamic body without mass or faster than DcdWorldInfo.speed_limit, and of an avatar for a mesh or terrain, DCD_ERR_LIMIT when the world has given 4,294,967,295
 /// ids, DCD_ERR_UNSUPPORTED for a fixed avatar, one of DCD_KINEMATIC_POSE or with thresholds of sleep, and for a node,
 /// DCD_ERR_NETWORK when its link is gone.
 #[unsafe(no_mangle)]
@@ -308,7 +308,7 @@ fn remove(world: &mut World, id: BodyId) -> Result<(), Failure> {
 /// world answers DCD_ERR_PANIC.
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_body_is_valid(world: DcdWorld, body: DcdBodyId) -> bool {
-    guard_value(false, || with(world, |world| find(world, body)).is_ok())
+    guard_value(false, || ask(world, |world| find(world, body)).is_ok())
 }
 
 /// Finds the body that the world numbered `index` when it was made: body i of a scene, or the i-th that was created.
@@ -319,7 +319,7 @@ pub unsafe extern "C" fn dcd_body_at(world: DcdWorld, index: u32, out: *mut DcdB
     guard("dcd_body_at", || {
         // SAFETY: the caller vouches for `out`.
         let out = unsafe { Out::new(out, "out")? };
-        with(world, |world| {
+        ask(world, |world| {
             let id = BodyId::persistent(index);
             if !world.dcd.contains(id) {
                 world.dcd.sees("see the bodies of its world")?;

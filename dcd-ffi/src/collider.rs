@@ -11,7 +11,7 @@ use rapier3d::prelude::{
 use crate::guard::guard;
 use crate::ids::{DcdBodyId, DcdShapeId, DcdWorld};
 use crate::pointer::{self, Out, Sized32, check_bits, check_fraction, check_not_negative};
-use crate::registry::{self, World, with};
+use crate::registry::{self, World, ask, with};
 use crate::shape;
 use crate::status::{DcdStatus, Failure};
 use crate::types::{
@@ -323,7 +323,7 @@ pub unsafe extern "C" fn dcd_collider_properties(
     guard("dcd_collider_properties", || {
         // SAFETY: the caller vouches for `out`.
         let out = unsafe { Out::sized(out, "out")? };
-        with(world, |world| {
+        ask(world, |world| {
             out.write(read(world, body, collider)?);
             Ok(())
         })

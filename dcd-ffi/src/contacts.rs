@@ -7,7 +7,7 @@ use crate::guard::guard;
 use crate::ids::{DcdBodyId, DcdWorld};
 use crate::material::material;
 use crate::pointer::Room;
-use crate::registry::{World, find, with};
+use crate::registry::{World, ask, find};
 use crate::status::DcdStatus;
 
 /// A point at which two bodies touch, or are about to.
@@ -55,7 +55,7 @@ pub unsafe extern "C" fn dcd_body_contacts(
     guard("dcd_body_contacts", || {
         // SAFETY: the caller vouches for `cap` entries and for `count`.
         let out = unsafe { Room::new(out, cap, count, ["out", "count"])? };
-        with(world, |world| {
+        ask(world, |world| {
             let points = world.dcd.contact_points(find(world, body)?)?;
             out.fill(points.iter().map(|point| contact_point(world, point)))
         })

@@ -5,7 +5,7 @@ use dcd::{Fidelity, Viewpoint};
 use crate::guard::guard;
 use crate::ids::DcdWorld;
 use crate::pointer::{self, Out, Sized32, check_point};
-use crate::registry::with;
+use crate::registry::{ask, with};
 use crate::status::{DcdStatus, Failure};
 
 /// How much of a world is computed in full: regions that nobody looks at may be stepped once per two or four steps.
@@ -121,7 +121,7 @@ pub unsafe extern "C" fn dcd_fidelity_report(world: DcdWorld, out: *mut DcdFidel
     guard("dcd_fidelity_report", || {
         // SAFETY: the caller vouches for the pointer.
         let out = unsafe { Out::sized(out, "out")? };
-        with(world, |world| {
+        ask(world, |world| {
             let report = world.dcd.fidelity_report();
             let share_of_full_time = report.map_or(1.0, |report| report.share_of_full_time);
             let report = report.unwrap_or_default();

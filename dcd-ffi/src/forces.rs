@@ -7,7 +7,7 @@ use crate::ids::{DcdBodyId, DcdWorld};
 use crate::pointer::{
     self, Out, Room, Sized32, check_not_negative, check_numbers, check_point, check_reserved,
 };
-use crate::registry::{find, with};
+use crate::registry::{ask, find, with};
 use crate::status::{DcdStatus, Failure};
 
 /// An explosion. Start from DCD_EXPLOSION_INIT and give its centre. It may grow at its end.
@@ -173,7 +173,7 @@ pub unsafe extern "C" fn dcd_sensor_bodies(
     guard("dcd_sensor_bodies", || {
         // SAFETY: the caller vouches for `cap` entries and for `count`.
         let out = unsafe { Room::new(out, cap, count, ["out", "count"])? };
-        with(world, |world| {
+        ask(world, |world| {
             let inside = world.dcd.inside((find(world, body)?, collider as usize))?;
             out.fill(inside.iter().map(|&body| world.mark.body(body)))
         })

@@ -12,7 +12,7 @@ use dcd::protocol::{Area, WORLD_REACH_M};
 use crate::guard::guard;
 use crate::ids::{DcdBodyId, DcdWorld};
 use crate::pointer::{self, Out, Room, Sized32, check_point};
-use crate::registry::{self, with};
+use crate::registry::{self, ask};
 use crate::status::{DCD_ERR_NETWORK, DCD_ERR_NULL, DCD_ERR_TIMEOUT, DcdStatus, Failure};
 use crate::world;
 
@@ -40,6 +40,10 @@ pub struct DcdClientDef {
     /// comes there, or where dcd_interest_set moves it to, appears (DCD_BODY_APPEARED). 0: you are told the whole world, whatever
     /// your interest is later on.
     pub interest_radius: f64,
+    /// Milliseconds that the server may be out of reach later on, before dcd_step gives up; 0 is 30,000.
+    pub give_up_ms: u32,
+    /// 0.
+    pub reserved: u32,
 }
 
 /// The definition of a participant that joins a served world. Start from DCD_PARTICIPANT_DEF_INIT and give at least server and token.
@@ -60,8 +64,8 @@ pub struct DcdParticipantDef {
     pub user_data: u64,
     /// Threads that compute its share, 1 to 1024; 0 is one per core.
     pub threads: u32,
-    /// 0.
-    pub reserved: u32,
+    /// As in DcdClientDef.
+    pub give_up_ms: u32,
     /// As in DcdClientDef.
     pub interest_centre: [f64; 3],
     /// As in DcdClientDef.
@@ -93,7 +97,7 @@ unsafe impl Sized32 for DcdParticipantDef {
 /// - dcd_body_set_velocity sets the speed of an avatar, dcd_body_set_pose lets it jump; the next dcd_step sends this input. The
 ///   server may set a limit to speed and refuse by DCD_BODY_REFUSED.
 /// - dcd_step takes in what has come since the last, and returns at once: call it as often as dt says. A server that is out of
-///   reach is dialled again for half a minute: meanwhile the world goes on as long as nodes compute it, avatars can be
+///   reach is dialled again for half a minute (DcdClientDef.give_up_ms): meanwhile the world goes on as long as nodes compute it, avatars can be
 ///   moved, and those that are created or destroyed are so once the server is back. After that, or when the world has ended,
 ///   it returns DCD_ERR_NETWORK, each time; the world can be read still, and must be destroyed.
 /// - The bodies that are there on joining are not told of: list them once by dcd_bodies, and follow dcd_events from then on.
@@ -113,8 +117,9 @@ pub unsafe extern "C" fn dcd_client_connect(def: *const DcdClientDef, out: *mut 
         // SAFETY: the caller vouches for both pointers and for the texts.
         let (entry, out) = unsafe {
             let def = pointer::read_sized(def, "def")?;
+            pointer::check_reserved(def.reserved)?;
             let entry = Entry::read(def.server, def.token, def.identity_path, def.timeout_ms, def.user_data)?;
-            let entry = entry.near(&def.interest_centre, def.interest_radius)?;
+            let entry = entry.near(&def.interest_centre, def.interest_radius)?.patient(def.give_up_ms);
             (entry, Out::new(out, "out")?)
         };
         entry.enter(1, out, Dcd::connect)
@@ -135,9 +140,8 @@ pub unsafe extern "C" fn dcd_participant_join(
         // SAFETY: the caller vouches for both pointers and for the texts.
         let (entry, threads, out) = unsafe {
             let def = pointer::read_sized(def, "def")?;
-            pointer::check_reserved(def.reserved)?;
             let entry = Entry::read(def.server, def.token, def.identity_path, def.timeout_ms, def.user_data)?;
-            let entry = entry.near(&def.interest_centre, def.interest_radius)?;
+            let entry = entry.near(&def.interest_centre, def.interest_radius)?.patient(def.give_up_ms);
             let entry = entry.recorded(def.record_path)?.measured(def.metrics)?;
             (entry, def.threads, Out::new(out, "out")?)
         };
@@ -162,7 +166,7 @@ pub unsafe extern "C" fn dcd_own_avatars(
     guard("dcd_own_avatars", || {
         // SAFETY: the caller vouches for `cap` entries and for `count`.
         let out = unsafe { Room::new(out, cap, count, ["out", "count"])? };
-        with(world, |world| {
+        ask(world, |world| {
             let avatars = world.dcd.own_avatars();
             out.fill(avatars.into_iter().map(|id| world.mark.body(id)))
         })
@@ -175,6 +179,7 @@ pub(crate) struct Entry {
     token: String,
     identity: Option<PathBuf>,
     timeout: Duration,
+    give_up: Option<Duration>,
     user_data: u64,
     interest: Option<Area>,
     record: Option<PathBuf>,
@@ -202,12 +207,19 @@ impl Entry {
                     Some(pointer::text(identity, "identity_path")?.into())
                 },
                 timeout: Duration::from_millis(if timeout_ms == 0 { 10_000 } else { timeout_ms.into() }),
+                give_up: None,
                 user_data,
                 interest: None,
                 record: None,
                 metrics: None,
             })
         }
+    }
+
+    /// Gives up once the server is out of reach for so long, unless it is 0.
+    pub(crate) fn patient(self, give_up_ms: u32) -> Self {
+        let give_up = (give_up_ms > 0).then(|| Duration::from_millis(give_up_ms.into()));
+        Self { give_up, ..self }
     }
 
     /// Records what is computed here, unless the path is null.
@@ -277,7 +289,9 @@ impl Entry {
             let left = (count - i) as u32;
             let mut addresses = servers.iter().filter_map(|found| found.get(i).or(found.last()).copied());
             let Some(server) = addresses.next() else { break };
+            let usual = JoinConfig::new(server, self.token.clone());
             let config = JoinConfig {
+                give_up: self.give_up.unwrap_or(usual.give_up),
                 standbys: addresses.collect(),
                 identity: self.identity.clone(),
                 timeout: deadline.saturating_duration_since(Instant::now()) / left,
@@ -285,7 +299,7 @@ impl Entry {
                 interest: self.interest,
                 record: self.record.clone(),
                 metrics: self.metrics,
-                ..JoinConfig::new(server, self.token.clone())
+                ..usual
             };
             match join(&config).map_err(Failure::from) {
                 // Nobody answers there.

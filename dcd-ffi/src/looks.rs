@@ -7,7 +7,7 @@ use crate::collider;
 use crate::guard::guard;
 use crate::ids::{DcdBodyId, DcdShapeId, DcdWorld};
 use crate::pointer::{Out, Room, Sized32};
-use crate::registry::{World, find, missing, with};
+use crate::registry::{World, ask, find, missing, with};
 use crate::shape;
 use crate::shape_info::frame_of;
 use crate::status::{DcdStatus, Failure};
@@ -55,7 +55,7 @@ pub unsafe extern "C" fn dcd_bodies(
     guard("dcd_bodies", || {
         // SAFETY: the caller vouches for `cap` entries and for `count`.
         let out = unsafe { Room::new(out, cap, count, ["out", "count"])? };
-        with(world, |world| {
+        ask(world, |world| {
             world.dcd.sees("see the bodies of its world")?;
             out.fill(world.dcd.bodies().into_iter().map(|id| world.mark.body(id)))
         })
@@ -75,7 +75,7 @@ pub unsafe extern "C" fn dcd_body_extent(
     guard("dcd_body_extent", || {
         // SAFETY: the caller vouches for the pointer.
         let out = unsafe { Out::sized(out, "out")? };
-        with(world, |world| {
+        ask(world, |world| {
             let extent = world.dcd.extent(find(world, body)?).ok_or_else(|| missing(world, body))?;
             out.write(DcdBodyExtent {
                 struct_size: size_of::<DcdBodyExtent>() as u32,

@@ -7,7 +7,7 @@ use crate::ids::{DcdBodyId, DcdWorld};
 use crate::limits::DCD_MAX_NUMBER;
 use crate::pointer::{self, Out, Sized32, check_point};
 use crate::properties::type_of;
-use crate::registry::{World, find, missing, with};
+use crate::registry::{World, ask, find, missing, with};
 use crate::status::{DcdStatus, Failure};
 use crate::types::{DCD_NO_REGION, DcdBodyType, DcdPose, DcdVelocity, check_pose, check_velocity};
 
@@ -55,7 +55,7 @@ pub unsafe extern "C" fn dcd_body_info(world: DcdWorld, body: DcdBodyId, out: *m
     guard("dcd_body_info", || {
         // SAFETY: the caller vouches for `out`.
         let out = unsafe { Out::sized(out, "out")? };
-        with(world, |world| {
+        ask(world, |world| {
             let id = world.mark.body_id(body)?;
             let view = view(world, body)?;
             let record = world.dcd.record(id).ok_or_else(|| missing(world, body))?;
@@ -94,7 +94,7 @@ pub unsafe extern "C" fn dcd_body_get(
         // SAFETY: the caller vouches for what is not null.
         let (pose, velocity) =
             unsafe { (Out::optional(pose, "pose")?, Out::optional(velocity, "velocity")?) };
-        with(world, |world| {
+        ask(world, |world| {
             let id = world.mark.body_id(body)?;
             let missing = || missing(world, body);
             match (pose, velocity) {
@@ -171,7 +171,7 @@ pub unsafe extern "C" fn dcd_body_set_pose(
 /// bodies; the next dcd_step asks for it.
 ///
 /// Errors: DCD_ERR_UNSUPPORTED for a body that this process may not drive, DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for
-/// numbers out of range, a dynamic body above DcdWorldDef.speed_limit, a fixed body or one that follows poses.
+/// numbers out of range, a dynamic body above DcdWorldInfo.speed_limit, a fixed body or one that follows poses.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_body_set_velocity(
     world: DcdWorld,

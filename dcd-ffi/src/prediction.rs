@@ -3,7 +3,7 @@
 use crate::guard::guard;
 use crate::ids::DcdWorld;
 use crate::pointer::{Out, Sized32};
-use crate::registry::with;
+use crate::registry::{ask, with};
 use crate::status::{DcdStatus, Failure};
 
 /// What a client predicts, and how often it was wrong. Start from DCD_PREDICTION_INIT.
@@ -56,7 +56,7 @@ pub unsafe extern "C" fn dcd_prediction(world: DcdWorld, out: *mut DcdPrediction
     guard("dcd_prediction", || {
         // SAFETY: the caller vouches for the pointer.
         let out = unsafe { Out::sized(out, "out")? };
-        with(world, |world| {
+        ask(world, |world| {
             let prediction = world.dcd.prediction().unwrap_or_default();
             out.write(DcdPrediction {
                 struct_size: size_of::<DcdPrediction>() as u32,

@@ -3,7 +3,7 @@
 use crate::guard::guard;
 use crate::ids::DcdWorld;
 use crate::pointer::{Out, Sized32};
-use crate::registry::with;
+use crate::registry::ask;
 use crate::status::DcdStatus;
 
 /// What the last step took, in seconds, and what was computed in it: sums over all regions, which compute side by side, so that times may be more
@@ -37,6 +37,10 @@ pub struct DcdProfile {
     pub awake: u64,
     /// Joints, awake or not.
     pub joints: u64,
+    /// Islands that are awake now: groups of bodies that touch or are tied.
+    pub islands_awake: u64,
+    /// Memory that bodies, colliders, contacts and joints take, roughly, bytes: not that of shapes, nor what is kept for the next step.
+    pub memory: u64,
 }
 
 // SAFETY: begins with `struct_size`; every other member is a number.
@@ -44,7 +48,7 @@ unsafe impl Sized32 for DcdProfile {
     const NAME: &'static str = "DcdProfile";
 }
 
-/// Reads what the last dcd_step of a local world took by phase; all is 0 before the first, and of regions that rested.
+/// Reads what the last dcd_step of a local world took by phase, 0 before the first and of regions that rested, and what there is now.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED in a served world, of which dcd_stats tells the wall time of taking in
 /// what came and the bytes of the network.
@@ -53,7 +57,7 @@ pub unsafe extern "C" fn dcd_profile(world: DcdWorld, out: *mut DcdProfile) -> D
     guard("dcd_profile", || {
         // SAFETY: the caller vouches for the pointer.
         let out = unsafe { Out::sized(out, "out")? };
-        with(world, |world| {
+        ask(world, |world| {
             let profile = world.dcd.profile()?;
             out.write(DcdProfile {
                 struct_size: size_of::<DcdProfile>() as u32,
@@ -69,6 +73,8 @@ pub unsafe extern "C" fn dcd_profile(world: DcdWorld, out: *mut DcdProfile) -> D
                 contacts: profile.contacts as u64,
                 awake: profile.awake as u64,
                 joints: profile.joints as u64,
+                islands_awake: profile.islands_awake as u64,
+                memory: profile.memory_bytes as u64,
             });
             Ok(())
         })

@@ -9,7 +9,7 @@ use rapier3d::prelude::*;
 use crate::guard::guard;
 use crate::ids::{DcdBodyId, DcdWorld};
 use crate::pointer::{self, Out, Sized32, check_bits, check_not_negative, check_numbers, check_reserved};
-use crate::registry::{World, missing, with};
+use crate::registry::{World, ask, missing, with};
 use crate::status::{DcdStatus, Failure};
 use crate::types::{
     DCD_BODY_CCD, DCD_BODY_DISABLED, DCD_BODY_FAST_SPIN, DCD_BODY_NO_GYRO, DCD_BODY_NO_SLEEP, DCD_DYNAMIC,
@@ -368,7 +368,7 @@ pub unsafe extern "C" fn dcd_body_properties(
     guard("dcd_body_properties", || {
         // SAFETY: the caller vouches for `out`.
         let out = unsafe { Out::sized(out, "out")? };
-        with(world, |world| {
+        ask(world, |world| {
             out.write(DcdBodyProperties::of(&read(world, body)?.1));
             Ok(())
         })

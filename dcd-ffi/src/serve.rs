@@ -14,7 +14,7 @@ use crate::guard::guard;
 use crate::ids::DcdWorld;
 use crate::join::Entry;
 use crate::pointer::{self, Out, Room, Sized32};
-use crate::registry::{self, with};
+use crate::registry::{self, ask, with};
 use crate::role::{DCD_ROLE_BUILDER, DCD_ROLE_CLIENT, DCD_ROLE_NODE, DCD_ROLE_PARTICIPANT, DcdRole};
 use crate::status::{DCD_ERR_NULL, DCD_ERR_UNSUPPORTED, DcdStatus, Failure};
 use crate::world::{self, DcdWorldDef, Opened};
@@ -93,6 +93,11 @@ pub struct DcdServerDef {
     pub directory: *const c_char,
     /// A file to record to all that the server is given, for `dcd replay`; or null. One that holds something is refused: it may say what went wrong before.
     pub record_path: *const c_char,
+    /// Seconds that the avatars of a client which left wait for its return (DcdClientDef.identity_path) before they are removed, above 0 and up to
+    /// 31,536,000.
+    pub avatar_expiry: f32,
+    /// 0.
+    pub reserved: u32,
 }
 
 /// The definition of a node that joins a served world. Start from DCD_NODE_DEF_INIT and give at least server and token.
@@ -115,8 +120,8 @@ pub struct DcdNodeDef {
     pub user_data: u64,
     /// Threads that compute its share, 1 to 1024; 0 is one per core.
     pub threads: u32,
-    /// 0.
-    pub reserved: u32,
+    /// As in DcdClientDef.
+    pub give_up_ms: u32,
     /// A file to record to all that the node is given, and a digest of each region after each tick, for `dcd replay`; or null. As in DcdServerDef.
     pub record_path: *const c_char,
     /// As in DcdServerDef, of the node.
@@ -205,6 +210,11 @@ pub unsafe extern "C" fn dcd_server_create(def: *const DcdServerDef, out: *mut D
                 "avatar_speed is {speed}; give metres per second up to 100000"
             )));
         }
+        let expiry = def.avatar_expiry;
+        if !(expiry > 0.0 && expiry <= A_YEAR) {
+            return Err(Failure::argument(format!("avatar_expiry is {expiry}; give seconds up to {A_YEAR}")));
+        }
+        pointer::check_reserved(def.reserved)?;
         if def.flags & !(DCD_SERVER_FRESH | DCD_SERVER_UNPACED) != 0 {
             let flags = def.flags;
             return Err(Failure::argument(format!("flags is {flags:#x}; give bits DCD_SERVER_...")));
@@ -217,6 +227,7 @@ pub unsafe extern "C" fn dcd_server_create(def: *const DcdServerDef, out: *mut D
             pace: if def.flags & DCD_SERVER_UNPACED != 0 { Pace::Unpaced } else { Pace::RealTime },
             last_tick: (def.last_tick > 0).then_some(Tick(def.last_tick)),
             avatar_speed_limit: def.avatar_speed,
+            avatar_expiry: Duration::from_secs_f32(expiry),
             state_every: def.state_every,
             verify: def.verify.into(),
             groups,
@@ -305,7 +316,7 @@ pub unsafe extern "C" fn dcd_address(
     guard("dcd_address", || {
         // SAFETY: the caller vouches for `cap` bytes and for `needed`.
         let room = unsafe { Room::new(buf, cap, needed, ["buf", "needed"])? };
-        with(world, |world| fill_text(room, &world.dcd.address()?.to_string()))
+        ask(world, |world| fill_text(room, &world.dcd.address()?.to_string()))
     })
 }
 
@@ -324,7 +335,7 @@ pub unsafe extern "C" fn dcd_metrics_address(
     guard("dcd_metrics_address", || {
         // SAFETY: the caller vouches for `cap` bytes and for `needed`.
         let room = unsafe { Room::new(buf, cap, needed, ["buf", "needed"])? };
-        with(world, |world| {
+        ask(world, |world| {
             let message = "this world answers nowhere with metrics; give `metrics` in the definition of the server, node or participant";
             let found = world.dcd.metrics_address();
             fill_text(room, &found.ok_or_else(|| Failure::new(DCD_ERR_UNSUPPORTED, message))?.to_string())
@@ -345,8 +356,8 @@ pub unsafe extern "C" fn dcd_node_join(def: *const DcdNodeDef, out: *mut DcdWorl
         // SAFETY: the caller vouches for both pointers and for the texts.
         let (entry, (listen, advertise), threads, out) = unsafe {
             let def = pointer::read_sized(def, "def")?;
-            pointer::check_reserved(def.reserved)?;
             let entry = Entry::read(def.server, def.token, def.identity_path, def.timeout_ms, def.user_data)?;
+            let entry = entry.patient(def.give_up_ms);
             let listen = pointer::optional_address(def.listen, "listen")?;
             let advertise = pointer::optional_address(def.advertise, "advertise")?;
             let entry = entry.recorded(def.record_path)?.measured(def.metrics)?;
@@ -358,6 +369,9 @@ pub unsafe extern "C" fn dcd_node_join(def: *const DcdNodeDef, out: *mut DcdWorl
         })
     })
 }
+
+/// Seconds.
+const A_YEAR: f32 = 31_536_000.0;
 
 /// A token is shorter, NUL included.
 const TOKEN_ROOM: usize = 512;

@@ -4,8 +4,9 @@ use dcd::StepSettings;
 
 use crate::guard::guard;
 use crate::ids::DcdWorld;
+use crate::limits::DCD_MAX_NUMBER;
 use crate::pointer::{self, Out, Sized32, check_not_negative, check_numbers, check_reserved};
-use crate::registry::with;
+use crate::registry::{ask, with};
 use crate::status::{DcdStatus, Failure};
 
 /// How a world is stepped. Start from DCD_SETTINGS_INIT and dcd_settings. It may grow at its end.
@@ -21,10 +22,10 @@ pub struct DcdSettings {
     /// Length of a step in seconds, above 0.
     pub dt: f32,
     /// Units of length per metre, above 0: 100 if your numbers are centimetres. It scales the tolerances of the solver, the
-    /// thresholds of sleep, `max_speed` and `max_correction`; gravity, densities and all else are numbers of your units.
+    /// thresholds of sleep and `max_correction`; gravity, `speed_limit`, densities and all else are numbers of your units.
     pub length_unit: f32,
-    /// m/s, 0 or more: faster than so no dynamic body moves.
-    pub max_speed: f32,
+    /// DcdWorldDef.speed_limit: m/s, above 0, up to DCD_MAX_NUMBER.
+    pub speed_limit: f32,
     /// Natural frequency of contacts, 1/s, 0 or more: higher is stiffer.
     pub contact_frequency: f32,
     /// Damping ratio of contacts, 0 or more: higher takes overlaps away more slowly.
@@ -56,6 +57,16 @@ unsafe impl Sized32 for DcdSettings {
     const NAME: &'static str = "DcdSettings";
 }
 
+/// Checks the fastest that dynamic bodies are to move; `or` says what else may be given.
+pub(crate) fn check_speed_limit(limit: f32, or: &str) -> Result<(), Failure> {
+    if limit > 0.0 && limit <= DCD_MAX_NUMBER {
+        return Ok(());
+    }
+    Err(Failure::argument(format!(
+        "speed_limit is {limit}; give m/s above 0, up to DCD_MAX_NUMBER ({DCD_MAX_NUMBER}){or}"
+    )))
+}
+
 /// The most iterations and substeps.
 const MOST: u32 = 1000;
 
@@ -68,7 +79,7 @@ impl DcdSettings {
             gravity: settings.gravity,
             dt: settings.dt_s,
             length_unit: rapier.length_unit,
-            max_speed: rapier.normalized_max_linear_velocity,
+            speed_limit: settings.speed_limit_m_s(),
             contact_frequency: rapier.contact_softness.natural_frequency,
             contact_damping: rapier.contact_softness.damping_ratio,
             static_frequency: rapier.static_contact_softness.natural_frequency,
@@ -97,8 +108,8 @@ impl DcdSettings {
             let given = self.ccd_substeps;
             return Err(Failure::argument(format!("ccd_substeps is {given}; give 0 to {MOST}")));
         }
+        check_speed_limit(self.speed_limit, "")?;
         for (value, name) in [
-            (self.max_speed, "max_speed"),
             (self.contact_frequency, "contact_frequency"),
             (self.contact_damping, "contact_damping"),
             (self.static_frequency, "static_frequency"),
@@ -125,7 +136,6 @@ impl DcdSettings {
         settings.tolerance_m_s = self.tolerance;
         let rapier = &mut settings.integration;
         rapier.length_unit = self.length_unit;
-        rapier.normalized_max_linear_velocity = self.max_speed;
         rapier.contact_softness.natural_frequency = self.contact_frequency;
         rapier.contact_softness.damping_ratio = self.contact_damping;
         rapier.static_contact_softness.natural_frequency = self.static_frequency;
@@ -136,7 +146,7 @@ impl DcdSettings {
         rapier.warmstart_coefficient = self.warm_start;
         rapier.num_internal_pgs_iterations = self.internal_iterations as usize;
         rapier.max_ccd_substeps = self.ccd_substeps as usize;
-        settings
+        settings.with_speed_limit(self.speed_limit)
     }
 }
 
@@ -148,7 +158,7 @@ pub unsafe extern "C" fn dcd_settings(world: DcdWorld, out: *mut DcdSettings) ->
     guard("dcd_settings", || {
         // SAFETY: the caller vouches for the pointer.
         let out = unsafe { Out::sized(out, "out")? };
-        with(world, |world| {
+        ask(world, |world| {
             out.write(DcdSettings::of(&world.dcd.settings()?));
             Ok(())
         })
@@ -157,7 +167,8 @@ pub unsafe extern "C" fn dcd_settings(world: DcdWorld, out: *mut DcdSettings) ->
 
 /// Changes how a world is stepped, from the next dcd_step on: read it by dcd_settings, change members, and give it back. Bodies that sleep are
 /// woken if gravity changes. It is saved with the world. A served world keeps the settings with which its server was made, and is stepped
-/// by Rapier's own parameters: of a world that is to be a server's source, change only gravity, dt, solver_iterations and tolerance.
+/// by Rapier's own parameters: of a world that is to be a server's source, change only gravity, dt, solver_iterations, tolerance and
+/// speed_limit.
 ///
 /// `settings` is read during the call.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range (then nothing is changed),

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use dcd::physics::ShapeLibrary;
 use dcd::protocol::{SHAPE_LEAST_M, SHAPE_REACH_M};
+use rapier3d::parry::shape::{RoundShape, TypedShape};
 use rapier3d::parry::utils::Array2;
 use rapier3d::prelude::{Pose, Rotation, Shape, ShapeType, SharedShape, Vector};
 
@@ -238,6 +239,102 @@ pub unsafe extern "C" fn dcd_shape_heightfield(
         check_sizes(&[(scale[0], "scale[0]"), (scale[1], "scale[1]"), (scale[2], "scale[2]")])?;
         let heights = Array2::new(rows, columns, heights.to_vec());
         add(world, SharedShape::heightfield(heights, Vector::from_array(scale)), out)
+    })
+}
+
+/// Makes a half space: all behind the plane through its origin that `normal` points away from, without end; of any length above 0. It is
+/// ground for fixed bodies, in which nothing falls through: it has no mass and no edge.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for a normal out of range or without length.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_shape_half_space(
+    world: DcdWorld,
+    normal: *const f32,
+    out: *mut DcdShapeId,
+) -> DcdStatus {
+    guard("dcd_shape_half_space", || {
+        // SAFETY: the caller vouches for three floats and for `out`.
+        let (normal, out) =
+            unsafe { (pointer::read(normal.cast::<[f32; 3]>(), "normal")?, Out::new(out, "out")?) };
+        check_numbers(&normal, "normal")?;
+        let Some(normal) = Vector::from_array(normal).try_normalize() else {
+            return Err(Failure::argument(
+                "normal has no length; give the way out of the ground, as 0, 1, 0",
+            ));
+        };
+        add(world, SharedShape::halfspace(normal), out)
+    })
+}
+
+/// Makes a line from `a` to `b`: a wire, an edge. It has no mass by density: use it for fixed bodies, or give them DcdBodyDef.mass.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for points out of range, or nearer to one another than DCD_MIN_SIZE.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_shape_segment(
+    world: DcdWorld,
+    a: *const f32,
+    b: *const f32,
+    out: *mut DcdShapeId,
+) -> DcdStatus {
+    guard("dcd_shape_segment", || {
+        // SAFETY: the caller vouches for three floats each and for `out`.
+        let (a, b, out) = unsafe {
+            (
+                pointer::read(a.cast::<[f32; 3]>(), "a")?,
+                pointer::read(b.cast::<[f32; 3]>(), "b")?,
+                Out::new(out, "out")?,
+            )
+        };
+        check_numbers(&a, "a")?;
+        check_numbers(&b, "b")?;
+        let (a, b) = (Vector::from_array(a), Vector::from_array(b));
+        check_sizes(&[((b - a).length(), "the length from a to b")])?;
+        add(world, SharedShape::segment(a, b), out)
+    })
+}
+
+/// Makes a box, cylinder, cone or hull round: grown by `border` metres on all sides, with edges and corners of that radius (DcdShapeInfo.border).
+/// What rolls over its edges goes smoothly, and hulls touch at more than a corner.
+///
+/// The other shape may be destroyed afterwards.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_ARGUMENT for a border below DCD_MIN_SIZE or out of range, or another kind
+/// of shape, also one that is round already.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_shape_round(
+    world: DcdWorld,
+    shape: DcdShapeId,
+    border: f32,
+    out: *mut DcdShapeId,
+) -> DcdStatus {
+    guard("dcd_shape_round", || {
+        // SAFETY: the caller vouches for `out`.
+        let out = unsafe { Out::new(out, "out")? };
+        check_sizes(&[(border, "border")])?;
+        with(world, |world| {
+            let round = checked(&rounded(find(world, shape)?, border)?)?;
+            let slot = world.shapes.insert(round);
+            out.write(world.mark.shape(slot));
+            Ok(())
+        })
+    })
+}
+
+fn rounded(shape: &SharedShape, border_radius: f32) -> Result<SharedShape, Failure> {
+    Ok(match shape.as_typed_shape() {
+        TypedShape::Cuboid(s) => {
+            let [x, y, z] = s.half_extents.to_array();
+            SharedShape::round_cuboid(x, y, z, border_radius)
+        }
+        TypedShape::Cylinder(s) => SharedShape::round_cylinder(s.half_height, s.radius, border_radius),
+        TypedShape::Cone(s) => SharedShape::round_cone(s.half_height, s.radius, border_radius),
+        TypedShape::ConvexPolyhedron(s) => {
+            SharedShape::new(RoundShape { inner_shape: s.clone(), border_radius })
+        }
+        _ => {
+            return Err(Failure::argument(
+                "the shape is no box, cylinder, cone or hull with sharp edges; make those round",
+            ));
+        }
     })
 }
 

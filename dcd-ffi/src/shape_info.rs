@@ -7,7 +7,7 @@ use rapier3d::prelude::{Pose, Rotation, SharedShape, TypedShape, Vector};
 use crate::guard::guard;
 use crate::ids::{DcdShapeId, DcdWorld};
 use crate::pointer::{Out, Room, Sized32};
-use crate::registry::with;
+use crate::registry::ask;
 use crate::shape;
 use crate::status::DcdStatus;
 use crate::types::DcdFrame;
@@ -84,7 +84,7 @@ pub unsafe extern "C" fn dcd_shape_info(
     guard("dcd_shape_info", || {
         // SAFETY: the caller vouches for the pointer.
         let out = unsafe { Out::sized(out, "out")? };
-        with(world, |world| {
+        ask(world, |world| {
             out.write(info(shape::find(world, shape)?));
             Ok(())
         })
@@ -107,7 +107,7 @@ pub unsafe extern "C" fn dcd_shape_vertices(
     guard("dcd_shape_vertices", || {
         // SAFETY: three floats have the alignment of one; the caller vouches for `cap` of them and for `count`.
         let out = unsafe { Room::new(xyz.cast::<[f32; 3]>(), cap, count, ["xyz", "count"])? };
-        with(world, |world| out.fill(surface(shape::find(world, shape)?).0.into_iter()))
+        ask(world, |world| out.fill(surface(shape::find(world, shape)?).0.into_iter()))
     })
 }
 
@@ -126,7 +126,7 @@ pub unsafe extern "C" fn dcd_shape_triangles(
     guard("dcd_shape_triangles", || {
         // SAFETY: as for vertices.
         let out = unsafe { Room::new(indices.cast::<[u32; 3]>(), cap, count, ["indices", "count"])? };
-        with(world, |world| out.fill(surface(shape::find(world, shape)?).1.into_iter()))
+        ask(world, |world| out.fill(surface(shape::find(world, shape)?).1.into_iter()))
     })
 }
 
@@ -146,7 +146,7 @@ pub unsafe extern "C" fn dcd_shape_heights(
     guard("dcd_shape_heights", || {
         // SAFETY: the caller vouches for `cap` heights and for `count`.
         let out = unsafe { Room::new(heights, cap, count, ["heights", "count"])? };
-        with(world, |world| {
+        ask(world, |world| {
             let field = shape::find(world, shape)?.as_heightfield();
             out.fill(field.map_or(&[][..], |field| field.heights().data()).iter().copied())
         })

@@ -8,7 +8,7 @@ use dcd::World as Dcd;
 use crate::guard::guard;
 use crate::ids::DcdWorld;
 use crate::pointer::{Out, Room, Sized32};
-use crate::registry::with;
+use crate::registry::ask;
 use crate::status::DcdStatus;
 
 /// Counters of a world. Start from DCD_STATS_INIT.
@@ -64,7 +64,7 @@ pub unsafe extern "C" fn dcd_stats(world: DcdWorld, out: *mut DcdStats) -> DcdSt
     guard("dcd_stats", || {
         // SAFETY: the caller vouches for the pointer.
         let out = unsafe { Out::sized(out, "out")? };
-        with(world, |world| {
+        ask(world, |world| {
             let (stats, traffic) = (world.dcd.stats(), world.dcd.traffic());
             out.write(DcdStats {
                 struct_size: size_of::<DcdStats>() as u32,
@@ -103,10 +103,34 @@ pub unsafe extern "C" fn dcd_stats_text(
     guard("dcd_stats_text", || {
         // SAFETY: the caller vouches for `cap` bytes and for `needed`.
         let out = unsafe { Room::new(buf.cast::<u8>(), cap, needed, ["buf", "needed"])? };
-        with(world, |world| {
+        ask(world, |world| {
             let mut text = describe(&world.dcd).into_bytes();
             text.push(0);
             out.fill(text.into_iter())
+        })
+    })
+}
+
+/// Checks what must hold in a local world between two steps, for tests and reports of bugs: that each body has one owner, that owners and
+/// regions agree on who holds what, that parts of masses add up, that numbers are finite. Writes what does not, one finding per line,
+/// NUL-terminated, into `buf` of `cap` bytes; `needed` receives the size with NUL: 1 as long as all is well, and in a served world, which has
+/// nothing to check here. `buf` may be null with `cap` 0, to ask for the size. It costs a look at every body.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `needed` is written all the same and `buf` is not).
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_validate(
+    world: DcdWorld,
+    buf: *mut c_char,
+    cap: usize,
+    needed: *mut usize,
+) -> DcdStatus {
+    guard("dcd_validate", || {
+        // SAFETY: the caller vouches for `cap` bytes and for `needed`.
+        let out = unsafe { Room::new(buf.cast::<u8>(), cap, needed, ["buf", "needed"])? };
+        ask(world, |world| {
+            let found = world.dcd.validate();
+            let text: String = found.iter().map(|finding| format!("{finding}\n")).collect();
+            out.fill(text.bytes().chain([0]).collect::<Vec<_>>().into_iter())
         })
     })
 }
@@ -120,7 +144,7 @@ pub unsafe extern "C" fn dcd_state_hash(world: DcdWorld, out: *mut u64) -> DcdSt
     guard("dcd_state_hash", || {
         // SAFETY: the caller vouches for the pointer.
         let out = unsafe { Out::new(out, "out")? };
-        with(world, |world| {
+        ask(world, |world| {
             out.write(world.dcd.state_hash()?);
             Ok(())
         })

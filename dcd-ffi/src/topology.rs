@@ -6,7 +6,7 @@ use dcd::physics::BorderView;
 use crate::guard::guard;
 use crate::ids::{DcdBodyId, DcdWorld};
 use crate::pointer::{Out, Room, Sized32};
-use crate::registry::{find, with};
+use crate::registry::{ask, find};
 use crate::status::{DcdStatus, Failure};
 use crate::types::DCD_NO_REGION;
 
@@ -97,7 +97,7 @@ pub unsafe extern "C" fn dcd_regions(
     guard("dcd_regions", || {
         // SAFETY: the caller vouches for `cap` entries and for `count`.
         let out = unsafe { Room::new(out, cap, count, ["out", "count"])? };
-        with(world, |world| {
+        ask(world, |world| {
             out.fill(world.dcd.regions().into_iter().map(|region| DcdRegionInfo {
                 region: region.id.0,
                 bodies: region.owned as u32,
@@ -125,7 +125,7 @@ pub unsafe extern "C" fn dcd_borders(
     guard("dcd_borders", || {
         // SAFETY: the caller vouches for `cap` entries and for `count`.
         let out = unsafe { Room::new(out, cap, count, ["out", "count"])? };
-        with(world, |world| out.fill(borders(&world.dcd)?.into_iter()))
+        ask(world, |world| out.fill(borders(&world.dcd)?.into_iter()))
     })
 }
 
@@ -149,7 +149,7 @@ pub unsafe extern "C" fn dcd_body_owner(world: DcdWorld, body: DcdBodyId, out: *
     guard("dcd_body_owner", || {
         // SAFETY: the caller vouches for the pointer.
         let out = unsafe { Out::sized(out, "out")? };
-        with(world, |world| {
+        ask(world, |world| {
             let owner = world.dcd.owner(find(world, body)?);
             let flag = |is: bool, bit: u32| if is { bit } else { 0 };
             out.write(DcdOwner {

@@ -5,7 +5,7 @@ use dcd::ViewTime;
 use crate::guard::guard;
 use crate::ids::{DcdBodyId, DcdWorld};
 use crate::pointer::{self, Out, Sized32, check_reserved};
-use crate::registry::{self, find, with};
+use crate::registry::{self, ask, find, with};
 use crate::state::DcdStateView;
 use crate::status::{DcdStatus, Failure};
 use crate::types::{DcdPose, DcdVelocity};
@@ -88,7 +88,7 @@ pub unsafe extern "C" fn dcd_view_body(
         let (pose, velocity) =
             unsafe { (Out::optional(pose, "pose")?, Out::optional(velocity, "velocity")?) };
         check_tick(tick)?;
-        with(world, |world| {
+        ask(world, |world| {
             let id = find(world, body)?;
             let shown = world.dcd.motion_at(id, tick).ok_or_else(|| registry::missing(world, body))?;
             pose.into_iter().for_each(|pose| pose.write(shown.0.into()));

@@ -9,10 +9,10 @@ use dcd::{Bounds, Params, Partitioning, Scene, World as Dcd, WorldConfig};
 use crate::fidelity::{self, DcdFidelity};
 use crate::guard::{guard, guard_value};
 use crate::ids::DcdWorld;
-use crate::limits::DCD_MAX_NUMBER;
 use crate::pointer::{self, Out, Sized32};
-use crate::registry::{self, add, with};
+use crate::registry::{self, add, ask};
 use crate::role::{DcdRole, number_of};
+use crate::settings::check_speed_limit;
 use crate::status::{DcdStatus, Failure};
 
 /// The coupling: how regions come to consensus on the bodies that they share.
@@ -96,7 +96,7 @@ pub struct DcdWorldDef {
     /// DCD_CUT_... bits: the axes across which `regions` are cut; 0 is all but that of gravity. With `regions` 0 it must be 0.
     pub axes: u32,
     /// The fastest that a dynamic body moves, m/s, up to DCD_MAX_NUMBER; 0 is what the scene says, else 400. What forces and contacts make
-    /// faster is cut to it; a body that is made or set to be faster is refused.
+    /// faster is cut to it; a body that is made or set to be faster is refused. dcd_settings_set changes it.
     pub speed_limit: f32,
     /// DCD_FIDELITY_...: how much of the world is computed in full; dcd_viewpoints_set says where it is looked at from. It goes with the
     /// couplings that share mass: not with DCD_COUPLING_OWNER and _PROXY.
@@ -126,7 +126,7 @@ pub struct DcdWorldInfo {
     pub gravity: [f32; 3],
     /// The number that the server knows this client, builder or participant by, from 1; 0 for all others.
     pub client: u32,
-    /// The fastest that a dynamic body moves, m/s; 0 for a node.
+    /// The fastest that a dynamic body moves, m/s, as dcd_settings_set left it; 0 for a node.
     pub speed_limit: f32,
     /// 0.
     pub reserved: u32,
@@ -209,14 +209,11 @@ fn partitioning(def: &DcdWorldDef) -> Result<Option<Partitioning>, Failure> {
 
 /// Returns the settings with the speed limit that a definition asks for.
 fn limited(step: StepSettings, def: &DcdWorldDef) -> Result<StepSettings, Failure> {
-    let limit = def.speed_limit;
-    match limit == 0.0 {
-        true => Ok(step),
-        false if limit > 0.0 && limit <= DCD_MAX_NUMBER => Ok(step.with_speed_limit(limit)),
-        false => Err(Failure::argument(format!(
-            "speed_limit is {limit}; give m/s above 0, up to DCD_MAX_NUMBER ({DCD_MAX_NUMBER}), or 0 for 400"
-        ))),
+    if def.speed_limit == 0.0 {
+        return Ok(step);
     }
+    check_speed_limit(def.speed_limit, ", or 0 for 400")?;
+    Ok(step.with_speed_limit(def.speed_limit))
 }
 
 /// Creates an empty local world, which this process computes alone. Destroy it with dcd_world_destroy.
@@ -341,7 +338,7 @@ pub unsafe extern "C" fn dcd_world_info(world: DcdWorld, out: *mut DcdWorldInfo)
     guard("dcd_world_info", || {
         // SAFETY: the caller vouches for the pointer.
         let out = unsafe { Out::sized(out, "out")? };
-        with(world, |world| {
+        ask(world, |world| {
             out.write(DcdWorldInfo {
                 struct_size: size_of::<DcdWorldInfo>() as u32,
                 role: number_of(world.dcd.role()),

@@ -71,19 +71,20 @@ fn layouts() -> Vec<Layout> {
         }
         DcdWorldInfo { struct_size, role, tick, user_data, regions, dt, gravity, client, speed_limit, reserved }
         DcdClientDef {
-            struct_size, timeout_ms, server, token, identity_path, user_data, interest_centre, interest_radius
+            struct_size, timeout_ms, server, token, identity_path, user_data, interest_centre, interest_radius,
+            give_up_ms, reserved
         }
         DcdParticipantDef {
-            struct_size, timeout_ms, server, token, identity_path, user_data, threads, reserved, interest_centre,
+            struct_size, timeout_ms, server, token, identity_path, user_data, threads, give_up_ms, interest_centre,
             interest_radius, record_path, metrics
         }
         DcdGroupDef { struct_size, lag_ticks, near_ms, far_ms, agree, size }
         DcdServerDef {
             struct_size, nodes, scene, params, param_count, world, source, groups, listen, data_path, last_tick, avatar_speed,
-            flags, user_data, state_every, verify, metrics, directory, record_path
+            flags, user_data, state_every, verify, metrics, directory, record_path, avatar_expiry, reserved
         }
         DcdNodeDef {
-            struct_size, timeout_ms, server, token, identity_path, listen, user_data, threads, reserved, record_path, metrics,
+            struct_size, timeout_ms, server, token, identity_path, listen, user_data, threads, give_up_ms, record_path, metrics,
             advertise
         }
         DcdBodyDef {
@@ -123,13 +124,13 @@ fn layouts() -> Vec<Layout> {
             struct_size, kind, size, border, frame, vertex_count, triangle_count, rows, columns, parts, reserved
         }
         DcdSettings {
-            struct_size, solver_iterations, gravity, dt, length_unit, max_speed, contact_frequency, contact_damping,
+            struct_size, solver_iterations, gravity, dt, length_unit, speed_limit, contact_frequency, contact_damping,
             static_frequency, static_damping, max_correction, allowed_overlap, contact_margin, warm_start,
             internal_iterations, ccd_substeps, tolerance, reserved
         }
         DcdProfile {
             struct_size, reserved, rapier, broad_phase, narrow_phase, islands, solver, ccd, border, contact_pairs, contacts,
-            awake, joints
+            awake, joints, islands_awake, memory
         }
         DcdViewpoint { at, radius }
         DcdFidelityReport {
@@ -281,7 +282,7 @@ const MACROS: &str = "
 
 /* Ten seconds of patience, no identity file; one thread per core. */
 #define DCD_CLIENT_DEF_INIT \\
-    { (uint32_t)sizeof(DcdClientDef), 10000, NULL, NULL, NULL, 0, { 0.0, 0.0, 0.0 }, 0.0 }
+    { (uint32_t)sizeof(DcdClientDef), 10000, NULL, NULL, NULL, 0, { 0.0, 0.0, 0.0 }, 0.0, 0, 0 }
 #define DCD_PARTICIPANT_DEF_INIT \\
     { (uint32_t)sizeof(DcdParticipantDef), 10000, NULL, NULL, NULL, 0, 0, 0, { 0.0, 0.0, 0.0 }, 0.0, NULL, NULL }
 
@@ -291,7 +292,7 @@ const MACROS: &str = "
     { (uint32_t)sizeof(DcdGroupDef), 0, 0.0f, 0.0f, 0.1f, 32 }
 #define DCD_SERVER_DEF_INIT \\
     { (uint32_t)sizeof(DcdServerDef), 1, NULL, NULL, 0, NULL, { 0 }, NULL, \"127.0.0.1:0\", NULL, 0, \\
-      20.0f, 0, 0, 3, 0.0f, NULL, NULL, NULL }
+      20.0f, 0, 0, 3, 0.0f, NULL, NULL, NULL, 3600.0f, 0 }
 #define DCD_NODE_DEF_INIT \\
     { (uint32_t)sizeof(DcdNodeDef), 10000, NULL, NULL, NULL, NULL, 0, 0, 0, NULL, NULL, NULL }
 
@@ -310,7 +311,7 @@ const MACROS: &str = "
 #define DCD_FIDELITY_REPORT_INIT \\
     { (uint32_t)sizeof(DcdFidelityReport), 0.0f, 0.0f, 0.0f, 0.0, 0, 0, { 0, 0, 0 }, 0 }
 #define DCD_PROFILE_INIT \\
-    { (uint32_t)sizeof(DcdProfile), 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 0, 0, 0 }
+    { (uint32_t)sizeof(DcdProfile), 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 0, 0, 0, 0, 0 }
 /* No function is asked. */
 #define DCD_HOOKS_INIT { (uint32_t)sizeof(DcdHooks), 0, NULL, NULL, NULL, NULL }
 #define DCD_TASKS_INIT { (uint32_t)sizeof(DcdTasks), 0, NULL, NULL, NULL }

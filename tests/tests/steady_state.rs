@@ -151,6 +151,8 @@ fn a_body_takes_little_more_memory_than_in_a_bare_world() {
                 // With borders there are lists of who may be near them; and a copy near one is a body too.
                 let most = if regions == 1 { 1.35 } else { 1.45 } * (bare * (n + copies) / n) as f64;
                 assert!((ours as f64) <= most, "{ours} bytes, bare {bare}");
+                let told = world.host().profile().memory_bytes as f64 / ours as f64;
+                assert!((0.75..1.25).contains(&told), "it is told as {told} of that");
             }
         }
     });

@@ -8,7 +8,8 @@
  *   calls made BODIES ROUNDS           ns a box: to make it, what the first step with it takes besides, and to destroy it
  *                                      after that; each the least of so many rounds
  *   calls rays BODIES RAYS REGIONS THREADS
- *                                      ns a ray into such boxes, all rays by one call: the least of some calls
+ *                                      ns a ray into such boxes, all rays by one call, and ns a ball that moves along such a ray: each the
+ *                                      least of some calls
  *   calls rollback BODIES REPEATS      ms to keep a pile by a checkpoint, to go back to it, and that the next step takes longer
  *                                      for it, in which what was shared is copied; medians
  *   calls game BODIES STEPS REGIONS PLANE
@@ -229,7 +230,7 @@ static double spread(size_t i, double step)
     return fmod((double)i * step, 1.0);
 }
 
-/* Rays go into the boxes from one side of them, and meet one after some metres. */
+/* Rays go into the boxes from one side of them, and meet one after some metres; so do balls. */
 static void casting(size_t bodies, size_t count, uint32_t regions, uint32_t threads)
 {
     enum { CALLS = 9 };
@@ -238,7 +239,11 @@ static void casting(size_t bodies, size_t count, uint32_t regions, uint32_t thre
     DcdBodyId *ids = allocate(bodies, sizeof *ids);
     DcdRay *rays = allocate(count, sizeof *rays);
     DcdRayHit *hits = allocate(count, sizeof *hits);
-    double best = 0.0, met = 0.0;
+    DcdShapeCast *casts = allocate(count, sizeof *casts);
+    DcdShapeHit *touched = allocate(count, sizeof *touched);
+    DcdShapeId ball;
+    double best = 0.0, best_cast = 0.0, met = 0.0, came = 0.0;
+    check(dcd_shape_sphere(world, 0.25f, &ball));
     box.gravity_scale = 0.0f;
     make_boxes(world, &box, ids, bodies);
     /* In its first steps Rapier puts the tree of new bodies in order. */
@@ -254,21 +259,35 @@ static void casting(size_t bodies, size_t count, uint32_t regions, uint32_t thre
         rays[i].direction[0] = 1.0f;
         rays[i].direction[1] = (float)(spread(i, 0.6180339887498949) - 0.5);
         rays[i].direction[2] = (float)(spread(i, 0.4142135623730950) - 0.5);
+        const DcdShapeCast cast = DCD_SHAPE_CAST_INIT;
+        casts[i] = cast;
+        casts[i].shape = ball;
+        for (int axis = 0; axis < 3; axis++) {
+            casts[i].pose.p[axis] = rays[i].origin[axis];
+            casts[i].motion[axis] = 100.0f * rays[i].direction[axis];
+        }
     }
     for (int call = 0; call < CALLS; call++) {
         const double start = now_ns();
         check(dcd_cast_rays(world, rays, count, NULL, hits));
         const double took = (now_ns() - start) / (double)count;
         best = call == 0 || took < best ? took : best;
+        const double begun = now_ns();
+        check(dcd_cast_shapes(world, casts, count, NULL, touched));
+        const double cast = (now_ns() - begun) / (double)count;
+        best_cast = call == 0 || cast < best_cast ? cast : best_cast;
     }
     for (size_t i = 0; i < count; i++) {
         met += hits[i].body.v != 0 ? hits[i].distance : 0.0;
+        came += touched[i].body.v != 0 ? touched[i].fraction : 0.0;
     }
     check(dcd_world_destroy(world));
+    free(touched);
+    free(casts);
     free(hits);
     free(rays);
     free(ids);
-    printf("ray_ns %.1f\nmet_m %.3f\n", best, met);
+    printf("ray_ns %.1f\nmet_m %.3f\ncast_ns %.1f\ncame %.4f\n", best, met, best_cast, came);
 }
 
 /* A game of rollback at its worst: everything moves, and each tick is kept and computed once more. */

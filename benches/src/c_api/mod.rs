@@ -105,13 +105,14 @@ impl CApi {
 
         for (bodies, goal) in [(2_000, 1.0), (20_000, 10.0)] {
             let said = calls.said(&["rollback", &bodies.to_string(), &(rounds * 9).to_string()])?;
-            for (what, name, goal) in [
-                ("kept by a checkpoint", "save_ms", Some(goal)),
-                ("gone back to", "restore_ms", Some(goal)),
-                ("copied by the step after keeping", "copy_ms", None),
-                ("copied by the step after going back", "copy_again_ms", None),
+            for (what, names) in [
+                ("kept by a checkpoint", &["save_ms"][..]),
+                ("the same, with what the next step copies", &["save_ms", "copy_ms"]),
+                ("gone back to", &["restore_ms"]),
+                ("the same, with what the next step copies then", &["restore_ms", "copy_again_ms"]),
             ] {
-                rows.push(Row::new(&format!("{bodies} bodies in a pile, {what}"), said[name], "ms", goal));
+                let took = names.iter().map(|&name| said[name]).sum();
+                rows.push(Row::new(&format!("{bodies} bodies in a pile, {what}"), took, "ms", goal));
             }
         }
 
@@ -240,32 +241,34 @@ fn making(calls: &Calls, bodies: usize, rounds: usize) -> Result<Vec<Row>, Box<d
     Ok(rows.into_iter().flat_map(both).collect())
 }
 
-/// Measures what rays cost in such boxes, beside the same in bare Rapier, for each thread that casts.
+/// Measures what rays and moving balls cost in such boxes, beside the same in bare Rapier, for each thread that casts.
 fn casting(calls: &Calls, bodies: usize, rounds: usize) -> Result<Vec<Row>, Box<dyn Error>> {
     let cores = std::thread::available_parallelism()?.get();
     let ways = [("one region", 1, 1), ("four regions", 4, 1), ("four regions on all cores", 4, cores)];
-    let (mut bare, mut ours) = (f64::INFINITY, [f64::INFINITY; 3]);
+    let kinds = [("ray", "ray_ns"), ("ball cast", "cast_ns")];
+    let (mut bare, mut ours) = ([f64::INFINITY; 2], [[f64::INFINITY; 2]; 3]);
     for _ in 0..rounds {
-        bare = bare.min(bare_ray_ns(bodies, RAYS));
+        for (best, took) in bare.iter_mut().zip(bare_casting_ns(bodies, RAYS)) {
+            *best = best.min(took);
+        }
         for (best, (_, regions, threads)) in ours.iter_mut().zip(ways) {
             let [bodies, rays] = [bodies, RAYS].map(|count| count.to_string());
             let said = calls.said(&["rays", &bodies, &rays, &regions.to_string(), &threads.to_string()])?;
-            *best = best.min(said["ray_ns"] * threads as f64);
+            for (best, (_, name)) in best.iter_mut().zip(kinds) {
+                *best = best.min(said[name] * threads as f64);
+            }
         }
     }
-    let row = |(ours, (way, ..)): (f64, (&str, usize, usize))| {
-        let figure = format!("a ray of {RAYS} into {bodies} boxes, {way}");
-        [
-            Row::new(
-                &format!("{figure}, a thread, over the same in a bare Rapier world"),
-                ours / bare,
-                "times",
-                Some(1.2),
-            ),
-            Row::new(&figure, ours, "ns a thread", None),
-        ]
-    };
-    Ok(ours.into_iter().zip(ways).flat_map(row).collect())
+    let mut rows = Vec::new();
+    for (kind, (what, _)) in kinds.into_iter().enumerate() {
+        for (ours, (way, ..)) in ours.iter().zip(ways) {
+            let figure = format!("a {what} of {RAYS} into {bodies} boxes, {way}");
+            let over = format!("{figure}, a thread, over the same in a bare Rapier world");
+            rows.push(Row::new(&over, ours[kind] / bare[kind], "times", 1.2));
+            rows.push(Row::new(&figure, ours[kind], "ns a thread", None));
+        }
+    }
+    Ok(rows)
 }
 
 /// Measures what a game costs in four regions on one thread, where they gain nothing, over the same in one: in turn, and of each the run that
@@ -330,8 +333,8 @@ fn bare_making_ns(bodies: usize) -> [f64; 3] {
     best
 }
 
-/// Nanoseconds a ray in a bare Rapier world, as `calls rays` casts them.
-fn bare_ray_ns(bodies: usize, count: usize) -> f64 {
+/// Nanoseconds a ray and a moving ball in a bare Rapier world, as `calls rays` casts them.
+fn bare_casting_ns(bodies: usize, count: usize) -> [f64; 2] {
     let mut world = bare_world();
     world.gravity = Vector::ZERO;
     bare_boxes(&mut world, bodies);
@@ -342,20 +345,32 @@ fn bare_ray_ns(bodies: usize, count: usize) -> f64 {
         let spread = |step: f64| (i as f64 * step).fract();
         let [y, z] = [75.0 * spread(0.754_877_666_246_692_7), 12.0 * spread(0.569_840_290_998_053_2)];
         let [up, aside] = [0.618_033_988_749_894_9, 0.414_213_562_373_095].map(|step| spread(step) - 0.5);
-        let direction = Vector::new(1.0, up as f32, aside as f32).normalize();
-        Ray::new(Vector::new(-2.0, y as f32, z as f32), direction)
+        let direction = Vector::new(1.0, up as f32, aside as f32);
+        (Vector::new(-2.0, y as f32, z as f32), direction)
     };
     let rays: Vec<_> = (0..count).map(ray).collect();
     let pipeline = world.query_pipeline();
-    let cast = |ray| pipeline.cast_ray_and_get_normal(ray, 1e6, true);
-    let took = |_| {
-        let start = Instant::now();
-        let hits: Vec<_> = rays.iter().map(cast).collect();
-        let took = start.elapsed();
-        std::hint::black_box(hits);
-        1e9 * took.as_secs_f64() / count as f64
+    let cast_ray = |&(origin, direction): &(Vector, Vector)| {
+        let hit = pipeline.cast_ray_and_get_normal(&Ray::new(origin, direction.normalize()), 1e6, true);
+        hit.map_or(0.0, |(_, hit)| hit.time_of_impact)
     };
-    (0..9).map(took).fold(f64::INFINITY, f64::min)
+    let (ball, options) = (Ball::new(0.25), ShapeCastOptions::with_max_time_of_impact(1.0));
+    let options = ShapeCastOptions { compute_impact_geometry_on_penetration: true, ..options };
+    let cast_ball = |&(origin, direction): &(Vector, Vector)| {
+        let hit = pipeline.cast_shape(&Pose::from_translation(origin), 100.0 * direction, &ball, options);
+        hit.map_or(0.0, |(_, hit)| hit.time_of_impact)
+    };
+    let least = |cast: &dyn Fn(&(Vector, Vector)) -> f32| {
+        let took = |_| {
+            let start = Instant::now();
+            let hits: Vec<_> = rays.iter().map(cast).collect();
+            let took = start.elapsed();
+            std::hint::black_box(hits);
+            1e9 * took.as_secs_f64() / count as f64
+        };
+        (0..9).map(took).fold(f64::INFINITY, f64::min)
+    };
+    [least(&cast_ray), least(&cast_ball)]
 }
 
 /// The median of several clients that join a world on this machine, one after the other.

@@ -8,7 +8,7 @@ use crate::guard::guard;
 use crate::handle::stale;
 use crate::ids::{DcdConnectionId, DcdWorld};
 use crate::pointer::{self, Out, Room};
-use crate::registry::with;
+use crate::registry::{ask, with};
 use crate::status::{DCD_ERR_TIMEOUT, DcdStatus, Failure};
 
 /// Lists the connections of a world into `out`, which has `cap` entries, the oldest first, and their number into `count`. With
@@ -27,7 +27,7 @@ pub unsafe extern "C" fn dcd_connections(
     guard("dcd_connections", || {
         // SAFETY: the caller vouches for `cap` entries and for `count`.
         let out = unsafe { Room::new(out, cap, count, ["out", "count"])? };
-        with(world, |world| {
+        ask(world, |world| {
             out.fill(
                 world.dcd.connections().into_iter().map(|connection| world.mark.connection(connection.id)),
             )
@@ -47,7 +47,7 @@ pub unsafe extern "C" fn dcd_connection_info(
     guard("dcd_connection_info", || {
         // SAFETY: the caller vouches for the pointer.
         let out = unsafe { Out::sized(out, "out")? };
-        with(world, |world| {
+        ask(world, |world| {
             let id = world.mark.connection_id(connection)?;
             let found = world.dcd.connection(id);
             out.write((&found.ok_or_else(|| stale("connection", connection.v))?).into());

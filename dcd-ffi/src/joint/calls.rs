@@ -9,7 +9,7 @@ use crate::guard::{guard, guard_value};
 use crate::handle::stale;
 use crate::ids::{DcdBodyId, DcdJointId, DcdWorld};
 use crate::pointer::{self, Out, Room, check_bits};
-use crate::registry::{self, World, with};
+use crate::registry::{self, World, ask, with};
 use crate::status::{DcdStatus, Failure};
 use crate::types::DcdFrame;
 
@@ -65,7 +65,7 @@ pub extern "C" fn dcd_joint_destroy(world: DcdWorld, joint: DcdJointId) -> DcdSt
 /// world answers DCD_ERR_PANIC.
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_joint_is_valid(world: DcdWorld, joint: DcdJointId) -> bool {
-    guard_value(false, || with(world, |world| find(world, joint)).is_ok())
+    guard_value(false, || ask(world, |world| find(world, joint)).is_ok())
 }
 
 /// Reads the state of a joint: what it ties, where it stands, what it bears.
@@ -80,7 +80,7 @@ pub unsafe extern "C" fn dcd_joint_info(
     guard("dcd_joint_info", || {
         // SAFETY: the caller vouches for `out`.
         let out = unsafe { Out::sized(out, "out")? };
-        with(world, |world| {
+        ask(world, |world| {
             let record = find(world, joint)?;
             out.write(describe(world, &record).ok_or_else(|| stale("joint", joint.v))?);
             Ok(())
@@ -167,7 +167,7 @@ pub unsafe extern "C" fn dcd_joint_get_limit(
     guard("dcd_joint_get_limit", || {
         // SAFETY: the caller vouches for two places.
         let out = unsafe { Out::new(out.cast::<[f32; 2]>(), "out")? };
-        with(world, |world| {
+        ask(world, |world| {
             let record = find(world, joint)?;
             let axis = free_axis(&record, axis)?;
             let limit = record.limits[axis as usize];
@@ -195,7 +195,7 @@ pub unsafe extern "C" fn dcd_joint_get_motor(
     guard("dcd_joint_get_motor", || {
         // SAFETY: the caller vouches for `out`.
         let out = unsafe { Out::new(out, "out")? };
-        with(world, |world| {
+        ask(world, |world| {
             let record = find(world, joint)?;
             let axis = free_axis(&record, axis)?;
             let motor = record.motors[axis as usize];
@@ -305,7 +305,7 @@ pub unsafe extern "C" fn dcd_body_joints(
     guard("dcd_body_joints", || {
         // SAFETY: the caller vouches for `cap` entries and for `count`.
         let out = unsafe { Room::new(out, cap, count, ["out", "count"])? };
-        with(world, |world| {
+        ask(world, |world| {
             world.dcd.ties_bodies()?;
             let id = registry::find(world, body)?;
             let joints = world.dcd.joints_of(id);

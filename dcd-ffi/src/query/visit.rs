@@ -4,12 +4,14 @@ use std::ffi::c_void;
 use std::ops::ControlFlow;
 
 use dcd::physics::ColliderId;
-use dcd::protocol::RayAnswer;
+use dcd::protocol::{CastAnswer, RayAnswer};
 
+use super::cast::{question as cast_question, shape_hit, solid};
 use super::overlap::{overlap, question};
 use super::ray::{question as ray_question, ray_hit};
 use super::{
-    Batch, DcdBoxQuery, DcdFilter, DcdOverlap, DcdRay, DcdRayHit, DcdShapeQuery, Somewhere, refused,
+    Batch, DcdBoxQuery, DcdFilter, DcdOverlap, DcdRay, DcdRayHit, DcdShapeCast, DcdShapeHit, DcdShapeQuery,
+    Somewhere, refused,
 };
 use crate::callback::{Callback, enter};
 use crate::guard::guard;
@@ -23,6 +25,9 @@ use crate::status::{DCD_ERR_NULL, DcdStatus, Failure};
 /// It is called on the thread that asks, must return normally (no longjmp, no C++ exception), and calls on worlds from within it give
 /// DCD_ERR_BUSY.
 pub type DcdRayFn = Option<unsafe extern "C" fn(context: *mut c_void, hit: *const DcdRayHit) -> f32>;
+/// Called with a body that a moving shape met. Returns how much of its way the shape goes from now on: 1 for as much as it did, hit->fraction
+/// to be called for bodies that it meets earlier only, 0 to end. As DcdRayFn else.
+pub type DcdShapeCastFn = Option<unsafe extern "C" fn(context: *mut c_void, hit: *const DcdShapeHit) -> f32>;
 /// Called with a body that was found; `found` is valid during the call. Returns whether to go on. As DcdRayFn else.
 pub type DcdOverlapFn = Option<unsafe extern "C" fn(context: *mut c_void, found: *const DcdOverlap) -> bool>;
 
@@ -52,6 +57,40 @@ pub unsafe extern "C" fn dcd_cast_ray_each(
                 reach.into()
             };
             asked.queries.ask_ray_each(&asked.filter, &ray, meet).map_err(refused)
+        })
+    })
+}
+
+/// Calls `function` with every body that one shape meets which moves straight, a collider of it once, in no order that is promised, until it
+/// has enough: for a way on which a rule of yours says what stops the shape.
+///
+/// `cast` and `filter` are read during the call. Errors: as dcd_cast_shapes; DCD_ERR_ARGUMENT also for a cast that turns.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn dcd_cast_shape_each(
+    world: DcdWorld,
+    cast: *const DcdShapeCast,
+    filter: *const DcdFilter,
+    function: DcdShapeCastFn,
+    context: *mut c_void,
+) -> DcdStatus {
+    guard("dcd_cast_shape_each", || {
+        let function = function.ok_or_else(no_function)?;
+        // SAFETY: the caller vouches for the cast and for the filter.
+        let batch = unsafe { Batch::new(cast, 1, "cast", filter)? };
+        ask(world, |world| {
+            let asked = batch.ask(world)?;
+            let cast = &batch.queries[0];
+            let (shape, cast) = (solid(world, cast.shape)?, cast_question(world, asked.mask, cast)?);
+            if cast.turn != [0.0; 3] {
+                return Err(Failure::argument("turn is not 0; dcd_cast_shapes takes casts that turn"));
+            }
+            let meet = |hit: CastAnswer| {
+                let (hit, mut reach) = (shape_hit(world, Some(hit)), 0.0);
+                // SAFETY: the caller vouches for the function and its context.
+                enter(Callback::Query, || reach = unsafe { function(context, &raw const hit) });
+                reach
+            };
+            asked.queries.ask_cast_each(&asked.filter, &*shape.0, &cast, meet).map_err(refused)
         })
     })
 }
@@ -120,9 +159,12 @@ unsafe fn each_overlap<Q: Somewhere>(
 
 #[cfg(test)]
 mod tests {
-    use std::sync::Barrier;
+    use std::sync::atomic::{AtomicBool, Ordering};
+    use std::sync::{Barrier, Mutex, mpsc};
+    use std::time::Duration;
 
     use super::*;
+    use crate::query::NOBODY;
     use crate::registry;
 
     /// A world of one sphere of two metres.
@@ -149,7 +191,7 @@ mod tests {
                         min: [-1.0; 3],
                         max: [1.0; 3],
                         mask: u32::MAX,
-                        exclude: crate::query::NOBODY,
+                        exclude: NOBODY,
                         reserved: 0,
                     };
                     let context = (&raw const both).cast_mut().cast();
@@ -167,6 +209,54 @@ mod tests {
                 });
             }
         });
+        registry::remove(world).unwrap();
+    }
+
+    /// A thread that asks, and waits within its query until another has read.
+    struct Asking {
+        inside: Barrier,
+        read: Mutex<mpsc::Receiver<()>>,
+        was_read: AtomicBool,
+    }
+
+    unsafe extern "C" fn wait_until_read(context: *mut c_void, _: *const DcdOverlap) -> bool {
+        // SAFETY: the test gives one that outlives the call.
+        let asking = unsafe { &*context.cast::<Asking>() };
+        asking.inside.wait();
+        let read = asking.read.lock().unwrap().recv_timeout(Duration::from_secs(60));
+        asking.was_read.store(read.is_ok(), Ordering::Release);
+        false
+    }
+
+    #[test]
+    fn a_body_is_read_while_another_thread_asks() {
+        let world = world();
+        let body = registry::ask(world, |world| Ok(world.mark.body(dcd::BodyId::persistent(0)))).unwrap();
+        let (tell, read) = mpsc::channel();
+        let asking =
+            Asking { inside: Barrier::new(2), read: Mutex::new(read), was_read: AtomicBool::new(false) };
+        let place =
+            DcdBoxQuery { min: [-1.0; 3], max: [1.0; 3], mask: u32::MAX, exclude: NOBODY, reserved: 0 };
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                let context = (&raw const asking).cast_mut().cast();
+                let asked = Some(wait_until_read as unsafe extern "C" fn(_, _) -> _);
+                // SAFETY: all pointers are valid during the call.
+                let status = unsafe {
+                    dcd_overlap_box_each(world, &raw const place, std::ptr::null(), asked, context)
+                };
+                assert_eq!(status, crate::status::DCD_OK);
+            });
+            asking.inside.wait();
+            let mut pose = crate::types::DcdPose { p: [0.0; 3], q: [0.0; 4] };
+            // SAFETY: the pose is valid, and nothing else is asked for.
+            let status =
+                unsafe { crate::motion::dcd_body_get(world, body, &raw mut pose, std::ptr::null_mut()) };
+            assert_eq!((status, pose.q[3]), (crate::status::DCD_OK, 1.0));
+            // Whom it took too long is gone.
+            let _ = tell.send(());
+        });
+        assert!(asking.was_read.load(Ordering::Acquire), "it took its turn after the query");
         registry::remove(world).unwrap();
     }
 }

@@ -12,7 +12,7 @@ use crate::ids::{DcdBodyId, DcdWorld};
 use crate::motion;
 use crate::pointer::{self, Out, check_count};
 use crate::push;
-use crate::registry::{self, World, with};
+use crate::registry::{self, World, ask, with};
 use crate::status::{DCD_OK, DcdStatus, Failure, remember};
 use crate::types::{DcdPose, DcdVelocity};
 
@@ -60,7 +60,7 @@ pub unsafe extern "C" fn dcd_state_read(
         if field == DCD_FIELD_TARGET {
             return Err(Failure::argument("targets are written and not read; read DCD_FIELD_POSE"));
         }
-        with(world, |world| {
+        ask(world, |world| {
             let dcd = &world.dcd;
             // SAFETY: the caller vouches for both; the fields are as large as `Bulk::new` takes them to be.
             unsafe {

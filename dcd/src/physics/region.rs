@@ -400,9 +400,9 @@ impl Region {
         }
     }
 
-    /// Returns what the last tick took; nothing if it rested.
-    pub(super) fn profile(&self) -> &Profile {
-        &self.profile
+    /// Returns what the last tick took, nothing if it rested, and what there is now.
+    pub(super) fn profile(&self) -> Profile {
+        self.profile.with(&self.world)
     }
 
     /// Sets the hooks that are asked about contacts from now on.

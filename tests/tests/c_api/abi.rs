@@ -1,9 +1,15 @@
-//! Tests that a program compiled with an older `dcd.h` runs with this one, by libabigail: `abidiff` of package abigail-tools.
+//! Tests that a program compiled with the `dcd.h` that is kept as baseline runs with this one.
 //!
-//! It reads types from debugging information. That of Rust names Rust's types, so it is given libraries that a C compiler
+//! The baseline is `dcd-ffi/abi/dcd.h`, the header without its comments. A function, type or constant of it that is gone or different fails,
+//! whatever is installed; libabigail (`abidiff` of package abigail-tools), where it is, compares what a compiler makes of both besides. What is
+//! only added breaks nothing. After a change that is meant to break programs, and after each release, the baseline is made anew:
+//! `UPDATE=1 cargo test -p dcd-tests --test c_api abi`.
+//!
+//! `abidiff` reads types from debugging information. That of Rust names Rust's types, so it is given libraries that a C compiler
 //! makes of the headers: every function with an empty body. That the real library has these functions and layouts is checked
 //! elsewhere: by the exported symbols, and by the header's own asserts.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -40,42 +46,101 @@ fn header() -> String {
     std::fs::read_to_string(root().join("include/dcd.h")).unwrap()
 }
 
-/// The newest release that this commit comes from, and its header; `None` before the first.
-fn last_release() -> Option<(String, String)> {
-    let git = |arguments: &[&str]| {
-        let output = Command::new("git").args(arguments).current_dir(root()).output().ok()?;
-        output.status.success().then(|| String::from_utf8(output.stdout).expect("git says text"))
-    };
-    let tag = git(&["describe", "--tags", "--abbrev=0", "--match=v*"])?.trim().to_owned();
-    let header = git(&["show", &format!("{tag}:include/dcd.h")])?;
-    Some((tag, header))
+fn baseline() -> PathBuf {
+    root().join("dcd-ffi/abi/dcd.h")
 }
 
-/// The part of a version within which programs go on without being compiled anew: "0.1" of "v0.1.2", "1" of "v1.2.3".
-fn compatible(version: &str) -> String {
-    let parts: Vec<_> = version.trim_start_matches('v').split('.').collect();
-    if parts[0] == "0" { parts[..2].join(".") } else { parts[0].to_owned() }
+/// A header without comments, empty lines and what it asserts of itself.
+fn bare(header: &str) -> String {
+    let mut text = String::new();
+    let mut rest = header;
+    while let Some((before, comment)) = rest.split_once("/*") {
+        text += before;
+        rest = comment.split_once("*/").expect("a comment ends").1;
+    }
+    text += rest;
+    let lines = text.lines().map(|line| line.split("//").next().unwrap_or_default().trim_end());
+    lines
+        .filter(|line| !line.trim().is_empty() && !line.starts_with("DCD_ASSERT_("))
+        .map(|line| line.to_owned() + "\n")
+        .collect()
+}
+
+/// What programs are compiled with: functions, types, and constants but those of the version, each on one line.
+fn promises(bare: &str) -> BTreeSet<String> {
+    let (directives, code): (Vec<_>, Vec<_>) = bare.lines().partition(|line| line.starts_with('#'));
+    let one_line = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
+    let constants = directives.into_iter().filter(|line| line.starts_with("#define DCD_"));
+    let constants = constants.filter(|line| {
+        // The values that structs start from are compiled into programs, and may change for those to come.
+        !["DCD_VERSION", "_INIT", "DCD_API", "\\"].iter().any(|exempt| line.contains(exempt))
+    });
+    let code = code.join("\n").replace("extern \"C\" {", "");
+    let mut items: BTreeSet<_> = constants.map(one_line).collect();
+    let (mut item, mut depth) = (String::new(), 0_usize);
+    for c in code.chars() {
+        match c {
+            '{' => depth += 1,
+            '}' => depth = depth.saturating_sub(1),
+            _ => {}
+        }
+        if c == ';' && depth == 0 {
+            items.insert(one_line(&std::mem::take(&mut item)));
+        } else {
+            item.push(c);
+        }
+    }
+    items
+}
+
+/// The part of a version within which programs go on without being compiled anew: "0.1", "1".
+fn compatible(header: &str) -> String {
+    let part = |name: &str| {
+        let line = header.lines().find_map(|line| line.strip_prefix(&format!("#define DCD_VERSION_{name} ")));
+        line.expect("a header says its version").trim_end_matches('u').to_owned()
+    };
+    let major = part("MAJOR");
+    if major == "0" { format!("0.{}", part("MINOR")) } else { major }
 }
 
 #[test]
-fn programs_of_the_last_release_go_on() {
+fn programs_of_the_baseline_go_on() {
+    let now = bare(&header());
+    if std::env::var_os("UPDATE").is_some() {
+        std::fs::create_dir_all(baseline().parent().unwrap()).unwrap();
+        std::fs::write(baseline(), &now).unwrap();
+    }
+    let old = std::fs::read_to_string(baseline()).expect("the baseline is in the repository");
+    let remedy = "leave what is there as it is, or, if programs may break: UPDATE=1 cargo test -p dcd-tests --test c_api abi";
+    assert_eq!(compatible(&old), compatible(&now), "another version needs a baseline of its own; {remedy}");
+    let (promised, kept) = (promises(&old), promises(&now));
+    assert!(promised.len() > 400, "the baseline is read wrongly: {} items", promised.len());
+    let gone: Vec<_> = promised.difference(&kept).collect();
+    assert!(gone.is_empty(), "gone or changed since the baseline; {remedy}\n{gone:#?}");
     if !is_installed("abidiff") {
-        eprintln!("abidiff is not installed: nothing checked");
+        eprintln!("abidiff is not installed: what compilers make of the headers is not compared");
         return;
     }
-    let Some((tag, old)) = last_release() else {
-        eprintln!("there is no release yet: nothing to compare with");
-        return;
+    let broken = broken(&old, &now);
+    assert!(broken.is_empty(), "against the baseline; {remedy}\n{broken}");
+}
+
+#[test]
+fn what_is_promised_is_missed_when_it_changes_and_what_is_added_is_not() {
+    let now = bare(&header());
+    let gone = |from: &str, to: &str| {
+        let changed = now.replacen(from, to, 1);
+        assert_ne!(changed, now, "the header has {from}");
+        promises(&now).difference(&promises(&changed)).count()
     };
-    if compatible(&tag) != compatible(env!("CARGO_PKG_VERSION")) {
-        eprintln!("{tag} is another version of the interface: it may break programs");
-        return;
-    }
-    let broken = broken(&old, &header());
-    assert!(
-        broken.is_empty(),
-        "against {tag}; raise the version, or leave what is there as it is:\n{broken}"
+    assert_eq!(
+        gone("DCD_API DcdStatus dcd_step(", "DCD_API void dcd_more(void);\nDCD_API DcdStatus dcd_step("),
+        0
     );
+    assert_eq!(gone("bool dcd_world_is_valid(DcdWorld world)", "bool dcd_world_is_valid(DcdBodyId body)"), 1);
+    assert_eq!(gone("    float gravity[3];", "    float pull[3];"), 1);
+    assert_eq!(gone("#define DCD_QUERY_LEAVE 2", "#define DCD_QUERY_LEAVE 4"), 1);
+    assert_eq!(gone("typedef uint32_t DcdRole;", "typedef uint64_t DcdRole;"), 1);
 }
 
 #[test]

@@ -1583,6 +1583,14 @@ static float note_hit(void *context, const DcdRayHit *hit)
     return seen->calls == seen->limit ? 0.0f : seen->nearer_only ? hit->distance : INFINITY;
 }
 
+static float note_cast(void *context, const DcdShapeHit *hit)
+{
+    Seen *seen = context;
+    seen->bodies |= 1u << (hit->user_data - 100);
+    seen->calls++;
+    return seen->calls == seen->limit ? 0.0f : seen->nearer_only ? hit->fraction : 1.0f;
+}
+
 static bool note_overlap(void *context, const DcdOverlap *found)
 {
     Seen *seen = context;
@@ -1599,14 +1607,20 @@ static void a_query_calls_until_its_function_has_enough(void)
     DcdFilter filter = DCD_FILTER_INIT;
     DcdBoxQuery box = DCD_BOX_QUERY_INIT;
     DcdShapeQuery ball = DCD_SHAPE_QUERY_INIT;
+    DcdShapeCast rod = DCD_SHAPE_CAST_INIT;
     const uint32_t all = (1u << ROW) - 1;
     lay_out(world, row);
     ray.origin[0] = -5.0;
     ray.direction[0] = 1.0f;
+    OK(dcd_shape_capsule(world, 0.25f, 0.25f, &rod.shape));
+    rod.pose.p[0] = -5.0;
+    rod.motion[0] = 20.0f;
     for (int limit = 0; limit <= ROW; limit++) {
+        Seen casts = { .limit = limit };
         Seen hits = { .limit = limit }, boxes = { .limit = limit }, balls = { .limit = limit };
         const int expected = limit == 0 ? ROW : limit;
         OK(dcd_cast_ray_each(world, &ray, NULL, note_hit, &hits));
+        OK(dcd_cast_shape_each(world, &rod, NULL, note_cast, &casts));
         box.min[0] = -100.0;
         box.min[1] = box.min[2] = -1.0;
         box.max[0] = 100.0;
@@ -1616,6 +1630,7 @@ static void a_query_calls_until_its_function_has_enough(void)
             OK(dcd_shape_sphere(world, 100.0f, &ball.shape));
         OK(dcd_overlap_shape_each(world, &ball, NULL, note_overlap, &balls));
         HOLDS(hits.calls == expected && boxes.calls == expected && balls.calls == expected);
+        HOLDS(casts.calls == expected && (limit != 0 || casts.bodies == all));
         HOLDS(limit != 0 || (hits.bodies == all && boxes.bodies == all && balls.bodies == all));
     }
     Seen nearest = { .nearer_only = true };
@@ -1631,6 +1646,15 @@ static void a_query_calls_until_its_function_has_enough(void)
     Seen filtered = { 0 };
     OK(dcd_cast_ray_each(world, &ray, &filter, note_hit, &filtered));
     HOLDS(filtered.bodies == 1u << DOOR);
+    Seen first = { .nearer_only = true }, short_of = { 0 }, solid = { 0 };
+    OK(dcd_cast_shape_each(world, &rod, NULL, note_cast, &first));
+    HOLDS(first.bodies & 1u << WALL);
+    rod.pose.p[0] = 20.0;
+    rod.motion[0] = -14.0f;
+    OK(dcd_cast_shape_each(world, &rod, NULL, note_cast, &short_of));
+    HOLDS(short_of.bodies == (1u << DOOR | 1u << GATE));
+    OK(dcd_cast_shape_each(world, &rod, &filter, note_cast, &solid));
+    HOLDS(solid.bodies == 1u << DOOR);
     OK(dcd_world_destroy(world));
 }
 

@@ -221,6 +221,87 @@ static void bodies(DcdWorld world)
     FAILS(dcd_bodies((DcdWorld){ 0 }, all, 4, &count), DCD_ERR_NULL, "world");
 }
 
+/* Ground without end bears in both regions; a round box stands on its border; a wire is met. */
+static void ground_wires_and_round_edges(DcdWorld world)
+{
+    const float up[3] = { 0.0f, 3.0f, 0.0f }, half[3] = { 0.4f, 0.4f, 0.4f }, end[3] = { 4.0f, 0.0f, 0.0f }, start[3] = { 0 };
+    DcdBodyDef ground = DCD_BODY_DEF_INIT, crate = DCD_BODY_DEF_INIT, wire = DCD_BODY_DEF_INIT;
+    DcdShapeQuery near_by = DCD_SHAPE_QUERY_INIT;
+    DcdBodyId plane, crates[2], line;
+    DcdOverlap met;
+    DcdShapeId sharp;
+    size_t found = 0, ended = 0;
+    ground.body_type = wire.body_type = DCD_FIXED;
+    ground.pose.p[1] = -30.0;
+    OK(dcd_shape_half_space(world, up, &ground.shape));
+    DcdShapeInfo info = info_of(world, ground.shape);
+    HOLDS(info.kind == DCD_SHAPE_HALF_SPACE && memcmp(&info.frame, &HERE, sizeof HERE) == 0);
+    OK(dcd_body_create(world, &ground, &plane));
+    OK(dcd_shape_box(world, half, &sharp));
+    OK(dcd_shape_round(world, sharp, 0.1f, &crate.shape));
+    info = info_of(world, crate.shape);
+    HOLDS(info.kind == DCD_SHAPE_BOX && info.border == 0.1f && memcmp(info.size, half, sizeof half) == 0);
+    crate.pose.p[1] = -29.0;
+    for (int i = 0; i < 2; i++) {
+        crate.pose.p[0] = i == 0 ? -40.0 : 40.0;
+        OK(dcd_body_create(world, &crate, &crates[i]));
+    }
+    wire.pose.p[2] = 50.0;
+    OK(dcd_shape_segment(world, start, end, &wire.shape));
+    info = info_of(world, wire.shape);
+    HOLDS(info.kind == DCD_SHAPE_LINES && info.vertex_count == 2);
+    OK(dcd_body_create(world, &wire, &line));
+    near_by.shape = sharp;
+    near_by.pose.p[0] = 3.0;
+    near_by.pose.p[1] = 0.3;
+    near_by.pose.p[2] = 50.0;
+    OK(dcd_overlap_shapes(world, &near_by, 1, NULL, &met, 1, &ended, &found));
+    HOLDS(found == 1 && met.body.v == line.v);
+    near_by.pose.p[1] = 0.5;
+    OK(dcd_overlap_shapes(world, &near_by, 1, NULL, &met, 1, &ended, &found));
+    HOLDS(found == 0);
+    for (int i = 0; i < 120; i++)
+        OK(dcd_step(world));
+    for (int i = 0; i < 2; i++) {
+        DcdPose pose;
+        OK(dcd_body_get(world, crates[i], &pose, NULL));
+        HOLDS(near(pose.p[1], -29.5, 0.01));
+    }
+    ground.body_type = DCD_DYNAMIC;
+    FAILS(dcd_body_create(world, &ground, &plane), DCD_ERR_ARGUMENT, "mass");
+}
+
+/* What is drawn between two poses: positions go straight, rotations the shorter way. */
+static void poses_between(void)
+{
+    const double eighth = 3.14159265358979 / 8.0; /* half of half a right angle */
+    const DcdPose from = { { 1.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } };
+    DcdPose to = { { 3.0, 4.0, 0.0 }, { 0.0f, 0.0f, (float)sin(2.0 * eighth), (float)cos(2.0 * eighth) } }, between, bad;
+    OK(dcd_pose_interpolate(&from, &to, 0.0, &between));
+    HOLDS(memcmp(between.p, from.p, sizeof from.p) == 0 && near(between.q[3], 1.0, 1e-6));
+    for (int sign = 1; sign >= -1; sign -= 2) { /* the same rotation both times */
+        for (int i = 0; i < 4; i++)
+            to.q[i] *= (float)sign;
+        OK(dcd_pose_interpolate(&from, &to, 0.5, &between));
+        HOLDS(near(between.p[0], 2.0, 1e-9) && near(between.p[1], 2.0, 1e-9));
+        HOLDS(near(fabs(between.q[3]), cos(eighth), 1e-6) && near(between.q[2] / between.q[3], tan(eighth), 1e-6));
+    }
+    between = to;
+    OK(dcd_pose_interpolate(&from, &between, 1.0, &between)); /* into one of the two */
+    HOLDS(memcmp(between.p, to.p, sizeof to.p) == 0);
+    FAILS(dcd_pose_interpolate(NULL, &to, 0.5, &between), DCD_ERR_NULL, "from");
+    FAILS(dcd_pose_interpolate(&from, NULL, 0.5, &between), DCD_ERR_NULL, "to");
+    FAILS(dcd_pose_interpolate(&from, &to, 0.5, NULL), DCD_ERR_NULL, "out");
+    FAILS(dcd_pose_interpolate(&from, &to, NAN, &between), DCD_ERR_ARGUMENT, "t is not finite");
+    bad = from;
+    bad.q[3] = 0.5f;
+    FAILS(dcd_pose_interpolate(&bad, &to, 0.5, &between), DCD_ERR_ARGUMENT, "from.q");
+    bad = to;
+    bad.p[2] = INFINITY;
+    FAILS(dcd_pose_interpolate(&from, &bad, 0.5, &between), DCD_ERR_ARGUMENT, "to");
+    HOLDS(memcmp(between.p, to.p, sizeof to.p) == 0);
+}
+
 int main(void)
 {
     DcdWorldDef def = DCD_WORLD_DEF_INIT;
@@ -229,6 +310,8 @@ int main(void)
     OK(dcd_world_create(&def, &world));
     shapes(world);
     bodies(world);
+    ground_wires_and_round_edges(world);
+    poses_between();
     OK(dcd_world_destroy(world));
     return checked();
 }

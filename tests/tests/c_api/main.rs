@@ -2,6 +2,7 @@
 //! programs find changed.
 
 mod abi;
+mod covered;
 mod drawn;
 mod header;
 mod library;

@@ -316,6 +316,25 @@ static void shapes(void)
     EXPECT(dcd_shape_scale(other, parts[0], HALF, &shape), DCD_ERR_STALE_ID);
     EXPECT(dcd_shape_scale(world, parts[0], HALF, &shape), DCD_OK);
 
+    const float none[3] = { 0.0f, 0.0f, 0.0f }, infinite[3] = { 0.0f, INFINITY, 0.0f };
+    DcdShapeId hollow;
+    FAILS(dcd_shape_half_space(world, NULL, &shape), DCD_ERR_NULL, "normal");
+    EXPECT(dcd_shape_half_space(world, level, NULL), DCD_ERR_NULL);
+    FAILS(dcd_shape_half_space(world, none, &shape), DCD_ERR_ARGUMENT, "no length");
+    FAILS(dcd_shape_half_space(world, infinite, &shape), DCD_ERR_ARGUMENT, "normal");
+    FAILS(dcd_shape_segment(world, NULL, level, &shape), DCD_ERR_NULL, "a is null");
+    FAILS(dcd_shape_segment(world, level, NULL, &shape), DCD_ERR_NULL, "b is null");
+    EXPECT(dcd_shape_segment(world, none, level, NULL), DCD_ERR_NULL);
+    FAILS(dcd_shape_segment(world, level, level, &shape), DCD_ERR_ARGUMENT, "length from a to b is 0");
+    FAILS(dcd_shape_segment(world, none, infinite, &shape), DCD_ERR_ARGUMENT, "b has inf");
+    EXPECT(dcd_shape_segment(world, none, level, &hollow), DCD_OK);
+    FAILS(dcd_shape_round(world, hollow, 0.1f, &shape), DCD_ERR_ARGUMENT, "sharp edges");
+    EXPECT(dcd_shape_destroy(world, hollow), DCD_OK);
+    EXPECT(dcd_shape_round(world, hollow, 0.1f, &shape), DCD_ERR_STALE_ID);
+    EXPECT(dcd_shape_round(world, parts[0], 0.1f, NULL), DCD_ERR_NULL);
+    FAILS(dcd_shape_round(world, parts[0], -0.1f, &shape), DCD_ERR_ARGUMENT, "border is -0.1");
+    FAILS(dcd_shape_round(world, parts[0], NAN, &shape), DCD_ERR_ARGUMENT, "border");
+
     EXPECT(dcd_shape_destroy(world, NO_SHAPE), DCD_ERR_NULL);
     EXPECT(dcd_shape_destroy(other, shape), DCD_ERR_STALE_ID);
     EXPECT(dcd_shape_destroy(world, shape), DCD_OK);
@@ -857,6 +876,10 @@ static void bulk(void)
     HOLDS(strcmp(tiny, "abc") == 0);
     EXPECT(dcd_stats_text(world, text, count, &count), DCD_OK);
     HOLDS(strlen(text) + 1 == count);
+    EXPECT(dcd_validate(world, NULL, 0, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_validate(world, NULL, 4, &count), DCD_ERR_NULL);
+    EXPECT(dcd_validate(world, text, sizeof text, &count), DCD_OK);
+    HOLDS(count == 1 && text[0] == 0);
     EXPECT(dcd_state_hash(world, NULL), DCD_ERR_NULL);
     EXPECT(dcd_state_hash(world, &hash), DCD_OK);
     EXPECT(dcd_world_destroy(world), DCD_OK);
@@ -991,6 +1014,13 @@ static float meddling_hit(void *context, const DcdRayHit *hit)
     return NAN; /* what is no distance ends it */
 }
 
+static float meddling_cast(void *context, const DcdShapeHit *hit)
+{
+    (void)hit;
+    meddled = dcd_step(*(DcdWorld *)context);
+    return NAN;
+}
+
 static bool meddling_overlap(void *context, const DcdOverlap *found)
 {
     (void)found;
@@ -1071,6 +1101,21 @@ static void queries(void)
     EXPECT(dcd_cast_ray_each(world, NULL, NULL, meddling_hit, &world), DCD_ERR_NULL);
     meddled = DCD_OK;
     EXPECT(dcd_cast_ray_each(world, &good, NULL, meddling_hit, &world), DCD_OK);
+    HOLDS(meddled == DCD_ERR_BUSY);
+    DcdShapeCast moved = DCD_SHAPE_CAST_INIT;
+    EXPECT(dcd_cast_shape_each(world, &moved, NULL, meddling_cast, &world), DCD_ERR_NULL); /* no shape */
+    EXPECT(dcd_shape_sphere(world, 0.25f, &moved.shape), DCD_OK);
+    memcpy(moved.pose.p, good.origin, sizeof moved.pose.p);
+    for (int i = 0; i < 3; i++) {
+        moved.motion[i] = 100.0f * good.direction[i];
+    }
+    EXPECT(dcd_cast_shape_each(world, &moved, NULL, NULL, NULL), DCD_ERR_NULL);
+    EXPECT(dcd_cast_shape_each(world, NULL, NULL, meddling_cast, &world), DCD_ERR_NULL);
+    moved.turn[1] = 1.0f;
+    FAILS(dcd_cast_shape_each(world, &moved, NULL, meddling_cast, &world), DCD_ERR_ARGUMENT, "turn");
+    moved.turn[1] = 0.0f;
+    meddled = DCD_OK;
+    EXPECT(dcd_cast_shape_each(world, &moved, NULL, meddling_cast, &world), DCD_OK);
     HOLDS(meddled == DCD_ERR_BUSY);
     DcdBoxQuery everywhere = DCD_BOX_QUERY_INIT, inside_out = DCD_BOX_QUERY_INIT;
     for (int i = 0; i < 3; i++) {
@@ -1258,6 +1303,7 @@ static void snapshots(void)
     EXPECT(dcd_world_destroy(world), DCD_OK);
     EXPECT(dcd_step_begin(world), DCD_ERR_STALE_ID);
     EXPECT(dcd_step_wait(world, 0), DCD_ERR_STALE_ID);
+    EXPECT(dcd_record_stop(world), DCD_ERR_STALE_ID);
 }
 
 static DcdWorld logged_world;
@@ -1271,6 +1317,7 @@ static void on_log(void *user, DcdLogLevel level, const char *message, size_t le
         ++*count;
     }
     logged_status = dcd_step(logged_world);
+    EXPECT(dcd_bug_set(NULL, NULL), DCD_ERR_BUSY);
 }
 
 static void logging(void)

@@ -193,7 +193,7 @@ fn build_wrapper(out: &Path, flags: &[&str]) -> PathBuf {
 fn the_cpp_header_does_what_it_says() {
     for dialect in ["-std=c++17", "-std=c++20"] {
         let dir = tempfile::tempdir().unwrap();
-        let said = run_well(&mut Command::new(build_wrapper(dir.path(), &[dialect])));
+        let said = run_well(Command::new(build_wrapper(dir.path(), &[dialect])).arg(dir.path()));
         assert!(said.contains(" checks, 0 failures"), "{said}");
     }
 }
@@ -201,7 +201,7 @@ fn the_cpp_header_does_what_it_says() {
 #[test]
 fn sanitizers_find_nothing_in_the_programs() {
     let dir = tempfile::tempdir().unwrap();
-    run_well(&mut Command::new(build_wrapper(dir.path(), &SANITIZED)));
+    run_well(Command::new(build_wrapper(dir.path(), &SANITIZED)).arg(dir.path()));
     for source in [checker("misuse.c"), checker("behaviour.c"), example("hello.c"), example("game_loop.c")] {
         run_well(Command::new(build(&source, dir.path(), &SANITIZED)).current_dir(dir.path()));
     }
@@ -221,23 +221,25 @@ fn random_calls_find_no_bug() {
     }
 }
 
-#[test]
-fn valgrind_finds_nothing_in_the_programs() {
+/// A program under valgrind, which fails for errors and lost memory; `None` where valgrind is not installed.
+pub(crate) fn under_valgrind(program: &Path) -> Option<Command> {
     if !is_installed("valgrind") {
         eprintln!("valgrind is not installed: nothing checked");
-        return;
+        return None;
     }
+    let mut valgrind = Command::new("valgrind");
+    valgrind.args(["--quiet", "--error-exitcode=9", "--leak-check=full", "--errors-for-leak-kinds=definite"]);
+    valgrind.arg(format!("--suppressions={}", root().join("dcd-ffi/valgrind.supp").display()));
+    valgrind.arg(program);
+    Some(valgrind)
+}
+
+#[test]
+fn valgrind_finds_nothing_in_the_programs() {
     let dir = tempfile::tempdir().unwrap();
     for source in [checker("misuse.c"), checker("behaviour.c"), example("hello.c")] {
-        let mut valgrind = Command::new("valgrind");
-        valgrind.args([
-            "--quiet",
-            "--error-exitcode=9",
-            "--leak-check=full",
-            "--errors-for-leak-kinds=definite",
-        ]);
-        valgrind.arg(format!("--suppressions={}", root().join("dcd-ffi/valgrind.supp").display()));
-        run_well(valgrind.arg(build(&source, dir.path(), &[])).current_dir(dir.path()));
+        let Some(mut valgrind) = under_valgrind(&build(&source, dir.path(), &[])) else { return };
+        run_well(valgrind.current_dir(dir.path()));
     }
 }
 

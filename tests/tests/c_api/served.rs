@@ -321,6 +321,11 @@ fn a_program_builds_a_game_in_the_world_that_it_serves() {
 }
 
 #[test]
+fn avatars_wait_for_their_client_and_a_client_for_its_server_as_long_as_they_are_told_to() {
+    run_alone("leaving.c");
+}
+
+#[test]
 fn clients_that_may_build_change_a_served_world_and_others_cannot() {
     run_alone("builder.c");
 }

@@ -1,8 +1,8 @@
-//! Tests, bare and under the sanitizers, the C programs that each check one part of the surface.
+//! Tests, bare, under the sanitizers and under valgrind, the C programs that each check one part of the surface.
 
 use std::process::Command;
 
-use crate::programs::{SANITIZED, checker};
+use crate::programs::{SANITIZED, checker, under_valgrind};
 use crate::toolchain::{build, run_well};
 
 fn run_both_ways(name: &str) {
@@ -46,4 +46,17 @@ fn bodies_are_pushed_by_explosions_water_and_wind_and_triggers_list_who_is_insid
 #[test]
 fn bodies_and_shapes_are_read_back_as_they_were_made() {
     run_both_ways("looking.c");
+}
+
+#[test]
+fn valgrind_finds_nothing_in_them() {
+    let dir = tempfile::tempdir().unwrap();
+    // Not `jobs` and `settings`, which take minutes there.
+    for name in ["touching", "breaking", "asked", "pushing", "looking", "drawing"] {
+        let program = build(&checker(&format!("{name}.c")), dir.path(), &[]);
+        let Some(mut valgrind) = under_valgrind(&program) else { return };
+        // Only the one that draws takes a file to draw to.
+        let said = run_well(valgrind.arg(dir.path().join("drawn.glb")));
+        assert!(said.contains(" checks, 0 failures"), "{name}: {said}");
+    }
 }

@@ -73,6 +73,13 @@ CALL(dcd_shape_mesh) {
     return dcd_shape_mesh(s->world, CORNERS, 4, faces, 4, &id);
 }
 CALL(dcd_shape_heightfield) { DcdShapeId id; return dcd_shape_heightfield(s->world, CORNERS, 2, 2, ONE, &id); }
+CALL(dcd_shape_half_space) { DcdShapeId id; return dcd_shape_half_space(s->world, ONE, &id); }
+CALL(dcd_shape_segment) { DcdShapeId id; return dcd_shape_segment(s->world, CORNERS, ONE, &id); }
+CALL(dcd_shape_round) {
+    DcdShapeId box, id;
+    DcdStatus status = dcd_shape_box(s->world, ONE, &box);
+    return status == DCD_OK ? dcd_shape_round(s->world, box, 0.1f, &id) : status;
+}
 CALL(dcd_shape_compound) { DcdShapeId id; return dcd_shape_compound(s->world, &s->shape, &HERE, 1, &id); }
 CALL(dcd_shape_scale) { DcdShapeId id; return dcd_shape_scale(s->world, s->shape, ONE, &id); }
 CALL(dcd_shape_destroy) {
@@ -268,6 +275,12 @@ CALL(dcd_cast_rays_all) {
 }
 static float end_ray(void *context, const DcdRayHit *hit) { (void)context, (void)hit; return 0.0f; }
 static bool end_overlaps(void *context, const DcdOverlap *found) { (void)context, (void)found; return false; }
+static float end_cast(void *context, const DcdShapeHit *hit) { (void)context, (void)hit; return 0.0f; }
+CALL(dcd_cast_shape_each) {
+    DcdShapeCast cast = DCD_SHAPE_CAST_INIT;
+    cast.shape = s->shape;
+    return dcd_cast_shape_each(s->world, &cast, NULL, end_cast, NULL);
+}
 CALL(dcd_cast_ray_each) { return dcd_cast_ray_each(s->world, &RAY, NULL, end_ray, NULL); }
 CALL(dcd_overlap_shape_each) {
     DcdShapeQuery query = DCD_SHAPE_QUERY_INIT;
@@ -416,6 +429,7 @@ CALL(dcd_prediction) { DcdPrediction prediction = DCD_PREDICTION_INIT; return dc
 CALL(dcd_bandwidth_set) { return dcd_bandwidth_set(s->world, 0); }
 CALL(dcd_interest_set) { return dcd_interest_set(s->world, NULL, 0.0); }
 CALL(dcd_stats) { DcdStats stats = DCD_STATS_INIT; return dcd_stats(s->world, &stats); }
+CALL(dcd_validate) { char text[4096]; return dcd_validate(s->world, text, sizeof text, &count); }
 CALL(dcd_stats_text) { char text[4096]; return dcd_stats_text(s->world, text, sizeof text, &count); }
 CALL(dcd_state_hash) { uint64_t hash; return dcd_state_hash(s->world, &hash); }
 static char saved[1 << 20];
@@ -455,7 +469,8 @@ CALL(dcd_world_destroy) {
 #define ALL(of) \
     of(dcd_world_info) of(dcd_world_is_valid) of(dcd_own_avatars) of(dcd_token_create) of(dcd_address) of(dcd_metrics_address) \
     of(dcd_shape_box) of(dcd_shape_sphere) of(dcd_shape_capsule) of(dcd_shape_cylinder) of(dcd_shape_cone) \
-    of(dcd_shape_hull) of(dcd_shape_mesh) of(dcd_shape_heightfield) of(dcd_shape_compound) of(dcd_shape_scale) of(dcd_shape_destroy) \
+    of(dcd_shape_hull) of(dcd_shape_mesh) of(dcd_shape_heightfield) of(dcd_shape_half_space) of(dcd_shape_segment) of(dcd_shape_round) \
+    of(dcd_shape_compound) of(dcd_shape_scale) of(dcd_shape_destroy) \
     of(dcd_body_create) of(dcd_bodies_create) of(dcd_character_create) of(dcd_vehicle_create) of(dcd_vehicle_drive) \
     of(dcd_body_destroy) of(dcd_bodies_destroy) of(dcd_body_is_valid) \
     of(dcd_settings) of(dcd_settings_set) of(dcd_gravity_set) of(dcd_joint_strength_set) of(dcd_profile) of(dcd_viewpoints_set) of(dcd_fidelity_report) of(dcd_hooks_set) of(dcd_tasks_set) of(dcd_body_contacts) of(dcd_explode) of(dcd_flow) of(dcd_sensor_bodies) of(dcd_bodies) of(dcd_body_extent) of(dcd_collider_shape) of(dcd_shape_info) of(dcd_shape_vertices) \
@@ -470,11 +485,11 @@ CALL(dcd_world_destroy) {
     of(dcd_joint_set_frames) of(dcd_joint_set_flags) of(dcd_joint_set_softness) of(dcd_body_joints) of(dcd_step) \
     of(dcd_step_begin) of(dcd_step_wait) of(dcd_state_view) of(dcd_view_time) of(dcd_view_body) of(dcd_view_state) of(dcd_debug_draw) of(dcd_gltf_save_file) of(dcd_state_read) of(dcd_state_write) of(dcd_events) \
     of(dcd_connections) of(dcd_connection_info) of(dcd_send) of(dcd_disconnect) of(dcd_poll) of(dcd_cast_rays) \
-    of(dcd_cast_rays_all) of(dcd_cast_ray_each) of(dcd_overlap_shape_each) of(dcd_overlap_box_each) of(dcd_cast_shapes) of(dcd_project_points) of(dcd_overlap_shapes) of(dcd_overlap_points) \
+    of(dcd_cast_rays_all) of(dcd_cast_ray_each) of(dcd_cast_shape_each) of(dcd_overlap_shape_each) of(dcd_overlap_box_each) of(dcd_cast_shapes) of(dcd_project_points) of(dcd_overlap_shapes) of(dcd_overlap_points) \
     of(dcd_overlap_boxes) of(dcd_rays_submit) of(dcd_query_poll) of(dcd_query_cancel) of(dcd_regions) \
     of(dcd_shape_casts_submit) of(dcd_overlap_shapes_submit) of(dcd_overlap_points_submit) \
     of(dcd_overlap_boxes_submit) of(dcd_query_poll_casts) of(dcd_query_poll_overlaps) \
-    of(dcd_borders) of(dcd_body_owner) of(dcd_interest_set) of(dcd_bandwidth_set) of(dcd_prediction_set) of(dcd_prediction) of(dcd_stats) of(dcd_stats_text) of(dcd_state_hash) \
+    of(dcd_borders) of(dcd_body_owner) of(dcd_interest_set) of(dcd_bandwidth_set) of(dcd_prediction_set) of(dcd_prediction) of(dcd_stats) of(dcd_stats_text) of(dcd_validate) of(dcd_state_hash) \
     of(dcd_snapshot_save) of(dcd_snapshot_load) of(dcd_snapshot_save_file) of(dcd_snapshot_load_file) \
     of(dcd_checkpoint_create) of(dcd_checkpoint_save) of(dcd_checkpoint_restore) of(dcd_checkpoint_destroy) \
     of(dcd_record) of(dcd_record_last) of(dcd_record_keep) of(dcd_record_stop) \

@@ -1,4 +1,4 @@
-/* dcd.hpp, whose calls return what they say: a ball breaks a tower in a world of two regions; handles clean up after
+/* dcd.hpp, whose calls return what they say, called once each at least: a ball breaks a tower in a world of two regions; handles clean up after
  * themselves; what fails says why. throwing.cpp, in the same program, has the calls that throw. */
 #include "dcd.hpp"
 #include "dcd.hpp"
@@ -203,6 +203,11 @@ static void a_ball_breaks_a_tower()
     HOLDS(calls == 1);
     world.cast_ray_each(rays[1], goes_on, movable).expect();
     HOLDS(calls == 1);
+    const auto meets = [&calls](const dcd::ShapeHit &hit) { return ++calls, hit.fraction; };
+    world.cast_shape_each(cast, meets).expect();
+    HOLDS(calls == 2);
+    world.cast_shape_each(cast, meets, movable).expect();
+    HOLDS(calls == 2);
     std::vector<DcdBodyId> near_by;
     const auto note = [&near_by](const dcd::Overlap &found) { return near_by.push_back(found.body), false; };
     world.overlap_box_each(around, note).expect();
@@ -239,7 +244,7 @@ static void a_ball_breaks_a_tower()
     HOLDS(world.connections()->empty() && world.poll(1000));
     HOLDS(world.info()->user_data == 7 && world.stats()->ticks == 120);
     HOLDS(world.stats_text()->find("ticks        120\n") != std::string::npos);
-    HOLDS(*world.state_hash() != 0);
+    HOLDS(*world.state_hash() != 0 && world.validate()->empty());
 }
 
 static void joints_and_shapes()
@@ -292,6 +297,8 @@ static void joints_and_shapes()
     HOLDS(world.shape_compound(parts, frames));
     const float twice[] = { 2.0f, 2.0f, 2.0f };
     HOLDS(world.shape_scale(parts[0], twice));
+    HOLDS(world.shape_half_space({ 0.0f, 1.0f, 0.0f }) && world.shape_segment(corners[0], corners[1]));
+    HOLDS(world.shape_info(*world.shape_round(parts[0], 0.25f))->border == 0.25f);
     HOLDS(world.shape_compound(parts, dcd::Span<const dcd::Frame>(frames, 1)).status().code() == DCD_ERR_ARGUMENT);
     HOLDS(!world.shape_hull({}));
 }
@@ -455,6 +462,164 @@ static void what_cannot_be_destroyed_yet_is_kept()
     HOLDS(other.handle().v == 0 && ball.id().v == 0 && !world.body_is_valid(id));
 }
 
+/* Bodies and their colliders become others than they were made. */
+static void bodies_are_changed()
+{
+    dcd::World world = make_world();
+    dcd::BodyDef def;
+    def.shape = *world.shape_box({ 0.5f, 0.5f, 0.5f });
+    def.pose.p[1] = 10.0;
+    const dcd::BodyId box = *world.body_create(def);
+    const float half = 0.5f * 9.81f * world.body_info(box)->mass;
+    HOLDS(world.body_add_force(box, { 0.0f, half, 0.0f }) && world.body_add_force(box, { 0.0f, half, 0.0f }, { 1.0, 10.0, 0.0 }));
+    const dcd::BodyInfo pushed = *world.body_info(box);
+    HOLDS(std::fabs(pushed.force[1] - 2.0f * half) < 1.0f && std::fabs(pushed.torque[2] - half) < 1.0f);
+    dcd::BodyProperties properties = *world.body_properties(box);
+    HOLDS(properties.gravity_scale == 1.0f);
+    properties.gravity_scale = 0.5f;
+    HOLDS(world.body_set_properties(box, properties) && world.body_properties(box)->gravity_scale == 0.5f);
+
+    const std::uint32_t knob = *world.collider_add(box, *world.shape_sphere(0.25f));
+    HOLDS(knob == 1 && world.body_info(box)->colliders == 2);
+    dcd::ColliderProperties surface = *world.collider_properties(box, knob);
+    surface.friction = 0.25f;
+    HOLDS(world.collider_set_properties(box, knob, surface) && world.collider_properties(box, knob)->friction == 0.25f);
+    HOLDS(world.collider_set_shape(box, knob, *world.shape_sphere(0.375f)));
+    HOLDS(world.shape_info(*world.collider_shape(box, knob))->size[0] == 0.375f);
+    HOLDS(world.collider_remove(box, knob) && world.body_info(box)->colliders == 1);
+
+    def.body_type = DCD_KINEMATIC_POSE;
+    def.pose.p[0] = 5.0;
+    const dcd::BodyId lift = *world.body_create(def);
+    dcd::Pose up = def.pose;
+    up.p[1] = 10.5;
+    HOLDS(world.body_set_target(lift, up) && world.step() && std::fabs(world.body_get(lift)->pose.p[1] - 10.5) < 1e-5);
+
+    dcd::ShapeQuery place;
+    place.shape = def.shape;
+    place.pose = up;
+    dcd::PointQuery point;
+    point.point[0] = 5.0;
+    point.point[1] = 10.5;
+    const dcd::ShapeQuery places[] = { place };
+    const dcd::PointQuery points[] = { point };
+    HOLDS(world.overlap_shapes(places)->items.at(0).body == lift);
+    HOLDS((*world.query_poll_overlaps(*world.overlap_shapes_submit(places), 1))->items.at(0).body == lift);
+    HOLDS((*world.query_poll_overlaps(*world.overlap_points_submit(points), 1))->items.at(0).body == lift);
+}
+
+static void joints_are_looked_at_and_changed()
+{
+    dcd::World world = make_world();
+    dcd::BodyDef def;
+    def.shape = *world.shape_sphere(0.25f);
+    def.body_type = DCD_FIXED;
+    dcd::JointDef tie;
+    tie.a = *world.body_create(def);
+    def.body_type = DCD_DYNAMIC;
+    def.pose.p[1] = -1.0;
+    tie.b = *world.body_create(def);
+    tie.joint_type = DCD_JOINT_SPHERICAL;
+    tie.frame_b.p[1] = 1.0f;
+    const dcd::JointId joint = *world.joint_create(tie);
+    HOLDS(world.joint_is_valid(joint) && world.body_joints(tie.b)->at(0) == joint);
+    dcd::Frame arm = tie.frame_b;
+    arm.p[1] = 2.0f;
+    HOLDS(world.joint_set_frames(joint, tie.frame_a, arm) && world.joint_set_softness(joint, 50.0f, 2.0f));
+    HOLDS(world.joint_set_flags(joint, DCD_JOINT_COLLIDE));
+    const dcd::JointInfo info = *world.joint_info(joint);
+    HOLDS(info.a == tie.a && info.b == tie.b && info.frame_b.p[1] == 2.0f && info.flags == DCD_JOINT_COLLIDE);
+    HOLDS(info.natural_frequency == 50.0f && info.damping_ratio == 2.0f);
+    HOLDS(world.joint_strength_set(joint, 0.0f, 0.0f) && world.step());
+    HOLDS(world.events()->overloads().size() == 1 && world.events()->overloads()[0].joint == joint);
+    HOLDS(world.joint_destroy(joint) && !world.joint_is_valid(joint));
+}
+
+/* A person walks, a car drives, and both are shown between steps. */
+static void a_person_and_a_car_set_off()
+{
+    dcd::World world = make_world();
+    add_floor(world);
+    dcd::BodyDef def;
+    def.shape = *world.shape_capsule(0.5f, 0.3f);
+    def.body_type = DCD_KINEMATIC;
+    def.pose.p[1] = 0.85;
+    const dcd::BodyId person = *world.character_create(def, {});
+    HOLDS(world.body_set_velocity(person, { { 2.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f } }));
+
+    std::array<dcd::Wheel, 4> wheels;
+    for (std::size_t i = 0; i < wheels.size(); i++) {
+        wheels[i].at[0] = i < 2 ? 1.2f : -1.2f;
+        wheels[i].at[1] = -0.2f;
+        wheels[i].at[2] = i % 2 == 0 ? 0.8f : -0.8f;
+        wheels[i].engine_force = 2000.0f;
+    }
+    dcd::VehicleDef car;
+    car.wheels = wheels.data();
+    car.wheel_count = 4;
+    def.shape = *world.shape_box({ 1.6f, 0.4f, 0.8f });
+    def.body_type = DCD_DYNAMIC;
+    def.density = 250.0f;
+    def.pose.p[1] = 1.2;
+    def.pose.p[2] = 10.0;
+    const dcd::BodyId chassis = *world.vehicle_create(def, car);
+    HOLDS(world.vehicle_drive(chassis, { 1.0f, 0.0f, 0.0f }) && world.view_time());
+    for (int i = 0; i < 60; i++) {
+        HOLDS(world.step());
+    }
+    const double walked = world.body_get(person)->pose.p[0];
+    HOLDS(std::fabs(walked - 2.0) < 0.2 && world.body_get(chassis)->pose.p[0] > 0.5);
+
+    dcd::ViewTime time = *world.view_time();
+    time.shown = time.predicted = 59.5;
+    const double shown = world.view_body(person, time.shown)->p[0];
+    HOLDS(shown > walked - 0.03 && shown < walked);
+    HOLDS(world.view_state(time)->size() == 2);
+    HOLDS(world.prediction_set(true) && world.prediction()->bodies == 0);
+}
+
+/* What is written is read again. */
+static void files_are_written(const std::string &folder)
+{
+    dcd::World world = make_world();
+    dcd::BodyDef def;
+    def.shape = *world.shape_sphere(0.5f);
+    const dcd::BodyId ball = *world.body_create(def);
+    HOLDS(world.record((folder + "/whole.dcdr").c_str()) && world.step() && world.record_stop());
+    HOLDS(world.record_last(60.0f) && world.step() && world.record_keep((folder + "/last.dcdr").c_str()));
+    const std::string saved = folder + "/saved.dcd";
+    const std::uint64_t then = *world.state_hash();
+    HOLDS(world.snapshot_save_file(saved.c_str()) && world.body_destroy(ball) && *world.state_hash() != then);
+    HOLDS(world.snapshot_load_file(saved.c_str()) && *world.state_hash() == then);
+    HOLDS(world.gltf_save_file((folder + "/drawn.glb").c_str()));
+    for (const char *name : { "/whole.dcdr", "/last.dcdr", "/drawn.glb" }) {
+        std::FILE *file = std::fopen((folder + name).c_str(), "rb");
+        HOLDS(file != nullptr && std::fgetc(file) != EOF);
+        if (file != nullptr) {
+            std::fclose(file);
+        }
+    }
+}
+
+static void a_world_is_served(const std::string &folder)
+{
+    const dcd::World local = make_world();
+    const std::string data = folder + "/served";
+    dcd::ServerDef def;
+    def.source = local.handle();
+    def.data_path = data.c_str();
+    dcd::World server = *dcd::World::server_create(def);
+    const std::string address = *server.address(), token = *server.token_create(DCD_ROLE_NODE, 60);
+    HOLDS(token.find("dcd1-") == 0);
+    dcd::NodeDef node;
+    node.server = address.c_str();
+    node.token = token.c_str();
+    node.threads = 1;
+    const dcd::Result<dcd::World> joined = dcd::World::node_join(node);
+    HOLDS(joined && joined->info()->role == DCD_ROLE_NODE);
+    HOLDS(server.server_suspend() && server.step().code() != DCD_OK);
+}
+
 /* Destroyed after main, when the thread has lost what it keeps. */
 static dcd::World level;
 static dcd::Owned<dcd::BodyId> player;
@@ -468,14 +633,22 @@ static void static_objects_go_at_the_end()
     HOLDS(dcd::bug_set([](void *, const char *, const char *, std::uint32_t) { std::_Exit(3); }, nullptr));
 }
 
-int main()
+int main(int argc, char **argv)
 {
+    if (argc != 2) {
+        return 2;
+    }
     HOLDS(dcd::log_set(nullptr, nullptr, DCD_LOG_OFF));
     a_ball_breaks_a_tower();
     joints_and_shapes();
     handles_clean_up();
     failures_say_why();
     what_is_set_counts();
+    bodies_are_changed();
+    joints_are_looked_at_and_changed();
+    a_person_and_a_car_set_off();
+    files_are_written(argv[1]);
+    a_world_is_served(argv[1]);
     what_is_found_is_no_null_entry();
     what_cannot_be_destroyed_yet_is_kept();
     static_objects_go_at_the_end();

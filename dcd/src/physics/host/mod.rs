@@ -573,7 +573,7 @@ impl RegionHost {
 
     /// Returns what the last tick took, summed over the regions here.
     pub fn profile(&self) -> Profile {
-        let sum = self.regions().fold(Profile::default(), |sum, region| sum.and(region.profile()));
+        let sum = self.regions().fold(Profile::default(), |sum, region| sum.and(&region.profile()));
         Profile { border: self.exchange_time, ..sum }
     }
 

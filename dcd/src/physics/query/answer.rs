@@ -115,13 +115,24 @@ impl Queries<'_> {
                 queries.cast_shape_nonlinear(shape, &motion, 0.0..1.0, !leaves, filter)
             });
         }
-        let options = ShapeCastOptions {
-            target_distance: *margin_m,
-            stop_at_penetration: !leaves,
-            compute_impact_geometry_on_penetration: true,
-            ..ShapeCastOptions::with_max_time_of_impact(1.0)
-        };
+        let options = options(*margin_m, *leaves);
         self.asking(all, filter, |queries, filter| queries.cast_shape(shape, pose, *motion, options, filter))
+    }
+
+    /// Calls `meet` for the hits of one shape that moves straight, as [`Queries::visit_cast_shape`]; how it turns is not looked at.
+    #[doc(hidden)]
+    pub fn ask_cast_each(
+        &self,
+        all: &FilterRecord,
+        shape: &dyn Shape,
+        cast: &CastQuery,
+        mut meet: impl FnMut(CastAnswer) -> f32,
+    ) -> Result<(), QueryError> {
+        let CastQuery { pose, motion, margin_m, leaves, filter, .. } = cast;
+        let options = options(*margin_m, *leaves);
+        self.asking(all, filter, |queries, filter| {
+            queries.visit_cast_shape(shape, pose, *motion, options, filter, |hit| meet(hit.into()))
+        })
     }
 
     /// Calls `meet` for the hits of one ray, as [`Queries::visit_ray`].
@@ -232,6 +243,16 @@ impl Lets for Told<'_> {
         self.flags().test(&region.physics().bodies, collider)
             && self.meets(collider)
             && (all_are_met || region.role_of(parent).is_some_and(|(id, _)| !self.overlooks(id)))
+    }
+}
+
+/// The options of a cast that ends after its whole motion, at the time 1.
+fn options(margin_m: f32, leaves: bool) -> ShapeCastOptions {
+    ShapeCastOptions {
+        target_distance: margin_m,
+        stop_at_penetration: !leaves,
+        compute_impact_geometry_on_penetration: true,
+        ..ShapeCastOptions::with_max_time_of_impact(1.0)
     }
 }
 

@@ -1,5 +1,7 @@
 //! Casts moving shapes through all regions: finds what they hit first, and when.
 
+use std::collections::BTreeSet;
+
 use parry3d::bounding_volume::BoundingVolume;
 use parry3d::query::{NonlinearRigidMotion, ShapeCastHit, ShapeCastOptions, ShapeCastStatus};
 use rapier3d::prelude::*;
@@ -89,6 +91,78 @@ impl Queries<'_> {
             keep_earlier(&mut best, shape_hit(answerer, handle, &hit, near));
         });
         Ok(best)
+    }
+
+    /// Calls `meet` with one hit on every collider that a shape meets which moves straight and does not rotate, in no order, and no longer
+    /// than it wants: it returns until when the shape moves from then on, in the unit of time of its velocity. The time of the hit leaves
+    /// what is met earlier, infinity everything, and 0 ends it. The latest time of `options` is finite.
+    ///
+    /// ```
+    /// # use dcd::physics::BodyFilter;
+    /// # use dcd::protocol::WorldPose;
+    /// # use dcd::runtime::{LocalWorld, WorldConfig};
+    /// # use rapier3d::prelude::*;
+    /// # use parry3d::query::ShapeCastOptions;
+    /// # let mut world = LocalWorld::new(WorldConfig::default())?;
+    /// # for x in [3.0, 6.0, 9.0] {
+    /// #     world.insert(RigidBodyBuilder::fixed().translation(Vector::new(x, 0.0, 0.0)), ColliderBuilder::ball(1.0))?;
+    /// # }
+    /// let mut met = 0;
+    /// let (from, options) = (WorldPose::at([0.0; 3]), ShapeCastOptions::with_max_time_of_impact(10.0));
+    /// world.queries().visit_cast_shape(&Ball::new(0.5), &from, [1.0, 0.0, 0.0], options, &BodyFilter::default(), |_| {
+    ///     met += 1;
+    ///     if met < 2 { f32::INFINITY } else { 0.0 }
+    /// })?;
+    /// assert_eq!(met, 2, "of the three it has seen enough");
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn visit_cast_shape(
+        &self,
+        shape: &dyn Shape,
+        pose: &WorldPose,
+        velocity: [f32; 3],
+        options: ShapeCastOptions,
+        filter: &BodyFilter<'_>,
+        mut meet: impl FnMut(&ShapeHit) -> f32,
+    ) -> Result<(), QueryError> {
+        check::pose(pose, "shape's pose")?;
+        check::vector(velocity, "shape's velocity")?;
+        check::vector([options.max_time_of_impact, 0.0, 0.0], "max_time_of_impact")?;
+        check::limit(f64::from(options.max_time_of_impact), "max_time_of_impact")?;
+        check::limit(f64::from(options.target_distance), "target_distance")?;
+        let velocity = convert::vector(velocity);
+        let mut latest = options.max_time_of_impact;
+        // A body that several regions hold answers in each of them.
+        let mut met = self.are_several().then(BTreeSet::new);
+        self.ask(filter, None, |answerer| {
+            if latest == 0.0 {
+                return;
+            }
+            let pose = convert::region_from_world(answerer.region.anchor(), pose);
+            let at = |time: f32| Pose::from_translation(velocity * time) * pose;
+            let margin = options.target_distance.min(f32::MAX) + 0.1;
+            let swept = shape.compute_swept_aabb(&pose, &at(latest)).loosened(margin);
+            for (handle, collider) in answerer.pipeline.intersect_aabb_conservative(swept) {
+                let options = ShapeCastOptions { max_time_of_impact: latest, ..options };
+                let place = collider.position();
+                let (onto, along) = (place.inv_mul(&pose), place.rotation.inverse() * velocity);
+                let hit =
+                    answerer.pipeline.dispatcher.cast_shapes(&onto, along, collider.shape(), shape, options);
+                let Some(hit) = hit.ok().flatten().map(|hit| hit.transform1_by(place)) else { continue };
+                let near = shape.compute_aabb(&at(hit.time_of_impact)).loosened(margin);
+                let Some(hit) = shape_hit(answerer, handle, &hit, near) else { continue };
+                if hit.time_of_impact <= latest
+                    && met.as_mut().is_none_or(|met| met.insert((hit.body, hit.collider)))
+                {
+                    // What is no number ends it too.
+                    latest = meet(&hit).clamp(0.0, latest).max(0.0);
+                    if latest == 0.0 {
+                        return;
+                    }
+                }
+            }
+        });
+        Ok(())
     }
 
     /// Returns the first hit of a shape that moves and rotates, between two times in seconds. A shape that overlaps something at

@@ -1,0 +1,103 @@
+//! Tests that the checkers of this folder call all that the headers declare: each function from C, once as it should not be called, and
+//! each wrapper from C++.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+use crate::library::declared;
+use crate::toolchain::root;
+
+/// Functions that no call can make fail: they return no status.
+const NEVER_FAIL: [&str; 8] = [
+    "dcd_body_is_valid",
+    "dcd_joint_is_valid",
+    "dcd_last_error",
+    "dcd_refused_string",
+    "dcd_status_string",
+    "dcd_version",
+    "dcd_version_string",
+    "dcd_world_is_valid",
+];
+
+/// The text of all sources with an ending, in a folder of the repository and those below.
+fn sources(folder: &str, ending: &str) -> String {
+    fn add(folder: &Path, ending: &str, all: &mut String) {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                add(&path, ending, all);
+            } else if path.extension().is_some_and(|extension| extension == ending) {
+                *all += &std::fs::read_to_string(path).unwrap();
+            }
+        }
+    }
+    let mut all = String::new();
+    add(&root().join(folder), ending, &mut all);
+    all
+}
+
+fn is_of_name(c: char) -> bool {
+    c.is_alphanumeric() || c == '_'
+}
+
+/// The names that a text calls: what stands before a bracket that opens.
+fn called(text: &str) -> BTreeSet<&str> {
+    let before = text.match_indices('(').map(|(at, _)| &text[..at]);
+    before.filter_map(|before| before.rsplit(|c| !is_of_name(c)).next()).collect()
+}
+
+/// The names that are called in checks that a call fails.
+fn called_wrongly(text: &str) -> BTreeSet<&str> {
+    let checks = ["FAILS(", "EXPECT("].into_iter().flat_map(|check| text.split(check).skip(1));
+    let statements = checks.filter_map(|rest| rest.split(";\n").next());
+    statements.filter(|statement| statement.contains("DCD_ERR_")).flat_map(called).collect()
+}
+
+/// For each function of `dcd.h` the wrappers of `dcd.hpp` that call it.
+fn wrappers(header: &str) -> BTreeMap<String, BTreeSet<&str>> {
+    let mut wrappers = BTreeMap::<_, BTreeSet<_>>::new();
+    let (functions, mut wrapper) = (declared(), "");
+    for line in header.lines() {
+        // A wrapper begins within the namespace or the class; what it does stands farther in, or behind.
+        let depth = line.len() - line.trim_start_matches(' ').len();
+        let head = line.trim_start().split('(').next().unwrap_or_default();
+        let is_statement = head.starts_with("return ") || head == "Status status";
+        if line.contains('(') && depth <= 4 && !is_statement && !head.starts_with(['/', '*', '#', '{', '}']) {
+            wrapper = head.rsplit(|c| !is_of_name(c)).next().unwrap_or_default();
+        }
+        for word in line.split(|c| !is_of_name(c)).filter(|word| functions.contains(*word)) {
+            wrappers.entry(word.to_owned()).or_default().insert(wrapper);
+        }
+    }
+    wrappers
+}
+
+fn without<'a>(functions: &'a BTreeSet<String>, has: impl Fn(&str) -> bool) -> Vec<&'a String> {
+    functions.iter().filter(|function| !has(function)).collect()
+}
+
+#[test]
+fn each_function_is_called_by_a_checker_and_once_wrongly() {
+    let (checkers, functions) = (sources("tests/tests/c_api", "c"), declared());
+    let (called, wrongly) = (called(&checkers), called_wrongly(&checkers));
+    let never = without(&functions, |function| called.contains(function));
+    assert!(never.is_empty(), "no checker in C calls {never:?}");
+    let never = without(&functions, |function| wrongly.contains(function) || NEVER_FAIL.contains(&function));
+    assert!(never.is_empty(), "no checker sees these fail: {never:?}");
+    let fails: Vec<_> = NEVER_FAIL.iter().filter(|function| !functions.contains(**function)).collect();
+    assert!(fails.is_empty(), "the list of what never fails has what is not there: {fails:?}");
+}
+
+#[test]
+fn each_wrapper_is_called_from_cpp() {
+    let header = std::fs::read_to_string(root().join("include/dcd.hpp")).unwrap();
+    let programs = sources("tests", "cpp") + &sources("examples-c", "cpp");
+    let (wrappers, called) = (wrappers(&header), called(&programs));
+    assert_eq!(wrappers.len(), declared().len());
+    let never: Vec<_> = wrappers
+        .iter()
+        .filter(|(_, names)| !names.iter().any(|name| called.contains(name)))
+        .map(|(function, names)| format!("{function} by {names:?}"))
+        .collect();
+    assert!(never.is_empty(), "nothing in C++ calls {}", never.join(", "));
+}

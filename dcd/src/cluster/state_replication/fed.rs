@@ -7,8 +7,11 @@ use tracing::debug;
 use super::news::Latest;
 use super::{MAX_TURNS, ReplicationEvent, StateReplication, TickNews};
 use crate::delta::{FreeMotion, OrderedReceiver};
-use crate::protocol::{CodecError, Message, SharedState, ToRelay};
+use crate::protocol::{CodecError, Message, SharedState, ToRelay, encoded_len};
 use crate::space::{BodyId, Tick};
+
+/// The bytes of what has been read that the leader need not hear of: a fraction of what it waits for.
+const UNSAID: usize = 4 << 10;
 
 /// What a relay has been told.
 #[derive(Clone, Debug)]
@@ -16,16 +19,25 @@ pub(super) struct Fed {
     receiver: OrderedReceiver,
     /// The parts of a tick that have come so far.
     begun: Option<TickNews>,
-    /// The number of the news that were read last, and that of what was, if the leader has not heard of it.
+    /// The number of the news that were read last.
     last: u64,
-    read: Option<u64>,
+    /// The number of what was read last, and the bytes of all that was and of which the leader has not heard.
+    read: u64,
+    unsaid: usize,
     /// Whether something could not be read: nothing that follows can be, until it begins anew.
     is_lost: bool,
 }
 
 impl Fed {
     pub(super) fn new(motion: FreeMotion) -> Self {
-        Self { receiver: OrderedReceiver::new(motion), begun: None, last: 0, read: None, is_lost: false }
+        Self {
+            receiver: OrderedReceiver::new(motion),
+            begun: None,
+            last: 0,
+            read: 0,
+            unsaid: 0,
+            is_lost: false,
+        }
     }
 
     /// Returns which component was left out of the rotation of a body as the leader told it.
@@ -33,10 +45,15 @@ impl Fed {
         self.receiver.left_out(id)
     }
 
+    fn has_read(&mut self, number: u64, bytes: usize) {
+        (self.read, self.unsaid) = (number, self.unsaid + bytes);
+    }
+
     fn read(&mut self, message: ToRelay) -> Result<Vec<ReplicationEvent>, CodecError> {
         match message {
             ToRelay::Expect { .. } => Ok(Vec::new()),
             ToRelay::News(mut news) => {
+                let bytes = encoded_len(&*news);
                 if std::mem::replace(&mut self.last, news.number) != news.follows {
                     return Err(CodecError::Compact);
                 }
@@ -57,7 +74,7 @@ impl Fed {
                     Some(begun) => begun.extend(moved),
                     begun => *begun = Some(TickNews::of_relay(*news, moved)),
                 }
-                self.read = Some(number);
+                self.has_read(number, bytes);
                 if is_whole {
                     events.extend(self.begun.take().map(ReplicationEvent::Tick));
                 }
@@ -65,8 +82,9 @@ impl Fed {
             }
             ToRelay::Guess { follows, .. } if follows != self.last => Err(CodecError::Compact),
             ToRelay::Guess { number, tick, states, .. } => {
+                // The leader hears of it at once: it tells few guesses, of which some may never have been read.
+                self.has_read(number, UNSAID + states.len());
                 let states = self.receiver.read_guesses(tick, &states)?;
-                self.read = Some(number);
                 Ok(vec![ReplicationEvent::Speculative { tick, states, silent: BTreeSet::new() }])
             }
         }
@@ -88,9 +106,10 @@ impl StateReplication {
         })
     }
 
-    /// Tells the leader what has been read, if anything has since it was told last.
+    /// Tells the leader what has been read, if that is some kilobytes.
     pub(super) fn acknowledge_feed(&mut self) {
-        let (Some(leader), Some(number)) = (&self.introduction, self.fed.read.take()) else { return };
-        self.member_messages.push((leader.node, Message::Fed { view: self.view, number }));
+        let Some(leader) = self.introduction.as_ref().filter(|_| self.fed.unsaid > UNSAID) else { return };
+        self.fed.unsaid = 0;
+        self.member_messages.push((leader.node, Message::Fed { view: self.view, number: self.fed.read }));
     }
 }

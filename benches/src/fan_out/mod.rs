@@ -28,6 +28,7 @@ const LIMIT: Duration = Duration::from_secs(120);
 /// Until links have found out what they carry, and clients have what they are told in full.
 const WARM_UP: Duration = Duration::from_secs(4);
 const NODES: usize = 2;
+const DVE: &str = "dve";
 /// Clients of one process.
 const CLIENTS_PER_PROCESS: usize = 125;
 
@@ -43,7 +44,10 @@ pub(crate) struct FanOut {
     /// Radius in which each hears, metres; all are spread evenly over the world.
     #[arg(long, default_value_t = 12.0)]
     interest: f64,
-    /// Cubes of the scene `dve`, which all move all the time.
+    /// A scene of the library that is made of `n` bodies, or stacks of them.
+    #[arg(long, default_value = DVE)]
+    scene: String,
+    /// Its `n`: cubes of `dve`, which all move all the time.
     #[arg(long, default_value_t = 1_000)]
     cubes: usize,
     /// Seconds that are measured of each run.
@@ -77,6 +81,9 @@ struct Row {
     bytes_per_s: f64,
     /// Batches of states that each client took in.
     updates_per_s: f64,
+    /// The scene of which `cubes` is the parameter `n`; none: `dve`.
+    #[serde(default)]
+    scene: Option<String>,
     /// Clients that the leader tells itself; none: all.
     #[serde(default)]
     relays_above: Option<u32>,
@@ -100,7 +107,8 @@ impl FanOut {
             for above in [None].into_iter().chain(relays.filter(|_| count > 0).map(Some)) {
                 let row = self.serve(count, above, Duration::from_secs_f64(seconds))?;
                 eprintln!(
-                    "{count} clients{}: {} ticks per second, {} ms of the leader per tick, which sends {} bytes/s",
+                    "{}, {count} clients{}: {} ticks per second, {} ms of the leader per tick, which sends {} bytes/s",
+                    self.scene,
                     above.map(|above| format!(", of which the leader tells {above}")).unwrap_or_default(),
                     short(row.ticks_per_s),
                     short(row.leader_ms),
@@ -114,7 +122,7 @@ impl FanOut {
 
     /// Serves the world to so many clients.
     fn serve(&self, count: usize, relays_above: Option<u32>, time: Duration) -> Result<Row, Box<dyn Error>> {
-        let scene = Scene::named("dve", &Params::new().with("n", self.cubes))?;
+        let scene = Scene::named(&self.scene, &Params::new().with("n", self.cubes))?;
         let data = tempfile::tempdir()?;
         let config =
             ServeConfig { nodes: NODES, events: false, relays_above, ..ServeConfig::new(data.path()) };
@@ -181,6 +189,7 @@ impl FanOut {
         let used = after.of_leader.since(&before.of_leader);
         let per_client = |count: u64| count as f64 / seconds / clients.max(1) as f64;
         Row {
+            scene: Some(self.scene.clone()),
             clients,
             cubes: self.cubes,
             interest_m: self.interest,
@@ -253,11 +262,13 @@ fn table(rows: &[Measured<Row>]) -> String {
     ];
     let cells = |Measured { row, .. }: &Measured<Row>| {
         let per_client = |value: f64| if row.clients == 0 { "–".to_owned() } else { short(value) };
+        let scene = row.scene.as_deref().filter(|&scene| scene != DVE);
+        let scene = scene.map(|scene| format!("{scene}, {}: ", row.cubes)).unwrap_or_default();
         vec![
             match row.relays_above {
-                None => row.clients.to_string(),
-                Some(0) => format!("{}, told by the other node", row.clients),
-                Some(above) => format!("{}, of which the leader tells {above}", row.clients),
+                None => format!("{scene}{}", row.clients),
+                Some(0) => format!("{scene}{}, told by the other node", row.clients),
+                Some(above) => format!("{scene}{}, of which the leader tells {above}", row.clients),
             },
             short(row.ticks_per_s),
             format!("{} / {}", short(row.tick_p50_ms), short(row.tick_p99_ms)),

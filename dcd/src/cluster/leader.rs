@@ -212,9 +212,9 @@ impl Leader {
     }
 
     fn replicate(&mut self, event: ReplicationEvent) {
-        let (for_clients, for_relays) = self.replication.handle(event);
+        let (for_clients, for_members) = self.replication.handle(event);
         self.messages.extend(for_clients);
-        self.relays.messages.extend(for_relays);
+        self.relays.messages.extend(for_members);
     }
 
     /// Admits a client that is linked directly; it says what it wants to hear of.

@@ -508,6 +508,10 @@ impl Node {
                 Some(leader) if view == leader.view() => leader.linked_elsewhere(node, client, up),
                 _ => self.counters.stale += 1,
             },
+            (Peer::Node(node), Message::Fed { view, number }) => match &mut self.leader {
+                Some(leader) if view == leader.view() => leader.fed(node, number),
+                _ => self.counters.stale += 1,
+            },
             (_, Message::FromClient(client, message)) => self.hear_client(from, client, message),
             (Peer::Node(node), Message::ToClient(client, message)) => {
                 let leads = self.view.as_ref().is_some_and(|view| view.leader == node);

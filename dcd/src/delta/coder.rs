@@ -59,7 +59,7 @@ const RARE: usize = 15;
 const CONTEXTS: usize = 8;
 
 /// The models of one datagram, which begin alike in each.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub(super) struct Models {
     id: Number,
     is_told_against: Adaptive<2>,
@@ -82,10 +82,12 @@ pub(super) struct Models {
     wholes: [Triple; 4],
     /// What the body before was: a guess that holds, or none does.
     before: usize,
+    /// Whether a guess stands only for a body that is just so, and not for one that is within a step or so.
+    is_exact: bool,
 }
 
 /// The models of a single number: how many bits its magnitude has, its sign, and the bit below the highest.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub(super) struct Number {
     width: Adaptive<{ WIDE + 1 }>,
     sign: Adaptive<2>,
@@ -93,14 +95,15 @@ pub(super) struct Number {
 }
 
 /// The models of three numbers that are about as large as each other: how many bits the largest has, and the highest two of each.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub(super) struct Triple {
     width: [Adaptive<{ WIDE + 1 }>; CONTEXTS],
     high: [Adaptive<4>; RARE + 1],
 }
 
 impl Number {
-    fn new(usual: usize) -> Self {
+    /// Returns the models of numbers of about so many bits.
+    pub(super) fn new(usual: usize) -> Self {
         let second = std::array::from_fn(|_| Adaptive::new());
         Self { width: Adaptive::about(usual), sign: Adaptive::new(), second }
     }
@@ -123,6 +126,11 @@ impl Models {
         FIRST.clone()
     }
 
+    /// Returns those of an end that is told each number exactly.
+    pub(super) fn exact() -> Self {
+        Self { is_exact: true, ..Self::new() }
+    }
+
     fn first() -> Self {
         Self {
             id: Number::new(1),
@@ -141,6 +149,7 @@ impl Models {
             errors: std::array::from_fn(|_| Triple::new(|context| context)),
             wholes: [13, 11, 10, 10].map(|usual| Triple::new(|_| usual)),
             before: GUESSES,
+            is_exact: false,
         }
     }
 
@@ -178,7 +187,8 @@ impl Models {
         body: &Quantised,
     ) -> Result<Quantised, CodecError> {
         coder.field(Field::Reference);
-        let holds = if C::WRITES { guesses.iter().position(|guess| body.is_near(guess)) } else { None };
+        let stands = |guess: &Quantised| if self.is_exact { body == guess } else { body.is_near(guess) };
+        let holds = if C::WRITES { guesses.iter().position(stands) } else { None };
         let holds = coder.symbol(&mut self.holds[self.before], holds.unwrap_or(GUESSES))?;
         self.before = holds;
         if let Some(guess) = guesses.get(holds) {

@@ -4,6 +4,7 @@
 //! - [`Sender`], one for each client of a leader, knows which states the client has. A state within a step or so of what the client
 //!   predicts is told as predicted, for about a bit.
 //! - [`Receiver`], the client's, keeps what later states may refer to, and acknowledges datagrams.
+//! - `OrderedSender` and `OrderedReceiver` are the ends of a link to a relay, which gets everything in order.
 //! - `alone` writes states for other groups, in the same form, against nothing.
 //!
 //! A datagram that is lost costs bytes only: later ones refer to what was acknowledged. Who computes a body keeps full precision; a
@@ -13,6 +14,7 @@ pub(crate) mod alone;
 mod coder;
 mod free_motion;
 mod model;
+mod ordered;
 mod quantise;
 mod receiver;
 mod sender;
@@ -22,6 +24,7 @@ mod tests;
 pub use coder::Field;
 pub use free_motion::FreeMotion;
 pub(crate) use free_motion::{LIKE_FALL, UNTOLD_S};
+pub(crate) use ordered::{OrderedReceiver, OrderedSender};
 pub use receiver::{Receiver, Tally};
 pub(crate) use sender::RESTARTS;
 pub use sender::Sender;

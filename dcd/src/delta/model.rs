@@ -15,7 +15,7 @@ const ONE: u16 = 1 << PRECISION;
 const SLOWEST: u32 = 5;
 
 /// A model of one of `N` symbols, 0 to `N` - 1.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub(super) struct Adaptive<const N: usize> {
     /// The cumulative frequency below each symbol; strictly growing, from 0.
     below: [u16; N],

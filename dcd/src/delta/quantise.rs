@@ -16,6 +16,10 @@ const TURN: f64 = 2047.0;
 /// The least that the component left out may be for which another would do.
 const LEAST_LEFT_OUT: f64 = 0.5;
 
+/// The same for a state that comes from this grid, of which the component left out is known: it is computed from the others, and may have become
+/// a little smaller.
+const STILL_LEFT_OUT: f64 = 0.45;
+
 /// The most steps by which a state that is told as predicted may differ from what it is, in place and turn, and in velocity and spin.
 const NEAR: (i64, i64) = (1, 2);
 
@@ -39,11 +43,20 @@ pub(super) struct Quantised {
 impl Quantised {
     /// Quantises a state. The component of the rotation that was left out before still is, if that does.
     pub(super) fn of(state: &SharedState, left_out: Option<u8>) -> Self {
+        Self::leaving_out(state, left_out, LEAST_LEFT_OUT)
+    }
+
+    /// Quantises once more a state that comes from this grid, where this component was left out of the rotation: to the same numbers.
+    pub(super) fn again(state: &SharedState, left_out: u8) -> Self {
+        Self::leaving_out(state, Some(left_out), STILL_LEFT_OUT)
+    }
+
+    fn leaving_out(state: &SharedState, left_out: Option<u8>, least: f64) -> Self {
         let SharedState { owner, epoch, pose, velocity, sleeping, .. } = *state;
         let mut quantised = Self { owner: owner.0, epoch: epoch.0, sleeping, ..Self::default() };
         quantised.left_out = left_out.unwrap_or_default();
         quantised.set_place_m(pose.translation);
-        quantised.set_rotation_leaving_out(pose.rotation.map(f64::from), left_out);
+        quantised.set_rotation_leaving_out(pose.rotation.map(f64::from), left_out, least);
         if !sleeping {
             quantised.set_velocity_m_s(velocity.linear.map(f64::from));
             quantised.spin = steps(velocity.angular.map(f64::from), SPIN);
@@ -84,12 +97,12 @@ impl Quantised {
 
     /// Sets the rotation; what was left out of it still is, if that does.
     pub(super) fn set_rotation(&mut self, rotation: Rotation) {
-        self.set_rotation_leaving_out(rotation, Some(self.left_out));
+        self.set_rotation_leaving_out(rotation, Some(self.left_out), LEAST_LEFT_OUT);
     }
 
-    fn set_rotation_leaving_out(&mut self, rotation: Rotation, left_out: Option<u8>) {
+    fn set_rotation_leaving_out(&mut self, rotation: Rotation, left_out: Option<u8>, least: f64) {
         let size = |i: usize| rotation[i].abs();
-        let does = |i: &usize| *i < 4 && size(*i) >= LEAST_LEFT_OUT;
+        let does = |i: &usize| *i < 4 && size(*i) >= least;
         let largest = || (1..4).fold(0, |best, i| if size(i) > size(best) { i } else { best });
         let left_out = left_out.map(usize::from).filter(does).unwrap_or_else(largest);
         // A quaternion and its negative are the same rotation: the component left out is positive.

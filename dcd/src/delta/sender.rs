@@ -39,11 +39,11 @@ const PATIENCE_TICKS: f64 = 6.0;
 /// How often what waits to be acknowledged is looked through, ticks.
 const LOOK_TICKS: u64 = 3;
 
-/// A series is not given up sooner after it began, ticks.
+/// What was told is not given up sooner after it began, ticks.
 const RESTART_TICKS: u64 = 30;
 
 /// The most series that a sender begins; the next one's begin where these end.
-pub(crate) const RESTARTS: u32 = 1 << 12;
+pub(crate) const RESTARTS: u32 = 64;
 
 /// One client's sender. Time is counted in ticks of the world.
 #[derive(Clone, Debug)]
@@ -65,7 +65,7 @@ pub struct Sender {
     allowed: (usize, u64),
     /// Whether anything was sent since the client last acknowledged anything new.
     waits: bool,
-    /// When the series began.
+    /// When it last began to refer to nothing before.
     began: u64,
 }
 
@@ -180,6 +180,20 @@ impl Sender {
         guesses: bool,
         limit: usize,
     ) -> Vec<Part> {
+        self.pack_again(now, tick, states, guesses, limit, |_| None)
+    }
+
+    /// Does the same with states of which some come from the same grid, as an [`OrderedReceiver`](super::OrderedReceiver) has read them:
+    /// `left_out` says of which body which component of the rotation was left out.
+    pub(crate) fn pack_again(
+        &mut self,
+        now: Tick,
+        tick: Tick,
+        states: &[SharedState],
+        guesses: bool,
+        limit: usize,
+        left_out: impl Fn(BodyId) -> Option<u8>,
+    ) -> Vec<Part> {
         assert!(limit >= FRAME_BYTES + LONGEST_BYTES, "a part of {limit} bytes cannot hold a body");
         self.batch = self.batch.wrapping_add(1);
         let mut states = states.iter().peekable();
@@ -198,7 +212,8 @@ impl Sender {
             let (mut id, mut before) = (BodyId::default(), Quantised::default());
             while let Some(state) = states.peek() {
                 let told = (now, tick, number, guesses);
-                before = self.write(&mut writer, &mut models, (id, &before), state, told);
+                let left_out = left_out(state.id);
+                before = self.write(&mut writer, &mut models, (id, &before), (state, left_out), told);
                 id = state.id;
                 count += 1;
                 states.next();
@@ -219,7 +234,7 @@ impl Sender {
         writer: &mut Writer,
         models: &mut Models,
         (id, before): (BodyId, &Quantised),
-        state: &SharedState,
+        (state, left_out): (&SharedState, Option<u8>),
         (now, tick, number, guesses): (Tick, Tick, u32, bool),
     ) -> Quantised {
         let delay_ticks = self.delay_ticks.unwrap_or(0.0);
@@ -228,7 +243,10 @@ impl Sender {
         let flights = Flights { next: self.number, flights: &self.flights };
         history.settle(&flights);
         let known = history.known.filter(|known| known.batch != self.batch && known.tick <= tick.0);
-        let body = Quantised::of(state, known.map(|known| known.state.left_out));
+        let body = match left_out {
+            Some(left_out) => Quantised::again(state, left_out),
+            None => Quantised::of(state, known.map(|known| known.state.left_out)),
+        };
         let batches = known.map_or(0, |known| self.batch.wrapping_sub(known.batch));
         let read = models.id(writer, id, state.id).and_then(|_| {
             models.batches(writer, batches)?;
@@ -286,16 +304,21 @@ impl Sender {
         allowed
     }
 
-    /// Begins another series, which refers to nothing, for a client that does not understand what it is told in this one, unless that has only
-    /// just begun. Returns the bodies whose newest states it may not have.
+    /// Refers to nothing that it has told before, for a client that does not understand what it is told, unless that was done only just: in another
+    /// series or, where there is none left, in the same one. Returns the bodies whose newest states the client may not have.
     pub fn restart(&mut self, now: Tick, series: u32) -> BTreeSet<BodyId> {
         let may = self.number > 0 && now.0 >= self.began + RESTART_TICKS;
-        if series != self.series || !may || self.series % RESTARTS == RESTARTS - 1 {
+        if series != self.series || !may {
             return BTreeSet::new();
         }
         let again = std::mem::take(&mut self.unheard);
-        let (began, delay_ticks, allowed) = (now.0, self.delay_ticks, self.allowed);
-        *self = Self { delay_ticks, allowed, began, ..Self::new(self.motion, self.series + 1) };
+        self.began = now.0;
+        if self.series % RESTARTS == RESTARTS - 1 {
+            self.bodies = BTreeMap::new();
+        } else {
+            let (began, delay_ticks, allowed) = (now.0, self.delay_ticks, self.allowed);
+            *self = Self { delay_ticks, allowed, began, ..Self::new(self.motion, self.series + 1) };
+        }
         again
     }
 

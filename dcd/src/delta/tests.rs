@@ -209,6 +209,77 @@ fn what_moves_freely_takes_two_bytes_and_what_is_stirred_a_quarter_of_its_bytes(
     assert!(free.bytes_per_state < 2.0 && stirred.bytes_per_state < 17.0);
 }
 
+/// Bodies are stirred; a relay is told of them, and a client by it. What the client has is within the errors that are promised of what is.
+#[test]
+fn a_client_of_a_relay_is_told_as_well_as_others_and_the_relay_in_few_bytes() {
+    let motion = FreeMotion::of(&step());
+    let (mut to_relay, mut at_relay) = (OrderedSender::new(motion), OrderedReceiver::new(motion));
+    let (mut sender, mut receiver) = ends();
+    let mut random = Random::new(12);
+    let mut bodies = heap(300, &mut random);
+    let (mut bytes, mut told, mut worst) = (0, 0, 0.0_f64);
+    for tick in 1..=400 {
+        bodies.iter_mut().for_each(fly);
+        for _ in 0..10 {
+            let body = &mut bodies[random.below(300) as usize];
+            body.velocity.linear = [0; 3].map(|_| 3.0 * unit(&mut random) as f32);
+            body.velocity.angular = [0; 3].map(|_| 5.0 * unit(&mut random) as f32);
+        }
+        bodies.iter_mut().filter(|body| body.sleeping).for_each(|body| body.velocity = Velocity::default());
+        if tick % 3 != 0 {
+            continue;
+        }
+        let now = Tick(tick);
+        let states: Vec<_> = bodies.iter().map(|body| (now, *body)).collect();
+        told += states.len();
+        let mut relayed = Vec::new();
+        for part in to_relay.write(now, &states) {
+            bytes += part.len();
+            relayed.extend(at_relay.read(now, &part).unwrap().into_iter().map(|(_, state)| state));
+        }
+        let left_out = |id| at_relay.left_out(id);
+        let clock = Duration::from_millis(17 * tick);
+        for part in sender.pack_again(now, now, &relayed, false, LIMIT, left_out) {
+            for state in receiver.take_in(clock, now, &part, false).unwrap() {
+                let is = bodies.iter().find(|is| is.id == state.id).unwrap();
+                worst = worst.max(off(is, &state));
+            }
+        }
+        sender.hear(now, &receiver.due(clock + Duration::from_millis(20), 0).unwrap());
+    }
+    println!("{} bytes per state, {worst} of what is promised", bytes as f64 / told as f64);
+    assert!(worst <= 1.0, "{worst}");
+    assert!(bytes < 8 * told, "{bytes} for {told}");
+}
+
+/// It reads nothing that it is told, time and again, as often as a view may last: it is told anew each time, and in the next turn too.
+#[test]
+fn a_client_that_is_told_anew_more_often_than_a_turn_has_series_is_told_anew_still() {
+    let (mut sender, mut receiver) = ends();
+    let bodies = heap(40, &mut Random::new(4));
+    for tick in (1..200).map(|round| 100 * round) {
+        receiver.reset();
+        for tick in tick..tick + 2 {
+            let now = Duration::from_secs(tick);
+            for part in sender.pack(Tick(tick), Tick(tick), &bodies, false, LIMIT) {
+                let _ = receiver.take_in(now, Tick(tick), &part, false);
+            }
+            if let Some(heard) = receiver.due(now + Duration::from_millis(20), 0) {
+                sender.hear(Tick(tick), &heard);
+                if heard.lost {
+                    assert_eq!(sender.restart(Tick(tick), heard.series).len(), 40);
+                }
+            }
+        }
+        let part = &sender.pack(Tick(tick + 2), Tick(tick + 2), &bodies, false, LIMIT)[0];
+        assert!(
+            receiver.take_in(Duration::from_secs(tick + 2), Tick(tick + 2), part, false).is_ok(),
+            "{tick}"
+        );
+        assert!(sender.series() < RESTARTS, "the next turn has the series after these");
+    }
+}
+
 #[test]
 fn a_client_that_cannot_read_what_it_is_told_is_told_anew() {
     let (mut sender, mut receiver) = ends();

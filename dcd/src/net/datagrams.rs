@@ -30,12 +30,6 @@ impl Datagrams {
         self.shared.peer(peer).map_or(0, |peer| peer.datagrams_waiting())
     }
 
-    /// Returns the bytes of frames that wait on the world's lanes.
-    #[cfg(feature = "physics")]
-    pub(crate) fn frames_waiting(&self, peer: PeerKey) -> usize {
-        self.shared.peer(peer).map_or(0, |peer| peer.bytes_waiting())
-    }
-
     /// Waits until the network's thread has come to the links that were given something before this call. Its work is done in the order in
     /// which it came up: whoever sends to many links without this keeps others waiting for all of them.
     pub(crate) fn wait_for_turn(&self) {

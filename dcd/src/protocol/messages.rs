@@ -103,6 +103,13 @@ pub enum Message {
         /// Whether it has one.
         up: bool,
     },
+    /// Relay to leader: it has taken in what it was told, up to what has this number.
+    Fed {
+        /// The present view.
+        view: ViewNumber,
+        /// The number.
+        number: u64,
+    },
 }
 
 /// What a message is about, to say what links carry.
@@ -198,7 +205,7 @@ impl Message {
                 }
                 ToClient::Welcome { .. } | ToClient::Rejected { .. } | ToClient::Built(_) => Subject::Rest,
             },
-            Self::Relay(ToRelay::News(_) | ToRelay::Guess { .. }) => Subject::Feeds,
+            Self::Relay(ToRelay::News(_) | ToRelay::Guess { .. }) | Self::Fed { .. } => Subject::Feeds,
             Self::Ping(_) | Self::Pong(_) => Subject::Pings,
             Self::Program(_) => Subject::Programs,
             Self::Border(_) | Self::Copied { .. } => Subject::Borders,

@@ -1,7 +1,8 @@
 //! Tells clients the states of bodies on a thread of its own, so that no tick waits for it.
 //!
 //! Its inbox is bounded: of the ticks that wait there, but for a few, the newest states alone remain, of guesses the newest, and of what each
-//! client acknowledges the newest some dozens. So whatever clients cost, they are told less often, and the world goes on. What is sent goes to the network's thread by a few links at a time, so
+//! client acknowledges the newest some dozens. So whatever clients cost, they are told less often, and the world goes on. What a leader tells its
+//! relay is all read, and in order; it tells no more than a bound before that is so. What is sent goes to the network's thread by a few links at a time, so
 //! that what members tell each other does not wait behind the states for all clients.
 
 use std::collections::{BTreeMap, VecDeque};
@@ -14,7 +15,7 @@ use super::bandwidth::Received;
 use crate::cluster::{Peer, ReplicationEvent, StateReplication, TickNews};
 use crate::net::{Datagrams, PeerKey};
 use crate::protocol::{self, Heard, Lane, Message, Stamp, ToClient, ToRelay};
-use crate::space::{ClientId, NodeId, Tick};
+use crate::space::{ClientId, Tick};
 
 /// Acknowledgements of a client that may wait, of the newest: one that keeps to the rules gathers them for 10 ms each. An acknowledgement is not
 /// made again, and who seems to acknowledge nothing is told little, so that no client may push out those of another.
@@ -22,6 +23,10 @@ const HEARD: usize = 64;
 
 /// Ticks that may wait as they are. This thread makes one of them; where it is farther behind, who computes the world does.
 const TICKS: usize = 4;
+
+/// Bytes of states from a leader that may wait at its relay. An honest leader tells no more than a fraction before it hears that all was read; of
+/// another's what is beyond is dropped, and nothing that follows can be read.
+const FED: usize = 4 << 20;
 
 /// The clients that are told before the network's thread has had its turn. Each costs that thread some 20 µs.
 const CLIENTS_AT_ONCE: usize = 8;
@@ -43,7 +48,7 @@ pub(super) struct Outlet {
     pub(super) sent: Arc<Mutex<Received>>,
 }
 
-/// A message that goes another way than by a datagram: for a client in this process, or one that must arrive, as all for a relay.
+/// A message that goes another way than by a datagram: for a client in this process, or one that must arrive, as all between leaders and relays.
 pub(super) struct Told {
     pub(super) to: Peer,
     pub(super) message: Message,
@@ -90,7 +95,8 @@ impl FanOut {
         let mut teller = Teller { outlet, tell, batches: BTreeMap::new(), links: BTreeMap::new(), sent: 0 };
         let thread = std::thread::Builder::new().name("dcd-fan-out".into()).spawn(move || {
             let mut replication = None;
-            while let Some(mut events) = from.take() {
+            while let Some(events) = from.take() {
+                let mut events = teller.read(&mut replication, events);
                 make_one_tick(&mut events);
                 for event in events {
                     // To tell all clients what was taken before it takes long: by now it may have come true.
@@ -229,6 +235,23 @@ impl Waiting {
                 self.stop();
                 event
             }
+            ReplicationEvent::ByLeader(message) => {
+                self.drop_guesses();
+                if self.fed_bytes() > FED {
+                    return;
+                }
+                if let ToRelay::News(news) = &message {
+                    lock(&self.heard).newest = news.tick;
+                    news.clients.iter().for_each(|&(client, _)| self.begins_anew(client));
+                }
+                ReplicationEvent::ByLeader(message)
+            }
+            // What was said before says less.
+            ReplicationEvent::Fed { node, .. } => {
+                let is_of = |event: &ReplicationEvent| matches!(event, ReplicationEvent::Fed { node: of, .. } if *of == node);
+                self.events.retain(|event| !is_of(event));
+                event
+            }
             ReplicationEvent::Tick(news) => {
                 lock(&self.heard).newest = news.tick();
                 self.drop_guesses();
@@ -240,20 +263,29 @@ impl Waiting {
                     None => news,
                 })
             }
-            // What the tick that waits says of its former link would come after this, and what came over that acknowledges what counts no more.
             ReplicationEvent::Admit { client, .. }
             | ReplicationEvent::Dismiss(client)
             | ReplicationEvent::Relay { client, .. } => {
-                lock(&self.heard).of.remove(&client);
-                for waiting in &mut self.events {
-                    if let ReplicationEvent::Tick(news) = waiting {
-                        news.uninterested(client);
-                    }
-                }
+                self.begins_anew(client);
                 event
             }
         };
         self.events.push_back(event);
+    }
+
+    /// What the ticks that wait say of a client's former link would come after what follows, and what came over that acknowledges what counts no
+    /// more.
+    fn begins_anew(&mut self, client: ClientId) {
+        lock(&self.heard).of.remove(&client);
+        for waiting in &mut self.events {
+            match waiting {
+                ReplicationEvent::Tick(news) => news.uninterested(client),
+                ReplicationEvent::ByLeader(ToRelay::News(news)) => {
+                    news.interests.retain(|&(of, _)| of != client);
+                }
+                _ => {}
+            }
+        }
     }
 
     /// Returns whether what waits says all that a guess does which was taken before.
@@ -264,13 +296,29 @@ impl Waiting {
                 ReplicationEvent::Admit { .. }
                     | ReplicationEvent::Dismiss(_)
                     | ReplicationEvent::Relay { .. }
+                    | ReplicationEvent::Fed { .. }
             )
         };
         self.over || self.events.iter().any(is_newer)
     }
 
+    /// Returns the bytes of states that wait here, at a relay.
+    fn fed_bytes(&self) -> usize {
+        let bytes = |event: &ReplicationEvent| match event {
+            ReplicationEvent::ByLeader(ToRelay::News(news)) => news.states.len(),
+            _ => 0,
+        };
+        self.events.iter().map(bytes).sum()
+    }
+
     fn drop_guesses(&mut self) {
-        self.events.retain(|event| !matches!(event, ReplicationEvent::Speculative { .. }));
+        let is_guess = |event: &ReplicationEvent| {
+            matches!(
+                event,
+                ReplicationEvent::Speculative { .. } | ReplicationEvent::ByLeader(ToRelay::Guess { .. })
+            )
+        };
+        self.events.retain(|event| !is_guess(event));
     }
 
     /// Nothing more will come.
@@ -304,7 +352,10 @@ impl Waiting {
 /// Puts what clients acknowledged before what they are told next.
 fn in_order(mut events: VecDeque<ReplicationEvent>, heard: AllHeard) -> VecDeque<ReplicationEvent> {
     let tells = |event: &ReplicationEvent| {
-        matches!(event, ReplicationEvent::Tick(_) | ReplicationEvent::Speculative { .. })
+        matches!(
+            event,
+            ReplicationEvent::Tick(_) | ReplicationEvent::Speculative { .. } | ReplicationEvent::ByLeader(_)
+        )
     };
     let at = events.iter().position(tells).unwrap_or(events.len());
     let told = events.split_off(at);
@@ -349,6 +400,25 @@ struct Teller<T> {
 }
 
 impl<T: Fn(Told)> Teller<T> {
+    /// Reads what the leader tells its relay, and returns what is to be handled in its place. A replication that begins does so at once.
+    fn read(
+        &mut self,
+        replication: &mut Option<Box<StateReplication>>,
+        events: VecDeque<ReplicationEvent>,
+    ) -> VecDeque<ReplicationEvent> {
+        let mut all = VecDeque::new();
+        for event in events {
+            match (&mut *replication, event) {
+                (_, event @ ReplicationEvent::Begin(_)) => self.handle(replication, event),
+                (Some(replication), ReplicationEvent::ByLeader(message)) => {
+                    all.extend(replication.read(message));
+                }
+                (_, event) => all.push_back(event),
+            }
+        }
+        all
+    }
+
     fn handle(&mut self, replication: &mut Option<Box<StateReplication>>, event: ReplicationEvent) {
         match (&mut *replication, event) {
             (_, ReplicationEvent::End) => *replication = None,
@@ -368,24 +438,12 @@ impl<T: Fn(Told)> Teller<T> {
                 for (client, message) in replication.take_messages() {
                     self.send(replication, client, message);
                 }
-                for (node, message) in replication.take_relay_messages() {
-                    let is_guess = matches!(message, ToRelay::Guess { .. });
-                    // What is to arrive in any case would wait behind it.
-                    if is_guess && self.frames_waiting(node) > GUESSES_WAITING {
-                        continue;
-                    }
-                    let message = Message::Relay(message);
+                for (node, message) in replication.take_member_messages() {
                     (self.tell)(Told { to: Peer::Node(node), message });
                 }
             }
             (None, _) => {}
         }
-    }
-
-    /// Returns the bytes of frames that wait for the link to a member.
-    fn frames_waiting(&self, node: NodeId) -> usize {
-        let keys = self.outlet.keys.read().unwrap_or_else(PoisonError::into_inner);
-        keys.get(&Peer::Node(node)).map_or(0, |key| self.outlet.datagrams.frames_waiting(*key))
     }
 
     fn send(&mut self, replication: &mut StateReplication, client: ClientId, message: ToClient) {

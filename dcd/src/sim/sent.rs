@@ -38,7 +38,7 @@ impl Scope {
                 Self::InsideGroups
             }
             Message::Border(_) | Message::Copied { .. } => Self::Borders,
-            Message::Relay(_) | Message::Linked { .. } => Self::InsideGroups,
+            Message::Relay(_) | Message::Linked { .. } | Message::Fed { .. } => Self::InsideGroups,
             Message::FromClient(..) | Message::ToClient(..) => Self::Clients,
             Message::Waiting(_) | Message::Ping(_) | Message::Pong(_) => Self::Pings,
             _ => Self::Server,

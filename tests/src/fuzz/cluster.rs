@@ -41,7 +41,8 @@ pub(super) struct Cluster {
     physics: MakePhysics,
 }
 
-/// A world whose regions follow the load and whose groups form by delay, in lockstep or without it.
+/// A world whose regions follow the load and whose groups form by delay, in lockstep, where other members than the leader tell clients, or
+/// without it.
 #[must_use]
 pub(super) fn world(in_lockstep: bool) -> EnvironmentProperties {
     let lagging = SyncProtocol::Unsynchronised { lag_ticks: 2 };
@@ -50,6 +51,7 @@ pub(super) fn world(in_lockstep: bool) -> EnvironmentProperties {
         protocol: if in_lockstep { SyncProtocol::Synchronised } else { lagging },
         balance: in_lockstep.then(|| Balance { every_ticks: 4, smallest_edge_m: 1.0, ..Balance::default() }),
         thresholds: Thresholds { delay: Some(delay), ..Thresholds::default() },
+        relays_above: in_lockstep.then_some(0),
         ..sim_world(4)
     }
 }

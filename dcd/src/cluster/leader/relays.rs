@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::Leader;
 use crate::cluster::Peer;
 use crate::cluster::state_replication::{MAX_TURNS, ReplicationEvent};
-use crate::protocol::{EnvironmentProperties, Member, ToClient, ToRelay, View};
+use crate::protocol::{EnvironmentProperties, Member, Message, ToClient, ToRelay, View};
 use crate::space::{BodyId, ClientId, NodeId, RegionId, Tick};
 
 /// The seconds within which a client should have a link to the relay that it is given to.
@@ -37,7 +37,7 @@ pub(super) struct Relays {
     given: BTreeMap<ClientId, Given>,
     /// How often each client has been told by another, or anew.
     turns: BTreeMap<ClientId, u32>,
-    pub(super) messages: Vec<(NodeId, ToRelay)>,
+    pub(super) messages: Vec<(NodeId, Message)>,
 }
 
 impl Relays {
@@ -52,7 +52,8 @@ impl Relays {
         if self.above.is_none() {
             return 0;
         }
-        let next = self.turns.get(&client).map_or(0, |turn| turn.saturating_add(1));
+        // The last one lasts: no relay comes after it, and who links anew has forgotten what it was told.
+        let next = self.turns.get(&client).map_or(0, |turn| (turn + 1).min(MAX_TURNS - 1));
         self.turns.insert(client, next);
         next
     }
@@ -116,7 +117,7 @@ impl Leader {
             self.messages.push((client, ToClient::ToldBy(member)));
         }
         let view = self.view;
-        let expect = |(node, clients)| (node, ToRelay::Expect { view, clients });
+        let expect = |(node, clients)| (node, Message::Relay(ToRelay::Expect { view, clients }));
         self.relays.messages.extend(expected.into_iter().map(expect));
     }
 
@@ -200,12 +201,18 @@ impl Leader {
         self.relays.away.remove(&node);
         let clients = self.relays.given_to(node);
         if !clients.is_empty() {
-            self.relays.messages.push((node, ToRelay::Expect { view: self.view, clients }));
+            let expect = ToRelay::Expect { view: self.view, clients };
+            self.relays.messages.push((node, Message::Relay(expect)));
         }
     }
 
-    /// Returns the messages for relays since the last call.
-    pub(in crate::cluster) fn take_relay_messages(&mut self) -> Vec<(NodeId, ToRelay)> {
+    /// Takes in that a relay has taken in what it was told, up to this number.
+    pub(in crate::cluster) fn fed(&mut self, node: NodeId, number: u64) {
+        self.replicate(ReplicationEvent::Fed { node, number });
+    }
+
+    /// Returns the messages for other members since the last call.
+    pub(in crate::cluster) fn take_member_messages(&mut self) -> Vec<(NodeId, Message)> {
         std::mem::take(&mut self.relays.messages)
     }
 }

@@ -142,9 +142,10 @@ impl Node {
         for (client, message) in messages {
             self.tell_client(client, message);
         }
-        let for_relays = self.leader.as_mut().map(|leader| leader.take_relay_messages()).unwrap_or_default();
-        for (node, message) in for_relays {
-            self.send(Peer::Node(node), Message::Relay(message));
+        let for_members =
+            self.leader.as_mut().map(|leader| leader.take_member_messages()).unwrap_or_default();
+        for (node, message) in for_members {
+            self.send(Peer::Node(node), message);
         }
         let for_server = self.leader.as_mut().map(|leader| leader.take_server_messages()).unwrap_or_default();
         for message in for_server {

@@ -7,8 +7,8 @@ use std::time::Duration;
 use super::Node;
 use crate::cluster::leader::Leader;
 use crate::cluster::state_replication::Replication;
-use crate::cluster::{Peer, ReplicationEvent, StateReplication, TickNews};
-use crate::protocol::{Heard, Message, RelayNews, ToRelay};
+use crate::cluster::{Peer, ReplicationEvent, StateReplication};
+use crate::protocol::{Heard, Message, ToRelay, ViewNumber};
 use crate::space::{ClientId, NodeId};
 
 /// What a node does as a relay. It lasts as long as the view.
@@ -20,21 +20,28 @@ pub(super) struct Relay {
     told: BTreeSet<ClientId>,
     /// While it tells clients; if that is done elsewhere, without events: those go with a leader's.
     replication: Option<Replication>,
-    /// The parts of a tick that have come so far.
-    begun: Option<TickNews>,
+}
+
+impl Relay {
+    /// Counts clients that come to be told here, by their turns, or are no more.
+    fn count(&mut self, clients: &[(ClientId, Option<u32>)]) {
+        for (client, turn) in clients {
+            match turn {
+                Some(_) => self.told.insert(*client),
+                None => self.told.remove(client),
+            };
+        }
+    }
 }
 
 impl Node {
     /// Takes in what the leader says to it as a relay.
     pub(super) fn hear_as_relay(&mut self, now: Duration, from: NodeId, message: ToRelay) {
-        let (ToRelay::Expect { view, .. } | ToRelay::Guess { view, .. }) = &message else {
-            let ToRelay::News(news) = message else { unreachable!("it is one of three") };
-            return match self.is_led_by(from, news.view) {
-                true => self.hear_news(now, *news),
-                false => self.counters.stale += 1,
-            };
+        let (view, begins) = match &message {
+            ToRelay::Expect { view, .. } | ToRelay::Guess { view, .. } => (*view, false),
+            ToRelay::News(news) => (news.view, news.begins),
         };
-        if !self.is_led_by(from, *view) {
+        if !self.is_led_by(from, view) {
             self.counters.stale += 1;
             return;
         }
@@ -47,41 +54,21 @@ impl Node {
                     }
                 }
             }
-            ToRelay::Guess { tick, states, .. } => {
-                let silent = BTreeSet::new();
-                self.relay_event(ReplicationEvent::Speculative { tick, states, silent });
+            message => {
+                if begins {
+                    self.begin_relaying(now);
+                }
+                if let ToRelay::News(news) = &message {
+                    self.relay.count(&news.clients);
+                }
+                self.relay_event(ReplicationEvent::ByLeader(message));
             }
-            ToRelay::News(_) => unreachable!("taken care of above"),
         }
     }
 
-    fn is_led_by(&self, node: NodeId, number: crate::protocol::ViewNumber) -> bool {
+    fn is_led_by(&self, node: NodeId, number: ViewNumber) -> bool {
         let present = self.view.as_ref().filter(|view| view.number == number);
         present.is_some_and(|view| view.leader == node && node != self.config.id)
-    }
-
-    fn hear_news(&mut self, now: Duration, mut news: RelayNews) {
-        if news.begins {
-            self.begin_relaying(now);
-        }
-        for (client, turn) in std::mem::take(&mut news.clients) {
-            match turn {
-                Some(_) => self.relay.told.insert(client),
-                None => self.relay.told.remove(&client),
-            };
-            self.relay_event(match turn {
-                Some(turn) => ReplicationEvent::Admit { client, turn, told_elsewhere: true, area: None },
-                None => ReplicationEvent::Dismiss(client),
-            });
-        }
-        let more = news.more;
-        match &mut self.relay.begun {
-            Some(begun) => begun.extend(news.states),
-            begun => *begun = Some(TickNews::of_relay(news)),
-        }
-        if !more && let Some(tick) = self.relay.begun.take() {
-            self.relay_event(ReplicationEvent::Tick(tick));
-        }
     }
 
     fn begin_relaying(&mut self, now: Duration) {
@@ -92,7 +79,7 @@ impl Node {
             replication = replication.moved_elsewhere();
             events.extend(replication.take_events());
         }
-        (self.relay.replication, self.relay.begun) = (Some(replication), None);
+        self.relay.replication = Some(replication);
         self.relay.told.clear();
     }
 
@@ -104,7 +91,7 @@ impl Node {
     /// Gives its replication an event, and sends what follows from it.
     fn relay_event(&mut self, event: ReplicationEvent) {
         let Some(replication) = &mut self.relay.replication else { return };
-        let (messages, _) = replication.handle(event);
+        let (messages, for_leader) = replication.handle(event);
         if let Some(events) = &mut self.replication {
             events.extend(replication.take_events());
         }
@@ -113,6 +100,9 @@ impl Node {
             if self.links.contains(&to) {
                 self.send(to, Message::ToClient(client, message));
             }
+        }
+        for (leader, message) in for_leader {
+            self.send(Peer::Node(leader), message);
         }
     }
 

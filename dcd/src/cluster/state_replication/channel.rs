@@ -299,9 +299,16 @@ impl Channel {
         (bodies, rest + self.waiting.len() * size_of::<BodyId>())
     }
 
-    /// Codes the states that were chosen, as they were after a tick.
-    pub(super) fn pack(&mut self, now: Tick, tick: Tick, states: &[SharedState], guesses: bool) -> Vec<Part> {
-        let parts = self.sender.pack(now, tick, states, guesses, STATES_BYTES);
+    /// Codes the states that were chosen, as they were after a tick; those that a leader has told its relay as it has coded them, with the
+    /// component that was left out of their rotation.
+    pub(super) fn pack(
+        &mut self,
+        (now, tick): (Tick, Tick),
+        states: &[SharedState],
+        guesses: bool,
+        left_out: impl Fn(BodyId) -> Option<u8>,
+    ) -> Vec<Part> {
+        let parts = self.sender.pack_again(now, tick, states, guesses, STATES_BYTES, left_out);
         let bytes: usize = parts.iter().map(|part| part.states.len()).sum();
         if !guesses && !states.is_empty() {
             let each = bytes as f64 / states.len() as f64;

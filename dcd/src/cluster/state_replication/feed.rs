@@ -1,16 +1,31 @@
-//! Tells a relay, once for all of its clients, what it is to tell them: the same as the leader's own replication is told with each tick.
+//! Tells a relay, once for all of its clients, what it is to tell them: the same as the leader's own replication is told with each tick. While much
+//! of that is on its way, what follows waits, and several ticks become one.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
 use super::TickNews;
 use super::news::Latest;
 use super::reach::Reach;
-use crate::protocol::{Area, CHUNK_BYTES, RelayNews, SharedState, ToRelay, ViewNumber, most_items, split};
-use crate::space::{BodyId, ClientId, Tick};
+use crate::delta::{FreeMotion, OrderedSender};
+use crate::protocol::{Area, RelayNews, SharedState, ToRelay, ViewNumber, encoded_len};
+use crate::space::{Allocation, BodyId, ClientId, Tick};
+
+/// While a relay has not taken in more than so many bytes, it is told nothing but that the last tick is over. It is far less than what QUIC holds
+/// of a link ([`WINDOW_BYTES`](crate::protocol::link::WINDOW_BYTES)), beyond which dispatches would wait too.
+const ON_THE_WAY: usize = 256 << 10;
+
+/// The same for guesses, which are worth nothing when they come late.
+const GUESSES_ON_THE_WAY: usize = 8 << 10;
 
 /// What a relay is told. It lasts as long as that has clients.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(super) struct Feed {
+    motion: FreeMotion,
+    sender: OrderedSender,
+    /// The number of what it was told last, but for guesses.
+    last: u64,
+    /// What it was told and has not said to have taken in, by number, and its bytes.
+    on_the_way: VecDeque<(u64, usize)>,
     /// Whether it has been told of all bodies.
     has_begun: bool,
     clients: BTreeSet<ClientId>,
@@ -19,18 +34,50 @@ pub(super) struct Feed {
     interests: BTreeMap<ClientId, Option<Area>>,
     reach: Reach,
     applied: BTreeMap<ClientId, (u64, i8)>,
+    /// Bodies that are gone, and those that have moved, since it was told last.
+    gone: BTreeSet<BodyId>,
+    moved: BTreeSet<BodyId>,
+    allocation: Option<Allocation>,
 }
 
 impl Feed {
-    /// Returns whether it has no client.
+    /// Returns that of a relay that was told nothing.
+    pub(super) fn new(motion: FreeMotion) -> Self {
+        Self {
+            motion,
+            sender: OrderedSender::new(motion),
+            last: 0,
+            on_the_way: VecDeque::new(),
+            has_begun: false,
+            clients: BTreeSet::new(),
+            changes: BTreeMap::new(),
+            interests: BTreeMap::new(),
+            reach: Reach::default(),
+            applied: BTreeMap::new(),
+            gone: BTreeSet::new(),
+            moved: BTreeSet::new(),
+            allocation: None,
+        }
+    }
+
+    /// Returns whether the relay has no client, and knows it.
     pub(super) fn is_over(&self) -> bool {
-        self.clients.is_empty()
+        self.clients.is_empty() && self.changes.is_empty()
+    }
+
+    /// Notes that the relay has taken in what it was told, up to this number.
+    pub(super) fn has_arrived(&mut self, number: u64) {
+        while self.on_the_way.pop_front_if(|(of, _)| *of <= number).is_some() {}
+    }
+
+    fn bytes_on_the_way(&self) -> usize {
+        self.on_the_way.iter().map(|(_, bytes)| bytes).sum()
     }
 
     pub(super) fn admit(&mut self, client: ClientId, turn: u32, area: Option<Area>) {
         // One that had none left may have been lost with all that it was told.
-        if self.is_over() {
-            *self = Self::default();
+        if self.clients.is_empty() {
+            *self = Self::new(self.motion);
         }
         self.clients.insert(client);
         self.changes.insert(client, Some(turn));
@@ -57,25 +104,63 @@ impl Feed {
 
     /// Returns what the relay is told of a speculative tick: what its clients may hear of, in one message, since a later guess takes the place of
     /// those before.
-    pub(super) fn guess(&self, view: ViewNumber, tick: Tick, states: &[SharedState]) -> ToRelay {
+    pub(super) fn guess(
+        &mut self,
+        view: ViewNumber,
+        number: &mut u64,
+        tick: Tick,
+        states: &[SharedState],
+    ) -> Option<ToRelay> {
+        if self.bytes_on_the_way() > GUESSES_ON_THE_WAY {
+            return None;
+        }
         let near = states.iter().filter(|state| self.reach.hears_of(state)).copied();
-        ToRelay::Guess { view, tick, states: near.take(most_items::<SharedState>()).collect() }
+        let states = self.sender.write_guesses(tick, near);
+        *number += 1;
+        self.on_the_way.push_back((*number, states.len()));
+        Some(ToRelay::Guess { view, number: *number, follows: self.last, tick, states })
     }
 
-    /// Returns what the relay is told of a tick, in which these bodies are gone and those have moved.
+    /// Returns what the relay is told of a tick, in which these bodies are gone and those have moved, and of those before of which it was not told
+    /// yet. `number` is that of the last message for a relay.
     pub(super) fn tell(
         &mut self,
         view: ViewNumber,
+        number: &mut u64,
         tick: &TickNews,
         moved: impl Iterator<Item = BodyId>,
         latest: &Latest,
     ) -> Vec<ToRelay> {
-        let begins = !self.is_over() && !std::mem::replace(&mut self.has_begun, true);
-        let gone = tick.gone.iter().copied().filter(|&id| self.reach.forget(id)).collect();
-        let chosen = self.reach.choose(moved, latest);
+        for id in &tick.gone {
+            self.moved.remove(id);
+            if self.reach.forget(*id) {
+                self.gone.insert(*id);
+            }
+        }
+        self.moved.extend(moved);
+        self.allocation = tick.allocation.clone().or(self.allocation.take());
+        if self.bytes_on_the_way() > ON_THE_WAY && !tick.is_last {
+            return Vec::new();
+        }
+        let mut told = self.news(view, tick, latest);
+        for news in &mut told {
+            *number += 1;
+            (news.number, news.follows) = (*number, self.last);
+            self.last = *number;
+            self.on_the_way.push_back((*number, encoded_len(news)));
+        }
+        told.into_iter().map(|news| ToRelay::News(Box::new(news))).collect()
+    }
+
+    /// Returns all that the relay has not been told yet.
+    fn news(&mut self, view: ViewNumber, tick: &TickNews, latest: &Latest) -> Vec<RelayNews> {
+        let begins = !self.clients.is_empty() && !std::mem::replace(&mut self.has_begun, true);
+        self.gone.iter().for_each(|&id| self.sender.forget(id));
+        let moved = std::mem::take(&mut self.moved);
+        let chosen = self.reach.choose(moved.into_iter(), latest);
         let states: Vec<_> =
             chosen.iter().filter_map(|id| latest.get(id)).map(|&(state, tick)| (tick, state)).collect();
-        let mut parts = split(states, CHUNK_BYTES).into_iter();
+        let mut parts = self.sender.write(tick.tick, &states).into_iter();
         let first = RelayNews {
             view,
             begins,
@@ -89,18 +174,15 @@ impl Feed {
                 .into_iter()
                 .map(|(of, (time, early))| (of, time, early))
                 .collect(),
-            gone,
-            allocation: tick.allocation.clone(),
+            gone: std::mem::take(&mut self.gone).into_iter().collect(),
+            allocation: self.allocation.take(),
             states: parts.next().unwrap_or_default(),
-        };
-        let (number, last) = (tick.tick, parts.len());
-        let rest = (1..).zip(parts).map(|(at, states)| RelayNews {
-            view,
-            more: at < last,
-            tick: number,
-            states,
             ..RelayNews::default()
-        });
-        std::iter::once(first).chain(rest).map(|news| ToRelay::News(Box::new(news))).collect()
+        };
+        let last = parts.len();
+        let now = tick.tick;
+        let part =
+            |(at, states)| RelayNews { view, more: at < last, tick: now, states, ..RelayNews::default() };
+        std::iter::once(first).chain((1..).zip(parts).map(part)).collect()
     }
 }

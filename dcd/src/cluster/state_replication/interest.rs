@@ -5,8 +5,12 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::news::{Change, Latest, News};
 use super::reach::AROUND_M;
+use super::trails::{SILENT_S, Trails};
 use crate::protocol::{Area, SharedState};
 use crate::space::{BodyId, ClientId, Tick};
+
+/// The seconds for which a body may have gone on as fast as it is, since another told of it last: what was on its way then may be lost.
+const TURN_S: f64 = 3.0;
 
 /// Returns the place nearest to another on a straight way.
 fn nearest(from: [f64; 3], way: [f64; 3], to: [f64; 3]) -> [f64; 3] {
@@ -67,18 +71,21 @@ impl Audience {
     }
 
     /// Notes that another may have told the client of the bodies that moved in the seconds before now (a tick, and how long one lasts), and cannot
-    /// be asked: it is told again of those that may have left the area since, by where they are or where they come from as fast as they are.
-    pub(super) fn begin_after(&mut self, now: (Tick, f64), seconds: f64, latest: &Latest) {
-        let (Tick(now), dt) = now;
-        let since = now.saturating_sub((seconds / dt) as u64);
-        let wide = Area { radius_m: self.area.radius_m + AROUND_M, ..self.area };
-        let areas: Vec<_> = self.near.values().chain([&wide]).collect();
+    /// be asked: it is told again of those that may have left the area since, by where they are, or where they come from as fast as they are, or
+    /// where their trails say that they were.
+    pub(super) fn begin_after(&mut self, now: (Tick, f64), latest: &Latest, trails: Option<&Trails>) {
+        let (Tick(tick), dt) = now;
+        let since = tick.saturating_sub((SILENT_S / dt) as u64);
+        let widened = |area: &Area| Area { radius_m: area.radius_m + AROUND_M, ..*area };
+        let areas: Vec<_> = self.near.values().chain([&self.area]).map(widened).collect();
         let may_have_left = |state: &SharedState| {
-            let way_m = state.velocity.linear.map(|speed| -f64::from(speed) * seconds);
+            let way_m = state.velocity.linear.map(|speed| -f64::from(speed) * TURN_S);
             areas.iter().any(|area| area.enters(nearest(state.pose.translation, way_m, area.centre)))
         };
         let left = latest.iter().filter(|(_, (state, tick))| tick.0 >= since && may_have_left(state));
         self.owed.extend(left.map(|(&id, _)| id));
+        let gone_through = trails.map(|trails| trails.through(&areas, Tick(tick), dt)).unwrap_or_default();
+        self.owed.extend(gone_through.into_iter().filter(|id| latest.contains_key(id)));
     }
 
     fn settle(&mut self, latest: &Latest) {

@@ -5,25 +5,33 @@
 //! yet only the newest states count ([`TickNews::absorb`]).
 
 mod channel;
+mod fed;
 mod feed;
 mod interest;
 mod news;
 mod place;
 mod reach;
+#[cfg(test)]
+mod tests;
+mod tick;
+mod trails;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use self::channel::{Batches, Channel};
+use self::fed::Fed;
 use self::feed::Feed;
 use self::interest::Audience;
 pub(super) use self::news::Latest;
 use self::news::{Moved, News};
 pub(super) use self::place::Replication;
+pub use self::tick::TickNews;
+use self::trails::Trails;
 use super::Peer;
 use crate::delta::{FreeMotion, RESTARTS};
 use crate::protocol::{
-    Area, EnvironmentProperties, Heard, Member, RelayNews, SharedState, Stamp, ToClient, ToRelay, View,
+    Area, EnvironmentProperties, Heard, Member, Message, SharedState, Stamp, ToClient, ToRelay, View,
     ViewNumber,
 };
 use crate::space::{Allocation, BodyId, ClientId, GroupId, NodeId, Tick};
@@ -40,15 +48,9 @@ const REST: Duration = Duration::from_secs(5);
 /// By how much that pace may be missed between two heartbeats: who shows the world reckons with it.
 const PACE_MISSED: Duration = Duration::from_millis(250);
 
-/// By how much the series of a client's turns are apart: it is told by its leader, by a relay, and by the leader again, and what is still on its
-/// way of an earlier turn is older than all of a later one.
-const TURN_SERIES: u32 = 64;
-
-/// The seconds that may go by from one turn of a client to the next.
-const TURN_S: f64 = 3.0;
-
-/// The most turns of a client in a view.
-pub(in crate::cluster) const MAX_TURNS: u32 = RESTARTS / TURN_SERIES;
+/// The most turns of a client in a view: it is told by its leader, by a relay, and by the leader again. Each has series of its own, so that what is
+/// still on its way of an earlier turn is older than all of a later one.
+pub(in crate::cluster) const MAX_TURNS: u32 = 64;
 
 /// When a client was last told of anything.
 #[derive(Clone, Copy, Debug)]
@@ -68,90 +70,6 @@ const STATES_PER_S_ELSEWHERE: f64 = 420_000.0;
 
 /// So many bodies are compared by how much they matter in the time that the state of one takes.
 const COMPARED_PER_STATE: usize = 4;
-
-/// What a tick changes for clients.
-#[derive(Clone, Debug, Default)]
-pub struct TickNews {
-    tick: Tick,
-    opened: Duration,
-    /// Whether no tick follows.
-    is_last: bool,
-    /// Bodies that are gone.
-    gone: BTreeSet<BodyId>,
-    /// Bodies that moved, and after which tick they were so.
-    moved: Latest,
-    /// Up to which of its inputs a client's are applied, and how early the newest came.
-    applied: BTreeMap<ClientId, (u64, i8)>,
-    /// Interests that clients have named since the tick before.
-    interests: BTreeMap<ClientId, Option<Area>>,
-    /// Who computes which region, if that is new.
-    allocation: Option<Allocation>,
-}
-
-impl TickNews {
-    /// Returns what has been gathered, as what is new after a tick.
-    pub(super) fn after(self, tick: Tick, opened: Duration, is_last: bool, moved: Latest) -> Self {
-        Self { tick, opened, is_last, moved, ..self }
-    }
-
-    /// Returns the newest tick in it.
-    #[cfg(all(feature = "net", feature = "physics"))]
-    pub(crate) fn tick(&self) -> Tick {
-        self.tick
-    }
-
-    pub(super) fn interested(&mut self, client: ClientId, area: Option<Area>) {
-        self.interests.insert(client, area);
-    }
-
-    pub(crate) fn uninterested(&mut self, client: ClientId) {
-        self.interests.remove(&client);
-    }
-
-    pub(super) fn has_applied(&mut self, client: ClientId, newest: (u64, i8)) {
-        self.applied.insert(client, newest);
-    }
-
-    pub(super) fn is_allocated(&mut self, allocation: Allocation) {
-        self.allocation = Some(allocation);
-    }
-
-    pub(super) fn is_gone(&mut self, id: BodyId) {
-        self.moved.remove(&id);
-        self.gone.insert(id);
-    }
-
-    /// Returns what a leader tells its relay, as what is new after a tick.
-    pub(super) fn of_relay(news: RelayNews) -> Self {
-        Self {
-            tick: news.tick,
-            opened: Duration::from_micros(news.opened_us),
-            is_last: news.is_last,
-            gone: news.gone.into_iter().collect(),
-            moved: news.states.into_iter().map(|(tick, state)| (state.id, (state, tick))).collect(),
-            applied: news.applied.into_iter().map(|(client, time, early)| (client, (time, early))).collect(),
-            interests: news.interests.into_iter().collect(),
-            allocation: news.allocation,
-        }
-    }
-
-    /// Takes in another part of what a leader tells its relay of the same tick.
-    pub(super) fn extend(&mut self, states: Vec<(Tick, SharedState)>) {
-        self.moved.extend(states.into_iter().map(|(tick, state)| (state.id, (state, tick))));
-    }
-
-    /// Takes in what a later tick changes: of each body its newest state alone remains.
-    pub fn absorb(&mut self, later: Self) {
-        for id in later.gone {
-            self.is_gone(id);
-        }
-        self.moved.extend(later.moved);
-        self.applied.extend(later.applied);
-        self.interests.extend(later.interests);
-        self.allocation = later.allocation.or(self.allocation.take());
-        (self.tick, self.opened, self.is_last) = (later.tick, later.opened, later.is_last);
-    }
-}
 
 /// An event for the state replication.
 #[derive(Clone, Debug)]
@@ -193,6 +111,15 @@ pub enum ReplicationEvent {
     },
     /// A tick is complete.
     Tick(TickNews),
+    /// The leader has told this process, its relay, something.
+    ByLeader(ToRelay),
+    /// A relay has taken in what it was told, up to what has this number.
+    Fed {
+        /// Which member.
+        node: NodeId,
+        /// The number.
+        number: u64,
+    },
     /// States of a tick that was computed without the other nodes; later ones may contradict them.
     Speculative {
         /// Which.
@@ -229,6 +156,10 @@ pub struct StateReplication {
     /// Clients that relays tell, and what those are told.
     relayed: BTreeMap<ClientId, NodeId>,
     feeds: BTreeMap<NodeId, Feed>,
+    /// The number of what a relay was told last.
+    told_relays: u64,
+    /// What this process is told as a relay.
+    fed: Fed,
     /// Clients that have not said yet what they want to hear of: they are told no states.
     undecided: BTreeSet<ClientId>,
     /// The logical time of each client's newest input that a tick has applied, and how early it came.
@@ -243,10 +174,12 @@ pub struct StateReplication {
     /// What moved lately, and last, in id order.
     batches: Batches,
     moved_last: Vec<BodyId>,
+    /// Where fast bodies have been, since relays tell clients.
+    trails: Option<Trails>,
     /// Audiences of clients that have an area of interest.
     audiences: BTreeMap<ClientId, Audience>,
     messages: Vec<(ClientId, ToClient)>,
-    relay_messages: Vec<(NodeId, ToRelay)>,
+    member_messages: Vec<(NodeId, Message)>,
 }
 
 impl StateReplication {
@@ -257,11 +190,12 @@ impl StateReplication {
         world: &EnvironmentProperties,
         clients: &BTreeMap<ClientId, Peer>,
     ) -> Self {
+        let motion = FreeMotion::of(&world.step);
         Self {
             group: view.group,
             view: view.number,
             dt: Duration::from_secs_f32(world.step.dt_s),
-            motion: FreeMotion::of(&world.step),
+            motion,
             introduction: view.led_by().cloned(),
             allocation: view.allocation.clone(),
             tick: view.tick,
@@ -274,6 +208,8 @@ impl StateReplication {
             told_elsewhere: BTreeSet::new(),
             relayed: BTreeMap::new(),
             feeds: BTreeMap::new(),
+            told_relays: 0,
+            fed: Fed::new(motion),
             applied: BTreeMap::new(),
             told: BTreeMap::new(),
             channels: BTreeMap::new(),
@@ -281,9 +217,10 @@ impl StateReplication {
             coded_beyond: 0,
             batches: Batches::default(),
             moved_last: Vec::new(),
+            trails: None,
             audiences: BTreeMap::new(),
             messages: Vec::new(),
-            relay_messages: Vec::new(),
+            member_messages: Vec::new(),
         }
     }
 
@@ -305,7 +242,9 @@ impl StateReplication {
             ReplicationEvent::Relay { client, node, turn, area } => {
                 self.dismiss(client);
                 self.relayed.insert(client, node);
-                self.feeds.entry(node).or_default().admit(client, turn, area);
+                self.trails.get_or_insert_default();
+                let feed = self.feeds.entry(node).or_insert_with(|| Feed::new(self.motion));
+                feed.admit(client, turn, area);
             }
             ReplicationEvent::Dismiss(client) => self.dismiss(client),
             ReplicationEvent::Heard { client, heard, now } => {
@@ -315,10 +254,17 @@ impl StateReplication {
             }
             ReplicationEvent::Tick(news) => self.take_in(news),
             ReplicationEvent::Speculative { tick, states, silent } => {
-                let told = self.feeds.iter().filter(|(node, _)| !silent.contains(node));
-                let guess = |(&node, feed): (&_, &Feed)| (node, feed.guess(self.view, tick, &states));
-                self.relay_messages.extend(told.map(guess));
+                for (&node, feed) in self.feeds.iter_mut().filter(|(node, _)| !silent.contains(node)) {
+                    let guess = feed.guess(self.view, &mut self.told_relays, tick, &states);
+                    self.member_messages.extend(guess.map(|guess| (node, Message::Relay(guess))));
+                }
                 self.tell_speculative(tick, &states);
+            }
+            ReplicationEvent::ByLeader(message) => {
+                self.read(message).into_iter().for_each(|event| self.handle(event));
+            }
+            ReplicationEvent::Fed { node, number } => {
+                self.feeds.get_mut(&node).into_iter().for_each(|feed| feed.has_arrived(number));
             }
             ReplicationEvent::End => {
                 self.clients.clear();
@@ -332,9 +278,10 @@ impl StateReplication {
         std::mem::take(&mut self.messages)
     }
 
-    /// Returns the messages for relays since the last call.
-    pub fn take_relay_messages(&mut self) -> Vec<(NodeId, ToRelay)> {
-        std::mem::take(&mut self.relay_messages)
+    /// Returns the messages for other members since the last call: for relays, and for the leader whose relay this is.
+    pub fn take_member_messages(&mut self) -> Vec<(NodeId, Message)> {
+        self.acknowledge_feed();
+        std::mem::take(&mut self.member_messages)
     }
 
     /// Returns the link over which a client is reached.
@@ -380,6 +327,7 @@ impl StateReplication {
 
     fn take_in(&mut self, news: TickNews) {
         let relayed = self.tell_relayed(&news);
+        let last = self.tick;
         (self.tick, self.opened, self.is_last) = (news.tick, news.opened, news.is_last);
         self.allocation = news.allocation.unwrap_or(std::mem::take(&mut self.allocation));
         self.applied.extend(news.applied.into_iter().filter(|(client, _)| self.clients.contains_key(client)));
@@ -389,6 +337,10 @@ impl StateReplication {
         let mut moved = Moved::new();
         for (id, (state, tick)) in news.moved {
             let before = self.latest.insert(id, (state, tick));
+            if let (Some(trails), Some((before, _))) = (&mut self.trails, &before) {
+                let places = (before.pose.translation, state.pose.translation);
+                trails.add((last, self.tick), self.dt.as_secs_f64(), id, places);
+            }
             moved.insert(id, before.map(|(before, _)| before.pose.translation));
         }
         if let Some(tick) = relayed {
@@ -425,8 +377,8 @@ impl StateReplication {
 
     fn tell_relays(&mut self, tick: &TickNews, moved: &Moved) {
         for (&node, feed) in &mut self.feeds {
-            let told = feed.tell(self.view, tick, moved.keys().copied(), &self.latest);
-            self.relay_messages.extend(told.into_iter().map(|message| (node, message)));
+            let told = feed.tell(self.view, &mut self.told_relays, tick, moved.keys().copied(), &self.latest);
+            self.member_messages.extend(told.into_iter().map(|message| (node, Message::Relay(message))));
         }
         self.feeds.retain(|_, feed| !feed.is_over());
     }
@@ -456,7 +408,8 @@ impl StateReplication {
                     }
                     let mut audience = Audience::new(client, area, &self.latest);
                     if told_elsewhere {
-                        audience.begin_after((self.tick, self.dt.as_secs_f64()), TURN_S, &self.latest);
+                        let now = (self.tick, self.dt.as_secs_f64());
+                        audience.begin_after(now, &self.latest, self.trails.as_ref());
                     }
                     self.audiences.insert(client, audience);
                 }
@@ -641,8 +594,9 @@ impl StateReplication {
     /// Returns the channel of a client.
     fn channel(&mut self, client: ClientId) -> &mut Channel {
         // Views follow each other with growing numbers, and so do series.
-        let turn = self.turns.get(&client).map_or(0, |turn| *turn % MAX_TURNS);
-        let series = (self.view.0 as u32).wrapping_mul(RESTARTS) + turn * TURN_SERIES;
+        let turn = self.turns.get(&client).map_or(0, |turn| *turn);
+        assert!(turn < MAX_TURNS, "a client of turn {turn} would be told in the series of a later view");
+        let series = (self.view.0 as u32).wrapping_mul(MAX_TURNS * RESTARTS) + turn * RESTARTS;
         let new = || Channel::new(client, self.motion, series, self.batches.next());
         self.channels.entry(client).or_insert_with(new)
     }
@@ -659,8 +613,10 @@ impl StateReplication {
             self.messages.push((client, ToClient::States { stamp, states }));
             return;
         }
-        let now = self.tick;
-        let parts = self.channel(client).pack(now, tick, &states, speculative);
+        self.channel(client);
+        let Self { channels, fed, .. } = self;
+        let channel = channels.get_mut(&client).expect("it was made, if it was not there");
+        let parts = channel.pack((self.tick, tick), &states, speculative, |id| fed.left_out(id));
         let message = |part| (client, ToClient::CompactStates { stamp, part });
         self.messages.extend(parts.into_iter().map(message));
     }

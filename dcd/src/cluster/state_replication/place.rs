@@ -1,7 +1,7 @@
 //! Lets a state replication run where its leader, or its relay, is, or elsewhere.
 
 use super::{ReplicationEvent, StateReplication};
-use crate::protocol::{ToClient, ToRelay};
+use crate::protocol::{Message, ToClient};
 use crate::space::{ClientId, NodeId};
 
 /// Where clients' states are chosen and coded.
@@ -13,8 +13,8 @@ pub(in crate::cluster) enum Replication {
     Elsewhere(Vec<ReplicationEvent>),
 }
 
-/// What a replication says: to clients, and to relays.
-pub(in crate::cluster) type Said = (Vec<(ClientId, ToClient)>, Vec<(NodeId, ToRelay)>);
+/// What a replication says: to clients, and to other members.
+pub(in crate::cluster) type Said = (Vec<(ClientId, ToClient)>, Vec<(NodeId, Message)>);
 
 impl Replication {
     /// Gives it an event, and returns what follows from it here.
@@ -22,7 +22,7 @@ impl Replication {
         match self {
             Self::Here(replication) => {
                 replication.handle(event);
-                (replication.take_messages(), replication.take_relay_messages())
+                (replication.take_messages(), replication.take_member_messages())
             }
             Self::Elsewhere(events) => {
                 events.push(event);

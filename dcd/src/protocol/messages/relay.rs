@@ -3,7 +3,6 @@
 use bincode::{Decode, Encode};
 
 use super::{Area, ViewNumber};
-use crate::protocol::SharedState;
 use crate::space::{Allocation, BodyId, ClientId, Tick};
 
 /// A message of a leader to a relay.
@@ -23,10 +22,14 @@ pub enum ToRelay {
     Guess {
         /// The present view.
         view: ViewNumber,
+        /// Later messages to a relay have higher numbers.
+        number: u64,
+        /// The number of the news against which the states are written.
+        follows: u64,
         /// Which tick.
         tick: Tick,
-        /// In id order.
-        states: Vec<SharedState>,
+        /// Bodies in id order, written against what was told before (module `delta`).
+        states: Vec<u8>,
     },
 }
 
@@ -39,6 +42,10 @@ pub struct RelayNews {
     pub begins: bool,
     /// Whether another part of the same tick follows.
     pub more: bool,
+    /// Later messages to a relay have higher numbers, parts of a tick too.
+    pub number: u64,
+    /// The number of the news before; 0: it begins. What was lost with a link is missed so.
+    pub follows: u64,
     /// After which tick.
     pub tick: Tick,
     /// When the leader opened that tick, microseconds of its own clock.
@@ -55,6 +62,7 @@ pub struct RelayNews {
     pub gone: Vec<BodyId>,
     /// Who computes which region, if that is new.
     pub allocation: Option<Allocation>,
-    /// Bodies near what its clients are interested in that moved, or came to be near it, in id order, and after which tick they were so.
-    pub states: Vec<(Tick, SharedState)>,
+    /// Bodies near what its clients are interested in that moved, or came to be near it, in id order, and after which tick they were so: written
+    /// against what was told before (module `delta`).
+    pub states: Vec<u8>,
 }

@@ -469,17 +469,11 @@ impl Check for ToRelay {
                 news.view.check()?;
                 news.tick.check()?;
                 ascending(&news.clients, |&(client, _)| client, "relay.clients")?;
-                news.interests.iter().try_for_each(|(_, area)| area.map_or(Ok(()), |area| area.check()))?;
-                ascending(&news.states, |(_, state)| state.id, "relay.states")?;
-                news.states.iter().try_for_each(|(tick, state)| {
-                    tick.check()?;
-                    state.check()
-                })
+                news.interests.iter().try_for_each(|(_, area)| area.map_or(Ok(()), |area| area.check()))
             }
-            Self::Guess { view, tick, states } => {
+            Self::Guess { view, tick, .. } => {
                 view.check()?;
-                tick.check()?;
-                all(states)
+                tick.check()
             }
         }
     }
@@ -542,7 +536,7 @@ impl Check for Message {
             }
             Self::Copied { border, .. } => border.check(),
             Self::Relay(message) => message.check(),
-            Self::Linked { view, .. } => view.check(),
+            Self::Linked { view, .. } | Self::Fed { view, .. } => view.check(),
             Self::Waiting(_) | Self::Ping(_) | Self::Pong(_) | Self::AskStatus => Ok(()),
         }
     }

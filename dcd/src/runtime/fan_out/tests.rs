@@ -7,7 +7,9 @@ use std::time::{Duration, Instant};
 use super::*;
 use crate::cluster::Leader;
 use crate::net::{Authority, Limits, Net, NetConfig};
-use crate::protocol::{Done, Heard, Member, Report, SharedState, Velocity, View, ViewNumber, WorldPose};
+use crate::protocol::{
+    Done, Heard, Member, RelayNews, Report, SharedState, Velocity, View, ViewNumber, WorldPose,
+};
 use crate::sim::sim_world;
 use crate::space::{BodyId, Epoch, GroupId, NodeId, RegionId, Tick};
 
@@ -353,4 +355,71 @@ fn of_guesses_the_newest_waits_and_what_comes_true_takes_its_place() {
     waiting.push(guess(5));
     waiting.end();
     assert!(matches!(waiting.events.make_contiguous(), [ReplicationEvent::Tick(_)]), "and none at the end");
+}
+
+/// A relay's thread stands still while its leader tells of many ticks: then it reads all, in order, tells the newest states alone, and says so.
+#[test]
+fn a_relay_whose_thread_was_held_up_reads_all_and_tells_the_newest() {
+    let mut stage = Stage::new();
+    let mut begin = None;
+    let is_begin = |event: &ReplicationEvent| matches!(event, ReplicationEvent::Begin(_));
+    if let Some(ReplicationEvent::Begin(new)) = stage.tick().into_iter().find(is_begin) {
+        begin = Some(new);
+    }
+    let mut leader = begin.unwrap();
+    let (_net, outlet, _folder) = outlet();
+    let (told, tells) = mpsc::channel();
+    let (open, gate) = mpsc::channel::<()>();
+    let relay = FanOut::start(outlet, move |message: Told| {
+        told.send(message).unwrap();
+        let _ = gate.recv();
+    })
+    .unwrap();
+    // If this test fails, the thread goes on before it is waited for.
+    let open = open;
+    relay.handle(vec![ReplicationEvent::Begin(leader.clone())]);
+    leader.handle(ReplicationEvent::Relay { client: CLIENT, node: NodeId(2), turn: 1, area: None });
+    let mut last = 0;
+    let mut tick = |stage: &mut Stage| {
+        let is_tick = |event: &ReplicationEvent| matches!(event, ReplicationEvent::Tick(_));
+        stage.tick().into_iter().filter(is_tick).for_each(|event| leader.handle(event));
+        for (_, message) in leader.take_member_messages() {
+            let Message::Relay(message) = message else { panic!("{message:?}") };
+            if let ToRelay::News(news) = &message {
+                last = news.number;
+            }
+            assert!(relay.handle(vec![ReplicationEvent::ByLeader(message)]));
+        }
+        last
+    };
+    tick(&mut stage);
+    let stamp = |told: &Told| match &told.message {
+        Message::ToClient(_, message) => stamp_of(message).copied(),
+        _ => None,
+    };
+    let first = tells.recv_timeout(PATIENCE).unwrap();
+    assert_eq!(stamp(&first).map(|stamp| stamp.tick), Some(Tick(stage.tick)), "{:?}", first.message);
+    let number = (0..40).map(|_| tick(&mut stage)).max().unwrap();
+    let newest = Tick(stage.tick);
+    drop(open);
+    let is_newest = |stamp: &Stamp| stamp.tick == newest || stamp.tick == Tick(2);
+    let (mut is_told, mut is_read) = (false, false);
+    while !(is_told && is_read) {
+        let told = tells.recv_timeout(PATIENCE).unwrap();
+        match &told.message {
+            Message::Fed { number: read, .. } => is_read = *read == number,
+            _ => is_told |= stamp(&told).filter(is_newest).expect("no other is told").tick == newest,
+        }
+    }
+}
+
+#[test]
+fn what_a_leader_tells_its_relay_beyond_all_bounds_is_dropped() {
+    let mut waiting = Waiting::default();
+    for number in 0..100 {
+        let states = vec![0; 1 << 20];
+        let news = RelayNews { number, follows: number, states, ..RelayNews::default() };
+        waiting.push(ReplicationEvent::ByLeader(ToRelay::News(Box::new(news))));
+    }
+    assert!(waiting.fed_bytes() <= FED + (1 << 20) && waiting.events.len() < 10);
 }

@@ -95,6 +95,56 @@ fn an_interest_that_turns_is_heard_by_the_relay() {
 }
 
 #[test]
+fn a_client_is_told_by_the_node_that_computes_what_it_is_interested_in_but_for_the_leader() {
+    let mut by_others = 0;
+    for seed in 0..8 {
+        let mut sim = Sim::new(SimConfig { relays_above: Some(0), ..config(seed, 4) });
+        sim.run_to(Tick(5)).unwrap();
+        let client = sim.start_client_in(AREA);
+        sim.run_until(|sim| sim.client(client).told_by().is_some()).unwrap();
+        let view = sim.server().view().unwrap();
+        let there = view.allocation[&view.tree.leaf_at(AREA.centre)];
+        if there != view.leader {
+            assert_eq!(sim.client(client).told_by(), Some(there), "seed {seed}");
+            by_others += 1;
+        }
+    }
+    assert!(by_others >= 3, "{by_others}");
+}
+
+#[test]
+fn participants_tell_nobody() {
+    let mut sim = Sim::new(SimConfig { relays_above: Some(0), ..config(1, 1) });
+    sim.run_to(Tick(5)).unwrap();
+    sim.start_participant(None);
+    let joined = |sim: &Sim| sim.server().view().is_some_and(|view| view.members.len() == 2);
+    sim.run_until(joined).unwrap();
+    let client = sim.start_client(None);
+    sim.run_until(|sim| sim.client(client).is_joined()).unwrap();
+    sim.run_for(Duration::from_secs(2)).unwrap();
+    let view = sim.server().view().unwrap();
+    let leads = view.members.iter().find(|member| member.client.is_none()).unwrap().node;
+    let relay = sim.client(client).told_by();
+    assert!(relay.is_none() || view.leader != leads && relay == Some(leads), "{relay:?}");
+    stay_fresh(&mut sim, &[client], 1);
+}
+
+/// More links break within one view than a client may have turns: it is told by the leader at last, and all the while by somebody.
+#[test]
+fn a_client_whose_link_to_the_leader_breaks_time_and_again_is_told_on() {
+    let (mut sim, clients) = relayed(5, 3, 0);
+    let (leader, client) = (Peer::Node(leader(&sim)), Peer::Client(clients[0]));
+    let view = sim.server().view().unwrap().number;
+    for _ in 0..80 {
+        sim.break_link(client, leader);
+        sim.run_for(Duration::from_millis(400)).unwrap();
+    }
+    assert_eq!(sim.server().view().unwrap().number, view, "all of it in one view");
+    stay_fresh(&mut sim, &clients, 5);
+    assert_eq!(relays(&sim, &clients).len(), 3, "its turns are used up");
+}
+
+#[test]
 fn inputs_are_said_to_be_applied_though_a_relay_tells_of_them() {
     let (mut sim, clients) = relayed(3, 3, 0);
     let avatar = BodyId::avatar(clients[0], 0);

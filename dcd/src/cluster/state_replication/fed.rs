@@ -1,0 +1,115 @@
+//! Reads, at a relay, what its leader tells it: states that refer to those before, so that all is read, and in order.
+
+use std::collections::BTreeSet;
+
+use tracing::debug;
+
+use super::news::Latest;
+use super::{MAX_TURNS, ReplicationEvent, StateReplication, TickNews};
+use crate::delta::{FreeMotion, OrderedReceiver};
+use crate::protocol::{CodecError, Message, SharedState, ToRelay, encoded_len};
+use crate::space::{BodyId, Tick};
+
+/// The bytes of what has been read that the leader need not hear of: a fraction of what it waits for.
+const UNSAID: usize = 4 << 10;
+
+/// What a relay has been told.
+#[derive(Clone, Debug)]
+pub(super) struct Fed {
+    receiver: OrderedReceiver,
+    /// The parts of a tick that have come so far.
+    begun: Option<TickNews>,
+    /// The number of the news that were read last.
+    last: u64,
+    /// The number of what was read last, and the bytes of all that was and of which the leader has not heard.
+    read: u64,
+    unsaid: usize,
+    /// Whether something could not be read: nothing that follows can be, until it begins anew.
+    is_lost: bool,
+}
+
+impl Fed {
+    pub(super) fn new(motion: FreeMotion) -> Self {
+        Self {
+            receiver: OrderedReceiver::new(motion),
+            begun: None,
+            last: 0,
+            read: 0,
+            unsaid: 0,
+            is_lost: false,
+        }
+    }
+
+    /// Returns which component was left out of the rotation of a body as the leader told it.
+    pub(super) fn left_out(&self, id: BodyId) -> Option<u8> {
+        self.receiver.left_out(id)
+    }
+
+    fn has_read(&mut self, number: u64, bytes: usize) {
+        (self.read, self.unsaid) = (number, self.unsaid + bytes);
+    }
+
+    fn read(&mut self, message: ToRelay) -> Result<Vec<ReplicationEvent>, CodecError> {
+        match message {
+            ToRelay::Expect { .. } => Ok(Vec::new()),
+            ToRelay::News(mut news) => {
+                let bytes = encoded_len(&*news);
+                if std::mem::replace(&mut self.last, news.number) != news.follows {
+                    return Err(CodecError::Compact);
+                }
+                if news.clients.iter().any(|(_, turn)| turn.is_some_and(|turn| turn >= MAX_TURNS)) {
+                    return Err(CodecError::Compact);
+                }
+                let turn = |(client, turn)| match turn {
+                    Some(turn) => ReplicationEvent::Admit { client, turn, told_elsewhere: true, area: None },
+                    None => ReplicationEvent::Dismiss(client),
+                };
+                let mut events: Vec<_> = std::mem::take(&mut news.clients).into_iter().map(turn).collect();
+                news.gone.iter().for_each(|&id| self.receiver.forget(id));
+                let states = self.receiver.read(news.tick, &news.states)?;
+                let by_body = |(tick, state): (Tick, SharedState)| (state.id, (state, tick));
+                let moved: Latest = states.into_iter().map(by_body).collect();
+                let (number, is_whole) = (news.number, !news.more);
+                match &mut self.begun {
+                    Some(begun) => begun.extend(moved),
+                    begun => *begun = Some(TickNews::of_relay(*news, moved)),
+                }
+                self.has_read(number, bytes);
+                if is_whole {
+                    events.extend(self.begun.take().map(ReplicationEvent::Tick));
+                }
+                Ok(events)
+            }
+            ToRelay::Guess { follows, .. } if follows != self.last => Err(CodecError::Compact),
+            ToRelay::Guess { number, tick, states, .. } => {
+                // The leader hears of it at once: it tells few guesses, of which some may never have been read.
+                self.has_read(number, UNSAID + states.len());
+                let states = self.receiver.read_guesses(tick, &states)?;
+                Ok(vec![ReplicationEvent::Speculative { tick, states, silent: BTreeSet::new() }])
+            }
+        }
+    }
+}
+
+impl StateReplication {
+    /// Reads what the leader tells its relay, and returns what is to be handled therefore. Who tells clients less often than it is told
+    /// reads all first, and handles several ticks as one.
+    pub(crate) fn read(&mut self, message: ToRelay) -> Vec<ReplicationEvent> {
+        if self.fed.is_lost {
+            return Vec::new();
+        }
+        self.fed.read(message).unwrap_or_else(|error| {
+            // Its clients hear nothing more, and ask the leader to tell them itself.
+            debug!(%error, "what the leader tells its relay cannot be read");
+            self.fed.is_lost = true;
+            self.clients.keys().map(|&client| ReplicationEvent::Dismiss(client)).collect()
+        })
+    }
+
+    /// Tells the leader what has been read, if that is some kilobytes.
+    pub(super) fn acknowledge_feed(&mut self) {
+        let Some(leader) = self.introduction.as_ref().filter(|_| self.fed.unsaid > UNSAID) else { return };
+        self.fed.unsaid = 0;
+        self.member_messages.push((leader.node, Message::Fed { view: self.view, number: self.fed.read }));
+    }
+}

@@ -34,21 +34,21 @@ impl Gates {
 }
 
 impl Row {
-    /// Returns what the flood cost beyond what it may, in words. Ticks count where they were measured for long enough, on a machine that did
-    /// nothing else.
-    pub(super) fn missed(&self, ticks_count: bool) -> Vec<String> {
+    /// Returns what the flood cost beyond what it may, in words. Ticks and joins count where they were `timed`: measured for long enough, on
+    /// a machine that did nothing else.
+    pub(super) fn missed(&self, timed: bool) -> Vec<String> {
         let Gates { memory_mb, ticks } = Gates::of(self.flood);
         let mut missed = Vec::new();
         if self.grown_mb >= memory_mb {
             missed.push(format!("{:.1} MB more, of {memory_mb} MB that it may cost", self.grown_mb));
         }
-        if ticks_count && self.tick_p99_ms >= ticks * self.tick_p99_before_ms {
+        if timed && self.tick_p99_ms >= ticks * self.tick_p99_before_ms {
             let (now_ms, before_ms) = (self.tick_p99_ms, self.tick_p99_before_ms);
             missed.push(format!(
                 "one tick in a hundred takes {now_ms:.2} ms or longer, and took {before_ms:.2} ms: {ticks} times that is the most"
             ));
         }
-        if self.joins_failed > 0 {
+        if timed && self.joins_failed > 0 {
             missed.push(format!("{} of {} clients could not join", self.joins_failed, self.joins));
         }
         missed

@@ -109,7 +109,7 @@ impl Floods {
         let rows = self.output.fill(&SHOWN, |rows| self.measure(rows))?;
         let mut holds = true;
         for Measured { row, .. } in &rows {
-            // A second of ticks, on a machine that does something else besides, says nothing of one in a hundred.
+            // A second on a machine that does something else besides says nothing of times.
             for missed in row.missed(!self.output.quick) {
                 eprintln!("{}: {missed}", name(row.flood));
                 holds = false;

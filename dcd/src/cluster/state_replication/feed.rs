@@ -67,7 +67,7 @@ impl Feed {
 
     /// Notes that the relay has taken in what it was told, up to this number.
     pub(super) fn has_arrived(&mut self, number: u64) {
-        while self.on_the_way.pop_front_if(|(of, _)| *of <= number).is_some() {}
+        self.on_the_way.retain(|(of, _)| *of > number);
     }
 
     fn bytes_on_the_way(&self) -> usize {

@@ -43,8 +43,7 @@ impl Trails {
         let ticks = |seconds: f64| (seconds / dt_s) as u64;
         if self.parts.back().is_none_or(|(since, _)| since.0 + ticks(TOGETHER_S) <= now.0) {
             self.parts.push_back((now, BTreeMap::new()));
-            let is_old = |part: &mut (Tick, _)| part.0.0 + ticks(SILENT_S + TOGETHER_S) < now.0;
-            while self.parts.pop_front_if(is_old).is_some() {}
+            self.parts.retain(|(since, _)| since.0 + ticks(SILENT_S + TOGETHER_S) >= now.0);
         }
         let Some((_, part)) = self.parts.back_mut() else { return };
         let (low, high) = part.entry(id).or_insert((from, from));

@@ -529,7 +529,7 @@ public:
             return dcd_regions(world_, out, cap, count);
         });
     }
-    /* Without viewpoints all is looked at. */
+    /* Without viewpoints all of a local world is looked at. */
     Status viewpoints_set(Span<const Viewpoint> viewpoints)
     {
         return Status(dcd_viewpoints_set(world_, viewpoints.data(), viewpoints.size()));

@@ -83,13 +83,17 @@ pub(crate) fn asked(fidelity: DcdFidelity, limit: f32) -> Result<Option<Fidelity
     }
 }
 
-/// Sets where a local world is looked at from, in place of what was set before: regions farther than what is seen from there are
-/// stepped less often, as DcdWorldDef.fidelity allows. Without viewpoints, as at first, all of it is looked at. Call it as often as viewers move.
-/// A world that is served from it (DcdServerDef.source) keeps its fidelity and viewpoints, and is looked at by its clients, too (dcd_interest_set).
+/// Sets where a world is looked at from, in place of what was set before: regions farther than what is seen from there are
+/// stepped less often, as DcdWorldDef.fidelity allows. Without viewpoints, as at first, all of a local world is looked at. Call it as often as viewers
+/// move. A world that is served from it (DcdServerDef.source) keeps its fidelity and viewpoints, and is looked at by its clients, too
+/// (dcd_interest_set).
+///
+/// Of a served world its server may say so, too: it counts some ticks later, on all nodes from the same tick on, and is kept when the server stops.
+/// Without viewpoints only clients look.
 ///
 /// `viewpoints` points to `count` of them, read during the call; it may be null when there are none.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a place out of range or a radius that is negative or NaN,
-/// DCD_ERR_UNSUPPORTED in a served world.
+/// DCD_ERR_UNSUPPORTED for a node or a client; DCD_ERR_NETWORK once a served world has ended.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_viewpoints_set(
     world: DcdWorld,

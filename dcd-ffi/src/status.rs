@@ -142,6 +142,7 @@ impl From<Unsupported> for Failure {
             Instead::AskServer => {
                 "whoever runs the server can: its program by dcd_token_create, or `dcd token` beside it"
             }
+            Instead::SayInterest => "it is seen where its area of interest is (dcd_interest_set)",
             // The others name no function.
             instead => &instead.to_string(),
         };

@@ -7,7 +7,7 @@ use dcd::network::{JoinConfig, JoinRole, ServeConfig};
 use dcd::prelude::*;
 use dcd::protocol::Pace;
 use dcd::query::{Query, QueryResult, RayQuery};
-use dcd::{Axis, Instead, Push, Tick};
+use dcd::{Axis, Fidelity, Instead, Push, Tick, Viewpoint};
 use rapier3d::parry::utils::Array2;
 
 const LIMIT: Duration = Duration::from_secs(30);
@@ -560,4 +560,41 @@ fn a_servers_program_changes_what_bodies_and_joints_are_and_whoever_computes_the
     until("it falls upwards still", &mut [&mut server], |worlds| {
         worlds[0].pose(last).is_some_and(|pose| pose.translation[1] > height + 5.0)
     });
+}
+
+#[test]
+fn what_a_servers_program_looks_at_is_computed_in_full_until_it_looks_away() {
+    let folder = tempfile::tempdir().unwrap();
+    let cuts = [-20.0, 0.0, 20.0].map(|x| (Axis::X, x));
+    let config = WorldConfig {
+        bounds: Bounds::around([0.0; 3], [40.0, 10.0, 10.0]),
+        partitioning: Partitioning::Cuts(cuts.to_vec()),
+        fidelity: Fidelity::Tolerance { m_s: 1e6 },
+        ..WorldConfig::default()
+    };
+    let pace = Pace::Unpaced;
+    let config = (config, ServeConfig { pace, ..ServeConfig::new(folder.path()) });
+    let mut server = World::new(config.0).unwrap().serve_copy(config.1).unwrap();
+    server.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(40.0, 0.5, 10.0)).unwrap();
+    for x in [-30.0, -10.0, 10.0, 30.0] {
+        let body = RigidBodyBuilder::dynamic().translation(Vector::new(x, 1.0, 0.0)).can_sleep(false);
+        server.insert(body, ColliderBuilder::cuboid(0.5, 0.5, 0.5)).unwrap();
+    }
+    let mut node = node(&server);
+    let comes_to = |server: &mut World, levels: [usize; 3]| {
+        let is_so = |worlds: &[&mut World]| worlds[0].fidelity_report().is_some_and(|it| it.levels == levels);
+        until("its levels", &mut [server], is_so);
+    };
+    comes_to(&mut server, [0, 0, 4]);
+    server.set_viewpoints(&[Viewpoint { at: [-30.0, 0.0, 0.0], radius_m: 1.0 }]).unwrap();
+    comes_to(&mut server, [1, 0, 3]);
+    server.set_viewpoints(&[]).unwrap();
+    comes_to(&mut server, [0, 0, 4]);
+    let unfit = server.set_viewpoints(&[Viewpoint { at: [f64::NAN; 3], radius_m: 1.0 }]);
+    assert!(unfit.unwrap_err().to_string().contains("finite"));
+    let mut client = client(&server);
+    for (world, remedy) in [(&mut node, Instead::JoinAsClient), (&mut client, Instead::SayInterest)] {
+        let Err(Error::Unsupported(refused)) = world.set_viewpoints(&[]) else { panic!("it does not look") };
+        assert_eq!(refused.instead, remedy);
+    }
 }

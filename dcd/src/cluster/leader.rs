@@ -34,7 +34,9 @@ use crate::protocol::{
     Query, Refusal, RegionEvents, Repartition, Report, SharedState, Thresholds, ToClient, ToServer, View,
     ViewNumber, WorldOp, encoded_len, most_items,
 };
-use crate::space::{Allocation, BodyId, ClientId, DistributionTree, Epoch, NodeId, RegionId, Renaming, Tick};
+use crate::space::{
+    Allocation, BodyId, ClientId, DistributionTree, Epoch, NodeId, RegionId, Renaming, Tick, Viewpoint,
+};
 
 /// The most bytes of the server's operations in one tick, unless the first is longer: what is left over waits.
 const OPS_BYTES: usize = 4 << 20;
@@ -237,6 +239,11 @@ impl Leader {
             self.news.interested(client, area);
             self.relays.interested(client);
         }
+    }
+
+    /// Takes in where the server's program looks at the world from, from the next tick on.
+    pub(super) fn look(&mut self, viewpoints: Vec<Viewpoint>) {
+        self.scheduling.iter_mut().for_each(|scheduling| scheduling.look(viewpoints.clone()));
     }
 
     /// Takes in a client's question about bodies, perhaps once more; the answer comes with the next tick, or a later one.

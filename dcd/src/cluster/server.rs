@@ -5,6 +5,7 @@ mod arbiter;
 mod avatars;
 mod budget;
 mod builders;
+mod clients;
 mod common;
 mod drain;
 mod fading;
@@ -28,19 +29,17 @@ mod vicinity;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
-use self::common::{ABSENCE, ClientEntry, Common, NodeEntry};
+use self::common::{ABSENCE, Common};
 use self::group::Group;
 use self::nodes::Resumption;
 use self::questions::Questions;
 use self::status::Statuses;
-use self::vicinity::Vicinity;
 use super::{Batch, Peer, Pinger, PollCounts, Polls, Record};
 use crate::protocol::{
-    Area, BuildOp, Chunk, EnvironmentProperties, Farewell, Finding, FromClient, Hello, JoinAs, Member,
-    Message, Query, QueryResult, Refusal, ShapeHash, ShapeRecord, ToClient, VERSION, View, ViewNumber,
-    WorldEvents, chunks,
+    BuildOp, EnvironmentProperties, Farewell, Finding, FromClient, Hello, JoinAs, Member, Message, Query,
+    QueryResult, Refusal, ShapeHash, ShapeRecord, ToClient, VERSION, View, ViewNumber, WorldEvents,
 };
-use crate::space::{BodyId, ClientId, GroupId, NodeId, Tick};
+use crate::space::{BodyId, ClientId, GroupId, NodeId, Tick, Viewpoint};
 
 pub use self::avatars::{MAX_AVATARS, MAX_SHAPE_BYTES};
 pub use self::builders::{MAX_BUILT, MAX_BUILT_SHAPE_BYTES};
@@ -107,6 +106,8 @@ pub enum ServerEvent {
     Stop,
     /// The server's program changes the world, in this order.
     Program(Vec<BuildOp>),
+    /// It looks at the world from these places from now on, and from no others.
+    Look(Vec<Viewpoint>),
     /// It goes back to a saved world, or to another.
     Replace(Box<SavedWorld>),
     /// A client has proved by its certificate that it may build.
@@ -233,6 +234,7 @@ impl Server {
         assert!(config.min_nodes > 0, "a world begins with at least one node");
         let main = GroupId(1);
         let common = Common {
+            viewpoints: config.world.viewpoints.clone(),
             config,
             now: Duration::ZERO,
             nodes: BTreeMap::new(),
@@ -325,6 +327,7 @@ impl Server {
             }
             ServerEvent::Drain(node) => self.drain(node),
             ServerEvent::Program(ops) => ops.into_iter().for_each(|op| self.obey(op)),
+            ServerEvent::Look(viewpoints) => self.look(viewpoints),
             ServerEvent::Replace(saved) => self.replace(*saved),
             ServerEvent::MayBuild(client) => {
                 self.common.allowances.entry(client).or_default().building.may = true;
@@ -603,77 +606,6 @@ impl Server {
                 self.part(client);
             }
             Peer::Server => self.common.close(from, Farewell::Refused, reason),
-        }
-    }
-
-    fn welcome_client(&mut self, client: ClientId, interest: Option<Area>) {
-        let is_sent_away = |entry: &NodeEntry| {
-            entry.member.client == Some(client) && matches!(entry.unwanted, Some((Farewell::SentAway, _)))
-        };
-        // It is told why over the link that it shares with its node, once that has handed its regions over.
-        if self.common.nodes.values().any(is_sent_away) {
-            self.common.stale += 1;
-            return;
-        }
-        if !self.common.allowances.entry(client).or_default().welcome(self.common.now) {
-            self.common.send_client(client, ToClient::Rejected { body: None, reason: Refusal::TooMany });
-            self.common.close(Peer::Client(client), Farewell::Refused, Refusal::TooMany.to_string());
-            return self.part(client);
-        }
-        let group = self.group_for(client);
-        // It is told of the world below, and not of its parts before.
-        let entry = ClientEntry { linked: false, absent_until: None, group, vicinity: None };
-        let _ = self.common.clients.insert(client, entry);
-        // First, so that the world it is told of has its own avatars in it: new ones must not take their names.
-        self.bring_back(client);
-        let Some(group) = self.groups.get(&group) else { return };
-        let known = interest.map(|interest| Vicinity::joining(client, interest, &group.record));
-        self.tell_world(client, known);
-    }
-
-    /// Tells a client of the world in place of the one that it knew.
-    fn tell_world_again(&mut self, client: ClientId) {
-        let Some(entry) = self.common.clients.get_mut(&client) else { return };
-        let (group, vicinity) = (entry.group, entry.vicinity.take());
-        entry.linked = false;
-        let Some(group) = self.groups.get(&group) else { return };
-        let known = vicinity.map(|vicinity| vicinity.again(client, &group.record));
-        self.tell_world(client, known);
-    }
-
-    /// Tells a client of the world: these parts of it, or all.
-    fn tell_world(&mut self, client: ClientId, known: Option<(Vicinity, Vec<Chunk>)>) {
-        let Some(entry) = self.common.clients.get(&client) else { return };
-        let Some(group) = self.groups.get(&entry.group) else { return };
-        let record = &group.record;
-        let (vicinity, parts) = match known {
-            Some((vicinity, parts)) => (Some(vicinity), parts),
-            None => {
-                let mut parts = record.shape_chunks(&mut BTreeSet::new());
-                let bodies = record.present().chain(record.returning(client)).cloned();
-                parts.extend(chunks(bodies, Chunk::Bodies));
-                parts.extend(record.joint_chunks(|_| true));
-                (None, parts)
-            }
-        };
-        let leader = group.leader_is();
-        let world = self.common.config.world.clone();
-        // Room for 2^28 inputs a stay, for 2^16 stays a view.
-        self.welcomes = (self.welcomes + 1) & 0xffff;
-        if self.welcomes == 0 {
-            self.common.number = self.common.number.next();
-            self.common.world_changed = true;
-        }
-        let logical_time = self.common.number.0 << 44 | self.welcomes << 28;
-        let next_built = self.next_built(client);
-        self.common.send_client(client, ToClient::Welcome { id: client, logical_time, next_built, world });
-        for chunk in parts {
-            self.common.send_client(client, ToClient::Chunk(chunk));
-        }
-        self.common.send_client(client, ToClient::WorldEnd);
-        self.common.send_client(client, leader);
-        if let Some(entry) = self.common.clients.get_mut(&client) {
-            (entry.linked, entry.vicinity) = (true, vicinity);
         }
     }
 

@@ -386,6 +386,8 @@ pub struct View {
     pub allocation: Allocation,
     /// Whether the server's program hears of the contacts of all bodies that ask for them; else clients do of their own.
     pub events: bool,
+    /// Where the world is looked at from, whoever is there, until [`ToNode::Look`] says otherwise.
+    pub viewpoints: Vec<Viewpoint>,
 }
 
 impl View {

@@ -140,6 +140,7 @@ impl Recorder {
                 self.put_parts(ops);
                 ServerEntry::Program
             }
+            ServerEvent::Look(viewpoints) => ServerEntry::Look(viewpoints.clone()),
             ServerEvent::Replace(saved) => {
                 self.put_parts(saved);
                 ServerEntry::Replace

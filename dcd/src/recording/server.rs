@@ -12,7 +12,7 @@ use crate::cluster::{
     CanBuild, Grouping, Peer, Server, ServerConfig, ServerEvent, ServerOrigin, ServerOutput,
 };
 use crate::protocol::{EnvironmentProperties, Message, Query};
-use crate::space::{BodyId, ClientId, NodeId, RegionId, Tick};
+use crate::space::{BodyId, ClientId, NodeId, RegionId, Tick, Viewpoint};
 
 /// The digest of a server has no region; this stands for one.
 const WHOLE: RegionId = RegionId(0);
@@ -51,6 +51,7 @@ pub(super) enum ServerEntry<M = Message> {
     /// The parts were the world that replaced it.
     Replace,
     MayBuild(ClientId),
+    Look(Vec<Viewpoint>),
 }
 
 /// The configuration of a server, and what it began with.
@@ -184,6 +185,7 @@ impl Replayed for ServerReplay {
                     ServerEvent::Replace(Box::new(take_whole(&std::mem::take(&mut self.parts))?))
                 }
                 ServerEntry::MayBuild(client) => ServerEvent::MayBuild(client),
+                ServerEntry::Look(viewpoints) => ServerEvent::Look(viewpoints),
                 ServerEntry::Disconnected(peer) => ServerEvent::Disconnected(peer),
                 ServerEntry::Message { from, message } => ServerEvent::Message { from, message },
                 ServerEntry::SendAway { node, client, reason } => {

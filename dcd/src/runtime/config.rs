@@ -5,7 +5,7 @@ use crate::fidelity::Fidelity;
 use crate::physics::{ControlError, HostError, StepSettings};
 use crate::protocol::{BodyKind, BodyRecord};
 use crate::scene::Scene;
-use crate::space::{Axis, Balance, BodyId, Bounds, DistributionTree, JointId, TreeError};
+use crate::space::{Axis, Balance, BodyId, Bounds, DistributionTree, JointId, TreeError, Viewpoint};
 
 /// The way in which the world is cut into regions.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -214,6 +214,17 @@ fn check(config: &WorldConfig) -> Result<(), WorldError> {
         return wrong("halo_m", format!("{:?}", config.halo_m), "a number of metres, 0 or more");
     }
     Ok(())
+}
+
+/// Checks that a world can be looked at from there.
+pub(super) fn check_viewpoints(viewpoints: &[Viewpoint]) -> Result<(), WorldError> {
+    match viewpoints.iter().find(|viewpoint| !viewpoint.is_fit()) {
+        None => Ok(()),
+        Some(unfit) => {
+            let (what, range) = ("viewpoint", "finite numbers, and a radius of 0 or more");
+            Err(WorldError::Setting { what, value: format!("{unfit:?}"), range })
+        }
+    }
 }
 
 pub(super) fn check_threads(threads: usize) -> Result<(), WorldError> {

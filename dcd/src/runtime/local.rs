@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use rapier3d::prelude::*;
 
 use super::choice::{Choice, Why};
-use super::config::{Partitioning, WorldConfig, WorldError, check_speed};
+use super::config::{Partitioning, WorldConfig, WorldError, check_speed, check_viewpoints};
 use super::joint_strength::Strengths;
 use super::tape::{Copies, Tape};
 use crate::fidelity::FidelityReport;
@@ -357,10 +357,7 @@ impl LocalWorld {
 
     /// Sets where the world is looked at from, for its [`Fidelity`]; without any viewpoint all of it is looked at.
     pub fn set_viewpoints(&mut self, viewpoints: &[Viewpoint]) -> Result<(), WorldError> {
-        if let Some(unfit) = viewpoints.iter().find(|viewpoint| !viewpoint.is_fit()) {
-            let (what, range) = ("viewpoint", "finite numbers, and a radius of 0 or more");
-            return Err(WorldError::Setting { what, value: format!("{unfit:?}"), range });
-        }
+        check_viewpoints(viewpoints)?;
         self.host.set_viewpoints(viewpoints.to_vec());
         self.tape(true, || Operation::Look(viewpoints.to_vec()));
         Ok(())

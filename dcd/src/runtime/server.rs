@@ -15,6 +15,7 @@ use std::time::{Duration, Instant};
 use ring::rand::{SecureRandom, SystemRandom};
 
 use self::event_loop::Loop;
+use super::config::check_viewpoints;
 use super::directory::{self, GoesOn, Opened};
 use super::end_request::EndRequests;
 use super::ending::{Cause, Reason};
@@ -23,7 +24,7 @@ use super::member::forward;
 use super::metrics::ServerMetrics;
 use super::origin::{Beginning, world_of};
 use super::saved::{local_of, saved_of};
-use super::{Connections, LocalWorld, Origin, ProcessError, Pulse, ServeConfig};
+use super::{Connections, LocalWorld, Origin, ProcessError, Pulse, ServeConfig, WorldError};
 use crate::cluster::directory::{Batch, Directory, DirectoryError, Entry, Key};
 use crate::cluster::{DrainError, Grouping, Record, SavedWorld, ServerConfig, ServerOrigin, Verification};
 use crate::fidelity::FidelityReport;
@@ -34,7 +35,7 @@ use crate::net::{
 use crate::physics::{ShapeLibrary, can_build};
 use crate::protocol::{BuildOp, EnvironmentProperties, Query, QueryResult, View, WorldEvents};
 use crate::recording::{Background, RecordedServer, Recorder};
-use crate::space::{DistributionTree, NodeId, Tick};
+use crate::space::{DistributionTree, NodeId, Tick, Viewpoint};
 
 /// Events that may wait for the loop; beyond that the network holds its peers back.
 const QUEUE: usize = 4_096;
@@ -142,6 +143,7 @@ enum Input {
     Suspend,
     /// With the shapes that it has made.
     Program(Vec<BuildOp>, Box<ShapeLibrary>),
+    Look(Vec<Viewpoint>),
     Ask(Query),
     Forget(u64),
     /// Says when the node is gone, or why it stays.
@@ -383,6 +385,13 @@ impl ServerProcess {
         self.shared.lock().changes
     }
 
+    /// Has what is seen from these places computed in full from some tick on, and what is seen from no others for the program's sake.
+    pub fn look(&self, viewpoints: &[Viewpoint]) -> Result<(), WorldError> {
+        check_viewpoints(viewpoints)?;
+        let _ = self.inbox.send(Input::Look(viewpoints.to_vec()));
+        Ok(())
+    }
+
     /// Sends a query to the nodes; [`ServerProcess::take_answer`] has the answer some ticks later, or when there are nodes. Its number must
     /// differ from those of other queries.
     pub fn ask(&self, question: Query) {
@@ -417,7 +426,9 @@ impl ServerProcess {
             RecvTimeoutError::Timeout => ProcessError::NotSaved { waited: SAVING },
             RecvTimeoutError::Disconnected => ProcessError::Ended("the world has ended".to_owned()),
         })?;
-        Ok(local_of(saved, &self.properties)?)
+        let viewpoints = self.server.lock().unwrap_or_else(PoisonError::into_inner).viewpoints().to_vec();
+        let properties = EnvironmentProperties { viewpoints, ..(*self.properties).clone() };
+        Ok(local_of(saved, &properties)?)
     }
 
     /// Takes a node out of the world: others take its regions over, and it ends in order. Returns when it is gone.

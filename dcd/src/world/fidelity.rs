@@ -1,16 +1,18 @@
 //! Says where a world is looked at from, so that all else is computed less often, and what that saves and costs.
 
 use super::error::Error;
-use super::role::Instead;
 use super::{Inner, World};
 use crate::fidelity::FidelityReport;
 use crate::space::Viewpoint;
 
 /// How much is computed in full.
 impl World {
-    /// Sets where a local world is looked at from, for its [`Fidelity`](crate::Fidelity): regions farther than what is seen from there are
-    /// stepped less often. Without any viewpoint all of it is looked at. Call it as often as viewers move. A served world is looked at from the viewpoints
-    /// that it had when it began to be served, and by its clients ([`World::set_interest`]).
+    /// Sets where a world is looked at from, for its [`Fidelity`](crate::Fidelity): regions farther than what is seen from there are
+    /// stepped less often. A local world without any viewpoint is looked at everywhere. Call it as often as viewers move.
+    ///
+    /// A served world is looked at from the viewpoints that its server's program set last, at first from those that it had when it began to be
+    /// served, and by its clients ([`World::set_interest`]). What the program sets counts some ticks later, on all nodes from the same tick on, and
+    /// is kept when the server stops.
     ///
     /// ```
     /// use dcd::{Fidelity, Viewpoint};
@@ -28,8 +30,10 @@ impl World {
     /// # Ok::<(), dcd::Error>(())
     /// ```
     pub fn set_viewpoints(&mut self, viewpoints: &[Viewpoint]) -> Result<(), Error> {
-        let world = self.local_mut("be looked at from viewpoints", Instead::ComputeAlone)?;
-        Ok(world.set_viewpoints(viewpoints)?)
+        match &mut self.inner {
+            Inner::Local(world) => Ok(world.set_viewpoints(viewpoints)?),
+            Inner::Remote(world) => world.set_viewpoints(viewpoints),
+        }
     }
 
     /// Returns what [`Fidelity`](crate::Fidelity) saves and costs; `None` where all is computed in full. The server of a world says what the leader

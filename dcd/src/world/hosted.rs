@@ -23,7 +23,7 @@ use crate::protocol::{
     ShapeRecord, Velocity, WorldEvents, WorldPose,
 };
 use crate::runtime::{LocalWorld, Member, ProcessError, SUSPENDED, ServerProcess, Stats};
-use crate::space::{BodyId, DistributionTree, JointId, Tick};
+use crate::space::{BodyId, DistributionTree, JointId, Tick, Viewpoint};
 
 /// The process that runs behind the world, on threads of its own.
 pub(super) enum Process {
@@ -505,6 +505,16 @@ impl Remote for Hosted {
         match &self.process {
             Process::Server(server) => server.fidelity_report(),
             Process::Node(_) => None,
+        }
+    }
+
+    fn set_viewpoints(&self, viewpoints: &[Viewpoint]) -> Result<(), Error> {
+        match &self.process {
+            Process::Server(server) => {
+                self.look()?;
+                Ok(server.look(viewpoints)?)
+            }
+            Process::Node(_) => Err(self.unsupported("be looked at from viewpoints", Instead::JoinAsClient)),
         }
     }
 

@@ -22,7 +22,7 @@ use crate::protocol::{
 #[cfg(feature = "net")]
 use crate::runtime::WorldError;
 use crate::runtime::{LocalWorld, Stats};
-use crate::space::{BodyId, ClientId, DistributionTree, JointId, Tick};
+use crate::space::{BodyId, ClientId, DistributionTree, JointId, Tick, Viewpoint};
 use rapier3d::prelude::*;
 
 /// What a server alone can do of all that are not local.
@@ -46,6 +46,10 @@ pub(super) trait Remote: Send + Sync {
     fn stats(&self) -> Stats;
     fn fidelity_report(&self) -> Option<FidelityReport> {
         None
+    }
+    /// Has what is seen from these places computed in full.
+    fn set_viewpoints(&self, _viewpoints: &[Viewpoint]) -> Result<(), Error> {
+        Err(self.unsupported("be looked at from viewpoints", Instead::SayInterest))
     }
     fn region_count(&self) -> usize;
     #[cfg(feature = "net")]

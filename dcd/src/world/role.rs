@@ -101,6 +101,8 @@ pub enum Instead {
     AskServer,
     /// Ask a server or a node.
     AskListener,
+    /// Say what is of interest.
+    SayInterest,
 }
 
 impl fmt::Display for Instead {
@@ -151,6 +153,7 @@ impl fmt::Display for Instead {
                 "whoever runs the server can: its program by World::token, or `dcd token` beside it"
             }
             Self::AskListener => "a server or a node can",
+            Self::SayInterest => "it is seen where its area of interest is (World::set_interest)",
         })
     }
 }

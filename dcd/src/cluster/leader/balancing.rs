@@ -230,6 +230,7 @@ mod tests {
         };
         View {
             events: false,
+            viewpoints: Vec::new(),
             group: GroupId(1),
             number: ViewNumber(1),
             tick: Tick(0),

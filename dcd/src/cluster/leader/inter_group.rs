@@ -303,6 +303,7 @@ mod tests {
         let member = Member { node: NodeId(1), address: ([127, 0, 0, 1], 1).into(), client: None };
         let view = View {
             events: false,
+            viewpoints: Vec::new(),
             group: GroupId(2),
             number: ViewNumber(1),
             tick: Tick(0),

@@ -33,7 +33,7 @@ impl Scheduling {
         }
         let mut scheduling = Self {
             governor: Governor::new(world.fidelity),
-            viewpoints: world.viewpoints.clone(),
+            viewpoints: view.viewpoints.clone(),
             dt_s: world.step.dt_s,
             allocation: Allocation::new(),
             cells: BTreeMap::new(),
@@ -43,6 +43,11 @@ impl Scheduling {
         };
         scheduling.settle(&view.tree, &view.allocation);
         Some(scheduling)
+    }
+
+    /// Looks at the world from these places from now on, whoever is there.
+    pub(super) fn look(&mut self, viewpoints: Vec<Viewpoint>) {
+        self.viewpoints = viewpoints;
     }
 
     /// Goes on with another tree: what was said of regions is of those before.
@@ -143,6 +148,7 @@ mod tests {
             tree: world.tree.clone(),
             allocation: world.tree.leaves().zip([HONEST, OTHER]).collect(),
             events: false,
+            viewpoints: Vec::new(),
         };
         Scheduling::new(&view, &world).expect("not all is computed in full")
     }

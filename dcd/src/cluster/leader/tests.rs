@@ -24,6 +24,7 @@ fn leader_of(world: &EnvironmentProperties) -> Leader {
     let member = |id| Member { node: NodeId(id), address: ([127, 0, 0, 1], 1).into(), client: None };
     let view = View {
         events: false,
+        viewpoints: Vec::new(),
         group: GroupId(1),
         number: ViewNumber(1),
         tick: Tick(0),

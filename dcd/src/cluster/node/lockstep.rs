@@ -12,9 +12,9 @@ use crate::cluster::{
 use crate::delta::alone;
 use crate::protocol::{
     BodyRecord, Border, BorderMessage, CHUNK_BYTES, Chunk, Dispatch, Done, EnvironmentProperties, Message,
-    RegionEvents, Report, ToNode, ToServer, WorldOp, split,
+    RegionEvents, Report, ToNode, ToServer, ViewNumber, WorldOp, split,
 };
-use crate::space::{NodeId, RegionId, Tick};
+use crate::space::{NodeId, RegionId, Tick, Viewpoint};
 
 impl Node {
     pub(super) fn hear_server(&mut self, now: Duration, message: ToNode) {
@@ -80,6 +80,7 @@ impl Node {
                 Some(leader) if leader.view() == view => leader.hear_ops(first, ops),
                 _ => self.counters.stale += 1,
             },
+            ToNode::Look { view, viewpoints } => self.look(view, viewpoints),
             ToNode::Roster(members) => {
                 self.know(now, &members, true);
                 self.tend_links(now);
@@ -102,6 +103,16 @@ impl Node {
             },
             ToNode::Verify { view, nodes, anew } => self.witness.learn(view, nodes, anew),
             ToNode::Shutdown { farewell, reason } => self.stop(farewell, reason),
+        }
+    }
+
+    /// Takes in where the server's program looks at the world from: as the leader of this view, or as the one to be.
+    fn look(&mut self, of: ViewNumber, viewpoints: Vec<Viewpoint>) {
+        let coming = self.change.as_mut().and_then(|change| change.adopt.as_mut());
+        match (coming, &mut self.leader) {
+            (Some((view, _)), _) if view.number == of => view.viewpoints = viewpoints,
+            (_, Some(leader)) if leader.view() == of => leader.look(viewpoints),
+            _ => self.counters.stale += 1,
         }
     }
 

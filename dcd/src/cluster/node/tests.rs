@@ -54,6 +54,7 @@ fn adopted(
     let member = |id| Member { node: NodeId(id), address, client: None };
     let view = View {
         events: false,
+        viewpoints: Vec::new(),
         group: crate::space::GroupId(1),
         number: ViewNumber(1),
         tick: Tick(0),
@@ -603,6 +604,7 @@ fn before_the_server_has_named_a_world_nothing_of_one_counts() {
     let world = sim_world(2);
     let view = View {
         events: false,
+        viewpoints: Vec::new(),
         group: crate::space::GroupId(1),
         number: ViewNumber(1),
         tick: Tick(0),

@@ -11,7 +11,7 @@ use super::{ServerConfig, ServerOutput};
 use crate::cluster::{Peer, Record};
 use crate::protocol::link::{CLIENT_IDLE_TIMEOUT, HANDSHAKE_TIMEOUT};
 use crate::protocol::{Delay, Farewell, Member, Message, ShapeHash, ToClient, ToNode, ViewNumber};
-use crate::space::{BodyId, ClientId, GroupId, NodeId};
+use crate::space::{BodyId, ClientId, GroupId, NodeId, Viewpoint};
 
 /// How long a node or client may be without a link before the world goes on without it, if others can.
 pub(super) const ABSENCE: Duration = Duration::from_secs(1);
@@ -105,6 +105,8 @@ pub(super) struct Common {
     pub world_changed: bool,
     /// Of the next body and the next joint that the program makes.
     pub next_ids: (u32, u64),
+    /// Where the program looks at the world from.
+    pub viewpoints: Vec<Viewpoint>,
     pub groups_changed: BTreeSet<GroupId>,
     pub fading: Fading,
     pub outputs: VecDeque<ServerOutput>,

@@ -10,10 +10,10 @@ use super::group::Group;
 use crate::cluster::{Key, Life};
 use crate::protocol::assembly::{assemblies, gathered, take_shapes_of};
 use crate::protocol::{
-    Alteration, BodyKind, BodyRecord, BodyState, BuildOp, Input, JointRecord, ShapeRecord, ToClient, View,
-    WorldOp, split,
+    Alteration, BodyKind, BodyRecord, BodyState, BuildOp, Input, JointRecord, ShapeRecord, ToClient, ToNode,
+    View, WorldOp, split,
 };
-use crate::space::{BodyId, Epoch};
+use crate::space::{BodyId, Epoch, Viewpoint};
 
 /// The most bytes of bodies that nodes are told to insert by one message.
 const INSERT_BYTES: usize = 1 << 20;
@@ -30,6 +30,27 @@ impl Server {
     fn forget_size(&mut self, id: BodyId) {
         let builder = id.builder().and_then(|client| self.common.allowances.get_mut(&client));
         builder.and_then(|allowance| allowance.building.sizes.remove(&id));
+    }
+
+    /// Returns where the program looks at the world from.
+    pub fn viewpoints(&self) -> &[Viewpoint] {
+        &self.common.viewpoints
+    }
+
+    /// Has leaders compute in full what the program sees from these places. That is written down with the tick, now and then: viewers move all the
+    /// time.
+    pub(super) fn look(&mut self, viewpoints: Vec<Viewpoint>) {
+        if self.common.viewpoints == viewpoints {
+            return;
+        }
+        self.common.viewpoints.clone_from(&viewpoints);
+        for group in self.groups.values() {
+            // A view to come says it itself.
+            if let (Some(view), None) = (&group.view, &group.change) {
+                let message = ToNode::Look { view: view.number, viewpoints: viewpoints.clone() };
+                self.common.send_node(view.leader, message);
+            }
+        }
     }
 
     pub(super) fn obey(&mut self, op: BuildOp) {

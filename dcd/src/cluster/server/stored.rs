@@ -18,7 +18,7 @@ use crate::protocol::{
     Check, CodecError, EnvironmentProperties, Invalid, JointRecord, ShapeRecord, View, ViewNumber,
     decode_value, encode_value,
 };
-use crate::space::{GroupId, Tick};
+use crate::space::{GroupId, Tick, Viewpoint};
 
 /// Views begun since the last number was written down are fewer than this.
 const NUMBERS_AHEAD: u64 = 1 << 10;
@@ -59,6 +59,7 @@ struct StoredWorld {
     begun: bool,
     tick: Tick,
     next_ids: (u32, u64),
+    viewpoints: Vec<Viewpoint>,
 }
 
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
@@ -160,6 +161,8 @@ impl Server {
         // Where bodies are is written down more often than the world.
         let views = groups.values().chain(over.values()).map(|group| group.view.tick);
         let tick = bodies.iter().map(StoredBody::tick).chain(views).fold(stored.tick, Tick::max);
+        // What the program said since stands, unless the world is served with others now.
+        let is_seen_as_before = stored.world.viewpoints == config.world.viewpoints;
         let record = Record::restored(bodies, shapes, joints);
         let mut server = Self::new(config, record);
         server.main_mut().record.forget_changes();
@@ -167,6 +170,9 @@ impl Server {
         server.common.groups_changed.extend(over.into_keys());
         server.common.number = ahead_of(stored.number);
         server.common.begun = stored.begun;
+        if is_seen_as_before {
+            server.common.viewpoints = stored.viewpoints;
+        }
         let (body, joint) = server.common.next_ids;
         server.common.next_ids = (body.max(stored.next_ids.0), joint.max(stored.next_ids.1));
         server.main = stored.main;
@@ -255,6 +261,7 @@ impl Server {
                 begun: self.common.begun,
                 tick: self.tick(),
                 next_ids: self.common.next_ids,
+                viewpoints: self.common.viewpoints.clone(),
             };
             writes.push((Key::World, Some(encode_value(&stored))));
             self.common.world_changed = false;

@@ -15,7 +15,7 @@ use std::sync::Arc;
 
 use super::*;
 use crate::protocol::{BodyCheckpoint, Claim, Delay, DelayThresholds, Stance};
-use crate::protocol::{FromClient, Pose, ShapeRecord, ToNode, ToServer};
+use crate::protocol::{Chunk, FromClient, Pose, ShapeRecord, ToNode, ToServer};
 use crate::sim::{sim_body, sim_collider as collider, sim_world};
 use crate::space::{Epoch, RegionId};
 

@@ -45,6 +45,7 @@ impl Stage {
         let member = |node| Member { node, address: ([127, 0, 0, 1], 1).into(), client: None };
         let view = View {
             events: false,
+            viewpoints: Vec::new(),
             group: GroupId(1),
             number: ViewNumber(1),
             tick: Tick(0),

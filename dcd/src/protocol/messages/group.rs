@@ -13,7 +13,7 @@ use crate::protocol::{
 };
 use crate::space::{
     Allocation, BodyId, Bounds, Burden, ClientId, DistributionTree, Epoch, JointId, NodeId, RegionId,
-    Renaming, Tick, TreeChange,
+    Renaming, Tick, TreeChange, Viewpoint,
 };
 
 /// A message of the server to a node.
@@ -84,6 +84,13 @@ pub enum ToNode {
         view: ViewNumber,
         /// What it asks.
         question: Query,
+    },
+    /// To the leader: the server's program looks at the world from these places from now on, and from no others. A view to come says it itself.
+    Look {
+        /// The present view.
+        view: ViewNumber,
+        /// From where.
+        viewpoints: Vec<Viewpoint>,
     },
     /// To the leader of a group, from other groups: state replication of bodies for which those are authoritative. Newest wins.
     InterGroup {

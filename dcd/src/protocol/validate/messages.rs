@@ -28,11 +28,7 @@ impl Check for EnvironmentProperties {
         if let Some((what, _, range)) = self.fidelity.fault() {
             must(false, what, range)?;
         }
-        must(
-            self.viewpoints.iter().all(Viewpoint::is_fit),
-            "world.viewpoints",
-            "finite, no radius negative",
-        )?;
+        fit(&self.viewpoints, "world.viewpoints")?;
         must((1..=MAX_STATE_TICKS).contains(&self.state_every), "world.state_every", "1 to 30")?;
         let Bounds { min, max } = self.tree.bounds();
         must(min.iter().chain(&max).all(|v| v.abs() <= WORLD_REACH_M), "world.bounds", "within 1e9 m")?;
@@ -61,8 +57,14 @@ impl Check for View {
         let is_member = |node| self.members.iter().any(|member| member.node == node);
         must(is_member(self.leader), "view.leader", "a member")?;
         must(self.allocation.values().all(|&node| is_member(node)), "view.allocation", "to members")?;
+        fit(&self.viewpoints, "view.viewpoints")?;
         suits(&self.allocation, &self.tree)
     }
+}
+
+/// Checks that a world can be looked at from there.
+fn fit(viewpoints: &[Viewpoint], what: &'static str) -> Result<(), Invalid> {
+    must(viewpoints.iter().all(Viewpoint::is_fit), what, "finite, no radius negative")
 }
 
 /// Checks a tree, and that its regions are allocated.
@@ -306,6 +308,7 @@ impl Check for ToNode {
             Self::Adopt { view, .. } => view.check(),
             Self::Apply { ops, .. } => all(ops),
             Self::Ask { question, .. } => question.check(),
+            Self::Look { viewpoints, .. } => fit(viewpoints, "viewpoints"),
             Self::Roster(members) => ascending(members, |member| member.node, "roster"),
             Self::InterGroup { tick, states, .. } => {
                 tick.check()?;

@@ -38,7 +38,7 @@ pub(super) use self::journal::EtcdJournal;
 pub(super) use self::lease::Wait;
 
 /// Format of head and segments. A world of another format is refused.
-const FORMAT: u64 = 4;
+const FORMAT: u64 = 5;
 /// Batches that are not durable become so after this long.
 const UNSAVED: Duration = Duration::from_secs(1);
 /// The log is begun anew once it has so many times the bytes of what it says,

@@ -37,6 +37,7 @@ impl Stage {
         let world = sim_world(1);
         let view = View {
             events: false,
+            viewpoints: Vec::new(),
             group: GroupId(1),
             number: ViewNumber(1),
             tick: Tick(0),

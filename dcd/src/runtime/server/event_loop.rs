@@ -116,6 +116,7 @@ impl Loop {
                     drop(server);
                     self.shared.lock().changes += 1;
                 }
+                Ok(Input::Look(viewpoints)) => self.server().handle(now, ServerEvent::Look(viewpoints)),
                 Ok(Input::Ask(question)) => self.server().handle(now, ServerEvent::Ask(question)),
                 Ok(Input::Forget(number)) => {
                     self.server().handle(now, ServerEvent::Forget(number));

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::*;
-use crate::cluster::Record;
+use crate::cluster::{Record, ServerEvent};
 use crate::fidelity::{Fidelity, FidelityReport};
 use crate::physics::ShapeLibrary;
 use crate::protocol::{Area, BodyState, EnvironmentProperties};
@@ -70,6 +70,29 @@ fn a_served_world_is_computed_in_full_where_its_clients_look() {
     sim.submit(client, ClientEvent::Interest(Some(NOWHERE)));
     // Once its link counts as lost, and a second later.
     sim.run_until(|sim| is_left(report(sim).levels)).expect("who left looks no more");
+}
+
+#[test]
+fn a_served_world_is_computed_in_full_where_its_program_looks_whoever_leads_and_serves() {
+    let mut sim = town(config(1, 3), 0, Vec::new());
+    let is_left = |[full, _, coarse]: [usize; 3]| full <= 3 && coarse >= 19;
+    assert!(is_left(settle(&mut sim)), "nobody looks");
+    let Area { centre: at, radius_m } = DISTRICTS;
+    sim.order(ServerEvent::Look(vec![Viewpoint { at, radius_m }]));
+    let is_seen = |[full, _, coarse]: [usize; 3]| full >= 6 && coarse >= 10;
+    let levels = settle(&mut sim);
+    assert!(is_seen(levels), "the program looks at some districts: {levels:?}");
+    let leader = sim.server().view().unwrap().leader;
+    sim.crash(Peer::Node(leader));
+    let levels = settle(&mut sim);
+    assert!(sim.server().view().unwrap().leader != leader && is_seen(levels), "another leads: {levels:?}");
+    sim.crash(Peer::Server);
+    sim.restart_server();
+    let levels = settle(&mut sim);
+    assert!(is_seen(levels), "another server serves: {levels:?}");
+    sim.order(ServerEvent::Look(Vec::new()));
+    let levels = settle(&mut sim);
+    assert!(is_left(levels), "the program looks away: {levels:?}");
 }
 
 #[test]

@@ -220,6 +220,7 @@ mod tests {
             tree: sim_world(2).tree,
             allocation: [(RegionId(1), ONE), (RegionId(2), TWO)].into(),
             events: false,
+            viewpoints: Vec::new(),
         }
     }
 

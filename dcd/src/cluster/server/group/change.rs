@@ -512,6 +512,7 @@ impl Group {
                 tree,
                 allocation,
                 events: common.config.events,
+                viewpoints: common.viewpoints.clone(),
             };
             self.adopt(common, view, placed, &drop, &owners, &change);
             self.catch_up(common, change.undone);

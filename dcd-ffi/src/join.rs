@@ -291,7 +291,7 @@ impl Entry {
             let Some(server) = addresses.next() else { break };
             let usual = JoinConfig::new(server, self.token.clone());
             let config = JoinConfig {
-                give_up: self.give_up.unwrap_or(usual.give_up),
+                give_up: self.give_up,
                 standbys: addresses.collect(),
                 identity: self.identity.clone(),
                 timeout: deadline.saturating_duration_since(Instant::now()) / left,

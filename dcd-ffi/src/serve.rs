@@ -120,7 +120,7 @@ pub struct DcdNodeDef {
     pub user_data: u64,
     /// Threads that compute its share, 1 to 1024; 0 is one per core.
     pub threads: u32,
-    /// As in DcdClientDef.
+    /// Milliseconds that the server may be out of reach later on, before the node gives up; 0: it waits without end, and computes on.
     pub give_up_ms: u32,
     /// A file to record to all that the node is given, and a digest of each region after each tick, for `dcd replay`; or null. As in DcdServerDef.
     pub record_path: *const c_char,

@@ -382,7 +382,7 @@ mod tests {
     fn a_world_that_panicked_can_only_be_destroyed_and_others_go_on() {
         let local = || Dcd::new(WorldConfig::default()).unwrap();
         let (broken, other) = (add(local(), 0), add(local(), 0));
-        let status = guard("dcd_test", || with(broken, |_| panic!("a bug")));
+        let status = guard("dcd_test", || registry::with(broken, |_| panic!("a bug")));
         assert_eq!(status, DCD_ERR_PANIC);
         assert_eq!(dcd_step(broken), DCD_ERR_PANIC);
         assert_eq!(dcd_step(other), DCD_OK);

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use clap::Args;
 use dcd::net::JoinRole;
+use dcd::rapier3d::parry::query::ShapeCastOptions;
 use dcd::rapier3d::prelude::*;
 use dcd::runtime::measure::Plan;
 use dcd::runtime::{

@@ -72,7 +72,7 @@ fn wrappers(header: &str) -> BTreeMap<String, BTreeSet<&str>> {
     wrappers
 }
 
-fn without<'a>(functions: &'a BTreeSet<String>, has: impl Fn(&str) -> bool) -> Vec<&'a String> {
+fn without(functions: &BTreeSet<String>, has: impl Fn(&str) -> bool) -> Vec<&String> {
     functions.iter().filter(|function| !has(function)).collect()
 }
 

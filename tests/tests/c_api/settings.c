@@ -141,7 +141,7 @@ static void costs(DcdWorld world)
     OK(dcd_stats(world, &stats));
     HOLDS(profile.rapier > 0.0 && profile.border > 0.0 && profile.border < stats.last_step);
     const double phases = profile.broad_phase + profile.narrow_phase + profile.islands + profile.solver + profile.ccd;
-#ifdef PROFILER /* as .ci/run builds it, with a library that has the feature */
+#ifdef PROFILER /* with a library that has the feature: benches/README.md */
     HOLDS(profile.broad_phase > 0.0 && profile.narrow_phase > 0.0 && profile.solver > 0.0 && phases <= profile.rapier);
 #else
     HOLDS(phases == 0.0);

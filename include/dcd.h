@@ -606,7 +606,7 @@ typedef struct DcdNodeDef {
     uint64_t user_data;
     // Threads that compute its share, 1 to 1024; 0 is one per core.
     uint32_t threads;
-    // As in DcdClientDef.
+    // Milliseconds that the server may be out of reach later on, before the node gives up; 0: it waits without end, and computes on.
     uint32_t give_up_ms;
     // A file to record to all that the node is given, and a digest of each region after each tick, for `dcd replay`; or null. As in DcdServerDef.
     const char *record_path;
@@ -3882,13 +3882,17 @@ DcdStatus dcd_checkpoint_restore(DcdWorld world,
 // Destroys a checkpoint; its world stays as it is. Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (also when destroyed twice).
 DCD_API DcdStatus dcd_checkpoint_destroy(DcdWorld world, DcdCheckpointId checkpoint);
 
-// Sets where a local world is looked at from, in place of what was set before: regions farther than what is seen from there are
-// stepped less often, as DcdWorldDef.fidelity allows. Without viewpoints, as at first, all of it is looked at. Call it as often as viewers move.
-// A world that is served from it (DcdServerDef.source) keeps its fidelity and viewpoints, and is looked at by its clients, too (dcd_interest_set).
+// Sets where a world is looked at from, in place of what was set before: regions farther than what is seen from there are
+// stepped less often, as DcdWorldDef.fidelity allows. Without viewpoints, as at first, all of a local world is looked at. Call it as often as viewers
+// move. A world that is served from it (DcdServerDef.source) keeps its fidelity and viewpoints, and is looked at by its clients, too
+// (dcd_interest_set).
+//
+// Of a served world its server may say so, too: it counts some ticks later, on all nodes from the same tick on, and is kept when the server stops.
+// Without viewpoints only clients look.
 //
 // `viewpoints` points to `count` of them, read during the call; it may be null when there are none.
 // Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a place out of range or a radius that is negative or NaN,
-// DCD_ERR_UNSUPPORTED in a served world.
+// DCD_ERR_UNSUPPORTED for a node or a client; DCD_ERR_NETWORK once a served world has ended.
 DCD_API
 DcdStatus dcd_viewpoints_set(DcdWorld world,
                              const DcdViewpoint *viewpoints,

@@ -181,8 +181,9 @@ impl Governor {
             let is_awaited = members().any(|state| state.awaited);
             let is_due = is_awaited || owed + 1 >= rate || (tick.0 + turn).is_multiple_of(rate.into());
             if !is_due {
-                // What rests is the same at any time.
-                let moves = |rank: &usize| regions.get(*rank).is_some_and(|region| !region.state.rests);
+                // What rests by itself is the same at any time. What rests and is shared may be woken before the tick.
+                let is_apart = |state: &RegionState| state.rests && state.bound.is_empty();
+                let moves = |rank: &usize| regions.get(*rank).is_some_and(|region| !is_apart(region.state));
                 behind = behind.union(group.iter().filter(moves).collect());
             }
         }

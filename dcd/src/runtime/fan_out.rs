@@ -26,7 +26,7 @@ const TICKS: usize = 4;
 
 /// Bytes of states from a leader that may wait at its relay. An honest leader tells no more than a fraction before it hears that all was read; of
 /// another's what is beyond is dropped, and nothing that follows can be read.
-const FED: usize = 4 << 20;
+const FED: usize = 64 << 20;
 
 /// The clients that are told before the network's thread has had its turn. Each costs that thread some 20 µs.
 const CLIENTS_AT_ONCE: usize = 8;

@@ -70,7 +70,11 @@ struct StoredGroup {
 
 impl Check for StoredWorld {
     fn check(&self) -> Result<(), Invalid> {
-        self.world.check()
+        self.world.check()?;
+        match self.viewpoints.iter().all(Viewpoint::is_fit) {
+            true => Ok(()),
+            false => Err(Invalid { field: "viewpoints", rule: "finite, no radius negative" }),
+        }
     }
 }
 

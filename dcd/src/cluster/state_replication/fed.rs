@@ -2,13 +2,13 @@
 
 use std::collections::BTreeSet;
 
-use tracing::debug;
+use tracing::warn;
 
 use super::news::Latest;
 use super::{MAX_TURNS, ReplicationEvent, StateReplication, TickNews};
 use crate::delta::{FreeMotion, OrderedReceiver};
 use crate::protocol::{CodecError, Message, SharedState, ToRelay, encoded_len};
-use crate::space::{BodyId, Tick};
+use crate::space::{BodyId, ClientId, Tick};
 
 /// The bytes of what has been read that the leader need not hear of: a fraction of what it waits for.
 const UNSAID: usize = 4 << 10;
@@ -95,15 +95,31 @@ impl StateReplication {
     /// Reads what the leader tells its relay, and returns what is to be handled therefore. Who tells clients less often than it is told
     /// reads all first, and handles several ticks as one.
     pub(crate) fn read(&mut self, message: ToRelay) -> Vec<ReplicationEvent> {
+        let given: Vec<_> = match &message {
+            ToRelay::News(news) => {
+                news.clients.iter().filter(|(_, turn)| turn.is_some()).map(|(client, _)| *client).collect()
+            }
+            _ => Vec::new(),
+        };
         if self.fed.is_lost {
+            self.give_back(given);
             return Vec::new();
         }
         self.fed.read(message).unwrap_or_else(|error| {
-            // Its clients hear nothing more, and ask the leader to tell them itself.
-            debug!(%error, "what the leader tells its relay cannot be read");
+            warn!(%error, "what the leader tells its relay cannot be read: the leader is to tell the clients itself");
             self.fed.is_lost = true;
-            self.clients.keys().map(|&client| ReplicationEvent::Dismiss(client)).collect()
+            let told: Vec<_> = self.clients.keys().copied().collect();
+            self.give_back(given.into_iter().chain(told.iter().copied()));
+            told.into_iter().map(ReplicationEvent::Dismiss).collect()
         })
+    }
+
+    /// Has the leader tell clients itself again, as where their links are gone.
+    fn give_back(&mut self, clients: impl IntoIterator<Item = ClientId>) {
+        let Some(leader) = &self.introduction else { return };
+        let (to, view) = (leader.node, self.view);
+        let back = clients.into_iter().map(|client| (to, Message::Linked { view, client, up: false }));
+        self.member_messages.extend(back);
     }
 
     /// Tells the leader what has been read, if that is some kilobytes.

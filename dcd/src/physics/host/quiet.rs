@@ -4,7 +4,7 @@ use rapier3d::prelude::*;
 
 use super::RegionHost;
 use crate::physics::coupling::looks;
-use crate::physics::{Coupling, Partition, StepSettings};
+use crate::physics::{Coupling, Partition, Region, StepSettings};
 use crate::protocol::{BodyRecord, Velocity, WorldPose};
 use crate::space::{Axis, BodyId, Bounds, DistributionTree, RegionId, TreeChange};
 
@@ -81,12 +81,13 @@ fn a_tick_of_many_regions_looks_at_those_in_which_something_moves() {
 }
 
 /// Bricks in three courses, cut through: no island is in one region whole.
-fn cut_wall() -> RegionHost {
+fn cut_wall(exchanges: usize) -> RegionHost {
     let bounds = Bounds::new([-4.0, -1.0, -2.0], [4.0, 6.0, 2.0]);
     let partition = Partition::new(DistributionTree::halved(bounds, 4).unwrap(), None);
     let leaves = partition.leaves().to_vec();
-    let settings = StepSettings { island_limit: 0, ..StepSettings::default() };
-    let mut host = RegionHost::new(partition, settings.with_coupling(Coupling::Overlap), 1, &leaves).unwrap();
+    let settings = StepSettings::default().with_coupling(Coupling::Overlap);
+    let settings = StepSettings { island_limit: 0, exchanges, ..settings };
+    let mut host = RegionHost::new(partition, settings, 1, &leaves).unwrap();
     let mut bodies = vec![described(&mut host, 0, [0.0, -0.5, 0.0])];
     for brick in 0..24 {
         let at = [f64::from(brick % 8) - 3.5, 0.5 + f64::from(brick / 8), 0.0];
@@ -96,28 +97,28 @@ fn cut_wall() -> RegionHost {
     host
 }
 
-/// Not to the bit: Rapier's broad phase tidies its tree in each step, also where all sleeps, and may then find new pairs in another order.
+/// To the bit with one exchange per tick. With more, a region that is woken by what another says in the first rests in the others.
 #[test]
 fn regions_rest_that_share_bodies_asleep_and_one_that_is_pushed_wakes_the_others_as_ever() {
-    let (mut host, mut restless) = (cut_wall(), cut_wall());
-    let resting = |host: &RegionHost| host.sides.iter().filter(|side| side.is_idle()).count();
-    for kick_m_s in [0.5, 3.0, 9.0] {
-        for tick in 0..900 {
-            host.step().unwrap();
-            restless.step().unwrap();
-            restless.sides.iter_mut().for_each(super::Side::end_silence);
-            for ((id, owner, here, _), (_, other, there, _)) in host.states().zip(restless.states()) {
-                let apart = |axis: usize| (here.translation[axis] - there.translation[axis]).abs();
-                let is_alike = owner == other && (0..3).all(|axis| apart(axis) < 1e-3);
-                assert!(tick > 30 || is_alike, "before {kick_m_s} m/s, tick {tick}: {id}");
+    for exchanges in [1, 2] {
+        let (mut host, mut restless) = (cut_wall(exchanges), cut_wall(exchanges));
+        let resting = |host: &RegionHost| host.sides.iter().filter(|side| side.is_idle()).count();
+        for kick_m_s in [0.5, 3.0, 9.0] {
+            for _ in 0..900 {
+                host.step().unwrap();
+                restless.step().unwrap();
+                restless.sides.iter_mut().for_each(super::Side::end_silence);
+                let is_alike = exchanges > 1 || host.states().eq(restless.states());
+                assert!(is_alike, "before {kick_m_s} m/s, tick {}", host.tick().0);
             }
-        }
-        assert_eq!(host.validate(), []);
-        assert!(host.awake_bodies().is_empty() && host.regions().all(|region| region.replica_count() > 0));
-        assert_eq!([resting(&host), resting(&restless)], [4, 0]);
-        let kick = Velocity { linear: [kick_m_s, 0.0, 0.0], ..Velocity::default() };
-        for host in [&mut host, &mut restless] {
-            host.steer(BodyId::persistent(17), &kick);
+            assert_eq!(host.validate(), []);
+            let shares = |region: &Region| region.replica_count() > 0;
+            assert!(host.awake_bodies().is_empty() && host.regions().all(shares));
+            assert_eq!([resting(&host), resting(&restless)], [4, 0]);
+            let kick = Velocity { linear: [kick_m_s, 0.0, 0.0], ..Velocity::default() };
+            for host in [&mut host, &mut restless] {
+                host.steer(BodyId::persistent(17), &kick);
+            }
         }
     }
 }

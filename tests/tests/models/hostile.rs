@@ -184,8 +184,8 @@ fn a_model_opens_no_file_outside_of_its_folder_unless_it_is_allowed_to() {
     for (at, text) in [
         ("robot/includes.xml", including("../body.xml")),
         ("robot/includes_whole.xml", including(&whole("body.xml"))),
-        ("robot/includes_one_that_includes.xml", including("inner.xml")),
         ("robot/inner.xml", including("../body.xml")),
+        ("robot/includes_one_that_includes.xml", including("inner.xml")),
         ("robot/attaches.xml", attaching("../body.xml")),
         ("robot/loads.xml", meshed("../tetra.obj")),
         ("robot/loads.urdf", robot("../tetra.obj")),

@@ -77,7 +77,7 @@ mod tests {
     #[test]
     fn floods_of_the_page_keep_their_gates_and_one_that_costs_more_does_not() {
         assert_eq!(missed(1.0, 1.0), []);
-        assert_eq!(missed(1.0, 1.6).len(), 14, "each flood has a gate for its ticks");
+        assert_eq!(missed(1.0, 2.0).len(), 14, "each flood has a gate for its ticks");
         let bigger = missed(2.0, 1.0);
         assert_eq!(bigger, [Flood::Proved, Flood::SlowClients]);
     }

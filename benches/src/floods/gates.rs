@@ -3,12 +3,12 @@
 use super::Row;
 use super::hostile::Flood;
 
-/// What a flood may cost at most.
+/// Bounds what a flood may cost.
 #[derive(Clone, Copy)]
 pub(super) struct Gates {
     /// Megabytes by which a server or node may grow.
     pub(super) memory_mb: f64,
-    /// How many times as long others' slowest ticks, one in a hundred, may take.
+    /// The factor by which others' slowest ticks, one in a hundred, may take longer.
     pub(super) ticks: f64,
 }
 
@@ -60,7 +60,7 @@ mod tests {
     use super::*;
     use crate::results::{committed, read_csv};
 
-    /// What is committed, with memory and slowest ticks so many times what they were.
+    /// Returns the floods that miss a gate where memory and slowest ticks are so many times what is committed.
     fn missed(memory: f64, ticks: f64) -> Vec<Flood> {
         let rows = read_csv::<Row>(&committed().join("floods.csv")).unwrap();
         let cost = |row: &mut Row| {

@@ -19,7 +19,7 @@ pub(super) struct Scheduling {
     cells: BTreeMap<RegionId, Cell>,
     /// By region, as told after the last tick.
     states: BTreeMap<RegionId, RegionState>,
-    /// How long the member that took longest computed in that tick, milliseconds.
+    /// The time of the member that computed longest in that tick, milliseconds.
     slowest_ms: f64,
     /// The region of which an island is audited in it.
     audited: Option<RegionId>,

@@ -105,7 +105,7 @@ pub(super) struct Common {
     pub world_changed: bool,
     /// Of the next body and the next joint that the program makes.
     pub next_ids: (u32, u64),
-    /// Where the program looks at the world from.
+    /// The places from which the program looks at the world.
     pub viewpoints: Vec<Viewpoint>,
     pub groups_changed: BTreeSet<GroupId>,
     pub fading: Fading,

@@ -46,8 +46,8 @@ pub(super) fn build(
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let mut building = Command::new(cargo);
     building.current_dir(workspace);
-    // With `dcd` itself, so that the dependencies' features are those of the running binary and nothing is built twice.
-    building.args(["build", "--package", "dcd-ffi", "--package", "dcd", "--lib"]);
+    // With `dcd` itself and its command line, so that features are those of the running binary and no dependency is built twice.
+    building.args(["build", "--package", "dcd-ffi", "--package", "dcd", "--lib", "--features", "dcd/cli"]);
     building.args(["--message-format", "json-render-diagnostics"]);
     // `cargo run` sets variables about the package it runs for its child; build scripts that depend on them would build anew.
     for (name, _) in std::env::vars_os() {

@@ -53,7 +53,7 @@ struct Row {
 impl Faults {
     pub(crate) fn run(self) -> Result<ExitCode, Box<dyn Error>> {
         let (seeds, contact_seeds) =
-            if self.output.quick { (2, 5) } else { (self.seeds, self.contact_seeds) };
+            if self.output.quick { (1, 1) } else { (self.seeds, self.contact_seeds) };
         // A machine that panics is a violation, which is reported with its seed.
         std::panic::set_hook(Box::new(|_| {}));
         let rows = self.output.fill(&SHOWN, |rows| measure_all(rows, 0..seeds))?;

@@ -74,6 +74,8 @@ fn zoo() -> Vec<Scene> {
         "conveyor" => "n=48 belts=4",
         "drum" | "sweep" | "domino_ring" => "n=60",
         "net" => "edge=8",
+        "ragdolls" => "count=8",
+        "town" => "n=600 cars=2",
         _ => "",
     };
     let mut scenes: Vec<_> = library()

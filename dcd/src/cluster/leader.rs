@@ -12,6 +12,7 @@ mod relays;
 mod scheduling;
 #[cfg(test)]
 mod tests;
+mod watching;
 
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
@@ -26,6 +27,7 @@ use self::inter_group::InterGroup;
 use self::questions::Questions;
 use self::relays::Relays;
 use self::scheduling::Scheduling;
+use self::watching::Watching;
 use super::Peer;
 use super::state_replication::{Latest, Replication, ReplicationEvent, StateReplication, TickNews};
 use crate::fidelity::Schedule;
@@ -91,6 +93,7 @@ pub struct Leader {
     news: TickNews,
     replication: Replication,
     relays: Relays,
+    watching: Watching,
     questions: Questions,
     /// What clients want to hear of; those that have not said so are not among them.
     interests: BTreeMap<ClientId, Option<Area>>,
@@ -142,6 +145,7 @@ impl Leader {
             contacts: ContactLedger::default(),
             replication: Replication::Here(Box::new(StateReplication::new(now, view, world, &clients))),
             relays: Relays::new(view, world),
+            watching: Watching::new(world.state_every),
             applied: BTreeMap::new(),
             news: TickNews::default(),
             clients,
@@ -236,7 +240,7 @@ impl Leader {
         // One that is not linked sends it again when it is.
         if self.clients.contains_key(&client) {
             self.interests.insert(client, area);
-            self.news.interested(client, area);
+            self.watch(client, area);
             self.relays.interested(client);
         }
     }
@@ -260,6 +264,7 @@ impl Leader {
 
     fn uninterest(&mut self, client: ClientId) {
         self.interests.remove(&client);
+        self.unwatch(client);
         self.news.uninterested(client);
     }
 
@@ -362,6 +367,7 @@ impl Leader {
             if state.id.client().is_some() {
                 let lives_on = state.epoch < Epoch::placed_in(self.view.0);
                 self.inputs.see(state.id, state.pose.translation, report.tick, lives_on);
+                self.watching.see(self.tick, &state);
             }
         }
         refused
@@ -372,6 +378,7 @@ impl Leader {
         let moved = std::mem::take(&mut self.moved);
         let states = moved.into_iter().filter_map(|id| Some((id, *self.latest.get(&id)?))).collect();
         self.give_clients();
+        self.tell_interests();
         let is_last = self.last_tick == Some(self.tick);
         let news = std::mem::take(&mut self.news).after(self.tick, self.opened, is_last, states);
         self.replicate(ReplicationEvent::Tick(news));
@@ -432,6 +439,7 @@ impl Leader {
         let is_cut_anew = ops.iter().any(|op| op.repartition().is_some());
         let schedule = self.schedule().filter(|schedule| !is_cut_anew && *schedule != Schedule::default());
         ops.extend(schedule.map(WorldOp::Schedule));
+        ops.extend(self.next_watch());
         // Members that are not in step cannot exchange within a tick.
         let wanted = std::mem::replace(&mut self.rounds_wanted, 1);
         let rounds = if self.lag == 0 { wanted } else { 1 };
@@ -569,6 +577,7 @@ impl Leader {
     fn forget(&mut self, id: BodyId) {
         self.gone.insert(id, self.tick);
         self.inputs.forget(id);
+        self.watching.forget(id);
         self.latest.remove(&id);
         self.moved.remove(&id);
         self.news.is_gone(id);

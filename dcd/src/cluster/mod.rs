@@ -17,6 +17,7 @@
 mod avatar_limits;
 mod client;
 mod correction;
+mod coverage;
 mod device;
 pub mod directory;
 mod groups;

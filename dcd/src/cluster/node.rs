@@ -6,6 +6,7 @@ mod clients;
 mod links;
 mod lockstep;
 mod relay;
+mod reports;
 mod speculation;
 #[cfg(test)]
 mod tests;
@@ -19,6 +20,7 @@ use std::time::Duration;
 
 use self::links::Links;
 use self::relay::Relay;
+use self::reports::Reports;
 use self::speculation::Speculation;
 use self::verifier::Verifier;
 use self::witness::Witness;
@@ -172,9 +174,9 @@ pub struct Node {
     interest: Option<FromClient>,
     links: BTreeSet<Peer>,
     link: Links,
-    /// The newest `Done`s to the leader, as many as it may not have heard, and whether the next report is to be of all bodies.
+    /// The newest `Done`s to the leader, as many as it may not have heard.
     done: VecDeque<Done>,
-    report_all: bool,
+    reports: Reports,
     /// The tick that the server was last sent.
     told: Tick,
     leaving: bool,
@@ -277,7 +279,7 @@ impl Node {
             links: BTreeSet::new(),
             link: Links::default(),
             done: VecDeque::new(),
-            report_all: false,
+            reports: Reports::default(),
             told: Tick(0),
             leaving: false,
             witness: Witness::default(),

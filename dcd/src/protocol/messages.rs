@@ -27,7 +27,7 @@ pub use client::{
 };
 pub use group::{
     BodyCheckpoint, Border, Claim, Delay, Dispatch, Done, Farewell, LoadReport, Motion, Push, RegionLoad,
-    Repartition, Report, Stance, ToNode, ToServer, WorldOp,
+    Repartition, Report, Stance, ToNode, ToServer, Watch, WorldOp,
 };
 pub use program::Program;
 pub use query::{

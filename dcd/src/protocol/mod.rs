@@ -52,7 +52,7 @@ pub use messages::{
     Part, PartFilter, Ping, Place, Placed, Pong, Program, Push, Query, QueryParts, QueryResult, RayAnswer,
     RayQuery, Refusal, RegionLoad, RegionStatus, RelayNews, Repartition, Report, SHAPE_COST, Stamp, Stance,
     Status, Subject, SyncProtocol, Testimony, Thresholds, ToClient, ToNode, ToRelay, ToServer, Verified,
-    View, ViewNumber, WorldOp,
+    View, ViewNumber, Watch, WorldOp,
 };
 #[cfg(feature = "physics")]
 pub(crate) use shape::voxels_fit;

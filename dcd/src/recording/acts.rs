@@ -76,7 +76,8 @@ fn of_op(op: &WorldOp, id: BodyId) -> Option<String> {
         | WorldOp::ForgetShapes(_)
         | WorldOp::Repartition(_)
         | WorldOp::Ask { .. }
-        | WorldOp::Schedule(_) => None,
+        | WorldOp::Schedule(_)
+        | WorldOp::Watch(_) => None,
     }
 }
 

@@ -490,8 +490,8 @@ fn apply(host: &mut RegionHost, ops: Vec<WorldOp>, band_m: f64) -> Vec<BodyRecor
                     warn!(?alteration, %error, "nothing is changed");
                 }
             }
-            // Done before the tick began; answered when it is over; kept when all is applied.
-            WorldOp::Repartition(_) | WorldOp::Ask { .. } | WorldOp::Schedule(_) => {}
+            // Done before the tick began; answered when it is over; kept when all is applied; of what is told of the tick.
+            WorldOp::Repartition(_) | WorldOp::Ask { .. } | WorldOp::Schedule(_) | WorldOp::Watch(_) => {}
             WorldOp::Correct { tick, states } => {
                 // Poses here are those after the last tick.
                 let lag_s = (host.tick().0 as f64 - tick.0 as f64) * f64::from(host.settings().dt_s);

@@ -322,7 +322,8 @@ impl StandIn {
             | WorldOp::Push(_)
             | WorldOp::Alter(_)
             | WorldOp::Repartition(_)
-            | WorldOp::Schedule(_) => {}
+            | WorldOp::Schedule(_)
+            | WorldOp::Watch(_) => {}
             WorldOp::Ask { client, question } => self.questions.push((client, question)),
             WorldOp::Correct { tick: told, states } => {
                 let (dt_s, band_m) = {

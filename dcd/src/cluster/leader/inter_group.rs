@@ -197,6 +197,7 @@ impl Leader {
     pub(super) fn compare_and_tell(&mut self) {
         let (view, tick, dt_s) = (self.view, self.tick, self.dt.as_secs_f64());
         let thresholds = self.thresholds;
+        let is_known = self.knows_all();
         let heard = self.inter_group.iter().flat_map(|inter_group| &inter_group.heard);
         let stale = heard.filter(|(_, (heard, _))| heard.0 + STALE_TICKS <= tick.0).map(|(&id, _)| id);
         stale.collect::<Vec<_>>().into_iter().for_each(|id| self.let_go(id));
@@ -219,11 +220,13 @@ impl Leader {
             }
         }
         if tick.0.is_multiple_of(TELL_EVERY) {
-            let reminders = inter_group.told.range(inter_group.reminded..).skip(1).take(REMINDERS);
+            // What was looked at by nobody until now is yet to be reported.
+            let (reminded, most) = (inter_group.reminded, if is_known { REMINDERS } else { 0 });
+            let reminders = inter_group.told.range(reminded..).skip(1).take(most);
             let reminders: Vec<_> = reminders.map(|(&id, _)| id).collect();
             inter_group.reminded = reminders.last().copied().unwrap_or_default();
             let mut states = Vec::new();
-            let moved = std::mem::take(&mut inter_group.moved);
+            let moved = if is_known { std::mem::take(&mut inter_group.moved) } else { BTreeSet::new() };
             for id in moved.iter().chain(&reminders).collect::<BTreeSet<_>>() {
                 let Some((state, at)) = self.latest.get(id) else { continue };
                 let foretold = inter_group.told.get(id).is_some_and(|(told, known)| {
@@ -333,7 +336,9 @@ mod tests {
             regions: vec![],
         };
         leader.done(NodeId(1), done);
-        leader.dispatch(Duration::from_secs(tick.0 + 1)).expect("it is alone")
+        let mut dispatch = leader.dispatch(Duration::from_secs(tick.0 + 1)).expect("it is alone");
+        dispatch.ops.retain(|op| !matches!(op, WorldOp::Watch(_)));
+        dispatch
     }
 
     /// Returns a leader that corrects a body towards a place far from where it is.

@@ -181,7 +181,7 @@ impl Node {
             }
         }
         if self.view.as_ref().is_some_and(|view| view.leader == node) {
-            self.report_all = true;
+            self.reports.begin_anew();
             for message in self.witness.told() {
                 self.send(Peer::Node(node), message);
             }

@@ -189,7 +189,7 @@ impl Node {
                 for bodies in split(checkpoint, CHUNK_BYTES) {
                     self.send_server(ToServer::Checkpoint { view, tick, division, bodies });
                 }
-                for states in split(report, CHUNK_BYTES) {
+                for states in split(self.reported(report), CHUNK_BYTES) {
                     self.tell_leader(Message::Report(Report { view, tick, states }));
                 }
                 let all = self.view.as_ref().is_some_and(|view| view.events);
@@ -307,6 +307,7 @@ impl Node {
         changes.into_iter().for_each(|change| self.repartition(tick, change));
         self.note_inputs(&ops);
         self.learn_epochs(&ops);
+        self.learn_watch(&ops);
         self.verify_tick(tick, rounds, &ops);
         self.phase = Phase::Computing(tick, 0);
         self.end_speculation();
@@ -406,10 +407,8 @@ impl Node {
             tick if tick.0.is_multiple_of(every) => Sampling::Moved,
             _ => Sampling::Nothing,
         };
-        let (mut report, checkpoint) = (sample(self.state_every()), sample(self.config.checkpoint_every));
-        if report == Sampling::Moved && std::mem::take(&mut self.report_all) {
-            report = Sampling::All;
-        }
+        let (report, checkpoint) = (sample(self.state_every()), sample(self.config.checkpoint_every));
+        let report = self.report_of(report);
         self.end_speculation();
         self.phase = Phase::Computing(tick, round + 1);
         let load = self.world.as_ref().and_then(load_every).is_some_and(|every| tick.0.is_multiple_of(every));

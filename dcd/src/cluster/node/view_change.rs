@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use super::reports::Reports;
 use super::{Exchange, Node, Phase, Witness};
 use crate::cluster::{Leader, Peer, PhysicsCommand};
 use crate::protocol::{CHUNK_BYTES, Repartition, ToServer, View, ViewNumber, split};
@@ -82,7 +83,7 @@ impl Node {
         self.others = view.members.iter().map(|member| member.node).filter(|&node| node != me).collect();
         self.know(now, &view.members, false);
         self.tend_links(now);
-        (self.since, self.report_all) = (now, false);
+        (self.since, self.reports) = (now, Reports::default());
         self.done.clear();
         self.waiting.clear();
         self.early.retain(|_, queue| {

@@ -4,8 +4,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::news::{Change, Latest, News};
-use super::reach::AROUND_M;
 use super::trails::{SILENT_S, Trails};
+use crate::cluster::coverage::AROUND_M;
 use crate::protocol::{Area, SharedState};
 use crate::space::{BodyId, ClientId, Tick};
 

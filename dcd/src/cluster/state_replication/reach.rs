@@ -3,19 +3,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::news::Latest;
+use crate::cluster::coverage::{Cell, Coverage, cell_of};
 use crate::protocol::{Area, SharedState};
 use crate::space::{BodyId, ClientId, Epoch, Tick};
-
-/// The size of the cells by which it is known, metres.
-const CELL_M: f64 = 32.0;
-
-/// How far beyond an area bodies count, metres: a client that comes from another teller is told of what may just have left its area.
-pub(super) const AROUND_M: f64 = 32.0;
-
-/// Who has a larger area is told of everything: cells would be too many.
-const MOST_M: f64 = 256.0;
-
-type Cell = [i64; 3];
 
 /// Tells the states of a body apart.
 type Version = (Epoch, Tick);
@@ -23,16 +13,8 @@ type Version = (Epoch, Tick);
 /// The part of the world of which a relay is told.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Reach {
-    /// Clients that hear of everything.
-    all: BTreeSet<ClientId>,
-    /// The cells near the areas of others, and those near their avatars.
-    areas: BTreeMap<ClientId, Vec<Cell>>,
-    avatars: BTreeMap<BodyId, Cell>,
+    coverage: Coverage,
     clients: BTreeSet<ClientId>,
-    /// In how many of these lists each cell is.
-    cells: BTreeMap<Cell, u32>,
-    /// Cells that were in none the last time.
-    grown: BTreeSet<Cell>,
     /// Whether it was everything the last time.
     was_all: bool,
     /// Where the relay has each body, and as of when.
@@ -40,34 +22,19 @@ pub(super) struct Reach {
 }
 
 impl Reach {
-    /// Notes what a client is interested in. What is covered before and after has not grown meanwhile: it is left at last.
+    /// Notes what a client is interested in.
     pub(super) fn turn(&mut self, client: ClientId, area: Option<Area>) {
         self.clients.insert(client);
-        let area = area.filter(|area| area.radius_m <= MOST_M);
-        let Some(cells) = area.map(|area| cells_around(&area)) else {
-            self.forget_area(client);
-            self.all.insert(client);
-            return;
-        };
-        self.all.remove(&client);
-        if self.areas.get(&client) != Some(&cells) {
-            cells.iter().for_each(|cell| self.cover(*cell));
-            let former = self.areas.insert(client, cells).unwrap_or_default();
-            former.into_iter().for_each(|cell| self.uncover(cell));
-        }
+        self.coverage.turn(client, area);
     }
 
     pub(super) fn leave(&mut self, client: ClientId) {
-        self.forget_area(client);
         self.clients.remove(&client);
-        let own = BodyId::avatar(client, 0)..=BodyId::avatar(client, u32::MAX);
-        for avatar in self.avatars.range(own).map(|(&id, _)| id).collect::<Vec<_>>() {
-            self.forget_avatar(avatar);
-        }
+        self.coverage.leave(client);
     }
 
     pub(super) fn forget(&mut self, id: BodyId) -> bool {
-        self.forget_avatar(id);
+        self.coverage.forget(id);
         self.told.remove(&id).is_some()
     }
 
@@ -79,10 +46,10 @@ impl Reach {
         latest: &Latest,
     ) -> BTreeSet<BodyId> {
         self.follow_avatars(latest);
-        let is_all = !self.all.is_empty();
+        let is_all = self.coverage.is_all();
         let begins = is_all && !std::mem::replace(&mut self.was_all, is_all);
         self.was_all = is_all;
-        let grown = std::mem::take(&mut self.grown);
+        let grown = self.coverage.take_grown();
         let mut chosen: BTreeSet<BodyId> = match is_all {
             true => moved.collect(),
             false => {
@@ -107,80 +74,23 @@ impl Reach {
 
     /// Returns whether the relay is told of a body that is so.
     pub(super) fn hears_of(&self, state: &SharedState) -> bool {
-        !self.all.is_empty() || self.reaches(state)
+        self.coverage.is_all() || self.reaches(state)
     }
 
     fn reaches(&self, state: &SharedState) -> bool {
         let is_own = state.id.client().is_some_and(|client| self.clients.contains(&client));
-        let is_in = |cell: &Cell| self.cells.contains_key(cell);
+        let is_in = |cell: &Cell| self.coverage.covers(cell);
         is_own || is_in(&cell_of(state)) || self.told.get(&state.id).is_some_and(|(cell, _)| is_in(cell))
     }
 
     fn follow_avatars(&mut self, latest: &Latest) {
-        for client in self.areas.keys().copied().collect::<Vec<_>>() {
+        for client in self.coverage.with_areas().collect::<Vec<_>>() {
             let own = BodyId::avatar(client, 0)..=BodyId::avatar(client, u32::MAX);
-            for (&id, (state, _)) in latest.range(own) {
-                let now = cell_of(state);
-                if self.avatars.get(&id) != Some(&now) {
-                    neighbours(now).for_each(|cell| self.cover(cell));
-                    let former = self.avatars.insert(id, now).map(neighbours);
-                    former.into_iter().flatten().for_each(|cell| self.uncover(cell));
-                }
+            for (_, (state, _)) in latest.range(own) {
+                self.coverage.follow(state.id, cell_of(state));
             }
         }
     }
-
-    fn cover(&mut self, cell: Cell) {
-        let count = self.cells.entry(cell).or_default();
-        *count += 1;
-        if *count == 1 {
-            self.grown.insert(cell);
-        }
-    }
-
-    fn uncover(&mut self, cell: Cell) {
-        if let Some(count) = self.cells.get_mut(&cell) {
-            *count -= 1;
-            if *count == 0 {
-                self.cells.remove(&cell);
-                self.grown.remove(&cell);
-            }
-        }
-    }
-
-    fn forget_area(&mut self, client: ClientId) {
-        self.all.remove(&client);
-        for cell in self.areas.remove(&client).unwrap_or_default() {
-            self.uncover(cell);
-        }
-    }
-
-    fn forget_avatar(&mut self, id: BodyId) {
-        if let Some(at) = self.avatars.remove(&id) {
-            neighbours(at).for_each(|cell| self.uncover(cell));
-        }
-    }
-}
-
-fn cell_of(state: &SharedState) -> Cell {
-    state.pose.translation.map(|at| (at / CELL_M).floor() as i64)
-}
-
-/// Returns a cell and all that touch it.
-fn neighbours(of: Cell) -> impl Iterator<Item = Cell> {
-    let near = |at: i64| at.saturating_sub(1)..=at.saturating_add(1);
-    near(of[0]).flat_map(move |x| near(of[1]).flat_map(move |y| near(of[2]).map(move |z| [x, y, z])))
-}
-
-/// Returns the cells in which bodies count that are near an area.
-fn cells_around(area: &Area) -> Vec<Cell> {
-    let reach_m = 1.15 * area.radius_m + 2.0 + AROUND_M;
-    let along = |axis: usize| {
-        let cell = |at: f64| (at / CELL_M).floor() as i64;
-        cell(area.centre[axis] - reach_m)..=cell(area.centre[axis] + reach_m)
-    };
-    let plane = |x| along(1).flat_map(move |y| along(2).map(move |z| [x, y, z]));
-    along(0).flat_map(plane).collect()
 }
 
 #[cfg(test)]
@@ -255,7 +165,7 @@ mod tests {
                 }
             }
             areas.keys().for_each(|client| reach.leave(*client));
-            assert!(reach.cells.is_empty() && reach.avatars.is_empty(), "seed {seed}");
+            assert!(reach.coverage.is_empty(), "seed {seed}");
         }
         assert!(left_out > 1_000, "what is far from all clients is not told: {left_out}");
     }

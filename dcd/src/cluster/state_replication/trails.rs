@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
-use super::reach::AROUND_M;
+use crate::cluster::coverage::AROUND_M;
 use crate::protocol::Area;
 use crate::space::{BodyId, Tick};
 

@@ -3,7 +3,7 @@
 use bincode::{Decode, Encode};
 
 use super::{
-    Answer, Chunk, EnvironmentProperties, Finding, Input, Member, Query, QueryResult, Verified, View,
+    Answer, Area, Chunk, EnvironmentProperties, Finding, Input, Member, Query, QueryResult, Verified, View,
     ViewNumber,
 };
 use crate::fidelity::{FidelityReport, RegionState, Schedule};
@@ -453,6 +453,19 @@ pub enum WorldOp {
     },
     /// Some regions stay behind in this tick. All others are stepped, by all the ticks that they are behind; without this all are.
     Schedule(Schedule),
+    /// What clients look at changes, of which members report bodies.
+    Watch(Watch),
+}
+
+/// How what clients look at differs from the tick before. A view begins with nobody looking.
+#[derive(Clone, Debug, Default, PartialEq, Encode, Decode)]
+pub struct Watch {
+    /// Clients that look at another area than before; `None`: at everything. In id order.
+    pub areas: Vec<(ClientId, Option<Area>)>,
+    /// Clients that look no longer, in id order.
+    pub gone: Vec<ClientId>,
+    /// Avatars of clients with an area, and the cells that they have come to, in id order.
+    pub avatars: Vec<(BodyId, [i64; 3])>,
 }
 
 impl WorldOp {
@@ -551,7 +564,7 @@ pub struct Done {
     pub regions: Vec<RegionState>,
 }
 
-/// A member's report of bodies that moved since its last report.
+/// A member's report of bodies that moved since its last report, and that somebody looks at.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub struct Report {
     /// In which view.

@@ -130,7 +130,17 @@ impl Check for WorldOp {
                 must(schedule.behind.len() <= MAX_REGIONS, "schedule.behind", "at most all regions")?;
                 ascending(&schedule.behind, |&region| region, "schedule.behind")
             }
+            Self::Watch(watch) => watch.check(),
         }
+    }
+}
+
+impl Check for Watch {
+    fn check(&self) -> Result<(), Invalid> {
+        ascending(&self.areas, |(client, _)| *client, "watch.areas")?;
+        ascending(&self.gone, |client| *client, "watch.gone")?;
+        ascending(&self.avatars, |(avatar, _)| *avatar, "watch.avatars")?;
+        self.areas.iter().filter_map(|(_, area)| area.as_ref()).try_for_each(Check::check)
     }
 }
 

@@ -106,6 +106,28 @@ fn bytes_to_clients(sim: &Sim) -> u64 {
 }
 
 #[test]
+fn members_report_what_somebody_looks_at_and_hardly_anything_else() {
+    let mut sim = running(5, 3);
+    let client = interested(&mut sim, false, AREA);
+    let told = |sim: &mut Sim| {
+        let bytes = |sim: &Sim| sim.sent()[&Scope::InsideGroups].bytes;
+        let before = bytes(sim);
+        sim.run_to(Tick(sim.tick().0 + 120)).unwrap();
+        bytes(sim) - before
+    };
+    let turn = |sim: &mut Sim, area| {
+        sim.submit(client, ClientEvent::Interest(Some(area)));
+        sim.run_to(Tick(sim.tick().0 + 20)).unwrap();
+    };
+    let seen = told(&mut sim);
+    turn(&mut sim, Area { centre: [500.0, 0.0, 0.0], radius_m: 1.0 });
+    let unseen = told(&mut sim);
+    assert!(unseen < seen / 2, "{unseen} bytes where nobody looks, {seen} where somebody does");
+    turn(&mut sim, AREA);
+    stay_fresh(&mut sim, client, 5);
+}
+
+#[test]
 fn loss_does_not_leave_ghosts_in_the_area() {
     for seed in 0..10 {
         let mut sim = running(seed, 3);

@@ -1,0 +1,248 @@
+//! Chooses which of a member's bodies it reports to the leader: those that somebody looks at. So the leader has nothing to do with all the
+//! others, however many the group computes.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::Node;
+use crate::cluster::Sampling;
+use crate::cluster::coverage::{Cell, Coverage, cell_of};
+use crate::protocol::{SharedState, Watch, WorldOp};
+use crate::space::BodyId;
+
+/// What clients look at, and what the leader knows of this member's bodies. It lasts as long as a view.
+///
+/// Wherever somebody looks, the leader has all bodies as the last reports had them, and none that has been gone from there since.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Reports {
+    coverage: Coverage,
+    /// What the leader was told last of each body; nothing of one: it is told of that whatever happens.
+    told: BTreeMap<BodyId, SharedState>,
+    /// Whether the next report is to look through all bodies.
+    looks_through: bool,
+    /// Whether the tick that is being computed ends with a report.
+    is_asked: bool,
+}
+
+impl Reports {
+    /// Has all said again: reports may be lost.
+    pub(super) fn begin_anew(&mut self) {
+        self.told.clear();
+        self.looks_through = true;
+    }
+
+    /// Takes in what a tick changes.
+    fn learn(&mut self, ops: &[WorldOp]) {
+        for op in ops {
+            match op {
+                WorldOp::Insert { bodies, .. } => {
+                    bodies.iter().for_each(|body| _ = self.told.remove(&body.id));
+                }
+                WorldOp::Remove(id) => {
+                    self.told.remove(id);
+                    self.coverage.forget(*id);
+                }
+                // A region that is handed over, and back, keeps the epochs of its bodies.
+                WorldOp::Repartition(_) => self.told.clear(),
+                WorldOp::Watch(watch) => self.watch(watch),
+                _ => {}
+            }
+        }
+    }
+
+    fn watch(&mut self, watch: &Watch) {
+        let was_all = self.coverage.is_all();
+        watch.gone.iter().for_each(|&client| _ = self.coverage.leave(client));
+        watch.areas.iter().for_each(|&(client, area)| _ = self.coverage.turn(client, area));
+        watch.avatars.iter().for_each(|&(avatar, at)| _ = self.coverage.follow(avatar, at));
+        self.looks_through |= self.coverage.is_all() && !was_all;
+    }
+
+    /// Returns which bodies the report of the present tick is chosen from. It is asked once per exchange of the tick.
+    fn sampling(&mut self) -> Sampling {
+        self.is_asked = true;
+        if self.looks_through || self.coverage.has_grown() { Sampling::All } else { Sampling::Moved }
+    }
+
+    /// Returns what the leader is told of these bodies, with which the tick ends, and which it does not have as they are.
+    fn choose(&mut self, mut sampled: Vec<SharedState>) -> Vec<SharedState> {
+        if std::mem::take(&mut self.is_asked) {
+            let is_grown = !self.coverage.take_grown().is_empty();
+            if std::mem::take(&mut self.looks_through) || is_grown {
+                let owned: BTreeSet<_> = sampled.iter().map(|state| state.id).collect();
+                self.told.retain(|id, _| owned.contains(id));
+            }
+        }
+        sampled.retain(|state| self.is_due(state));
+        self.told.extend(sampled.iter().map(|state| (state.id, *state)));
+        sampled
+    }
+
+    fn is_due(&self, state: &SharedState) -> bool {
+        // One that has been another's since may have been reported by that one.
+        let told = self.told.get(&state.id).filter(|told| told.epoch == state.epoch);
+        let Some(told) = told else { return true };
+        let is_seen = |cell: Cell| self.coverage.covers(&cell);
+        let is_watched = self.coverage.is_all() || state.id.client().is_some();
+        // One that is awake has moved, or is where it was, though others would think it has moved on.
+        let is_new = !state.sleeping || told != state;
+        is_new && (is_watched || is_seen(cell_of(state)) || is_seen(cell_of(told)))
+    }
+}
+
+impl Node {
+    /// Takes in what a tick changes of what is reported.
+    pub(super) fn learn_watch(&mut self, ops: &[WorldOp]) {
+        self.reports.learn(ops);
+    }
+
+    /// Returns which bodies the report of a tick is chosen from, of which there is one.
+    pub(super) fn report_of(&mut self, due: Sampling) -> Sampling {
+        match due {
+            Sampling::Moved => self.reports.sampling(),
+            due => due,
+        }
+    }
+
+    /// Returns what the leader is told of the bodies of a sample.
+    pub(super) fn reported(&mut self, sampled: Vec<SharedState>) -> Vec<SharedState> {
+        self.reports.choose(sampled)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cluster::coverage::AROUND_M;
+    use crate::protocol::{Area, Velocity, WorldPose};
+    use crate::sim::Random;
+    use crate::space::{ClientId, Epoch, RegionId};
+
+    fn state(id: BodyId, epoch: Epoch, translation: [f64; 3], sleeping: bool) -> SharedState {
+        let (owner, pose) = (RegionId(1), WorldPose::at(translation));
+        SharedState { id, owner, epoch, pose, velocity: Velocity::default(), sleeping }
+    }
+
+    /// A member's bodies, each with whether it was awake at the last report, as a device samples them.
+    #[derive(Default)]
+    struct Device {
+        reports: Reports,
+        owned: BTreeMap<BodyId, SharedState>,
+        awake: Vec<BodyId>,
+    }
+
+    impl Device {
+        fn report(&mut self) -> Vec<SharedState> {
+            let sampling = self.reports.sampling();
+            let is_awake = |state: &&SharedState| !state.sleeping;
+            let awake = self.owned.values().filter(is_awake).map(|state| state.id).collect();
+            let before = std::mem::replace(&mut self.awake, awake);
+            let is_sampled = |state: &&SharedState| {
+                sampling == Sampling::All || !state.sleeping || before.contains(&state.id)
+            };
+            let sampled = self.owned.values().filter(is_sampled).copied().collect();
+            self.reports.choose(sampled)
+        }
+    }
+
+    /// Bodies move, jump, fall asleep, change owner and disappear, and interests change, at random; two members report.
+    #[test]
+    fn the_leader_has_what_is_looked_at_as_it_is_and_hears_little_of_the_rest() {
+        let (mut told, mut looked_through) = (0, 0);
+        for seed in 0..300 {
+            let mut random = Random::new(seed);
+            let place = |random: &mut Random| [0; 3].map(|_| 1_000.0 * random.unit());
+            let clients = [ClientId(1), ClientId(2)];
+            let mut devices = [Device::default(), Device::default()];
+            let mut leader: BTreeMap<BodyId, SharedState> = BTreeMap::new();
+            let mut areas: BTreeMap<ClientId, Option<Area>> = BTreeMap::new();
+            for at in 0..40 {
+                let id = BodyId::persistent(at);
+                let body = state(id, Epoch(0), place(&mut random), false);
+                devices[at as usize % 2].owned.insert(id, body);
+            }
+            for round in 1..60 {
+                // A body of one is the other's from now on, or is gone and made anew.
+                let from = random.below(2) as usize;
+                let (id, body) = devices[from].owned.iter().nth(random.below(10) as usize).unwrap();
+                let (id, mut body) = (*id, *body);
+                let mut ops = Vec::new();
+                match random.below(6) {
+                    0..2 => {
+                        devices[from].owned.remove(&id);
+                        body.epoch = Epoch(body.epoch.0 + 1);
+                        devices[1 - from].owned.insert(id, body);
+                    }
+                    2 => {
+                        ops.push(WorldOp::Remove(id));
+                        leader.remove(&id);
+                        devices[from].awake.push(id);
+                    }
+                    _ => {}
+                }
+                for device in &mut devices {
+                    for body in device.owned.values_mut() {
+                        let at = body.pose.translation;
+                        body.sleeping = true;
+                        body.pose.translation = match random.below(20) {
+                            0 => place(&mut random),
+                            1..8 => at.map(|at| at + 30.0 * (random.unit() - 0.5)),
+                            _ => continue,
+                        };
+                        body.sleeping = random.below(2) == 0;
+                        // What moves is awake for a while at least.
+                        device.awake.push(body.id);
+                    }
+                }
+                let client = clients[random.below(2) as usize];
+                let mut watch = Watch::default();
+                match random.below(10) {
+                    0 => {
+                        watch.gone.push(client);
+                        areas.remove(&client);
+                    }
+                    1 if seed % 3 == 0 => {
+                        watch.areas.push((client, None));
+                        areas.insert(client, None);
+                    }
+                    2..6 => {
+                        let area = Area { centre: place(&mut random), radius_m: 5.0 + 60.0 * random.unit() };
+                        watch.areas.push((client, Some(area)));
+                        areas.insert(client, Some(area));
+                    }
+                    _ => {}
+                }
+                ops.push(WorldOp::Watch(watch));
+                let is_link_lost = random.below(20) == 0;
+                for device in &mut devices {
+                    device.reports.learn(&ops);
+                    if is_link_lost {
+                        device.reports.begin_anew();
+                    }
+                    // A tick may take several exchanges.
+                    device.reports.sampling();
+                    let report = device.report();
+                    (told, looked_through) = (told + report.len(), looked_through + device.owned.len());
+                    leader.extend(report.into_iter().map(|state| (state.id, state)));
+                }
+                for (&id, is) in devices.iter().flat_map(|device| &device.owned) {
+                    let known = leader.get(&id).map(|state| state.pose.translation);
+                    for area in areas.values() {
+                        let near = |at: [f64; 3]| {
+                            area.is_none_or(|area| {
+                                Area { radius_m: area.radius_m + AROUND_M, ..area }.covers(at)
+                            })
+                        };
+                        let is_at = is.pose.translation;
+                        let is_right = known == Some(is_at);
+                        let matters = near(is_at) || known.is_some_and(near);
+                        assert!(
+                            is_right || !matters,
+                            "seed {seed}, {round}: {id} is at {is_at:?}, {known:?}"
+                        );
+                    }
+                }
+            }
+        }
+        assert!(told < looked_through / 4, "{told} of {looked_through}");
+    }
+}

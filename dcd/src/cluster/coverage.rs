@@ -14,6 +14,9 @@ pub(in crate::cluster) const AROUND_M: f64 = 32.0;
 /// Who has a larger area looks at everything: cells would be too many.
 const MOST_M: f64 = 256.0;
 
+/// The most cells of all together: beyond, who comes looks at everything.
+const MOST_CELLS: usize = 1 << 20;
+
 /// The place of a cell, in cells along each axis.
 pub(crate) type Cell = [i64; 3];
 
@@ -35,21 +38,23 @@ pub(in crate::cluster) struct Coverage {
 }
 
 impl Coverage {
-    /// Notes what a client is interested in, and returns whether that is new. What is covered before and after has not grown meanwhile: it is
-    /// left at last.
+    /// Notes what a client is interested in, and returns whether that is new. What is covered before and after has not grown meanwhile.
     pub(in crate::cluster) fn turn(&mut self, client: ClientId, area: Option<Area>) -> bool {
-        let Some(area) = area.filter(|area| area.radius_m <= MOST_M) else {
+        let block = area.filter(|area| area.radius_m <= MOST_M).map(|area| block_around(&area));
+        let has_room = |block: &Block| self.cells.len() + cells_of(*block).count() <= MOST_CELLS;
+        let Some(block) = block.filter(has_room) else {
+            if self.all.contains(&client) {
+                return false;
+            }
             self.leave(client);
             return self.all.insert(client);
         };
         let is_new = self.all.remove(&client);
-        let block = block_around(&area);
-        if self.areas.get(&client) == Some(&block) {
+        let former = self.areas.insert(client, block);
+        if former == Some(block) {
             return is_new;
         }
-        self.cover(block);
-        let former = self.areas.insert(client, block);
-        former.into_iter().for_each(|block| self.uncover(block));
+        self.change(former, block);
         true
     }
 
@@ -60,7 +65,7 @@ impl Coverage {
             self.forget(avatar);
         }
         let area = self.areas.remove(&client);
-        area.into_iter().for_each(|block| self.uncover(block));
+        area.into_iter().flat_map(cells_of).for_each(|cell| self.uncover(cell));
         self.all.remove(&client) || area.is_some()
     }
 
@@ -70,16 +75,15 @@ impl Coverage {
         if !has_area || self.avatars.get(&avatar) == Some(&at) {
             return false;
         }
-        self.cover(around(at));
-        let former = self.avatars.insert(avatar, at);
-        former.into_iter().for_each(|at| self.uncover(around(at)));
+        let former = self.avatars.insert(avatar, at).map(around);
+        self.change(former, around(at));
         true
     }
 
     /// Forgets a body, if it is an avatar.
     pub(in crate::cluster) fn forget(&mut self, id: BodyId) {
         if let Some(at) = self.avatars.remove(&id) {
-            self.uncover(around(at));
+            cells_of(around(at)).for_each(|cell| self.uncover(cell));
         }
     }
 
@@ -114,24 +118,26 @@ impl Coverage {
         self.cells.is_empty() && self.avatars.is_empty() && self.areas.is_empty() && self.all.is_empty()
     }
 
-    fn cover(&mut self, block: Block) {
-        for cell in cells_of(block) {
+    /// Covers a block in place of another. Cells that both have are left alone.
+    fn change(&mut self, former: Option<Block>, block: Block) {
+        let is_new = |cell: &Cell| !former.is_some_and(|former| is_in(former, cell));
+        for cell in cells_of(block).filter(is_new) {
             let count = self.cells.entry(cell).or_default();
             *count += 1;
             if *count == 1 {
                 self.grown.insert(cell);
             }
         }
+        let old = former.into_iter().flat_map(cells_of).filter(|cell| !is_in(block, cell));
+        old.for_each(|cell| self.uncover(cell));
     }
 
-    fn uncover(&mut self, block: Block) {
-        for cell in cells_of(block) {
-            if let Some(count) = self.cells.get_mut(&cell) {
-                *count -= 1;
-                if *count == 0 {
-                    self.cells.remove(&cell);
-                    self.grown.remove(&cell);
-                }
+    fn uncover(&mut self, cell: Cell) {
+        if let Some(count) = self.cells.get_mut(&cell) {
+            *count -= 1;
+            if *count == 0 {
+                self.cells.remove(&cell);
+                self.grown.remove(&cell);
             }
         }
     }
@@ -145,6 +151,10 @@ pub(in crate::cluster) fn cell_of(state: &SharedState) -> Cell {
 fn cells_of([low, high]: Block) -> impl Iterator<Item = Cell> {
     let along = move |axis: usize| low[axis]..=high[axis];
     along(0).flat_map(move |x| along(1).flat_map(move |y| along(2).map(move |z| [x, y, z])))
+}
+
+fn is_in([low, high]: Block, cell: &Cell) -> bool {
+    (0..3).all(|axis| (low[axis]..=high[axis]).contains(&cell[axis]))
 }
 
 /// Returns a cell and all that touch it.

@@ -367,7 +367,7 @@ impl Leader {
             if state.id.client().is_some() {
                 let lives_on = state.epoch < Epoch::placed_in(self.view.0);
                 self.inputs.see(state.id, state.pose.translation, report.tick, lives_on);
-                self.watching.see(self.tick, &state);
+                self.watch_avatar(&state);
             }
         }
         refused
@@ -378,8 +378,8 @@ impl Leader {
         let moved = std::mem::take(&mut self.moved);
         let states = moved.into_iter().filter_map(|id| Some((id, *self.latest.get(&id)?))).collect();
         self.give_clients();
-        self.tell_interests();
         let is_last = self.last_tick == Some(self.tick);
+        self.tell_interests(is_last);
         let news = std::mem::take(&mut self.news).after(self.tick, self.opened, is_last, states);
         self.replicate(ReplicationEvent::Tick(news));
     }

@@ -224,7 +224,9 @@ impl Leader {
             let (reminded, most) = (inter_group.reminded, if is_known { REMINDERS } else { 0 });
             let reminders = inter_group.told.range(reminded..).skip(1).take(most);
             let reminders: Vec<_> = reminders.map(|(&id, _)| id).collect();
-            inter_group.reminded = reminders.last().copied().unwrap_or_default();
+            if is_known {
+                inter_group.reminded = reminders.last().copied().unwrap_or_default();
+            }
             let mut states = Vec::new();
             let moved = if is_known { std::mem::take(&mut inter_group.moved) } else { BTreeSet::new() };
             for id in moved.iter().chain(&reminders).collect::<BTreeSet<_>>() {

@@ -172,6 +172,7 @@ impl Leader {
         // The next complete tick, with which interests are told else, may be long in coming: the relay may have to be given up first.
         let area = self.interests.get(&client).copied();
         self.news.uninterested(client);
+        self.watching.forget_interests(client);
         self.replicate(ReplicationEvent::Admit { client, turn, told_elsewhere: true, area });
         self.say_applied_again(client);
     }

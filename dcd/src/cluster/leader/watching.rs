@@ -5,23 +5,28 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::Leader;
 use crate::cluster::coverage::{Cell, Coverage, cell_of};
+use crate::cluster::server::MAX_AVATARS;
 use crate::protocol::{Area, SharedState, Watch, WorldOp};
 use crate::space::{BodyId, ClientId, Tick};
+
+/// The most avatars that members are told of with a tick; the others follow.
+const AVATARS_AT_ONCE: usize = 4_096;
 
 /// What clients look at. It lasts as long as the view.
 #[derive(Clone, Debug)]
 pub(super) struct Watching {
     /// The ticks from one report to the next.
     every: u64,
+    /// As members have been told.
     coverage: Coverage,
-    /// What members have not been told yet.
-    areas: BTreeMap<ClientId, Option<Area>>,
-    gone: BTreeSet<ClientId>,
-    avatars: BTreeMap<BodyId, Cell>,
+    /// What they have not been told yet. However often a client turns, it does so once per tick.
+    turned: BTreeMap<ClientId, Option<Area>>,
+    left: BTreeSet<ClientId>,
+    seen: BTreeMap<BodyId, Cell>,
     /// The tick whose reports are of all that is looked at by now.
     reported_at: Tick,
-    /// Interests that count after a tick, in the order in which they came.
-    waiting: Vec<(Tick, ClientId, Option<Area>)>,
+    /// Interests that count after a tick.
+    waiting: BTreeMap<(Tick, ClientId), Option<Area>>,
 }
 
 impl Watching {
@@ -29,111 +34,129 @@ impl Watching {
         Self {
             every: u64::from(state_every).max(1),
             coverage: Coverage::default(),
-            areas: BTreeMap::new(),
-            gone: BTreeSet::new(),
-            avatars: BTreeMap::new(),
+            turned: BTreeMap::new(),
+            left: BTreeSet::new(),
+            seen: BTreeMap::new(),
             reported_at: Tick(0),
-            waiting: Vec::new(),
-        }
-    }
-
-    /// Notes that a client looks at an area from the tick after `now` on.
-    fn turn(&mut self, now: Tick, client: ClientId, area: Option<Area>) {
-        let was_all = self.coverage.is_all();
-        if self.coverage.turn(client, area) {
-            self.areas.insert(client, area);
-            let begins = self.coverage.is_all() && !was_all;
-            self.note_growth(now, begins);
-        }
-    }
-
-    /// Notes that members are to report more than before, from the tick after `now` on.
-    fn note_growth(&mut self, now: Tick, begins: bool) {
-        if !self.coverage.take_grown().is_empty() || begins {
-            self.reported_at = Tick(now.next().0.next_multiple_of(self.every));
+            waiting: BTreeMap::new(),
         }
     }
 
     fn leave(&mut self, client: ClientId) {
-        self.waiting.retain(|(_, waiting, _)| *waiting != client);
-        self.areas.remove(&client);
-        self.avatars.retain(|avatar, _| avatar.client() != Some(client));
-        if self.coverage.leave(client) {
-            self.gone.insert(client);
-        }
+        self.forget_interests(client);
+        self.turned.remove(&client);
+        self.seen.retain(|avatar, _| avatar.client() != Some(client));
+        self.left.insert(client);
     }
 
-    /// Notes where an avatar is.
-    pub(super) fn see(&mut self, now: Tick, avatar: &SharedState) {
-        let at = cell_of(avatar);
-        if self.coverage.follow(avatar.id, at) {
-            self.avatars.insert(avatar.id, at);
-            self.note_growth(now, false);
+    /// Forgets which interests of a client are yet to count.
+    pub(super) fn forget_interests(&mut self, client: ClientId) {
+        self.waiting.retain(|(_, waiting), _| *waiting != client);
+    }
+
+    /// Notes where an avatar is of a client with an area.
+    pub(super) fn see(&mut self, avatar: &SharedState) {
+        // Others than these are made up.
+        if (avatar.id.index() as usize) < MAX_AVATARS {
+            self.seen.insert(avatar.id, cell_of(avatar));
         }
     }
 
     pub(super) fn forget(&mut self, id: BodyId) {
         self.coverage.forget(id);
-        self.avatars.remove(&id);
+        self.seen.remove(&id);
     }
 
-    /// Returns what members are to be told with the next tick.
-    fn take(&mut self) -> Option<Watch> {
-        if self.areas.is_empty() && self.gone.is_empty() && self.avatars.is_empty() {
-            return None;
+    /// Returns what members are to be told with a tick, if anything, and the interests that are new.
+    fn take(&mut self, now: Tick) -> (Option<Watch>, BTreeMap<ClientId, Option<Area>>) {
+        let Self { coverage, .. } = self;
+        let was_all = coverage.is_all();
+        let gone = std::mem::take(&mut self.left).into_iter();
+        let gone: Vec<_> = gone.filter(|client| coverage.leave(*client)).collect();
+        let turned = std::mem::take(&mut self.turned);
+        let areas = turned.iter().filter(|(client, area)| coverage.turn(**client, **area));
+        let areas: Vec<_> = areas.map(|(&client, &area)| (client, area)).collect();
+        let mut avatars = Vec::new();
+        while avatars.len() < AVATARS_AT_ONCE
+            && let Some((id, at)) = self.seen.pop_first()
+        {
+            avatars.extend(coverage.follow(id, at).then_some((id, at)));
         }
-        let areas = std::mem::take(&mut self.areas).into_iter().collect();
-        let gone = std::mem::take(&mut self.gone).into_iter().collect();
-        let avatars = std::mem::take(&mut self.avatars).into_iter().collect();
-        Some(Watch { areas, gone, avatars })
+        let is_all = coverage.is_all();
+        let is_grown = !coverage.take_grown().is_empty();
+        // Who is told of everything is told of what has grown, too.
+        if is_all && !was_all || is_grown && !is_all {
+            self.reported_at = Tick(now.0.next_multiple_of(self.every));
+        }
+        let is_new = !gone.is_empty() || !areas.is_empty() || !avatars.is_empty();
+        (is_new.then_some(Watch { areas, gone, avatars }), turned)
     }
 }
 
 impl Leader {
     /// Notes what a client wants to hear of: replication is told when what is there has been reported.
     pub(super) fn watch(&mut self, client: ClientId, area: Option<Area>) {
-        self.watching.turn(self.tick, client, area);
-        let own = BodyId::avatar(client, 0)..=BodyId::avatar(client, u32::MAX);
-        for (_, (avatar, _)) in self.latest.range(own) {
-            self.watching.see(self.tick, avatar);
+        self.watching.turned.insert(client, area);
+        if self.completed().is_none() {
+            // With the first tick of a view all is reported.
+            self.news.interested(client, area);
         }
-        // With the first tick of a view all is reported.
-        match self.completed() {
-            Some(completed) if completed < self.watching.reported_at => {
-                self.watching.waiting.push((self.watching.reported_at, client, area));
-            }
-            _ => self.news.interested(client, area),
+    }
+
+    /// Notes where an avatar is.
+    pub(super) fn watch_avatar(&mut self, avatar: &SharedState) {
+        let area = avatar.id.client().and_then(|client| self.interests.get(&client));
+        if area.is_some_and(Option::is_some) {
+            self.watching.see(avatar);
         }
     }
 
     /// Returns whether members have reported all of their bodies as they are.
     pub(super) fn knows_all(&self) -> bool {
-        let is_reported = |completed| self.watching.reported_at <= completed;
-        self.watching.coverage.is_all() && self.completed().is_some_and(is_reported)
+        self.watching.coverage.is_all() && self.is_reported()
+    }
+
+    fn is_reported(&self) -> bool {
+        self.completed().is_some_and(|completed| self.watching.reported_at <= completed)
     }
 
     pub(super) fn unwatch(&mut self, client: ClientId) {
         self.watching.leave(client);
     }
 
-    /// Lets interests count of which all is reported.
-    pub(super) fn tell_interests(&mut self) {
+    /// Lets interests count of which all is reported, and after the last tick all.
+    pub(super) fn tell_interests(&mut self, is_last: bool) {
         let completed = self.completed();
-        for (_, client, area) in self
-            .watching
-            .waiting
-            .extract_if(.., |(at, ..)| completed.is_some_and(|completed| *at <= completed))
+        while let Some(first) = self.watching.waiting.first_entry()
+            && (is_last || completed.is_some_and(|completed| first.key().0 <= completed))
         {
+            let ((_, client), area) = first.remove_entry();
             self.news.interested(client, area);
+        }
+        if is_last {
+            let turned = std::mem::take(&mut self.watching.turned);
+            turned.into_iter().for_each(|(client, area)| self.news.interested(client, area));
         }
     }
 
-    /// Returns what members are to be told of the next tick. While there are other groups, which are told of everything, all is looked at.
+    /// Returns what members are to be told of the tick that begins. While there are other groups, which are told of everything, all is looked at.
     pub(super) fn next_watch(&mut self) -> Option<WorldOp> {
         match self.inter_group.is_some() {
-            true => self.watching.turn(self.tick, ClientId::NOBODY, None),
+            true => _ = self.watching.turned.insert(ClientId::NOBODY, None),
             false => self.watching.leave(ClientId::NOBODY),
         }
-        self.watching.take().map(WorldOp::Watch)
+        let with_areas = self.watching.turned.iter().filter(|(_, area)| area.is_some());
+        for client in with_areas.map(|(&client, _)| client).collect::<Vec<_>>() {
+            let own = BodyId::avatar(client, 0)..=BodyId::avatar(client, u32::MAX);
+            self.latest.range(own).for_each(|(_, (avatar, _))| self.watching.see(avatar));
+        }
+        let (watch, turned) = self.watching.take(self.tick);
+        for (client, area) in turned.into_iter().filter(|(client, _)| *client != ClientId::NOBODY) {
+            match self.is_reported() {
+                true => self.news.interested(client, area),
+                false => _ = self.watching.waiting.insert((self.watching.reported_at, client), area),
+            }
+        }
+        watch.map(WorldOp::Watch)
     }
 }

@@ -1,7 +1,7 @@
 //! Chooses which of a member's bodies it reports to the leader: those that somebody looks at. So the leader has nothing to do with all the
 //! others, however many the group computes.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use super::Node;
 use crate::cluster::Sampling;
@@ -17,16 +17,21 @@ pub(super) struct Reports {
     coverage: Coverage,
     /// What the leader was told last of each body; nothing of one: it is told of that whatever happens.
     told: BTreeMap<BodyId, SharedState>,
+    /// Bodies that the leader does not have as they are, since nobody looked. One that is awake is in the next sample, or is gone.
+    untold: BTreeMap<BodyId, SharedState>,
     /// Whether the next report is to look through all bodies.
     looks_through: bool,
-    /// Whether the tick that is being computed ends with a report.
-    is_asked: bool,
+    /// Whether somebody looks at everything since the report before.
+    all_begins: bool,
+    /// From what the report of the tick is chosen that is being computed, if there is one.
+    asked: Option<Sampling>,
 }
 
 impl Reports {
     /// Has all said again: reports may be lost.
     pub(super) fn begin_anew(&mut self) {
         self.told.clear();
+        self.untold.clear();
         self.looks_through = true;
     }
 
@@ -34,19 +39,22 @@ impl Reports {
     fn learn(&mut self, ops: &[WorldOp]) {
         for op in ops {
             match op {
-                WorldOp::Insert { bodies, .. } => {
-                    bodies.iter().for_each(|body| _ = self.told.remove(&body.id));
-                }
+                WorldOp::Insert { bodies, .. } => bodies.iter().for_each(|body| self.forget(body.id)),
                 WorldOp::Remove(id) => {
-                    self.told.remove(id);
+                    self.forget(*id);
                     self.coverage.forget(*id);
                 }
-                // A region that is handed over, and back, keeps the epochs of its bodies.
-                WorldOp::Repartition(_) => self.told.clear(),
+                // A region that is handed over, and back, keeps the epochs of its bodies, and what sleeps in it is in no sample.
+                WorldOp::Repartition(_) => self.begin_anew(),
                 WorldOp::Watch(watch) => self.watch(watch),
                 _ => {}
             }
         }
+    }
+
+    fn forget(&mut self, id: BodyId) {
+        self.told.remove(&id);
+        self.untold.remove(&id);
     }
 
     fn watch(&mut self, watch: &Watch) {
@@ -54,27 +62,48 @@ impl Reports {
         watch.gone.iter().for_each(|&client| _ = self.coverage.leave(client));
         watch.areas.iter().for_each(|&(client, area)| _ = self.coverage.turn(client, area));
         watch.avatars.iter().for_each(|&(avatar, at)| _ = self.coverage.follow(avatar, at));
-        self.looks_through |= self.coverage.is_all() && !was_all;
+        self.all_begins |= self.coverage.is_all() && !was_all;
     }
 
     /// Returns which bodies the report of the present tick is chosen from. It is asked once per exchange of the tick.
     fn sampling(&mut self) -> Sampling {
-        self.is_asked = true;
-        if self.looks_through || self.coverage.has_grown() { Sampling::All } else { Sampling::Moved }
+        let is_grown = self.all_begins || self.coverage.has_grown();
+        // What came to be looked at may be another member's by now.
+        let comes = is_grown && self.untold.values().any(|state| self.is_due(state));
+        let sampling = if self.looks_through || comes { Sampling::All } else { Sampling::Moved };
+        self.asked = Some(sampling);
+        sampling
     }
 
-    /// Returns what the leader is told of these bodies, with which the tick ends, and which it does not have as they are.
-    fn choose(&mut self, mut sampled: Vec<SharedState>) -> Vec<SharedState> {
-        if std::mem::take(&mut self.is_asked) {
-            let is_grown = !self.coverage.take_grown().is_empty();
-            if std::mem::take(&mut self.looks_through) || is_grown {
-                let owned: BTreeSet<_> = sampled.iter().map(|state| state.id).collect();
-                self.told.retain(|id, _| owned.contains(id));
+    /// Returns what the leader is told of the bodies of a sample, with which the tick ends.
+    fn choose(&mut self, sampled: Vec<SharedState>) -> Vec<SharedState> {
+        let Some(sampling) = self.asked.take() else {
+            // Everything, as with the first tick of a view, or nothing.
+            self.told.extend(sampled.iter().map(|state| (state.id, *state)));
+            return sampled;
+        };
+        self.all_begins = false;
+        self.coverage.take_grown();
+        let has = |id: &BodyId| sampled.binary_search_by_key(id, |state| state.id).is_ok();
+        if sampling == Sampling::All {
+            self.looks_through = false;
+            self.told.retain(|id, _| has(id));
+            self.untold.clear();
+        } else {
+            self.untold.retain(|id, state| state.sleeping && !has(id));
+        }
+        let mut due = Vec::new();
+        for state in sampled {
+            // Of what has moved; and of all others what the leader does not have so.
+            let is_known = self.told.get(&state.id) == Some(&state);
+            match self.is_due(&state) {
+                true if sampling == Sampling::Moved || !is_known => due.push(state),
+                false if !is_known => _ = self.untold.insert(state.id, state),
+                _ => {}
             }
         }
-        sampled.retain(|state| self.is_due(state));
-        self.told.extend(sampled.iter().map(|state| (state.id, *state)));
-        sampled
+        self.told.extend(due.iter().map(|state| (state.id, *state)));
+        due
     }
 
     fn is_due(&self, state: &SharedState) -> bool {
@@ -160,17 +189,24 @@ mod tests {
                 let body = state(id, Epoch(0), place(&mut random), false);
                 devices[at as usize % 2].owned.insert(id, body);
             }
+            // With the first tick of a view all is reported.
+            for device in &mut devices {
+                let all = device.owned.values().copied().collect();
+                leader.extend(device.reports.choose(all).into_iter().map(|state| (state.id, state)));
+            }
             for round in 1..60 {
                 // A body of one is the other's from now on, or is gone and made anew.
                 let from = random.below(2) as usize;
-                let (id, body) = devices[from].owned.iter().nth(random.below(10) as usize).unwrap();
-                let (id, mut body) = (*id, *body);
+                let nth = random.below(20) as usize;
+                let Some((&id, &(mut body))) = devices[from].owned.iter().nth(nth) else { continue };
                 let mut ops = Vec::new();
                 match random.below(6) {
                     0..2 => {
                         devices[from].owned.remove(&id);
                         body.epoch = Epoch(body.epoch.0 + 1);
                         devices[1 - from].owned.insert(id, body);
+                        // What crosses a border is awake.
+                        devices[1 - from].awake.push(id);
                     }
                     2 => {
                         ops.push(WorldOp::Remove(id));
@@ -222,6 +258,11 @@ mod tests {
                     device.reports.sampling();
                     let report = device.report();
                     (told, looked_through) = (told + report.len(), looked_through + device.owned.len());
+                    // What another has told since is newer.
+                    let is_new = |state: &SharedState| {
+                        leader.get(&state.id).is_none_or(|known| known.epoch <= state.epoch)
+                    };
+                    let report: Vec<_> = report.into_iter().filter(is_new).collect();
                     leader.extend(report.into_iter().map(|state| (state.id, state)));
                 }
                 for (&id, is) in devices.iter().flat_map(|device| &device.owned) {

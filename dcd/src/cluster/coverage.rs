@@ -5,42 +5,78 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::protocol::{Area, SharedState};
 use crate::space::{BodyId, ClientId};
 
-/// The size of a cell, metres.
-const CELL_M: f64 = 32.0;
+/// The size of the smallest cells, metres. Those of the next level are twice as large, and so on.
+const CELL_M: f64 = 8.0;
 
-/// How far beyond an area bodies count, metres: a client that comes from another teller is told of what may just have left its area.
+/// An area is covered by cells of a level at which it is so many of them across at most.
+const ACROSS: f64 = 8.0;
+
+/// How far beyond an area bodies count for a relay, metres: a client that comes from another teller is told of what may just have left its area.
 pub(in crate::cluster) const AROUND_M: f64 = 32.0;
 
-/// Who has a larger area looks at everything: cells would be too many.
-const MOST_M: f64 = 256.0;
+/// The same for what members report: what comes in between two reports is told some metres before.
+const REPORTED_AROUND_M: f64 = 4.0;
+
+/// The levels of the cells that avatars are in: they and all that touch them are covered.
+const RELAYED_AVATARS: i64 = 2;
+const REPORTED_AVATARS: i64 = 1;
+
+/// Who has a larger area looks at everything.
+const MOST_M: f64 = 1_000.0;
 
 /// The most cells of all together: beyond, who comes looks at everything.
 const MOST_CELLS: usize = 1 << 20;
 
-/// The place of a cell, in cells along each axis.
-pub(crate) type Cell = [i64; 3];
+/// A level, and the place of a cell of it, in cells along each axis.
+pub(crate) type Cell = [i64; 4];
 
-/// Cells from one corner to the opposite one.
+/// Cells of one level from one corner to the opposite one.
 type Block = [Cell; 2];
 
 /// What clients look at.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(in crate::cluster) struct Coverage {
+    around_m: f64,
+    avatar_level: i64,
     /// Clients that look at everything.
     all: BTreeSet<ClientId>,
-    /// The cells near the areas of others, and those near their avatars.
+    /// The cells near the areas of others, and those that their avatars are in.
     areas: BTreeMap<ClientId, Block>,
     avatars: BTreeMap<BodyId, Cell>,
-    /// In how many of these each cell is.
+    /// In how many of these, and of what touches avatars' cells, each cell is; and how many cells of each level there are.
     cells: BTreeMap<Cell, u32>,
+    levels: BTreeMap<i64, usize>,
     /// Cells that were in none the last time.
     grown: BTreeSet<Cell>,
 }
 
 impl Coverage {
+    /// Returns that of a relay, with nobody looking.
+    pub(in crate::cluster) fn of_relay() -> Self {
+        Self::new(AROUND_M, RELAYED_AVATARS)
+    }
+
+    /// Returns that of what members report.
+    pub(in crate::cluster) fn of_reports() -> Self {
+        Self::new(REPORTED_AROUND_M, REPORTED_AVATARS)
+    }
+
+    fn new(around_m: f64, avatar_level: i64) -> Self {
+        Self {
+            around_m,
+            avatar_level,
+            all: BTreeSet::new(),
+            areas: BTreeMap::new(),
+            avatars: BTreeMap::new(),
+            cells: BTreeMap::new(),
+            levels: BTreeMap::new(),
+            grown: BTreeSet::new(),
+        }
+    }
+
     /// Notes what a client is interested in, and returns whether that is new. What is covered before and after has not grown meanwhile.
     pub(in crate::cluster) fn turn(&mut self, client: ClientId, area: Option<Area>) -> bool {
-        let block = area.filter(|area| area.radius_m <= MOST_M).map(|area| block_around(&area));
+        let block = area.filter(|area| area.radius_m <= MOST_M).map(|area| self.block_around(&area));
         let has_room = |block: &Block| self.cells.len() + cells_of(*block).count() <= MOST_CELLS;
         let Some(block) = block.filter(has_room) else {
             if self.all.contains(&client) {
@@ -69,14 +105,19 @@ impl Coverage {
         self.all.remove(&client) || area.is_some()
     }
 
-    /// Notes where an avatar is of a client that has an area. Returns whether it was in another cell before.
-    pub(in crate::cluster) fn follow(&mut self, avatar: BodyId, at: Cell) -> bool {
+    /// Returns the cell that an avatar is in.
+    pub(in crate::cluster) fn cell_of(&self, avatar: &SharedState) -> Cell {
+        cell_at(self.avatar_level, avatar.pose.translation)
+    }
+
+    /// Notes the cell of an avatar, if its client has an area. Returns whether it was in another before.
+    pub(in crate::cluster) fn follow(&mut self, avatar: BodyId, cell: Cell) -> bool {
         let has_area = avatar.client().is_some_and(|client| self.areas.contains_key(&client));
-        if !has_area || self.avatars.get(&avatar) == Some(&at) {
+        if !has_area || self.avatars.get(&avatar) == Some(&cell) {
             return false;
         }
-        let former = self.avatars.insert(avatar, at).map(around);
-        self.change(former, around(at));
+        let former = self.avatars.insert(avatar, cell).map(around);
+        self.change(former, around(cell));
         true
     }
 
@@ -97,19 +138,24 @@ impl Coverage {
         !self.all.is_empty()
     }
 
-    /// Returns whether a cell is near a client's area, or an avatar.
-    pub(in crate::cluster) fn covers(&self, cell: &Cell) -> bool {
-        self.cells.contains_key(cell)
+    /// Returns whether a place is near a client's area, or an avatar.
+    pub(in crate::cluster) fn covers(&self, at: [f64; 3]) -> bool {
+        self.levels.keys().any(|&level| self.cells.contains_key(&cell_at(level, at)))
     }
 
-    /// Returns whether there are cells that are new since they were taken last.
+    /// Returns whether more is covered than when it was settled last.
     pub(in crate::cluster) fn has_grown(&self) -> bool {
         !self.grown.is_empty()
     }
 
-    /// Returns the cells that are new since the last call.
-    pub(in crate::cluster) fn take_grown(&mut self) -> BTreeSet<Cell> {
-        std::mem::take(&mut self.grown)
+    /// Returns whether a place may be in what has grown.
+    pub(in crate::cluster) fn is_new(&self, at: [f64; 3]) -> bool {
+        self.levels.keys().any(|&level| self.grown.contains(&cell_at(level, at)))
+    }
+
+    /// Takes what is covered for known, and returns whether it has grown since this was called last.
+    pub(in crate::cluster) fn settle(&mut self) -> bool {
+        !std::mem::take(&mut self.grown).is_empty()
     }
 
     /// Returns whether nothing is kept.
@@ -126,6 +172,7 @@ impl Coverage {
             *count += 1;
             if *count == 1 {
                 self.grown.insert(cell);
+                *self.levels.entry(cell[0]).or_default() += 1;
             }
         }
         let old = former.into_iter().flat_map(cells_of).filter(|cell| !is_in(block, cell));
@@ -138,32 +185,41 @@ impl Coverage {
             if *count == 0 {
                 self.cells.remove(&cell);
                 self.grown.remove(&cell);
+                let left = self.levels.get_mut(&cell[0]).expect("it has this cell");
+                *left -= 1;
+                if *left == 0 {
+                    self.levels.remove(&cell[0]);
+                }
             }
         }
     }
+
+    /// Returns the cells in which bodies count that are near an area.
+    fn block_around(&self, area: &Area) -> Block {
+        let reach_m = 1.15 * area.radius_m + 2.0 + self.around_m;
+        let level = (2.0 * reach_m / (ACROSS * CELL_M)).log2().ceil().max(0.0) as i64;
+        [-reach_m, reach_m].map(|to| cell_at(level, area.centre.map(|at| at + to)))
+    }
 }
 
-/// Returns the cell that a body is in.
-pub(in crate::cluster) fn cell_of(state: &SharedState) -> Cell {
-    state.pose.translation.map(|at| (at / CELL_M).floor() as i64)
+fn cell_at(level: i64, at: [f64; 3]) -> Cell {
+    let size_m = CELL_M * 2_f64.powi(level as i32);
+    let [x, y, z] = at.map(|at| (at / size_m).floor() as i64);
+    [level, x, y, z]
 }
 
 fn cells_of([low, high]: Block) -> impl Iterator<Item = Cell> {
     let along = move |axis: usize| low[axis]..=high[axis];
-    along(0).flat_map(move |x| along(1).flat_map(move |y| along(2).map(move |z| [x, y, z])))
+    let plane = move |x| along(2).flat_map(move |y| along(3).map(move |z| [low[0], x, y, z]));
+    along(1).flat_map(plane)
 }
 
 fn is_in([low, high]: Block, cell: &Cell) -> bool {
-    (0..3).all(|axis| (low[axis]..=high[axis]).contains(&cell[axis]))
+    (0..4).all(|axis| (low[axis]..=high[axis]).contains(&cell[axis]))
 }
 
 /// Returns a cell and all that touch it.
-fn around(of: Cell) -> Block {
-    [of.map(|at| at.saturating_sub(1)), of.map(|at| at.saturating_add(1))]
-}
-
-/// Returns the cells in which bodies count that are near an area.
-fn block_around(area: &Area) -> Block {
-    let reach_m = 1.15 * area.radius_m + 2.0 + AROUND_M;
-    [-reach_m, reach_m].map(|to| area.centre.map(|at| ((at + to) / CELL_M).floor() as i64))
+fn around([level, x, y, z]: Cell) -> Block {
+    let to = |by: i64| [level, x.saturating_add(by), y.saturating_add(by), z.saturating_add(by)];
+    [to(-1), to(1)]
 }

@@ -4,7 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::Leader;
-use crate::cluster::coverage::{Cell, Coverage, cell_of};
+use crate::cluster::coverage::{Cell, Coverage};
 use crate::cluster::server::MAX_AVATARS;
 use crate::protocol::{Area, SharedState, Watch, WorldOp};
 use crate::space::{BodyId, ClientId, Tick};
@@ -33,7 +33,7 @@ impl Watching {
     pub(super) fn new(state_every: u32) -> Self {
         Self {
             every: u64::from(state_every).max(1),
-            coverage: Coverage::default(),
+            coverage: Coverage::of_reports(),
             turned: BTreeMap::new(),
             left: BTreeSet::new(),
             seen: BTreeMap::new(),
@@ -58,7 +58,7 @@ impl Watching {
     pub(super) fn see(&mut self, avatar: &SharedState) {
         // Others than these are made up.
         if (avatar.id.index() as usize) < MAX_AVATARS {
-            self.seen.insert(avatar.id, cell_of(avatar));
+            self.seen.insert(avatar.id, self.coverage.cell_of(avatar));
         }
     }
 
@@ -83,7 +83,7 @@ impl Watching {
             avatars.extend(coverage.follow(id, at).then_some((id, at)));
         }
         let is_all = coverage.is_all();
-        let is_grown = !coverage.take_grown().is_empty();
+        let is_grown = coverage.settle();
         // Who is told of everything is told of what has grown, too.
         if is_all && !was_all || is_grown && !is_all {
             self.reported_at = Tick(now.0.next_multiple_of(self.every));

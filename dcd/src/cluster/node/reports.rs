@@ -5,14 +5,14 @@ use std::collections::BTreeMap;
 
 use super::Node;
 use crate::cluster::Sampling;
-use crate::cluster::coverage::{Cell, Coverage, cell_of};
+use crate::cluster::coverage::Coverage;
 use crate::protocol::{SharedState, Watch, WorldOp};
 use crate::space::BodyId;
 
 /// What clients look at, and what the leader knows of this member's bodies. It lasts as long as a view.
 ///
 /// Wherever somebody looks, the leader has all bodies as the last reports had them, and none that has been gone from there since.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(super) struct Reports {
     coverage: Coverage,
     /// What the leader was told last of each body; nothing of one: it is told of that whatever happens.
@@ -25,6 +25,19 @@ pub(super) struct Reports {
     all_begins: bool,
     /// From what the report of the tick is chosen that is being computed, if there is one.
     asked: Option<Sampling>,
+}
+
+impl Default for Reports {
+    fn default() -> Self {
+        Self {
+            coverage: Coverage::of_reports(),
+            told: BTreeMap::new(),
+            untold: BTreeMap::new(),
+            looks_through: false,
+            all_begins: false,
+            asked: None,
+        }
+    }
 }
 
 impl Reports {
@@ -83,7 +96,7 @@ impl Reports {
             return sampled;
         };
         self.all_begins = false;
-        self.coverage.take_grown();
+        self.coverage.settle();
         let has = |id: &BodyId| sampled.binary_search_by_key(id, |state| state.id).is_ok();
         if sampling == Sampling::All {
             self.looks_through = false;
@@ -110,11 +123,11 @@ impl Reports {
         // One that has been another's since may have been reported by that one.
         let told = self.told.get(&state.id).filter(|told| told.epoch == state.epoch);
         let Some(told) = told else { return true };
-        let is_seen = |cell: Cell| self.coverage.covers(&cell);
+        let is_seen = |state: &SharedState| self.coverage.covers(state.pose.translation);
         let is_watched = self.coverage.is_all() || state.id.client().is_some();
         // One that is awake has moved, or is where it was, though others would think it has moved on.
         let is_new = !state.sleeping || told != state;
-        is_new && (is_watched || is_seen(cell_of(state)) || is_seen(cell_of(told)))
+        is_new && (is_watched || is_seen(state) || is_seen(told))
     }
 }
 
@@ -141,7 +154,6 @@ impl Node {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cluster::coverage::AROUND_M;
     use crate::protocol::{Area, Velocity, WorldPose};
     use crate::sim::Random;
     use crate::space::{ClientId, Epoch, RegionId};
@@ -269,9 +281,7 @@ mod tests {
                     let known = leader.get(&id).map(|state| state.pose.translation);
                     for area in areas.values() {
                         let near = |at: [f64; 3]| {
-                            area.is_none_or(|area| {
-                                Area { radius_m: area.radius_m + AROUND_M, ..area }.covers(at)
-                            })
+                            area.is_none_or(|area| Area { radius_m: area.radius_m + 4.0, ..area }.covers(at))
                         };
                         let is_at = is.pose.translation;
                         let is_right = known == Some(is_at);

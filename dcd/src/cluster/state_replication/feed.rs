@@ -52,7 +52,7 @@ impl Feed {
             clients: BTreeSet::new(),
             changes: BTreeMap::new(),
             interests: BTreeMap::new(),
-            reach: Reach::default(),
+            reach: Reach::new(),
             applied: BTreeMap::new(),
             gone: BTreeSet::new(),
             moved: BTreeSet::new(),

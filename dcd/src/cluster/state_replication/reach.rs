@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::news::Latest;
-use crate::cluster::coverage::{Cell, Coverage, cell_of};
+use crate::cluster::coverage::Coverage;
 use crate::protocol::{Area, SharedState};
 use crate::space::{BodyId, ClientId, Epoch, Tick};
 
@@ -11,17 +11,26 @@ use crate::space::{BodyId, ClientId, Epoch, Tick};
 type Version = (Epoch, Tick);
 
 /// The part of the world of which a relay is told.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(super) struct Reach {
     coverage: Coverage,
     clients: BTreeSet<ClientId>,
     /// Whether it was everything the last time.
     was_all: bool,
     /// Where the relay has each body, and as of when.
-    told: BTreeMap<BodyId, (Cell, Version)>,
+    told: BTreeMap<BodyId, ([f64; 3], Version)>,
 }
 
 impl Reach {
+    pub(super) fn new() -> Self {
+        Self {
+            coverage: Coverage::of_relay(),
+            clients: BTreeSet::new(),
+            was_all: false,
+            told: BTreeMap::new(),
+        }
+    }
+
     /// Notes what a client is interested in.
     pub(super) fn turn(&mut self, client: ClientId, area: Option<Area>) {
         self.clients.insert(client);
@@ -49,24 +58,24 @@ impl Reach {
         let is_all = self.coverage.is_all();
         let begins = is_all && !std::mem::replace(&mut self.was_all, is_all);
         self.was_all = is_all;
-        let grown = self.coverage.take_grown();
         let mut chosen: BTreeSet<BodyId> = match is_all {
             true => moved.collect(),
             false => {
                 moved.filter(|id| latest.get(id).is_some_and(|(state, _)| self.reaches(state))).collect()
             }
         };
-        if begins || !is_all && !grown.is_empty() {
+        if begins || !is_all && self.coverage.has_grown() {
             let comes = |(id, (state, tick)): &(&BodyId, &(SharedState, Tick))| {
                 let told = self.told.get(id);
                 let is_known = told.is_some_and(|(_, version)| *version == (state.epoch, *tick));
-                let is_new = |cell: &Cell| grown.contains(cell);
-                let has_come = || is_new(&cell_of(state)) || told.is_some_and(|(cell, _)| is_new(cell));
+                let is_new = |at| self.coverage.is_new(at);
+                let has_come = || is_new(state.pose.translation) || told.is_some_and(|(at, _)| is_new(*at));
                 !is_known && (begins || has_come())
             };
             chosen.extend(latest.iter().filter(comes).map(|(&id, _)| id));
         }
-        let place = |(state, tick): &(SharedState, Tick)| (cell_of(state), (state.epoch, *tick));
+        self.coverage.settle();
+        let place = |(state, tick): &(SharedState, Tick)| (state.pose.translation, (state.epoch, *tick));
         let places = chosen.iter().filter_map(|id| Some((*id, place(latest.get(id)?))));
         self.told.extend(places);
         chosen
@@ -79,15 +88,15 @@ impl Reach {
 
     fn reaches(&self, state: &SharedState) -> bool {
         let is_own = state.id.client().is_some_and(|client| self.clients.contains(&client));
-        let is_in = |cell: &Cell| self.coverage.covers(cell);
-        is_own || is_in(&cell_of(state)) || self.told.get(&state.id).is_some_and(|(cell, _)| is_in(cell))
+        let is_in = |at| self.coverage.covers(at);
+        is_own || is_in(state.pose.translation) || self.told.get(&state.id).is_some_and(|(at, _)| is_in(*at))
     }
 
     fn follow_avatars(&mut self, latest: &Latest) {
         for client in self.coverage.with_areas().collect::<Vec<_>>() {
             let own = BodyId::avatar(client, 0)..=BodyId::avatar(client, u32::MAX);
             for (_, (state, _)) in latest.range(own) {
-                self.coverage.follow(state.id, cell_of(state));
+                self.coverage.follow(state.id, self.coverage.cell_of(state));
             }
         }
     }
@@ -117,7 +126,7 @@ mod tests {
             let ids: Vec<_> = (0..40).map(BodyId::persistent).chain([avatar]).collect();
             let mut latest: Latest =
                 ids.iter().map(|&id| (id, (state(id, place(&mut random)), Tick(0)))).collect();
-            let (mut reach, mut areas, mut known) = (Reach::default(), BTreeMap::new(), BTreeMap::new());
+            let (mut reach, mut areas, mut known) = (Reach::new(), BTreeMap::new(), BTreeMap::new());
             for tick in 1..=80 {
                 let mut moved = BTreeSet::new();
                 for &id in &ids {
@@ -178,7 +187,7 @@ mod tests {
         let avatars = [(BodyId::avatar(one, 0), [0.0; 3]), (BodyId::avatar(other, 0), [900.0, 0.0, 0.0])];
         let mut latest: Latest =
             places.chain(avatars).map(|(id, at)| (id, (state(id, at), Tick(0)))).collect();
-        let mut reach = Reach::default();
+        let mut reach = Reach::new();
         let mut told = BTreeSet::new();
         for step in 0..200_u32 {
             let at = 0.6 * f64::from(step);

@@ -464,8 +464,8 @@ pub struct Watch {
     pub areas: Vec<(ClientId, Option<Area>)>,
     /// Clients that look no longer, in id order.
     pub gone: Vec<ClientId>,
-    /// Avatars of clients with an area, and the cells that they have come to, in id order.
-    pub avatars: Vec<(BodyId, [i64; 3])>,
+    /// Avatars of clients with an area, and the cells that they have come to (level, and place along each axis), in id order.
+    pub avatars: Vec<(BodyId, [i64; 4])>,
 }
 
 impl WorldOp {

@@ -10,6 +10,9 @@ const MOST_MS: f32 = 1e6;
 const MOST_AWAKE: u32 = 1 << 24;
 const MOST_FOUND: f32 = 1e6;
 
+/// The highest level of cells.
+const MOST_LEVEL: i64 = 30;
+
 /// The most border messages that a member takes in in one tick: of a thousand others in 64 rounds.
 const MOST_HEARD: usize = 1 << 16;
 
@@ -140,6 +143,8 @@ impl Check for Watch {
         ascending(&self.areas, |(client, _)| *client, "watch.areas")?;
         ascending(&self.gone, |client| *client, "watch.gone")?;
         ascending(&self.avatars, |(avatar, _)| *avatar, "watch.avatars")?;
+        let is_level = |(_, [level, ..]): &(_, [i64; 4])| (0..=MOST_LEVEL).contains(level);
+        must(self.avatars.iter().all(is_level), "watch.avatars", "in cells of a level from 0 to 30")?;
         self.areas.iter().filter_map(|(_, area)| area.as_ref()).try_for_each(Check::check)
     }
 }

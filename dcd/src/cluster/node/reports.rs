@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use super::Node;
 use crate::cluster::Sampling;
 use crate::cluster::coverage::Coverage;
-use crate::protocol::{SharedState, Watch, WorldOp};
+use crate::protocol::{SharedState, Verified, Watch, WorldOp};
 use crate::space::BodyId;
 
 /// What clients look at, and what the leader knows of this member's bodies. It lasts as long as a view.
@@ -88,8 +88,8 @@ impl Reports {
         sampling
     }
 
-    /// Returns what the leader is told of the bodies of a sample, with which the tick ends.
-    fn choose(&mut self, sampled: Vec<SharedState>) -> Vec<SharedState> {
+    /// Returns what the leader is told of the bodies of a sample, with which the tick ends: of all, if it is so `throughout` the view.
+    fn choose(&mut self, sampled: Vec<SharedState>, throughout: bool) -> Vec<SharedState> {
         let Some(sampling) = self.asked.take() else {
             // Everything, as with the first tick of a view, or nothing.
             self.told.extend(sampled.iter().map(|state| (state.id, *state)));
@@ -97,6 +97,10 @@ impl Reports {
         };
         self.all_begins = false;
         self.coverage.settle();
+        if throughout {
+            self.looks_through &= sampling != Sampling::All;
+            return sampled;
+        }
         let has = |id: &BodyId| sampled.binary_search_by_key(id, |state| state.id).is_ok();
         if sampling == Sampling::All {
             self.looks_through = false;
@@ -145,9 +149,11 @@ impl Node {
         }
     }
 
-    /// Returns what the leader is told of the bodies of a sample.
+    /// Returns what the leader is told of the bodies of a sample. Who is verified is so by what it reports: whoever looks, that is everything.
     pub(super) fn reported(&mut self, sampled: Vec<SharedState>) -> Vec<SharedState> {
-        self.reports.choose(sampled)
+        let is_me = |verified: &Verified| verified.node == self.config.id;
+        let is_verified = self.witness.verified().is_some_and(|nodes| nodes.iter().any(is_me));
+        self.reports.choose(sampled, is_verified)
     }
 }
 
@@ -181,7 +187,7 @@ mod tests {
                 sampling == Sampling::All || !state.sleeping || before.contains(&state.id)
             };
             let sampled = self.owned.values().filter(is_sampled).copied().collect();
-            self.reports.choose(sampled)
+            self.reports.choose(sampled, false)
         }
     }
 
@@ -204,7 +210,7 @@ mod tests {
             // With the first tick of a view all is reported.
             for device in &mut devices {
                 let all = device.owned.values().copied().collect();
-                leader.extend(device.reports.choose(all).into_iter().map(|state| (state.id, state)));
+                leader.extend(device.reports.choose(all, false).into_iter().map(|state| (state.id, state)));
             }
             for round in 1..60 {
                 // A body of one is the other's from now on, or is gone and made anew.

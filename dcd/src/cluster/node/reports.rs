@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use super::Node;
 use crate::cluster::Sampling;
 use crate::cluster::coverage::Coverage;
-use crate::protocol::{SharedState, Verified, Watch, WorldOp};
+use crate::protocol::{SharedState, Watch, WorldOp};
 use crate::space::BodyId;
 
 /// What clients look at, and what the leader knows of this member's bodies. It lasts as long as a view.
@@ -149,10 +149,9 @@ impl Node {
         }
     }
 
-    /// Returns what the leader is told of the bodies of a sample. Who is verified is so by what it reports: whoever looks, that is everything.
+    /// Returns what the leader is told of the bodies of a sample. Participants that may be verified are so by what they report: whoever looks, that is everything.
     pub(super) fn reported(&mut self, sampled: Vec<SharedState>) -> Vec<SharedState> {
-        let is_me = |verified: &Verified| verified.node == self.config.id;
-        let is_verified = self.witness.verified().is_some_and(|nodes| nodes.iter().any(is_me));
+        let is_verified = self.config.client.is_some() && self.witness.verified().is_some();
         self.reports.choose(sampled, is_verified)
     }
 }

@@ -11,7 +11,7 @@ const CELL_M: f64 = 8.0;
 /// An area is covered by cells of a level at which it is so many of them across at most.
 const ACROSS: f64 = 8.0;
 
-/// How far beyond an area bodies count for a relay, metres: a client that comes from another teller is told of what may just have left its area.
+/// The distance beyond an area within which bodies count for a relay, metres: a client that comes from another teller is told of what may just have left its area.
 pub(in crate::cluster) const AROUND_M: f64 = 32.0;
 
 /// The same for what members report: what comes in between two reports is told some metres before.
@@ -21,7 +21,7 @@ const REPORTED_AROUND_M: f64 = 4.0;
 const RELAYED_AVATARS: i64 = 2;
 const REPORTED_AVATARS: i64 = 1;
 
-/// Who has a larger area looks at everything.
+/// The largest radius of an area, metres: who has a larger one looks at everything.
 const MOST_M: f64 = 1_000.0;
 
 /// The most cells of all together: beyond, who comes looks at everything.
@@ -33,7 +33,7 @@ pub(crate) type Cell = [i64; 4];
 /// Cells of one level from one corner to the opposite one.
 type Block = [Cell; 2];
 
-/// What clients look at.
+/// Holds what clients look at.
 #[derive(Clone, Debug)]
 pub(in crate::cluster) struct Coverage {
     around_m: f64,
@@ -126,6 +126,11 @@ impl Coverage {
         if let Some(at) = self.avatars.remove(&id) {
             cells_of(around(at)).for_each(|cell| self.uncover(cell));
         }
+    }
+
+    /// Returns whether a client looks at anything.
+    pub(in crate::cluster) fn knows(&self, client: ClientId) -> bool {
+        self.all.contains(&client) || self.areas.contains_key(&client)
     }
 
     /// Returns the clients that have an area.

@@ -12,25 +12,12 @@ use serde_json::Value;
 
 use crate::process::{LIMIT, Process, dcd};
 
-/// Compiles the demo's C program against the library that cargo built with this test. The demo itself would have it built as `cargo demo`
-/// does, with other features of all crates, which takes minutes.
-fn join_program(folder: &Path) -> PathBuf {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
-    let library = std::env::current_exe().unwrap().with_file_name("libdcd_ffi.a");
-    let program = folder.join("join");
-    let mut compiler = Command::new(std::env::var_os("CC").unwrap_or_else(|| "cc".into()));
-    compiler.args(["-std=c11", "-O2", "-I"]).arg(root.join("include")).arg(root.join("examples-c/join.c"));
-    compiler.arg(library).args(["-lgcc_s", "-lutil", "-lrt", "-lpthread", "-lm", "-ldl", "-lc", "-o"]);
-    assert!(compiler.arg(&program).status().unwrap().success());
-    program
-}
-
 #[test]
 fn the_demo_shows_the_whole_chain_with_a_c_program() {
-    let folder = tempfile::tempdir().unwrap();
-    let program = join_program(folder.path());
-    let mut demo = dcd(&["demo", "--json", "--seconds", "6", "--kill", "--kill-server", "--client-program"]);
-    let ended = Process::start(demo.arg(program)).end_within(4 * LIMIT);
+    // The library that cargo built with this test. The demo itself would have it built with other features of all crates, which takes minutes.
+    let library = std::env::current_exe().unwrap().with_file_name("libdcd_ffi.a");
+    let mut demo = dcd(&["demo", "--json", "--seconds", "6", "--kill", "--kill-server", "--c-library"]);
+    let ended = Process::start(demo.arg(library)).end_within(4 * LIMIT);
     assert_eq!(ended.code(), Some(0), "{ended:?}");
     let result = ended.json();
     let keys: BTreeSet<_> = result.as_object().unwrap().keys().map(String::as_str).collect();

@@ -62,6 +62,9 @@ pub(super) struct Demo {
     /// Run this program instead of examples-c/join.c
     #[arg(long, value_name = "PATH", hide = true)]
     client_program: Option<PathBuf>,
+    /// Link this C library instead of one that is built for the demo
+    #[arg(long, value_name = "PATH", hide = true)]
+    c_library: Option<PathBuf>,
 }
 
 impl Demo {
@@ -79,7 +82,7 @@ impl Demo {
         })?;
         let program = match &self.client_program {
             Some(program) => program.clone(),
-            None => program::build(&workspace?, folder.path(), common, interrupt)?,
+            None => program::build(&workspace?, folder.path(), self.c_library.as_deref(), common, interrupt)?,
         };
         let show = Show {
             common,

@@ -36,13 +36,30 @@ pub(super) fn workspace() -> Result<PathBuf, Failure> {
     })
 }
 
-/// Builds the C library in the profile that this binary was built in, and the program against it.
+/// Builds the C library, unless there is one, and the program against it.
 pub(super) fn build(
     workspace: &Path,
     folder: &Path,
+    library: Option<&Path>,
     common: &Common,
     interrupt: Interrupt,
 ) -> Result<PathBuf, Failure> {
+    let library = match library {
+        Some(library) => library.to_owned(),
+        None => build_library(workspace, common, interrupt)?,
+    };
+    let program = folder.join(format!("join{}", std::env::consts::EXE_SUFFIX));
+    let compiler = std::env::var_os("CC").unwrap_or_else(|| "cc".into());
+    common.say(&format!("compiling {SOURCE} with {}", compiler.display()));
+    let mut compiling = Command::new(compiler);
+    compiling.args(["-std=c11", "-O2", "-I"]).arg(workspace.join("include")).arg(workspace.join(SOURCE));
+    compiling.arg(library).args(SYSTEM_LIBRARIES).arg("-o").arg(&program);
+    Process::start("the C compiler", &mut compiling, !common.is_quiet())?.succeed(BUILD, interrupt)?;
+    Ok(program)
+}
+
+/// Builds the C library in the profile that this binary was built in.
+fn build_library(workspace: &Path, common: &Common, interrupt: Interrupt) -> Result<PathBuf, Failure> {
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let mut building = Command::new(cargo);
     building.current_dir(workspace);
@@ -66,18 +83,9 @@ pub(super) fn build(
     }
     common.say("building the C library: cargo build --package dcd-ffi --package dcd");
     let said = Process::start("cargo build", &mut building, !common.is_quiet())?.succeed(BUILD, interrupt)?;
-    let library = said.iter().rev().find_map(|line| static_library(line)).ok_or_else(|| {
+    said.iter().rev().find_map(|line| static_library(line)).ok_or_else(|| {
         Failure::run("cargo built no static library of dcd-ffi; check its crate-type in dcd-ffi/Cargo.toml")
-    })?;
-
-    let program = folder.join(format!("join{}", std::env::consts::EXE_SUFFIX));
-    let compiler = std::env::var_os("CC").unwrap_or_else(|| "cc".into());
-    common.say(&format!("compiling {SOURCE} with {}", compiler.display()));
-    let mut compiling = Command::new(compiler);
-    compiling.args(["-std=c11", "-O2", "-I"]).arg(workspace.join("include")).arg(workspace.join(SOURCE));
-    compiling.arg(library).args(SYSTEM_LIBRARIES).arg("-o").arg(&program);
-    Process::start("the C compiler", &mut compiling, !common.is_quiet())?.succeed(BUILD, interrupt)?;
-    Ok(program)
+    })
 }
 
 /// Returns cargo's target folder, if this binary lies in one.

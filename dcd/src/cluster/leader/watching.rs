@@ -12,14 +12,14 @@ use crate::space::{BodyId, ClientId, Tick};
 /// The most avatars that members are told of with a tick; the others follow.
 const AVATARS_AT_ONCE: usize = 4_096;
 
-/// What clients look at. It lasts as long as the view.
+/// Holds what clients look at. It lasts as long as the view.
 #[derive(Clone, Debug)]
 pub(super) struct Watching {
     /// The ticks from one report to the next.
     every: u64,
     /// As members have been told.
     coverage: Coverage,
-    /// What they have not been told yet. However often a client turns, it does so once per tick.
+    /// The news for them. However often a client turns, it does so once per tick.
     turned: BTreeMap<ClientId, Option<Area>>,
     left: BTreeSet<ClientId>,
     seen: BTreeMap<BodyId, Cell>,
@@ -141,9 +141,10 @@ impl Leader {
 
     /// Returns what members are to be told of the tick that begins. While there are other groups, which are told of everything, all is looked at.
     pub(super) fn next_watch(&mut self) -> Option<WorldOp> {
-        match self.inter_group.is_some() {
-            true => _ = self.watching.turned.insert(ClientId::NOBODY, None),
-            false => self.watching.leave(ClientId::NOBODY),
+        if self.inter_group.is_some() {
+            self.watching.turned.insert(ClientId::NOBODY, None);
+        } else if self.watching.coverage.knows(ClientId::NOBODY) {
+            self.watching.left.insert(ClientId::NOBODY);
         }
         let with_areas = self.watching.turned.iter().filter(|(_, area)| area.is_some());
         for client in with_areas.map(|(&client, _)| client).collect::<Vec<_>>() {

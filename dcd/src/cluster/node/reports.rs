@@ -9,7 +9,7 @@ use crate::cluster::coverage::Coverage;
 use crate::protocol::{SharedState, Watch, WorldOp};
 use crate::space::BodyId;
 
-/// What clients look at, and what the leader knows of this member's bodies. It lasts as long as a view.
+/// Holds what clients look at, and what the leader knows of this member's bodies. It lasts as long as a view.
 ///
 /// Wherever somebody looks, the leader has all bodies as the last reports had them, and none that has been gone from there since.
 #[derive(Clone, Debug)]
@@ -88,7 +88,7 @@ impl Reports {
         sampling
     }
 
-    /// Returns what the leader is told of the bodies of a sample, with which the tick ends: of all, if it is so `throughout` the view.
+    /// Returns what the leader is told of the bodies of a sample, with which the tick ends: everything, if it is so `throughout` the view.
     fn choose(&mut self, sampled: Vec<SharedState>, throughout: bool) -> Vec<SharedState> {
         let Some(sampling) = self.asked.take() else {
             // Everything, as with the first tick of a view, or nothing.
@@ -97,8 +97,11 @@ impl Reports {
         };
         self.all_begins = false;
         self.coverage.settle();
-        if throughout {
+        if throughout || self.coverage.is_all() {
             self.looks_through &= sampling != Sampling::All;
+            // The leader has all as it is, and it need not be known how that is.
+            self.told.clear();
+            self.untold.clear();
             return sampled;
         }
         let has = |id: &BodyId| sampled.binary_search_by_key(id, |state| state.id).is_ok();
@@ -149,7 +152,7 @@ impl Node {
         }
     }
 
-    /// Returns what the leader is told of the bodies of a sample. Participants that may be verified are so by what they report: whoever looks, that is everything.
+    /// Returns what the leader is told of the bodies of a sample. Participants are verified by what they report: whoever looks, that is everything.
     pub(super) fn reported(&mut self, sampled: Vec<SharedState>) -> Vec<SharedState> {
         let is_verified = self.config.client.is_some() && self.witness.verified().is_some();
         self.reports.choose(sampled, is_verified)

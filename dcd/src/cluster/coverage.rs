@@ -145,7 +145,9 @@ impl Coverage {
 
     /// Returns whether a place is near a client's area, or an avatar.
     pub(in crate::cluster) fn covers(&self, at: [f64; 3]) -> bool {
-        self.levels.keys().any(|&level| self.cells.contains_key(&cell_at(level, at)))
+        let [_, x, y, z] = cell_at(0, at);
+        // A cell is halves of one of the next level.
+        self.levels.keys().any(|&level| self.cells.contains_key(&[level, x >> level, y >> level, z >> level]))
     }
 
     /// Returns whether more is covered than when it was settled last.
@@ -155,7 +157,8 @@ impl Coverage {
 
     /// Returns whether a place may be in what has grown.
     pub(in crate::cluster) fn is_new(&self, at: [f64; 3]) -> bool {
-        self.levels.keys().any(|&level| self.grown.contains(&cell_at(level, at)))
+        let [_, x, y, z] = cell_at(0, at);
+        self.levels.keys().any(|&level| self.grown.contains(&[level, x >> level, y >> level, z >> level]))
     }
 
     /// Takes what is covered for known, and returns whether it has grown since this was called last.

@@ -1,7 +1,9 @@
 //! Defines the events of the network that a role's loop reads.
 
 use std::net::SocketAddr;
-use std::sync::{Arc, Mutex, OnceLock, PoisonError, mpsc};
+#[cfg(feature = "physics")]
+use std::sync::Weak;
+use std::sync::{Arc, Mutex, PoisonError, mpsc};
 use std::time::Duration;
 
 use quinn::{ApplicationClose, VarInt};
@@ -117,61 +119,68 @@ impl From<CloseCode> for VarInt {
 /// held back (frames) or newer datagrams are dropped, while others go on.
 pub struct NetEvents {
     held: mpsc::Receiver<HeldEvent>,
+    /// Ends with the network, so that readers see the end.
     #[cfg(feature = "physics")]
-    tap: Arc<Tap>,
+    way: Weak<Mutex<Way>>,
 }
 
-/// Looks at each event before it is passed on, and returns whether it takes it: then nobody else hears of it. The network's thread waits for it.
-type Tap = OnceLock<Mutex<Box<dyn FnMut(&NetEvent) -> bool + Send>>>;
+/// The way that events go.
+enum Way {
+    /// To [`NetEvents`].
+    Channel(mpsc::Sender<HeldEvent>),
+    /// To somebody who takes each as it comes, for which the network's thread waits; it returns whether it takes any more.
+    #[cfg(feature = "physics")]
+    Sink(Box<dyn FnMut(HeldEvent) -> bool + Send>),
+}
 
 /// The sending end of the events.
 #[derive(Clone)]
 pub(super) struct EventSender {
-    held: mpsc::Sender<HeldEvent>,
-    tap: Arc<Tap>,
+    way: Arc<Mutex<Way>>,
 }
 
+/// The error of an event that nobody reads any more.
+pub(super) struct Unread;
+
 impl EventSender {
-    /// Passes an event on, unless it is taken on the way. An error says that nobody reads any more.
-    pub(super) fn send(&self, event: HeldEvent) -> Result<(), mpsc::SendError<HeldEvent>> {
-        if let Some(tap) = self.tap.get()
-            && (tap.lock().unwrap_or_else(PoisonError::into_inner))(&event.event)
-        {
-            return Ok(());
+    /// Passes an event on.
+    pub(super) fn send(&self, event: HeldEvent) -> Result<(), Unread> {
+        match &mut *self.way.lock().unwrap_or_else(PoisonError::into_inner) {
+            Way::Channel(held) => held.send(event).map_err(|_| Unread),
+            #[cfg(feature = "physics")]
+            Way::Sink(take) => take(event).then_some(()).ok_or(Unread),
         }
-        self.held.send(event)
     }
 }
 
 impl NetEvents {
     pub(super) fn channel() -> (EventSender, Self) {
         let (sender, held) = mpsc::channel();
-        let sender = EventSender { held: sender, tap: Arc::default() };
-        #[cfg(feature = "physics")]
-        let tap = sender.tap.clone();
+        let way = Arc::new(Mutex::new(Way::Channel(sender)));
         let receiver = Self {
             held,
             #[cfg(feature = "physics")]
-            tap,
+            way: Arc::downgrade(&way),
         };
-        (sender, receiver)
+        (EventSender { way }, receiver)
     }
 
-    /// Has each event from now on looked at by the network's thread before it comes here; may be called once.
+    /// Has the network's thread pass each event from now on to `take`, after those that came before. It takes up its peer's share until it is taken out;
+    /// `take` returns whether it takes any more.
     #[cfg(feature = "physics")]
-    pub(crate) fn look_first(&self, tap: impl FnMut(&NetEvent) -> bool + Send + 'static) {
-        let _ = self.tap.set(Mutex::new(Box::new(tap)));
+    pub(crate) fn pass_to(self, mut take: impl FnMut(HeldEvent) -> bool + Send + 'static) {
+        let way = self.way.upgrade();
+        let mut way = way.as_ref().map(|way| way.lock().unwrap_or_else(PoisonError::into_inner));
+        if self.held.try_iter().all(&mut take)
+            && let Some(way) = &mut way
+        {
+            **way = Way::Sink(Box::new(take));
+        }
     }
 
     /// Waits for the next event. An error says that the network is shut down and all is read.
     pub fn recv(&self) -> Result<NetEvent, mpsc::RecvError> {
         self.held.recv().map(HeldEvent::into_event)
-    }
-
-    /// Waits for the next event, which takes up its peer's share until it is taken out.
-    #[cfg(feature = "physics")]
-    pub(crate) fn recv_held(&self) -> Result<HeldEvent, mpsc::RecvError> {
-        self.held.recv()
     }
 
     /// Waits for the next event, no longer than `timeout`.
@@ -201,6 +210,12 @@ impl HeldEvent {
     pub(crate) fn into_event(self) -> NetEvent {
         drop(self.share);
         self.event
+    }
+
+    /// Looks at the event.
+    #[cfg(feature = "physics")]
+    pub(crate) fn event(&self) -> &NetEvent {
+        &self.event
     }
 
     /// Returns whether it is the end of a connection.

@@ -542,11 +542,12 @@ impl Sampler {
             return BTreeSet::new();
         }
         let awake = host.awake_bodies();
-        let before = std::mem::replace(&mut self.awake, awake.clone());
-        match sampling {
+        let sampled = match sampling {
             Sampling::All => host.owned_bodies().map(|(id, ..)| id).collect(),
-            _ => awake.union(&before).copied().collect(),
-        }
+            _ => awake.union(&self.awake).copied().collect(),
+        };
+        self.awake = awake;
+        sampled
     }
 }
 

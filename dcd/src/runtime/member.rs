@@ -9,7 +9,6 @@ use std::collections::VecDeque;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
-use std::sync::mpsc::{self, SyncSender};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -20,20 +19,18 @@ use super::acknowledgements::Acknowledgements;
 use super::bandwidth::Received;
 use super::ending::{GIVE_UP, Reason};
 use super::fan_out::{FanOut, Told};
+use super::inbox::{InboxSender, inbox};
 use super::links::Links;
 use super::log::LogSpan;
 use super::metrics::{NodeGauge, NodeMetrics};
 use super::{Connections, PhysicsDevice, ProcessError, Pulse};
 use crate::cluster::{Client, ClientEvent, Node, NodeConfig, Peer, PhysicsEvent, TickStats};
 use crate::metrics::Endpoint;
-use crate::net::{HeldEvent, Identity, Limits, Net, NetConfig, NetEvents, PeerStats};
+use crate::net::{HeldEvent, Identity, Limits, Net, NetConfig, PeerStats};
 use crate::physics::RegionHost;
 use crate::protocol::{Area, Refusal};
 use crate::recording::{Background, Recorder};
 use crate::space::{BodyId, NodeId, Tick};
-
-/// Events that may wait for the loop; beyond that the network holds its peers back.
-const QUEUE: usize = 4_096;
 
 /// A client whose server may be taken over misses it after this long: about when another one is there.
 const MISSED: Duration = Duration::from_secs(2);
@@ -130,7 +127,7 @@ pub struct NodeSummary {
 /// A running node, client or participant.
 pub struct Member {
     pub(super) shared: Arc<Shared>,
-    inbox: SyncSender<Input>,
+    inbox: InboxSender<Input>,
     thread: Option<JoinHandle<()>>,
     /// Who the process is.
     pub who: crate::net::PeerName,
@@ -254,10 +251,9 @@ impl Member {
         };
         let shared =
             Arc::new(Shared { start: Instant::now(), state: Mutex::new(state), changed: Condvar::new() });
-        let (inbox, inputs) = mpsc::sync_channel(QUEUE);
+        let (inbox, inputs) = inbox();
         let waker = inbox.clone();
-        // A loop whose inbox is full is awake.
-        let connections = Connections::new(who, move || drop(waker.try_send(Input::Wake)));
+        let connections = Connections::new(who, move || waker.wake(Input::Wake));
         let mut links = Links::new(net, connections.clone());
         links.dial(Peer::Server, &servers);
         let told: Arc<Mutex<Vec<Told>>> = Arc::default();
@@ -267,12 +263,17 @@ impl Member {
         };
         let mut acknowledgements =
             fan_out.as_ref().map(|fan_out| Acknowledgements::new(fan_out.ear(), links.received_beside()));
+        let to = inbox.clone();
         // Of who is linked already, which takes more time than has passed, the loop hears itself.
-        events.look_first(move |event| acknowledgements.as_mut().is_some_and(|of| of.take(event)));
-        forward(events, inbox.clone())?;
+        events.pass_to(move |held| {
+            let is_taken = acknowledgements.as_mut().is_some_and(|of| of.take(held.event()));
+            is_taken || to.tell(Input::Net(held))
+        });
         let verifier = inbox.clone();
         // A loop that has ended does not listen.
-        let tell = move |event| drop(verifier.send(Input::Verified(event)));
+        let tell = move |event| {
+            verifier.tell(Input::Verified(event));
+        };
         let device = PhysicsDevice::new(config.threads).with_twins_apart(tell);
         let mut running =
             Loop::new(servers, config.give_up, links, node, device, shared.clone(), connections.clone());
@@ -376,7 +377,7 @@ impl Member {
     }
 
     pub(super) fn submit(&self, event: ClientEvent) -> Result<(), ProcessError> {
-        self.inbox.send(Input::Client(event)).map_err(|_| ProcessError::Stopped)
+        self.inbox.send(Input::Client(event))
     }
 
     fn join(&mut self) {
@@ -398,12 +399,12 @@ impl Drop for Member {
 /// Starts to tell clients. What goes another way than by a datagram waits in `told` until the loop turns: one whose inbox is full does that anyway.
 fn fan_out(
     links: &Links,
-    inbox: SyncSender<Input>,
+    inbox: InboxSender<Input>,
     told: Arc<Mutex<Vec<Told>>>,
 ) -> Result<FanOut, ProcessError> {
     let tell = move |one| {
         told.lock().unwrap_or_else(PoisonError::into_inner).push(one);
-        let _ = inbox.try_send(Input::Wake);
+        inbox.wake(Input::Wake);
     };
     FanOut::start(links.outlet(), tell).map_err(ProcessError::Thread)
 }
@@ -443,29 +444,6 @@ fn reachable(bound: SocketAddr, servers: &[SocketAddr]) -> SocketAddr {
         socket.local_addr()
     });
     towards.map_or(bound, |local| SocketAddr::new(local.ip(), bound.port()))
-}
-
-/// Forwards network events into the loop's inbox, so that they and the user's inputs come through one channel. Each takes up its peer's share
-/// until the loop reads it, so that what waits of one peer stays bounded, and holds back that peer alone.
-pub(super) fn forward<T: From<HeldEvent> + Send + 'static>(
-    events: NetEvents,
-    inbox: SyncSender<T>,
-) -> Result<(), ProcessError> {
-    let pump = move || {
-        while let Ok(held) = events.recv_held() {
-            if inbox.send(held.into()).is_err() {
-                return;
-            }
-        }
-    };
-    std::thread::Builder::new().name("dcd-events".into()).spawn(pump).map_err(ProcessError::Thread)?;
-    Ok(())
-}
-
-impl From<HeldEvent> for Input {
-    fn from(held: HeldEvent) -> Self {
-        Self::Net(held)
-    }
 }
 
 #[cfg(test)]
@@ -517,8 +495,8 @@ mod tests {
         let crate::net::NetEvent::Connected { peer: to, .. } = own.recv_timeout(patience).unwrap() else {
             panic!("it is linked")
         };
-        let (inbox, inputs) = std::sync::mpsc::sync_channel::<Input>(4_096);
-        forward(events, inbox).unwrap();
+        let (inbox, inputs) = inbox();
+        events.pass_to(move |held| inbox.tell(Input::Net(held)));
         let (begun, mut said) = (Instant::now(), 0);
         let say = |said: &mut usize| {
             while *said < FRAMES && peer.send(to, crate::net::Lane::Object, [7; 64 << 10]).is_ok() {

@@ -25,6 +25,8 @@ mod error;
 #[cfg(feature = "net")]
 mod fan_out;
 mod hooks;
+#[cfg(feature = "net")]
+mod inbox;
 mod joint_strength;
 mod joint_watch;
 #[cfg(feature = "net")]

@@ -19,8 +19,8 @@ use super::config::check_viewpoints;
 use super::directory::{self, GoesOn, Opened};
 use super::end_request::EndRequests;
 use super::ending::{Cause, Reason};
+use super::inbox::{Inbox, InboxSender, inbox};
 use super::links::Links;
-use super::member::forward;
 use super::metrics::ServerMetrics;
 use super::origin::{Beginning, world_of};
 use super::saved::{local_of, saved_of};
@@ -36,9 +36,6 @@ use crate::physics::{ShapeLibrary, can_build};
 use crate::protocol::{BuildOp, EnvironmentProperties, Query, QueryResult, View, WorldEvents};
 use crate::recording::{Background, RecordedServer, Recorder};
 use crate::space::{DistributionTree, NodeId, Tick, Viewpoint};
-
-/// Events that may wait for the loop; beyond that the network holds its peers back.
-const QUEUE: usize = 4_096;
 
 /// How long nodes may take to say what they own, for a save: one that hangs is given up within seconds.
 const SAVING: Duration = Duration::from_secs(30);
@@ -81,7 +78,7 @@ pub struct ServerSummary {
 
 /// A running server.
 pub struct ServerProcess {
-    inbox: SyncSender<Input>,
+    inbox: InboxSender<Input>,
     shared: Arc<Shared>,
     /// The loop's; others only read it.
     server: Arc<Mutex<RecordedServer>>,
@@ -158,12 +155,6 @@ enum Input {
     Wake,
 }
 
-impl From<HeldEvent> for Input {
-    fn from(held: HeldEvent) -> Self {
-        Self::Net(held)
-    }
-}
-
 impl Shared {
     fn lock(&self) -> MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
@@ -206,11 +197,11 @@ impl ServerProcess {
         };
         let (net, events) = Net::start(net)?;
         let address = net.local_addr();
-        let (inbox, inputs) = mpsc::sync_channel(QUEUE);
-        forward(events, inbox.clone())?;
+        let (inbox, inputs) = inbox();
+        let to = inbox.clone();
+        events.pass_to(move |held| to.tell(Input::Net(held)));
         let waker = inbox.clone();
-        // A loop whose inbox is full is awake.
-        let connections = Connections::new(PeerName::Server, move || drop(waker.try_send(Input::Wake)));
+        let connections = Connections::new(PeerName::Server, move || waker.wake(Input::Wake));
         let shared = Arc::new(Shared { state: Mutex::default(), changed: Condvar::new() });
         let properties = Box::new(environment.clone());
         shared.lock().summary.regions = properties.tree.leaf_count();
@@ -535,7 +526,7 @@ fn record_to(path: &Path, config: &ServerConfig, origin: &ServerOrigin) -> Resul
 }
 
 /// Runs the loop on a thread of its own. A bug in it ends the server, and not the process.
-fn spawn(running: Loop, inputs: mpsc::Receiver<Input>) -> Result<JoinHandle<()>, ProcessError> {
+fn spawn(running: Loop, inputs: Inbox<Input>) -> Result<JoinHandle<()>, ProcessError> {
     let run = move || {
         let (shared, connections) = (running.shared.clone(), running.connections.clone());
         let (metrics, authority) = (running.metrics.clone(), running.authority.clone());

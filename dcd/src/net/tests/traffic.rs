@@ -217,24 +217,24 @@ fn the_traffic_of_many_links_is_counted_by_the_networks_thread() {
 
 #[cfg(feature = "physics")]
 #[test]
-fn what_is_taken_on_the_way_is_taken_by_the_networks_thread_and_nobody_else_hears_of_it() {
+fn events_are_passed_on_by_the_networks_thread_after_those_that_came_before() {
     let server = Server::start();
     let node = server.process(JoinRole::Node);
-    let (tell, takes) = std::sync::mpsc::channel();
-    server.process.events.look_first(move |event| {
-        let name = std::thread::current().name().map(str::to_owned);
-        match event {
-            NetEvent::Frame { bytes, .. } if bytes[0] == 1 => tell.send((bytes.clone(), name)).is_ok(),
-            _ => false,
-        }
-    });
     let (here, _) = node.connect_to(&server.process);
-    for kind in [1, 2, 1, 3] {
+    let Process { net: _net, events } = server.process;
+    node.net.send(here, Lane::Object, [0]).unwrap();
+    let (tell, tells) = std::sync::mpsc::channel();
+    events.pass_to(move |held| {
+        let name = std::thread::current().name().map(str::to_owned);
+        let NetEvent::Frame { bytes, .. } = held.into_event() else { return false };
+        tell.send((bytes, name)).is_ok()
+    });
+    for kind in [1, 2] {
         node.net.send(here, Lane::Object, [kind]).unwrap();
     }
-    assert_eq!([server.process.frame().1, server.process.frame().1], [[2], [3]]);
-    let taken: Vec<_> = takes.try_iter().collect();
-    assert_eq!(taken, vec![(vec![1], Some("dcd-net".to_owned())); 2]);
+    let passed = [(); 3].map(|()| tells.recv_timeout(PATIENCE).unwrap());
+    assert_eq!(passed.each_ref().map(|(bytes, _)| bytes[0]), [0, 1, 2]);
+    assert_eq!(passed[2].1.as_deref(), Some("dcd-net"));
 }
 
 #[test]

@@ -3,7 +3,7 @@
 
 use std::collections::VecDeque;
 use std::net::SocketAddr;
-use std::sync::mpsc::{self, RecvTimeoutError};
+use std::sync::mpsc::RecvTimeoutError;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -11,7 +11,7 @@ use tracing::{debug, info, warn};
 
 use super::absence::Absence;
 use super::recorded_node::RecordedNode;
-use super::{Input, Onlooker, Presence, QUEUE, Shared};
+use super::{Input, Onlooker, Presence, Shared};
 use crate::cluster::{
     Client, ClientEvent, ClientOutput, NodeEvent, NodeOutput, Peer, PhysicsCommand, PhysicsEvent, WORLD_ENDED,
 };
@@ -20,6 +20,7 @@ use crate::protocol::{Farewell, Message, ToClient};
 use crate::recording::tick_of;
 use crate::runtime::ending::{Cause, Ending, Reason};
 use crate::runtime::fan_out::{FanOut, Told};
+use crate::runtime::inbox::{INPUTS, Inbox};
 use crate::runtime::links::{LinkEvent, Links};
 use crate::runtime::log::LogSpan;
 use crate::runtime::metrics::NodeGauge;
@@ -116,7 +117,7 @@ impl Loop {
     }
 
     /// Runs until the process has left, its world has ended, or something went wrong.
-    pub(super) fn run(&mut self, inputs: &mpsc::Receiver<Input>, mut log: LogSpan) {
+    pub(super) fn run(&mut self, inputs: &Inbox<Input>, mut log: LogSpan) {
         while self.end.is_none() {
             let (view, tick) = self.reached();
             let _log = log.enter(view, tick);
@@ -136,7 +137,7 @@ impl Loop {
                 Err(RecvTimeoutError::Disconnected) => break,
             }
             if has_more {
-                inputs.try_iter().take(QUEUE).for_each(|input| self.take(input));
+                inputs.try_iter().take(INPUTS).for_each(|input| self.take(input));
             }
             let now = self.start.elapsed();
             if let Some(node) = &mut self.node {

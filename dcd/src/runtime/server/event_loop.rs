@@ -1,7 +1,7 @@
 //! Runs the loop of a server: feeds events of the network and wishes of its program to the state machine, and carries out its outputs.
 
 use std::path::PathBuf;
-use std::sync::mpsc::{self, RecvTimeoutError, SyncSender};
+use std::sync::mpsc::{RecvTimeoutError, SyncSender};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -17,6 +17,7 @@ use crate::recording::RecordedServer;
 use crate::runtime::directory::FolderLock;
 use crate::runtime::end_request::EndRequests;
 use crate::runtime::ending::{Cause, Reason};
+use crate::runtime::inbox::Inbox;
 use crate::runtime::links::{LinkEvent, Links};
 use crate::runtime::log::LogSpan;
 use crate::runtime::metrics::ServerMetrics;
@@ -86,7 +87,7 @@ impl Drain {
 }
 
 impl Loop {
-    pub(super) fn run(mut self, inputs: &mpsc::Receiver<Input>) {
+    pub(super) fn run(mut self, inputs: &Inbox<Input>) {
         let mut log = LogSpan::new(PeerName::Server);
         while !self.over {
             let due = self.server().poll_timeout().map(|due| due.saturating_sub(self.start.elapsed()));

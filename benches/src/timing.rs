@@ -18,18 +18,28 @@ pub(crate) fn cpu_ms() -> f64 {
 
 /// Steps a world through the warm-up and then so many timed ticks: the median, milliseconds a step.
 pub(crate) fn median_ms(subject: &mut Subject, ticks: usize) -> Result<f64, Box<dyn Error>> {
-    let steps = subject.at_home(|subject| {
+    median_of(&steps(subject, ticks)?)
+}
+
+/// Steps a world through the warm-up and then so many ticks: the time of each step, those of the warm-up too.
+pub(crate) fn steps(subject: &mut Subject, ticks: usize) -> Result<Vec<Duration>, WorldError> {
+    subject.at_home(|subject| {
         let timed = (0..WARM_UP + ticks).map(|_| {
             let start = Instant::now();
-            match subject {
-                Subject::Bare(world) => world.step(),
-                Subject::Regions(world) => world.step()?,
-            }
+            step(subject)?;
             Ok(start.elapsed())
         });
-        timed.collect::<Result<Vec<_>, WorldError>>()
-    })??;
-    median_of(&steps)
+        timed.collect()
+    })?
+}
+
+/// Steps a world once.
+pub(crate) fn step(subject: &mut Subject) -> Result<(), WorldError> {
+    match subject {
+        Subject::Bare(world) => world.step(),
+        Subject::Regions(world) => world.step()?,
+    }
+    Ok(())
 }
 
 /// Of all steps of a run, in order; those of the warm-up do not count.

@@ -1,15 +1,17 @@
 //! Tests server, nodes and clients with real QUIC over loopback, each on threads of this process.
 
 use std::collections::BTreeSet;
+use std::path::PathBuf;
 use std::time::Duration;
 
 use dcd::Fidelity;
 use dcd::net::JoinRole;
 use dcd::physics::{Coupling, StepSettings};
 use dcd::protocol::{BodyKind, DelayThresholds, Pace, Thresholds, Velocity, View, WorldPose};
+use dcd::recording::Replay;
 use dcd::runtime::{
     ClientWorld, GroupConfig, JoinConfig, LocalWorld, Member, MemberConfig, Origin, Partitioning,
-    ServeConfig, ServerProcess, Stats, WorldConfig,
+    ServeConfig, ServerProcess, Stats, WorldConfig, open_recording, replayed_regions,
 };
 use dcd::scene::{Params, Scene};
 use dcd::space::{Axis, Tick};
@@ -63,9 +65,13 @@ fn serve_origin(
 }
 
 fn start_node(server: &ServerProcess) -> Member {
+    start_node_recorded_to(server, None)
+}
+
+fn start_node_recorded_to(server: &ServerProcess, record: Option<PathBuf>) -> Member {
     let token = server.token(JoinRole::Node, LIMIT).unwrap();
     let identity = JoinConfig::new(server.address, token).join(JoinRole::Node).unwrap();
-    Member::start(MemberConfig::new(server.address, identity)).unwrap()
+    Member::start(MemberConfig { record, ..MemberConfig::new(server.address, identity) }).unwrap()
 }
 
 fn connect(server: &ServerProcess) -> ClientWorld {
@@ -227,6 +233,33 @@ fn a_served_town_that_is_computed_less_where_nobody_looks_equals_a_local_one() {
     (0..240).for_each(|_| local.step().unwrap());
     let report = local.fidelity_report().unwrap();
     assert!(report.levels[2] > 8 && report.audits > 0, "{report:?}");
+}
+
+/// The leader has regions stay behind, whoever computes them; that must be in what each node records.
+#[test]
+fn a_recorded_town_that_was_served_and_computed_less_where_nobody_looks_is_replayed_bit_for_bit() {
+    const TICKS: u64 = 240;
+    let scene = Scene::named("town", &Params::new().with("n", 900).with("cars", 4)).unwrap();
+    let world = WorldConfig { fidelity: Fidelity::AUTO, ..WorldConfig::for_scene(&scene) };
+    let (server, _data) = serve_world(&scene, world, 2, Pace::Unpaced, Some(TICKS));
+    let folder = tempfile::tempdir().unwrap();
+    let files = ["a.dcdr", "b.dcdr"].map(|name| folder.path().join(name));
+    let members = files.each_ref().map(|file| start_node_recorded_to(&server, Some(file.clone())));
+    assert!(server.wait(LIMIT, |_, _| false), "the world must end by itself");
+    assert_eq!(server.stop().unwrap().tick, Tick(TICKS));
+    members.into_iter().for_each(|member| drop(member.finish().unwrap()));
+    let open = |file: &PathBuf| (file.display().to_string(), open_recording(file, 1).unwrap());
+    let mut replay = Replay::new(files.iter().map(open).collect()).unwrap();
+    let mut late = 0;
+    while replay.advance(Tick(u64::MAX)).unwrap() {
+        let hosts = replay.members().filter_map(replayed_regions);
+        let ticks = hosts.flat_map(|host| host.regions().map(|region| host.behind(region.id())));
+        late += ticks.filter(|ticks| *ticks > 0).count();
+    }
+    assert_eq!(replay.mismatch(), None);
+    // The beginning has digests, too.
+    assert_eq!((replay.ticks(), replay.matches()), (TICKS, 24 * (TICKS + 1)));
+    assert!(late > 1_000, "{late}");
 }
 
 /// Where a world is cut.

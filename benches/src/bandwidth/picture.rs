@@ -47,6 +47,7 @@ fn panel(rows: &[Measured<Row>], scene: &str) -> LinePanel {
     let bytes = of_scene.first().map_or(0.0, |row| row.bytes_per_moving_body_s);
     LinePanel {
         title: format!("{scene}: from {} bytes/s per moving body", short(bytes)),
+        x_label: None,
         y_label: "bits of a state".to_owned(),
         lines: lines.collect(),
         limit: None,

@@ -39,6 +39,7 @@ fn panel(rows: &[Measured<Row>], scene: &str) -> LinePanel {
     let moving = of_scene.first().map_or(0.0, |row| row.moving);
     LinePanel {
         title: format!("{scene}, {} moving", short(moving)),
+        x_label: None,
         y_label: "shown off, p99 mm".to_owned(),
         lines: lines.collect(),
         limit: None,

@@ -52,7 +52,7 @@ fn panel(
         Line { name: setting.name.to_owned(), colour, thick: false, mark, points }
     });
     let lines = lines.filter(|line| !line.points.is_empty()).collect();
-    LinePanel { title: title.to_owned(), y_label: unit.to_owned(), lines, limit }
+    LinePanel { title: title.to_owned(), x_label: None, y_label: unit.to_owned(), lines, limit }
 }
 
 pub(super) fn table(summaries: &[Measured<Summary>]) -> String {

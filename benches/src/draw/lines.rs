@@ -19,6 +19,8 @@ pub(crate) struct LinePanels {
 /// One panel with axes of its own.
 pub(crate) struct LinePanel {
     pub(crate) title: String,
+    /// In place of that of all panels.
+    pub(crate) x_label: Option<String>,
     pub(crate) y_label: String,
     pub(crate) lines: Vec<Line>,
     /// A value of y that is to be reached, drawn across the panel.
@@ -95,7 +97,7 @@ impl Picture for LinePanels {
             let (column, row) = ((i % self.columns()) as i32, (i / self.columns()) as i32);
             let (left, top) = (AIR as i32 + column * PANEL.0 as i32, HEAD as i32 + row * PANEL.1 as i32);
             let place = area.clone().shrink((left, top), PANEL);
-            panel.draw(&place, &self.x_label)?;
+            panel.draw(&place, panel.x_label.as_ref().unwrap_or(&self.x_label))?;
         }
         let top = (self.size_without_legend().1 + AIR) as i32;
         for (i, line) in self.entries().into_iter().enumerate() {

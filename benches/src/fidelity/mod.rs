@@ -1,6 +1,10 @@
 //! Measures what it saves, and what it costs, to compute less where nobody looks: time beside error, the error stated beside the true one,
 //! the budget asked for beside the time taken.
 
+mod coverage;
+mod fine;
+mod picture;
+
 use std::error::Error;
 use std::time::Instant;
 
@@ -8,23 +12,21 @@ use clap::Args;
 use dcd::physics::Measured as _;
 use dcd::runtime::{LocalWorld, WorldConfig};
 use dcd::scene::{Params, Scene};
-use dcd::{Axis, Bounds, Fidelity, FidelityReport, Viewpoint};
+use dcd::{Fidelity, FidelityReport, Viewpoint};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
+use self::coverage::COVERAGE;
+use self::fine::FINE;
+use crate::draw;
 use crate::output::{Output, Shown};
 use crate::page;
 use crate::results::{Measured, short};
 
 const SAVINGS: Shown<Row> = Shown { name: "fidelity", table: savings_table, picture: None };
-const COVERAGE: Shown<Cover> = Shown { name: "fidelity-coverage", table: coverage_table, picture: None };
 
 /// Steps that are not timed: the governor comes to its levels, and what is to fall falls.
 const WARM_UP: usize = 120;
-
-/// The part of the time that audits take where stated errors are compared with true ones: these worlds are small, and in a hundredth of it few
-/// islands would be audited.
-const AUDITED: f64 = 0.5;
 
 /// Measures the savings and the errors of fidelity.
 #[derive(Args)]
@@ -46,6 +48,8 @@ struct Row {
     bodies: usize,
     regions: usize,
     setting: String,
+    /// The time that a tick was to take, where one was asked for.
+    budget_ms: Option<f64>,
     step_ms: f64,
     p99_ms: f64,
     /// Of what the same steps take when all is computed in full.
@@ -65,17 +69,6 @@ struct Row {
     /// Says how far two worlds in full, one of another seed, are from each other in both.
     energy_spread_j: f64,
     penetration_spread_mm: f64,
-}
-
-/// Says how often the true error lay in the stated interval.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-struct Cover {
-    scene: String,
-    setting: String,
-    runs: usize,
-    within: usize,
-    stated_m_s: f64,
-    true_m_s: f64,
 }
 
 /// A scene: its name, what says how large it is, how large, and its seed where it has one.
@@ -101,15 +94,24 @@ impl Fidelities {
             Ok(())
         })?;
         let covers = self.output.fill(&COVERAGE, |rows| {
-            coverage(if self.output.quick { 2 } else { 25 })?.into_iter().try_for_each(|row| rows.push(row))
+            let seeds = if self.output.quick { 2 } else { 25 };
+            coverage::measure(seeds)?.into_iter().try_for_each(|row| rows.push(row))
         })?;
+        let fine = self.output.fill(&FINE, |rows| {
+            let (ordinary, ticks, repeats) =
+                if self.output.quick { (200, 90, 1) } else { (5_000, 600, self.repeats) };
+            fine::measure(ordinary, ticks, repeats)?.into_iter().try_for_each(|row| rows.push(row))
+        })?;
+        draw::write(&picture::picture(&savings, &covers), &self.output.folder()?.join(SAVINGS.name))?;
         let covers: Vec<_> = covers.iter().map(|cover| &cover.row).collect();
         let (runs, within) =
             covers.iter().fold((0, 0), |(runs, within), cover| (runs + cover.runs, within + cover.within));
         println!("{within} of {runs} runs");
         if self.json {
             let savings: Vec<_> = savings.iter().map(|row| &row.row).collect();
-            println!("{}", json!({ "savings": savings, "coverage": covers, "within": within, "runs": runs }));
+            let fine: Vec<_> = fine.iter().map(|row| &row.row).collect();
+            let rows = json!({ "savings": savings, "coverage": covers, "fine": fine, "within": within, "runs": runs });
+            println!("{rows}");
         }
         Ok(())
     }
@@ -120,6 +122,7 @@ fn savings_table(rows: &[Measured<Row>]) -> String {
         "scene",
         "bodies",
         "setting",
+        "budget, ms",
         "step, ms",
         "p99",
         "share, %",
@@ -131,12 +134,6 @@ fn savings_table(rows: &[Measured<Row>]) -> String {
         "spread of one world",
     ];
     page::table(&head, rows.iter().map(|row| row.row.cells()))
-}
-
-fn coverage_table(covers: &[Measured<Cover>]) -> String {
-    let head =
-        ["scene", "setting", "runs", "true error within the stated interval", "stated, m/s", "true, m/s"];
-    page::table(&head, covers.iter().map(|cover| cover.row.cells()))
 }
 
 fn scene_of((name, key, count, has_seed): Case, seed: i64) -> Result<Scene, Box<dyn Error>> {
@@ -280,65 +277,16 @@ fn twin(case: Case, steps: usize) -> Result<(f64, f64), Box<dyn Error>> {
     Ok(sums)
 }
 
-/// Has a scene looked at from an empty region beside it, and no more.
-fn unseen(scene: Scene) -> Scene {
-    let [min, max] = [scene.bounds.min, scene.bounds.max];
-    Scene {
-        bounds: Bounds::new([min[0] - 200.0, min[1], min[2]], max),
-        cuts: vec![(Axis::X, min[0] - 100.0)],
-        viewpoints: vec![Viewpoint { at: [min[0] - 150.0, 0.0, 0.0], radius_m: 1.0 }],
-        ..scene
-    }
-}
-
-/// Compares stated errors with the true ones, which audit every island in every tick, on scenes and seeds of their own.
-fn coverage(seeds: i64) -> Result<Vec<Cover>, Box<dyn Error>> {
-    let cases: [Case; 4] = [
-        ("heap", "n", 150, true),
-        ("gas", "n", 300, true),
-        ("ragdolls", "count", 20, true),
-        ("dve", "n", 400, true),
-    ];
-    let mut covers = Vec::new();
-    for case in cases {
-        for (setting, fidelity) in
-            [("auto", Fidelity::AUTO), ("lowest rate", Fidelity::Tolerance { m_s: 1e6 })]
-        {
-            let (mut within, mut stated_sum, mut true_sum) = (0, 0.0, 0.0);
-            for seed in 0..seeds {
-                let scene = unseen(scene_of(case, 100 + seed)?);
-                let mut world = world(&scene, fidelity)?;
-                world.set_audited(AUDITED);
-                world.audit_all();
-                (0..240).try_for_each(|_| world.step())?;
-                let stated = world.fidelity_report().unwrap_or_default();
-                let truth = world.host().true_error_m_s().unwrap_or_default();
-                within += usize::from(
-                    f64::from(stated.low95_m_s) <= truth && truth <= f64::from(stated.high95_m_s),
-                );
-                stated_sum += f64::from(stated.error_m_s);
-                true_sum += truth;
-            }
-            eprintln!("{} {setting}: {within} of {seeds}", case.0);
-            covers.push(Cover {
-                scene: case.0.to_owned(),
-                setting: setting.to_owned(),
-                runs: seeds as usize,
-                within,
-                stated_m_s: stated_sum / seeds as f64,
-                true_m_s: true_sum / seeds as f64,
-            });
-        }
-    }
-    Ok(covers)
-}
-
 impl Row {
     /// Takes in what one run took, and what it did by then.
     fn set_run(&mut self, run: &Run, fidelity: Fidelity, full_ms: f64) {
         let Run { report, .. } = run;
         (self.step_ms, self.p99_ms) = (run.mean_ms(), run.p99_ms());
         self.share_percent = 100.0 * self.step_ms / full_ms;
+        self.budget_ms = match fidelity {
+            Fidelity::Budget { tick_ms } => Some(tick_ms.into()),
+            _ => None,
+        };
         self.overrun_percent = run.overrun_percent(fidelity);
         let levels = if report.levels == [0; 3] { [self.regions, 0, 0] } else { report.levels };
         [self.full, self.half, self.quarter] = levels;
@@ -359,6 +307,7 @@ impl Row {
             self.scene.clone(),
             self.bodies.to_string(),
             self.setting.clone(),
+            self.budget_ms.map_or("–".to_owned(), short),
             short(self.step_ms),
             short(self.p99_ms),
             format!("{:.0}", self.share_percent),
@@ -372,19 +321,6 @@ impl Row {
             short(self.energy_j),
             short(self.penetration_mm),
             format!("{} J, {} mm", short(self.energy_spread_j), short(self.penetration_spread_mm)),
-        ]
-    }
-}
-
-impl Cover {
-    fn cells(&self) -> Vec<String> {
-        vec![
-            self.scene.clone(),
-            self.setting.clone(),
-            self.runs.to_string(),
-            self.within.to_string(),
-            short(self.stated_m_s),
-            short(self.true_m_s),
         ]
     }
 }

@@ -34,6 +34,7 @@ fn panel(rows: &[Measured<Row>], scene: &str) -> LinePanel {
     });
     LinePanel {
         title: format!("{scene}, {} bodies", of_scene.first().map_or(0, |row| row.bodies)),
+        x_label: None,
         y_label: "mean penetration, mm".to_owned(),
         lines: lines.collect(),
         limit: None,

@@ -220,6 +220,7 @@ fn picture(rows: &[Measured<Row>]) -> LinePanels {
         });
         LinePanel {
             title: format!("{scene}, {bodies} bodies"),
+            x_label: None,
             y_label: "times as fast as one bare world".to_owned(),
             lines: lines.collect(),
             limit: None,

@@ -68,6 +68,7 @@ fn panel(rows: &[&Row], (scene, bodies): (&str, usize)) -> LinePanel {
     }));
     LinePanel {
         title: format!("{scene}, {bodies} bodies"),
+        x_label: None,
         y_label: "error over gate".to_owned(),
         lines,
         limit: Some(1.0),

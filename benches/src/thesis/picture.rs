@@ -34,6 +34,7 @@ pub(super) fn picture(rows: &[Measured<Row>]) -> LinePanels {
     };
     let panel = |title: &str, unit: &str, lines: Vec<Line>| LinePanel {
         title: title.to_owned(),
+        x_label: None,
         y_label: unit.to_owned(),
         lines,
         limit: None,

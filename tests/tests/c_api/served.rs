@@ -1,6 +1,7 @@
 //! Tests C programs in a world that a server of this process holds and nodes of this process compute.
 
 use std::io::{BufRead, BufReader, Read, Write};
+use std::os::unix::process::ExitStatusExt;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
@@ -318,6 +319,45 @@ fn what_is_submitted_is_answered_by_all_nodes_as_by_a_world_of_ones_own() {
 #[test]
 fn a_program_builds_a_game_in_the_world_that_it_serves() {
     run_alone("building.c");
+}
+
+/// A node as a process of its own.
+fn node(address: &str, token: &str) -> Victim {
+    let mut node = Command::new(env!("CARGO_BIN_EXE_dcd-under-test"));
+    node.args(["node", "--threads", "1", "--server", address, "--token", token]);
+    Victim(node.stdout(Stdio::null()).spawn().unwrap())
+}
+
+#[test]
+fn a_game_that_a_program_builds_goes_on_when_its_node_is_killed_and_another_comes() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut program =
+        Command::new(build(&root().join("tests/tests/c_api/killed.c"), folder.path(), &SANITIZED));
+    program.arg(folder.path().join("server")).stdin(Stdio::piped()).stdout(Stdio::piped());
+    let mut program = Victim(program.spawn().unwrap());
+    let mut said = BufReader::new(program.0.stdout.take().unwrap());
+    let mut goes_on = program.0.stdin.take().unwrap();
+    let mut line = || {
+        let mut line = String::new();
+        said.read_line(&mut line).unwrap();
+        line.trim().to_owned()
+    };
+    let [address, first, second] = [line(), line(), line()];
+    assert_eq!(line(), "served");
+    let mut killed = node(&address, &first);
+    goes_on.write_all(b"\n").unwrap();
+    assert_eq!(line(), "computed");
+    killed.0.kill().unwrap();
+    assert_eq!(killed.0.wait().unwrap().signal(), Some(9), "it computed until it was killed");
+    goes_on.write_all(b"\n").unwrap();
+    assert_eq!(line(), "built");
+    let mut other = node(&address, &second);
+    goes_on.write_all(b"\n").unwrap();
+    let mut rest = String::new();
+    said.read_to_string(&mut rest).unwrap();
+    check(&rest);
+    assert!(program.0.wait().unwrap().success(), "{rest}");
+    assert!(other.0.wait().unwrap().success(), "it is told that the world has ended");
 }
 
 #[test]

@@ -14,6 +14,7 @@ mod notified;
 mod packaged;
 mod process;
 mod recorded;
+mod refused;
 mod relays;
 mod restarted;
 mod resting;

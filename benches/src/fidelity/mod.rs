@@ -39,6 +39,9 @@ pub(crate) struct Fidelities {
     /// Runs of each; the one whose steps took least in the mean counts.
     #[arg(long, value_name = "N", default_value_t = 4)]
     repeats: usize,
+    /// Only loads out of proportion; rows of the others stay in their files.
+    #[arg(long)]
+    fine: bool,
 }
 
 /// One setting on one scene, on one thread.
@@ -77,6 +80,9 @@ type Case = (&'static str, &'static str, usize, bool);
 impl Fidelities {
     pub(crate) fn run(self) -> Result<(), Box<dyn Error>> {
         let savings = self.output.fill(&SAVINGS, |rows| {
+            if self.fine {
+                return Ok(());
+            }
             let (steps, repeats) = if self.output.quick { (160, 1) } else { (360, self.repeats) };
             let cases: &[Case] = if self.output.quick {
                 &[("town", "n", 1_200, true)]
@@ -94,6 +100,9 @@ impl Fidelities {
             Ok(())
         })?;
         let covers = self.output.fill(&COVERAGE, |rows| {
+            if self.fine {
+                return Ok(());
+            }
             let seeds = if self.output.quick { 2 } else { 25 };
             coverage::measure(seeds)?.into_iter().try_for_each(|row| rows.push(row))
         })?;

@@ -41,7 +41,7 @@ fn added(rows: &[&Row], (scene, bodies): (&str, usize)) -> LinePanel {
     let lines = SETTINGS.into_iter().map(|(setting, colour, mark)| {
         let of_setting = of_scene.iter().filter(|row| row.setting == setting);
         let point = |row: &&&Row| (row.share_percent, percent(row.energy_j - full_j), String::new());
-        let points = of_setting.map(|row| point(&row)).collect();
+        let points = of_setting.map(point).collect();
         Line { name: setting.to_owned(), colour, thick: false, mark, points }
     });
     let spread = of_scene.first().map(|row| percent(row.energy_spread_j));

@@ -355,7 +355,7 @@ fn loads_out_of_proportion_are_computed_finer() {
     }
 }
 
-/// What was shown on a walk through the town.
+/// Holds what was shown on a walk through the town.
 #[derive(Default)]
 struct Walk {
     /// Where each body in sight was, by tick.

@@ -48,7 +48,7 @@ pub(super) struct Row {
     asleep_percent: f64,
 }
 
-/// What came of a run.
+/// Holds what came of a run.
 struct Outcome {
     times: StepTimes,
     regions: usize,

@@ -70,7 +70,7 @@ impl<T> InboxSender<T> {
     }
 }
 
-// Whatever is given.
+// By hand: a derived one would ask that what is given can be cloned.
 impl<T> Clone for InboxSender<T> {
     fn clone(&self) -> Self {
         Self { entries: self.entries.clone(), state: self.state.clone() }

@@ -1,32 +1,13 @@
 /* A server's program builds a game in an empty world that a node computes, and a client sees it: `building FOLDER`, run by
  * served.rs. */
 #define _POSIX_C_SOURCE 200809L
-#include "checks.h"
+#include "played.h"
 
 #include <math.h>
-#include <time.h>
 
 enum { BOXES = 2000 };
 
-static DcdWorld server, node, client;
-
-static void step(void)
-{
-    struct timespec pause = { 0, 5 * 1000 * 1000 };
-    OK(dcd_step(server));
-    OK(dcd_step(client));
-    nanosleep(&pause, NULL);
-}
-
-/* Where the client sees the i-th body; far below everything where it sees none. */
-static DcdPose seen(uint32_t i)
-{
-    DcdPose pose = { { 0.0, -1e6, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } };
-    DcdBodyId body;
-    if (dcd_body_at(client, i, &body) == DCD_OK)
-        OK(dcd_body_get(client, body, &pose, NULL));
-    return pose;
-}
+static DcdWorld node;
 
 /* Steps until the client sees the i-th body between these heights, for half a minute. */
 static bool comes(uint32_t i, double low, double high)

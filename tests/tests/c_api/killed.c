@@ -1,33 +1,12 @@
 /* A server's program builds a game in an empty world whose nodes are processes of their own, and plays on while one is killed and another
  * comes: `killed FOLDER`, run by served.rs, which hears on standard output when to do what, and answers by a line when it is done. */
 #define _POSIX_C_SOURCE 200809L
-#include "checks.h"
+#include "played.h"
 
 #include <math.h>
-#include <time.h>
 
 /* Boxes in rows, a platform that goes up, and what is built when no node computes. */
 enum { BOXES = 200, LIFT = BOXES + 1, LATE, COUNT = LATE };
-
-static DcdWorld server, client;
-
-static void step(void)
-{
-    struct timespec pause = { 0, 5 * 1000 * 1000 };
-    OK(dcd_step(server));
-    OK(dcd_step(client));
-    nanosleep(&pause, NULL);
-}
-
-/* Where the client sees the i-th body; far below everything where it sees none. */
-static DcdPose seen(uint32_t i)
-{
-    DcdPose pose = { { 0.0, -1e6, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } };
-    DcdBodyId body;
-    if (dcd_body_at(client, i, &body) == DCD_OK)
-        OK(dcd_body_get(client, body, &pose, NULL));
-    return pose;
-}
 
 /* Steps until the client sees the i-th body between these heights, for half a minute. The lift never goes back below `floor`. */
 static bool comes(uint32_t i, double low, double high, double floor)

@@ -11,7 +11,7 @@ use dcd_tests::proxy::free_address;
 use crate::metrics::{address, scrape, wait};
 use crate::process::{LIMIT, Server, playground};
 
-/// How often something was refused for this cause, as `/metrics` of a process says.
+/// Returns how often something was refused for this cause, as `/metrics` of a process says.
 fn rejections(address: &str, cause: &str) -> f64 {
     scrape(address)[&format!("dcd_rejections_total{{cause=\"{cause}\"}}")]
 }

@@ -236,3 +236,37 @@ fn a_heap_that_falls_into_the_corner_of_eight_regions_is_not_held_by_all_of_them
     assert!(moves < 2 * 1200, "{moves} moves of 1,200 bodies");
     assert!(copies < ticks * 1200 * 3 / 2, "{} copies of 1,200 bodies", copies / ticks);
 }
+
+/// Rapier itself loses the joint: it chose what to solve while the second box slept, and keeps to that when the ball wakes it.
+#[test]
+fn who_was_put_to_sleep_has_its_joint_when_it_is_struck() {
+    for regions in [1, 2] {
+        let config = side_by_side(regions, 20.0);
+        let mut world = LocalWorld::new(WorldConfig {
+            step: StepSettings { gravity: [0.0; 3], ..config.step },
+            ..config
+        })
+        .unwrap();
+        let mut insert = |body: RigidBodyBuilder, at: [f32; 3], collider: ColliderBuilder| {
+            world.insert(body.translation(at.into()).can_sleep(false), collider).unwrap()
+        };
+        let cube = || ColliderBuilder::cuboid(0.4, 0.4, 0.4);
+        let awake = insert(RigidBodyBuilder::dynamic(), [2.0, 0.0, 0.0], cube());
+        let sleeper = insert(RigidBodyBuilder::dynamic(), [3.0, 0.0, 0.0], cube());
+        let ball = RigidBodyBuilder::dynamic().linvel(Vector::new(0.0, -6.0, 0.0));
+        insert(ball, [3.0, 3.0, 0.0], ColliderBuilder::ball(0.3));
+        world.insert_joint(awake, sleeper, joint(0.5 * Vector::X, -0.5 * Vector::X)).unwrap();
+        steps(&mut world, 2);
+        world.update(sleeper, |body| body.sleep()).unwrap();
+        steps(&mut world, 60);
+        let ends = [(awake, 0.5), (sleeper, -0.5)].map(|(id, x)| {
+            let pose = world.pose(id).unwrap();
+            let arm = Rotation::from_array(pose.rotation) * Vector::new(x, 0.0, 0.0);
+            Vector::from_array(pose.translation.map(|v| v as f32)) + arm
+        });
+        let moved_m = -world.pose(sleeper).unwrap().translation[1];
+        assert!(moved_m > 0.3, "{regions} regions: it was struck, and moved {moved_m} m");
+        let apart_m = (ends[0] - ends[1]).length();
+        assert!(apart_m < 0.01, "{regions} regions: the joint's ends are {apart_m} m apart");
+    }
+}

@@ -135,6 +135,8 @@ pub struct Region {
     /// Bodies that were woken since the last step by what changed them.
     #[serde(skip)]
     roused: Vec<RigidBodyHandle>,
+    /// Bodies with joints that were put to sleep among others that are awake.
+    laid: Vec<RigidBodyHandle>,
     /// By Rapier's body index: movable bodies that it does not step, since they are disabled or fixed.
     #[serde(skip)]
     unstepped: BTreeMap<u32, RigidBodyHandle>,
@@ -190,6 +192,7 @@ impl Region {
             signals: Signals::default(),
             touched: Vec::new(),
             roused: Vec::new(),
+            laid: Vec::new(),
             unstepped: BTreeMap::new(),
             revision: 0,
             stepped: 0,

@@ -61,6 +61,35 @@ impl Region {
         self.roused.clear();
     }
 
+    /// Notes that a body has been put to sleep, which may lie among bodies that are awake.
+    pub(super) fn note_laid(&mut self, handle: RigidBodyHandle) {
+        let is_tied = self.slot_at(handle).is_some_and(|slot| !slot.joints.is_empty());
+        if is_tied && self.world.bodies[handle].is_sleeping() {
+            self.laid.push(handle);
+        }
+    }
+
+    /// Has Rapier choose anew in this step which joints it solves, if a body sleeps, or slept before the last step, that it has among those that
+    /// are awake. Seen with Rapier 0.36.1: whom it wakes there by itself, as by a contact, has no joints until another choice is made.
+    pub(super) fn choose_joints(&mut self) {
+        if self.laid.is_empty() {
+            return;
+        }
+        let mut laid = std::mem::take(&mut self.laid);
+        laid.sort_unstable_by_key(|handle| handle.into_raw_parts());
+        laid.dedup();
+        for &handle in &laid {
+            // To be able to change one counts as a change.
+            self.world.bodies.get_mut(handle);
+        }
+        let is_laid = |handle: RigidBodyHandle| {
+            laid.binary_search_by_key(&handle.into_raw_parts(), |laid| laid.into_raw_parts()).is_ok()
+        };
+        let sleeps = |handle| self.world.bodies.get(handle).is_some_and(RigidBody::is_sleeping);
+        let active = self.world.islands.active_bodies();
+        self.laid = active.filter(|&handle| is_laid(handle) && sleeps(handle)).collect();
+    }
+
     /// Finds those that are not on Rapier's list, after the region was restored from a snapshot.
     pub(in crate::physics) fn find_awake(&mut self) {
         let stepped: BTreeSet<_> =

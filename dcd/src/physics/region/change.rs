@@ -51,6 +51,7 @@ impl Region {
             (self.world.bodies[handle].is_sleeping(), self.world.bodies[handle].body_type());
         let result = self.change_unseen(handle, change);
         self.note_awake(handle, was_asleep);
+        self.note_laid(handle);
         if self.world.bodies[handle].is_enabled() != before.1 {
             self.tie_anew(handle);
         }

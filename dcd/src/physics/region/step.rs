@@ -30,6 +30,7 @@ impl Region {
         self.tell_joints();
         self.stirred = false;
         self.hand_awake_over();
+        self.choose_joints();
         self.moved.take();
         let start = Instant::now();
         match self.hooks.as_deref() {

@@ -16,8 +16,11 @@ use super::renewal_request::RenewalRequest;
 use super::verify::fingerprint;
 use super::{Identity, NetError};
 
-/// How often the wall clock is looked at, which may be set, or stand still in a machine that sleeps.
-const LOOK: Duration = Duration::from_secs(10);
+/// How often the wall clock is looked at, which may be set, or stand still in a machine that sleeps: until that is seen, others refuse new
+/// links with this process.
+const LOOK: Duration = Duration::from_secs(1);
+/// How long after an attempt that failed the server is asked again.
+const RETRY: Duration = Duration::from_secs(10);
 /// How long the server may take to answer.
 const PATIENCE: Duration = Duration::from_secs(10);
 /// The share of its life after which a certificate is renewed.
@@ -35,6 +38,7 @@ pub(super) async fn renew_in_time(shared: Arc<Shared>, mut identity: Identity, s
     let mut least = Duration::ZERO;
     let mut is_expiry_told = false;
     loop {
+        let mut pause = LOOK;
         if is_due(identity.expires(), begun, SystemTime::now(), counted.elapsed(), least) {
             match renewed(&shared, &identity, &servers).await {
                 Ok(fresh) => {
@@ -44,20 +48,22 @@ pub(super) async fn renew_in_time(shared: Arc<Shared>, mut identity: Identity, s
                     let hours = left(&identity, SystemTime::now()).as_secs() / 3600;
                     tracing::info!(who = %identity.who, hours, "the certificate is renewed");
                 }
-                Err(error) if identity.expires() <= SystemTime::now() && !is_expiry_told => {
-                    is_expiry_told = true;
-                    tracing::warn!(
-                        who = %identity.who, %error,
-                        "the certificate has expired, and others refuse new links with this process; the server is asked \
-                         for a new one again and again"
-                    );
-                }
                 Err(error) => {
-                    tracing::info!(who = %identity.who, %error, "the certificate is not renewed yet")
+                    pause = RETRY;
+                    if identity.expires() <= SystemTime::now() && !is_expiry_told {
+                        is_expiry_told = true;
+                        tracing::warn!(
+                            who = %identity.who, %error,
+                            "the certificate has expired, and others refuse new links with this process; the server is \
+                             asked for a new one again and again"
+                        );
+                    } else {
+                        tracing::info!(who = %identity.who, %error, "the certificate is not renewed yet");
+                    }
                 }
             }
         }
-        tokio::time::sleep(LOOK).await;
+        tokio::time::sleep(pause).await;
     }
 }
 

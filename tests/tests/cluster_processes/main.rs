@@ -10,6 +10,7 @@ mod faults;
 mod logs;
 mod many_clients;
 mod metrics;
+mod moved_clock;
 mod notified;
 mod packaged;
 mod process;

@@ -1,0 +1,128 @@
+//! Tests processes whose wall clock is moved far ahead while they run, as that of a machine that slept: all their certificates have expired.
+
+use std::path::PathBuf;
+use std::process::Command;
+
+use dcd_tests::proxy::free_address;
+use serde_json::Value;
+
+use crate::metrics::wait;
+use crate::process::{Process, dcd, playground};
+
+/// The processes of a world, all by a clock that can be moved. Only the wall clock is: time goes on passing as it does.
+struct Moved {
+    library: PathBuf,
+    folder: tempfile::TempDir,
+    address: String,
+}
+
+impl Moved {
+    /// `None` where there is no libfaketime.
+    fn new() -> Option<Self> {
+        let places = std::fs::read_dir("/usr/lib").ok()?.flatten().map(|place| place.path());
+        let libraries = places.map(|place| place.join("faketime/libfaketimeMT.so.1"));
+        let library = libraries.into_iter().find(|library| library.exists())?;
+        let moved =
+            Self { library, folder: tempfile::tempdir().unwrap(), address: free_address().to_string() };
+        moved.ahead("+0");
+        Some(moved)
+    }
+
+    /// Sets all clocks ahead of the true time by so much: `+25h`.
+    fn ahead(&self, by: &str) {
+        let next = self.folder.path().join("next");
+        std::fs::write(&next, by).unwrap();
+        // At once, or half a number would be read.
+        std::fs::rename(next, self.offset()).unwrap();
+    }
+
+    fn offset(&self) -> PathBuf {
+        self.folder.path().join("offset")
+    }
+
+    fn data(&self) -> PathBuf {
+        self.folder.path().join("data")
+    }
+
+    fn dcd(&self, args: &[&str]) -> Command {
+        let mut command = dcd(args);
+        command.env("LD_PRELOAD", &self.library).env("FAKETIME_TIMESTAMP_FILE", self.offset());
+        // Read anew each time; and no process begins its own time.
+        command.env("FAKETIME_NO_CACHE", "1").env("FAKETIME_DONT_RESET", "1");
+        command.env("FAKETIME_DONT_FAKE_MONOTONIC", "1");
+        command
+    }
+
+    fn serve(&self) -> Process {
+        let mut command = self.dcd(&["serve", "--json", "--nodes", "2", "--listen", &self.address, "--data"]);
+        let mut server = Process::start(command.arg(self.data()).arg(playground()));
+        server.line("listening ");
+        server
+    }
+
+    /// A process that plays a part, with a token that was made just now.
+    fn join(&self, role: &str, more: &[&str]) -> Process {
+        let mut token = self.dcd(&["token", "--role", role, "--data"]);
+        let told = Process::start(token.arg(self.data())).end();
+        assert_eq!(told.code(), Some(0), "{told:?}");
+        let args = [role, "--json", "--server", &self.address, "--token", &told.lines[0]];
+        let mut process = Process::start(self.dcd(&args).args(more));
+        process.line("joined as ");
+        process
+    }
+
+    /// What `dcd status` says.
+    fn status(&self) -> Value {
+        let mut status = self.dcd(&["status", "--json", "--server", &self.address, "--data"]);
+        let told = Process::start(status.arg(self.data())).end();
+        assert_eq!(told.code(), Some(0), "{told:?}");
+        told.json()
+    }
+
+    /// Waits until so many nodes and clients are in one group, and its world is past this tick; returns at which it is.
+    fn whole(&self, nodes: usize, clients: u64, past: u64) -> u64 {
+        wait(&format!("{nodes} nodes and {clients} clients are in one world past tick {past}"), || {
+            let told = self.status();
+            let count = |list: &str| told[list].as_array().unwrap().len();
+            let is_whole = (count("groups"), count("nodes"), &told["clients"]) == (1, nodes, &clients.into());
+            told["tick"].as_u64().filter(|&tick| is_whole && tick > past)
+        })
+    }
+}
+
+#[test]
+fn a_clock_that_is_moved_ahead_by_a_day_and_by_months_ends_nothing_and_keeps_nobody_out() {
+    let Some(world) = Moved::new() else { return };
+    let mut server = world.serve();
+    let mut nodes = [world.join("node", &[]), world.join("node", &[])];
+    let first = world.join("client", &[]);
+    let begun = world.whole(2, 1, 0);
+
+    world.ahead("+25h");
+    let second = world.join("client", &[]);
+    let tick = world.whole(2, 2, begun);
+
+    // Whoever comes reaches those that were there, whose certificates were of another time.
+    world.ahead("+30d");
+    nodes[0].kill();
+    nodes[0] = world.join("node", &[]);
+    let tick = world.whole(2, 2, tick);
+
+    // A server that begins anew then goes on with its world.
+    server.signal("-TERM");
+    assert_eq!(server.end().code(), Some(0));
+    world.ahead("+90d");
+    server = world.serve();
+    let kept: u64 = server.line("going on with the world at tick ").parse().unwrap();
+    assert!(kept >= tick, "{kept}, after {tick}");
+    world.whole(2, 2, kept);
+    let third = world.join("client", &[]);
+    world.whole(2, 3, kept);
+
+    assert!(nodes.iter_mut().all(Process::is_running));
+    for client in [first, second, third] {
+        client.interrupt();
+        let ended = client.end();
+        assert_eq!((ended.code(), &ended.json()["refusals"]), (Some(130), &0.into()), "{ended:?}");
+    }
+}

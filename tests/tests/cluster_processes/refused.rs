@@ -49,6 +49,11 @@ fn what_a_client_may_not_is_counted_by_its_cause_where_it_is_refused() {
     witness.world.send_input(avatar, Velocity::default(), Some(far)).unwrap();
     assert_eq!(refusal(&witness.world), (Some(avatar), Refusal::TooFar));
     wait("it is counted", || (rejections(&of_node, "input") == 2.0).then_some(()));
+    // For an avatar that is to come it waits, and this one does not come.
+    let nobody = BodyId::avatar(witness.world.id(), 900);
+    witness.world.send_input(nobody, Velocity::default(), None).unwrap();
+    assert_eq!(refusal(&witness.world), (Some(nobody), Refusal::Unknown));
+    wait("it is counted", || (rejections(&of_node, "input") == 3.0).then_some(()));
     assert_eq!(rejections(&of_server, "input"), 0.0, "its leader refused it");
 
     // To build is asked of the server, which answers.
@@ -75,7 +80,7 @@ fn what_a_client_may_not_is_counted_by_its_cause_where_it_is_refused() {
         net.send(link, Lane::Client, &build).unwrap();
         wait("it is counted", || (rejections(&of_node, "forbidden") == f64::from(asked)).then_some(()));
     }
-    assert_eq!(counts(), [2.0, 3.0, 0.0, 0.0]);
+    assert_eq!(counts(), [3.0, 3.0, 0.0, 0.0]);
     assert!(witness.world.body(body).is_some(), "nothing was removed");
     net.shutdown();
     witness.leave();

@@ -64,7 +64,6 @@ impl Node {
         match (&mut self.leader, message) {
             (Some(leader), FromClient::Input(input)) => {
                 if let Err(reason) = leader.accept_input(client, input) {
-                    self.counters.rejected += 1;
                     self.tell_client(client, ToClient::Rejected { body: Some(input.body), reason });
                 }
             }
@@ -166,6 +165,9 @@ impl Node {
     }
 
     fn tell_client(&mut self, client: ClientId, message: ToClient) {
+        if matches!(message, ToClient::Rejected { .. }) {
+            self.counters.rejected += 1;
+        }
         let Some(route) = self.leader.as_ref().and_then(|leader| leader.route(client)) else { return };
         match (route, message) {
             (Peer::Node(node), message) if node == self.config.id => {

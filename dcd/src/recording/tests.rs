@@ -118,8 +118,8 @@ fn is_found(seed: u64) -> bool {
 
 #[test]
 fn a_flipped_bit_is_found_with_its_node_tick_region_body_and_field() {
-    let found = (0..26).filter(|&seed| is_found(seed)).count();
-    assert!(found >= 18, "{found}");
+    let found = (0..9).filter(|&seed| is_found(seed)).count();
+    assert!(found >= 6, "{found}");
 }
 
 #[test]

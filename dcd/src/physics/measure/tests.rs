@@ -323,5 +323,5 @@ fn a_heap_presses_on_the_ground_with_its_weight_whoever_owns_the_boxes_below() {
         assert!((ratio - 1.0).abs() < 1e-3, "seed {seed}: {ratio}");
         world.regions().filter(|region| region.owned_count() > 1).count()
     };
-    assert!((1..9).any(|seed| owners_of(seed) > 1), "of each heap one region owns all");
+    assert!((3..9).any(|seed| owners_of(seed) > 1), "of each heap one region owns all");
 }

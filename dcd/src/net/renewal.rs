@@ -16,10 +16,10 @@ use super::renewal_request::RenewalRequest;
 use super::verify::fingerprint;
 use super::{Identity, NetError};
 
-/// How often the wall clock is looked at, which may be set, or stand still in a machine that sleeps: until that is seen, others refuse new
-/// links with this process.
+/// The time between two looks at the wall clock, which may be set, or stand still in a machine that sleeps: until that is seen, others
+/// refuse new links with this process.
 const LOOK: Duration = Duration::from_secs(1);
-/// How long after an attempt that failed the server is asked again.
+/// The time after which the server is asked again, when it gave no certificate.
 const RETRY: Duration = Duration::from_secs(10);
 /// How long the server may take to answer.
 const PATIENCE: Duration = Duration::from_secs(10);

@@ -60,18 +60,18 @@ impl Moved {
         server
     }
 
-    /// A process that plays a part, with a token that was made just now.
-    fn join(&self, role: &str, more: &[&str]) -> Process {
+    /// Starts a process that plays a part, with a token that was made just now.
+    fn join(&self, role: &str) -> Process {
         let mut token = self.dcd(&["token", "--role", role, "--data"]);
         let told = Process::start(token.arg(self.data())).end();
         assert_eq!(told.code(), Some(0), "{told:?}");
         let args = [role, "--json", "--server", &self.address, "--token", &told.lines[0]];
-        let mut process = Process::start(self.dcd(&args).args(more));
+        let mut process = Process::start(&mut self.dcd(&args));
         process.line("joined as ");
         process
     }
 
-    /// What `dcd status` says.
+    /// Asks `dcd status`.
     fn status(&self) -> Value {
         let mut status = self.dcd(&["status", "--json", "--server", &self.address, "--data"]);
         let told = Process::start(status.arg(self.data())).end();
@@ -94,18 +94,18 @@ impl Moved {
 fn a_clock_that_is_moved_ahead_by_a_day_and_by_months_ends_nothing_and_keeps_nobody_out() {
     let Some(world) = Moved::new() else { return };
     let mut server = world.serve();
-    let mut nodes = [world.join("node", &[]), world.join("node", &[])];
-    let first = world.join("client", &[]);
+    let mut nodes = [world.join("node"), world.join("node")];
+    let first = world.join("client");
     let begun = world.whole(2, 1, 0);
 
     world.ahead("+25h");
-    let second = world.join("client", &[]);
+    let second = world.join("client");
     let tick = world.whole(2, 2, begun);
 
     // Whoever comes reaches those that were there, whose certificates were of another time.
     world.ahead("+30d");
     nodes[0].kill();
-    nodes[0] = world.join("node", &[]);
+    nodes[0] = world.join("node");
     let tick = world.whole(2, 2, tick);
 
     // A server that begins anew then goes on with its world.
@@ -116,7 +116,7 @@ fn a_clock_that_is_moved_ahead_by_a_day_and_by_months_ends_nothing_and_keeps_nob
     let kept: u64 = server.line("going on with the world at tick ").parse().unwrap();
     assert!(kept >= tick, "{kept}, after {tick}");
     world.whole(2, 2, kept);
-    let third = world.join("client", &[]);
+    let third = world.join("client");
     world.whole(2, 3, kept);
 
     assert!(nodes.iter_mut().all(Process::is_running));

@@ -70,6 +70,19 @@ fn build(world: &mut World) -> Vec<BodyId> {
     bodies
 }
 
+/// Balls that touch across the border, and a box that is thrown over it into those of [`build`].
+fn disturb(world: &mut World, bodies: &mut Vec<BodyId>) {
+    for i in 0..5 {
+        let ball = RigidBodyBuilder::dynamic().translation(Vector::new(i as f32 * 0.79 - 2.0, 0.9, -4.0));
+        bodies.push(world.insert(ball, ColliderBuilder::ball(0.4)).unwrap());
+    }
+    let thrown = RigidBodyBuilder::dynamic()
+        .translation(Vector::new(5.0, 1.2, 0.3))
+        .linvel(Vector::new(-15.0, 4.0, 1.0))
+        .angvel(Vector::new(2.0, 5.0, 20.0));
+    bodies.push(world.insert(thrown, ColliderBuilder::cuboid(0.5, 0.5, 0.5)).unwrap());
+}
+
 fn bits(world: &World, bodies: &[BodyId]) -> Vec<[u64; 3]> {
     bodies.iter().map(|&id| world.pose(id).unwrap().translation.map(f64::to_bits)).collect()
 }
@@ -78,7 +91,8 @@ fn bits(world: &World, bodies: &[BodyId]) -> Vec<[u64; 3]> {
 fn what_is_built_before_the_first_tick_is_a_local_world_to_the_bit() {
     const TICKS: u64 = 150;
     let mut local = World::new(cut()).unwrap();
-    let expected = build(&mut local);
+    let mut expected = build(&mut local);
+    disturb(&mut local, &mut expected);
     (0..TICKS).for_each(|_| local.step().unwrap());
 
     let folder = tempfile::tempdir().unwrap();
@@ -89,7 +103,8 @@ fn what_is_built_before_the_first_tick_is_a_local_world_to_the_bit() {
         ..ServeConfig::new(folder.path())
     };
     let mut server = serve(config);
-    let bodies = build(&mut server);
+    let mut bodies = build(&mut server);
+    disturb(&mut server, &mut bodies);
     assert_eq!(bodies, expected, "ids are counted as in a local world");
     server.step().unwrap();
     let _nodes = [node(&server), node(&server)];
@@ -108,6 +123,7 @@ enum Deed {
     Drop,
     Push,
     Throw,
+    Hit,
     Remove,
 }
 
@@ -130,6 +146,11 @@ fn act(world: &mut World, bodies: &mut Vec<BodyId>, deed: Deed) -> BodyId {
             world.set_velocity(last, Velocity::linear([3.0, 4.0, -0.5])).unwrap();
             last
         }
+        // A box of the right side against those of the left one.
+        Deed::Hit => {
+            world.push(&Push::impulse(bodies[5], [-9.0, 6.0, 1.0]).at([2.6, 1.4, 0.2])).unwrap();
+            bodies[5]
+        }
         // The pendulum falls off.
         Deed::Remove => {
             world.remove(post).unwrap();
@@ -148,7 +169,7 @@ fn ticks_of(recording: &Path, told: &[(Deed, BodyId)]) -> Vec<Tick> {
         for (done, &(deed, body)) in done.iter_mut().zip(told) {
             let word = match deed {
                 Deed::Drop => "inserted",
-                Deed::Push => "pushed",
+                Deed::Push | Deed::Hit => "pushed",
                 Deed::Throw => "input 0 ",
                 Deed::Remove => "removed",
             };
@@ -177,8 +198,8 @@ fn what_a_running_world_is_told_leaves_the_bits_of_a_local_world_that_is_told_it
     let recording = folder.path().join("node.dcdr");
     let recorded = JoinConfig { record: Some(recording.clone()), ..join(&server, JoinRole::Node) };
     let nodes = [World::join_as_node(&recorded).unwrap(), node(&server)];
-    let mut plan =
-        [(30, Deed::Drop), (60, Deed::Push), (90, Deed::Throw), (120, Deed::Remove)].into_iter().peekable();
+    let plan = [(30, Deed::Drop), (60, Deed::Push), (80, Deed::Hit), (100, Deed::Throw), (120, Deed::Remove)];
+    let mut plan = plan.into_iter().peekable();
     let mut told = Vec::new();
     let deadline = Instant::now() + LIMIT;
     while server.step().is_ok() {
@@ -188,7 +209,7 @@ fn what_a_running_world_is_told_leaves_the_bits_of_a_local_world_that_is_told_it
         }
         server.poll(Duration::from_millis(5));
     }
-    assert_eq!((server.tick(), told.len()), (Tick(TICKS), 4));
+    assert_eq!((server.tick(), told.len()), (Tick(TICKS), 5));
     drop(nodes);
 
     let ticks = ticks_of(&recording, &told);
@@ -201,9 +222,9 @@ fn what_a_running_world_is_told_leaves_the_bits_of_a_local_world_that_is_told_it
         }
         local.step().unwrap();
     }
-    all.retain(|&id| id != told[3].1);
+    all.retain(|&id| id != told[4].1);
     assert_eq!(bits(&server, &all), bits(&local, &all));
-    assert!(!server.contains(told[3].1) && !local.contains(told[3].1));
+    assert!(!server.contains(told[4].1) && !local.contains(told[4].1));
 }
 
 #[test]

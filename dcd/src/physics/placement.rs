@@ -1,5 +1,5 @@
-//! Chooses the first owner region of new bodies. Bodies that joints tie or that touch are placed as they would be some ticks
-//! later: a small group whole, in the region where most of it lies.
+//! Chooses the first owner region of new bodies. Bodies that joints tie, or that may touch in the next tick, are placed as they would be
+//! some ticks later: a small group whole, in the region where most of it lies.
 
 use std::collections::BTreeSet;
 
@@ -25,6 +25,7 @@ pub(super) struct Placement {
     groups: Option<Groups>,
     /// Groups of more bodies are not kept whole.
     limit: usize,
+    moves_islands: bool,
 }
 
 /// The groups of new bodies that belong together.
@@ -45,18 +46,19 @@ impl Placement {
         shapes: &ShapeLibrary,
         settings: &StepSettings,
     ) -> Result<Self, ShapeError> {
-        let may_touch = bodies.len() > 1 && settings.coupling.moves_islands();
+        let moves_islands = settings.coupling.moves_islands();
+        let may_touch = bodies.len() > 1 && moves_islands;
         let groups = if joints.is_empty() && !may_touch {
             None
         } else {
-            Some(Groups::of(bodies, joints, may_touch.then_some(shapes))?)
+            Some(Groups::of(bodies, joints, may_touch.then_some(shapes), settings.dt_s)?)
         };
         let limit = match settings.coupling {
-            coupling if coupling.moves_islands() => settings.island_limit,
+            _ if moves_islands => settings.island_limit,
             coupling if coupling.shares_mass() => 1,
             _ => usize::MAX,
         };
-        Ok(Self { groups, limit })
+        Ok(Self { groups, limit, moves_islands })
     }
 
     /// Returns the rank of the first owner of each body.
@@ -89,28 +91,28 @@ impl Placement {
         assembly.iter().map(|&first| owners[first as usize]).collect()
     }
 
-    /// Returns whether each body's group is small and has one owner.
-    pub(super) fn whole(&self, owners: &[usize]) -> Vec<bool> {
-        let Some(Groups { group, sizes, .. }) = &self.groups else {
-            return vec![self.limit > 0; owners.len()];
+    /// Returns of each body whether its island is small and has one owner, so that nothing touches it in the next tick from beyond a border.
+    /// Of a kinematic body this is never known: what it may meet is not in its group.
+    pub(super) fn whole(&self, bodies: &[BodyRecord], owners: &[usize]) -> Vec<bool> {
+        let Some(islands) = self.groups.as_ref().filter(|_| self.moves_islands) else {
+            return vec![false; owners.len()];
         };
-        let mut whole: Vec<_> =
-            group.iter().map(|&group| sizes[group as usize] as usize <= self.limit).collect();
-        for (body, &group) in group.iter().enumerate() {
-            if owners[body] != owners[group as usize] {
-                whole[group as usize] = false;
-            }
+        let mut whole: Vec<_> = islands.sizes.iter().map(|&size| size as usize <= self.limit).collect();
+        for (body, &first) in islands.group.iter().enumerate() {
+            let is_moved = bodies[body].traits.kind == BodyKind::Dynamic;
+            whole[first as usize] &= is_moved && owners[body] == owners[first as usize];
         }
-        group.iter().map(|&group| whole[group as usize]).collect()
+        islands.group.iter().map(|&first| whole[first as usize]).collect()
     }
 }
 
 impl Groups {
-    /// Groups what joints tie, and what touches by these `shapes`.
+    /// Groups what joints tie, and what may touch within `ahead_s` seconds by these `shapes`.
     fn of(
         bodies: &[BodyRecord],
         joints: &[JointRecord],
         shapes: Option<&ShapeLibrary>,
+        ahead_s: f32,
     ) -> Result<Self, ShapeError> {
         let mut groups = PlaceGroups::new(bodies.len());
         for joint in joints {
@@ -119,7 +121,7 @@ impl Groups {
             }
         }
         if let Some(shapes) = shapes {
-            join_touching(bodies, shapes, &mut groups)?;
+            join_touching(bodies, shapes, ahead_s, &mut groups)?;
         }
         let group: Vec<_> = (0..bodies.len()).map(|body| groups.root(body) as u32).collect();
         let mut sizes = vec![0; bodies.len()];
@@ -169,12 +171,14 @@ fn articulated(bodies: &[BodyRecord], joints: &[JointRecord]) -> Vec<u32> {
 fn join_touching(
     bodies: &[BodyRecord],
     shapes: &ShapeLibrary,
+    ahead_s: f32,
     groups: &mut PlaceGroups,
 ) -> Result<(), ShapeError> {
     let mut boxes = Vec::new();
     for (index, body) in bodies.iter().enumerate() {
         if body.traits.kind == BodyKind::Dynamic {
             let bounds = record::bounds_of(body, shapes)?.grown(0.5 * NEAR_M);
+            let bounds = bounds.swept(body.state.velocity.linear, ahead_s.into());
             boxes.push((index, bounds));
         }
     }

@@ -329,6 +329,7 @@ impl LocalWorld {
 
     fn advance(&mut self) -> Result<(), WorldError> {
         let start = Instant::now();
+        self.host.place_beginning()?;
         self.host.step()?;
         self.host.note_tick_time(start.elapsed().as_secs_f64() * 1e3);
         self.ledger.merge(self.host.events(), &mut self.events);

@@ -56,6 +56,16 @@ impl Bounds {
         Self { min: self.min.map(|v| v - margin_m), max: self.max.map(|v| v + margin_m) }
     }
 
+    /// Returns the box that holds this one on its way: at `velocity_m_s`, for `ahead_s` seconds.
+    #[must_use]
+    pub fn swept(&self, velocity_m_s: [f32; 3], ahead_s: f64) -> Self {
+        let way_m = velocity_m_s.map(|v| f64::from(v) * ahead_s);
+        self.union(&Self {
+            min: std::array::from_fn(|i| self.min[i] + way_m[i]),
+            max: std::array::from_fn(|i| self.max[i] + way_m[i]),
+        })
+    }
+
     /// Returns the smallest box that holds both.
     #[must_use]
     #[inline]

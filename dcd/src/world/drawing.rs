@@ -278,6 +278,8 @@ mod tests {
     #[test]
     fn boxes_hold_what_they_are_around_and_ghosts_are_drawn_by_who_holds_them() {
         let (mut world, _) = world();
+        // What comes to a world that runs is shared at once.
+        world.step().unwrap();
         let id = cube(&mut world, [-0.2, 0.5, 0.0]);
         world.set_velocity(id, crate::Velocity { linear: [6.0, 0.0, 0.0], angular: [0.0; 3] }).unwrap();
         let other = cube(&mut world, [0.9, 0.5, 0.0]);

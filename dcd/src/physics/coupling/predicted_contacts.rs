@@ -7,7 +7,7 @@ use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::neighbours::{LOOKAHEAD_TICKS, Neighbours};
-use super::sweep::{for_each_overlap, swept};
+use super::sweep::for_each_overlap;
 use super::{Border, Moment};
 use crate::physics::convert;
 use crate::physics::outbox::Outbox;
@@ -488,7 +488,7 @@ fn near(region: &Region, link: BodyRef, ahead_s: f32) -> Near {
     };
     let velocity = Vector::from_array(convert::velocity_of(body).linear);
     let velocity = region.heading(link.handle, velocity);
-    let swept = swept(&bounds, velocity.to_array(), f64::from(ahead_s));
+    let swept = bounds.swept(velocity.to_array(), f64::from(ahead_s));
     Near {
         link,
         bounds,
@@ -557,7 +557,7 @@ pub(super) fn show(
         let mut wanted = RegionSet::EMPTY;
         if has_strangers {
             let ahead_s = predicted.ahead_s + LOOKAHEAD_TICKS * predicted.tick_s;
-            let soon = swept(&near.bounds, near.velocity.to_array(), ahead_s.into());
+            let soon = near.bounds.swept(near.velocity.to_array(), ahead_s.into());
             wanted = moment.partition.touching(&soon).union(viewers);
         }
         let slot = region.slot(near.link.handle);
@@ -620,7 +620,7 @@ pub(super) fn show(
 fn fast_bounds(nearby: &NearbyBodies, ahead_s: f32) -> Option<Bounds> {
     let ahead_s = f64::from(ahead_s);
     let fast = nearby.bodies.iter().filter(|body| Vector::from_array(body.velocity).length() > SLOW_M_S);
-    fast.map(|body| swept(&body.bounds, body.velocity, ahead_s)).reduce(|all, bounds| all.union(&bounds))
+    fast.map(|body| body.bounds.swept(body.velocity, ahead_s)).reduce(|all, bounds| all.union(&bounds))
 }
 
 #[cfg(test)]

@@ -3,15 +3,6 @@
 use crate::protocol::NearbyBody;
 use crate::space::Bounds;
 
-/// Returns the swept AABB of a box that moves at a velocity for some time.
-pub(super) fn swept(bounds: &Bounds, velocity: [f32; 3], ahead_s: f64) -> Bounds {
-    let way = velocity.map(|v| f64::from(v) * ahead_s);
-    bounds.union(&Bounds {
-        min: std::array::from_fn(|i| bounds.min[i] + way[i]),
-        max: std::array::from_fn(|i| bounds.max[i] + way[i]),
-    })
-}
-
 /// Visits every pair of boxes that will overlap within `ahead_s`, found by sweep and prune: along the axis on which those that may meet lie
 /// farthest apart, in strips across the second one.
 pub(super) fn for_each_overlap(
@@ -25,7 +16,7 @@ pub(super) fn for_each_overlap(
         return;
     }
     let boxes = |list: &[NearbyBody]| -> Vec<_> {
-        list.iter().map(|nearby| swept(&nearby.bounds, nearby.velocity, ahead_s)).collect()
+        list.iter().map(|nearby| nearby.bounds.swept(nearby.velocity, ahead_s)).collect()
     };
     let (ours, theirs) = (boxes(first), boxes(second));
     let around = |boxes: &[Bounds]| boxes.iter().copied().reduce(|a, b| a.union(&b));

@@ -78,6 +78,8 @@ pub struct RegionHost {
     /// Whether all regions meet in the next tick, not only neighbours; and whether they do in every tick.
     meets: bool,
     meets_always: bool,
+    /// Whether all that the world begins with has been placed as one scene.
+    is_placed: bool,
     /// Whether all regions know which cells are near theirs, as the tree is.
     #[serde(skip)]
     settled: bool,
@@ -139,6 +141,7 @@ impl RegionHost {
             giants: giants::KnownGiants::default(),
             meets: true,
             meets_always: false,
+            is_placed: false,
             settled: false,
             holders_unsure: false,
             governor: None,
@@ -328,6 +331,7 @@ impl RegionHost {
     /// Has all regions exchange messages in the next tick, not only neighbours. All processes that compute a part of the world must
     /// do so before the same tick: what is inserted, and what comes to lie elsewhere at once, may concern any region.
     pub fn meet_all(&mut self) {
+        self.is_placed = false;
         self.meets = true;
     }
 

@@ -12,7 +12,7 @@ use crate::physics::placement::{self, Placement, movable_ends};
 use crate::physics::region::{Ownership, Region, better_anchor};
 use crate::physics::shapes::{ShapeError, ShapeLibrary};
 use crate::physics::{articulation, convert, joints};
-use crate::protocol::{BodyKind, BodyRecord, BodyTraits, JointRecord, ShapeHash, Vehicle};
+use crate::protocol::{BodyKind, BodyRecord, BodyTraits, JointRecord, ShapeHash, Vehicle, WorldPose};
 use crate::space::{BodyId, DistributionTree, JointId, RegionId, RegionSet, Tick};
 
 /// Why a kinematic body carries no multibody. Seen with Rapier 0.36.1: what is put on such a root falls through it.
@@ -85,19 +85,12 @@ impl RegionHost {
         self.meet_all();
         bodies.sort_by_key(|body| body.id);
         self.check(&bodies, joints)?;
-        // A record holds no kinematic target. What is put elsewhere goes nowhere from there.
-        let stays = |body: &&BodyRecord| {
-            body.traits.kind == BodyKind::KinematicPosition
-                && self.record(body.id).is_some_and(|known| known.state.pose == body.state.pose)
-        };
-        let targets =
-            bodies.iter().filter(stays).filter_map(|body| Some((body.id, self.target_of(body.id)?)));
-        let targets: Vec<_> = targets.collect();
+        let targets = self.targets_of(&bodies);
         for body in &bodies {
             self.remove(body.id);
         }
         self.insert_checked(bodies, joints)?;
-        targets.into_iter().try_for_each(|(id, target)| self.send_to(id, target).map(drop))
+        self.send_all(targets)
     }
 
     /// Inserts one body that no joint ties, as [`RegionHost::insert`] would.
@@ -127,8 +120,49 @@ impl RegionHost {
         let owners = placement.owners(&bodies, &self.partition);
         // A scene comes at once, and nothing touches it but itself.
         let scene = self.tick == Tick(0) && bodies.len() > 1;
-        let whole = if scene { placement.whole(&owners) } else { vec![false; bodies.len()] };
-        self.insert_placed(bodies, &owners, &whole, joints)
+        let whole = if scene { placement.whole(&bodies, &owners) } else { vec![false; bodies.len()] };
+        let is_all = scene && self.owned_count() == 0;
+        self.insert_placed(bodies, &owners, &whole, joints)?;
+        self.is_placed = is_all;
+        Ok(())
+    }
+
+    /// Places all that a world of several regions begins with as one scene, in whatever parts and order it came: it then has the bits of a
+    /// world that was given all at once, or that is sent to nodes.
+    pub(crate) fn place_beginning(&mut self) -> Result<(), HostError> {
+        if self.tick != Tick(0) || self.is_placed || self.partition.len() == 1 {
+            return Ok(());
+        }
+        let bodies: Vec<_> = self.owned_bodies().map(|(id, ..)| id).collect();
+        let bodies: Vec<_> = bodies.into_iter().filter_map(|id| self.record(id)).collect();
+        // What is not finite the step sets aside.
+        if bodies.iter().any(|body| check_state(body).is_err()) {
+            return Ok(());
+        }
+        let ties = bodies.iter().flat_map(|body| self.joints_of(body.id)).map(|joint| (joint.id, joint));
+        let joints: Vec<_> = ties.collect::<BTreeMap<_, _>>().into_values().collect();
+        let targets = self.targets_of(&bodies);
+        let (tree, regions) = (self.partition.tree().clone(), self.partition.leaves().to_vec());
+        regions.iter().for_each(|&region| self.remove_region(region));
+        // Where each belongs follows from all.
+        let placed = bodies.into_iter().map(|body| (regions[0], body)).collect();
+        self.rebuild(&tree, &regions, placed, &joints, &[])?;
+        self.drop_unconfirmed();
+        self.send_all(targets)
+    }
+
+    /// Returns where kinematic bodies go in the next step, of those that are where these records say. A record holds no target.
+    fn targets_of(&self, bodies: &[BodyRecord]) -> Vec<(BodyId, WorldPose)> {
+        // What is put elsewhere goes nowhere from there.
+        let stays = |body: &&BodyRecord| {
+            body.traits.kind == BodyKind::KinematicPosition
+                && self.record(body.id).is_some_and(|known| known.state.pose == body.state.pose)
+        };
+        bodies.iter().filter(stays).filter_map(|body| Some((body.id, self.target_of(body.id)?))).collect()
+    }
+
+    fn send_all(&mut self, targets: Vec<(BodyId, WorldPose)>) -> Result<(), HostError> {
+        targets.into_iter().try_for_each(|(id, target)| self.send_to(id, target).map(drop))
     }
 
     /// Sets the tree and the regions that are computed here, as when membership changes. Kept regions keep their bodies; `placed`
@@ -191,7 +225,7 @@ impl RegionHost {
         if self.tick == Tick(0) {
             // The whole scene, sent to every node: each places it as a world in one process would.
             owners = placement.owners(&bodies, &self.partition);
-            whole = placement.whole(&owners);
+            whole = placement.whole(&bodies, &owners);
             if bodies.iter().any(placement::lies) {
                 placement::note_standing(&mut bodies, &joints);
             }
@@ -248,6 +282,7 @@ impl RegionHost {
 
     /// Removes a body from every region. Returns whether any held it.
     pub fn remove(&mut self, id: BodyId) -> bool {
+        self.is_placed = false;
         let places = self.places_of(id);
         let mut held = self.statics.remove(id);
         for place in places {
@@ -365,6 +400,7 @@ impl RegionHost {
 
     /// Removes a joint from every region. Returns whether any held it.
     pub fn remove_joint(&mut self, id: JointId) -> bool {
+        self.is_placed = false;
         let mut held = false;
         for Side { region, .. } in &mut self.sides {
             held |= region.has_joint(id);
@@ -628,7 +664,7 @@ mod tests {
 
     use super::*;
     use crate::physics::{Coupling, LinkSettings, Partition, joint_record};
-    use crate::protocol::{LinkMotion, LinkRecord, Velocity, WorldPose};
+    use crate::protocol::{LinkMotion, LinkRecord, Velocity};
     use crate::space::Bounds;
 
     #[test]

@@ -212,6 +212,37 @@ fn no_bullet_passes_a_loose_plate_beyond_a_border() {
     }
 }
 
+/// What a world begins with is placed in its regions before anybody has looked at what meets beyond a border.
+#[test]
+fn no_bullet_passes_what_lies_beyond_a_border_in_the_first_tick_of_a_world() {
+    let loose = || RigidBodyBuilder::dynamic();
+    let moved = || RigidBodyBuilder::kinematic_velocity_based();
+    // A limit of 0: islands are cut, and none is placed whole.
+    for (plate, island_limit) in [(loose(), 256), (loose(), 0), (moved(), 256)] {
+        for regions in REGIONS {
+            let mut config = weightless(regions, 200.0);
+            config.step.island_limit = island_limit;
+            let mut world = LocalWorld::new(config).unwrap();
+            let mut pairs = Vec::new();
+            for i in 0..64 {
+                let (row, column) = ((i / 8) as f32 - 3.5, (i % 8) as f32 - 3.5);
+                let at = Vector::new(0.05 + 0.02 * (i * 13 % 64) as f32, 3.0 * row, 3.0 * column);
+                let (speed, start) =
+                    (250.0 + 2.0 * i as f32, Vector::new(-0.2 - 0.03 * i as f32, at.y, at.z));
+                let plate =
+                    world.insert(plate.clone().translation(at), ColliderBuilder::cuboid(0.02, 1.0, 1.0));
+                let bullet = RigidBodyBuilder::dynamic().translation(start).linvel(Vector::X * speed);
+                let bullet = world.insert(bullet.ccd_enabled(true), ColliderBuilder::ball(0.1).density(20.0));
+                pairs.push((plate.unwrap(), bullet.unwrap()));
+            }
+            steps(&mut world, 10);
+            let x_of = |body| world.pose(body).unwrap().translation[0];
+            let passed = pairs.iter().filter(|(plate, bullet)| x_of(*plate) + 0.02 < x_of(*bullet)).count();
+            assert_eq!(passed, 0, "bullets, in {regions} regions, with islands of {island_limit}: {plate:?}");
+        }
+    }
+}
+
 fn speed_of(world: &LocalWorld, body: BodyId) -> f32 {
     let Velocity { linear, .. } = world.velocity(body).unwrap();
     Vector::from_array(linear).length()

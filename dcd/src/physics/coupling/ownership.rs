@@ -275,7 +275,9 @@ fn share_fresh(side: &mut Side, moment: Moment<'_>) -> Vec<RigidBodyHandle> {
             region.keep_fresh(BodyRef { id, handle });
         } else if !holders.is_empty() {
             let members = holders.union(own);
-            let warming = if whole { holders } else { RegionSet::EMPTY };
+            // Where a copy does not meet what others meet in this tick, it would carry its part of the mass past that.
+            let is_fast = travel_m > f64::from(region.slot(handle).reach_m);
+            let warming = if whole || is_fast { holders } else { RegionSet::EMPTY };
             tell(region, outbox, handle, holders, holders, members, warming, region.rank(), None);
             border.decisions.push(Decision { link: BodyRef { id, handle }, members, warming });
         }

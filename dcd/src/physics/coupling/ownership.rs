@@ -262,10 +262,12 @@ fn share_fresh(side: &mut Side, moment: Moment<'_>) -> Vec<RigidBodyHandle> {
         } else {
             Bounds::around([0.0; 3], [f64::INFINITY; 3])
         };
-        let travel_m = f64::from(region.physics().bodies[handle].linvel().length() * moment.settings.dt_s);
+        // Only where it flies: a copy in a region that does not hold what it meets would carry its part of the mass past that.
+        let velocity = region.physics().bodies[handle].linvel().to_array();
+        let swept = bounds.swept(velocity, moment.settings.dt_s.into());
         let near = match whole {
             true => RegionSet::EMPTY,
-            false => moment.partition.touching(&bounds.grown(moment.partition.halo_m() + travel_m)),
+            false => moment.partition.touching(&swept.grown(moment.partition.halo_m())),
         };
         let near = border.neighbours.reached(region.rank(), near);
         let holders = near.union(region.slot(handle).holders).without(own);
@@ -275,9 +277,7 @@ fn share_fresh(side: &mut Side, moment: Moment<'_>) -> Vec<RigidBodyHandle> {
             region.keep_fresh(BodyRef { id, handle });
         } else if !holders.is_empty() {
             let members = holders.union(own);
-            // Where a copy does not meet what others meet in this tick, it would carry its part of the mass past that.
-            let is_fast = travel_m > f64::from(region.slot(handle).reach_m);
-            let warming = if whole || is_fast { holders } else { RegionSet::EMPTY };
+            let warming = if whole { holders } else { RegionSet::EMPTY };
             tell(region, outbox, handle, holders, holders, members, warming, region.rank(), None);
             border.decisions.push(Decision { link: BodyRef { id, handle }, members, warming });
         }

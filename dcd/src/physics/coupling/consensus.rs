@@ -34,6 +34,8 @@ const MOTION_M_S: f32 = 0.5;
 const MOTION_RAD_S: f32 = 1.0;
 /// Lasting disagreement up to this part of a body's speed counts as none: beside its motion nobody sees it.
 const IN_MOTION: f32 = 0.1;
+/// A copy of a body in flight that is so far behind the owner's was stopped, metres.
+const STOPPED_M: f32 = 0.01;
 /// A sleeping copy is left alone unless the others differ by more than this.
 const WAKE_M_S: f32 = 0.05;
 const WAKE_RAD_S: f32 = 0.05;
@@ -61,7 +63,7 @@ pub(super) fn agree(region: &mut Region, border: &mut Border, moment: Moment<'_>
                 disagreement[rank] = Some(disagreement[rank].map_or(worst, |most| most.max(worst)));
             }
         } else if is_due {
-            follow(region, link, shared, leaders.of(link.handle));
+            follow(region, link, shared, leaders.of(link.handle), moment.settings.dt_s);
         }
     }
 }
@@ -140,8 +142,8 @@ fn is_broken(region: &Region, link: BodyRef) -> bool {
 
 /// Gives the copy of a body that is not split the state that it has in the leading region, where the contacts of all that touches
 /// were solved together, so that what one body of them loses another gains; and the impulses of contacts that the leader did not
-/// see. Where nothing touches the body, its owner leads.
-fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared, leader: Option<usize>) {
+/// see. Where nothing touches the body, its owner leads; unless another copy was stopped on its way, by what the owner does not hold.
+fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared, leader: Option<usize>, tick_s: f32) {
     let mut strikes = std::mem::take(&mut shared.strikes);
     let own_rank = region.rank();
     let body = &region.physics().bodies[link.handle];
@@ -154,10 +156,12 @@ fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared, leader: Optio
     let heard = || shared.heard.iter().map(|(rank, copy)| (*rank, copy));
     let copies = || heard().chain(own).filter(|(_, copy)| copy.sound);
     // Only what moves is pushed about by what it meets; a kinematic body is where its owner says.
+    let owners = copies().find(|(rank, _)| Some(*rank) == owner).filter(|_| body.is_dynamic());
     let rank_of = |&(rank, copy): &(usize, &CopyState)| {
         let seen = if copy.sleeping || !body.is_dynamic() { 0 } else { copy.seen };
         let (leads, owns) = (Some(rank) == leader && seen > 0, Some(rank) == owner);
-        (leads, seen, owns && seen <= 1, copy.size, std::cmp::Reverse(rank))
+        let stopped_um = owners.map_or(0, |(_, owners)| stopped_um(owners, copy, tick_s));
+        (leads, seen, stopped_um, owns && seen <= 1, copy.size, std::cmp::Reverse(rank))
     };
     let Some((rank, copy)) = copies().max_by_key(rank_of) else {
         // A copy that has just come has yet to hear where it is.
@@ -183,6 +187,16 @@ fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared, leader: Optio
         }
         write(region, link, &copy.pose, &struck.unwrap_or(copy.velocity));
     }
+}
+
+/// Returns how far a copy stayed behind the owner's copy in the last tick, micrometres: Rapier stops a fast body where it is about to hit
+/// something, and lets it touch that in the next step. 0 for copies that are side by side, or farther apart than a tick takes them.
+fn stopped_um(owners: &CopyState, copy: &CopyState, tick_s: f32) -> i64 {
+    let way = Vector::from_array(owners.velocity.linear);
+    let apart = |i: usize| (owners.pose.translation[i] - copy.pose.translation[i]) as f32;
+    let behind_m = Vector::from_array(std::array::from_fn(apart)).dot(way.normalize_or_zero());
+    let is_stopped = (STOPPED_M..=1.01 * way.length() * tick_s).contains(&behind_m);
+    if is_stopped { (behind_m * 1e6) as i64 } else { 0 }
 }
 
 /// Returns the mean of copies: positions and velocities by the arithmetic mean, rotations by the normalised mean of quaternions on

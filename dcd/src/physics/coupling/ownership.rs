@@ -277,7 +277,11 @@ fn share_fresh(side: &mut Side, moment: Moment<'_>) -> Vec<RigidBodyHandle> {
             region.keep_fresh(BodyRef { id, handle });
         } else if !holders.is_empty() {
             let members = holders.union(own);
-            let warming = if whole { holders } else { RegionSet::EMPTY };
+            // Where a copy with a part of the mass does not meet what others meet, it carries that past. Whole ones follow the one that was stopped.
+            let travel_m = Vector::from_array(velocity).length() * moment.settings.dt_s;
+            let follows = moment.settings.coupling.moves_islands() && moment.settings.island_limit > 0;
+            let is_fast = follows && travel_m > region.slot(handle).reach_m;
+            let warming = if whole || is_fast { holders } else { RegionSet::EMPTY };
             tell(region, outbox, handle, holders, holders, members, warming, region.rank(), None);
             border.decisions.push(Decision { link: BodyRef { id, handle }, members, warming });
         }

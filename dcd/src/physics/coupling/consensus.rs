@@ -108,6 +108,14 @@ fn agree_on(
         return Disagreement::default();
     }
     let (pose, velocity) = mean(copies);
+    let reach_m = region.slot(link.handle).reach_m;
+    let stopped = |copy: &CopyState| {
+        let behind_um = |ahead: &CopyState| stopped_um(ahead, copy, reach_m, moment.settings.dt_s);
+        copies().map(behind_um).max().unwrap_or(0)
+    };
+    // What one of them met the others do not hold.
+    let last = copies().max_by_key(|copy| stopped(copy)).filter(|copy| stopped(copy) > 0);
+    let pose = last.map_or(pose, |copy| copy.pose);
     let count = copies().count() as f32;
     let alike = copies().all(|copy| copy.partners == shared.own.partners);
     region.mend_copy(link.handle);
@@ -156,11 +164,12 @@ fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared, leader: Optio
     let heard = || shared.heard.iter().map(|(rank, copy)| (*rank, copy));
     let copies = || heard().chain(own).filter(|(_, copy)| copy.sound);
     // Only what moves is pushed about by what it meets; a kinematic body is where its owner says.
+    let reach_m = region.slot(link.handle).reach_m;
     let owners = copies().find(|(rank, _)| Some(*rank) == owner).filter(|_| body.is_dynamic());
     let rank_of = |&(rank, copy): &(usize, &CopyState)| {
         let seen = if copy.sleeping || !body.is_dynamic() { 0 } else { copy.seen };
         let (leads, owns) = (Some(rank) == leader && seen > 0, Some(rank) == owner);
-        let stopped_um = owners.map_or(0, |(_, owners)| stopped_um(owners, copy, tick_s));
+        let stopped_um = owners.map_or(0, |(_, owners)| stopped_um(owners, copy, reach_m, tick_s));
         (leads, seen, stopped_um, owns && seen <= 1, copy.size, std::cmp::Reverse(rank))
     };
     let Some((rank, copy)) = copies().max_by_key(rank_of) else {
@@ -189,14 +198,18 @@ fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared, leader: Optio
     }
 }
 
-/// Returns how far a copy stayed behind the owner's copy in the last tick, micrometres: Rapier stops a fast body where it is about to hit
-/// something, and lets it touch that in the next step. 0 for copies that are side by side, or farther apart than a tick takes them.
-fn stopped_um(owners: &CopyState, copy: &CopyState, tick_s: f32) -> i64 {
-    let way = Vector::from_array(owners.velocity.linear);
-    let apart = |i: usize| (owners.pose.translation[i] - copy.pose.translation[i]) as f32;
-    let behind_m = Vector::from_array(std::array::from_fn(apart)).dot(way.normalize_or_zero());
-    let is_stopped = (STOPPED_M..=1.01 * way.length() * tick_s).contains(&behind_m);
-    if is_stopped { (behind_m * 1e6) as i64 } else { 0 }
+/// Returns how far a copy of a fast body is behind another, micrometres, if it was stopped on its way in the last tick: Rapier stops what flies
+/// where it is about to hit something, and lets it touch that in the next step. 0 for copies that are side by side, farther apart than a
+/// tick takes them, or slow.
+fn stopped_um(ahead: &CopyState, copy: &CopyState, reach_m: f32, tick_s: f32) -> i64 {
+    let motion = Vector::from_array(ahead.velocity.linear);
+    let way_m = motion.length() * tick_s;
+    if way_m <= reach_m {
+        return 0;
+    }
+    let apart = |i: usize| (ahead.pose.translation[i] - copy.pose.translation[i]) as f32;
+    let behind_m = Vector::from_array(std::array::from_fn(apart)).dot(motion.normalize_or_zero());
+    if (STOPPED_M..=1.01 * way_m).contains(&behind_m) { (behind_m * 1e6) as i64 } else { 0 }
 }
 
 /// Returns the mean of copies: positions and velocities by the arithmetic mean, rotations by the normalised mean of quaternions on

@@ -113,6 +113,8 @@ pub struct Region {
     rests: bool,
     /// Bodies inserted here as its own that no exchange has announced yet; some may be gone again.
     fresh: Vec<BodyRef>,
+    /// Bodies of its own that their user has sped up since the last step.
+    launched: Vec<BodyRef>,
     /// By Rapier's body index: the tick from which on the coupling must check the body again for nearness to a border.
     /// Kept apart from the slots, so that passing over a body far from any border touches four bytes.
     due: Vec<u32>,
@@ -183,6 +185,7 @@ impl Region {
             passed_over: false,
             rests: false,
             fresh: Vec::new(),
+            launched: Vec::new(),
             due: Vec::new(),
             step_us: 0.0,
             mean_step_us: 0.0,
@@ -346,6 +349,19 @@ impl Region {
     /// Leaves a body that was taken to the next exchange.
     pub(super) fn keep_fresh(&mut self, link: BodyRef) {
         self.fresh.push(link);
+    }
+
+    /// Takes the bodies that their user has sped up since the last step; some may be gone again, or another region's.
+    pub(super) fn take_launched(&mut self) -> Vec<BodyRef> {
+        std::mem::take(&mut self.launched)
+    }
+
+    /// Notes the velocity that a user has given a body, if it is another than `before`.
+    fn note_launch(&mut self, handle: RigidBodyHandle, before: Vector) {
+        let is_faster = self.world.bodies[handle].linvel().length_squared() > before.length_squared();
+        if is_faster && self.slot(handle).role == Ownership::Owner {
+            self.launched.push(BodyRef { id: self.slot(handle).id, handle });
+        }
     }
 
     /// Returns the awake bodies that the coupling must check in a tick.

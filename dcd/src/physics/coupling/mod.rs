@@ -17,6 +17,7 @@ mod consensus;
 mod ghosts;
 mod halo;
 mod island;
+mod launch;
 mod leader;
 mod neighbours;
 mod overlap;
@@ -29,7 +30,7 @@ mod shared;
 mod strike;
 mod sweep;
 
-use rapier3d::prelude::RigidBodyHandle;
+use rapier3d::prelude::{RigidBodyHandle, Vector};
 use serde::{Deserialize, Serialize};
 
 pub(super) use self::neighbours::meet_in;
@@ -198,6 +199,21 @@ impl Default for Clock {
 }
 
 impl Coupling {
+    /// Has bodies announced that their user sped up since the last step, where neighbours must hold them.
+    pub(super) fn expect(self, side: &mut Side, moment: Moment<'_>) {
+        if self.shares_mass() {
+            launch::expect(side, moment);
+        }
+    }
+
+    /// Begins a tick, after what was to be announced has been.
+    pub(super) fn begin(self, side: &mut Side, moment: Moment<'_>) {
+        match self.shares_mass() {
+            true => launch::hold(side, moment),
+            false => drop(side.region.take_launched()),
+        }
+    }
+
     /// Fills the outbox with those bodies inserted since the last step that neighbours must hold.
     pub(super) fn announce(self, side: &mut Side, moment: Moment<'_>) {
         if self.shares_mass() {
@@ -218,6 +234,9 @@ impl Coupling {
 
     /// Fills the outbox after a substep.
     pub(super) fn gather(self, side: &mut Side, moment: Moment<'_>) {
+        if moment.last && self.shares_mass() {
+            launch::release(side);
+        }
         if moment.partition.len() == 1 {
             side.region.take_fresh();
         } else if self.shares_mass() {
@@ -280,6 +299,9 @@ pub(super) struct Border {
     disagreement: Vec<Option<auto::Disagreement>>,
     /// Bodies to be checked once, asleep or not, because the border or another region's bodies have come to them.
     overlooked: Vec<RigidBodyHandle>,
+    /// Bodies that stay where they are in this tick, with their velocities: see [`launch::hold`].
+    #[serde(skip)]
+    held_back: Vec<(RigidBodyHandle, Vector)>,
     /// Bodies that became the region's own in the exchange under way.
     arrived: Vec<BodyRef>,
     #[serde(skip)]

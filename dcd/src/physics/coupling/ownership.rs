@@ -18,6 +18,7 @@ use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::island::Island;
+use super::launch;
 use super::predicted_contacts::{self, Meeting, PredictedContacts};
 use super::shared::SharedBodies;
 use super::{Border, Moment, Side, articulated, strike};
@@ -125,7 +126,7 @@ pub(super) fn survey(side: &mut Side, moment: Moment<'_>) {
     side.region.update_assemblies();
     side.border.decisions.clear();
     let fresh = share_fresh(side, moment);
-    let Side { region, border, .. } = side;
+    let Side { region, border, .. } = &mut *side;
     let mut looked_at = std::mem::take(&mut border.looked_at);
     looked_at.clear();
     looked_at.extend(fresh);
@@ -133,6 +134,8 @@ pub(super) fn survey(side: &mut Side, moment: Moment<'_>) {
     looked_at.extend(region.due(moment.tick));
     predicted_contacts::look(region, &mut border.predicted, moment, &looked_at);
     border.looked_at = looked_at;
+    share_sudden(side, moment);
+    let Side { region, border, .. } = side;
     if moment.settings.coupling.moves_islands() {
         let Border { islands, predicted, shared, .. } = border;
         let seeds = island_seeds(region, predicted, moment);
@@ -249,44 +252,51 @@ pub(super) fn commit<'a>(
 /// computed whole go to nobody new: after membership has changed, to the regions that held copies of them, which follow as before.
 /// Lets those wait that a joint has held by regions at different times, until these are at one. Returns all of them.
 fn share_fresh(side: &mut Side, moment: Moment<'_>) -> Vec<RigidBodyHandle> {
-    let Side { region, border, outbox, .. } = side;
-    let own = RegionSet::only(region.rank());
-    let fresh = region.take_fresh();
-    for &BodyRef { id, handle } in &fresh {
-        if region.slot(handle).role != Ownership::Owner || region.is_articulated(handle) {
-            continue;
-        }
-        let whole = region.slot(handle).whole;
-        let bounds = if region.slot(handle).reach_m.is_finite() {
-            region.world_bounds(handle)
-        } else {
-            Bounds::around([0.0; 3], [f64::INFINITY; 3])
-        };
-        // Only where it flies: a copy in a region that does not hold what it meets would carry its part of the mass past that.
-        let velocity = region.physics().bodies[handle].linvel().to_array();
-        let swept = bounds.swept(velocity, moment.settings.dt_s.into());
-        let near = match whole {
-            true => RegionSet::EMPTY,
-            false => moment.partition.touching(&swept.grown(moment.partition.halo_m())),
-        };
-        let near = border.neighbours.reached(region.rank(), near);
-        let holders = near.union(region.slot(handle).holders).without(own);
-        // A region that is behind takes in no body, and does not apply what it decides itself.
-        if !holders.is_empty() && border.neighbours.are_behind(holders.union(own)) {
-            border.neighbours.wait_for(holders);
-            region.keep_fresh(BodyRef { id, handle });
-        } else if !holders.is_empty() {
-            let members = holders.union(own);
-            // Where a copy with a part of the mass does not meet what others meet, it carries that past. Whole ones follow the one that was stopped.
-            let travel_m = Vector::from_array(velocity).length() * moment.settings.dt_s;
-            let follows = moment.settings.coupling.moves_islands() && moment.settings.island_limit > 0;
-            let is_fast = follows && travel_m > region.slot(handle).reach_m;
-            let warming = if whole || is_fast { holders } else { RegionSet::EMPTY };
-            tell(region, outbox, handle, holders, holders, members, warming, region.rank(), None);
-            border.decisions.push(Decision { link: BodyRef { id, handle }, members, warming });
+    let fresh = side.region.take_fresh();
+    for &link in &fresh {
+        let region = &side.region;
+        if region.slot(link.handle).role == Ownership::Owner && !region.is_articulated(link.handle) {
+            share(side, moment, link);
         }
     }
     fresh.into_iter().map(|link| link.handle).collect()
+}
+
+/// Sends those that a collision sped up in this step to the regions that they fly into in the next.
+fn share_sudden(side: &mut Side, moment: Moment<'_>) {
+    for link in std::mem::take(&mut side.border.predicted.sudden) {
+        let is_decided = side.border.decisions.iter().any(|decision| decision.link.id == link.id);
+        if !is_decided && launch::flies_off(&side.region, moment, link) {
+            share(side, moment, link);
+        }
+    }
+}
+
+/// Sends a body to all regions that it comes near in the next tick.
+fn share(side: &mut Side, moment: Moment<'_>, link: BodyRef) {
+    let Side { region, border, outbox, .. } = side;
+    let (own, handle) = (RegionSet::only(region.rank()), link.handle);
+    let whole = region.slot(handle).whole;
+    let near = match whole {
+        true => RegionSet::EMPTY,
+        false => launch::on_its_way(region, moment.partition, handle, moment.settings.dt_s),
+    };
+    let near = border.neighbours.reached(region.rank(), near);
+    let holders = near.union(region.slot(handle).holders).without(own);
+    // A region that is behind takes in no body, and does not apply what it decides itself.
+    if !holders.is_empty() && border.neighbours.are_behind(holders.union(own)) {
+        border.neighbours.wait_for(holders);
+        region.keep_fresh(link);
+    } else if !holders.is_empty() {
+        let members = holders.union(own);
+        // Where a copy with a part of the mass does not meet what others meet, it carries that past. Whole ones follow the one that was stopped.
+        let follows = moment.settings.coupling.moves_islands() && moment.settings.island_limit > 0;
+        let velocity = region.physics().bodies[handle].linvel();
+        let is_fast = follows && launch::is_fast(region, handle, velocity, moment.settings.dt_s);
+        let warming = if whole || is_fast { holders } else { RegionSet::EMPTY };
+        tell(region, outbox, handle, holders, holders, members, warming, region.rank(), None);
+        border.decisions.push(Decision { link, members, warming });
+    }
 }
 
 /// Returns the bodies whose islands are to be found. A body near the border that is alone, has no predicted contact and lies in its

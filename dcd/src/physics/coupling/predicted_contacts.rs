@@ -49,6 +49,9 @@ pub(super) struct PredictedContacts {
     ahead_s: f32,
     /// Bodies in this box concern no other region, in region space.
     inner: (Vector, Vector),
+    /// Bodies whose motion has just become another, by more than they can be missed by.
+    #[serde(skip)]
+    pub sudden: Vec<BodyRef>,
     /// Scratch.
     lists: Vec<Vec<NearbyBody>>,
 }
@@ -443,15 +446,22 @@ pub(super) fn look(
     let mut found: Vec<_> = moment.team.spread(&close, |&link| Some(near(region, link, ahead_s)));
     // By Rapier's handle, not by id: nothing is hashed.
     let own = |near: &Near| region.role_of(near.link.handle) == Some((near.link.id, Ownership::Owner));
-    let PredictedContacts { near, seen, .. } = predicted;
+    let PredictedContacts { near, seen, sudden, tick_s, .. } = predicted;
+    let jumps = |link: BodyRef, by: Vector| by.length() * *tick_s > region.slot(link.handle).reach_m;
+    sudden.clear();
     near.retain_mut(|known| {
         let place = if own(known) { places[index_of(known.link.handle)] } else { FAR };
         if let Some(anew) = place.checked_sub(1).and_then(|place| found.get_mut(place as usize)?.take()) {
+            if jumps(anew.link, anew.velocity - known.velocity) {
+                sudden.push(anew.link);
+            }
             *known = anew;
         }
         place != FAR
     });
     let mut newcomers: Vec<_> = found.into_iter().flatten().collect();
+    // What comes so near without having been seen coming was sped up.
+    sudden.extend(newcomers.iter().filter(|near| jumps(near.link, near.velocity)).map(|near| near.link));
     if !newcomers.is_empty() {
         newcomers.sort_unstable_by_key(|near| near.link.id);
         near.append(&mut newcomers);

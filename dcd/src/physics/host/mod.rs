@@ -250,6 +250,10 @@ impl RegionHost {
                 side.region.begin_tick(rests);
             }
             self.meet(self.meets || self.meets_always || meet_in(tick));
+            let moment = Moment::new(&partition, &settings, tick, rounds, round, coarsest);
+            for side in self.sides.iter_mut().filter(|side| side.steps_now()) {
+                settings.coupling.begin(side, moment);
+            }
         }
         let is_due = move |side: &Side, moment: &Moment<'_>| side.steps_now() && moment.is_due(side.steps());
         let moment = Moment::new(&self.partition, &settings, tick, rounds, round, coarsest);
@@ -503,6 +507,9 @@ impl RegionHost {
 
     fn step_all(&mut self) -> Result<(), HostError> {
         self.handovers.clear();
+        if self.partition.len() > 1 {
+            self.expect_launched();
+        }
         if self.partition.len() > 1 && self.regions().any(|region| region.fresh().next().is_some()) {
             let fresh = self.regions().flat_map(Region::fresh).map(|link| link.id);
             let fresh: Vec<_> = fresh.collect();
@@ -521,6 +528,13 @@ impl RegionHost {
         self.end_tick();
         self.set_rounds(self.rounds_wanted());
         Ok(())
+    }
+
+    /// Has bodies announced that their user sped up since the last step, where they fly into other regions at once.
+    fn expect_launched(&mut self) {
+        let settings = self.settings;
+        let moment = Moment::new(&self.partition, &settings, self.tick, self.rounds, 0, self.coarsest());
+        self.sides.iter_mut().for_each(|side| settings.coupling.expect(side, moment));
     }
 
     /// Ends the tick and counts it.

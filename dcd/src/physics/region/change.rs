@@ -49,7 +49,9 @@ impl Region {
         let (before, found) = (place(self), std::mem::take(&mut self.moved));
         let (was_asleep, kind) =
             (self.world.bodies[handle].is_sleeping(), self.world.bodies[handle].body_type());
+        let velocity = self.world.bodies[handle].linvel();
         let result = self.change_unseen(handle, change);
+        self.note_launch(handle, velocity);
         self.note_awake(handle, was_asleep);
         self.note_laid(handle);
         if self.world.bodies[handle].is_enabled() != before.1 {

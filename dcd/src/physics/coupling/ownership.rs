@@ -26,7 +26,7 @@ use crate::physics::convert;
 use crate::physics::outbox::Outbox;
 use crate::physics::region::{BodyRef, Ownership, Region, Slot};
 use crate::protocol::{BIG_ISLAND, BodyKind, BodyRecord, ContactPose, Membership, Transfer};
-use crate::space::{BodyId, Bounds, RegionSet};
+use crate::space::{BodyId, RegionSet};
 
 /// Ticks for which a region keeps a body that it has no reason to hold any more.
 const KEEP_TICKS: u32 = 10;

@@ -44,6 +44,8 @@ pub(super) fn expect(side: &mut Side, moment: Moment<'_>) {
     let mut known: BTreeSet<_> = region.fresh().map(|link| link.id).collect();
     for link in launched {
         if flies_off(region, moment, link) && known.insert(link.id) {
+            // Its island, or what that comes to meet, may not lie in one region.
+            region.slot_mut(link.handle).whole = false;
             region.keep_fresh(link);
         }
     }

@@ -267,6 +267,7 @@ fn share_sudden(side: &mut Side, moment: Moment<'_>) {
     for link in std::mem::take(&mut side.border.predicted.sudden) {
         let is_decided = side.border.decisions.iter().any(|decision| decision.link.id == link.id);
         if !is_decided && launch::flies_off(&side.region, moment, link) {
+            side.region.slot_mut(link.handle).whole = false;
             share(side, moment, link);
         }
     }

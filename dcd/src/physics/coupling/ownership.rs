@@ -282,8 +282,10 @@ fn share(side: &mut Side, moment: Moment<'_>, link: BodyRef) {
         true => RegionSet::EMPTY,
         false => launch::on_its_way(region, moment.partition, handle, moment.settings.dt_s),
     };
-    let near = border.neighbours.reached(region.rank(), near);
-    let holders = near.union(region.slot(handle).holders).without(own);
+    let velocity = region.physics().bodies[handle].linvel();
+    let is_fast = launch::is_fast(region, handle, velocity, moment.settings.dt_s);
+    let reached = border.neighbours.reached(region.rank(), near);
+    let holders = reached.union(region.slot(handle).holders).without(own);
     // A region that is behind takes in no body, and does not apply what it decides itself.
     if !holders.is_empty() && border.neighbours.are_behind(holders.union(own)) {
         border.neighbours.wait_for(holders);
@@ -292,11 +294,12 @@ fn share(side: &mut Side, moment: Moment<'_>, link: BodyRef) {
         let members = holders.union(own);
         // Where a copy with a part of the mass does not meet what others meet, it carries that past. Whole ones follow the one that was stopped.
         let follows = moment.settings.coupling.moves_islands() && moment.settings.island_limit > 0;
-        let velocity = region.physics().bodies[handle].linvel();
-        let is_fast = follows && launch::is_fast(region, handle, velocity, moment.settings.dt_s);
-        let warming = if whole || is_fast { holders } else { RegionSet::EMPTY };
+        let warming = if whole || follows && is_fast { holders } else { RegionSet::EMPTY };
         tell(region, outbox, handle, holders, holders, members, warming, region.rank(), None);
         border.decisions.push(Decision { link, members, warming });
+    } else if is_fast && reached != near {
+        // They meet in the next tick.
+        region.keep_fresh(link);
     }
 }
 

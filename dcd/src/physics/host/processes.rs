@@ -85,3 +85,63 @@ impl Processes {
         states
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use rapier3d::prelude::*;
+
+    use super::*;
+    use crate::space::{Axis, Bounds};
+
+    /// Nothing is exchanged between the word of a user and the tick: who is fast waits for one.
+    #[test]
+    fn what_is_set_off_or_inserted_by_processes_passes_nothing_beyond_a_border() {
+        for (plate, inserted) in [
+            (RigidBodyBuilder::dynamic(), false),
+            (RigidBodyBuilder::dynamic(), true),
+            (RigidBodyBuilder::kinematic_velocity_based(), false),
+            (RigidBodyBuilder::kinematic_velocity_based(), true),
+        ] {
+            // In slabs: from the first, bullets fly into the second or the third.
+            let cuts = [0.0, 1.0, 3.0].map(|at| (Axis::X, at));
+            let tree = DistributionTree::cut_by(Bounds::around([0.0; 3], [100.0; 3]), &cuts).unwrap();
+            let mut scene = Scene::empty("bullets");
+            let at = |i: usize| [0.2 + 0.1 * i as f64, 4.0 * i as f64 - 32.0, 0.0];
+            for i in 0..16 {
+                scene.push(WorldPose::at(at(i)), plate.clone(), ColliderBuilder::cuboid(0.02, 1.0, 1.0));
+            }
+            let start = |i: usize| WorldPose::at([-0.3, at(i)[1], 0.0]);
+            let bullet = || RigidBodyBuilder::dynamic().ccd_enabled(true);
+            let ball = || ColliderBuilder::ball(0.1).density(20.0);
+            if !inserted {
+                (0..16).for_each(|i| drop(scene.push(start(i), bullet(), ball())));
+            }
+            let settings = StepSettings { gravity: [0.0; 3], ..StepSettings::default() };
+            let mut world = Processes::cut(&scene, settings, tree, 2);
+            (0..12).for_each(|_| world.step());
+            let ids: Vec<_> = (16..32).map(BodyId::persistent).collect();
+            for (i, &id) in ids.iter().enumerate() {
+                for host in &mut world.0 {
+                    if inserted {
+                        let flying = bullet().linvel(Vector::X * 200.0).build();
+                        let record = host.shapes_mut().describe(id, start(i), &flying, &[ball()]).unwrap();
+                        host.meet_all();
+                        host.insert(vec![record], &[]).unwrap();
+                    } else {
+                        let velocity = Velocity { linear: [200.0, 0.0, 0.0], angular: [0.0; 3] };
+                        host.steer(id, &velocity);
+                    }
+                }
+            }
+            let x_of = |world: &Processes, id| {
+                world.states().iter().find(|(body, ..)| *body == id).unwrap().2.translation[0]
+            };
+            world.step();
+            assert!(ids.iter().all(|&id| x_of(&world, id) < -0.29), "who has not been heard of waits");
+            (0..10).for_each(|_| world.step());
+            let passed =
+                (0..16).filter(|&i| x_of(&world, BodyId::persistent(i as u32)) + 0.02 < x_of(&world, ids[i]));
+            assert_eq!(passed.count(), 0, "{:?}, inserted: {inserted}", plate.body_type);
+        }
+    }
+}

@@ -114,7 +114,7 @@ mod tests {
             let bullet = || RigidBodyBuilder::dynamic().ccd_enabled(true);
             let ball = || ColliderBuilder::ball(0.1).density(20.0);
             if !inserted {
-                (0..16).for_each(|i| drop(scene.push(start(i), bullet(), ball())));
+                (0..16).for_each(|i| _ = scene.push(start(i), bullet(), ball()));
             }
             let settings = StepSettings { gravity: [0.0; 3], ..StepSettings::default() };
             let mut world = Processes::cut(&scene, settings, tree, 2);

@@ -221,7 +221,7 @@ enum Shot {
     Inserted,
     /// They rest for some ticks, and are given their velocity.
     SetOff,
-    /// They rest for some ticks, and a hammer of a thousand times their mass hits them.
+    /// They rest for some ticks, and are hit aslant by a heavy hammer that flies along the border.
     Struck,
 }
 
@@ -271,7 +271,11 @@ fn shoot(kind: RigidBodyType, regions: usize, island_limit: usize, shot: Shot, s
     };
     let way = Vector::new(1.0, slant, slant);
     let velocity = |i: usize| way * (150.0 + 1.5 * i as f32);
-    let start = |i: usize| at(i) - (0.2 + 0.01 * i as f32) * way - Vector::X * at(i).x;
+    let start = |i: usize| match shot {
+        // As far beside the plate as before it.
+        Shot::Struck => at(i) - Vector::new(1.0, 1.0, 0.0) * (0.8 + at(i).x),
+        _ => at(i) - (0.2 + 0.01 * i as f32) * way - Vector::X * at(i).x,
+    };
     let plates: Vec<_> = (0..64)
         .map(|i| {
             let plate = RigidBodyBuilder::new(kind).translation(at(i));
@@ -297,8 +301,9 @@ fn shoot(kind: RigidBodyType, regions: usize, island_limit: usize, shot: Shot, s
             Shot::AtFirst | Shot::Inserted => {}
             Shot::SetOff => world.update(bullet, |body| body.set_linvel(velocity(i), true)).unwrap(),
             Shot::Struck => {
-                let hammer = RigidBodyBuilder::dynamic().translation(start(i) - Vector::X * 0.45);
-                let hammer = hammer.linvel(0.5 * velocity(i)).ccd_enabled(true);
+                let behind = 0.42 * Vector::new(1.0, 1.0, 0.0).normalize();
+                let hammer = RigidBodyBuilder::dynamic().translation(start(i) - behind);
+                let hammer = hammer.linvel(Vector::Y * (35.0 + 0.1 * i as f32)).ccd_enabled(true);
                 let ball = ColliderBuilder::ball(0.3).density(740.0).restitution(1.0);
                 world.insert(hammer, ball.friction(0.0)).map(drop).unwrap();
             }

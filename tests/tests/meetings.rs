@@ -273,8 +273,8 @@ fn shoot(kind: RigidBodyType, regions: usize, island_limit: usize, shot: Shot, s
     let way = Vector::new(1.0, slant, slant);
     let velocity = |i: usize| way * (150.0 + 1.5 * i as f32);
     let start = |i: usize| match shot {
-        // As far beside the plate as before it.
-        Shot::Struck => at(i) - Vector::new(1.0, 1.0, 0.0) * (0.8 + at(i).x),
+        // As far beside the plate as before it, and farther from the border than the blow takes it in one tick.
+        Shot::Struck => at(i) - Vector::new(1.0, 1.0, 0.0) * (1.1 + at(i).x),
         _ => at(i) - (0.2 + 0.01 * i as f32) * way - Vector::X * at(i).x,
     };
     let plates: Vec<_> = (0..64)

@@ -19,19 +19,20 @@ pub(super) fn is_fast(region: &Region, handle: RigidBodyHandle, velocity: Vector
     velocity.length() * tick_s > region.slot(handle).reach_m
 }
 
-/// Returns the regions that a body comes near in the next tick.
+/// Returns the regions that a body comes to in the next tick, within a margin.
 pub(super) fn on_its_way(
     region: &Region,
     partition: &Partition,
     handle: RigidBodyHandle,
     tick_s: f32,
+    margin_m: f64,
 ) -> RegionSet {
     let bounds = match region.slot(handle).reach_m.is_finite() {
         true => region.world_bounds(handle),
         false => Bounds::around([0.0; 3], [f64::INFINITY; 3]),
     };
     let velocity = region.physics().bodies[handle].linvel().to_array();
-    partition.touching(&bounds.swept(velocity, tick_s.into()).grown(partition.halo_m()))
+    partition.touching(&bounds.swept(velocity, tick_s.into()).grown(margin_m))
 }
 
 /// Has those announced that their user sped up since the last step and that fly into other regions at once.
@@ -43,7 +44,7 @@ pub(super) fn expect(side: &mut Side, moment: Moment<'_>) {
     }
     let mut known: BTreeSet<_> = region.fresh().map(|link| link.id).collect();
     for link in launched {
-        if flies_off(region, moment, link) && known.insert(link.id) {
+        if flies_off(region, moment, link, moment.partition.halo_m()) && known.insert(link.id) {
             // Its island, or what that comes to meet, may not lie in one region.
             region.slot_mut(link.handle).whole = false;
             region.keep_fresh(link);
@@ -58,7 +59,8 @@ pub(super) fn hold(side: &mut Side, moment: Moment<'_>) {
     border.held_back.clear();
     let is_held = |link: &BodyRef| {
         // What a joint ties it to does not wait.
-        flies_off(region, moment, *link) && region.joints_of(link.handle).next().is_none()
+        flies_off(region, moment, *link, moment.partition.halo_m())
+            && region.joints_of(link.handle).next().is_none()
     };
     let held: Vec<_> = region.fresh().filter(is_held).collect();
     for BodyRef { handle, .. } in held {
@@ -79,8 +81,8 @@ pub(super) fn release(side: &mut Side) {
     }
 }
 
-/// Returns whether a body flies into regions that do not hold it, and is no other's.
-pub(super) fn flies_off(region: &Region, moment: Moment<'_>, link: BodyRef) -> bool {
+/// Returns whether a body flies to within a margin of regions that do not hold it, in the next tick, and is no other's.
+pub(super) fn flies_off(region: &Region, moment: Moment<'_>, link: BodyRef, margin_m: f64) -> bool {
     let BodyRef { id, handle } = link;
     if region.role_of(handle) != Some((id, Ownership::Owner)) || region.is_articulated(handle) {
         return false;
@@ -89,5 +91,5 @@ pub(super) fn flies_off(region: &Region, moment: Moment<'_>, link: BodyRef) -> b
     body.is_dynamic()
         && region.slot(handle).holders.is_empty()
         && is_fast(region, handle, body.linvel(), tick_s)
-        && on_its_way(region, moment.partition, handle, tick_s) != RegionSet::only(region.rank())
+        && on_its_way(region, moment.partition, handle, tick_s, margin_m) != RegionSet::only(region.rank())
 }

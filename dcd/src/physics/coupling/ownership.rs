@@ -266,7 +266,7 @@ fn share_fresh(side: &mut Side, moment: Moment<'_>) -> Vec<RigidBodyHandle> {
 fn share_sudden(side: &mut Side, moment: Moment<'_>) {
     for link in std::mem::take(&mut side.border.predicted.sudden) {
         let is_decided = side.border.decisions.iter().any(|decision| decision.link.id == link.id);
-        if !is_decided && launch::flies_off(&side.region, moment, link) {
+        if !is_decided && launch::flies_off(&side.region, moment, link, 0.0) {
             side.region.slot_mut(link.handle).whole = false;
             share(side, moment, link);
         }
@@ -277,10 +277,10 @@ fn share_sudden(side: &mut Side, moment: Moment<'_>) {
 fn share(side: &mut Side, moment: Moment<'_>, link: BodyRef) {
     let Side { region, border, outbox, .. } = side;
     let (own, handle) = (RegionSet::only(region.rank()), link.handle);
-    let whole = region.slot(handle).whole;
+    let (whole, partition) = (region.slot(handle).whole, moment.partition);
     let near = match whole {
         true => RegionSet::EMPTY,
-        false => launch::on_its_way(region, moment.partition, handle, moment.settings.dt_s),
+        false => launch::on_its_way(region, partition, handle, moment.settings.dt_s, partition.halo_m()),
     };
     let velocity = region.physics().bodies[handle].linvel();
     let is_fast = launch::is_fast(region, handle, velocity, moment.settings.dt_s);

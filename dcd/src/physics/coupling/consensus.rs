@@ -108,14 +108,15 @@ fn agree_on(
         return Disagreement::default();
     }
     let (pose, velocity) = mean(copies);
-    let reach_m = region.slot(link.handle).reach_m;
+    let (reach_m, tick_s) = (region.slot(link.handle).reach_m, moment.settings.dt_s);
+    // What one of them met the others may not hold.
     let stopped = |copy: &CopyState| {
-        let behind_um = |ahead: &CopyState| stopped_um(ahead, copy, reach_m, moment.settings.dt_s);
+        let behind_um = |ahead: &CopyState| stopped_um(ahead, copy, reach_m, tick_s);
         copies().map(behind_um).max().unwrap_or(0)
     };
-    // What one of them met the others do not hold.
-    let last = copies().max_by_key(|copy| stopped(copy)).filter(|copy| stopped(copy) > 0);
-    let pose = last.map_or(pose, |copy| copy.pose);
+    let is_fast = copies().any(|copy| way_m(copy, tick_s) > reach_m);
+    let last = copies().filter(|_| is_fast).max_by_key(|copy| stopped(copy));
+    let pose = last.filter(|copy| stopped(copy) > 0).map_or(pose, |copy| copy.pose);
     let count = copies().count() as f32;
     let alike = copies().all(|copy| copy.partners == shared.own.partners);
     region.mend_copy(link.handle);
@@ -163,9 +164,9 @@ fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared, leader: Optio
     let own = (!is_broken(region, link)).then_some((own_rank, &shared.own));
     let heard = || shared.heard.iter().map(|(rank, copy)| (*rank, copy));
     let copies = || heard().chain(own).filter(|(_, copy)| copy.sound);
-    // Only what moves is pushed about by what it meets; a kinematic body is where its owner says.
     let reach_m = region.slot(link.handle).reach_m;
     let owners = copies().find(|(rank, _)| Some(*rank) == owner).filter(|_| body.is_dynamic());
+    // Only what moves is pushed about by what it meets; a kinematic body is where its owner says.
     let rank_of = |&(rank, copy): &(usize, &CopyState)| {
         let seen = if copy.sleeping || !body.is_dynamic() { 0 } else { copy.seen };
         let (leads, owns) = (Some(rank) == leader && seen > 0, Some(rank) == owner);
@@ -202,14 +203,19 @@ fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared, leader: Optio
 /// where it is about to hit something, and lets it touch that in the next step. 0 for copies that are side by side, farther apart than a
 /// tick takes them, or slow.
 fn stopped_um(ahead: &CopyState, copy: &CopyState, reach_m: f32, tick_s: f32) -> i64 {
-    let motion = Vector::from_array(ahead.velocity.linear);
-    let way_m = motion.length() * tick_s;
+    let way_m = way_m(ahead, tick_s);
     if way_m <= reach_m {
         return 0;
     }
+    let motion = Vector::from_array(ahead.velocity.linear);
     let apart = |i: usize| (ahead.pose.translation[i] - copy.pose.translation[i]) as f32;
     let behind_m = Vector::from_array(std::array::from_fn(apart)).dot(motion.normalize_or_zero());
     if (STOPPED_M..=1.01 * way_m).contains(&behind_m) { (behind_m * 1e6) as i64 } else { 0 }
+}
+
+/// Returns how far a copy flies in a tick, metres.
+fn way_m(copy: &CopyState, tick_s: f32) -> f32 {
+    Vector::from_array(copy.velocity.linear).length() * tick_s
 }
 
 /// Returns the mean of copies: positions and velocities by the arithmetic mean, rotations by the normalised mean of quaternions on

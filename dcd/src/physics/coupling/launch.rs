@@ -16,7 +16,8 @@ use crate::space::{Bounds, RegionSet};
 
 /// Returns whether a body moves by more than its own radius in a tick: it may jump over what it would hit.
 pub(super) fn is_fast(region: &Region, handle: RigidBodyHandle, velocity: Vector, tick_s: f32) -> bool {
-    velocity.length() * tick_s > region.slot(handle).reach_m
+    let way_m = velocity.length() * tick_s;
+    way_m > region.slot(handle).reach_m && way_m.is_finite()
 }
 
 /// Returns the regions that a body comes to in the next tick, within a margin.

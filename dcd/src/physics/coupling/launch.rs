@@ -85,11 +85,12 @@ pub(super) fn release(side: &mut Side) {
 /// Returns whether a body flies to within a margin of regions that do not hold it, in the next tick, and is no other's.
 pub(super) fn flies_off(region: &Region, moment: Moment<'_>, link: BodyRef, margin_m: f64) -> bool {
     let BodyRef { id, handle } = link;
-    if region.role_of(handle) != Some((id, Ownership::Owner)) || region.is_articulated(handle) {
+    let (held, tick_s) = (region.physics().bodies.get(handle), moment.settings.dt_s);
+    let Some(body) = held.filter(|_| region.role_of(handle) == Some((id, Ownership::Owner))) else {
         return false;
-    }
-    let (body, tick_s) = (&region.physics().bodies[handle], moment.settings.dt_s);
+    };
     body.is_dynamic()
+        && !region.is_articulated(handle)
         && region.slot(handle).holders.is_empty()
         && is_fast(region, handle, body.linvel(), tick_s)
         && on_its_way(region, moment.partition, handle, tick_s, margin_m) != RegionSet::only(region.rank())

@@ -13,6 +13,7 @@ mod place;
 pub(super) mod processes;
 #[cfg(test)]
 mod quiet;
+mod rebuild;
 mod repartition;
 mod replace;
 mod rounds;

@@ -11,7 +11,7 @@ use crate::physics::owner_index::Home;
 use crate::physics::placement::{self, Placement, movable_ends};
 use crate::physics::region::{Ownership, Region, better_anchor};
 use crate::physics::shapes::{ShapeError, ShapeLibrary};
-use crate::physics::{convert, joints};
+use crate::physics::{articulation, convert, joints};
 use crate::protocol::{BodyKind, BodyRecord, BodyTraits, JointRecord, ShapeHash, Vehicle, WorldPose};
 use crate::space::{BodyId, JointId, RegionId, RegionSet, Tick};
 

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::place::check_state;
 use super::{HostError, RegionHost};
 use crate::physics::articulation;
-use crate::physics::coupling::Moment;
+use crate::physics::coupling::{Moment, Side};
 use crate::physics::placement::{self, Placement};
 use crate::physics::region::Region;
 use crate::protocol::{BodyKind, BodyRecord, JointRecord};

@@ -49,7 +49,7 @@ pub(super) struct PredictedContacts {
     ahead_s: f32,
     /// Bodies in this box concern no other region, in region space.
     inner: (Vector, Vector),
-    /// Bodies whose motion has just become another, by more than they can be missed by.
+    /// Bodies whose velocity has just changed by more than their own radius per tick.
     #[serde(skip)]
     pub sudden: Vec<BodyRef>,
     /// Scratch.

@@ -315,6 +315,81 @@ fn shoot(kind: RigidBodyType, regions: usize, island_limit: usize, shot: Shot, s
     (0..64).filter(|&i| x_of(plates[i]) + 0.02 < x_of(bullets[i])).collect()
 }
 
+/// A chain that flies across a border, lengthwise along it and across another one, at plates beyond.
+#[test]
+fn a_chain_that_begins_to_fly_is_stopped_beyond_a_border_in_one_piece() {
+    let cuts: [&[(Axis, f64)]; 3] = [
+        &[(Axis::X, 0.0)],
+        &[(Axis::X, 0.0), (Axis::Y, 0.1)],
+        &[(Axis::X, 0.0), (Axis::X, 0.5), (Axis::Y, 0.1)],
+    ];
+    for (speed, sets_off) in
+        [(20.0, false), (20.0, true), (60.0, false), (60.0, true), (200.0, false), (200.0, true)]
+    {
+        let (alone_m, gap_m) = throw_chain(&[(Axis::X, 90.0)], speed, sets_off);
+        assert!(gap_m < 0.05, "in one world: {gap_m} m");
+        for cuts in cuts {
+            let (mean_m, gap_m) = throw_chain(cuts, speed, sets_off);
+            let what = format!("{speed} m/s, set off: {sets_off}, {cuts:?}");
+            assert!(gap_m < 0.05, "{what}: joints part by {gap_m} m");
+            assert!((mean_m - alone_m).abs() < 0.25 * alone_m, "{what}: {mean_m} m on, alone {alone_m}");
+        }
+    }
+}
+
+/// Returns how far chain and plates have come along x in the mean after a third of a second, and how far joints parted at most, metres.
+fn throw_chain(cuts: &[(Axis, f64)], speed: f32, sets_off: bool) -> (f64, f64) {
+    let partitioning = Partitioning::Cuts(cuts.to_vec());
+    let mut world = LocalWorld::new(WorldConfig { partitioning, ..weightless(1, 200.0) }).unwrap();
+    let mut bodies: Vec<_> = (0..3)
+        .map(|i| {
+            let plate = RigidBodyBuilder::dynamic().translation(Vector::new(0.6, 2.0 * i as f32 - 2.0, 0.0));
+            world.insert(plate, ColliderBuilder::cuboid(0.1, 0.9, 0.9).density(3.0)).unwrap()
+        })
+        .collect();
+    steps(&mut world, 5);
+    let mut chain = Vec::new();
+    for i in 0..6 {
+        let link = RigidBodyBuilder::dynamic().translation(Vector::new(-0.3, 0.5 * i as f32 - 1.25, 0.0));
+        let link = link.linvel(if sets_off { Vector::ZERO } else { Vector::X * speed }).ccd_enabled(true);
+        let link = world.insert(link, ColliderBuilder::capsule_y(0.15, 0.08).density(5.0)).unwrap();
+        if let Some(&last) = chain.last() {
+            let joint = SphericalJointBuilder::new().local_anchor1(Vector::Y * 0.25);
+            let joint = joint.local_anchor2(Vector::Y * -0.25).contacts_enabled(false);
+            world.insert_joint(last, link, joint).unwrap();
+        }
+        chain.push(link);
+    }
+    if sets_off {
+        steps(&mut world, 10);
+        for &link in &chain {
+            world.update(link, |body| body.set_linvel(Vector::X * speed, true)).unwrap();
+        }
+    }
+    let mut gap_m = 0.0f64;
+    for _ in 0..20 {
+        steps(&mut world, 1);
+        for two in chain.windows(2) {
+            let end = |link, y: f32| {
+                let WorldPose { translation, rotation } = world.pose(link).unwrap();
+                let arm = Rotation::from_array(rotation) * (Vector::Y * y);
+                translation
+                    .map(|v| v as f32)
+                    .iter()
+                    .zip(arm.to_array())
+                    .map(|(v, arm)| v + arm)
+                    .collect::<Vec<_>>()
+            };
+            let (a, b) = (end(two[0], 0.25), end(two[1], -0.25));
+            let apart_m = a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f32>().sqrt();
+            gap_m = gap_m.max(apart_m.into());
+        }
+    }
+    bodies.extend(chain);
+    let sum_m: f64 = bodies.iter().map(|&body| world.pose(body).unwrap().translation[0]).sum();
+    (sum_m / bodies.len() as f64, gap_m)
+}
+
 fn speed_of(world: &LocalWorld, body: BodyId) -> f32 {
     let Velocity { linear, .. } = world.velocity(body).unwrap();
     Vector::from_array(linear).length()

@@ -9,6 +9,7 @@
 use rapier3d::prelude::*;
 
 use super::auto::{self, Disagreement};
+use super::launch::{stopped_um, way_m};
 use super::shared::Shared;
 use super::{Border, Moment, strike};
 use crate::physics::convert;
@@ -34,8 +35,6 @@ const MOTION_M_S: f32 = 0.5;
 const MOTION_RAD_S: f32 = 1.0;
 /// Lasting disagreement up to this part of a body's speed counts as none: beside its motion nobody sees it.
 const IN_MOTION: f32 = 0.1;
-/// A copy of a body in flight that is so far behind the owner's was stopped, metres.
-const STOPPED_M: f32 = 0.01;
 /// A sleeping copy is left alone unless the others differ by more than this.
 const WAKE_M_S: f32 = 0.05;
 const WAKE_RAD_S: f32 = 0.05;
@@ -50,7 +49,7 @@ pub(super) fn agree(region: &mut Region, border: &mut Border, moment: Moment<'_>
         let shared = all.get(link.handle);
         shared.is_some_and(|shared| !shared.is_split() && moment.is_due(pace.exchanges_among(shared.members)))
     });
-    leaders.find(region, all, whole);
+    leaders.find(region, all, whole, moment.settings.dt_s);
     for place in 0..region.held_elsewhere_count() {
         let link = region.held_elsewhere_at(place);
         let Some(shared) = all.get_mut(link.handle) else { continue };
@@ -197,25 +196,6 @@ fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared, leader: Optio
         }
         write(region, link, &copy.pose, &struck.unwrap_or(copy.velocity));
     }
-}
-
-/// Returns how far a copy of a fast body is behind another, micrometres, if it was stopped on its way in the last tick: Rapier stops what flies
-/// where it is about to hit something, and lets it touch that in the next step. 0 for copies that are side by side, farther apart than a
-/// tick takes them, or slow.
-fn stopped_um(ahead: &CopyState, copy: &CopyState, reach_m: f32, tick_s: f32) -> i64 {
-    let way_m = way_m(ahead, tick_s);
-    if way_m <= reach_m {
-        return 0;
-    }
-    let motion = Vector::from_array(ahead.velocity.linear);
-    let apart = |i: usize| (ahead.pose.translation[i] - copy.pose.translation[i]) as f32;
-    let behind_m = Vector::from_array(std::array::from_fn(apart)).dot(motion.normalize_or_zero());
-    if (STOPPED_M..=1.01 * way_m).contains(&behind_m) { (behind_m * 1e6) as i64 } else { 0 }
-}
-
-/// Returns how far a copy flies in a tick, metres.
-fn way_m(copy: &CopyState, tick_s: f32) -> f32 {
-    Vector::from_array(copy.velocity.linear).length() * tick_s
 }
 
 /// Returns the mean of copies: positions and velocities by the arithmetic mean, rotations by the normalised mean of quaternions on

@@ -3,7 +3,8 @@
 //! A collision keeps its momentum only if all bodies in it follow one region, and if that region holds all of them. But regions
 //! see unlike islands: what is one here may be two there, and may touch a body that others do not hold. So islands of several
 //! regions that have a body in common form a group, and a group follows one region: one that holds all bodies of all these
-//! islands, if there is one, else the one that sees most of them.
+//! islands, if there is one, else the one that sees most of them. A region in which one of them was stopped in flight has met what the others
+//! do not see yet, and comes before these.
 //!
 //! Groups are formed among bodies that the same regions hold. These all know the same of them, so that all choose alike.
 
@@ -11,6 +12,7 @@ use std::cmp::Reverse;
 
 use rapier3d::prelude::*;
 
+use super::launch::stopped_um;
 use super::shared::{Shared, SharedBodies};
 use crate::physics::region::{BodyRef, Region};
 use crate::protocol::CopyState;
@@ -56,6 +58,8 @@ struct View {
     /// How many bodies it sees, and how many of them it owns.
     seen: u32,
     size: u32,
+    /// How far one of them was kept back here, micrometres.
+    stopped_um: i64,
 }
 
 impl Leaders {
@@ -65,6 +69,7 @@ impl Leaders {
         region: &Region,
         shared: &SharedBodies,
         bodies: impl Iterator<Item = BodyRef>,
+        tick_s: f32,
     ) {
         for handle in self.touched.drain(..) {
             self.of[handle.into_raw_parts().0 as usize] = 0;
@@ -74,7 +79,7 @@ impl Leaders {
         self.parents.clear();
         for link in bodies {
             if let Some(shared) = shared.get(link.handle) {
-                self.enter(region, link.handle, shared);
+                self.enter(region, link.handle, shared, tick_s);
             }
         }
         self.lead();
@@ -87,7 +92,7 @@ impl Leaders {
     }
 
     /// Enters a body that touches something in any region.
-    fn enter(&mut self, region: &Region, handle: RigidBodyHandle, shared: &Shared) {
+    fn enter(&mut self, region: &Region, handle: RigidBodyHandle, shared: &Shared, tick_s: f32) {
         let counts = |copy: &CopyState| copy.sound && !copy.sleeping;
         let heard = || shared.heard.iter().map(|(rank, copy)| (*rank, copy));
         let all = || heard().chain([(region.rank(), &shared.own)]);
@@ -112,9 +117,13 @@ impl Leaders {
                 number
             }
         };
+        let reach_m = region.slot(handle).reach_m;
         for (rank, copy) in all().filter(|(_, copy)| counts(copy)) {
             let &CopyState { island, held_by, .. } = copy;
-            let view = View { root: place, rank, held_by, seen: copy.seen.into(), size: copy.size.into() };
+            let behind_um = |(_, ahead): (usize, &CopyState)| stopped_um(ahead, copy, reach_m, tick_s);
+            let stopped_um = all().filter(|(_, copy)| counts(copy)).map(behind_um).max().unwrap_or(0);
+            let (seen, size) = (copy.seen.into(), copy.size.into());
+            let view = View { root: place, rank, held_by, seen, size, stopped_um };
             self.copies.push(Copied { set, rank, island, place, view });
         }
     }
@@ -145,6 +154,7 @@ impl Leaders {
                 self.parents[a.max(b) as usize] = a.min(b);
                 all.held_by = all.held_by.intersection(copied.view.held_by);
                 (all.seen, all.size) = (all.seen.max(copied.view.seen), all.size.max(copied.view.size));
+                all.stopped_um = all.stopped_um.max(copied.view.stopped_um);
             }
             self.views.push(all);
         }
@@ -165,7 +175,9 @@ impl Leaders {
             let of_region = |views: &[View]| {
                 let sum = |of: fn(&View) -> u32| views.iter().map(of).fold(0, u32::saturating_add);
                 let rank = views[0].rank;
-                (held_by.contains(rank), sum(|view| view.seen), sum(|view| view.size), Reverse(rank))
+                let stopped_um = views.iter().map(|view| view.stopped_um).max();
+                let (seen, size) = (sum(|view| view.seen), sum(|view| view.size));
+                (held_by.contains(rank), stopped_um, seen, size, Reverse(rank))
             };
             let best = group.chunk_by(|a, b| a.rank == b.rank).map(of_region).max();
             self.leaders[group[0].root as usize] = best.map(|(.., Reverse(rank))| rank);
@@ -200,7 +212,7 @@ mod tests {
     fn leaders(bodies: u32, copies: &[Seen<'_>]) -> Vec<Option<usize>> {
         let copied = |&(place, rank, island, seen, held_by): &Seen<'_>| {
             let held_by = held_by.iter().copied().collect();
-            let view = View { root: place, rank, held_by, seen, size: 0 };
+            let view = View { root: place, rank, held_by, seen, size: 0, stopped_um: 0 };
             Copied { set: 0, rank, island: BodyId::persistent(island), place, view }
         };
         let mut all = Leaders { parents: (0..bodies).collect(), ..Leaders::default() };

@@ -266,7 +266,9 @@ fn share_fresh(side: &mut Side, moment: Moment<'_>) -> Vec<RigidBodyHandle> {
 fn share_sudden(side: &mut Side, moment: Moment<'_>) {
     for link in std::mem::take(&mut side.border.predicted.sudden) {
         let is_decided = side.border.decisions.iter().any(|decision| decision.link.id == link.id);
-        if !is_decided && launch::flies_off(&side.region, moment, link, 0.0) {
+        // Of an assembly too much would be sent at every blow.
+        let is_tied = side.region.slot(link.handle).assembly.is_some();
+        if !is_decided && !is_tied && launch::flies_off(&side.region, moment, link, 0.0) {
             side.region.slot_mut(link.handle).whole = false;
             share(side, moment, link);
         }
@@ -280,10 +282,13 @@ fn share(side: &mut Side, moment: Moment<'_>, link: BodyRef) {
     let (whole, partition) = (region.slot(handle).whole, moment.partition);
     let near = match whole {
         true => RegionSet::EMPTY,
-        false => launch::on_its_way(region, partition, handle, moment.settings.dt_s, partition.halo_m()),
+        false => launch::on_its_way(region, partition, link, moment.settings.dt_s, partition.halo_m()),
     };
-    let velocity = region.physics().bodies[handle].linvel();
-    let is_fast = launch::is_fast(region, handle, velocity, moment.settings.dt_s);
+    let is_fast = |link: &BodyRef| {
+        let velocity = region.physics().bodies[link.handle].linvel();
+        launch::is_fast(region, link.handle, velocity, moment.settings.dt_s)
+    };
+    let is_fast = is_fast(&link) || launch::together(region, link).iter().any(is_fast);
     let reached = border.neighbours.reached(region.rank(), near);
     let holders = reached.union(region.slot(handle).holders).without(own);
     // A region that is behind takes in no body, and does not apply what it decides itself.

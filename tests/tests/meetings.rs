@@ -315,14 +315,10 @@ fn shoot(kind: RigidBodyType, regions: usize, island_limit: usize, shot: Shot, s
     (0..64).filter(|&i| x_of(plates[i]) + 0.02 < x_of(bullets[i])).collect()
 }
 
-/// A chain that flies across a border, lengthwise along it and across another one, at plates beyond.
+/// A chain that lies along a border flies across it at three plates.
 #[test]
 fn a_chain_that_begins_to_fly_is_stopped_beyond_a_border_in_one_piece() {
-    let cuts: [&[(Axis, f64)]; 3] = [
-        &[(Axis::X, 0.0)],
-        &[(Axis::X, 0.0), (Axis::Y, 0.1)],
-        &[(Axis::X, 0.0), (Axis::X, 0.5), (Axis::Y, 0.1)],
-    ];
+    let cuts: [&[(Axis, f64)]; 2] = [&[(Axis::X, 0.0)], &[(Axis::X, 0.0), (Axis::X, 0.5)]];
     for (speed, sets_off) in
         [(20.0, false), (20.0, true), (60.0, false), (60.0, true), (200.0, false), (200.0, true)]
     {

@@ -58,7 +58,7 @@ impl Bounds {
 
     /// Returns the box that holds this one on its way: at `velocity_m_s`, for `ahead_s` seconds.
     #[must_use]
-    pub fn swept(&self, velocity_m_s: [f32; 3], ahead_s: f64) -> Self {
+    pub(crate) fn swept(&self, velocity_m_s: [f32; 3], ahead_s: f64) -> Self {
         let way_m = velocity_m_s.map(|v| f64::from(v) * ahead_s);
         self.union(&Self {
             min: std::array::from_fn(|i| self.min[i] + way_m[i]),

@@ -57,6 +57,7 @@ impl Bounds {
     }
 
     /// Returns the box that holds this one on its way: at `velocity_m_s`, for `ahead_s` seconds.
+    #[cfg(feature = "physics")]
     #[must_use]
     pub(crate) fn swept(&self, velocity_m_s: [f32; 3], ahead_s: f64) -> Self {
         let way_m = velocity_m_s.map(|v| f64::from(v) * ahead_s);

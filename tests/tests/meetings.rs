@@ -212,7 +212,7 @@ fn no_bullet_passes_a_loose_plate_beyond_a_border() {
     }
 }
 
-/// How bullets come to fly in [`shoot`].
+/// Says how bullets come to fly in [`shoot`].
 #[derive(Clone, Copy, Debug)]
 enum Shot {
     /// They come with the plates, before the first tick.
@@ -330,6 +330,32 @@ fn a_chain_that_begins_to_fly_is_stopped_beyond_a_border_in_one_piece() {
             assert!(gap_m < 0.05, "{what}: joints part by {gap_m} m");
             assert!((mean_m - alone_m).abs() < 0.25 * alone_m, "{what}: {mean_m} m on, alone {alone_m}");
         }
+    }
+}
+
+#[test]
+fn a_chain_flies_on_that_loses_a_link_in_the_tick_in_which_it_is_set_off() {
+    let partitioning = Partitioning::Cuts(vec![(Axis::X, 0.0)]);
+    let mut world = LocalWorld::new(WorldConfig { partitioning, ..weightless(1, 200.0) }).unwrap();
+    let mut link = |y: f32| {
+        let body = RigidBodyBuilder::dynamic().translation(Vector::new(-0.3, y, 0.0));
+        world.insert(body, ColliderBuilder::ball(0.1)).unwrap()
+    };
+    let chain = [0.0, 0.5, 1.0].map(&mut link);
+    for two in chain.windows(2) {
+        world
+            .insert_joint(two[0], two[1], SphericalJointBuilder::new().local_anchor1(Vector::Y * 0.5))
+            .unwrap();
+    }
+    steps(&mut world, 10);
+    world.remove(chain[2]).unwrap();
+    for &link in &chain[..2] {
+        world.update(link, |body| body.set_linvel(Vector::X * 60.0, true)).unwrap();
+    }
+    steps(&mut world, 5);
+    for link in &chain[..2] {
+        let x = world.pose(*link).unwrap().translation[0];
+        assert!((x - 4.7).abs() < 0.01, "at {x}");
     }
 }
 

@@ -24,7 +24,8 @@ pub(super) fn is_fast(region: &Region, handle: RigidBodyHandle, velocity: Vector
     way_m > region.slot(handle).reach_m && way_m.is_finite()
 }
 
-/// Returns a body, or all that joints tie together with it: they are shared alike, or regions would not follow one copy of all.
+/// Returns all that joints tie together with a body, and itself; nothing where none does. They are shared alike, or regions would not follow one
+/// copy of all.
 pub(super) fn together(region: &Region, link: BodyRef) -> &[BodyRef] {
     let assembly = region.slot(link.handle).assembly;
     assembly.map_or(&[], |place| &region.assemblies()[place as usize].members)
@@ -65,6 +66,8 @@ pub(super) fn expect(side: &mut Side, moment: Moment<'_>) {
     if launched.is_empty() {
         return;
     }
+    // Some of what was tied may be gone.
+    region.update_assemblies();
     let mut known: BTreeSet<_> = region.fresh().map(|link| link.id).collect();
     for link in launched {
         if !flies_off(region, moment, link, moment.partition.halo_m()) {
@@ -84,6 +87,10 @@ pub(super) fn hold(side: &mut Side, moment: Moment<'_>) {
     expect(side, moment);
     let Side { region, border, .. } = side;
     border.held_back.clear();
+    if region.fresh().next().is_none() {
+        return;
+    }
+    region.update_assemblies();
     let is_held = |link: &BodyRef| {
         // What a joint ties it to does not wait.
         flies_off(region, moment, *link, moment.partition.halo_m())

@@ -208,7 +208,7 @@ impl Coupling {
 
     /// Begins a tick, after what was to be announced has been.
     pub(super) fn begin(self, side: &mut Side, moment: Moment<'_>) {
-        match self.shares_mass() {
+        match self.shares_mass() && moment.partition.len() > 1 {
             true => launch::hold(side, moment),
             false => drop(side.region.take_launched()),
         }

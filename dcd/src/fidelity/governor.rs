@@ -1,17 +1,18 @@
-//! Chooses the rate of each region: by whether it is looked at, by the error that audits find, or by the time that steps take; and which regions
+//! Chooses the pace of each region: by whether it is looked at, by the error that audits find, or by the time that steps take; and which regions
 //! are stepped in a tick. Those at a lower rate stay behind the present for some ticks and catch up in one step. Regions that share bodies, or are about
 //! to, are at one time always, so that copies of one moment are compared.
 
-use std::collections::BTreeMap;
+use std::cmp;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
+use super::budget::{self, Load};
 use super::estimate::Estimate;
+use super::schedule::{COARSEST, MOST_EASED, Pace};
 use super::{Audited, Fidelity, FidelityReport, Pick, RegionState, Schedule, Signals};
 use crate::space::{Cell, RegionId, RegionSet, Tick, Viewpoint, drawn, mixed};
 
-/// Rates by level: a region is stepped once per so many ticks.
-const RATES: [u8; 3] = [1, 2, 4];
 /// A region is looked at from this far beyond what a viewer sees, metres, so that it is at the present time when it is seen; and until
 /// it is this many times as far.
 const MARGIN_M: f64 = 5.0;
@@ -32,8 +33,17 @@ const SLACK: f32 = 1.25;
 const NEWER: f32 = 0.25;
 /// A region that was found too coarse stays finer for so many ticks, at first; each time twice as long, up to 64 times.
 const PATIENCE_TICKS: u64 = 120;
-/// The part of a budget that is planned for: single ticks take longer than the mean.
+/// The part of a budget that is planned for at first, at least and at most: single ticks take longer than the mean.
 const PLANNED: f64 = 0.8;
+const PLANNED_RANGE: [f64; 2] = [0.4, 0.95];
+/// By so much less is planned for after a tick that took longer than the budget, and by that part of it more after one that did not: so that one in a
+/// hundred does (stochastic approximation of a quantile, Robbins and Monro 1951).
+const OVERRUN: f64 = 0.02;
+const OVERRUNS: f64 = 0.01;
+/// The part of what was known of how much longer ticks take than steps that a tick leaves of it.
+const LONGER: f64 = 0.98;
+/// Regions look as far ahead as any is behind, and for so many ticks longer: some come and go.
+const FARTHER_TICKS: u64 = 64;
 /// The largest part that is stated of the time at full rate.
 const LARGEST_SHARE: f64 = 1e6;
 /// The part of the time that audits take.
@@ -62,12 +72,12 @@ pub enum LookedAt {
 }
 
 /// The memory of a governor about one region.
-#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 struct Memory {
-    level: u8,
+    pace: Pace,
     watched: bool,
     error: Estimate,
-    /// When it came to its level.
+    /// When it came to its pace.
     since: u64,
     /// The mean overlap at full rate, metres; smoothed.
     overlap_m: Option<f32>,
@@ -102,10 +112,22 @@ pub struct Governor {
     credit: f64,
     /// How many regions are stepped in every tick, in every second, in every fourth: more often than chosen where they are bound to others.
     levels: [usize; 3],
-    /// The rates of this tick, as chosen or told.
+    /// By how many ticks any region may be behind the present after this tick, as was known after the last; and until when at least.
+    behind_most: u8,
+    farther_until: u64,
+    /// The part of a budget that is planned for, and whether the plan is expected to keep it.
+    planned: f64,
+    is_kept: bool,
+    /// By process: the time of its ticks and of its regions' steps in them, milliseconds; what is long ago counts less.
     #[serde(skip)]
-    rates: BTreeMap<RegionId, u8>,
-    /// Whether rates are told, and not chosen.
+    took_ms: BTreeMap<u64, [f64; 2]>,
+    /// The time of this tick, of the process that took longest, milliseconds.
+    #[serde(skip)]
+    slowest_ms: f64,
+    /// The paces of this tick, as chosen or told.
+    #[serde(skip)]
+    paces: BTreeMap<RegionId, Pace>,
+    /// Whether paces are told, and not chosen.
     #[serde(skip)]
     is_told: bool,
 }
@@ -128,7 +150,13 @@ impl Governor {
             full_ms: 0.0,
             credit: 0.0,
             levels: [0; 3],
-            rates: BTreeMap::new(),
+            behind_most: 0,
+            farther_until: 0,
+            planned: PLANNED,
+            is_kept: false,
+            took_ms: BTreeMap::new(),
+            slowest_ms: 0.0,
+            paces: BTreeMap::new(),
             is_told: false,
         }
     }
@@ -151,41 +179,66 @@ impl Governor {
         self.looked_at = at;
     }
 
-    /// Returns the rates that were chosen for the tick that is under way, or done.
-    pub fn rates(&self) -> &BTreeMap<RegionId, u8> {
-        &self.rates
+    /// Returns the paces that were chosen for the tick that is under way, or done.
+    pub fn paces(&self) -> &BTreeMap<RegionId, Pace> {
+        &self.paces
     }
 
-    /// Chooses which regions stay behind in the tick that begins, and perhaps one of which an island is to be audited. The regions are all of the
-    /// world, in order of their ranks.
+    /// Returns by how many ticks any region may be behind the present after the tick that follows the one under way.
+    pub fn behind_most(&self) -> u8 {
+        self.behind_most
+    }
+
+    /// Chooses which regions stay behind in the tick that begins, how thoroughly the others are solved, and perhaps one of which an island is to be
+    /// audited. The regions are all of the world, in order of their ranks.
     pub fn schedule(&mut self, tick: Tick, regions: &[Governed<'_>], dt_s: f32) -> Schedule {
         self.choose(regions, dt_s);
         let behind = self.left_behind(tick, regions);
-        Schedule { audit: self.pick(tick, regions, &behind), behind }
+        let audit = self.pick(tick, regions, &behind);
+        let eased = self.paces.iter().filter(|(_, pace)| pace.eased > 0);
+        Schedule {
+            audit,
+            behind,
+            behind_most: self.behind_most,
+            eased: eased.map(|(id, pace)| (*id, pace.eased)).collect(),
+        }
     }
 
     /// Returns the regions that stay behind, in id order.
     fn left_behind(&mut self, tick: Tick, regions: &[Governed<'_>]) -> Vec<RegionId> {
         let mut behind = RegionSet::EMPTY;
         self.levels = [0; 3];
+        let mut coarsest = 1;
         for group in bound(regions) {
             let members = || group.iter().filter_map(|rank| regions.get(rank)).map(|region| region.state);
-            let rate = |state: &RegionState| self.rates.get(&state.region).copied().unwrap_or(1);
+            let pace = |state: &RegionState| self.paces.get(&state.region).copied().unwrap_or(Pace::FULL);
             // Where all rest nothing is stepped, and what was chosen stands.
-            let busy = members().filter(|state| !state.rests).map(rate).min();
-            let rate = busy.or(members().map(rate).min()).unwrap_or(1);
+            let busy = members().filter(|state| !state.rests).map(pace).min_by_key(|pace| pace.rate);
+            let Pace { rate, turn, .. } =
+                busy.or(members().map(pace).min_by_key(|pace| pace.rate)).unwrap_or(Pace::FULL);
             self.levels[rate.ilog2() as usize] += members().count();
+            coarsest = rate.max(coarsest);
             let owed = members().map(|state| state.behind).max().unwrap_or(0);
-            // Groups of one rate take turns, so that ticks take alike.
-            let turn = group.iter().next().expect("a group has a member") as u64;
             let is_awaited = members().any(|state| state.awaited);
-            let is_due = is_awaited || owed + 1 >= rate || (tick.0 + turn).is_multiple_of(rate.into());
+            // Groups of one rate take turns, so that ticks take alike.
+            let is_due = is_awaited
+                || owed + 1 >= rate
+                // Others have looked less far ahead.
+                || owed + 1 > self.behind_most
+                || tick.0 % u64::from(rate) == u64::from(turn % rate);
             if !is_due {
                 // What rests by itself is the same at any time. What rests and is shared may be woken before the tick.
                 let is_apart = |state: &RegionState| state.rests && state.bound.is_empty();
                 let moves = |rank: &usize| regions.get(*rank).is_some_and(|region| !is_apart(region.state));
                 behind = behind.union(group.iter().filter(moves).collect());
             }
+        }
+        let owed = regions.iter().map(|region| region.state.behind).max().unwrap_or(0);
+        let most = (coarsest - 1).max(owed);
+        if most >= self.behind_most {
+            (self.behind_most, self.farther_until) = (most, self.ticks + FARTHER_TICKS);
+        } else if self.ticks >= self.farther_until {
+            self.behind_most = most;
         }
         behind.iter().map(|rank| regions[rank].state.region).collect()
     }
@@ -212,17 +265,17 @@ impl Governor {
         Some(Pick { region: found?.region, seed })
     }
 
-    /// Has regions keep these rates until others are told: what a recorded world chose by the time that its steps took. Returns whether
-    /// they are rates.
-    pub fn follow(&mut self, rates: BTreeMap<RegionId, u8>) -> bool {
-        let are_rates = rates.values().all(|rate| RATES.contains(rate));
-        if are_rates {
-            (self.rates, self.is_told) = (rates, true);
+    /// Has regions keep these paces until others are told: what a recorded world chose by the time that its steps took. Returns whether
+    /// regions may have them.
+    pub fn follow(&mut self, paces: BTreeMap<RegionId, Pace>) -> bool {
+        let are_valid = paces.values().all(|pace| pace.is_valid());
+        if are_valid {
+            (self.paces, self.is_told) = (paces, true);
         }
-        are_rates
+        are_valid
     }
 
-    /// Chooses the rate of every region for the tick that begins.
+    /// Chooses the pace of every region for the tick that begins.
     fn choose(&mut self, regions: &[Governed<'_>], dt_s: f32) {
         let now = self.ticks;
         self.ticks += 1;
@@ -231,10 +284,7 @@ impl Governor {
         }
         self.regions.retain(|id, _| regions.iter().any(|region| region.state.region == *id));
         for region in regions {
-            let memory = self
-                .regions
-                .entry(region.state.region)
-                .or_insert_with(|| Memory { since: now, ..Memory::default() });
+            let memory = self.regions.entry(region.state.region).or_insert_with(|| Memory::new(now));
             let margin_m = if memory.watched { LEAVE * MARGIN_M } else { MARGIN_M };
             let is_seen = |view: &Viewpoint| view.gap_m(&region.cell) <= margin_m;
             let was_watched = memory.watched;
@@ -244,8 +294,8 @@ impl Governor {
             };
             // A budget may leave no more for what has long been looked at.
             let is_kept = was_watched && matches!(self.fidelity, Fidelity::Budget { .. });
-            if memory.watched && !is_kept && memory.level > 0 {
-                memory.turn_to(0, now);
+            if memory.watched && !is_kept && !memory.is_full() {
+                memory.turn_to(Pace::FULL, now);
             }
         }
         if now.is_multiple_of(EVERY_TICKS) {
@@ -255,85 +305,108 @@ impl Governor {
                 Fidelity::Budget { tick_ms } => self.keep_time(tick_ms.into(), regions),
             }
         }
-        let rate = |id: RegionId| RATES[usize::from(self.regions[&id].level)];
-        self.rates = regions.iter().map(|region| (region.state.region, rate(region.state.region))).collect();
+        let pace = |region: &Governed<'_>| self.regions[&region.state.region].pace;
+        self.paces = regions.iter().map(|region| (region.state.region, pace(region))).collect();
     }
 
-    /// Lets unwatched regions become coarser, a level at a time, until audits find too large an error, or signals too long a step.
+    /// Lets unwatched regions become coarser, step by step, until audits find too large an error, or signals too long a step: first less often
+    /// stepped, then with fewer iterations.
     fn keep_error(&mut self, tolerance_m_s: f32, dt_s: f32, regions: &[Governed<'_>]) {
         let now = self.ticks;
-        for RegionState { region, signals, .. } in regions.iter().map(|region| region.state) {
+        for (rank, RegionState { region, signals, .. }) in
+            regions.iter().map(|region| region.state).enumerate()
+        {
             let memory = self.regions.get_mut(region).expect("every region has a memory");
             memory.look(signals, now);
+            memory.pace.turn = (rank % usize::from(COARSEST)) as u8;
             if memory.watched {
                 continue;
             }
+            let Pace { rate, eased, .. } = memory.pace;
             let (mean, count) = (memory.error.mean(), memory.error.count());
-            let coarsest = RATES.len() as u8 - 1;
-            let turn_rad = |level: u8| signals.spin_rad_s * dt_s * f32::from(RATES[usize::from(level)]);
+            let turn_rad = |rate: u8| signals.spin_rad_s * dt_s * f32::from(rate);
             // Deeper by no more than what the error that is tolerated moves a body by in the longest step.
-            let deeper_m = tolerance_m_s * dt_s * f32::from(RATES[RATES.len() - 1]);
+            let deeper_m = tolerance_m_s * dt_s * f32::from(COARSEST);
             let overlaps = memory.is_settled(now)
                 && memory.overlap_m.is_some_and(|full_m| signals.overlap_m > full_m + deeper_m);
             let errs = count >= SEASONED && mean > tolerance_m_s;
-            if memory.level > 0 && (errs || overlaps || turn_rad(memory.level) > SLACK * TURN_RAD) {
+            let spins = rate > 1 && turn_rad(rate) > SLACK * TURN_RAD;
+            if spins || !memory.is_full() && (errs || overlaps) {
                 memory.patience = (2 * memory.patience).clamp(PATIENCE_TICKS, 64 * PATIENCE_TICKS);
                 memory.stays_until = now + memory.patience;
-                memory.turn_to(memory.level - 1, now);
-            } else if memory.level < coarsest
-                && now >= memory.stays_until
+                let finer = match eased {
+                    1.. if !spins => Pace { eased: eased - 1, ..memory.pace },
+                    _ => Pace { rate: rate / 2, ..memory.pace },
+                };
+                memory.turn_to(finer, now);
+            } else if now >= memory.stays_until
                 && memory.overlap_m.is_some()
                 && (count < SEASONED || mean < EASY * tolerance_m_s)
-                && turn_rad(memory.level + 1) <= TURN_RAD
             {
+                let coarser = if rate < COARSEST && turn_rad(2 * rate) <= TURN_RAD {
+                    Pace { rate: 2 * rate, ..memory.pace }
+                } else if eased < MOST_EASED && count >= SEASONED {
+                    Pace { eased: eased + 1, ..memory.pace }
+                } else {
+                    continue;
+                };
                 memory.stays_until = now + PAUSE_TICKS;
-                memory.turn_to(memory.level + 1, now);
+                memory.turn_to(coarser, now);
             }
         }
     }
 
-    /// Makes the regions of each process coarser until the tick fits the budget there: first the unwatched, the farthest first, down to each second
-    /// tick and then to each fourth; then the watched in the same way.
+    /// Makes regions coarser until ticks fit the budget in each process: first the unwatched, the farthest first, by fewer iterations, down to each second
+    /// tick, to each fourth, and by fewer iterations still; then the watched in the same way. Those that are bound together have one pace.
     fn keep_time(&mut self, tick_ms: f64, regions: &[Governed<'_>]) {
-        let mut by: BTreeMap<u64, Vec<&Governed<'_>>> = BTreeMap::new();
-        regions.iter().for_each(|region| by.entry(region.by).or_default().push(region));
-        by.into_values().for_each(|regions| self.keep_time_of(PLANNED * tick_ms, &regions));
-    }
-
-    /// Does so with the regions of one process.
-    fn keep_time_of(&mut self, goal_ms: f64, regions: &[&Governed<'_>]) {
-        let viewpoints = self.viewpoints();
-        let far_m = |region: &Governed<'_>| {
-            viewpoints.iter().map(|view| view.gap_m(&region.cell)).fold(f64::INFINITY, f64::min)
-        };
-        let mut order: Vec<_> = regions
-            .iter()
-            .map(|region| (self.regions[&region.state.region].watched, far_m(region), region.state))
-            .collect();
-        order.sort_by(|(a_watched, a_m, a), (b_watched, b_m, b)| {
-            a_watched.cmp(b_watched).then(b_m.total_cmp(a_m)).then(a.region.cmp(&b.region))
-        });
-        let mut levels: BTreeMap<RegionId, u8> =
-            regions.iter().map(|region| (region.state.region, 0)).collect();
-        let at_ms =
-            |state: &RegionState, level: u8| f64::from(state.step_ms) / f64::from(RATES[usize::from(level)]);
-        let mut expected_ms: f64 = regions.iter().map(|region| f64::from(region.state.step_ms)).sum();
-        'shed: for watched in [false, true] {
-            for level in 1..RATES.len() as u8 {
-                for (_, _, region) in order.iter().filter(|(is, ..)| *is == watched) {
-                    if expected_ms <= goal_ms {
-                        break 'shed;
-                    }
-                    expected_ms += at_ms(region, level) - at_ms(region, level - 1);
-                    levels.insert(region.region, level);
+        let groups = bound(regions);
+        let mut paces = vec![Pace::FULL; groups.len()];
+        let processes: BTreeSet<u64> = regions.iter().map(|region| region.by).collect();
+        self.is_kept = true;
+        for process in processes {
+            let (of, loads): (Vec<_>, Vec<_>) = groups
+                .iter()
+                .enumerate()
+                .filter_map(|(at, group)| Some((at, self.load(group, process, regions)?)))
+                .unzip();
+            let plan = budget::plan(&loads, self.planned * tick_ms / self.longer(process));
+            self.is_kept &= plan.is_kept;
+            // What several compute is as coarse as the slowest of them needs.
+            for (at, pace) in of.into_iter().zip(plan.paces) {
+                let coarseness = |pace: Pace| (pace.rate, pace.eased);
+                paces[at] = cmp::max_by_key(pace, paces[at], |pace| coarseness(*pace));
+            }
+        }
+        for (group, pace) in groups.iter().zip(paces) {
+            for region in group.iter().filter_map(|rank| regions.get(rank)) {
+                let memory = self.regions.get_mut(&region.state.region).expect("every region has a memory");
+                if memory.pace != pace {
+                    memory.turn_to(pace, self.ticks);
                 }
             }
         }
-        for (id, level) in levels {
-            let memory = self.regions.get_mut(&id).expect("every region has a memory");
-            if memory.level != level {
-                memory.turn_to(level, self.ticks);
-            }
+    }
+
+    /// Returns the part of a group that a process computes, if any.
+    fn load(&self, group: &RegionSet, process: u64, regions: &[Governed<'_>]) -> Option<Load> {
+        let members = || group.iter().filter_map(|rank| regions.get(rank));
+        members().find(|region| region.by == process)?;
+        let far_m = |region: &Governed<'_>| {
+            self.viewpoints().iter().map(|view| view.gap_m(&region.cell)).fold(f64::INFINITY, f64::min)
+        };
+        let own = members().filter(|region| region.by == process);
+        Some(Load {
+            watched: members().any(|region| self.regions[&region.state.region].watched),
+            far_m: members().map(far_m).fold(f64::INFINITY, f64::min),
+            step_ms: own.map(|region| f64::from(region.state.step_ms)).sum(),
+        })
+    }
+
+    /// Returns how many times as long the ticks of a process take as the steps of its regions: with what is exchanged more, on several threads less.
+    fn longer(&self, process: u64) -> f64 {
+        match self.took_ms.get(&process) {
+            Some([tick_ms, steps_ms]) if *steps_ms > 0.0 => tick_ms / steps_ms,
+            _ => 1.0,
         }
     }
 
@@ -396,13 +469,31 @@ impl Governor {
         (weight > 0.0).then(|| errors / weight)
     }
 
-    /// Notes how long a tick took the process that took longest.
-    pub fn note_time(&mut self, took_ms: f64) {
+    /// Notes how long a tick took a process, and the steps of its regions in it, milliseconds.
+    pub fn note_tick(&mut self, process: u64, tick_ms: f64, steps_ms: f64) {
+        self.slowest_ms = self.slowest_ms.max(tick_ms);
+        // In a tick without any step nothing is learnt of how long steps take.
+        if steps_ms > 0.0 {
+            let took_ms = self.took_ms.entry(process).or_default();
+            *took_ms = [LONGER * took_ms[0] + tick_ms, LONGER * took_ms[1] + steps_ms];
+        }
+    }
+
+    /// Ends a tick of which all processes have told how long it took: counts it if it took longer than the budget, and plans for less then, if a plan
+    /// can help.
+    pub fn end_tick(&mut self) {
+        let took_ms = std::mem::take(&mut self.slowest_ms);
         let Fidelity::Budget { tick_ms } = self.fidelity else { return };
         if self.ticks <= FIRST_TICKS {
             return;
         }
-        self.overruns += u64::from(took_ms > f64::from(tick_ms));
+        let is_over = took_ms > f64::from(tick_ms);
+        self.overruns += u64::from(is_over);
+        if self.is_kept {
+            let [least, most] = PLANNED_RANGE;
+            let change = if is_over { OVERRUNS - 1.0 } else { OVERRUNS };
+            self.planned = (self.planned + OVERRUN * change).clamp(least, most);
+        }
     }
 
     /// Returns what it saves and costs.
@@ -419,23 +510,41 @@ impl Governor {
             audits: self.audits,
             overruns: self.overruns,
             levels: self.levels,
+            eased: self.paces.values().filter(|pace| pace.eased > 0).count(),
         }
     }
 }
 
 impl Memory {
-    fn turn_to(&mut self, level: u8, now: u64) {
-        (self.level, self.since, self.error) = (level, now, Estimate::default());
+    fn new(now: u64) -> Self {
+        let error = Estimate::default();
+        Self {
+            pace: Pace::FULL,
+            watched: false,
+            error,
+            since: now,
+            overlap_m: None,
+            stays_until: 0,
+            patience: 0,
+        }
     }
 
-    /// Returns whether it has been at its level for long enough.
+    fn turn_to(&mut self, pace: Pace, now: u64) {
+        (self.pace, self.since, self.error) = (pace, now, Estimate::default());
+    }
+
+    fn is_full(&self) -> bool {
+        (self.pace.rate, self.pace.eased) == (1, 0)
+    }
+
+    /// Returns whether it has had its pace for long enough.
     fn is_settled(&self, now: u64) -> bool {
         now >= self.since + PAUSE_TICKS
     }
 
     /// Learns how deep overlaps are at full rate.
     fn look(&mut self, signals: &Signals, now: u64) {
-        if self.level == 0 && self.is_settled(now) {
+        if self.is_full() && self.is_settled(now) {
             let mean_m = self.overlap_m.get_or_insert(signals.overlap_m);
             *mean_m += NEWER * (signals.overlap_m - *mean_m);
         }

@@ -1,4 +1,4 @@
-//! Models no more than a scene needs: where nobody looks, regions are stepped at lower rates, as far as an error allows or a time
+//! Models no more than a scene needs: where nobody looks, regions are stepped at lower rates and solved with fewer iterations, as far as an error allows or a time
 //! demands. Audits compute some islands again, finer, and so tell how large the error is.
 //!
 //! After time-critical collision detection (thesis 4.3.2.3) and perceptually adaptive simulation (O'Sullivan and Dingliana 2001).
@@ -6,6 +6,7 @@
 //! One [`Governor`] chooses for a whole world: in a local world by what its regions say of themselves after each tick, in a served one at the leader
 //! of a group, by what members say of theirs. What it chooses for a tick is a [`Schedule`], by which every host steps its regions.
 
+mod budget;
 mod estimate;
 mod governor;
 mod schedule;
@@ -13,7 +14,9 @@ mod schedule;
 mod tests;
 
 pub use governor::{Governed, Governor, LookedAt};
-pub use schedule::{Audited, COARSEST, Pick, RegionState, Schedule, Signals};
+pub use schedule::{
+    Audited, COARSEST, MOST_EASED, Pace, Pick, RegionState, Schedule, Signals, iterations, relative_time,
+};
 
 use bincode::{Decode, Encode};
 use serde::{Deserialize, Serialize};
@@ -99,4 +102,6 @@ pub struct FidelityReport {
     /// How many regions are stepped in every tick, in every second one, and in every fourth. Those that share bodies with one that is looked
     /// at are stepped as often as that.
     pub levels: [usize; 3],
+    /// How many regions are solved with fewer iterations than are set.
+    pub eased: usize,
 }

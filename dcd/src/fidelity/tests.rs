@@ -1,7 +1,7 @@
 //! Tests the choice of rates.
 
 use super::*;
-use crate::space::{Cell, RegionId, RegionSet, Tick, Viewpoint};
+use crate::space::{Cell, RegionId, RegionSet, Tick, Viewpoint, drawn};
 
 /// Regions in a row, 10 m each, of which a step takes so long.
 fn row(count: u32, step_ms: f32) -> Vec<RegionState> {
@@ -37,7 +37,12 @@ fn governor(fidelity: Fidelity) -> Governor {
 
 fn rates(governor: &mut Governor, regions: &[RegionState]) -> Vec<u8> {
     schedule(governor, 1, regions, 1);
-    governor.rates().values().copied().collect()
+    governor.paces().values().map(|pace| pace.rate).collect()
+}
+
+/// The rate of each, and how often its iterations are halved.
+fn paces(governor: &Governor) -> Vec<(u8, u8)> {
+    governor.paces().values().map(|pace| (pace.rate, pace.eased)).collect()
 }
 
 fn rates_after(governor: &mut Governor, regions: &[RegionState], ticks: u64) -> Vec<u8> {
@@ -46,18 +51,76 @@ fn rates_after(governor: &mut Governor, regions: &[RegionState], ticks: u64) -> 
 
 #[test]
 fn a_budget_is_kept_by_what_is_farthest_first_and_what_is_seen_last() {
-    for (step_ms, rates) in [
-        (0.9, [1, 1, 1, 1, 1, 1]),
-        (1.5, [1, 1, 1, 1, 2, 2]),
-        (2.2, [1, 2, 2, 2, 2, 2]),
-        (3.0, [1, 2, 4, 4, 4, 4]),
-        (4.0, [2, 4, 4, 4, 4, 4]),
-        (50.0, [4, 4, 4, 4, 4, 4]),
+    let [full, eased, half, quarter, least] = [(1, 0), (1, 1), (2, 1), (4, 1), (4, 2)];
+    for (step_ms, wanted) in [
+        (1.3, [full; 6]),
+        (1.5, [full, full, full, eased, eased, eased]),
+        (1.9, [full, eased, eased, eased, half, half]),
+        (3.0, [full, quarter, quarter, quarter, least, least]),
+        (3.5, [eased, least, least, least, least, least]),
+        (50.0, [least; 6]),
     ] {
         let mut governor = governor(Fidelity::Budget { tick_ms: 10.0 });
-        assert_eq!(rates_after(&mut governor, &row(6, step_ms), 20), rates, "{step_ms} ms");
-        assert_eq!(rates_after(&mut governor, &row(6, 0.5), 20), [1; 6], "when there is less to do");
+        rates_after(&mut governor, &row(6, step_ms), 20);
+        assert_eq!(paces(&governor), wanted, "{step_ms} ms");
+        rates_after(&mut governor, &row(6, 0.5), 20);
+        assert_eq!(paces(&governor), [full; 6], "when there is less to do");
     }
+}
+
+#[test]
+fn what_is_bound_together_keeps_a_budget_by_fewer_iterations_and_not_by_turns() {
+    let mut governor = governor(Fidelity::Budget { tick_ms: 10.0 });
+    let mut regions = row(6, 2.0);
+    regions.iter_mut().for_each(|region| region.bound = (0..6).collect());
+    rates_after(&mut governor, &regions, 20);
+    // 12 ms at once: every second tick would take as long.
+    assert_eq!(paces(&governor), [(1, 2); 6]);
+}
+
+#[test]
+fn with_each_tick_above_the_budget_less_is_planned_for_until_one_in_a_hundred_is() {
+    let mut governor = governor(Fidelity::Budget { tick_ms: 10.0 });
+    let regions = row(6, 1.0);
+    // Ticks take as long as their steps, but for one in four that takes half as long again.
+    let mut over = 0;
+    for tick in 0..8_000_u64 {
+        let behind = schedule(&mut governor, tick, &regions, 1).behind;
+        let due = |region: &&RegionState| behind.binary_search(&region.region).is_err();
+        let pace = |region: &RegionState| governor.paces()[&region.region];
+        let steps_ms: f64 = regions
+            .iter()
+            .filter(due)
+            .map(|region| 2.2 * relative_time(4, pace(region).rate, pace(region).eased))
+            .sum();
+        let took_ms = steps_ms * if drawn(tick).is_multiple_of(4) { 1.5 } else { 1.0 };
+        over += u32::from(tick >= 4_000 && took_ms > 10.0);
+        governor.note_tick(0, took_ms, steps_ms / 2.2);
+        governor.end_tick();
+    }
+    assert!((1..160).contains(&over), "{over} of 4,000 ticks");
+}
+
+#[test]
+fn regions_look_as_far_ahead_as_any_may_be_behind_before_it_is() {
+    let mut governor = governor(Fidelity::AUTO);
+    let mut regions = row(4, 1.0);
+    let mut looked = 0;
+    let mut behind_most = 0;
+    for tick in 0..400 {
+        if tick == 200 {
+            governor.look(LookedAt::All);
+        }
+        let said = schedule(&mut governor, tick, &regions, 1);
+        for region in &mut regions {
+            region.behind = if said.behind.contains(&region.region) { region.behind + 1 } else { 0 };
+            assert!(region.behind <= looked, "tick {tick}");
+            behind_most = behind_most.max(region.behind);
+        }
+        looked = said.behind_most;
+        assert!((30..200).contains(&tick) || tick >= 200 || looked == 0, "all is computed in full at first");
+    }
+    assert_eq!((behind_most, looked), (3, 0));
 }
 
 #[test]
@@ -140,7 +203,7 @@ fn regions_catch_up_by_turns_and_those_that_share_something_together() {
     let mut begins: Vec<_> = (1..6).map(|id| stepped(id)[0]).collect();
     (1..6).for_each(|id| assert_eq!(stepped(id).len(), 2, "{id}: {behind:?}"));
     begins.sort_unstable();
-    assert_eq!(begins, [0, 1, 2, 3, 3], "no tick has all of them");
+    assert_eq!(begins, [0, 1, 1, 2, 3], "no tick has all of them");
     // Bound, the one by the other.
     regions[2].bound = RegionSet::only(4);
     let behind = ticks(&mut governor, &mut regions, 208..240);
@@ -172,7 +235,9 @@ fn a_budget_is_kept_by_each_process_for_itself() {
     for tick in 0..20 {
         schedule(&mut governor, tick, &regions, 2);
     }
-    assert_eq!(governor.rates().values().copied().collect::<Vec<_>>(), [1, 2, 1, 2, 1, 4]);
+    let own = |odd: usize| paces(&governor).into_iter().skip(odd).step_by(2).collect::<Vec<_>>();
+    assert_eq!(own(0), [(1, 0); 3]);
+    assert!(own(1).iter().all(|pace| *pace > (1, 0)), "{:?}", own(1));
 }
 
 #[test]

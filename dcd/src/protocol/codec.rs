@@ -20,7 +20,7 @@ use crate::protocol::SharedState;
 use crate::space::ClientId;
 
 /// Version of the protocol. It grows with every change of the message set; peers of unequal versions refuse each other.
-pub const VERSION: u32 = 32;
+pub const VERSION: u32 = 33;
 
 /// The most bytes of a message. A single shape (a height field of 2,000 × 2,000) is what needs most; what is longer is refused
 /// before it is sent (`ShapeRecord::can_travel`).

@@ -16,7 +16,7 @@ use std::time::Duration;
 use super::RecordingError;
 
 /// Grows with every change of what is recorded. That of messages is counted by the protocol's version, which the maker names.
-const FORMAT: u32 = 14;
+const FORMAT: u32 = 15;
 const MAGIC: [u8; 8] = *b"\x89dcdrec\n";
 /// The most bytes of a chunk: an entry is never divided, and a message has 16 MiB at most.
 const MOST: usize = 40 << 20;

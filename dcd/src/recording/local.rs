@@ -8,6 +8,7 @@ use super::entries::Entries;
 use super::entry::Digests;
 use super::replayed::{Disturbance, Flip, Replayed, Settled, Who};
 use super::{Maker, Readout, RecordingError, digests_of};
+use crate::fidelity::Pace;
 use crate::protocol::{
     BodyRecord, Drive, HookAnswer, HookCall, JointRecord, Push, ShapeRecord, Velocity, WorldPose,
 };
@@ -67,8 +68,8 @@ pub enum Operation {
     Look(Vec<Viewpoint>),
     /// The program's contact hooks answer otherwise than if there were none, in the step that follows.
     Answers(Vec<(HookCall, HookAnswer)>),
-    /// In the step that follows, and on, each region is stepped once per so many ticks: a world with a time budget.
-    Rates(BTreeMap<RegionId, u8>),
+    /// In the step that follows, and on, regions are computed at this pace: a world with a time budget.
+    Paces(BTreeMap<RegionId, Pace>),
 }
 
 impl Operation {
@@ -98,7 +99,7 @@ impl Operation {
             | Self::UpdateJoint { .. }
             | Self::MovePlane(..)
             | Self::Look(_)
-            | Self::Rates(_) => (false, String::new()),
+            | Self::Paces(_) => (false, String::new()),
         };
         concerns.then_some(words)
     }

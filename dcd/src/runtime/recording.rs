@@ -108,7 +108,7 @@ impl LocalWorld {
     pub(super) fn tape_step(&mut self) {
         let Some(tape) = &mut self.tape else { return };
         tape.note_answers();
-        self.host.timed_rates().into_iter().for_each(|rates| tape.note_rates(rates));
+        self.host.timed_paces().into_iter().for_each(|paces| tape.note_paces(paces));
         if !tape.recorder.has_failed() {
             let digests: Vec<_> =
                 self.host.regions().map(|region| (region.id(), digest(bodies_of(region)))).collect();

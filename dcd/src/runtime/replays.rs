@@ -168,9 +168,9 @@ impl LocalPhysics for LocalComputer {
                 self.answers.extend(answers);
                 return Ok(());
             }
-            Operation::Rates(rates) => {
-                let can_be = world.host_mut().follow_rates(rates);
-                return can_be.then_some(()).ok_or_else(|| "regions are stepped at no such rates".to_owned());
+            Operation::Paces(paces) => {
+                let can_be = world.host_mut().follow_paces(paces);
+                return can_be.then_some(()).ok_or_else(|| "regions are stepped at no such pace".to_owned());
             }
             Operation::Seed(_) | Operation::Restore => Ok(()),
         };

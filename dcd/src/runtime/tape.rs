@@ -7,6 +7,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
+use crate::fidelity::Pace;
 use crate::physics::{ContactHooks, NotedHooks, ShapeLibrary};
 use crate::protocol::{BodyRecord, ShapeHash, encoded_len, write_state};
 use crate::recording::{Operation, Recorder};
@@ -26,7 +27,7 @@ pub(super) struct Tape {
     /// Shapes that the recording has.
     known: BTreeSet<ShapeHash>,
     /// How seldom regions are stepped, by the recording.
-    rates: BTreeMap<RegionId, u8>,
+    paces: BTreeMap<RegionId, Pace>,
     /// Something happened that only a snapshot can tell.
     is_stale: bool,
     /// The program's hooks, with what they answer.
@@ -35,8 +36,8 @@ pub(super) struct Tape {
 
 impl Tape {
     pub(super) fn new(recorder: Recorder) -> Self {
-        let (known, rates) = (BTreeSet::new(), BTreeMap::new());
-        Self { recorder, since: Instant::now(), known, rates, is_stale: true, hooks: None }
+        let (known, paces) = (BTreeSet::new(), BTreeMap::new());
+        Self { recorder, since: Instant::now(), known, paces, is_stale: true, hooks: None }
     }
 
     /// Records an operation, unless a snapshot is to come that has it in it.
@@ -86,11 +87,11 @@ impl Tape {
         }
     }
 
-    /// Records how seldom regions were stepped in a step, where that is not as before.
-    pub(super) fn note_rates(&mut self, rates: &BTreeMap<RegionId, u8>) {
-        if *rates != self.rates {
-            self.rates.clone_from(rates);
-            self.put(Operation::Rates(self.rates.clone()));
+    /// Records the pace of regions in a step, where that is not as before.
+    pub(super) fn note_paces(&mut self, paces: &BTreeMap<RegionId, Pace>) {
+        if *paces != self.paces {
+            self.paces.clone_from(paces);
+            self.put(Operation::Paces(self.paces.clone()));
         }
     }
 
@@ -111,7 +112,7 @@ impl Tape {
         save: impl FnOnce(&mut Parts<'_>) -> Result<(), E>,
     ) -> Result<(), E> {
         self.is_stale = false;
-        self.rates.clear();
+        self.paces.clear();
         // Of a step that failed: no replay does it.
         self.hooks.iter().for_each(|hooks| drop(hooks.take()));
         self.recorder.begin_segment();

@@ -19,8 +19,6 @@ pub(super) struct Scheduling {
     cells: BTreeMap<RegionId, Cell>,
     /// By region, as told after the last tick.
     states: BTreeMap<RegionId, RegionState>,
-    /// The time of the member that computed longest in that tick, milliseconds.
-    slowest_ms: f64,
     /// The region of which an island is audited in it.
     audited: Option<RegionId>,
 }
@@ -38,7 +36,6 @@ impl Scheduling {
             allocation: Allocation::new(),
             cells: BTreeMap::new(),
             states: BTreeMap::new(),
-            slowest_ms: 0.0,
             audited: None,
         };
         scheduling.settle(&view.tree, &view.allocation);
@@ -60,11 +57,12 @@ impl Scheduling {
     /// Takes in what a member says of its regions after a tick, for which it has computed so long. Nobody is believed about others' regions, nor an
     /// audit that was not asked for.
     pub(super) fn hear(&mut self, from: NodeId, computed: Duration, states: Vec<RegionState>) {
-        self.slowest_ms = self.slowest_ms.max(computed.as_secs_f64() * 1e3);
+        let mut steps_ms = 0.0;
         for state in states {
             if self.allocation.get(&state.region) != Some(&from) {
                 continue;
             }
+            steps_ms += f64::from(state.took_ms);
             self.governor.note_spent(state.took_ms, state.full_ms);
             if let Some(audited) = state.audited
                 && self.audited.take_if(|asked| *asked == state.region).is_some()
@@ -73,6 +71,7 @@ impl Scheduling {
             }
             self.states.insert(state.region, state);
         }
+        self.governor.note_tick(u64::from(from.0), computed.as_secs_f64() * 1e3, steps_ms);
     }
 
     /// Chooses which regions stay behind in a tick, in which clients look at these areas, or at all, and play where these avatars are. Without a client, and without a
@@ -83,7 +82,7 @@ impl Scheduling {
         interests: Option<&BTreeMap<ClientId, Option<Area>>>,
         avatars: impl Iterator<Item = [f64; 3]>,
     ) -> Schedule {
-        self.governor.note_time(std::mem::take(&mut self.slowest_ms));
+        self.governor.end_tick();
         self.governor.look(interests.map_or(LookedAt::All, |interests| self.looked_at(interests, avatars)));
         // Of what is not told, as in the first tick of a view or of a tree, nothing is taken for granted.
         let mut told = std::mem::take(&mut self.states);
@@ -96,7 +95,7 @@ impl Scheduling {
         });
         let mut schedule = self.governor.schedule(tick, &regions.collect::<Vec<_>>(), self.dt_s);
         if interests.is_none() {
-            schedule.behind.clear();
+            schedule = Schedule { audit: schedule.audit, ..Schedule::default() };
         }
         self.audited = schedule.audit.map(|pick| pick.region);
         schedule

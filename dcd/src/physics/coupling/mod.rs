@@ -45,6 +45,7 @@ use super::settings::{Coupling, StepSettings};
 use super::shapes::{ShapeError, ShapeLibrary};
 use super::spread::Team;
 use super::statics::Statics;
+use crate::fidelity::iterations;
 use crate::protocol::BorderMessage;
 use crate::space::{RegionId, RegionSet, Tick};
 
@@ -179,22 +180,20 @@ pub(super) struct Clock {
     pub owed: u8,
     /// Ticks that it computes in the present one: 0 where it stays behind.
     pub span: u8,
+    /// Its solver's iterations are halved so many times.
+    pub eased: u8,
 }
 
 impl Clock {
-    /// Returns the solver iterations of a step of so many ticks: a longer step needs more, though fewer than its ticks would take.
+    /// Returns the solver iterations of its step.
     pub(super) fn iterations(self, per_tick: usize) -> usize {
-        match self.span {
-            0 | 1 => per_tick,
-            2 | 3 => per_tick + per_tick.div_ceil(2),
-            _ => 2 * per_tick,
-        }
+        iterations(per_tick, self.span, self.eased)
     }
 }
 
 impl Default for Clock {
     fn default() -> Self {
-        Self { rate: 1, owed: 0, span: 1 }
+        Self { rate: 1, owed: 0, span: 1, eased: 0 }
     }
 }
 
@@ -382,7 +381,7 @@ pub(super) struct Moment<'a> {
     pub round: usize,
     /// Whether it is the last exchange of the tick: holders and owners of bodies change only then.
     pub last: bool,
-    /// The most ticks that any region may compute in one step.
+    /// The most ticks that any region may compute in one step of the next tick.
     pub coarsest: u8,
     /// The threads that look at the bodies of the region.
     pub team: Team,

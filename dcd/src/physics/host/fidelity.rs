@@ -6,7 +6,8 @@ use rapier3d::prelude::*;
 
 use super::RegionHost;
 use crate::fidelity::{
-    Audited, COARSEST, Fidelity, FidelityReport, Governed, Governor, LookedAt, Pick, RegionState, Schedule,
+    Audited, COARSEST, Fidelity, FidelityReport, Governed, Governor, LookedAt, MOST_EASED, Pace, Pick,
+    RegionState, Schedule, relative_time,
 };
 use crate::physics::audit::Audit;
 use crate::physics::coupling::{Clock, Side};
@@ -56,9 +57,9 @@ impl RegionHost {
         self.governor = (fidelity != Fidelity::Off).then(|| Governor::new(fidelity));
     }
 
-    /// Returns the most ticks that one step of a region may have.
+    /// Returns the most ticks that one step of a region may have in the next tick.
     pub(super) fn coarsest(&self) -> u8 {
-        if self.is_scheduled || self.governor.is_some() { COARSEST } else { 1 }
+        1 + self.governor.as_ref().map_or(self.behind_most, Governor::behind_most)
     }
 
     /// Returns by how many ticks a region computed here is behind the present.
@@ -93,16 +94,15 @@ impl RegionHost {
         self.governor.as_ref().map_or(&[], Governor::viewpoints)
     }
 
-    /// Returns how seldom each region was stepped in the last tick, where that followed the time that steps take: no other run chooses
-    /// the same.
-    pub(crate) fn timed_rates(&self) -> Option<&BTreeMap<RegionId, u8>> {
+    /// Returns the pace of each region in the last tick, where that followed the time that steps take: no other run chooses the same.
+    pub(crate) fn timed_paces(&self) -> Option<&BTreeMap<RegionId, Pace>> {
         let governor = self.governor.as_ref()?;
-        matches!(governor.fidelity(), Fidelity::Budget { .. }).then(|| governor.rates())
+        matches!(governor.fidelity(), Fidelity::Budget { .. }).then(|| governor.paces())
     }
 
-    /// Steps regions as seldom as it is told from now on, and no more by the time that steps take. Returns whether it can.
-    pub(crate) fn follow_rates(&mut self, rates: BTreeMap<RegionId, u8>) -> bool {
-        self.governor.as_mut().is_some_and(|governor| governor.follow(rates))
+    /// Steps regions at the pace that it is told from now on, and no more by the time that steps take. Returns whether it can.
+    pub(crate) fn follow_paces(&mut self, paces: BTreeMap<RegionId, Pace>) -> bool {
+        self.governor.as_mut().is_some_and(|governor| governor.follow(paces))
     }
 
     /// Counts so much time for each of the last steps of all regions.
@@ -146,7 +146,7 @@ impl RegionHost {
         let regions = states.iter().zip(cells).map(|(state, cell)| Governed { state, cell, by: 0 });
         let schedule = governor.schedule(self.tick.next(), &regions.collect::<Vec<_>>(), self.settings.dt_s);
         for side in &mut self.sides {
-            side.clock.rate = governor.rates().get(&side.region.id()).copied().unwrap_or(1);
+            side.clock.rate = governor.paces().get(&side.region.id()).map_or(1, |pace| pace.rate);
         }
         self.keep(&schedule);
         if self.governor.as_ref().is_some_and(Governor::audits_all) {
@@ -164,7 +164,14 @@ impl RegionHost {
         if self.is_scheduled {
             self.disbelieve();
         }
+        self.behind_most = schedule.behind_most.min(COARSEST - 1);
         for side in &mut self.sides {
+            let id = side.region.id();
+            side.clock.eased = match schedule.eased.binary_search_by_key(&id, |(region, _)| *region) {
+                // Contacts made stiffer would shake with fewer iterations.
+                Ok(at) if !side.region.is_strained() => schedule.eased[at].1.min(MOST_EASED),
+                _ => 0,
+            };
             let stays = self.behind.contains(side.region.rank());
             // What rests is the same at any time.
             let owed = if side.is_idle() && !stays { 0 } else { side.clock.owed };
@@ -210,6 +217,7 @@ impl RegionHost {
     /// share bodies are at one time already.
     pub(super) fn forgive(&mut self) {
         (self.behind, self.audited) = (RegionSet::EMPTY, None);
+        self.behind_most = 0;
         self.late.clear();
         self.sides.iter_mut().for_each(|side| side.clock = Clock::default());
     }
@@ -220,6 +228,7 @@ impl RegionHost {
             let Side { region, clock, .. } = side;
             let rests = side.is_idle();
             let [took_ms, full_ms] = self.spent_ms(side);
+            let longer = relative_time(self.settings.solver_iterations, clock.rate, clock.eased);
             let audited = self.audited.filter(|(audited, _)| *audited == region.id());
             RegionState {
                 region: region.id(),
@@ -229,7 +238,7 @@ impl RegionHost {
                 bound: side.bound_to(),
                 awake: region.physics().islands.num_active_bodies() as u32,
                 // What rests is not stepped: the time that its last steps took is not spent.
-                step_ms: if rests { 0.0 } else { (region.mean_step_us() * 1e-3) as f32 },
+                step_ms: if rests { 0.0 } else { (region.mean_step_us() * 1e-3 / longer) as f32 },
                 signals: region.signals(),
                 took_ms,
                 full_ms,
@@ -255,10 +264,10 @@ impl RegionHost {
         if !side.steps_now() {
             return [0.0; 2];
         }
-        let per_tick = self.settings.solver_iterations.max(1);
-        let iterations = side.clock.iterations(per_tick) as f64 / per_tick as f64;
+        let clock = side.clock;
+        let longer = relative_time(self.settings.solver_iterations, clock.span, clock.eased);
         let took_ms = side.region.last_step().as_secs_f64() * 1e3;
-        [took_ms as f32, (took_ms * f64::from(side.clock.span) / (0.5 + 0.5 * iterations)) as f32]
+        [took_ms as f32, (took_ms * f64::from(clock.span) / longer) as f32]
     }
 
     /// Draws bodies of the region in this place, and begins to audit the island of the first that does not fly alone: what flies alone is right,
@@ -351,8 +360,10 @@ impl RegionHost {
 
     /// Notes how long a tick took, for a budget.
     pub(crate) fn note_tick_time(&mut self, took_ms: f64) {
+        let steps_ms: f64 = self.sides.iter().map(|side| f64::from(self.spent_ms(side)[0])).sum();
         if let Some(governor) = &mut self.governor {
-            governor.note_time(took_ms);
+            governor.note_tick(0, took_ms, steps_ms);
+            governor.end_tick();
         }
     }
 }
@@ -414,7 +425,7 @@ mod tests {
                     random % 3 > 0
                 };
                 let behind = regions.iter().filter(|region| is_behind(region)).copied().collect();
-                let schedule = Schedule { behind, audit: None };
+                let schedule = Schedule { behind, behind_most: 3, ..Schedule::default() };
                 world.0.iter_mut().for_each(|host| host.keep(&schedule));
                 world.step();
                 let late =

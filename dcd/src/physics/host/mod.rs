@@ -97,6 +97,9 @@ pub struct RegionHost {
     /// By rank: for how many ticks each has stayed behind, where others choose.
     #[serde(skip)]
     late: Vec<u8>,
+    /// By how many ticks any region may be behind after the tick that follows the one under way, as was told.
+    #[serde(skip)]
+    behind_most: u8,
     #[serde(skip)]
     auditing: fidelity::Audits,
     /// What the last audit found, if it was of the last tick.
@@ -149,6 +152,7 @@ impl RegionHost {
             is_scheduled: false,
             behind: RegionSet::EMPTY,
             late: Vec::new(),
+            behind_most: 0,
             auditing: fidelity::Audits::default(),
             audited: None,
             tick: Tick(0),

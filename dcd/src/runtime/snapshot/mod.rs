@@ -31,7 +31,7 @@ pub use checkpoint::Checkpoint;
 pub use error::SnapshotError;
 
 /// Grows with every change of what is saved, the order of fields too.
-const FORMAT: u32 = 17;
+const FORMAT: u32 = 18;
 
 impl LocalWorld {
     /// Writes the whole world: [`LocalWorld::restore`] gives one that goes on from here to the same bits. The number of threads

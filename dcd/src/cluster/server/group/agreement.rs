@@ -401,7 +401,8 @@ mod tests {
     fn which_regions_stay_behind_is_what_those_say_that_are_no_participants() {
         let mut view = view();
         view.members[2].client = Some(ClientId(1));
-        let stays = |region| WorldOp::Schedule(Schedule { behind: vec![RegionId(region)], audit: None });
+        let stays =
+            |region| WorldOp::Schedule(Schedule { behind: vec![RegionId(region)], ..Schedule::default() });
         let tick = |ops| vec![dispatch(8, ops)];
         let of = |named: &[(NodeId, Vec<Dispatch>)]| {
             let named = named.iter().cloned().collect();

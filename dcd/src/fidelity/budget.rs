@@ -1,0 +1,128 @@
+//! Plans paces that keep a budget of time: by how long the longest tick will take, of groups of regions that are stepped in the same ticks.
+
+use super::schedule::{COARSEST, MOST_EASED, Pace, relative_time};
+
+/// Iterations that a share of the time is reckoned of.
+const ITERATIONS: usize = 4;
+
+/// A group of regions that are at one time, as one process computes it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Load {
+    /// Somebody looks at one of its regions.
+    pub watched: bool,
+    /// How far the nearest viewpoint is from it, metres.
+    pub far_m: f64,
+    /// How long a step of one tick in full takes, milliseconds.
+    pub step_ms: f64,
+}
+
+/// The paces of all groups.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Plan {
+    pub paces: Vec<Pace>,
+    /// Whether no tick is expected to take longer than it may.
+    pub is_kept: bool,
+}
+
+/// A saving, as it is made to one group after the other.
+#[derive(Clone, Copy)]
+enum Saving {
+    /// Solver's iterations are halved so often.
+    Eased(u8),
+    /// It is stepped once per so many ticks.
+    Rate(u8),
+}
+
+/// The order of savings, of what nobody looks at and then of what is looked at.
+const SAVINGS: [Saving; 4] =
+    [Saving::Eased(1), Saving::Rate(2), Saving::Rate(COARSEST), Saving::Eased(MOST_EASED)];
+
+/// Returns the finest paces with which no tick takes longer than this; where there are none, those with which ticks take no longer in the mean, if
+/// that can be. The farthest groups are made coarser first.
+pub(super) fn plan(loads: &[Load], goal_ms: f64) -> Plan {
+    // A step that fills more than a tick by itself is not made longer, to be made less often.
+    let fits = |load: &Load, pace: Pace| step_ms(load, pace) <= goal_ms;
+    let (paces, longest_ms) = shed(loads, goal_ms, fits, longest_ms);
+    if longest_ms <= goal_ms {
+        return Plan { paces: with_turns(loads, &paces), is_kept: true };
+    }
+    let (paces, _) = shed(loads, goal_ms, |_, _| true, mean_ms);
+    Plan { paces: with_turns(loads, &paces), is_kept: false }
+}
+
+/// Makes groups coarser, where that fits, until what is measured of all paces is within the goal, or none is left; returns what it comes to.
+fn shed(
+    loads: &[Load],
+    goal_ms: f64,
+    fits: impl Fn(&Load, Pace) -> bool,
+    measure: impl Fn(&[Load], &[Pace]) -> f64,
+) -> (Vec<Pace>, f64) {
+    let mut order: Vec<_> = (0..loads.len()).collect();
+    order.sort_by(|&a, &b| loads[b].far_m.total_cmp(&loads[a].far_m).then(a.cmp(&b)));
+    let mut paces = vec![Pace::FULL; loads.len()];
+    let mut now_ms = measure(loads, &paces);
+    for watched in [false, true] {
+        for saving in SAVINGS {
+            for &group in order.iter().filter(|&&group| loads[group].watched == watched) {
+                if now_ms <= goal_ms {
+                    return (paces, now_ms);
+                }
+                let pace = saving.of(paces[group]);
+                if pace.rate == paces[group].rate || fits(&loads[group], pace) {
+                    paces[group] = pace;
+                    now_ms = measure(loads, &paces);
+                }
+            }
+        }
+    }
+    (paces, now_ms)
+}
+
+impl Saving {
+    /// Returns what becomes of a pace with it.
+    fn of(self, pace: Pace) -> Pace {
+        match self {
+            Self::Eased(eased) => Pace { eased, ..pace },
+            Self::Rate(rate) => Pace { rate, ..pace },
+        }
+    }
+}
+
+/// Returns how long a step of a group takes at its pace, milliseconds.
+fn step_ms(load: &Load, pace: Pace) -> f64 {
+    load.step_ms * relative_time(ITERATIONS, pace.rate, pace.eased)
+}
+
+fn mean_ms(loads: &[Load], paces: &[Pace]) -> f64 {
+    loads.iter().zip(paces).map(|(load, pace)| step_ms(load, *pace) / f64::from(pace.rate)).sum()
+}
+
+fn longest_ms(loads: &[Load], paces: &[Pace]) -> f64 {
+    let (_, ticks_ms) = turns(loads, paces);
+    ticks_ms.into_iter().fold(0.0, f64::max)
+}
+
+fn with_turns(loads: &[Load], paces: &[Pace]) -> Vec<Pace> {
+    let (turns, _) = turns(loads, paces);
+    turns.into_iter().zip(paces).map(|(turn, pace)| Pace { turn, ..*pace }).collect()
+}
+
+/// Deals groups out to the ticks in which they are stepped, the dearest first, each to those that have least to do (Graham 1969); returns their turns,
+/// and how long each of the ticks takes until all begins anew.
+fn turns(loads: &[Load], paces: &[Pace]) -> (Vec<u8>, [f64; COARSEST as usize]) {
+    let mut ticks_ms = [0.0; COARSEST as usize];
+    let steps_ms = loads.iter().zip(paces).map(|(load, pace)| step_ms(load, *pace));
+    let mut dear: Vec<_> = steps_ms.enumerate().collect();
+    dear.sort_by(|(a, a_ms), (b, b_ms)| b_ms.total_cmp(a_ms).then(a.cmp(b)));
+    let mut turns = vec![0; loads.len()];
+    for (group, step_ms) in dear {
+        let rate = paces[group].rate;
+        let of = |turn: u8| (turn..COARSEST).step_by(rate.into()).map(usize::from);
+        let longest_ms = |turn: &u8| of(*turn).map(|tick| ticks_ms[tick]).fold(0.0, f64::max);
+        let turn =
+            (0..rate).min_by(|a, b| longest_ms(a).total_cmp(&longest_ms(b))).expect("rates are above 0");
+        of(turn).for_each(|tick| ticks_ms[tick] += step_ms);
+        turns[group] = turn;
+    }
+    (turns, ticks_ms)
+}

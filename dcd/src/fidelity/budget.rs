@@ -20,7 +20,7 @@ pub(super) struct Load {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Plan {
     pub paces: Vec<Pace>,
-    /// Whether no tick is expected to take longer than it may.
+    /// Whether no tick is expected to take longer than the part of the budget that was planned for.
     pub is_kept: bool,
 }
 
@@ -37,16 +37,19 @@ enum Saving {
 const SAVINGS: [Saving; 4] =
     [Saving::Eased(1), Saving::Rate(2), Saving::Rate(COARSEST), Saving::Eased(MOST_EASED)];
 
-/// Returns the finest paces with which no tick takes longer than this; where there are none, those with which ticks take no longer in the mean, if
-/// that can be. The farthest groups are made coarser first.
-pub(super) fn plan(loads: &[Load], goal_ms: f64) -> Plan {
-    // A step that fills more than a tick by itself is not made longer, to be made less often.
-    let fits = |load: &Load, pace: Pace| step_ms(load, pace) <= goal_ms;
-    let (paces, longest_ms) = shed(loads, goal_ms, fits, longest_ms);
-    if longest_ms <= goal_ms {
-        return Plan { paces: with_turns(loads, &paces), is_kept: true };
+/// Returns the finest paces with which no tick takes longer than this part of the budget; where there are none, than all of it; where there are none,
+/// those with which ticks take no longer in the mean, if that can be. The farthest groups are made coarser first.
+pub(super) fn plan(loads: &[Load], budget_ms: f64, planned: f64) -> Plan {
+    for goal_ms in [planned * budget_ms, budget_ms] {
+        // A step that fills more than a tick by itself is not made longer, to be made less often.
+        let fits = |load: &Load, pace: Pace| step_ms(load, pace) <= goal_ms;
+        let (paces, longest_ms) = shed(loads, goal_ms, fits, longest_ms);
+        if longest_ms <= goal_ms {
+            let is_kept = goal_ms < budget_ms;
+            return Plan { paces: with_turns(loads, &paces), is_kept };
+        }
     }
-    let (paces, _) = shed(loads, goal_ms, |_, _| true, mean_ms);
+    let (paces, _) = shed(loads, planned * budget_ms, |_, _| true, mean_ms);
     Plan { paces: with_turns(loads, &paces), is_kept: false }
 }
 

@@ -20,9 +20,10 @@ const LEAVE: f64 = 2.0;
 /// Levels are chosen every so many ticks.
 const EVERY_TICKS: u64 = 8;
 /// A region becomes coarser where its error is below this part of the tolerance, and finer where it is above, once it has been audited so
-/// often at its level.
+/// often at its level. Of one that has not, the error of the world is taken for its own, once that has been audited so often.
 const EASY: f32 = 0.5;
 const SEASONED: usize = 3;
+const WORLD_SEASONED: usize = 12;
 /// From level to level at least so many ticks pass, after which signals are those of the present level.
 const PAUSE_TICKS: u64 = 32;
 /// In a step bodies turn by so much at most: what touches stays where it touched on both until the next.
@@ -44,6 +45,10 @@ const OVERRUNS: f64 = 0.01;
 const LONGER: f64 = 0.98;
 /// Regions look as far ahead as any is behind, and for so many ticks longer: some come and go.
 const FARTHER_TICKS: u64 = 64;
+/// That costs all regions so large a part of their time, where much lies near borders: lower rates that save less are given up (measured on `terrain`).
+const FARTHER_COSTS: f64 = 0.1;
+/// The part of a tick in what was saved on average.
+const SAVED_NEWER: f64 = 1.0 / 32.0;
 /// The largest part that is stated of the time at full rate.
 const LARGEST_SHARE: f64 = 1e6;
 /// The part of the time that audits take.
@@ -115,6 +120,12 @@ pub struct Governor {
     /// By how many ticks any region may be behind the present after this tick, as was known after the last; and until when at least.
     behind_most: u8,
     farther_until: u64,
+    /// Whether regions may be behind at all, since when, and how long not when that has not paid.
+    lags: bool,
+    lags_since: u64,
+    lags_patience: u64,
+    /// The part of the awake bodies' steps that lower rates save, on average.
+    saved: f64,
     /// The part of a budget that is planned for, and whether the plan is expected to keep it.
     planned: f64,
     is_kept: bool,
@@ -152,6 +163,10 @@ impl Governor {
             levels: [0; 3],
             behind_most: 0,
             farther_until: 0,
+            lags: true,
+            lags_since: 0,
+            lags_patience: 0,
+            saved: 1.0,
             planned: PLANNED,
             is_kept: false,
             took_ms: BTreeMap::new(),
@@ -208,7 +223,9 @@ impl Governor {
     fn left_behind(&mut self, tick: Tick, regions: &[Governed<'_>]) -> Vec<RegionId> {
         let mut behind = RegionSet::EMPTY;
         self.levels = [0; 3];
-        let mut coarsest = 1;
+        let (mut coarsest, mut saved, mut awake) = (1, 0.0, 0.0);
+        // A budget that says that regions are stepped less often has reckoned what that saves.
+        let lags = self.lags || self.is_told || matches!(self.fidelity, Fidelity::Budget { .. });
         for group in bound(regions) {
             let members = || group.iter().filter_map(|rank| regions.get(rank)).map(|region| region.state);
             let pace = |state: &RegionState| self.paces.get(&state.region).copied().unwrap_or(Pace::FULL);
@@ -216,6 +233,9 @@ impl Governor {
             let busy = members().filter(|state| !state.rests).map(pace).min_by_key(|pace| pace.rate);
             let Pace { rate, turn, .. } =
                 busy.or(members().map(pace).min_by_key(|pace| pace.rate)).unwrap_or(Pace::FULL);
+            let steps: f64 = members().map(|state| f64::from(state.awake)).sum();
+            (saved, awake) = (saved + steps * (1.0 - 1.0 / f64::from(rate)), awake + steps);
+            let rate = if lags { rate } else { 1 };
             self.levels[rate.ilog2() as usize] += members().count();
             coarsest = rate.max(coarsest);
             let owed = members().map(|state| state.behind).max().unwrap_or(0);
@@ -233,6 +253,9 @@ impl Governor {
                 behind = behind.union(group.iter().filter(moves).collect());
             }
         }
+        if awake > 0.0 {
+            self.weigh(saved / awake);
+        }
         let owed = regions.iter().map(|region| region.state.behind).max().unwrap_or(0);
         let most = (coarsest - 1).max(owed);
         if most >= self.behind_most {
@@ -241,6 +264,19 @@ impl Governor {
             self.behind_most = most;
         }
         behind.iter().map(|rank| regions[rank].state.region).collect()
+    }
+
+    /// Has regions be behind only as long as that saves more than it costs to look farther ahead; where it did not, it is tried again after ever longer times.
+    fn weigh(&mut self, saved: f64) {
+        self.saved += SAVED_NEWER * (saved - self.saved);
+        let lasted = self.ticks.saturating_sub(self.lags_since);
+        if self.lags && self.saved < FARTHER_COSTS && lasted > FARTHER_TICKS {
+            let before = if lasted > 4 * self.lags_patience { 0 } else { self.lags_patience };
+            self.lags_patience = (2 * before).clamp(PATIENCE_TICKS, 64 * PATIENCE_TICKS);
+            (self.lags, self.lags_since) = (false, self.ticks);
+        } else if !self.lags && self.saved >= FARTHER_COSTS && lasted > self.lags_patience {
+            (self.lags, self.lags_since, self.saved) = (true, self.ticks, 1.0);
+        }
     }
 
     /// Chooses a region for an audit when the last one is paid for. Every body in every tick is as likely as any other: what a step computes
@@ -313,6 +349,8 @@ impl Governor {
     /// stepped, then with fewer iterations.
     fn keep_error(&mut self, tolerance_m_s: f32, dt_s: f32, regions: &[Governed<'_>]) {
         let now = self.ticks;
+        let is_easy = |error: &Estimate| error.mean() < EASY * tolerance_m_s;
+        let is_world_easy = self.error.count() >= WORLD_SEASONED && is_easy(&self.error);
         for (rank, RegionState { region, signals, .. }) in
             regions.iter().map(|region| region.state).enumerate()
         {
@@ -323,13 +361,13 @@ impl Governor {
                 continue;
             }
             let Pace { rate, eased, .. } = memory.pace;
-            let (mean, count) = (memory.error.mean(), memory.error.count());
+            let is_seasoned = memory.error.count() >= SEASONED;
             let turn_rad = |rate: u8| signals.spin_rad_s * dt_s * f32::from(rate);
             // Deeper by no more than what the error that is tolerated moves a body by in the longest step.
             let deeper_m = tolerance_m_s * dt_s * f32::from(COARSEST);
             let overlaps = memory.is_settled(now)
                 && memory.overlap_m.is_some_and(|full_m| signals.overlap_m > full_m + deeper_m);
-            let errs = count >= SEASONED && mean > tolerance_m_s;
+            let errs = is_seasoned && memory.error.mean() > tolerance_m_s;
             let spins = rate > 1 && turn_rad(rate) > SLACK * TURN_RAD;
             if spins || !memory.is_full() && (errs || overlaps) {
                 memory.patience = (2 * memory.patience).clamp(PATIENCE_TICKS, 64 * PATIENCE_TICKS);
@@ -341,11 +379,11 @@ impl Governor {
                 memory.turn_to(finer, now);
             } else if now >= memory.stays_until
                 && memory.overlap_m.is_some()
-                && (count < SEASONED || mean < EASY * tolerance_m_s)
+                && (!is_seasoned || is_easy(&memory.error))
             {
                 let coarser = if rate < COARSEST && turn_rad(2 * rate) <= TURN_RAD {
                     Pace { rate: 2 * rate, ..memory.pace }
-                } else if eased < MOST_EASED && count >= SEASONED {
+                } else if eased < MOST_EASED && (is_seasoned || is_world_easy) {
                     Pace { eased: eased + 1, ..memory.pace }
                 } else {
                     continue;
@@ -369,7 +407,7 @@ impl Governor {
                 .enumerate()
                 .filter_map(|(at, group)| Some((at, self.load(group, process, regions)?)))
                 .unzip();
-            let plan = budget::plan(&loads, self.planned * tick_ms / self.longer(process));
+            let plan = budget::plan(&loads, tick_ms / self.longer(process), self.planned);
             self.is_kept &= plan.is_kept;
             // What several compute is as coarse as the slowest of them needs.
             for (at, pace) in of.into_iter().zip(plan.paces) {

@@ -7,18 +7,18 @@ use serde::{Deserialize, Serialize};
 /// Samples that are remembered.
 const MEMORY: usize = 256;
 
-/// The last samples of something.
+/// The last samples of something, each with a weight: how much it stands for.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Estimate {
-    samples: VecDeque<f32>,
+    samples: VecDeque<(f32, f32)>,
 }
 
 impl Estimate {
-    pub(super) fn add(&mut self, sample: f32) {
+    pub(super) fn add(&mut self, sample: f32, weight: f32) {
         if self.samples.len() == MEMORY {
             self.samples.pop_front();
         }
-        self.samples.push_back(sample);
+        self.samples.push_back((sample, weight));
     }
 
     pub(super) fn count(&self) -> usize {
@@ -27,21 +27,25 @@ impl Estimate {
 
     /// Returns the mean of the samples; 0 without any.
     pub(super) fn mean(&self) -> f32 {
-        let sum: f64 = self.samples.iter().copied().map(f64::from).sum();
-        (sum / self.count().max(1) as f64) as f32
+        if self.samples.is_empty() { 0.0 } else { mean(self.weighted()) as f32 }
+    }
+
+    fn weighted(&self) -> impl Iterator<Item = (f64, f64)> + Clone {
+        self.samples.iter().map(|&(sample, weight)| (sample.into(), weight.into()))
     }
 
     /// Returns the ends of the 95 % confidence interval of the mean: Johnson's modified t (1978), which allows for the skewness of the
-    /// samples, as errors are often small and seldom large. Above it reckons with one more sample than there is, of three times the largest, since the
+    /// samples, as errors are often small and seldom large; with weights, of as many samples as those of one weight would be (Kish 1965). Above it reckons with one more sample than there is, of three times the largest, since the
     /// largest are too rare to be among few; below it with one more of zero. All that is not negative, before there are two samples.
     pub(super) fn interval(&self) -> [f32; 2] {
         if self.count() < 2 {
             return [0.0, f32::INFINITY];
         }
-        let samples = || self.samples.iter().copied().map(f64::from);
-        let unseen = (UNSEEN * samples().fold(0.0, f64::max)).max(LEAST_UNSEEN_M_S);
-        let (below, reach_below) = johnson(samples().chain([0.0]));
-        let (above, reach_above) = johnson(samples().chain([unseen]));
+        let samples = || self.weighted();
+        let weight = samples().map(|(_, weight)| weight).sum::<f64>() / self.count() as f64;
+        let unseen = (UNSEEN * samples().map(|(sample, _)| sample).fold(0.0, f64::max)).max(LEAST_UNSEEN_M_S);
+        let (below, reach_below) = johnson(samples().chain([(0.0, weight)]));
+        let (above, reach_above) = johnson(samples().chain([(unseen, weight)]));
         [((below - reach_below).max(0.0)) as f32, (above + reach_above) as f32]
     }
 }
@@ -50,17 +54,28 @@ impl Estimate {
 const UNSEEN: f64 = 3.0;
 const LEAST_UNSEEN_M_S: f64 = 0.1;
 
-/// Returns the middle of the interval of the mean of some samples, and how far it reaches to both sides.
-fn johnson(samples: impl Iterator<Item = f64> + Clone) -> (f64, f64) {
-    let n = samples.clone().count() as f64;
-    let mean = samples.clone().sum::<f64>() / n;
-    let moment = |power: i32| samples.clone().map(|sample| (sample - mean).powi(power)).sum::<f64>();
-    let variance = moment(2) / (n - 1.0);
+/// Returns the mean of samples with their weights.
+fn mean(samples: impl Iterator<Item = (f64, f64)>) -> f64 {
+    let (sum, weights) = samples
+        .fold((0.0, 0.0), |(sum, weights), (sample, weight)| (sum + sample * weight, weights + weight));
+    sum / weights
+}
+
+/// Returns the middle of the interval of the mean of some samples with their weights, and how far it reaches to both sides.
+fn johnson(samples: impl Iterator<Item = (f64, f64)> + Clone) -> (f64, f64) {
+    let mean = mean(samples.clone());
+    let weights = |power: i32| samples.clone().map(|(_, weight)| weight.powi(power)).sum::<f64>();
+    let moment = |power: i32| {
+        let terms = samples.clone().map(|(sample, weight)| (weight * (sample - mean)).powi(power));
+        terms.sum::<f64>() / weights(1).powi(power)
+    };
+    let n = weights(1).powi(2) / weights(2);
+    // Of the mean.
+    let variance = moment(2) * n / (n - 1.0);
     if variance == 0.0 {
         return (mean, 0.0);
     }
-    let shift = moment(3) / n / (6.0 * variance * n);
-    (mean + shift, student_975(n - 1.0) * (variance / n).sqrt())
+    (mean + moment(3) / (6.0 * variance), student_975(n - 1.0) * variance.sqrt())
 }
 
 /// Returns the 97.5 % quantile of Student's t with so many degrees of freedom (Cornish and Fisher's expansion; within 0.5 % from 4 on).
@@ -101,7 +116,7 @@ mod tests {
         assert_eq!(estimate.interval(), [0.0, f32::INFINITY]);
         let mut widths = Vec::new();
         for i in 0..256 {
-            estimate.add([1.0, 2.0, 3.0][i % 3]);
+            estimate.add([1.0, 2.0, 3.0][i % 3], 7.0);
             if [8, 32, 128].contains(&(i + 1)) {
                 let [low, high] = estimate.interval();
                 assert!(low < 2.0 && 2.0 < high, "{low} to {high}");
@@ -109,10 +124,21 @@ mod tests {
             }
         }
         assert!(widths.windows(2).all(|two| two[1] < 0.6 * two[0]), "{widths:?}");
-        (0..256).for_each(|_| estimate.add(5.0));
+        (0..256).for_each(|_| estimate.add(5.0, 7.0));
         let [low, high] = estimate.interval();
         assert_eq!(estimate.mean(), 5.0);
         assert!((4.9..5.0).contains(&low), "{low}: one sample in 256 may have been 0");
         assert!((5.0..5.3).contains(&high), "{high}: one sample in 256 may have been 15");
+    }
+
+    #[test]
+    fn few_samples_that_stand_for_much_count_as_what_they_stand_for() {
+        let mut estimate = Estimate::default();
+        (0..40).for_each(|_| estimate.add(1.0, 1.0));
+        let narrow = estimate.interval();
+        (0..10).for_each(|_| estimate.add(2.0, 16.0));
+        assert_eq!(estimate.mean(), 1.8);
+        let [low, high] = estimate.interval();
+        assert!(low < 1.8 && 1.8 < high && high - low > 2.0 * (narrow[1] - narrow[0]), "{low} to {high}");
     }
 }

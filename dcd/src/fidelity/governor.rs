@@ -115,6 +115,8 @@ pub struct Governor {
     all: (f64, f64),
     /// What audits may cost by now, in bodies stepped once.
     credit: f64,
+    /// Ticks of bodies that were computed since the last audit, which the next stands for: audits of long steps are dear, and seldom.
+    unaudited: f64,
     /// How many regions are stepped in every tick, in every second, in every fourth: more often than chosen where they are bound to others.
     levels: [usize; 3],
     /// By how many ticks any region may be behind the present after this tick, as was known after the last; and until when at least.
@@ -160,6 +162,7 @@ impl Governor {
             spent_ms: 0.0,
             full_ms: 0.0,
             credit: 0.0,
+            unaudited: 0.0,
             levels: [0; 3],
             behind_most: 0,
             farther_until: 0,
@@ -286,11 +289,12 @@ impl Governor {
             !region.state.rests && behind.binary_search(&region.state.region).is_err()
         };
         let stepped = || regions.iter().filter(steps).map(|region| region.state);
+        let weight = |state: &RegionState| u64::from(state.awake) * (u64::from(state.behind) + 1);
+        self.unaudited += stepped().map(weight).sum::<u64>() as f64;
         let work: u64 = stepped().map(|state| u64::from(state.awake)).sum();
         if !self.earn(work) {
             return None;
         }
-        let weight = |state: &RegionState| u64::from(state.awake) * (u64::from(state.behind) + 1);
         let seed = drawn(mixed(tick.0));
         let mut at = seed % stepped().map(weight).sum::<u64>().max(1);
         let found = stepped().find(|state| {
@@ -475,9 +479,10 @@ impl Governor {
     /// Notes what an audit of a region found: the mean error of an island's bodies per tick, m/s.
     pub(super) fn note_error(&mut self, region: RegionId, error_m_s: f32) {
         self.audits += 1;
-        self.error.add(error_m_s);
+        let weight = std::mem::take(&mut self.unaudited).max(1.0) as f32;
+        self.error.add(error_m_s, weight);
         if let Some(memory) = self.regions.get_mut(&region) {
-            memory.error.add(error_m_s);
+            memory.error.add(error_m_s, weight);
         }
     }
 

@@ -2027,8 +2027,8 @@ typedef struct DcdFidelityReport {
     uint64_t overruns;
     // Regions that are stepped in every step, in every second one, and in every fourth.
     uint32_t levels[3];
-    // Regions that are solved with fewer iterations than are set.
-    uint32_t eased;
+    // 0.
+    uint32_t reserved;
 } DcdFidelityReport;
 
 // The force and torque on a body in every step, in world axes.
@@ -4457,7 +4457,7 @@ DCD_ASSERT_(offsetof(DcdFidelityReport, share_of_full_time) == 16);
 DCD_ASSERT_(offsetof(DcdFidelityReport, audits) == 24);
 DCD_ASSERT_(offsetof(DcdFidelityReport, overruns) == 32);
 DCD_ASSERT_(offsetof(DcdFidelityReport, levels) == 40);
-DCD_ASSERT_(offsetof(DcdFidelityReport, eased) == 52);
+DCD_ASSERT_(offsetof(DcdFidelityReport, reserved) == 52);
 DCD_ASSERT_(sizeof(DcdBodyExtent) == 96);
 DCD_ASSERT_(offsetof(DcdBodyExtent, struct_size) == 0);
 DCD_ASSERT_(offsetof(DcdBodyExtent, mass) == 4);

@@ -892,7 +892,7 @@ typedef struct DcdFidelityReport {
     uint64_t audits;
     uint64_t overruns;
     uint32_t levels[3];
-    uint32_t eased;
+    uint32_t reserved;
 } DcdFidelityReport;
 typedef struct DcdForce {
     float force[3];

@@ -55,8 +55,8 @@ pub struct DcdFidelityReport {
     pub overruns: u64,
     /// Regions that are stepped in every step, in every second one, and in every fourth.
     pub levels: [u32; 3],
-    /// Regions that are solved with fewer iterations than are set.
-    pub eased: u32,
+    /// 0.
+    pub reserved: u32,
 }
 
 // SAFETY: begins with `struct_size`; every other member is a number.
@@ -138,7 +138,7 @@ pub unsafe extern "C" fn dcd_fidelity_report(world: DcdWorld, out: *mut DcdFidel
                 audits: report.audits,
                 overruns: report.overruns,
                 levels: report.levels.map(|count| count as u32),
-                eased: report.eased as u32,
+                reserved: 0,
             });
             Ok(())
         })

@@ -134,7 +134,7 @@ fn layouts() -> Vec<Layout> {
         }
         DcdViewpoint { at, radius }
         DcdFidelityReport {
-            struct_size, error, low95, high95, share_of_full_time, audits, overruns, levels, eased
+            struct_size, error, low95, high95, share_of_full_time, audits, overruns, levels, reserved
         }
         DcdBodyExtent { struct_size, mass, min, max, centre, inertia, axes }
         DcdJointDef {

@@ -98,24 +98,6 @@ fn a_budget_that_cannot_be_kept_loses_and_doubles_no_body_and_counts_what_is_ove
 }
 
 #[test]
-fn what_shares_bodies_with_what_is_looked_at_is_solved_with_fewer_iterations_and_not_less_often() {
-    let mut scene = Scene::open("terrain", &Params::default().with("n", 1_500)).unwrap();
-    let [min, max] = [scene.bounds.min, scene.bounds.max];
-    scene.viewpoints = vec![Viewpoint { at: [min[0], 0.0, 0.0], radius_m: 0.25 * (max[0] - min[0]) }];
-    scene.regions = Some(8);
-    let mut worlds = [1, 2].map(|threads| world(&scene, Fidelity::AUTO, threads));
-    worlds.iter_mut().for_each(|world| run(world, 600));
-    for world in &worlds {
-        let report = world.fidelity_report().unwrap();
-        assert_eq!(report.levels, [8, 0, 0]);
-        assert!((3..8).contains(&report.eased), "{report:?}");
-        assert!(report.error_m_s < 0.33 && report.share_of_full_time < 0.95, "{report:?}");
-        assert_eq!(world.host().validate(), []);
-        assert_eq!(world.state_hash(), worlds[0].state_hash());
-    }
-}
-
-#[test]
 fn what_is_looked_at_is_bit_for_bit_as_if_all_were_computed_in_full() {
     let scene = town(0);
     let view = scene.viewpoints[0];

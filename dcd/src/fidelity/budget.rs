@@ -1,6 +1,6 @@
 //! Plans paces that keep a budget of time: by how long the longest tick will take, of groups of regions that are stepped in the same ticks.
 
-use super::schedule::{COARSEST, MOST_EASED, Pace, relative_time};
+use super::schedule::{COARSEST, Pace, relative_time};
 
 /// Iterations that a share of the time is reckoned of.
 const ITERATIONS: usize = 4;
@@ -20,36 +20,23 @@ pub(super) struct Load {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Plan {
     pub paces: Vec<Pace>,
-    /// Whether no tick is expected to take longer than the part of the budget that was planned for.
+    /// Whether no tick is expected to take longer than it may.
     pub is_kept: bool,
 }
 
-/// A saving, as it is made to one group after the other.
-#[derive(Clone, Copy)]
-enum Saving {
-    /// Solver's iterations are halved so often.
-    Eased(u8),
-    /// It is stepped once per so many ticks.
-    Rate(u8),
-}
+/// The rates that savings lead to, of what nobody looks at and then of what is looked at.
+const RATES: [u8; 2] = [2, COARSEST];
 
-/// The order of savings, of what nobody looks at and then of what is looked at.
-const SAVINGS: [Saving; 4] =
-    [Saving::Eased(1), Saving::Rate(2), Saving::Rate(COARSEST), Saving::Eased(MOST_EASED)];
-
-/// Returns the finest paces with which no tick takes longer than this part of the budget; where there are none, than all of it; where there are none,
-/// those with which ticks take no longer in the mean, if that can be. The farthest groups are made coarser first.
-pub(super) fn plan(loads: &[Load], budget_ms: f64, planned: f64) -> Plan {
-    for goal_ms in [planned * budget_ms, budget_ms] {
-        // A step that fills more than a tick by itself is not made longer, to be made less often.
-        let fits = |load: &Load, pace: Pace| step_ms(load, pace) <= goal_ms;
-        let (paces, longest_ms) = shed(loads, goal_ms, fits, longest_ms);
-        if longest_ms <= goal_ms {
-            let is_kept = goal_ms < budget_ms;
-            return Plan { paces: with_turns(loads, &paces), is_kept };
-        }
+/// Returns the finest paces with which no tick takes longer than this; where there are none, those with which ticks take no longer in the mean, if
+/// that can be. The farthest groups are made coarser first.
+pub(super) fn plan(loads: &[Load], goal_ms: f64) -> Plan {
+    // A step that fills more than a tick by itself is not made longer, to be made less often.
+    let fits = |load: &Load, pace: Pace| step_ms(load, pace) <= goal_ms;
+    let (paces, longest_ms) = shed(loads, goal_ms, fits, longest_ms);
+    if longest_ms <= goal_ms {
+        return Plan { paces: with_turns(loads, &paces), is_kept: true };
     }
-    let (paces, _) = shed(loads, planned * budget_ms, |_, _| true, mean_ms);
+    let (paces, _) = shed(loads, goal_ms, |_, _| true, mean_ms);
     Plan { paces: with_turns(loads, &paces), is_kept: false }
 }
 
@@ -65,13 +52,13 @@ fn shed(
     let mut paces = vec![Pace::FULL; loads.len()];
     let mut now_ms = measure(loads, &paces);
     for watched in [false, true] {
-        for saving in SAVINGS {
+        for rate in RATES {
             for &group in order.iter().filter(|&&group| loads[group].watched == watched) {
                 if now_ms <= goal_ms {
                     return (paces, now_ms);
                 }
-                let pace = saving.of(paces[group]);
-                if pace.rate == paces[group].rate || fits(&loads[group], pace) {
+                let pace = Pace { rate, ..paces[group] };
+                if fits(&loads[group], pace) {
                     paces[group] = pace;
                     now_ms = measure(loads, &paces);
                 }
@@ -81,19 +68,9 @@ fn shed(
     (paces, now_ms)
 }
 
-impl Saving {
-    /// Returns what becomes of a pace with it.
-    fn of(self, pace: Pace) -> Pace {
-        match self {
-            Self::Eased(eased) => Pace { eased, ..pace },
-            Self::Rate(rate) => Pace { rate, ..pace },
-        }
-    }
-}
-
 /// Returns how long a step of a group takes at its pace, milliseconds.
 fn step_ms(load: &Load, pace: Pace) -> f64 {
-    load.step_ms * relative_time(ITERATIONS, pace.rate, pace.eased)
+    load.step_ms * relative_time(ITERATIONS, pace.rate)
 }
 
 fn mean_ms(loads: &[Load], paces: &[Pace]) -> f64 {

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::budget::{self, Load};
 use super::estimate::Estimate;
-use super::schedule::{COARSEST, MOST_EASED, Pace};
+use super::schedule::{COARSEST, Pace};
 use super::{Audited, Fidelity, FidelityReport, Pick, RegionState, Schedule, Signals};
 use crate::space::{Cell, RegionId, RegionSet, Tick, Viewpoint, drawn, mixed};
 
@@ -20,10 +20,9 @@ const LEAVE: f64 = 2.0;
 /// Levels are chosen every so many ticks.
 const EVERY_TICKS: u64 = 8;
 /// A region becomes coarser where its error is below this part of the tolerance, and finer where it is above, once it has been audited so
-/// often at its level. Of one that has not, the error of the world is taken for its own, once that has been audited so often.
+/// often at its pace.
 const EASY: f32 = 0.5;
 const SEASONED: usize = 3;
-const WORLD_SEASONED: usize = 12;
 /// From level to level at least so many ticks pass, after which signals are those of the present level.
 const PAUSE_TICKS: u64 = 32;
 /// In a step bodies turn by so much at most: what touches stays where it touched on both until the next.
@@ -207,19 +206,13 @@ impl Governor {
         self.behind_most
     }
 
-    /// Chooses which regions stay behind in the tick that begins, how thoroughly the others are solved, and perhaps one of which an island is to be
-    /// audited. The regions are all of the world, in order of their ranks.
+    /// Chooses which regions stay behind in the tick that begins, and perhaps one of which an island is to be audited. The regions are all of the
+    /// world, in order of their ranks.
     pub fn schedule(&mut self, tick: Tick, regions: &[Governed<'_>], dt_s: f32) -> Schedule {
         self.choose(regions, dt_s);
         let behind = self.left_behind(tick, regions);
         let audit = self.pick(tick, regions, &behind);
-        let eased = self.paces.iter().filter(|(_, pace)| pace.eased > 0);
-        Schedule {
-            audit,
-            behind,
-            behind_most: self.behind_most,
-            eased: eased.map(|(id, pace)| (*id, pace.eased)).collect(),
-        }
+        Schedule { audit, behind, behind_most: self.behind_most }
     }
 
     /// Returns the regions that stay behind, in id order.
@@ -349,12 +342,9 @@ impl Governor {
         self.paces = regions.iter().map(|region| (region.state.region, pace(region))).collect();
     }
 
-    /// Lets unwatched regions become coarser, step by step, until audits find too large an error, or signals too long a step: first less often
-    /// stepped, then with fewer iterations.
+    /// Lets unwatched regions become coarser, a rate at a time, until audits find too large an error, or signals too long a step.
     fn keep_error(&mut self, tolerance_m_s: f32, dt_s: f32, regions: &[Governed<'_>]) {
         let now = self.ticks;
-        let is_easy = |error: &Estimate| error.mean() < EASY * tolerance_m_s;
-        let is_world_easy = self.error.count() >= WORLD_SEASONED && is_easy(&self.error);
         for (rank, RegionState { region, signals, .. }) in
             regions.iter().map(|region| region.state).enumerate()
         {
@@ -364,42 +354,32 @@ impl Governor {
             if memory.watched {
                 continue;
             }
-            let Pace { rate, eased, .. } = memory.pace;
-            let is_seasoned = memory.error.count() >= SEASONED;
+            let rate = memory.pace.rate;
+            let (mean, count) = (memory.error.mean(), memory.error.count());
             let turn_rad = |rate: u8| signals.spin_rad_s * dt_s * f32::from(rate);
             // Deeper by no more than what the error that is tolerated moves a body by in the longest step.
             let deeper_m = tolerance_m_s * dt_s * f32::from(COARSEST);
             let overlaps = memory.is_settled(now)
                 && memory.overlap_m.is_some_and(|full_m| signals.overlap_m > full_m + deeper_m);
-            let errs = is_seasoned && memory.error.mean() > tolerance_m_s;
-            let spins = rate > 1 && turn_rad(rate) > SLACK * TURN_RAD;
-            if spins || !memory.is_full() && (errs || overlaps) {
+            let errs = count >= SEASONED && mean > tolerance_m_s;
+            if rate > 1 && (errs || overlaps || turn_rad(rate) > SLACK * TURN_RAD) {
                 memory.patience = (2 * memory.patience).clamp(PATIENCE_TICKS, 64 * PATIENCE_TICKS);
                 memory.stays_until = now + memory.patience;
-                let finer = match eased {
-                    1.. if !spins => Pace { eased: eased - 1, ..memory.pace },
-                    _ => Pace { rate: rate / 2, ..memory.pace },
-                };
-                memory.turn_to(finer, now);
-            } else if now >= memory.stays_until
+                memory.turn_to(Pace { rate: rate / 2, ..memory.pace }, now);
+            } else if rate < COARSEST
+                && now >= memory.stays_until
                 && memory.overlap_m.is_some()
-                && (!is_seasoned || is_easy(&memory.error))
+                && (count < SEASONED || mean < EASY * tolerance_m_s)
+                && turn_rad(2 * rate) <= TURN_RAD
             {
-                let coarser = if rate < COARSEST && turn_rad(2 * rate) <= TURN_RAD {
-                    Pace { rate: 2 * rate, ..memory.pace }
-                } else if eased < MOST_EASED && (is_seasoned || is_world_easy) {
-                    Pace { eased: eased + 1, ..memory.pace }
-                } else {
-                    continue;
-                };
                 memory.stays_until = now + PAUSE_TICKS;
-                memory.turn_to(coarser, now);
+                memory.turn_to(Pace { rate: 2 * rate, ..memory.pace }, now);
             }
         }
     }
 
-    /// Makes regions coarser until ticks fit the budget in each process: first the unwatched, the farthest first, by fewer iterations, down to each second
-    /// tick, to each fourth, and by fewer iterations still; then the watched in the same way. Those that are bound together have one pace.
+    /// Makes regions coarser until ticks fit the budget in each process: first the unwatched, the farthest first, down to each second tick and then to
+    /// each fourth; then the watched in the same way. Those that are bound together have one pace.
     fn keep_time(&mut self, tick_ms: f64, regions: &[Governed<'_>]) {
         let groups = bound(regions);
         let mut paces = vec![Pace::FULL; groups.len()];
@@ -411,12 +391,11 @@ impl Governor {
                 .enumerate()
                 .filter_map(|(at, group)| Some((at, self.load(group, process, regions)?)))
                 .unzip();
-            let plan = budget::plan(&loads, tick_ms / self.longer(process), self.planned);
+            let plan = budget::plan(&loads, self.planned * tick_ms / self.longer(process));
             self.is_kept &= plan.is_kept;
             // What several compute is as coarse as the slowest of them needs.
             for (at, pace) in of.into_iter().zip(plan.paces) {
-                let coarseness = |pace: Pace| (pace.rate, pace.eased);
-                paces[at] = cmp::max_by_key(pace, paces[at], |pace| coarseness(*pace));
+                paces[at] = cmp::max_by_key(pace, paces[at], |pace| pace.rate);
             }
         }
         for (group, pace) in groups.iter().zip(paces) {
@@ -553,7 +532,6 @@ impl Governor {
             audits: self.audits,
             overruns: self.overruns,
             levels: self.levels,
-            eased: self.paces.values().filter(|pace| pace.eased > 0).count(),
         }
     }
 }
@@ -577,7 +555,7 @@ impl Memory {
     }
 
     fn is_full(&self) -> bool {
-        (self.pace.rate, self.pace.eased) == (1, 0)
+        self.pace.rate == 1
     }
 
     /// Returns whether it has had its pace for long enough.

@@ -1,4 +1,4 @@
-//! Models no more than a scene needs: where nobody looks, regions are stepped at lower rates and solved with fewer iterations, as far as an error allows or a time
+//! Models no more than a scene needs: where nobody looks, regions are stepped at lower rates, as far as an error allows or a time
 //! demands. Audits compute some islands again, finer, and so tell how large the error is.
 //!
 //! After time-critical collision detection (thesis 4.3.2.3) and perceptually adaptive simulation (O'Sullivan and Dingliana 2001).
@@ -15,7 +15,7 @@ mod tests;
 
 pub use governor::{Governed, Governor, LookedAt};
 pub use schedule::{
-    Audited, COARSEST, MOST_EASED, Pace, Pick, RegionState, Schedule, Signals, iterations, relative_time,
+    Audited, COARSEST, Pace, Pick, RegionState, Schedule, Signals, iterations, relative_time,
 };
 
 use bincode::{Decode, Encode};
@@ -102,6 +102,4 @@ pub struct FidelityReport {
     /// How many regions are stepped in every tick, in every second one, and in every fourth. Those that share bodies with one that is looked
     /// at are stepped as often as that.
     pub levels: [usize; 3],
-    /// How many regions are solved with fewer iterations than are set.
-    pub eased: usize,
 }

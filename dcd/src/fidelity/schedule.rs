@@ -1,5 +1,5 @@
-//! Defines what is told about the pace of regions: what each says of itself after a tick, and which stay behind in the next, or are solved with fewer
-//! iterations. From both follows by how many ticks each is stepped.
+//! Defines what is told about the pace of regions: what each says of itself after a tick, and which stay behind in the next. From both follows by how
+//! many ticks each is stepped.
 
 use bincode::{Decode, Encode};
 use serde::{Deserialize, Serialize};
@@ -9,36 +9,31 @@ use crate::space::{RegionId, RegionSet};
 /// The most ticks that one step of a region may have: it is behind the present by one less at most.
 pub const COARSEST: u8 = 4;
 
-/// The most often that a region's solver iterations are halved.
-pub const MOST_EASED: u8 = 2;
 /// The part of a step of one tick that its solver takes, with the iterations that are set: as measured on piles.
 const SOLVING: f64 = 0.5;
 
-/// The way in which a region is computed: how often, and how thoroughly.
+/// How often a region is computed, and when.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Encode, Decode, Serialize, Deserialize)]
 pub struct Pace {
     /// It is stepped once per so many ticks.
     pub rate: u8,
-    /// In the ticks whose number and this make a multiple of the rate.
+    /// In the ticks whose number leaves the remainder that this leaves, divided by the rate.
     pub turn: u8,
-    /// Its solver's iterations are halved so many times.
-    pub eased: u8,
 }
 
 impl Pace {
     /// That of what is computed in full.
-    pub const FULL: Self = Self { rate: 1, turn: 0, eased: 0 };
+    pub const FULL: Self = Self { rate: 1, turn: 0 };
 
     /// Returns whether it is one that a region may have.
     pub fn is_valid(self) -> bool {
-        matches!(self.rate, 1 | 2 | COARSEST) && self.turn < COARSEST && self.eased <= MOST_EASED
+        matches!(self.rate, 1 | 2 | COARSEST) && self.turn < COARSEST
     }
 }
 
 /// Returns the solver iterations of a step of so many ticks, where one of one tick has so many: a longer step needs more, though fewer than its
 /// ticks would take.
-pub fn iterations(per_tick: usize, ticks: u8, eased: u8) -> usize {
-    let per_tick = (per_tick >> eased).max(1);
+pub fn iterations(per_tick: usize, ticks: u8) -> usize {
     match ticks {
         0 | 1 => per_tick,
         2 | 3 => per_tick + per_tick.div_ceil(2),
@@ -47,9 +42,9 @@ pub fn iterations(per_tick: usize, ticks: u8, eased: u8) -> usize {
 }
 
 /// Returns how long a step of so many ticks takes over one of one tick in full, as reckoned.
-pub fn relative_time(per_tick: usize, ticks: u8, eased: u8) -> f64 {
+pub fn relative_time(per_tick: usize, ticks: u8) -> f64 {
     let per_tick = per_tick.max(1);
-    1.0 - SOLVING + SOLVING * iterations(per_tick, ticks, eased) as f64 / per_tick as f64
+    1.0 - SOLVING + SOLVING * iterations(per_tick, ticks) as f64 / per_tick as f64
 }
 
 /// The findings of a look at a region, by which a step is judged too long.
@@ -133,8 +128,6 @@ pub struct Schedule {
     pub behind: Vec<RegionId>,
     /// By how many ticks any region may be behind the present after the next tick: regions look as far ahead.
     pub behind_most: u8,
-    /// The regions whose solver's iterations are halved, and how often, in id order.
-    pub eased: Vec<(RegionId, u8)>,
     /// What is audited in this tick.
     pub audit: Option<Pick>,
 }

@@ -180,20 +180,18 @@ pub(super) struct Clock {
     pub owed: u8,
     /// Ticks that it computes in the present one: 0 where it stays behind.
     pub span: u8,
-    /// Its solver's iterations are halved so many times.
-    pub eased: u8,
 }
 
 impl Clock {
     /// Returns the solver iterations of its step.
     pub(super) fn iterations(self, per_tick: usize) -> usize {
-        iterations(per_tick, self.span, self.eased)
+        iterations(per_tick, self.span)
     }
 }
 
 impl Default for Clock {
     fn default() -> Self {
-        Self { rate: 1, owed: 0, span: 1, eased: 0 }
+        Self { rate: 1, owed: 0, span: 1 }
     }
 }
 

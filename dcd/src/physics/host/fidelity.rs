@@ -6,8 +6,8 @@ use rapier3d::prelude::*;
 
 use super::RegionHost;
 use crate::fidelity::{
-    Audited, COARSEST, Fidelity, FidelityReport, Governed, Governor, LookedAt, MOST_EASED, Pace, Pick,
-    RegionState, Schedule, relative_time,
+    Audited, COARSEST, Fidelity, FidelityReport, Governed, Governor, LookedAt, Pace, Pick, RegionState,
+    Schedule, relative_time,
 };
 use crate::physics::audit::Audit;
 use crate::physics::coupling::{Clock, Side};
@@ -166,12 +166,6 @@ impl RegionHost {
         }
         self.behind_most = schedule.behind_most.min(COARSEST - 1);
         for side in &mut self.sides {
-            let id = side.region.id();
-            side.clock.eased = match schedule.eased.binary_search_by_key(&id, |(region, _)| *region) {
-                // Contacts made stiffer would shake with fewer iterations.
-                Ok(at) if !side.region.is_strained() => schedule.eased[at].1.min(MOST_EASED),
-                _ => 0,
-            };
             let stays = self.behind.contains(side.region.rank());
             // What rests is the same at any time.
             let owed = if side.is_idle() && !stays { 0 } else { side.clock.owed };
@@ -228,7 +222,7 @@ impl RegionHost {
             let Side { region, clock, .. } = side;
             let rests = side.is_idle();
             let [took_ms, full_ms] = self.spent_ms(side);
-            let longer = relative_time(self.settings.solver_iterations, clock.rate, clock.eased);
+            let longer = relative_time(self.settings.solver_iterations, clock.rate);
             let audited = self.audited.filter(|(audited, _)| *audited == region.id());
             RegionState {
                 region: region.id(),
@@ -265,7 +259,7 @@ impl RegionHost {
             return [0.0; 2];
         }
         let clock = side.clock;
-        let longer = relative_time(self.settings.solver_iterations, clock.span, clock.eased);
+        let longer = relative_time(self.settings.solver_iterations, clock.span);
         let took_ms = side.region.last_step().as_secs_f64() * 1e3;
         [took_ms as f32, (took_ms * f64::from(clock.span) / longer) as f32]
     }

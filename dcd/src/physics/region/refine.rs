@@ -26,7 +26,7 @@ impl Region {
         let awake: Vec<_> = self.world.islands.active_bodies().collect();
         self.strained = false;
         for handle in awake {
-            let is_strained = self.bears_too_much(handle);
+            let is_strained = self.is_strained(handle);
             self.strained |= is_strained;
             let wanted = self.own_iterations(handle).max(if is_strained { EXTRA } else { 0 });
             if self.world.bodies[handle].additional_solver_iterations() != wanted {
@@ -34,11 +34,6 @@ impl Region {
             }
         }
         self.signals = self.look();
-    }
-
-    /// Returns whether some of its bodies are much heavier than what bears them.
-    pub(in crate::physics) fn is_strained(&self) -> bool {
-        self.strained
     }
 
     /// Returns what the last look found.
@@ -110,7 +105,7 @@ impl Region {
         self.slot(handle).traits.extra_solver_iterations as usize
     }
 
-    fn bears_too_much(&self, handle: RigidBodyHandle) -> bool {
+    fn is_strained(&self, handle: RigidBodyHandle) -> bool {
         let bodies = &self.world.bodies;
         // Rapier would solve all that touches a multibody with as many, at the price of all of them.
         if !bodies[handle].is_dynamic() || self.is_articulated(handle) {

@@ -1,7 +1,7 @@
 //! Checks messages: worlds, views, inputs, queries and answers, and everything that one role sends another.
 
 use super::{all, ascending, finite, must, not_negative, within_reach};
-use crate::fidelity::{Audited, COARSEST, FidelityReport, MOST_EASED, RegionState, Schedule, Signals};
+use crate::fidelity::{Audited, COARSEST, FidelityReport, RegionState, Schedule, Signals};
 use crate::protocol::*;
 use crate::space::{Allocation, Balance, Bounds, DistributionTree, MAX_REGIONS, Viewpoint};
 
@@ -130,14 +130,10 @@ impl Check for WorldOp {
             }
             Self::Ask { question, .. } => question.check(),
             Self::Schedule(schedule) => {
-                let Schedule { behind, behind_most, eased, audit: _ } = schedule;
+                let Schedule { behind, behind_most, audit: _ } = schedule;
                 must(behind.len() <= MAX_REGIONS, "schedule.behind", "at most all regions")?;
                 ascending(behind, |&region| region, "schedule.behind")?;
-                must(*behind_most < COARSEST, "schedule.behind_most", "at most 3")?;
-                must(eased.len() <= MAX_REGIONS, "schedule.eased", "at most all regions")?;
-                ascending(eased, |(region, _)| *region, "schedule.eased")?;
-                let are_eased = eased.iter().all(|(_, eased)| (1..=MOST_EASED).contains(eased));
-                must(are_eased, "schedule.eased", "once or twice each")
+                must(*behind_most < COARSEST, "schedule.behind_most", "at most 3")
             }
             Self::Watch(watch) => watch.check(),
         }

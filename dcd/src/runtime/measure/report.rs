@@ -85,8 +85,6 @@ pub struct FidelityShare {
     pub overruns: u64,
     /// Regions stepped in every tick, in every second, in every fourth, at the end.
     pub levels: [usize; 3],
-    /// Regions solved with fewer iterations, at the end.
-    pub eased: usize,
 }
 
 /// A mean with its 95 % confidence interval; no upper end before there are two samples.
@@ -110,17 +108,13 @@ impl FidelityShare {
             Some(high95) => format!("mean error {mean:.3} m/s per tick ({low95:.3} to {high95:.3})"),
             None => "no error known yet".to_owned(),
         };
-        let eased = match self.eased {
-            0 => String::new(),
-            eased => format!(", {eased} with fewer iterations"),
-        };
         let overruns = match self.overruns {
             0 => String::new(),
             1 => ", 1 tick over the budget".to_owned(),
             ticks => format!(", {ticks} ticks over the budget"),
         };
         format!(
-            "{full} regions in each tick, {half} in each second, {quarter} in each fourth{eased}: {:.0} % of the time of all in full, {error}{overruns}",
+            "{full} regions in each tick, {half} in each second, {quarter} in each fourth: {:.0} % of the time of all in full, {error}{overruns}",
             100.0 * self.share_of_full_time
         )
     }
@@ -138,7 +132,6 @@ impl From<FidelityReport> for FidelityShare {
             audits: report.audits,
             overruns: report.overruns,
             levels: report.levels,
-            eased: report.eased,
         }
     }
 }

@@ -124,11 +124,6 @@ impl Source for ServerMetrics {
             .of(&[("every", "2")], stepped[1] as f64)
             .of(&[("every", "4")], stepped[2] as f64);
         text.gauge(
-            "dcd_world_regions_eased",
-            "Regions of the main group that are solved with fewer iterations.",
-        )
-        .is(fidelity.map_or(0, |report| report.eased) as f64);
-        text.gauge(
             "dcd_world_time_share",
             "The time of steps, as a share of what it would be if all regions were stepped in every tick.",
         )

@@ -35,7 +35,7 @@ const NEWER: f32 = 0.25;
 const PATIENCE_TICKS: u64 = 120;
 /// The part of a budget that is planned for at first, at least and at most: single ticks take longer than the mean.
 const PLANNED: f64 = 0.8;
-const PLANNED_RANGE: [f64; 2] = [0.4, 0.95];
+const PLANNED_RANGE: [f64; 2] = [0.6, 0.95];
 /// By so much less is planned for after a tick that took longer than the budget, and by that part of it more after one that did not: so that one in a
 /// hundred does (stochastic approximation of a quantile, Robbins and Monro 1951).
 const OVERRUN: f64 = 0.02;

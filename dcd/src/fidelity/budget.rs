@@ -10,9 +10,9 @@ const ITERATIONS: usize = 4;
 pub(super) struct Load {
     /// Somebody looks at one of its regions.
     pub watched: bool,
-    /// How far the nearest viewpoint is from it, metres.
+    /// The distance of the nearest viewpoint from it, metres.
     pub far_m: f64,
-    /// How long a step of one tick in full takes, milliseconds.
+    /// The time that a step of one tick in full takes, milliseconds.
     pub step_ms: f64,
 }
 
@@ -20,7 +20,7 @@ pub(super) struct Load {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Plan {
     pub paces: Vec<Pace>,
-    /// Whether no tick is expected to take longer than it may.
+    /// Says whether no tick is expected to take longer than it may.
     pub is_kept: bool,
 }
 

@@ -37,14 +37,14 @@ const PATIENCE_TICKS: u64 = 120;
 const PLANNED: f64 = 0.8;
 const PLANNED_RANGE: [f64; 2] = [0.6, 0.95];
 /// By so much less is planned for after a tick that took longer than the budget, and by that part of it more after one that did not: so that one in a
-/// hundred does (stochastic approximation of a quantile, Robbins and Monro 1951).
+/// hundred would, if plans held (stochastic approximation of a quantile, Robbins and Monro 1951).
 const OVERRUN: f64 = 0.02;
 const OVERRUNS: f64 = 0.01;
 /// The part of what was known of how much longer ticks take than steps that a tick leaves of it.
 const LONGER: f64 = 0.98;
 /// Regions look as far ahead as any is behind, and for so many ticks longer: some come and go.
 const FARTHER_TICKS: u64 = 64;
-/// That costs all regions so large a part of their time, where much lies near borders: lower rates that save less are given up (measured on `terrain`).
+/// Lower rates that save a smaller part of the work than this are given up, since for them all regions look farther ahead. Chosen, not measured.
 const FARTHER_COSTS: f64 = 0.1;
 /// The part of a tick in what was saved on average.
 const SAVED_NEWER: f64 = 1.0 / 32.0;
@@ -121,7 +121,7 @@ pub struct Governor {
     /// By how many ticks any region may be behind the present after this tick, as was known after the last; and until when at least.
     behind_most: u8,
     farther_until: u64,
-    /// Whether regions may be behind at all, since when, and how long not when that has not paid.
+    /// Says whether regions may be behind at all, since when, and for how long not when that has not paid.
     lags: bool,
     lags_since: u64,
     lags_patience: u64,
@@ -139,7 +139,7 @@ pub struct Governor {
     /// The paces of this tick, as chosen or told.
     #[serde(skip)]
     paces: BTreeMap<RegionId, Pace>,
-    /// Whether paces are told, and not chosen.
+    /// Says whether paces are told, and not chosen.
     #[serde(skip)]
     is_told: bool,
 }

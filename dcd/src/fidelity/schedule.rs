@@ -9,7 +9,7 @@ use crate::space::{RegionId, RegionSet};
 /// The most ticks that one step of a region may have: it is behind the present by one less at most.
 pub const COARSEST: u8 = 4;
 
-/// The part of a step of one tick that its solver takes, with the iterations that are set: as measured on piles.
+/// The part of a step of one tick that its solver takes, with the iterations that are set. Reckoned for all scenes alike: of terrain it is less.
 const SOLVING: f64 = 0.5;
 
 /// How often a region is computed, and when.
@@ -22,7 +22,7 @@ pub struct Pace {
 }
 
 impl Pace {
-    /// That of what is computed in full.
+    /// Names the pace of what is computed in full.
     pub const FULL: Self = Self { rate: 1, turn: 0 };
 
     /// Returns whether it is one that a region may have.

@@ -13,15 +13,15 @@ pub(super) type Hash = [u8; 32];
 /// Bytes of every block but the last two.
 const BLOCK: usize = 1 << 20;
 
-/// A writer that packs bytes into blocks.
-pub(super) struct BlockWriter<W> {
-    to: W,
+/// A writer that packs bytes into blocks. Of one type wherever they go: what encodes a world is compiled once.
+pub(super) struct BlockWriter<'a> {
+    to: &'a mut dyn Write,
     before: Hash,
     block: Vec<u8>,
 }
 
-impl<W: Write> BlockWriter<W> {
-    pub(super) fn new(to: W, header: Hash) -> Self {
+impl<'a> BlockWriter<'a> {
+    pub(super) fn new(to: &'a mut dyn Write, header: Hash) -> Self {
         Self { to, before: header, block: Vec::with_capacity(BLOCK) }
     }
 
@@ -44,7 +44,7 @@ impl<W: Write> BlockWriter<W> {
     }
 }
 
-impl<W: Write> Write for BlockWriter<W> {
+impl Write for BlockWriter<'_> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         if self.block.len() == BLOCK {
             self.close_block()?;
@@ -60,8 +60,8 @@ impl<W: Write> Write for BlockWriter<W> {
 }
 
 /// A reader that checks blocks and yields their bytes.
-pub(super) struct BlockReader<R> {
-    from: R,
+pub(super) struct BlockReader<'a> {
+    from: &'a mut dyn Read,
     before: Hash,
     block: Vec<u8>,
     /// Bytes of the block that were given.
@@ -72,9 +72,9 @@ pub(super) struct BlockReader<R> {
     failure: Option<SnapshotError>,
 }
 
-impl<R: Read> BlockReader<R> {
+impl<'a> BlockReader<'a> {
     /// Makes a reader for what follows a header of this hash and length.
-    pub(super) fn new(from: R, (header, taken): (Hash, u64)) -> Self {
+    pub(super) fn new(from: &'a mut dyn Read, (header, taken): (Hash, u64)) -> Self {
         Self { from, before: header, block: Vec::new(), given: 0, taken, ended: false, failure: None }
     }
 
@@ -89,7 +89,7 @@ impl<R: Read> BlockReader<R> {
         if self.given < self.block.len() || !self.ended && self.open_block()? {
             return Err(SnapshotError::Damaged(at));
         }
-        match read_all(&mut self.from, &mut [0])? {
+        match read_all(self.from, &mut [0])? {
             0 => Ok(()),
             _ => Err(SnapshotError::Damaged(self.taken)),
         }
@@ -118,13 +118,13 @@ impl<R: Read> BlockReader<R> {
     }
 
     fn take(&mut self, into: &mut [u8]) -> Result<(), SnapshotError> {
-        let read = read_all(&mut self.from, into)?;
+        let read = read_all(self.from, into)?;
         self.taken += read as u64;
         if read == into.len() { Ok(()) } else { Err(SnapshotError::Truncated(self.taken)) }
     }
 }
 
-impl<R: Read> Read for BlockReader<R> {
+impl Read for BlockReader<'_> {
     fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
         if self.given == self.block.len() && !into.is_empty() {
             if self.ended {
@@ -143,7 +143,7 @@ impl<R: Read> Read for BlockReader<R> {
 }
 
 /// Fills `into` as far as there are bytes, and returns how many.
-pub(super) fn read_all(from: &mut impl Read, into: &mut [u8]) -> io::Result<usize> {
+pub(super) fn read_all(from: &mut dyn Read, into: &mut [u8]) -> io::Result<usize> {
     let mut read = 0;
     while read < into.len() {
         match from.read(&mut into[read..]) {

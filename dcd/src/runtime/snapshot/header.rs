@@ -9,7 +9,7 @@ use super::blocks::{Hash, read_all};
 pub(super) const MAGIC: [u8; 8] = *b"\x89dcdsnap";
 
 /// Writes the header and returns its hash, with which the first block is chained.
-pub(super) fn write(format: u32, to: &mut impl Write) -> io::Result<Hash> {
+pub(super) fn write(format: u32, to: &mut dyn Write) -> io::Result<Hash> {
     let name = maker();
     let length = u16::try_from(name.len()).expect("our own name is short");
     let header = [&MAGIC[..], &format.to_le_bytes(), &length.to_le_bytes(), name.as_bytes()].concat();
@@ -20,7 +20,7 @@ pub(super) fn write(format: u32, to: &mut impl Write) -> io::Result<Hash> {
 }
 
 /// Reads the header and returns its hash and its length in bytes, if the snapshot is of this format and this build.
-pub(super) fn read(format: u32, from: &mut impl Read) -> Result<(Hash, u64), SnapshotError> {
+pub(super) fn read(format: u32, from: &mut dyn Read) -> Result<(Hash, u64), SnapshotError> {
     let mut header = vec![0; MAGIC.len()];
     if read_all(from, &mut header)? < MAGIC.len() || header != MAGIC {
         return Err(SnapshotError::Foreign);

@@ -50,6 +50,10 @@ impl LocalWorld {
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     pub fn save(&self, mut to: impl Write) -> Result<(), SnapshotError> {
+        self.save_to(&mut to)
+    }
+
+    fn save_to(&self, to: &mut dyn Write) -> Result<(), SnapshotError> {
         let Self {
             host,
             ledger,
@@ -62,7 +66,7 @@ impl LocalWorld {
             tape: _,
             identity: _,
         } = self;
-        let header = header::write(FORMAT, &mut to)?;
+        let header = header::write(FORMAT, to)?;
         let mut blocks = BlockWriter::new(to, header);
         let saved = Saved { host, ledger, events, next_body: *next_body, next_joint: *next_joint, strengths };
         write_state(&saved, &mut blocks).map_err(SnapshotError::Unsavable)?;
@@ -74,8 +78,12 @@ impl LocalWorld {
     /// Damage of any kind is an error. There is no guard against malice: the checksums need no key, and whoever writes right ones
     /// can hand Rapier broken indices. Restore no snapshot of people whom you do not trust.
     pub fn restore(mut from: impl Read, threads: usize) -> Result<Self, SnapshotError> {
+        Self::restore_from(&mut from, threads)
+    }
+
+    fn restore_from(from: &mut dyn Read, threads: usize) -> Result<Self, SnapshotError> {
         check_threads(threads)?;
-        let header = header::read(FORMAT, &mut from)?;
+        let header = header::read(FORMAT, from)?;
         let mut blocks = BlockReader::new(from, header);
         let restored = read_state(&mut blocks);
         let Restored { mut host, ledger, events, next_body, next_joint, strengths } =

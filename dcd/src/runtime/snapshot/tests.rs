@@ -379,8 +379,8 @@ fn blocks_that_are_swapped_or_left_out_are_noticed() {
     writer.write_all(&blocks.concat()).unwrap();
     writer.finish().unwrap();
     let block = (1 << 20) + 36;
-    let read = |bytes: &[u8]| {
-        let mut reader = BlockReader::new(bytes, (header, 0));
+    let read = |mut bytes: &[u8]| {
+        let mut reader = BlockReader::new(&mut bytes, (header, 0));
         let mut read = Vec::new();
         reader.read_to_end(&mut read).map(|_| read).map_err(|_| reader.failure().unwrap())
     };

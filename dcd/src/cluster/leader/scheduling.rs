@@ -95,7 +95,8 @@ impl Scheduling {
         });
         let mut schedule = self.governor.schedule(tick, &regions.collect::<Vec<_>>(), self.dt_s);
         if interests.is_none() {
-            schedule = Schedule { audit: schedule.audit, ..Schedule::default() };
+            // How far all look ahead stays as it is, so that regions may lag again as soon as it is known.
+            schedule.behind.clear();
         }
         self.audited = schedule.audit.map(|pick| pick.region);
         schedule
@@ -177,7 +178,10 @@ mod tests {
             let behind = scheduling.schedule(Tick(at), Some(&BTreeMap::new()), std::iter::empty()).behind;
             assert!(!behind.contains(&other));
         }
-        assert!(scheduling.schedule(Tick(240), None, std::iter::empty()).behind.is_empty(), "nobody knows");
+        let unknown = scheduling.schedule(Tick(240), None, std::iter::empty());
+        assert!(unknown.behind.is_empty(), "nobody knows");
+        assert_eq!(unknown.behind_most, scheduling.governor.behind_most());
+        assert!(unknown.behind_most > 0, "what may lag in the next tick is looked ahead for");
     }
 
     #[test]

@@ -227,7 +227,7 @@ impl Governor {
             let pace = |state: &RegionState| self.paces.get(&state.region).copied().unwrap_or(Pace::FULL);
             // Where all rest nothing is stepped, and what was chosen stands.
             let busy = members().filter(|state| !state.rests).map(pace).min_by_key(|pace| pace.rate);
-            let Pace { rate, turn, .. } =
+            let Pace { rate, turn } =
                 busy.or(members().map(pace).min_by_key(|pace| pace.rate)).unwrap_or(Pace::FULL);
             let steps: f64 = members().map(|state| f64::from(state.awake)).sum();
             (saved, awake) = (saved + steps * (1.0 - 1.0 / f64::from(rate)), awake + steps);

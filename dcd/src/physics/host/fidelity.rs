@@ -401,6 +401,40 @@ mod tests {
         assert!(host.sides.iter().all(Side::is_idle));
         assert_eq!(levels_after_hard_work(&mut host), [2, 0, 0], "asleep");
     }
+
+    #[test]
+    fn loads_are_those_of_whole_bodies_however_their_masses_are_split() {
+        let planes = [(Axis::X, 0.0), (Axis::Z, 0.0)];
+        for (heavy_kg, split, is_strained) in [(12.0, 1, false), (40.0, 2, true)] {
+            let tree = DistributionTree::cut_by(Bounds::around([0.0; 3], [20.0; 3]), &planes).unwrap();
+            let partition = Partition::new(tree, None);
+            let leaves = partition.leaves().to_vec();
+            let mut host = RegionHost::new(partition, StepSettings::default(), 1, &leaves).unwrap();
+            let cube = ColliderBuilder::cuboid(0.5, 0.5, 0.5);
+            let stack = [
+                (RigidBodyBuilder::fixed(), 1.0),
+                (RigidBodyBuilder::dynamic(), 1.0),
+                (RigidBodyBuilder::dynamic(), heavy_kg),
+            ];
+            let ids = [0, 1, 2].map(BodyId::persistent);
+            let bodies = stack.into_iter().zip(ids).enumerate().map(|(k, ((body, mass), id))| {
+                let at = WorldPose::at([-10.0, k as f64, -10.0]);
+                host.shapes_mut().describe(id, at, &body.build(), &[cube.clone().mass(mass)]).unwrap()
+            });
+            let bodies = bodies.collect();
+            host.insert(bodies, &[]).unwrap();
+            (0..30).for_each(|_| host.step().unwrap());
+            let holds = |side: &&mut Side| side.region.handle_of(ids[split]).is_some();
+            let region = &mut host.sides.iter_mut().find(holds).unwrap().region;
+            let handle = region.handle_of(ids[split]).unwrap();
+            region.split_mass_among(handle, (0..4).collect());
+            region.refine();
+            let usual = IntegrationParameters::default();
+            let is_stiffer = region.refined(usual).contact_softness != usual.contact_softness;
+            assert_eq!(is_stiffer, is_strained, "{heavy_kg} kg on 1 kg");
+        }
+    }
+
     /// A leader may say what it likes: also that regions which share bodies are at unequal times.
     #[test]
     fn whatever_is_said_to_stay_behind_no_body_is_lost_and_no_region_is_late_by_more_than_three_ticks() {

@@ -111,12 +111,13 @@ impl Region {
         if !bodies[handle].is_dynamic() || self.is_articulated(handle) {
             return false;
         }
-        let mass_kg = bodies[handle].mass();
+        // Of the whole bodies: of what regions share, each copy has a part of the mass.
+        let mass_kg = |handle: RigidBodyHandle| bodies[handle].mass() * self.share_of(handle) as f32;
         let mut is_strained = false;
         self.for_each_contact(handle, |other, touches| {
             let is_movable = matches!(self.role_of(other), Some((_, role)) if role != Ownership::Immovable);
             if touches && is_movable && bodies[other].is_dynamic() {
-                let ratio = mass_kg / bodies[other].mass();
+                let ratio = mass_kg(handle) / mass_kg(other);
                 is_strained |= !(1.0 / RATIO..=RATIO).contains(&ratio);
             }
         });

@@ -8,7 +8,7 @@ mod picture;
 use std::error::Error;
 use std::time::Instant;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use dcd::physics::Measured as _;
 use dcd::runtime::{LocalWorld, WorldConfig};
 use dcd::scene::{Params, Scene};
@@ -36,15 +36,25 @@ pub(crate) struct Fidelities {
     /// Print one JSON object at the end.
     #[arg(long)]
     json: bool,
-    /// Runs of each; the one whose steps took least in the mean counts.
+    /// Runs of each, every one of a seed of its own where the scene has one; of loads out of proportion the fastest counts.
     #[arg(long, value_name = "N", default_value_t = 4)]
     repeats: usize,
-    /// Only loads out of proportion; rows of the others stay in their files.
-    #[arg(long)]
-    fine: bool,
+    /// Measures one part; rows of the others stay in their files.
+    #[arg(long, value_name = "PART")]
+    only: Option<Part>,
 }
 
-/// One setting on one scene, on one thread.
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+enum Part {
+    /// Time saved beside error added.
+    Savings,
+    /// Errors stated beside true ones.
+    Coverage,
+    /// Loads out of proportion.
+    Fine,
+}
+
+/// One setting on one scene, on one thread: means over the runs.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 struct Row {
     scene: String,
@@ -55,8 +65,13 @@ struct Row {
     budget_ms: Option<f64>,
     step_ms: f64,
     p99_ms: f64,
-    /// Of what the same steps take when all is computed in full.
+    /// Of what the same steps take when all is computed in full: the mean, the least and the most of all runs.
     share_percent: f64,
+    #[serde(default)]
+    least_share_percent: f64,
+    #[serde(default)]
+    most_share_percent: f64,
+    /// How many regions are stepped how often at the end of the first run, and the error that is stated then.
     full: usize,
     half: usize,
     quarter: usize,
@@ -69,7 +84,7 @@ struct Row {
     /// Means of the timed steps.
     energy_j: f64,
     penetration_mm: f64,
-    /// Says how far two worlds in full, one of another seed, are from each other in both.
+    /// Says how far worlds in full, of as many seeds, are from their mean at most in both.
     energy_spread_j: f64,
     penetration_spread_mm: f64,
 }
@@ -79,8 +94,9 @@ type Case = (&'static str, &'static str, usize, bool);
 
 impl Fidelities {
     pub(crate) fn run(self) -> Result<(), Box<dyn Error>> {
+        let measures = |part| self.only.is_none_or(|only| only == part);
         let savings = self.output.fill(&SAVINGS, |rows| {
-            if self.fine {
+            if !measures(Part::Savings) {
                 return Ok(());
             }
             let (steps, repeats) = if self.output.quick { (160, 1) } else { (360, self.repeats) };
@@ -100,13 +116,16 @@ impl Fidelities {
             Ok(())
         })?;
         let covers = self.output.fill(&COVERAGE, |rows| {
-            if self.fine {
+            if !measures(Part::Coverage) {
                 return Ok(());
             }
             let seeds = if self.output.quick { 2 } else { 25 };
             coverage::measure(seeds)?.into_iter().try_for_each(|row| rows.push(row))
         })?;
         let fine = self.output.fill(&FINE, |rows| {
+            if !measures(Part::Fine) {
+                return Ok(());
+            }
             let (ordinary, ticks, repeats) =
                 if self.output.quick { (200, 90, 1) } else { (5_000, 600, self.repeats) };
             fine::measure(ordinary, ticks, repeats)?.into_iter().try_for_each(|row| rows.push(row))
@@ -166,12 +185,15 @@ fn world(scene: &Scene, fidelity: Fidelity) -> Result<LocalWorld, Box<dyn Error>
 struct Run {
     /// Milliseconds that each step took which was timed.
     took_ms: Vec<f64>,
+    /// Means of the timed steps.
+    energy_j: f64,
+    penetration_m: f64,
     report: FidelityReport,
 }
 
 impl Run {
     fn mean_ms(&self) -> f64 {
-        self.took_ms.iter().sum::<f64>() / self.took_ms.len() as f64
+        mean(self.took_ms.iter().copied())
     }
 
     fn p99_ms(&self) -> f64 {
@@ -188,10 +210,15 @@ impl Run {
     }
 }
 
-/// Returns the run that was disturbed least. Budgets follow the time that steps took, so that steps of several runs are of none.
-fn best(runs: &[Run]) -> &Run {
-    let least = runs.iter().min_by(|a, b| a.mean_ms().total_cmp(&b.mean_ms()));
-    least.expect("each setting is run")
+fn mean(of: impl ExactSizeIterator<Item = f64>) -> f64 {
+    let count = of.len() as f64;
+    of.sum::<f64>() / count
+}
+
+/// Returns how far any is from the mean of all, at most.
+fn spread(of: impl ExactSizeIterator<Item = f64> + Clone) -> f64 {
+    let mean = mean(of.clone());
+    of.fold(0.0, |most, value| f64::max(most, (value - mean).abs()))
 }
 
 /// Returns the median step of a run in full, milliseconds: budgets need to know what the whole takes.
@@ -209,11 +236,10 @@ fn full_step_ms(scene: &Scene) -> Result<f64, Box<dyn Error>> {
     Ok(took_ms[took_ms.len() / 2])
 }
 
-/// Runs all settings of a scene in turn, step by step.
+/// Runs all settings of a scene in turn, step by step, as often as that, each time of another seed.
 fn savings(case: Case, steps: usize, repeats: usize) -> Result<Vec<Row>, Box<dyn Error>> {
-    let scene = scene_of(case, 1)?;
-    eprintln!("{} of {}", scene.name, case.2);
-    let full_ms = full_step_ms(&scene)?;
+    let first = scene_of(case, 1)?;
+    let full_ms = full_step_ms(&first)?;
     let budget = |part: f64| Fidelity::Budget { tick_ms: (full_ms * part) as f32 };
     let settings = [
         ("full", Fidelity::Off),
@@ -223,12 +249,14 @@ fn savings(case: Case, steps: usize, repeats: usize) -> Result<Vec<Row>, Box<dyn
         ("budget, 50 %", budget(0.5)),
     ];
     let mut runs: Vec<Vec<Run>> = settings.iter().map(|_| Vec::new()).collect();
-    let mut rows = Vec::new();
-    for repeat in 0..repeats {
+    let mut scene_row = Row { scene: first.name.clone(), ..Row::default() };
+    for seed in 1..=repeats {
+        eprintln!("{} of {}, {seed} of {repeats}", first.name, case.2);
+        let scene = scene_of(case, seed as i64)?;
         let mut worlds =
             settings.iter().map(|(_, fidelity)| world(&scene, *fidelity)).collect::<Result<Vec<_>, _>>()?;
-        let mut means = vec![(0.0, 0.0); settings.len()];
         let mut took_ms = vec![Vec::new(); settings.len()];
+        let mut looks = vec![Vec::new(); settings.len()];
         for step in 0..steps {
             for (i, world) in worlds.iter_mut().enumerate() {
                 let start = Instant::now();
@@ -237,70 +265,50 @@ fn savings(case: Case, steps: usize, repeats: usize) -> Result<Vec<Row>, Box<dyn
                 if step >= WARM_UP {
                     took_ms[i].push(took.as_secs_f64() * 1e3);
                 }
-                if step >= WARM_UP && repeat == 0 && step % 10 == 0 {
-                    means[i].0 += world.energy_j();
-                    means[i].1 += world.contacts().max_penetration_m;
+                if step >= WARM_UP && step % 10 == 0 {
+                    looks[i].push((world.energy_j(), world.contacts().max_penetration_m));
                 }
             }
         }
-        for ((runs, world), took_ms) in runs.iter_mut().zip(&worlds).zip(took_ms) {
-            runs.push(Run { took_ms, report: world.fidelity_report().unwrap_or_default() });
+        for (((runs, world), took_ms), looks) in runs.iter_mut().zip(&worlds).zip(took_ms).zip(looks) {
+            let report = world.fidelity_report().unwrap_or_default();
+            let energy_j = mean(looks.iter().map(|(energy_j, _)| *energy_j));
+            let penetration_m = mean(looks.iter().map(|(_, penetration_m)| *penetration_m));
+            runs.push(Run { took_ms, energy_j, penetration_m, report });
         }
-        if repeat > 0 {
-            continue;
-        }
-        let samples = (WARM_UP..steps).filter(|step| step % 10 == 0).count() as f64;
-        let twin = if case.3 { twin(case, steps)? } else { means[0] };
-        for (i, world) in worlds.iter().enumerate() {
-            rows.push(Row {
-                scene: scene.name.clone(),
-                bodies: world.stats().bodies,
-                regions: world.regions().len(),
-                setting: settings[i].0.to_owned(),
-                energy_j: means[i].0 / samples,
-                penetration_mm: 1e3 * means[i].1 / samples,
-                energy_spread_j: (means[0].0 - twin.0).abs() / samples,
-                penetration_spread_mm: 1e3 * (means[0].1 - twin.1).abs() / samples,
-                ..Row::default()
-            });
-        }
+        (scene_row.bodies, scene_row.regions) = (worlds[0].stats().bodies, worlds[0].regions().len());
     }
-    let full_ms = best(&runs[0]).mean_ms();
-    for ((row, runs), (_, fidelity)) in rows.iter_mut().zip(&runs).zip(settings) {
-        row.set_run(best(runs), fidelity, full_ms);
-    }
-    Ok(rows)
-}
-
-/// Sums the energy and the penetration of the same scene of another seed, in full.
-fn twin(case: Case, steps: usize) -> Result<(f64, f64), Box<dyn Error>> {
-    let mut world = world(&scene_of(case, 2)?, Fidelity::Off)?;
-    let mut sums = (0.0, 0.0);
-    for step in 0..steps {
-        world.step()?;
-        if step >= WARM_UP && step % 10 == 0 {
-            sums.0 += world.energy_j();
-            sums.1 += world.contacts().max_penetration_m;
-        }
-    }
-    Ok(sums)
+    let row = |(runs_of, (setting, fidelity)): (&Vec<Run>, (&str, Fidelity))| Row {
+        setting: setting.to_owned(),
+        ..scene_row.clone().of(runs_of, &runs[0], fidelity)
+    };
+    Ok(runs.iter().zip(settings).map(row).collect())
 }
 
 impl Row {
-    /// Takes in what one run took, and what it did by then.
-    fn set_run(&mut self, run: &Run, fidelity: Fidelity, full_ms: f64) {
-        let Run { report, .. } = run;
-        (self.step_ms, self.p99_ms) = (run.mean_ms(), run.p99_ms());
-        self.share_percent = 100.0 * self.step_ms / full_ms;
+    /// Takes in what the runs of a setting took, beside those of the same seeds in full.
+    fn of(mut self, runs: &[Run], full: &[Run], fidelity: Fidelity) -> Self {
+        self.step_ms = mean(runs.iter().map(Run::mean_ms));
+        self.p99_ms = mean(runs.iter().map(Run::p99_ms));
+        let shares = || runs.iter().zip(full).map(|(run, full)| 100.0 * run.mean_ms() / full.mean_ms());
+        self.share_percent = mean(shares());
+        self.least_share_percent = shares().fold(f64::INFINITY, f64::min);
+        self.most_share_percent = shares().fold(0.0, f64::max);
         self.budget_ms = match fidelity {
             Fidelity::Budget { tick_ms } => Some(tick_ms.into()),
             _ => None,
         };
-        self.overrun_percent = run.overrun_percent(fidelity);
+        self.overrun_percent = mean(runs.iter().map(|run| run.overrun_percent(fidelity)));
+        self.energy_j = mean(runs.iter().map(|run| run.energy_j));
+        self.penetration_mm = 1e3 * mean(runs.iter().map(|run| run.penetration_m));
+        self.energy_spread_j = spread(full.iter().map(|run| run.energy_j));
+        self.penetration_spread_mm = 1e3 * spread(full.iter().map(|run| run.penetration_m));
+        let report = &runs[0].report;
         let levels = if report.levels == [0; 3] { [self.regions, 0, 0] } else { report.levels };
         [self.full, self.half, self.quarter] = levels;
         (self.stated_m_s, self.audits) = (report.error_m_s, report.audits);
         (self.low95_m_s, self.high95_m_s) = (report.low95_m_s, report.high95_m_s);
+        self
     }
 
     fn cells(&self) -> Vec<String> {
@@ -319,7 +327,14 @@ impl Row {
             self.budget_ms.map_or("–".to_owned(), short),
             short(self.step_ms),
             short(self.p99_ms),
-            format!("{:.0}", self.share_percent),
+            if self.least_share_percent < self.most_share_percent {
+                format!(
+                    "{:.0} ({:.0} to {:.0})",
+                    self.share_percent, self.least_share_percent, self.most_share_percent
+                )
+            } else {
+                format!("{:.0}", self.share_percent)
+            },
             format!("{}, {}, {}", self.full, self.half, self.quarter),
             stated,
             if self.setting.starts_with("budget") {
@@ -339,10 +354,19 @@ mod tests {
     use super::*;
 
     #[test]
-    fn times_are_of_one_run_and_not_of_the_best_steps_of_several() {
-        let run = |took_ms: &[f64]| Run { took_ms: took_ms.to_vec(), report: FidelityReport::default() };
-        let runs = [run(&[1.0, 9.0]), run(&[9.0, 1.0]), run(&[9.0, 9.0])];
-        assert_eq!((best(&runs).mean_ms(), best(&runs).p99_ms()), (5.0, 9.0));
-        assert_eq!(best(&runs).overrun_percent(Fidelity::Budget { tick_ms: 5.0 }), 50.0);
+    fn a_share_is_of_the_same_seed_in_full() {
+        let run = |step_ms: f64, energy_j| Run {
+            took_ms: vec![0.5 * step_ms, 1.5 * step_ms],
+            energy_j,
+            penetration_m: 0.001,
+            report: FidelityReport::default(),
+        };
+        let full = [run(10.0, 100.0), run(20.0, 108.0)];
+        let row =
+            Row::default().of(&[run(5.0, 90.0), run(20.0, 90.0)], &full, Fidelity::Budget { tick_ms: 8.0 });
+        let shares = (row.share_percent, row.least_share_percent, row.most_share_percent);
+        assert_eq!(shares, (75.0, 50.0, 100.0));
+        assert_eq!((row.step_ms, row.p99_ms, row.overrun_percent), (12.5, 18.75, 50.0));
+        assert_eq!((row.energy_j, row.energy_spread_j, row.penetration_mm), (90.0, 4.0, 1.0));
     }
 }

@@ -25,7 +25,7 @@ pub(super) fn picture(savings: &[Measured<Row>], covers: &[Measured<Cover>]) -> 
     LinePanels {
         title: "Time saved and error added where less is computed".to_owned(),
         caption: format!(
-            "Dashed: as far as the same scene of another seed. At the lower edge: nothing.\n{machine}"
+            "Dashed: as far as the same scene of some seed is from the mean. At the lower edge: nothing.\n{machine}"
         ),
         x_label: "time, % of all in full".to_owned(),
         columns: 3,

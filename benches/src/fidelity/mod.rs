@@ -67,11 +67,9 @@ struct Row {
     p99_ms: f64,
     /// Of what the same steps take when all is computed in full: the mean, the least and the most of all runs.
     share_percent: f64,
-    #[serde(default)]
     least_share_percent: f64,
-    #[serde(default)]
     most_share_percent: f64,
-    /// How many regions are stepped how often at the end of the first run, and the error that is stated then.
+    /// Counts of regions by how often they are stepped at the end of the first run, and the error that is stated then.
     full: usize,
     half: usize,
     quarter: usize,
@@ -236,7 +234,7 @@ fn full_step_ms(scene: &Scene) -> Result<f64, Box<dyn Error>> {
     Ok(took_ms[took_ms.len() / 2])
 }
 
-/// Runs all settings of a scene in turn, step by step, as often as that, each time of another seed.
+/// Runs all settings of a scene in turn, step by step; repeats that, each time with another seed.
 fn savings(case: Case, steps: usize, repeats: usize) -> Result<Vec<Row>, Box<dyn Error>> {
     let first = scene_of(case, 1)?;
     let full_ms = full_step_ms(&first)?;

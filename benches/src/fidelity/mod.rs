@@ -37,8 +37,8 @@ pub(crate) struct Fidelities {
     #[arg(long)]
     json: bool,
     /// Runs of each, every one of a seed of its own where the scene has one; of loads out of proportion the fastest counts.
-    #[arg(long, value_name = "N", default_value_t = 4)]
-    repeats: usize,
+    #[arg(long, value_name = "N", default_value_t = 4, value_parser = clap::value_parser!(u16).range(1..))]
+    repeats: u16,
     /// Measures one part; rows of the others stay in their files.
     #[arg(long, value_name = "PART")]
     only: Option<Part>,
@@ -97,7 +97,7 @@ impl Fidelities {
             if !measures(Part::Savings) {
                 return Ok(());
             }
-            let (steps, repeats) = if self.output.quick { (160, 1) } else { (360, self.repeats) };
+            let (steps, repeats) = if self.output.quick { (160, 1) } else { (360, self.repeats.into()) };
             let cases: &[Case] = if self.output.quick {
                 &[("town", "n", 1_200, true)]
             } else {
@@ -125,7 +125,7 @@ impl Fidelities {
                 return Ok(());
             }
             let (ordinary, ticks, repeats) =
-                if self.output.quick { (200, 90, 1) } else { (5_000, 600, self.repeats) };
+                if self.output.quick { (200, 90, 1) } else { (5_000, 600, self.repeats.into()) };
             fine::measure(ordinary, ticks, repeats)?.into_iter().try_for_each(|row| rows.push(row))
         })?;
         draw::write(&picture::picture(&savings, &covers), &self.output.folder()?.join(SAVINGS.name))?;

@@ -25,8 +25,8 @@ pub(crate) struct Recording {
     #[command(flatten)]
     output: Output,
     /// Runs of each; every step counts as in the run in which it took least.
-    #[arg(long, value_name = "N", default_value_t = 6)]
-    repeats: usize,
+    #[arg(long, value_name = "N", default_value_t = 6, value_parser = clap::value_parser!(u16).range(1..))]
+    repeats: u16,
 }
 
 /// One scene.
@@ -83,7 +83,7 @@ impl Recording {
             ];
             (200, cases)
         };
-        let repeats = if self.output.quick { 1 } else { self.repeats };
+        let repeats = if self.output.quick { 1 } else { self.repeats.into() };
         for &(scene, name, count, regions) in cases {
             eprintln!("{scene} of {count} in {regions} regions");
             let row = measure(scene, name, count, regions, steps, repeats)?;

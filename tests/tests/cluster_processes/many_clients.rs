@@ -47,9 +47,11 @@ fn clients_that_are_stopped_keep_neither_the_world_nor_other_clients_waiting() {
     println!(
         "ticks and updates in {STRETCH:?}: {before:?} before, {while_stopped:?} meanwhile, {after:?} after"
     );
+    // Who waited for a client would do so for seconds; what a busy machine leaves is another matter (`dcd-benches fan-out`, `floods`).
     let (ticks, updates) = before;
-    assert!(10 * while_stopped.0 >= 9 * ticks && 10 * while_stopped.1 >= 9 * updates);
-    assert!(10 * after.0 >= 9 * ticks && 10 * after.1 >= 9 * updates);
+    for (later_ticks, later_updates) in [while_stopped, after] {
+        assert!(2 * later_ticks >= ticks && 2 * later_updates >= updates);
+    }
     drop((client, crowd));
     server.stop();
 }

@@ -4,8 +4,8 @@
  *
  * FOLDER is `frames` unless told otherwise, and is made.
  *
- * A wheel sweeps balls and boxes about on a plain of four regions; colours are the regions that own them, lighter is higher. The
- * frames are simulated, 30 a second, so that the program always draws the same. */
+ * A wheel sweeps balls and boxes about on a plain of four regions. A colour stands for the region that owns a body; lighter is
+ * higher. The frames are simulated, 30 per second, so that the program always draws the same. */
 #include "dcd.hpp"
 
 #include <algorithm>
@@ -23,7 +23,7 @@ struct Colour {
     std::uint8_t r, g, b;
 };
 
-/* Pixels, and how they become a file: PNG with deflate's blocks as they are, so that it takes no library. */
+/* Pixels, and how they become a file: a PNG. Its deflate blocks are not compressed, so that no library is needed. */
 class Image {
 public:
     Image(int width, int height, Colour ground)
@@ -111,7 +111,7 @@ private:
     }
 };
 
-/* What the game knows of a body; its number here is the body's user data. */
+/* What the game knows of a body. Its index is the body's user data. */
 struct Thing {
     enum { BALL, BOX, WHEEL } kind;
     float half[3];
@@ -123,7 +123,7 @@ public:
     {
         dcd::WorldDef def;
         def.regions = 4;
-        def.min[1] = -8.0; /* lower than wide, so that it is cut along x and z */
+        def.min[1] = -8.0; /* lower than wide, so that dcd cuts it along x and z */
         def.max[1] = 8.0;
         world_ = *dcd::World::create(def);
         dt_ = static_cast<double>(world_.info()->dt);
@@ -161,8 +161,8 @@ public:
 
     std::size_t transfers() const { return transfers_; }
 
-    /* Draws what lies between the two last steps, at `t` from 0 to 1. Both have the same bodies in the same order here; a game
-     * that makes and destroys some keeps poses by slot, as game_loop.c does. */
+    /* Draws what lies between the last two steps, at `t` from 0 to 1. Here both have the same bodies in the same order; a game
+     * that makes and destroys bodies keeps poses by slot, as game_loop.c does. */
     Image draw(double t) const
     {
         Image image(320, 320, { 24, 26, 30 });
@@ -200,7 +200,7 @@ private:
     static void draw(Image &image, const Thing &thing, const dcd::Pose &pose, std::uint32_t region)
     {
         static const Colour PALETTE[] = { { 230, 110, 90 }, { 110, 190, 110 }, { 100, 140, 230 }, { 220, 190, 90 } };
-        const double scale = image.width() / 26.0; /* pixels a metre */
+        const double scale = image.width() / 26.0; /* pixels per metre */
         const double light = std::clamp(0.55 + 0.15 * pose.p[1], 0.4, 1.1);
         const Colour base = thing.kind == Thing::WHEEL ? Colour{ 200, 200, 205 } : PALETTE[region % 4];
         const auto shade = [&](std::uint8_t part) { return static_cast<std::uint8_t>(std::min(255.0, part * light)); };

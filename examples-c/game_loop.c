@@ -1,10 +1,10 @@
-/* The loop of a game around a world: frames of uneven length, steps of fixed length, and drawing between two of them.
+/* The loop of a game around a world: frames of uneven length, steps of fixed length, and drawing between two steps.
  *
- *   game_loop                 a world of its own
- *   game_loop SERVER TOKEN    a served world, as a client: the lines that make the world differ, and those that draw
+ *   game_loop                 a local world
+ *   game_loop SERVER TOKEN    a served world, as a client: only the lines that make the world and those that draw differ
  *
- * The frames are simulated, so that the program always prints the same in a world of its own. A real game takes the length
- * of its last frame from its own clock and draws where this program prints. */
+ * The frames are simulated, so that the program always prints the same in a local world. A real game takes the length
+ * of its last frame from its own clock, and draws where this program prints. */
 #define _POSIX_C_SOURCE 200809L /* nanosleep */
 
 #include "dcd.h"
@@ -31,7 +31,7 @@ static double frame_length(int frame)
     return frame % 50 == 49 ? 3.0 / 75.0 : (1.0 + 0.1 * (frame % 3 - 1)) / 75.0;
 }
 
-/* Waits for the world, which others compute as time goes by. */
+/* Waits for a served world, which goes on as time goes by. */
 static void sleep_for(double seconds)
 {
     struct timespec time = { 0, (long)(seconds * 1e9) };
@@ -89,8 +89,8 @@ struct Drawn {
     DcdPose before, now;
 };
 
-/* Takes in a step. Each body has its slot in all views, so a plain array remembers it; a slot with another id is a body that came.
- * A game whose bodies come and go lets the array grow to view->slot_count. */
+/* Takes in a step. A body has the same slot in every view, so a plain array remembers it. A slot with another id is a new
+ * body. A game whose bodies come and go lets the array grow to view->slot_count. */
 static void take_poses(const DcdStateView *view, struct Drawn drawn[BALLS])
 {
     for (size_t i = 0; i < view->count; i++) {
@@ -101,7 +101,7 @@ static void take_poses(const DcdStateView *view, struct Drawn drawn[BALLS])
     }
 }
 
-/* Where the highest body is drawn between two steps: `t` = 0 is before, 1 is now. */
+/* Returns the height at which the highest body is drawn between two steps: `t` = 0 is before, 1 is now. */
 static double draw_between(const DcdStateView *view, const struct Drawn drawn[BALLS], double t)
 {
     double highest = 0.0;
@@ -114,8 +114,8 @@ static double draw_between(const DcdStateView *view, const struct Drawn drawn[BA
     return highest;
 }
 
-/* The same of a world that others compute, of which states come every third step or so (DcdServerDef.state_every), late and
- * unevenly: the library shows at an even pace what lies between them. */
+/* The same in a served world. Its states come about every third step (DcdServerDef.state_every), late and unevenly; the
+ * library shows at an even pace what lies between them. */
 static double draw_shown(DcdWorld world)
 {
     DcdViewTime time = DCD_VIEW_TIME_INIT;
@@ -187,7 +187,7 @@ int main(int argc, char **argv)
         }
     }
 
-    /* Some bodies by name: here every fourth, into a struct of the game's own. */
+    /* Reads some bodies by id, here every fourth, into a struct of the game's own. */
     struct Sprite {
         uint32_t colour;
         DcdPose pose;
@@ -198,7 +198,7 @@ int main(int argc, char **argv)
     }
     check(dcd_state_read(world, ids, BALLS / 4, DCD_FIELD_POSE, &sprites[0].pose, sizeof sprites[0], NULL));
 
-    /* What is under the first of them? */
+    /* Asks what is under the first of them. */
     DcdRay ray = DCD_RAY_INIT;
     for (int axis = 0; axis < 3; axis++) {
         ray.origin[axis] = sprites[0].pose.p[axis];
@@ -210,7 +210,7 @@ int main(int argc, char **argv)
     size_t answers;
     DcdStatus asked;
     check(dcd_rays_submit(world, &ray, 1, NULL, &query));
-    /* A local world answers at once, nodes within some steps; dcd_cast_rays is for local worlds alone. */
+    /* A local world answers at once, nodes within some steps. dcd_cast_rays is for local worlds alone. */
     while ((asked = dcd_query_poll(world, query, &hit, 1, &answers)) == DCD_ERR_BUSY) {
         check(dcd_step(world));
         sleep_for(dt);

@@ -8,7 +8,7 @@
 
 enum { BOXES = 5, STEPS = 240 };
 
-/* Ends the program with the library's own words when a call failed. */
+/* Ends the program with the library's own message when a call failed. */
 static void check(DcdStatus status)
 {
     if (status != DCD_OK) {

@@ -1,9 +1,9 @@
-/* A client of a served world: an avatar, a box that nothing stops, drives through it and reports what it runs into.
+/* A client of a served world: its avatar, a box that nothing stops, drives through the world and reports what it runs into.
  *
  *   join SERVER TOKEN [SECONDS [X Y Z VX VY VZ [HX HY HZ]]]
  *
- * SERVER is host:port, TOKEN what `dcd token --role client` printed. The avatar starts at X Y Z (metres), moves at VX VY VZ
- * (m/s) for so many seconds, and has half the edges HX HY HZ. The last line is for programs:
+ * SERVER is host:port, TOKEN is what `dcd token --role client` printed. The avatar starts at X Y Z (metres), moves at
+ * VX VY VZ (m/s) for SECONDS, and has the half edges HX HY HZ. The last line that it prints is for programs:
  *
  *   join: updates=<messages> contacts=<contacts that began> moved_m=<length of its way> bodies=<movable bodies>
  */
@@ -20,7 +20,7 @@
 /* How long the server may take to put the avatar into the world, seconds. */
 static const double PATIENCE = 20.0;
 
-/* Ends the program with the library's own words when a call failed. */
+/* Ends the program with the library's own message when a call failed. */
 static void check(DcdStatus status)
 {
     if (status != DCD_OK) {
@@ -31,7 +31,7 @@ static void check(DcdStatus status)
     }
 }
 
-/* Seconds of a clock that nobody sets. */
+/* Returns the seconds of a monotonic clock. */
 static double now(void)
 {
     struct timespec time;
@@ -50,7 +50,7 @@ static void sleep_until(double when)
     }
 }
 
-/* Argument i as a number, or `otherwise` when there are fewer. */
+/* Returns argument i as a number, or `otherwise` where there are fewer arguments. */
 static double number(int argc, char **argv, int i, double otherwise)
 {
     if (i >= argc) {
@@ -113,7 +113,7 @@ int main(int argc, char **argv)
     const double seconds = number(argc, argv, 3, 5.0);
     setvbuf(stdout, NULL, _IOLBF, 0); /* whole lines, also into a pipe */
 
-    /* This line makes the difference between a local world and a served one. */
+    /* Only this line differs between a local world and a served one. */
     DcdClientDef client = DCD_CLIENT_DEF_INIT;
     client.server = argv[1];
     client.token = argv[2];
@@ -145,7 +145,7 @@ int main(int argc, char **argv)
     double next = now(), end = next + PATIENCE, next_report = next;
     bool driving = false;
     while (next < end) {
-        /* As often as the world advances. On a local world the same call would advance it. */
+        /* Called once per tick of the world. On a local world the same call would advance it. */
         check(dcd_step(world));
         hear(world, avatar, &diary);
         if (diary.appeared && !driving) {
@@ -154,7 +154,7 @@ int main(int argc, char **argv)
         }
         if (driving) {
             check(dcd_body_set_velocity(world, avatar, &def.velocity));
-            /* As last told, every third step or so (DcdServerDef.state_every); what is drawn is read by dcd_view_body. */
+            /* The pose as last told, about every third step (DcdServerDef.state_every). To draw, read dcd_view_body. */
             check(dcd_body_get(world, avatar, &pose, NULL));
             moved += distance(pose.p, before.p);
             before = pose;
@@ -173,7 +173,7 @@ int main(int argc, char **argv)
 
     DcdStats stats = DCD_STATS_INIT;
     check(dcd_stats(world, &stats));
-    check(dcd_world_destroy(world)); /* leaves in order */
+    check(dcd_world_destroy(world)); /* leaves the world in order */
     printf("join: updates=%" PRIu64 " contacts=%" PRIu64 " moved_m=%.3f bodies=%" PRIu64 "\n", stats.updates,
            diary.contacts, moved, stats.bodies);
     return EXIT_SUCCESS;

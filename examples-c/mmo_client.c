@@ -1,11 +1,15 @@
-/* A client as an online game has it: its own avatar answers at once, though the world hears of it later.
+/* A client as in an online game: its own avatar answers at once, though the world hears of the input later.
  *
  *   mmo_client SERVER TOKEN [SECONDS]
  *
- * Its avatar, and what that touches, are drawn as they will be once the world has heard what the player asks now; others as
- * they were a moment ago, evenly, however their states come (dcd_view_time, dcd_view_state). Where somebody was in the way
- * that is corrected, and what is drawn slides over. Interest: it hears of what is near its avatar, and no more. It greets
- * the server's program, if one listens, and shows what that says. What it says last is for programs, in one line:
+ * - Prediction: the avatar, and what it touches, are drawn as they will be once the world has heard what the player asks now.
+ *   Where somebody was in the way, the prediction is corrected, and what is drawn slides over.
+ * - Interpolation: all other bodies are drawn as they were a moment ago, evenly, however their states come (dcd_view_time,
+ *   dcd_view_state).
+ * - Interest: the client hears only of what is near its avatar.
+ * - Messages: the client greets the server's program, if one listens, and shows what that says.
+ *
+ * The last line is for programs:
  *
  *   mmo_client: steps=<steps> moved_m=<way that was drawn> ahead_m=<mean distance from what was heard>
  *               ticks=<steps predicted> replays=<times they were computed again> corrections=<those above 2 cm>
@@ -53,7 +57,7 @@ static void sleep_until(double when)
     }
 }
 
-/* What the player wants in this step: a round about where he started. */
+/* Returns what the player wants in this step: a round, back to where he started. */
 static DcdVelocity wish(unsigned long step, double dt)
 {
     const double turn = 0.8 * (double)step * dt;
@@ -73,7 +77,7 @@ static DcdWorld join(const char *server, const char *token)
     return world;
 }
 
-/* What came besides the world: a server to greet, lines to show. */
+/* Takes in what came besides the world: a server to greet, lines to show. */
 static void chat(DcdWorld world)
 {
     DcdEventView events = DCD_EVENT_VIEW_INIT;
@@ -89,7 +93,7 @@ static void chat(DcdWorld world)
     }
 }
 
-/* Makes the avatar and waits until the world has it, and it is predicted. */
+/* Makes the avatar, and waits until the world has it and the library predicts it. */
 static DcdBodyId enter(DcdWorld world, const DcdPose *at, double dt)
 {
     const float half[3] = { 0.4f, 0.9f, 0.4f };
@@ -112,7 +116,7 @@ static DcdBodyId enter(DcdWorld world, const DcdPose *at, double dt)
             const DcdBodyChange *change = &events.changes[i];
             appeared = appeared || (change->body.v == avatar.v && change->kind == DCD_BODY_APPEARED);
         }
-        check(dcd_view_time(world, &time)); /* from the first call on it predicts */
+        check(dcd_view_time(world, &time)); /* the first call starts the prediction */
         check(dcd_prediction(world, &prediction));
         if (appeared && prediction.bodies > 0) {
             return avatar;

@@ -1,5 +1,5 @@
-/* Ragdolls that tumble down a slope across the borders of four regions: bodies tied by joints with limits, which one region at
- * a time computes whole.
+/* Ragdolls that tumble down a slope across the borders of four regions. A ragdoll is bodies tied by joints with limits; one
+ * region at a time computes it whole.
  *
  *   ragdolls [COUNT [SECONDS]] */
 #include "dcd.h"
@@ -11,12 +11,12 @@
 enum { TORSO, HEAD, UPPER_ARM_L, LOWER_ARM_L, UPPER_ARM_R, LOWER_ARM_R, UPPER_LEG_L, LOWER_LEG_L, UPPER_LEG_R, LOWER_LEG_R,
        PARTS };
 
-/* A part of the body, upright: a capsule, and where it is tied to which other. */
+/* A part of a standing ragdoll: a capsule, and where a joint ties it to which other part. */
 static const struct Part {
     float half_height, radius;
     double at[3];    /* its middle, metres above the ground */
     int parent;      /* -1: none */
-    double joint[3]; /* where the two meet */
+    double joint[3]; /* where the two parts meet */
     float bend;      /* how far it turns, radians */
 } PART[PARTS] = {
     [TORSO] = { 0.20f, 0.15f, { 0.0, 1.15, 0.0 }, -1, { 0.0, 0.0, 0.0 }, 0.0f },
@@ -97,7 +97,7 @@ static struct Ragdoll add_ragdoll(DcdWorld world, const DcdShapeId shapes[PARTS]
     return doll;
 }
 
-/* Where a point of a body is: its pose applied to the point. */
+/* Returns where a point of a body is: the body's pose applied to the point. */
 static void place(const DcdPose *pose, const double local[3], double out[3])
 {
     const double x = (double)pose->q[0], y = (double)pose->q[1], z = (double)pose->q[2], w = (double)pose->q[3];
@@ -108,7 +108,7 @@ static void place(const DcdPose *pose, const double local[3], double out[3])
     out[2] = pose->p[2] + local[2] + w * t[2] + x * t[1] - y * t[0];
 }
 
-/* How far the two ends of a ragdoll's worst joint are apart. */
+/* Returns how far the two ends of a ragdoll's worst joint are apart. */
 static double worst_gap(DcdWorld world, const struct Ragdoll *doll)
 {
     DcdPose poses[PARTS];
@@ -145,7 +145,7 @@ int main(int argc, char **argv)
     DcdWorldDef def = DCD_WORLD_DEF_INIT;
     DcdWorld world;
     def.regions = 4;
-    def.min[1] = -16.0; /* lower than wide, so that it is cut along x and z */
+    def.min[1] = -16.0; /* lower than wide, so that dcd cuts it along x and z */
     def.max[1] = 16.0;
     check(dcd_world_create(&def, &world));
     add_slope(world);

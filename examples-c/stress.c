@@ -1,4 +1,4 @@
-/* Many bodies: made in bulk, stepped, and read in the three ways there are, with the time of each.
+/* Many bodies: made in bulk, stepped, and read in all three ways, with the time of each.
  *
  *   stress [BODIES [STEPS [REGIONS]]]
  *
@@ -63,7 +63,7 @@ int main(int argc, char **argv)
     const long cores = sysconf(_SC_NPROCESSORS_ONLN);
     const size_t regions = argument(argc, argv, 3, cores > 0 ? (unsigned long)cores : 1);
 
-    /* Columns of balls, 1.5 m apart, on a square; the world is cut where they are. */
+    /* Columns of balls, 1.5 m apart, on a square. The world is as wide as they are, so that the cuts go through them. */
     size_t side = 1;
     while (side * side * LAYERS < count) {
         side++;
@@ -120,7 +120,7 @@ int main(int argc, char **argv)
     printf("stepped  %8.2f ms a step of %zu bodies in %zu regions, %.2f ms at most\n", whole * 1e3 / (double)steps, count,
            regions, longest * 1e3);
 
-    /* All of them where they lie, without copying. */
+    /* 1. All of them in place, without copying. */
     double highest = 0.0;
     start = now();
     check(dcd_state_view(world, &view));
@@ -129,13 +129,13 @@ int main(int argc, char **argv)
     }
     printf("viewed   %8.2f ns a body\n", (now() - start) * 1e9 / (double)view.count);
 
-    /* Those that one names, copied into memory of one's own. */
+    /* 2. Those that the program names, copied into its own memory. */
     DcdPose *poses = allocate(count, sizeof *poses);
     start = now();
     check(dcd_state_read(world, ids, count, DCD_FIELD_POSE, poses, 0, NULL));
     printf("copied   %8.2f ns a body\n", (now() - start) * 1e9 / (double)count);
 
-    /* One by one. */
+    /* 3. One by one. */
     start = now();
     for (size_t i = 0; i < count; i++) {
         check(dcd_body_get(world, ids[i], &poses[i], NULL));

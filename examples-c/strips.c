@@ -2,10 +2,14 @@
  *
  *   strips SERVER TOKEN [FOLDER]
  *
- * FOLDER/told.png has the newest states that had come (dcd_state_view), FOLDER/shown.png what the library shows
- * (dcd_view_state). Each picture is taken so many frames after the player asked as it says. The dashed square is where the
- * avatar would be had it answered at once. Below the ground is a line for each frame so far, where the avatar was in it:
- * gaps are jumps. The world is `tower` with n=3. What it says last is for programs, in one line:
+ * FOLDER/told.png shows the newest states that had come (dcd_state_view), FOLDER/shown.png what the library shows
+ * (dcd_view_state). The world is `tower` with n=3. In each picture:
+ *
+ * - the number says how many frames after the player's input it was taken;
+ * - the dashed square is where the avatar would be had it answered at once;
+ * - below the ground there is a line for each frame so far, at the place of the avatar in that frame: gaps are jumps.
+ *
+ * The last line that it prints is for programs:
  *
  *   strips: told=<frames from asking to the first in which the avatar has moved> shown=<the same>
  */
@@ -20,7 +24,7 @@
 #include <string.h>
 #include <time.h>
 
-enum { PICTURES = 10, EVERY = 4, FRAMES = 120, STAND = 60 }; /* of a strip; frames from one to the next, in all, before */
+enum { PICTURES = 10, EVERY = 4, FRAMES = 120, STAND = 60 }; /* pictures of a strip; frames between two, in all, and before */
 enum { SIDE = 120, GROUND = 104, WIDTH = PICTURES * SIDE, HEIGHT = SIDE }; /* pixels */
 enum { ROW = 1 + WIDTH / 4, ROWS = HEIGHT * ROW }; /* bytes: a filter, then four pixels each */
 enum { PAPER, INK, BOX, AVATAR };                  /* colours */
@@ -28,7 +32,7 @@ _Static_assert(ROWS <= 65535, "one block of deflate holds the picture");
 
 static const double PATIENCE = 20.0;           /* seconds for the avatar to appear */
 static const double LEFT = -3.2, SCALE = 20.0; /* metres where a picture begins, pixels per metre */
-static const double START[2] = { -2.5, 0.52 }; /* of the avatar, metres */
+static const double START[2] = { -2.5, 0.52 }; /* where the avatar starts, metres */
 static const double SPEED = 6.0, HALF = 0.5;   /* m/s of the avatar, metres of all boxes */
 
 static void check(DcdStatus status)
@@ -47,13 +51,13 @@ static void wait_until(double when)
     clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &time, NULL);
 }
 
-/* Pictures side by side, and the file that they go to. */
+/* Pictures side by side, and the file that they are written to. */
 struct Strip {
     char path[1024];
     FILE *file;
     uint8_t pixels[HEIGHT][WIDTH];
     double trail[FRAMES]; /* where the avatar was in each frame, metres along x */
-    int answered;         /* the first frame in which it had moved; -1 before */
+    int answered;         /* the first frame in which the avatar had moved; -1 before */
 };
 
 static void must(bool well, const char *path)
@@ -96,7 +100,7 @@ static void write_chunk(FILE *file, const uint8_t *chunk, size_t size)
     fwrite(sum, 1, 4, file);
 }
 
-/* Writes the file: PNG of four colours, with deflate's block as it is, so that it takes no library. */
+/* Writes the file: a PNG of four colours. Its deflate block is not compressed, so that no library is needed. */
 static void save_strip(struct Strip *strip)
 {
     static const uint8_t magic[8] = { 0x89, 'P', 'N', 'G', '\r', '\n', 0x1A, '\n' };
@@ -124,7 +128,7 @@ static void save_strip(struct Strip *strip)
     must(ferror(strip->file) == 0 && fclose(strip->file) == 0, strip->path);
 }
 
-/* Returns how deep a point lies in a box, metres; outside it is below 0. Boxes lie at z = 0 and turn about z. */
+/* Returns how deep a point lies in a box, metres; outside of the box this is below 0. Boxes lie at z = 0 and turn about z. */
 static double depth(const DcdPose *box, double x, double y)
 {
     const double z = (double)box->q[2], w = (double)box->q[3], c = w * w - z * z, s = 2.0 * z * w;
@@ -177,7 +181,7 @@ static void draw_picture(struct Strip *strip, const DcdStateView *view, DcdBodyI
     draw_number(strip, left + 6, frame);
 }
 
-/* Takes down a frame. */
+/* Records a frame. */
 static void see(struct Strip *strip, const DcdStateView *view, DcdBodyId avatar, int frame, double dt)
 {
     for (size_t i = 0; i < view->count; i++) {
@@ -220,7 +224,7 @@ int main(int argc, char **argv)
     check(dcd_shape_box(world, half, &box.shape));
     check(dcd_body_create(world, &box, &avatar));
 
-    /* It stands for a second once the world answers. */
+    /* The avatar stands for a second once the world answers. */
     DcdViewTime time = DCD_VIEW_TIME_INIT;
     DcdStateView view = DCD_STATE_VIEW_INIT;
     struct timespec begin;

@@ -1,4 +1,4 @@
-//! Asks where things are, over the border of two regions: a ray, a shape that moves, an overlap.
+//! Makes queries across the border of two regions: a ray, all bodies on its way, and a moving shape.
 //!
 //! `cargo run --release -p dcd --example queries`
 
@@ -20,7 +20,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     let queries = world.queries()?;
 
-    // A ray from one region into the other; it overlooks dynamic bodies.
+    // A ray from one region into the other; its filter excludes dynamic bodies.
     let ray = WorldRay::new([-10.0, 1.0, 0.0], [1.0, 0.0, 0.0]);
     let solid = BodyFilter { flags: QueryFilterFlags::EXCLUDE_DYNAMIC, ..BodyFilter::default() };
     let hit = queries.cast_ray(&ray, &solid)?.ok_or("the wall is there")?;
@@ -28,7 +28,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     assert_eq!(hit.body, wall);
     println!("on its way are {} bodies", queries.intersect_ray(&ray, &BodyFilter::default())?.len());
 
-    // A box that is pushed along the same way.
+    // A box that moves along the same way.
     let (start, velocity) = (WorldPose::at([-10.0, 1.0, 0.0]), [1.0, 0.0, 0.0]);
     let shape = Cuboid::new(Vector::splat(0.4));
     let met =

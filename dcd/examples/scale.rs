@@ -1,4 +1,4 @@
-//! Shows how a world is cut, and what that costs: a pile of boxes in 1 to 8 regions, by one thread and by all.
+//! Shows how to cut a world, and what that costs: a pile of boxes in 1 to 8 regions, on one thread and on all.
 //!
 //! `cargo run --release -p dcd --example scale`
 

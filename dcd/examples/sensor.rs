@@ -1,4 +1,4 @@
-//! Reads a sensor over the border of two regions: who enters a gate, who leaves it, and how hard balls land.
+//! Reads a sensor across the border of two regions: which balls enter and leave a gate, and how hard they land.
 //!
 //! `cargo run --release -p dcd --example sensor`
 
@@ -10,7 +10,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let cut = Partitioning::Cuts(vec![(dcd::Axis::X, 0.0)]);
     let mut world = World::new(WorldConfig { partitioning: cut, ..WorldConfig::default() })?;
     world.insert(RigidBodyBuilder::fixed(), ColliderBuilder::cuboid(20.0, 0.5, 5.0))?;
-    // A gate that touches without pushing. It reports the balls, which need not ask for it; the ground is fixed, as it is.
+    // A gate that detects bodies without pushing them. It reports balls that do not ask for events themselves, but not the
+    // ground, which is fixed like the gate.
     let gate = world.insert(
         RigidBodyBuilder::fixed().translation(Vector::new(0.0, 1.5, 0.0)),
         ColliderBuilder::cuboid(0.5, 1.0, 2.0).sensor(true).active_events(ActiveEvents::COLLISION_EVENTS),

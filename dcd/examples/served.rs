@@ -1,5 +1,5 @@
-//! Runs a game loop in a served world: a server, two nodes and a client, here in one process, over real QUIC links. On machines of their
-//! own each part is the same few lines.
+//! Runs a game loop in a served world: a server, two nodes and a client, here in one process, over real QUIC links. On separate
+//! machines each part is the same few lines.
 //!
 //! `cargo run --release -p dcd --example served`
 
@@ -33,7 +33,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         game.set_velocity(player, Velocity { linear: [12.0, 0.0, 0.0], angular: [0.0; 3] })?;
         game.poll(Duration::from_millis(100));
         game.step()?;
-        // Drawing: the player where the world is by now, all else a moment ago. As often as there are frames.
+        // Drawing, once per frame: the player where the world is by now, all else as it was a moment ago.
         let time = game.view_time();
         let highest = game.movable_bodies_at(&time).map(|body| body.pose.translation[1]).fold(0.0, f64::max);
         if game.tick().0 / 60 > seconds {

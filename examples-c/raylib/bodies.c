@@ -42,7 +42,7 @@ void check(DcdStatus status)
     }
 }
 
-/* A matrix of raymath that is multiplied from the left applies first. */
+/* In raymath the left factor of a product applies first. */
 static Matrix matrix_of(float x, float y, float z, const float q[4])
 {
     const Quaternion turn = { q[0], q[1], q[2], q[3] };
@@ -104,7 +104,7 @@ static void add_part(Body *body, const Mesh *mesh, Vector3 scale, Vector3 at, Ma
     body->parts = part;
 }
 
-/* The renderer's meshes have the size 1; those of cylinders and cones stand on the origin, where dcd's shapes have their middle. */
+/* The renderer's meshes have the size 1. Its cylinders and cones stand on the origin; dcd's have their middle there. */
 static void add_shape(Bodies *bodies, Body *body, DcdShapeId shape, Matrix body_from_place)
 {
     DcdShapeInfo info = DCD_SHAPE_INFO_INIT;
@@ -218,7 +218,7 @@ void bodies_show(Bodies *bodies, const DcdStateView *view, DcdBodyId avatar)
     for (size_t i = 0; i < view->count; i++) {
         Body *body = *find(bodies, view->ids[i]);
         if (body == NULL || (view->flags[i] & DCD_STATE_OUTSIDE) != 0) {
-            continue; /* it has not appeared yet, or is out of sight and perhaps elsewhere by now */
+            continue; /* not appeared yet, or out of sight and perhaps elsewhere by now */
         }
         /* Neighbours of one region differ a little. */
         const float shade = 0.06f * ((float)(view->ids[i].v % 5) - 2.0f);

@@ -1,4 +1,4 @@
-/* What there is to draw: the bodies that this process knows of, each with meshes for its shapes. */
+/* What is drawn: the bodies that this process knows of, each with meshes for its shapes. */
 #ifndef BODIES_H
 #define BODIES_H
 
@@ -19,10 +19,10 @@ typedef struct Bodies {
     unsigned long frame;
 } Bodies;
 
-/* Takes in what a world has by now. */
+/* Takes in the bodies that a world has by now. */
 void bodies_open(Bodies *bodies, DcdWorld world);
 
-/* Takes in a body that appeared, and drops one that was removed. Twice does not matter. */
+/* Take in a body that appeared, and drop one that was removed. Doing so twice does no harm. */
 void bodies_add(Bodies *bodies, DcdBodyId id);
 void bodies_remove(Bodies *bodies, DcdBodyId id);
 

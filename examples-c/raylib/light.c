@@ -57,7 +57,7 @@ static const char *FRAGMENT =
     "    colour = vec4(mix(shown, " SKY ", far), 1.0);\n"
     "}\n";
 
-/* A picture of depths alone, which a shader can read. */
+/* Loads a texture of depths alone, which a shader can read. */
 static RenderTexture2D load_depths(int texels)
 {
     RenderTexture2D target = { .id = rlLoadFramebuffer(), .texture = { .width = texels, .height = texels } };
@@ -103,7 +103,7 @@ void light_begin(Light *light, Camera3D camera, const double origin[3])
     rlSetClipPlanes(0.1, 500.0);
     ClearBackground((Color){ 158, 189, 219, 255 });
     BeginMode3D(camera);
-    /* Lines lie on every metre of world space, wherever the origin is; the shader's floats need no more than where within ten. */
+    /* Lines lie on every metre of world space, wherever the origin is. The shader's floats only need the origin modulo 10 m. */
     const float within[3] = { (float)fmod(origin[0], 10.0), 0.0f, (float)fmod(origin[2], 10.0) };
     SetShaderValue(light->lit, light->origin, within, SHADER_UNIFORM_VEC3);
     SetShaderValue(light->lit, light->eye, &camera.position, SHADER_UNIFORM_VEC3);

@@ -13,12 +13,12 @@ typedef struct Light {
 
 Light light_load(void);
 
-/* Between these two what is drawn casts shadows; after them it is lit, as seen by `camera`, until light_end. */
+/* What is drawn between these two calls casts shadows. What is drawn after light_begin is lit, as seen by `camera`, until light_end. */
 void light_begin_shadows(Light *light);
 void light_begin(Light *light, Camera3D camera, const double origin[3]);
 void light_end(void);
 
-/* Whether what is drawn next shows lines for each metre. */
+/* Sets whether what is drawn next shows lines for each metre. */
 void light_grid(const Light *light, bool lines);
 
 #endif

@@ -2,12 +2,12 @@
  *
  *   play SERVER TOKEN [--at X Y Z] [--screenshot FILE] [--frames N]
  *
- * The player is a character that walks (W A S D), jumps (space) and pushes what is in its way; the mouse looks around. Colours are the
- * regions that own the bodies, pale is asleep. With --screenshot nobody sits at the keyboard: the character walks some metres ahead by
- * itself, and the last of N frames (240 unless told otherwise) becomes a PNG file.
+ * The player is a character that walks (W A S D), jumps (space) and pushes what is in its way; the mouse looks around. A colour stands
+ * for the region that owns a body; pale bodies are asleep. With --screenshot nobody sits at the keyboard: the character walks some
+ * metres ahead by itself, and the last of N frames (default 240) becomes a PNG file.
  *
- * What an engine does with dcd is in here, and in bodies.c what the bodies look like; light.c is raylib alone. What it says last is for
- * programs, in one line:
+ * This file has what an engine does with dcd, and bodies.c what the bodies look like; light.c is raylib alone. The last line that the
+ * program prints is for programs:
  *
  *   play: frames=<drawn> bodies=<known> meshes=<made> moved_m=<way that the player was seen to go> behind_ms=<age of what is shown>
  *         ahead_ms=<lead of the player> bytes_per_second=<received>
@@ -23,7 +23,7 @@
 
 static const float SPEED = 5.0f;  /* m/s */
 static const float JUMP = 6.0f;   /* m/s upwards */
-static const double SIGHT = 80.0; /* metres around the player that are told and drawn */
+static const double SIGHT = 80.0; /* metres around the player within which bodies are told and drawn */
 static const double STROLL = 12.0; /* metres that the player goes by itself for a picture */
 
 typedef struct Options {
@@ -76,7 +76,7 @@ static Options options_of(int argc, char **argv)
     return options;
 }
 
-/* Where the avatar comes into the world: as told, or else in front of all that moves, from where it falls to the ground. */
+/* Returns where the avatar enters the world: at --at, or else in front of all movable bodies and above the ground, so that it falls. */
 static DcdPose entrance(DcdWorld world, const Options *options)
 {
     DcdPose pose = { { 0.0, 3.0, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } };
@@ -107,7 +107,7 @@ static void join(Game *game, const Options *options)
     check(dcd_character_create(game->world, &body, &character, &game->avatar));
 }
 
-/* What the player wants, by the keys, and seen from the camera. */
+/* Sends what the player wants, by the keys, in the directions of the camera. */
 static void drive(const Game *game, bool by_itself)
 {
     DcdVelocity velocity = { { 0 }, { 0 } };
@@ -120,7 +120,7 @@ static void drive(const Game *game, bool by_itself)
     check(dcd_body_set_velocity(game->world, game->avatar, &velocity));
 }
 
-/* Takes in who came and went since the last step. */
+/* Takes in which bodies came and went since the last step. */
 static void hear(Game *game)
 {
     DcdEventView events = DCD_EVENT_VIEW_INIT;
@@ -128,7 +128,7 @@ static void hear(Game *game)
     for (size_t i = 0; i < events.change_count; i++) {
         const DcdBodyChange *change = &events.changes[i];
         if (change->kind == DCD_BODY_APPEARED) {
-            /* One that has gone again since is told of too. */
+            /* Bodies that have gone again since are told of too. */
             if (dcd_body_is_valid(game->world, change->body)) {
                 bodies_add(&game->bodies, change->body);
             }
@@ -150,7 +150,7 @@ static void step(Game *game, bool by_itself)
     hear(game);
 }
 
-/* Asks how the world is to be shown in this frame: the avatar, and what it touches, ahead of the world, others a moment behind. */
+/* Reads how to show the world in this frame: the avatar, and what it touches, ahead of the world, others a moment behind. */
 static void look(Game *game)
 {
     DcdStateView view = DCD_STATE_VIEW_INIT;
@@ -170,7 +170,7 @@ static void look(Game *game)
     }
 }
 
-/* Behind the player and a little above. All that is drawn is relative to the player, however far he is from the world's origin. */
+/* Returns a camera behind the player and a little above. All is drawn relative to the player, however far he is from the world's origin. */
 static Camera3D camera_of(Game *game)
 {
     const Vector2 mouse = IsMouseButtonDown(MOUSE_BUTTON_LEFT) ? GetMouseDelta() : (Vector2){ 0.0f, 0.0f };

@@ -1,10 +1,11 @@
 //! Plays in a served world that Bevy draws: `dcd-bevy SERVER TOKEN [--screenshot FILE]`.
 //!
-//! The player is a character that walks (W A S D), jumps (space) and pushes what is in its way. Colours are the regions that own the
-//! bodies, pale is asleep. With `--screenshot` the character walks some metres ahead by itself, and a picture of that ends the program.
+//! The player is a character that walks (W A S D), jumps (space) and pushes what is in its way. A colour stands for the region that owns
+//! a body; pale bodies are asleep. With `--screenshot` the character walks some metres ahead by itself, and a picture of that ends the
+//! program.
 //!
-//! The served world is a resource. `FixedUpdate` has its steps: they send what the player wants, and take in what has come; bodies that
-//! appear become entities, those that are removed cease to be. `Update` puts the entities where the world is to be shown by now: the
+//! The served world is a resource. `FixedUpdate` has its steps: they send what the player wants, and take in what has come. Bodies that
+//! appear become entities; entities of removed bodies are removed. `Update` puts the entities where the world is to be shown by now: the
 //! avatar, and what it touches, ahead of what was heard, all others a moment behind, smoothly.
 
 mod shapes;
@@ -25,11 +26,11 @@ use dcd::{Area, BodyChange, BodyId, BodyKind, Character, RegionId, Velocity, Vie
 const SPEED: f32 = 5.0;
 /// Metres per second upwards.
 const JUMP: f32 = 6.0;
-/// Metres around the player that are told and drawn.
+/// Metres around the player within which bodies are told and drawn.
 const SIGHT_M: f64 = 80.0;
 /// Metres that the player goes by itself for a picture.
 const STROLL_M: f32 = 12.0;
-/// Frames from then until it is taken, in which all comes to rest.
+/// Frames from the end of that walk until the picture is taken, in which all comes to rest.
 const FRAMES: u32 = 10;
 
 /// The colours of regions, by their numbers.
@@ -44,7 +45,7 @@ const PALETTE: [[u8; 3]; 8] = [
     [160, 168, 82],
 ];
 
-/// The world that others compute, and what Bevy made of it.
+/// The served world, and what Bevy made of it.
 #[derive(Resource)]
 struct Served {
     world: dcd::World,
@@ -59,7 +60,7 @@ struct Served {
     meshes: HashMap<ShapeHash, Vec<(Handle<Mesh>, Transform)>>,
 }
 
-/// What was asked for on the command line.
+/// The file of the picture that the command line asks for.
 #[derive(Resource)]
 struct Picture(Option<PathBuf>);
 

@@ -116,6 +116,14 @@ fn bodies_that_several_regions_hold_are_pushed_once() {
         let kick = world.velocity(ball).unwrap().linear[1] - before.linear[1];
         assert!((kick - 10.0 * std::f32::consts::PI * 0.25 / 2.0).abs() < 1e-3, "{coupling:?}: {kick}");
         assert!(world.velocity(touching).unwrap().linear[1] > 0.0);
+        let (impulse, turn) = ([0.0, 0.0, 3.0], [0.0, 0.1, 0.0]);
+        let foreseen = world.velocity_after(ball, impulse.into(), turn.into()).unwrap();
+        world.push(&Push { angular: turn, ..Push::impulse(ball, impulse) }).unwrap();
+        let pushed = world.velocity(ball).unwrap();
+        let pairs = foreseen.linear.iter().zip(&pushed.linear).chain(foreseen.angular.iter().zip(&pushed.angular));
+        for (foreseen, pushed) in pairs {
+            assert!((foreseen - pushed).abs() < 1e-4, "{coupling:?}: {foreseen} foreseen, {pushed} by a push");
+        }
     }
 }
 

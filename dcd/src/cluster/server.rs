@@ -1,5 +1,6 @@
-//! Implements the server: it knows all nodes and clients, records every body, and decides membership (thesis 3.3.5, 4.3.1,
-//! 4.3.3). It may fail and come back: what it must know again is stored before anything follows from it.
+//! Implements the server, which knows all nodes and clients, records every body, and decides membership
+//! (thesis 3.3.5, 4.3.1, 4.3.3). The server may fail and come back: it stores what it must know again before
+//! anything follows from it.
 
 mod arbiter;
 mod avatars;
@@ -49,98 +50,101 @@ pub use self::save::SavedWorld;
 pub use self::stored::{RestoreError, ServerOrigin};
 pub use self::verdicts::Verification;
 
-/// How often the server wakes up while something is due.
+/// The longest time between two wake-ups of the server while something is due.
 const BEAT: Duration = Duration::from_millis(250);
-/// If it did not wake up for so long, its process was stopped.
+/// A pause between two wake-ups that is longer than this means that the server's process was stopped.
 const STOPPED: Duration = BEAT.saturating_mul(2);
 /// The reason that all nodes and clients are given when the world ends.
 pub const WORLD_ENDED: &str = "the world has ended";
-/// How often the states of bodies are written to the directory.
+/// The interval between two writes of the states of bodies to the directory.
 const STORE_EVERY: Duration = Duration::from_secs(2);
 
 /// The configuration of a server.
 #[derive(Clone, Debug)]
 pub struct ServerConfig {
-    /// The world.
+    /// The properties of the world.
     pub world: EnvironmentProperties,
-    /// Nodes to wait for before the world first begins; at least 1.
+    /// The number of nodes to wait for before the world first begins; at least 1.
     pub min_nodes: usize,
-    /// The rules of who may share a group, beside the delay thresholds of the world.
+    /// The rules of which nodes may share a group, besides the delay thresholds of the world.
     pub grouping: Grouping,
     /// How long the avatars of a client that left wait for its return.
     pub avatar_expiry: Duration,
-    /// Whether its program hears of the contacts of bodies that ask for them ([`ServerOutput::Contacts`]).
+    /// Whether the server's program hears of contacts of bodies that ask for them
+    /// ([`ServerOutput::Contacts`]).
     pub events: bool,
-    /// Whether nodes can build the shapes of an avatar: one that they cannot, once on record, would stop all that join later.
+    /// The check that nodes can build the shapes that a client brings. A shape on record that they cannot
+    /// build would stop all nodes that join later.
     pub can_build: CanBuild,
 }
 
-/// A function that returns whether shapes, each after its parts, can be built where others are on record already.
+/// A function that returns whether new shapes, each listed after its parts, can be built beside those on
+/// record.
 pub type CanBuild = fn(&BTreeMap<ShapeHash, ShapeRecord>, &[ShapeRecord]) -> bool;
 
-/// An event for a server: a message, a lost link, or a command of its operator.
+/// An event for a server: a message, a lost link, a command of its operator, or a request of its program.
 #[derive(Clone, Debug, PartialEq)]
 #[expect(clippy::large_enum_variant, reason = "an event lives for one call")]
 pub enum ServerEvent {
     /// A link is gone.
     Disconnected(Peer),
-    /// A decoded message; the first on a link is [`Message::Hello`].
+    /// A decoded message has arrived. The first message on a link is [`Message::Hello`].
     Message {
-        /// Over which link, by the name on its certificate.
+        /// The other end of the link, as its certificate names it.
         from: Peer,
-        /// What it says.
+        /// The message.
         message: Message,
     },
-    /// A process is not wanted any more: its regions are handed over first, its avatars wait for its return.
+    /// A process is no longer wanted. Its regions are handed over first, and its avatars wait for its return.
     SendAway {
-        /// It, as a node.
+        /// Its id as a node, if it is one.
         node: Option<NodeId>,
-        /// It, as a client.
+        /// Its id as a client, if it is one.
         client: Option<ClientId>,
-        /// What it is told.
+        /// The reason that it is told.
         reason: String,
     },
-    /// A node is to go: its regions are handed over first ([`Server::check_drain`]).
+    /// A node is to leave. Its regions are handed over first ([`Server::check_drain`]).
     Drain(NodeId),
-    /// The world is to end: all are told.
+    /// The world is to end, and all are to be told.
     Stop,
     /// The server's program changes the world, in this order.
     Program(Vec<BuildOp>),
-    /// It looks at the world from these places from now on, and from no others.
+    /// The server's program looks at the world from these viewpoints from now on, and from no others.
     Look(Vec<Viewpoint>),
-    /// It goes back to a saved world, or to another.
+    /// The server's program goes back to a saved world, or to another world.
     Replace(Box<SavedWorld>),
     /// A client has proved by its certificate that it may build.
     MayBuild(ClientId),
     /// The world is to be saved as it is after one tick ([`ServerOutput::Saved`]).
     Save,
-    /// It queries bodies; the question's number is unlike those of questions before.
+    /// The server's program queries bodies. The question's number differs from those of all questions before.
     Ask(Query),
-    /// It does not want the answer any more.
+    /// The server's program no longer wants the answer to the question of this number.
     Forget(u64),
-    /// The server is to stop, and its world to go on: what is known is written down, and nobody is told.
+    /// The server is to stop, and its world to go on. What is known is written down, and nobody is told.
     Suspend,
 }
 
-/// An action that a server wants done; to be done in order.
+/// An action that a server wants done. Actions are to be done in order.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ServerOutput {
-    /// Write this to the directory, durably if it says so, before anything that follows is done.
+    /// Write this batch to the directory before anything that follows is done, durably if the batch says so.
     Store(Batch),
-    /// Send this.
+    /// Send this message.
     Send {
-        /// Over which link.
+        /// The link to send it over.
         to: Peer,
-        /// What.
+        /// The message.
         message: Message,
     },
-    /// Close the link once all is sent; no [`ServerEvent::Disconnected`] is needed.
+    /// Close the link once everything is sent. No [`ServerEvent::Disconnected`] is needed.
     Close {
-        /// Whose.
+        /// The peer at the other end.
         peer: Peer,
-        /// Why.
+        /// The reason.
         farewell: Farewell,
-        /// The same for people.
+        /// The reason in words, for people.
         reason: String,
     },
     /// A view begins.
@@ -150,14 +154,14 @@ pub enum ServerOutput {
         /// Its view.
         view: View,
     },
-    /// A group has cut its world otherwise, or dealt it out anew, within its view.
+    /// A group has changed its tree or its allocation within its view.
     Repartitioned {
         /// The group.
         group: GroupId,
-        /// Its view as it is now.
+        /// Its view, as it is now.
         view: View,
     },
-    /// No node of a group is left, or none is heard of; the record holds its world.
+    /// No node of a group is left, or the server hears of none. The record holds the group's world.
     Held {
         /// The group.
         group: GroupId,
@@ -166,21 +170,22 @@ pub enum ServerOutput {
     },
     /// A group without members was dissolved.
     Dissolved(GroupId),
-    /// A node was expelled from its view: it could not be reached, or is to be in another group.
+    /// A node was expelled from its view: it could not be reached, or is to join another group.
     Expelled(NodeId),
-    /// A node that is new, or begins anew, and that some members do not reach, or a participant that alone does not reach a dedicated node: it
-    /// computes the world by itself until they do.
+    /// A node computes the world by itself until links come. It is a new or restarted node that some members
+    /// do not reach, or a participant that is the only one not to reach a dedicated node.
     Unreached(NodeId),
-    /// What a leader has found out about a participant that was verified. One that computes otherwise than it should is sent away.
+    /// The leader's finding about a participant that was verified. A participant that computes otherwise than
+    /// it should is sent away.
     Verdict {
         /// The participant.
         node: NodeId,
-        /// In which tick.
+        /// The tick that the finding is about.
         tick: Tick,
-        /// What.
+        /// The finding.
         finding: Finding,
     },
-    /// An audit of what all members together own, when the world is to end; over all groups.
+    /// An audit of what all members of all groups own, made when the world is to end.
     Audited {
         /// Bodies of the world that no node owns.
         lost: Vec<BodyId>,
@@ -189,41 +194,43 @@ pub enum ServerOutput {
     },
     /// The answer to [`ServerEvent::Ask`].
     Answered {
-        /// The question's.
+        /// The number of the question.
         number: u64,
         /// What was found.
         found: QueryResult,
     },
-    /// Contacts of bodies that ask for them, each pair once.
+    /// Contacts of bodies that ask for them, each pair of bodies once.
     Contacts(WorldEvents),
     /// The answer to [`ServerEvent::Save`].
     Saved(Box<SavedWorld>),
-    /// The world has ended and all have been told; what is stored of it is of no use any more.
+    /// The world has ended and all have been told. What is stored of the world is of no use any more.
     Ended,
-    /// All that is known has been stored: the server may stop.
+    /// Everything that is known has been stored. The server may stop.
     Suspended,
 }
 
-/// The state machine of the server.
+/// The server as a state machine: it takes in events and returns outputs.
 #[derive(Clone, Debug)]
 pub struct Server {
     common: Common,
     groups: BTreeMap<GroupId, Group>,
-    /// The group whose record is the world's, but for bodies for which another is authoritative.
+    /// The group whose record is the world's, except for bodies for which another group is authoritative.
     main: GroupId,
     last_group: GroupId,
     arbiter: arbiter::Arbiter,
     polls: Polls,
     questions: Questions,
     statuses: Statuses,
-    /// How long it was stopped, ever. That time does not count: what others sent meanwhile is yet to be heard.
+    /// How long the server was stopped, in total. That time does not count: what others sent meanwhile is yet
+    /// to be heard.
     stopped: Duration,
-    /// Whether it was before the last event. A server that is late each time is slow, and its time passes.
+    /// Whether the server was stopped before the last event. A server that is late every time is slow, and
+    /// its time passes.
     was_stopped: bool,
     looked_at: Duration,
     store_at: Option<Duration>,
     welcomes: u64,
-    /// Clients that left, in order, and when their avatars are forgotten.
+    /// Clients that left, in order, each with the time at which its avatars are forgotten.
     gone: VecDeque<(Duration, ClientId)>,
     ended: bool,
 }
@@ -276,7 +283,7 @@ impl Server {
         }
     }
 
-    /// Takes an event in; [`Server::poll_output`] tells what follows from it. `now` never goes back.
+    /// Takes an event in. [`Server::poll_output`] returns what follows from it. `now` never goes back.
     pub fn handle(&mut self, now: Duration, event: ServerEvent) {
         let mark = self.begin(now);
         if let ServerEvent::Disconnected(peer) = &event {
@@ -346,7 +353,7 @@ impl Server {
         self.finish(mark);
     }
 
-    /// Does what is due; to be called at [`Server::poll_timeout`].
+    /// Does what is due. Call it at [`Server::poll_timeout`].
     pub fn handle_timeout(&mut self, now: Duration) {
         let mark = self.begin(now);
         let now = self.common.now;
@@ -395,12 +402,13 @@ impl Server {
         self.finish(mark);
     }
 
-    /// Returns when [`Server::handle_timeout`] is next due; ask again after every event.
+    /// Returns when [`Server::handle_timeout`] is next due. Ask again after every event.
     pub fn poll_timeout(&self) -> Option<Duration> {
         self.due().map(|due| due.min(self.common.now + BEAT) + self.stopped)
     }
 
-    /// Returns when something is due, by the time that counts.
+    /// Returns when something is due, by the time that counts: without the time in which the server was
+    /// stopped.
     fn due(&self) -> Option<Duration> {
         let nodes = self.common.nodes.values().filter_map(|entry| entry.absent_until);
         let clients = self.common.clients.values().filter_map(|entry| entry.absent_until);
@@ -441,7 +449,7 @@ impl Server {
         self.main().view.as_ref().filter(|_| !self.main().held)
     }
 
-    /// Returns all groups and their views.
+    /// Returns the groups that have a view, with their views.
     pub fn views(&self) -> impl Iterator<Item = (GroupId, &View)> {
         self.groups.values().filter_map(|group| Some((group.id, group.view.as_ref()?)))
     }
@@ -456,7 +464,7 @@ impl Server {
         self.groups.values().any(|group| group.change.is_some())
     }
 
-    /// Returns how many votes on membership there were since this server started.
+    /// Returns how many votes on membership there have been since this server started.
     pub fn poll_counts(&self) -> PollCounts {
         self.polls.counts()
     }
@@ -471,12 +479,13 @@ impl Server {
         self.common.nodes.iter().filter(|(_, entry)| entry.linked).map(|(&node, _)| node)
     }
 
-    /// Returns the count of messages dropped because they were of an earlier view or from a sender that may not send them.
+    /// Returns the count of messages dropped because they were of an earlier view or from a sender that may
+    /// not send them.
     pub fn stale(&self) -> u64 {
         self.common.stale
     }
 
-    /// Returns whether a node leads the main group in this view.
+    /// Returns whether a node leads the main group in the view of this number.
     fn is_led_by(&self, node: NodeId, view: ViewNumber) -> bool {
         self.view().is_some_and(|present| present.leader == node && present.number == view)
     }
@@ -498,7 +507,8 @@ impl Server {
         self.common.outputs.len()
     }
 
-    /// Ends the handling of any event: puts membership right, and writes what changed down first.
+    /// Ends the handling of any event: corrects membership, and puts the writes of what changed before the
+    /// outputs of the event, which begin at `mark`.
     fn finish(&mut self, mark: usize) {
         if self.ended {
             return;
@@ -533,7 +543,8 @@ impl Server {
         }
     }
 
-    /// Returns whether a process may pass on what a client says: its own, its node's, or that of the leader it plays with.
+    /// Returns whether a process may pass on what a client says: the client itself, its own node, or the
+    /// leader of its group.
     fn speaks_for(&self, from: Peer, client: ClientId) -> bool {
         match from {
             Peer::Client(linked) => linked == client,
@@ -569,11 +580,12 @@ impl Server {
                         let unwanted = self.common.nodes.get(&node).and_then(|entry| entry.unwanted.clone());
                         self.lose(node);
                         if let Some((farewell @ Farewell::SentAway, reason)) = unwanted {
-                            // Its link stays until it has handed its regions over, and it has let go of them.
+                            // A node that is sent away keeps its link until it has handed its regions over.
+                            // This one has let go of them.
                             self.common.dismiss(node, farewell, reason);
                             return self.common.tell_roster();
                         }
-                        // Who could not reach it before may do so now.
+                        // Nodes that could not reach it before may reach it now.
                         for entry in self.common.nodes.values_mut() {
                             entry.delays.remove(&node);
                         }
@@ -590,7 +602,8 @@ impl Server {
         }
     }
 
-    /// Turns away who greets as it may not. The link that it had before ends with this one, unsaid: what it was there it is no more.
+    /// Turns away a peer whose greeting is not accepted. Its earlier link ends with this one, without a
+    /// message of its own: the peer loses the role that it had there.
     fn turn_away(&mut self, from: Peer, reason: String) {
         match from {
             Peer::Node(node) => {

@@ -21,12 +21,15 @@ pub(super) const CHANGE_SURFACE: &str = "change the surface of a body";
 
 /// Bodies.
 impl World {
-    /// Inserts a body with one collider, at the body's own position: in world space, exact near the origin.
+    /// Inserts a body with one collider at the body's own position: in world space, exact near the origin.
     ///
-    /// A server's program inserts any body, with its next step, and so does a builder: it is the world's, and stays when the builder leaves.
-    /// A client's is an avatar, dynamic or kinematic by velocity. Its id
-    /// is valid at once, and it stands where it was put; [`BodyChange`](super::BodyChange) reports that it is in the world, or
-    /// refused. Its speed may be limited by the server (`ServeConfig::avatar_speed_limit`). A kinematic one notices fixed bodies and sensors only with
+    /// - A server's program, or a builder, inserts any body with its next step. The body is the world's own
+    ///   and stays when the builder leaves.
+    /// - A client's body is an avatar, dynamic or kinematic by velocity. Its id is valid at once, and it
+    ///   stands where it was put. [`BodyChange`](super::BodyChange) reports that it is in the world, or that
+    ///   it was refused. The server may limit its speed (`ServeConfig::avatar_speed_limit`).
+    ///
+    /// A kinematic body notices fixed bodies and sensors only with
     /// `active_collision_types(ActiveCollisionTypes::all())`, as in Rapier.
     pub fn insert(&mut self, body: impl Into<RigidBody>, collider: ColliderBuilder) -> Result<BodyId, Error> {
         let body = body.into();
@@ -37,8 +40,8 @@ impl World {
         self.insert_at(pose, body, [collider])
     }
 
-    /// Inserts a body with any number of colliders at a pose of world space, which replaces the body's own position; otherwise as
-    /// [`World::insert`].
+    /// Inserts a body with any number of colliders at a pose in world space, which replaces the body's own
+    /// position. Otherwise it does the same as [`World::insert`].
     ///
     /// ```
     /// # use dcd::prelude::*;
@@ -60,8 +63,9 @@ impl World {
         }
     }
 
-    /// Inserts a body with one collider into a local world as it is to be recorded, given the name of its shape: for who has no use for Rapier's
-    /// builders, which take most of the time of an insertion. Those made one after the other may share what they are.
+    /// Inserts a body with one collider into a local world from the parts of its record. `traits` makes the
+    /// body's traits from the hash of its shape. This spares the caller Rapier's builders, which take most of
+    /// the time of an insertion. Bodies that are inserted one after the other may share their traits.
     #[doc(hidden)]
     pub fn insert_recorded(
         &mut self,
@@ -74,10 +78,15 @@ impl World {
         Ok(world.insert_recorded(state, user_data, shape, traits)?)
     }
 
-    /// Inserts a character: a body, kinematic by velocity, that walks by itself where it is computed. [`World::set_velocity`] says
-    /// where to: along the ground, and upwards to jump. [`World::velocity`] is how it moves. In every role as
-    /// [`World::insert_at`]; in a served world nodes walk a client's characters, so that they stop at walls without delay, and it
-    /// cannot put them elsewhere. What [`World::update`] sets as a velocity the next walk replaces.
+    /// Inserts a character: a velocity-based kinematic body that the process which computes it moves by
+    /// Rapier's character controller.
+    ///
+    /// [`World::set_velocity`] sets where the character wants to go: along the ground, and upwards to jump.
+    /// [`World::velocity`] returns how it moves. A velocity that [`World::update`] sets is replaced at the
+    /// next tick. Every role inserts a character as by [`World::insert_at`], but a builder's is an avatar
+    /// too. In a served world nodes move a client's characters, so that they stop at walls without delay; the
+    /// client cannot set their poses. A body of another kind, or without a collider that is no sensor, is
+    /// refused.
     ///
     /// ```
     /// # use dcd::prelude::*;
@@ -126,10 +135,11 @@ impl World {
         }
     }
 
-    /// Inserts a vehicle: a dynamic body on wheels that are rays, which is driven where it is computed, by Rapier's vehicle
-    /// controller. [`World::drive`] says what its driver does; [`Vehicle::default`] is a car.
+    /// Inserts a vehicle: a dynamic body whose wheels are rays, driven by Rapier's vehicle controller in the
+    /// process that computes it. [`World::drive`] sets what its driver does; [`Vehicle::default`] is a car.
     ///
-    /// In a served world it is an avatar of this process, or a body of the server's program. How its wheels stand is not told to clients.
+    /// In a served world it is an avatar of this process, or a body of the server's program. Clients are not
+    /// told how its wheels stand.
     ///
     /// ```
     /// # use dcd::prelude::*;
@@ -169,8 +179,8 @@ impl World {
         }
     }
 
-    /// Says what the driver of a vehicle does from now on, and wakes it: an avatar of this process, or any of a local world's or a server's
-    /// own.
+    /// Sets what the driver of a vehicle does from now on, and wakes the vehicle. A client may drive its own
+    /// avatars; a local world, a server's program or a builder any vehicle that is the world's own.
     pub fn drive(&mut self, vehicle: BodyId, drive: Drive) -> Result<(), Error> {
         if let Some((what, range)) = drive.fault() {
             return Err(WorldError::Setting { what, value: format!("{drive:?}"), range }.into());
@@ -181,8 +191,9 @@ impl World {
         }
     }
 
-    /// Returns an error if a body cannot be inserted, where others would hear at once of one that is: who inserts several of which all
-    /// or none are to be there asks for each before the first.
+    /// Returns an error if a client or participant cannot insert a body. Its insertions are sent at once.
+    /// Call this for each body of a group, before the first is inserted, where either all or none of them
+    /// should be there.
     #[doc(hidden)]
     pub fn can_insert(
         &self,
@@ -193,7 +204,7 @@ impl World {
         self.remote().map_or(Ok(()), |world| world.can_insert(pose, body, colliders))
     }
 
-    /// Takes back the bodies that were inserted last, since the last step, as if they had never been.
+    /// Takes back the bodies that were inserted last, since the last step, as if they had never been there.
     #[doc(hidden)]
     pub fn take_back(&mut self, bodies: &[BodyId]) -> Result<(), Error> {
         match &mut self.inner {
@@ -202,7 +213,8 @@ impl World {
         }
     }
 
-    /// Removes a body with its colliders and joints, for good; a server or a builder any body with its next step, a client an avatar of its own.
+    /// Removes a body with its colliders and joints, for good. A server's program removes any body and a
+    /// builder any that is the world's own, with the next step. A client removes its own avatars.
     pub fn remove(&mut self, body: BodyId) -> Result<(), Error> {
         match &mut self.inner {
             Inner::Local(world) => Ok(world.remove(body)?),
@@ -210,7 +222,8 @@ impl World {
         }
     }
 
-    /// Returns an error if this process may not remove a body that is there: who removes many asks before the first is gone.
+    /// Returns an error if this process may not remove a body that is there. Call it for each of several
+    /// bodies before the first is removed.
     #[doc(hidden)]
     pub fn can_remove(&self, body: BodyId) -> Result<(), Error> {
         self.remote().map_or(Ok(()), |world| world.can_remove(body))
@@ -226,7 +239,8 @@ impl World {
         }
     }
 
-    /// Returns the pose, velocity, kind, mass, owner and user data of a body.
+    /// Returns the pose, velocity, kind, mass, owner and user data of a body; `None` if this process knows no
+    /// such body.
     #[must_use]
     pub fn body(&self, id: BodyId) -> Option<Body> {
         let world = match &self.inner {
@@ -252,7 +266,7 @@ impl World {
         })
     }
 
-    /// Returns the pose of a body in world space.
+    /// Returns the pose of a body in world space; `None` if this process knows no such body.
     #[must_use]
     #[inline]
     pub fn pose(&self, body: BodyId) -> Option<WorldPose> {
@@ -262,7 +276,8 @@ impl World {
         }
     }
 
-    /// Returns the velocity of a body, m/s and rad/s; zero for a fixed one.
+    /// Returns the velocity of a body, m/s and rad/s; zero for a fixed body, `None` if this process knows no
+    /// such body.
     #[must_use]
     #[inline]
     pub fn velocity(&self, body: BodyId) -> Option<Velocity> {
@@ -272,7 +287,7 @@ impl World {
         }
     }
 
-    /// Returns [`World::pose`] and [`World::velocity`] of a body, by one look-up.
+    /// Returns the pose and velocity of a body ([`World::pose`], [`World::velocity`]) by one look-up.
     #[must_use]
     #[inline]
     pub fn motion(&self, body: BodyId) -> Option<(WorldPose, Velocity)> {
@@ -282,8 +297,8 @@ impl World {
         }
     }
 
-    /// Returns the user data of a body; in a served world also of one that is gone, since its contacts end later: of more than 4,096 the
-    /// newest.
+    /// Returns the user data of a body. In a served world it also returns that of removed bodies, whose
+    /// contacts end later: of the newest 4,096, and of all since the last step.
     #[must_use]
     pub fn user_data(&self, body: BodyId) -> Option<u128> {
         match &self.inner {
@@ -292,7 +307,7 @@ impl World {
         }
     }
 
-    /// Returns the whole record of a body: what travels when it changes owner.
+    /// Returns the whole record of a body: the data that are sent when the body changes owner.
     #[must_use]
     pub fn record(&self, body: BodyId) -> Option<BodyRecord> {
         match &self.inner {
@@ -334,7 +349,7 @@ impl World {
         }
     }
 
-    /// Returns how many movable bodies there are.
+    /// Returns the number of movable bodies.
     #[must_use]
     pub fn movable_count(&self) -> usize {
         match &self.inner {
@@ -343,22 +358,25 @@ impl World {
         }
     }
 
-    /// Returns the avatars of this process in a served world: in it or on their way, also those of an earlier stay, in id order;
-    /// none in a local world.
+    /// Returns the ids of this process's avatars in a served world, in order: those in the world, those on
+    /// their way into it, and those of an earlier stay. Empty in a local world.
     #[must_use]
     pub fn own_avatars(&self) -> Vec<BodyId> {
         self.remote().map(|world| world.own_avatars()).unwrap_or_default()
     }
 
-    /// Returns an error if the role does not see the bodies of its world.
+    /// Returns an error if this role does not see the bodies of its world.
     #[doc(hidden)]
     pub fn sees(&self, what: &'static str) -> Result<(), Error> {
         self.remote().map_or(Ok(()), |world| world.sees(what))
     }
 
-    /// Moves a body to a pose at once, whatever is there, and wakes it; in a served world by the next step: a server or a builder
-    /// any movable body, a client an avatar of its own. Its velocity stays in a local world; in a served one it becomes that which this
-    /// process last heard of, up to half a second old, or that which is set in the same step.
+    /// Moves a body to a pose in world space at once, whatever is there, and wakes it. In a served world the
+    /// next step sends the move: a server's program moves any movable body, a builder any that is the world's
+    /// own, a client its own avatars, but no character.
+    ///
+    /// In a local world the body keeps its velocity. In a served world it gets the velocity that is set in
+    /// the same step, otherwise the one that this process last heard of, which is up to half a second old.
     pub fn set_pose(&mut self, body: BodyId, pose: WorldPose) -> Result<(), Error> {
         match &mut self.inner {
             Inner::Local(world) => Ok(world.set_pose(body, pose)?),
@@ -366,8 +384,9 @@ impl World {
         }
     }
 
-    /// Sets the velocity of a body, and wakes it; in a served world by the next step: a server or a builder that of any movable
-    /// body, a client that of an avatar of its own.
+    /// Sets the velocity of a body, m/s and rad/s, and wakes it. In a served world the next step sends the
+    /// change: a server's program sets the velocity of any movable body, a builder of any that is the world's
+    /// own, a client of its own avatars. A dynamic body cannot be set above [`World::speed_limit_m_s`].
     pub fn set_velocity(&mut self, body: BodyId, velocity: Velocity) -> Result<(), Error> {
         match &mut self.inner {
             Inner::Local(world) => Ok(world.set_velocity(body, velocity)?),
@@ -375,38 +394,41 @@ impl World {
         }
     }
 
-    /// Sets the kinematic target of a position-based kinematic body: it is there at the end of the next tick, and what it touches
-    /// feels the speed that this takes. Other bodies ignore it. Local worlds only.
+    /// Sets the kinematic target of a position-based kinematic body. The body is there at the end of the next
+    /// tick, and what it touches feels the speed that this takes. Bodies of other kinds ignore the call.
+    /// Local worlds only.
     pub fn set_next_pose(&mut self, body: BodyId, pose: WorldPose) -> Result<(), Error> {
         Ok(self.local_mut(SEND_BODY, Instead::DriveAvatars)?.set_next_pose(body, pose)?)
     }
 
-    /// Returns an error if bodies cannot be sent to poses here.
+    /// Returns an error if this role cannot set kinematic targets.
     #[doc(hidden)]
     pub fn sends_bodies(&self) -> Result<(), Error> {
         self.local(SEND_BODY, Instead::DriveAvatars).map(drop)
     }
 
-    /// Returns an error if bodies cannot be changed in place here, but only by avatar input.
+    /// Returns an error if this role cannot change bodies in place, but only by avatar inputs.
     #[doc(hidden)]
     pub fn changes_bodies(&self) -> Result<(), Error> {
         self.remote().map_or(Ok(()), |world| world.changes_bodies())
     }
 
-    /// Returns the owner's copy of a movable body, or any copy of a fixed one, to read what Rapier knows of it. Its position is
-    /// in region space, and under mass splitting it has only its share of the mass: [`World::body`] has both whole. Local worlds
-    /// only.
+    /// Returns Rapier's own body: the owner's copy of a movable body, or any copy of a fixed one; `None` if
+    /// there is no such body. Its position is in region space. Where several regions share the body, the copy
+    /// has only a part of its mass: [`World::body`] returns the whole mass, and the pose in world space.
+    /// Local worlds only.
     pub fn rigid_body(&self, body: BodyId) -> Result<Option<&RigidBody>, Error> {
         Ok(self.local("show Rapier's bodies", Instead::DriveAvatars)?.body(body))
     }
 
-    /// Returns an error if forces and impulses cannot be applied here.
+    /// Returns an error if this role cannot apply forces and impulses.
     #[doc(hidden)]
     pub fn pushes_bodies(&self) -> Result<(), Error> {
         self.remote().map_or(Ok(()), |world| world.pushes_bodies())
     }
 
-    /// Pushes a dynamic body by a force or an impulse, and wakes it: in a local world at once, by a server or a builder with its next step.
+    /// Applies a force or an impulse to a dynamic body, and wakes it: at once in a local world, with the next
+    /// step for a server's program or a builder.
     ///
     /// ```
     /// # use dcd::prelude::*;
@@ -423,12 +445,14 @@ impl World {
         }
     }
 
-    /// Changes a body in place by Rapier's own setters, forces and impulses. The change is made to every copy, so it may be
-    /// called more than once and must do the same each time; positions in it are in region space, so use [`World::set_pose`] to
-    /// move a body. A body that becomes fixed, or movable, is inserted anew.
+    /// Changes a body in place by Rapier's own setters, forces and impulses. `change` is called for every
+    /// copy of the body, so that it may be called more than once and must do the same each time. Positions in
+    /// it are in region space; use [`World::set_pose`] to move a body. A body that becomes fixed or movable
+    /// is inserted anew.
     ///
-    /// A server's program, or a builder, changes a movable body so with its next step, by setters of what no step changes (damping, gravity scale,
-    /// locked axes, mass and the like, and to be woken); the change is made to a copy once, and is refused if it moves the body.
+    /// A server's program or a builder changes a movable body with its next step, by the setters of what no
+    /// step changes (damping, gravity scale, locked axes, mass and the like), and may wake it. There `change`
+    /// is called once, on a copy of the body. The change is refused if it moves the body or puts it to sleep.
     ///
     /// ```
     /// # use dcd::prelude::*;
@@ -453,7 +477,7 @@ impl World {
         }
     }
 
-    /// Returns how many colliders a body has, as far as this process knows of it.
+    /// Returns the number of colliders of a body, as far as this process knows of it.
     #[must_use]
     pub fn collider_count(&self, body: BodyId) -> usize {
         match &self.inner {
@@ -462,20 +486,21 @@ impl World {
         }
     }
 
-    /// Returns an error if bodies cannot be given other colliders here.
+    /// Returns an error if this role cannot add colliders to bodies or remove them.
     #[doc(hidden)]
     pub fn shapes_bodies(&self) -> Result<(), Error> {
         self.local(CHANGE_SURFACE, Instead::ShapeAtBirth).map(drop)
     }
 
-    /// Returns an error if colliders cannot be changed here.
+    /// Returns an error if this role cannot change colliders.
     #[doc(hidden)]
     pub fn changes_colliders(&self) -> Result<(), Error> {
         self.remote().map_or(Ok(()), |world| world.changes_colliders())
     }
 
-    /// Adds a collider to a body, as the last of its list. The body is inserted anew with what joints tie to it: contacts of
-    /// these begin again, without warm starting. Local worlds only.
+    /// Adds a collider to a body, as the last of its list, and returns its id. The body is inserted anew,
+    /// with all bodies that joints tie to it: their contacts begin again without warm starting. Local worlds
+    /// only.
     ///
     /// ```
     /// # use dcd::prelude::*;
@@ -492,18 +517,20 @@ impl World {
         Ok(id)
     }
 
-    /// Removes a collider from a body, with the effects of [`World::insert_collider`] on contacts; those after it move up, and so do
-    /// their ids. Local worlds only.
+    /// Removes a collider from a body. Contacts begin again as with [`World::insert_collider`]. The colliders
+    /// after it move up by one place, and their ids change accordingly. Local worlds only.
     pub fn remove_collider(&mut self, collider: impl Into<ColliderId>) -> Result<(), Error> {
         let ColliderId { body, index } = collider.into();
         Ok(self.local_mut(CHANGE_SURFACE, Instead::ShapeAtBirth)?.remove_collider(body, index)?)
     }
 
-    /// Changes a collider of a body in place, in every copy, by Rapier's own setters: what it touches and how, what it reports, its
-    /// mass, its shape (which must be one that can travel), its place on the body. A [`BodyId`] stands for the body's first
-    /// collider, `(body, index)` for a later one, and what a query or a contact names has its own id.
+    /// Changes a collider of a body, in every copy of the body, by Rapier's own setters: what it touches and
+    /// how, what it reports, its mass, its shape (one that can be sent to other processes), and its place on
+    /// the body. A [`BodyId`] stands for the body's first collider, and `(body, index)` for a later one. The
+    /// ids of colliders in queries and contacts are taken, too.
     ///
-    /// A server's program, or a builder, changes a collider of a movable body so with its next step, but neither its shape nor its place.
+    /// A server's program or a builder changes a collider of a movable body with its next step, but neither
+    /// its shape nor its place.
     ///
     /// ```
     /// # use dcd::prelude::*;
@@ -528,23 +555,25 @@ impl World {
         }
     }
 
-    /// Returns the centre of mass of a body computed here, in world space.
+    /// Returns the centre of mass of a body in a local world, in world space; `None` in other roles.
     #[must_use]
     pub fn centre_of_mass(&self, id: BodyId) -> Option<[f64; 3]> {
         let Inner::Local(world) = &self.inner else { return None };
         world.host().centre_of_mass(id)
     }
 
-    /// Returns the velocity that a body computed here would have after these impulses, N s and N m s in world axes; infinities
-    /// and NaN included.
+    /// Returns the velocity that a body of a local world would have after an impulse, N s, and a torque
+    /// impulse, N m s, both along world axes. The result may hold infinities and NaN. `None` in other roles.
     #[must_use]
     pub fn velocity_after(&self, id: BodyId, impulse: Vector, torque_impulse: Vector) -> Option<Velocity> {
         let Inner::Local(world) = &self.inner else { return None };
         let body = world.body(id)?;
         let mass = body.mass_properties();
+        // Where regions share the body, the owner's copy has a part of its mass.
+        let parts = world.host().owned(id).map_or(1, |(region, handle)| region.share_of(handle)) as f32;
         Some(Velocity {
-            linear: (body.linvel() + impulse * mass.effective_inv_mass).to_array(),
-            angular: (body.angvel() + mass.effective_world_inv_inertia * torque_impulse).to_array(),
+            linear: (body.linvel() + impulse * (mass.effective_inv_mass / parts)).to_array(),
+            angular: (body.angvel() + mass.effective_world_inv_inertia * (torque_impulse / parts)).to_array(),
         })
     }
 }

@@ -1,4 +1,5 @@
-//! Decides which group is authoritative for a body, and forwards states between groups (inter-group, thesis 3.3.8, 4.3.2.10).
+//! Decides which group is authoritative for a body, and forwards states between groups (inter-group, thesis
+//! 3.3.8, 4.3.2.10).
 
 use std::collections::BTreeMap;
 
@@ -8,20 +9,21 @@ use crate::delta::alone;
 use crate::protocol::{STATES_BYTES, SharedState, Stance, ToNode, ViewNumber};
 use crate::space::{BodyId, GroupId, NodeId, Tick};
 
-/// The groups that are authoritative for bodies for which the main one is not.
+/// The groups that are authoritative for bodies for which the main group is not.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Arbiter {
-    /// The group whose avatar last touched a body, and how often that has changed.
+    /// The group whose avatar last touched each body, and how often that group has changed.
     touched: BTreeMap<BodyId, (u32, GroupId)>,
-    /// The groups that were there when all of these were last looked at, the main one first.
+    /// The groups that were there when all touched bodies were last looked at, the main group first.
     looked_at: Vec<GroupId>,
-    /// What leaders were last told: in which view, whether there is nobody else, and whether they are the main group.
+    /// What each leader was last told: its view, whether its group is alone, and whether it is the main
+    /// group.
     told: BTreeMap<GroupId, (ViewNumber, bool, bool)>,
 }
 
 impl Server {
-    /// Returns the group that is authoritative for a body: that of its client; or that whose avatar touched it last; or the
-    /// main one.
+    /// Returns the group that is authoritative for a body. For an avatar, it is the group of its client. For
+    /// another body, it is the group whose avatar touched it last. Else it is the main group.
     pub fn authoritative(&self, body: BodyId) -> GroupId {
         let group = match body.client() {
             Some(client) => self.common.clients.get(&client).map(|entry| entry.group),
@@ -30,14 +32,15 @@ impl Server {
         group.filter(|group| self.groups.get(group).is_some_and(lives)).unwrap_or(self.main)
     }
 
-    /// Returns the group that this node leads in this view.
+    /// Returns the group that this node leads in the view of this number.
     fn led_by(&self, node: NodeId, view: ViewNumber) -> Option<GroupId> {
         let leads =
             |group: &&Group| group.view.as_ref().is_some_and(|v| v.leader == node && v.number == view);
         self.groups.values().find(leads).map(|group| group.id)
     }
 
-    /// Forwards the states of bodies that a group is authoritative for to all other groups.
+    /// Forwards states of bodies to all other groups, as far as the sender's group is authoritative for these
+    /// bodies.
     pub(super) fn inter_group(&mut self, node: NodeId, view: ViewNumber, tick: Tick, states: Vec<u8>) {
         let Some(from) = self.led_by(node, view) else {
             self.common.stale += 1;
@@ -63,7 +66,8 @@ impl Server {
         }
     }
 
-    /// Makes a group authoritative for bodies that its avatars have touched, if it knew which group was before.
+    /// Makes a group authoritative for bodies that its avatars have touched, if the group knew which group
+    /// was authoritative before.
     pub(super) fn touched(&mut self, node: NodeId, view: ViewNumber, bodies: Vec<(BodyId, u32)>) {
         let Some(from) = self.led_by(node, view) else {
             self.common.stale += 1;
@@ -88,7 +92,8 @@ impl Server {
         }
     }
 
-    /// Tells new leaders which bodies their group is authoritative for, and all leaders when groups come and go.
+    /// Tells new leaders for which bodies their group is authoritative, and tells all leaders when groups
+    /// come and go.
     pub(super) fn tell_leaders(&mut self) {
         let living: Vec<_> =
             self.groups.values().filter(|group| lives(group)).map(|group| group.id).collect();
@@ -107,8 +112,9 @@ impl Server {
         }
     }
 
-    /// Makes the main group authoritative for bodies whose group is gone, at a number that leaders have not heard, and returns these; forgets
-    /// bodies that are gone themselves. Looks at them only when groups have come or gone.
+    /// Makes the main group authoritative for bodies whose group is gone, with a number that no leader has
+    /// heard, and returns these bodies. Forgets bodies that are gone themselves. Does nothing unless groups
+    /// have come or gone.
     fn take_over_orphans(&mut self, living: &[GroupId]) -> Vec<BodyId> {
         let groups: Vec<_> = [self.main].into_iter().chain(living.iter().copied()).collect();
         if groups == self.arbiter.looked_at {

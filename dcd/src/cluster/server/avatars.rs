@@ -1,5 +1,5 @@
-//! Keeps avatars on record: they come with their client, are parked while it is away, and return as they were (thesis
-//! 4.3.2.10). Every group has its own record of them.
+//! Keeps avatars on record. They come with their client, are parked while it is away, and return as they were
+//! (thesis 4.3.2.10). Every group has its own record of them.
 
 use super::builders::are_used;
 use super::common::Common;
@@ -14,8 +14,10 @@ use crate::space::{BodyId, ClientId, Epoch, Tick};
 
 /// The most avatars of one client.
 pub const MAX_AVATARS: usize = 1_024;
-/// The most bytes of shapes that nobody knew before and that one client brings with avatars, over all of its visits while a server runs and
-/// until they are forgotten; and so many at once, and as many each minute: all are told of them. Each counts 256 more than its record has.
+/// The most bytes of shapes new to the world that one client brings with avatars. It counts over all visits
+/// of the client while a server runs, until shapes are forgotten. As many bytes may come at once, and as many
+/// per minute, since all clients are told of the shapes. Each shape counts 256 bytes more than its record
+/// has.
 pub const MAX_SHAPE_BYTES: usize = 1 << 20;
 
 impl Server {
@@ -64,8 +66,8 @@ impl Server {
                     for group in self.groups.values_mut() {
                         let shapes = group.record.learn(shapes.clone());
                         self.common.fading.have_come(&shapes);
-                        // Epochs are ours to give, clients push nothing, what a character wants is its velocity, and nobody has found contacts of
-                        // what is new.
+                        // The server gives epochs, clients push nothing, a character wants its velocity, and
+                        // nobody has found contacts of a new body.
                         let wanted = body.state.velocity.linear;
                         let gait = body.traits.character.map(|_| Gait { wanted, ..Gait::default() });
                         let drive = body.traits.vehicle.as_ref().map(|_| Drive::default());
@@ -105,8 +107,9 @@ impl Server {
                 }
                 None
             }
-            // A participant without a leader, which sends it again to the next, or has something else to acknowledge by then.
-            // What is built is heard apart.
+            // The first three come from a participant without a leader. It sends its question again to the
+            // next leader, and has something else to acknowledge by then. `Server::hear_builder` handles what
+            // is built.
             FromClient::Ask(_) | FromClient::Heard(_) | FromClient::Untold | FromClient::Build { .. } => None,
         };
         if let Some((body, reason)) = refused {
@@ -114,7 +117,7 @@ impl Server {
         }
     }
 
-    /// Passes on the input of a client that knows no leader, or whose node is still joining.
+    /// Passes on to the leader the input of a client that knows no leader, or whose node is still joining.
     fn pass_on(&mut self, client: ClientId, input: Input) {
         let group = self.common.clients.get(&client).map_or(self.main, |entry| entry.group);
         let Some(group) = self.groups.get_mut(&group) else { return };
@@ -124,8 +127,8 @@ impl Server {
                 let message = Message::FromClient(client, FromClient::Input(input));
                 self.common.outputs.push_back(ServerOutput::Send { to, message });
             }
-            // Nobody computes the world: the record is all there is to move. A jump waits for a leader, who knows how far it may go; the
-            // client sends its newest input again to whoever leads.
+            // Nobody computes the world, so only the record can be moved. A jump waits for a leader, which
+            // knows how far it may go: the client sends its newest input again to the next leader.
             (None, _) => {
                 if let Some(body) = group.record.body_mut(input.body) {
                     body.obey(&input);
@@ -136,7 +139,7 @@ impl Server {
         }
     }
 
-    /// Removes a client that is gone; its avatars are parked.
+    /// Removes a client that is gone, and parks its avatars.
     pub(super) fn part(&mut self, client: ClientId) {
         if self.common.clients.remove(&client).is_some() {
             self.gone.push_back((self.common.now.saturating_add(self.common.config.avatar_expiry), client));
@@ -148,12 +151,13 @@ impl Server {
         }
     }
 
-    /// Forgets the avatars of clients that have been gone for too long. It is looked at with every event: nobody waits for it.
+    /// Forgets the avatars of clients that have been gone for too long. Called with every event and without a
+    /// timer, as nobody waits for it.
     pub(super) fn forget_avatars(&mut self) {
         while let Some(&(_, client)) = self.gone.front().filter(|(at, _)| *at <= self.common.now) {
             self.gone.pop_front();
             let is_back = self.common.clients.contains_key(&client);
-            // It may have been here once more meanwhile.
+            // The client may have come and left once more meanwhile.
             if is_back || self.gone.iter().any(|(_, later)| *later == client) {
                 continue;
             }
@@ -204,7 +208,7 @@ impl Group {
         }
     }
 
-    /// Forgets a body and its joints for good, and that they were altered.
+    /// Forgets a body and its joints for good, with the notes that they were altered.
     pub(super) fn forget_body(&mut self, id: BodyId) {
         let joints = self.record.joints_of(id).map(|joint| Key::AlteredJoint(joint.id));
         let altered: Vec<_> = joints.chain([Key::AlteredBody(id), Key::WokenBody(id)]).collect();
@@ -218,7 +222,7 @@ impl Group {
         self.introduce(common, id, Vec::new());
     }
 
-    /// Tells clients and nodes of a waiting body.
+    /// Introduces a waiting body to clients and nodes.
     fn introduce(&mut self, common: &mut Common, id: BodyId, shapes: Vec<ShapeRecord>) {
         let Some(body) = self.record.body(id).cloned() else { return };
         let message = ToClient::Inserted { body: body.clone(), shapes: shapes.clone(), joints: Vec::new() };
@@ -230,7 +234,7 @@ impl Group {
         }
     }
 
-    /// Takes a body out of the world, for good or until its client returns.
+    /// Takes a body out of the world, for good or, with `park`, until its client returns.
     pub(super) fn retire(&mut self, common: &mut Common, id: BodyId, park: bool) {
         match self.record.life(id) {
             Some(Life::Live) if self.view.is_some() => {
@@ -241,7 +245,7 @@ impl Group {
                 self.record.set_life(id, Life::Removing { park: parking && park, back: false });
             }
             Some(Life::Parked) if park => return,
-            // Nobody computes it: its life ends, or rests, on record alone.
+            // Nobody computes the body: it is forgotten or parked on record alone.
             Some(Life::Live | Life::Waiting | Life::Parked) => self.rest(common, id, park, false),
             None => return,
         }

@@ -1,5 +1,5 @@
-//! Bounds what one client may cost others: its avatars those who compute them (iterations, corners, size, characters, vehicles,
-//! and how many share a place), its requests the server.
+//! Bounds what one client may cost others. Its avatars cost the nodes that compute them (iterations, corners,
+//! size, characters, vehicles, and how many share a place). Its requests cost the server.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -14,46 +14,53 @@ use crate::protocol::{
 };
 use crate::space::{BodyId, Bounds, ClientId};
 
-/// The most iterations of either kind that an avatar may ask for, for itself and all that it touches.
+/// The most iterations of either kind that an avatar may ask for, for itself and everything that it touches.
 pub(super) const MAX_EXTRA_ITERATIONS: u32 = 8;
-/// The most corners that the colliders of all avatars of one client have together; what is round counts as one.
+/// The most corners that the colliders of all avatars of one client may have together. A round shape counts
+/// as one corner.
 const MAX_CORNERS: usize = 20_000;
 /// How far an avatar may reach from its origin, metres.
 pub(super) const MAX_REACH_M: f32 = 100.0;
 /// The most avatars of one client that a new one may overlap, by bounding spheres.
 pub(super) const MAX_OVERLAPS: usize = 64;
 
-/// The most characters and vehicles of one client: each looks around in every tick, where others only meet what comes.
+/// The most characters and vehicles of one client. Each looks around in every tick, where other bodies only
+/// meet what comes.
 const MAX_CONTROLLED: usize = 32;
 
-/// The highest and deepest step of a client's character, and the farthest way down to the ground, metres.
+/// The greatest step height, step depth and way down to the ground of a client's character, metres.
 const MAX_STRIDE_M: f32 = 1.0;
-/// The widest gap that it keeps, metres.
+/// The widest gap that a client's character may keep, metres.
 const MAX_GAP_M: f32 = 0.1;
-/// The greatest mass by which it pushes, kilograms.
+/// The greatest mass by which a client's character may push, kilograms.
 const MAX_MASS_KG: f32 = 1e4;
 
-/// The most wheels of a client's vehicle: each is a ray in every substep.
+/// The most wheels of a client's vehicle. Each is a ray in every substep.
 const MAX_CLIENT_WHEELS: usize = 8;
-/// How far its wheels may reach from the origin of its chassis, metres: what they may stand on is held with it.
+/// How far the wheels of a client's vehicle may reach from the origin of its chassis, metres. What they may
+/// stand on is held with the vehicle.
 const MAX_WHEEL_REACH_M: f32 = 10.0;
-/// The greatest acceleration by all suspensions together, m/s²: stiffer ones shoot their chassis into the air.
+/// The greatest acceleration by all suspensions of a vehicle together, m/s². Stiffer ones shoot the chassis
+/// into the air.
 const MAX_SUSPENSION_M_S2: f32 = 200.0;
-/// The greatest damping of all suspensions together, 1/s: beyond once a tick it turns a fall into a leap.
+/// The greatest damping of all suspensions of a vehicle together, 1/s. More than once per tick turns a fall
+/// into a leap.
 const MAX_DAMPING: f32 = 60.0;
 
-/// The avatars that a client may bring at once, those included that it removes again: all that it may have, twice.
+/// The avatars that a client may bring at once, including those that it removes again: twice all that it may
+/// have.
 const SPAWNS: f64 = 2.0 * MAX_AVATARS as f64;
-/// How many more each second.
+/// How many more avatars a client may bring per second.
 const SPAWNS_PER_S: f64 = 128.0;
-/// The bytes of shapes that a client may bring more with its avatars each second, as others are forgotten: all are told of them.
+/// How many more bytes of shapes a client may bring with its avatars per second, as others are forgotten. All
+/// clients are told of them.
 const SHAPE_BYTES_PER_S: f64 = MAX_SHAPE_BYTES as f64 / 60.0;
-/// What a search of the world for scenery counts, in avatars.
+/// The cost of a search of the world for scenery, in avatars.
 const LOOK: f64 = 8.0;
-/// What being told the whole world counts, in avatars.
+/// The cost of telling a client the whole world, in avatars.
 const WELCOME: f64 = 64.0;
 
-/// What was asked, less what time has forgiven.
+/// The sum of what was asked for, less what time has forgiven.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Account {
     asked: f64,
@@ -61,7 +68,8 @@ pub(super) struct Account {
 }
 
 impl Account {
-    /// Counts a request of this cost, if that leaves no more than `most`; returns whether it does. Time forgives `per_s` each second.
+    /// Counts a request of this cost, unless the sum would exceed `most`. Returns whether it was counted.
+    /// Time forgives `per_s` per second.
     pub(super) fn ask(&mut self, now: Duration, cost: f64, most: f64, per_s: f64) -> bool {
         let forgiven = (now - self.at).as_secs_f64() * per_s;
         (self.asked, self.at) = ((self.asked - forgiven).max(0.0), now);
@@ -72,36 +80,38 @@ impl Account {
         may
     }
 
-    /// Takes back what was counted.
+    /// Takes back a cost that was counted.
     pub(super) fn give_back(&mut self, cost: f64) {
         self.asked = (self.asked - cost).max(0.0);
     }
 }
 
-/// The bytes that it takes to keep a shape beside its record, and to tell all of it and then that it is gone.
+/// The bytes that a shape takes besides its record: to keep it, to tell all clients of it, and then to tell
+/// them that it is gone.
 const KEPT_BYTES: usize = 256;
 
-/// Returns what a shape takes to keep and to send, bytes.
+/// Returns the bytes that it takes to keep a shape and to send it.
 pub(super) fn kept_len(shape: &ShapeRecord) -> usize {
     KEPT_BYTES + encoded_len(shape)
 }
 
-/// The shapes that one client has brought, that nobody knew before, and that are not forgotten yet.
+/// The shapes that one client has brought, that were new to the world, and that are not forgotten yet.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Brought {
-    /// The bytes that each takes.
+    /// The bytes that each shape takes.
     shapes: BTreeMap<ShapeHash, usize>,
     bytes: usize,
 }
 
 impl Brought {
-    /// Returns how many bytes they take with these, of which it may have brought some already.
+    /// Returns the bytes of these shapes and all brought ones together. The client may have brought some of
+    /// these already.
     pub(super) fn bytes_with(&self, new: &[ShapeRecord]) -> usize {
         let new = new.iter().filter(|shape| !self.shapes.contains_key(&shape.hash()));
         self.bytes.saturating_add(new.map(kept_len).sum())
     }
 
-    /// Counts these.
+    /// Counts shapes as brought.
     pub(super) fn add(&mut self, new: &[ShapeRecord]) {
         for shape in new {
             let bytes = kept_len(shape);
@@ -109,9 +119,9 @@ impl Brought {
         }
     }
 
-    /// Counts those no more that are forgotten.
+    /// Stops counting shapes that are forgotten.
     pub(super) fn forget(&mut self, gone: &BTreeSet<ShapeHash>) {
-        // Of all who ever brought one.
+        // `gone` has shapes of all clients, so it may be the longer list.
         if self.shapes.len() < gone.len() {
             self.shapes.retain(|hash, _| !gone.contains(hash));
             self.bytes = self.shapes.values().sum();
@@ -121,17 +131,18 @@ impl Brought {
     }
 }
 
-/// What one client may build, and has asked for.
+/// What one client may build, and what it has asked for.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Building {
-    /// Its certificate says so.
+    /// Whether its certificate says that it may build.
     pub may: bool,
     pub changes: Account,
     pub misuses: Account,
     pub shapes: Brought,
-    /// The sizes of bodies that it has built, computed once; some may be gone.
+    /// The sizes of bodies that the client has built, each computed once. Some of the bodies may be gone.
     pub sizes: BTreeMap<BodyId, Size>,
-    /// The indices of the next body and the next joint, as far as this server knows.
+    /// The indices of the next body and the next joint that the client may build, as far as this server
+    /// knows.
     pub next: (u32, u32),
 }
 
@@ -139,11 +150,11 @@ pub(super) struct Building {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Allowance {
     pub shapes: Brought,
-    /// Bytes of shapes of avatars.
+    /// Bytes of shapes that came with avatars.
     told: Account,
-    /// Avatars and welcomes.
+    /// Avatars, searches and welcomes, counted in avatars.
     asked: Account,
-    /// Whether it may build, and what it has asked and done for that.
+    /// Whether the client may build, and what it has asked for and built.
     pub building: Building,
 }
 
@@ -153,13 +164,13 @@ impl Allowance {
         self.ask(now, 1.0)
     }
 
-    /// Counts shapes that nobody knew, which come with an avatar. Returns whether the client may bring them.
+    /// Counts shapes new to the world that come with an avatar. Returns whether the client may bring them.
     pub(super) fn bring(&mut self, now: Duration, new: &[ShapeRecord]) -> bool {
         let bytes: usize = new.iter().map(kept_len).sum();
         self.told.ask(now, bytes as f64, MAX_SHAPE_BYTES as f64, SHAPE_BYTES_PER_S)
     }
 
-    /// Counts a search of the world. Returns whether the client may have it.
+    /// Counts a search of the world for scenery. Returns whether the client may have it.
     pub(super) fn look(&mut self, now: Duration) -> bool {
         self.ask(now, LOOK)
     }
@@ -174,8 +185,8 @@ impl Allowance {
     }
 }
 
-/// Returns why this avatar may not come beside those that its client has, if its cost is too high. Its shapes are on record or in
-/// `brought`, and suit clients.
+/// Returns why an avatar may not come beside those that its client has, if it costs too much. Its shapes are
+/// on record or in `brought`, and suit clients.
 pub(super) fn refusal(
     record: &Record,
     client: ClientId,
@@ -219,7 +230,8 @@ pub(super) fn refusal(
     (overlaps > MAX_OVERLAPS).then_some(Refusal::Costly(Costs::Overlaps))
 }
 
-/// Returns whether a client's character may walk so: it looks around no farther than it must, and climbs no walls.
+/// Returns whether a client's character may have these measures. It may look around no farther than it must,
+/// and climb no walls.
 fn may_walk(character: &Character) -> bool {
     let lengths = [character.step_height_m, character.step_depth_m, character.snap_m];
     lengths.iter().all(|length| *length <= MAX_STRIDE_M)
@@ -240,13 +252,13 @@ fn may_drive(vehicle: &Vehicle) -> bool {
         && vehicle.reach_m() <= MAX_WHEEL_REACH_M
 }
 
-/// What a body costs those who hold it.
+/// What a body costs the nodes that hold it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Size {
     pub corners: usize,
-    /// Colliders, or parts of those that are compounds.
+    /// The number of colliders, where a compound counts as its parts.
     pub colliders: usize,
-    /// From the body's origin, with what its colliders keep between them and others, and how far it looks ahead.
+    /// How far the body reaches from its origin, metres, including contact skins and how far it looks ahead.
     pub reach_m: f32,
 }
 
@@ -263,7 +275,8 @@ impl Size {
     }
 }
 
-/// Returns a box in the world around all colliders of a body, if it has any: what Rapier compares first.
+/// Returns the AABB in world space around all colliders of a body, if it has any. Rapier compares these boxes
+/// first.
 pub(super) fn bounds_of<'a>(
     body: &BodyRecord,
     find: impl Fn(ShapeHash) -> Option<&'a ShapeRecord>,
@@ -279,12 +292,13 @@ pub(super) fn bounds_of<'a>(
     parts_of(body, find).into_iter().map(bounds).reduce(|a, b| a.union(&b))
 }
 
-/// Returns how far around a collider its body looks.
+/// Returns how far a body looks around one of its colliders, metres.
 pub(super) fn margin_m(traits: &BodyTraits, collider: &ColliderRecord) -> f32 {
     collider.contact_skin_m + traits.soft_ccd_m.max(0.0)
 }
 
-/// Returns the shapes of a body, parts of compounds in their stead: each with its collider, and where it is on the body.
+/// Returns the shapes of a body, each with its collider and its pose on the body. The parts of a compound
+/// stand in its place.
 fn parts_of<'a, 'b>(
     body: &'b BodyRecord,
     find: impl Fn(ShapeHash) -> Option<&'a ShapeRecord>,

@@ -1,5 +1,5 @@
-//! Obeys clients that may build, as the server's program but within bounds: what one of them brings must cost others little. What they
-//! build is the world's, and stays when they leave.
+//! Obeys clients that may build, like the server's program but within bounds: what one client brings must
+//! cost others little. What clients build belongs to the world, and stays when they leave.
 
 use std::cell::OnceCell;
 use std::collections::{BTreeMap, BTreeSet};
@@ -14,39 +14,43 @@ use crate::protocol::{
 };
 use crate::space::{BodyId, Bounds, ClientId, Tick};
 
-/// The most bodies, and the most joints, of the world that one client has built.
+/// The most bodies, and the most joints, in the world that one client has built.
 pub const MAX_BUILT: usize = 4_096;
-/// The most bytes of shapes that nobody knew before and that one client brings to build with, over all of its visits while a server
-/// runs and until they are forgotten: all are told of them.
+/// The most bytes of shapes new to the world that one client brings to build with. It counts over all visits
+/// of the client while a server runs, until shapes are forgotten: all clients are told of the shapes.
 pub const MAX_BUILT_SHAPE_BYTES: usize = 16 << 20;
 /// The most corners of all bodies that one client has built.
 const MAX_BUILT_CORNERS: usize = 200_000;
-/// The most colliders of them, or parts of those that are compounds: these bound the bytes of their records too, to some 3 MB.
+/// The most colliders of these bodies, where a compound counts as its parts. They also bound the bytes of the
+/// bodies' records, to some 3 MB.
 const MAX_BUILT_COLLIDERS: usize = 16_384;
-/// The most colliders of all those that a new body may overlap: each of its own is compared with each of them.
+/// The most colliders, in total, of the bodies that a new body may overlap. Each of its own is compared with
+/// each of them.
 const MAX_OVERLAPPED_COLLIDERS: usize = 1_024;
 /// How far a body may look around its colliders, metres.
 const MAX_MARGIN_M: f32 = 10.0;
 /// The bit of Rapier's `ActiveCollisionTypes::FIXED_FIXED`.
 const FIXED_FIXED: u16 = 1 << 5;
 
-/// The changes that a client may ask for at once: all that it may have built comes, with a collider each, and goes.
+/// The changes that a client may ask for at once: enough for all that it may have built to come, with a
+/// collider each, and to go.
 const CHANGES: f64 = 6.0 * MAX_BUILT as f64;
-/// How many more each second.
+/// How many more changes a client may ask for per second.
 const CHANGES_PER_S: f64 = 1_024.0;
-/// What an alteration counts: it is written down.
+/// The cost of an alteration, in changes: it is written down.
 const ALTERATION: f64 = 4.0;
-/// Bytes that all clients are told, in a change.
+/// The bytes told to all clients that cost one change.
 const TOLD_BYTES: f64 = 256.0;
-/// Bodies that are looked through before more comes, in a change.
+/// The bodies looked through, before more comes, that cost one change.
 const LOOKED_THROUGH: f64 = 256.0;
 
-/// How many messages that no honest program sends may come at once; who sends more is cut off.
+/// How many misuses (messages that no honest program sends) a client may send at once. A client that sends
+/// more is cut off.
 const MISUSES: f64 = 64.0;
-/// How many are forgiven each second.
+/// How many misuses are forgiven per second.
 const MISUSES_PER_S: f64 = 4.0;
-/// A message is one of them too if more than so many of its changes, and most of them, come too soon: an honest program may be somewhat
-/// too fast.
+/// A message is a misuse too if more of its changes than this, and most of them, come too soon. An honest
+/// program may be somewhat too fast.
 const FLOOD: usize = 64;
 
 impl Server {
@@ -59,9 +63,9 @@ impl Server {
         (body.max(known.0), joint.max(known.1))
     }
 
-    /// Does what a client wants to build, as far as it may, and says so.
+    /// Builds what a client asks for, as far as it may, and tells the client so.
     pub(super) fn hear_builder(&mut self, from: Peer, client: ClientId, number: u64, ops: Vec<BuildOp>) {
-        // Nobody else speaks for it, not even its leader.
+        // Nobody else speaks for a builder, not even its leader.
         if from != Peer::Client(client) || !self.common.clients.contains_key(&client) {
             self.common.stale += 1;
             return;
@@ -110,7 +114,8 @@ impl Server {
         }
     }
 
-    /// Counts a message that no honest program sends. Returns whether the client was cut off for it.
+    /// Counts a misuse: a message that no honest program sends. Returns whether the client was cut off for
+    /// it.
     fn misused(&mut self, client: ClientId, reason: Refusal) -> bool {
         let now = self.common.now;
         let account = &mut self.common.allowances.entry(client).or_default().building.misuses;
@@ -123,11 +128,13 @@ impl Server {
         true
     }
 
-    /// Does one thing, or returns why not, and whether no honest program asks for it.
+    /// Carries out one operation. An error gives the reason why not, and whether no honest program asks for
+    /// it.
     fn build(&mut self, client: ClientId, op: BuildOp) -> Result<(), (Refusal, bool)> {
         let op = match op {
             BuildOp::Insert { bodies, mut shapes, joints } => {
-                // A client that did not hear so has asked again. What has come of it may be gone since, or something else.
+                // A client that did not hear that this was done has asked again. What came of it may be gone
+                // since, or be something else.
                 let is_done = |body: &BodyRecord| body.id.builder() == Some(client) && self.is_there(body.id);
                 if bodies.iter().any(is_done) {
                     return Ok(());
@@ -139,7 +146,7 @@ impl Server {
                 self.admit(client, &bodies, &shapes, &joints).map_err(as_refused)?;
                 BuildOp::Insert { bodies, shapes, joints }
             }
-            // When it was asked is of no account: it is told as the program's.
+            // When the client asked does not count: the input is told as one of the program's.
             BuildOp::Move(input) => BuildOp::Move(Input { logical_time: 0, tick: Tick(0), ..input }),
             BuildOp::Remove(id) if self.record().body(id).is_none() => return Ok(()),
             BuildOp::RemoveJoint(id) if self.record().joint(id).is_none() => return Ok(()),
@@ -155,7 +162,8 @@ impl Server {
         matches!(self.record().life(id), Some(Life::Live | Life::Waiting))
     }
 
-    /// Returns whether any of these is on record, be it on its way out, or gone and to be removed where it may be held still.
+    /// Returns whether any of these ids is taken: it is on record, even if on its way out, or gone but still
+    /// to be removed where it may be held.
     fn is_held(&self, bodies: &[BodyRecord], joints: &[JointRecord]) -> bool {
         let is_held = |id| {
             self.groups.values().any(|group| group.record.body(id).is_some())
@@ -169,7 +177,7 @@ impl Server {
         bodies.iter().any(|body| is_held(body.id)) || joints.iter().any(|joint| is_tied(joint.id))
     }
 
-    /// Checks what a client wants to come, and counts it if it may.
+    /// Checks what a client wants to insert, and counts it if it may come.
     fn admit(
         &mut self,
         client: ClientId,
@@ -203,8 +211,8 @@ impl Server {
     }
 }
 
-/// Returns whether each of these shapes is one of a body's colliders, or a part of one: what is on record is told with the first body that has it,
-/// and once.
+/// Returns whether each of these shapes is the shape of a body's collider, or a part of one. A shape on
+/// record is told with the first body that has it, and only once.
 pub(super) fn are_used<'a>(
     shapes: &[ShapeRecord],
     bodies: &[BodyRecord],
@@ -221,7 +229,8 @@ fn as_refused(reason: Refusal) -> (Refusal, bool) {
     (reason, reason == Refusal::NotToBeBuilt)
 }
 
-/// Returns what a change counts, by a client that has built so many bodies: what it makes others compute, keep and hear.
+/// Returns what an operation costs, in changes: what it makes others compute, keep and hear. `built` is how
+/// many bodies the client has built.
 fn cost(op: &BuildOp, built: usize) -> f64 {
     let told = || encoded_len(op) as f64 / TOLD_BYTES;
     match op {
@@ -244,7 +253,7 @@ fn is_slow(kind: BodyKind, velocity: &Velocity, limit_m_s: f32) -> bool {
     kind != BodyKind::Dynamic || velocity.is_within(limit_m_s * 1.000_01)
 }
 
-/// Checks a change of what is there.
+/// Checks an operation on bodies and joints that are there.
 fn check_change(record: &Record, op: &BuildOp, speed_limit_m_s: f32) -> Result<(), Refusal> {
     let found = |id: BodyId| {
         honest(id.client().is_none())?;
@@ -270,7 +279,7 @@ fn check_change(record: &Record, op: &BuildOp, speed_limit_m_s: f32) -> Result<(
             let place = |collider: &ColliderRecord| (collider.shape, collider.pose);
             let same = known.colliders.iter().map(place).eq(traits.colliders.iter().map(place));
             honest(same && traits.kind != BodyKind::Fixed)?;
-            // Who computes it refuses that too.
+            // The nodes that compute the body refuse that too.
             let is_part = |joint: &JointRecord| joint.link.is_some() && [joint.a, joint.b].contains(body);
             let is_link = || record.joints().any(is_part);
             honest(traits.kind == BodyKind::Dynamic || !is_link())?;
@@ -291,7 +300,7 @@ fn check_traits(traits: &BodyTraits) -> Result<(), Refusal> {
     if traits.colliders.iter().any(|collider| margin_m(traits, collider) > MAX_MARGIN_M) {
         return Err(Refusal::Costly(Costs::Size));
     }
-    // It does nothing on a body that moves.
+    // The bit does nothing on a body that moves.
     let meets_fixed = |collider: &ColliderRecord| collider.collision_types & FIXED_FIXED != 0;
     match traits.kind == BodyKind::Fixed && traits.colliders.iter().any(meets_fixed) {
         true => Err(Refusal::Costly(Costs::FixedPairs)),
@@ -303,30 +312,31 @@ fn is_fixed(body: &BodyRecord) -> bool {
     body.traits.kind == BodyKind::Fixed
 }
 
-/// What a client wants to come.
+/// What a client wants to insert.
 struct New<'a, 'f> {
     client: ClientId,
     record: &'a Record,
     bodies: &'a [BodyRecord],
     joints: &'a [JointRecord],
-    /// Finds shapes on record, and those that come with it.
+    /// Finds shapes on record, and those that come with the insertion.
     find: &'f dyn Fn(ShapeHash) -> Option<&'a ShapeRecord>,
 }
 
 impl New<'_, '_> {
-    /// Checks all but whether new shapes can be built. Adds to the sizes of what its client has built.
+    /// Checks everything except whether new shapes can be built. Adds to `sizes`, those of what the client
+    /// has built.
     fn check(&self, speed_limit_m_s: f32, sizes: &mut BTreeMap<BodyId, Size>) -> Result<(), Refusal> {
         let ids: BTreeMap<_, _> = self.bodies.iter().map(|body| (body.id, body.traits.kind)).collect();
         honest(ids.len() == self.bodies.len())?;
         honest(ids.keys().all(|id| id.builder() == Some(self.client)))?;
         self.check_joints(&ids)?;
         for body in self.bodies {
-            // What walks and drives is an avatar, and bounded as such.
+            // Characters and vehicles are avatars, and bounded as such.
             honest(body.traits.character.is_none() && body.traits.vehicle.is_none())?;
             honest(is_slow(body.traits.kind, &body.state.velocity, speed_limit_m_s))?;
             check_traits(&body.traits)?;
         }
-        // Before each of them is looked at.
+        // Checked before each part is looked at.
         if self.part_count() > MAX_BUILT_COLLIDERS {
             return Err(Refusal::Costly(Costs::Colliders));
         }
@@ -353,14 +363,14 @@ impl New<'_, '_> {
         Ok(())
     }
 
-    /// Returns how many parts its compounds have.
+    /// Returns how many parts the compounds of the bodies have.
     fn part_count(&self) -> usize {
         let colliders = self.bodies.iter().flat_map(|body| &body.traits.colliders);
         let shapes = colliders.filter_map(|collider| (self.find)(collider.shape));
         shapes.map(|shape| shape.parts().count()).sum()
     }
 
-    /// Returns whether all shapes are there, and suit what they are for.
+    /// Returns whether all shapes are there, and suit their bodies.
     fn shapes_fit(&self) -> bool {
         let suits = |hash| (self.find)(hash).filter(|shape| shape.suits_builders());
         let is_fine = |collider: &ColliderRecord| {
@@ -372,7 +382,7 @@ impl New<'_, '_> {
         })
     }
 
-    /// Checks how many there are by then, and what they cost.
+    /// Checks how many bodies and joints the client would have built, and what they cost.
     fn check_costs(&self, sizes: &mut BTreeMap<BodyId, Size>) -> Result<(), Refusal> {
         if sizes.len() > 2 * MAX_BUILT {
             sizes.clear();
@@ -407,7 +417,8 @@ impl New<'_, '_> {
         Ok(())
     }
 
-    /// Returns whether a body begins where too many of its client's others are: fixed ones, if it is fixed, or those that move.
+    /// Returns whether a body begins where too many other bodies of its client are. A fixed body is compared
+    /// with fixed ones, and a movable body with movable ones.
     fn is_crowded<'b>(&self, one: &Known<'b>, all: &[Known<'b>]) -> bool {
         let bounds_of = |of: &Known<'b>| *of.bounds.get_or_init(|| bounds_of(of.body, self.find));
         let Some(bounds) = bounds_of(one) else { return false };
@@ -431,7 +442,8 @@ impl New<'_, '_> {
     }
 }
 
-/// A body with its size, and its AABB once that was asked for: to find that out takes long, and each body is compared with all others.
+/// A body with its size, and with its AABB once that was asked for. Computing the AABB takes long, and each
+/// body is compared with all others.
 struct Known<'b> {
     body: &'b BodyRecord,
     size: Size,

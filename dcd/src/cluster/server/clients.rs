@@ -10,12 +10,13 @@ use crate::protocol::{Area, Chunk, Farewell, Refusal, ToClient, chunks};
 use crate::space::ClientId;
 
 impl Server {
-    /// Welcomes a client that greets, in place of the one that it was before.
+    /// Welcomes a client that greets, and replaces what was known of it.
     pub(super) fn welcome_client(&mut self, client: ClientId, interest: Option<Area>) {
         let is_sent_away = |entry: &NodeEntry| {
             entry.member.client == Some(client) && matches!(entry.unwanted, Some((Farewell::SentAway, _)))
         };
-        // It is told why over the link that it shares with its node, once that has handed its regions over.
+        // The client is told why over the link that it shares with its node, once that node has handed its
+        // regions over.
         if self.common.nodes.values().any(is_sent_away) {
             self.common.stale += 1;
             return;
@@ -26,17 +27,18 @@ impl Server {
             return self.part(client);
         }
         let group = self.group_for(client);
-        // It is told of the world below, and not of its parts before.
+        // Not linked yet: the client is told of the whole world below, and of no part of it before.
         let entry = ClientEntry { linked: false, absent_until: None, group, vicinity: None };
         let _ = self.common.clients.insert(client, entry);
-        // First, so that the world it is told of has its own avatars in it: new ones must not take their names.
+        // First, so that the world that the client is told of has its avatars in it: new avatars must not
+        // take their ids.
         self.bring_back(client);
         let Some(group) = self.groups.get(&group) else { return };
         let known = interest.map(|interest| Vicinity::joining(client, interest, &group.record));
         self.tell_world(client, known);
     }
 
-    /// Tells a client of the world in place of the one that it knew.
+    /// Tells a client of the world anew, in place of the one that it knew.
     pub(super) fn tell_world_again(&mut self, client: ClientId) {
         let Some(entry) = self.common.clients.get_mut(&client) else { return };
         let (group, vicinity) = (entry.group, entry.vicinity.take());
@@ -46,7 +48,7 @@ impl Server {
         self.tell_world(client, known);
     }
 
-    /// Tells a client of the world: these parts of it, or all.
+    /// Tells a client of the world: of the `known` part, or of everything.
     pub(super) fn tell_world(&mut self, client: ClientId, known: Option<(Vicinity, Vec<Chunk>)>) {
         let Some(entry) = self.common.clients.get(&client) else { return };
         let Some(group) = self.groups.get(&entry.group) else { return };
@@ -63,7 +65,7 @@ impl Server {
         };
         let leader = group.leader_is();
         let world = self.common.config.world.clone();
-        // Room for 2^28 inputs a stay, for 2^16 stays a view.
+        // Room for 2^28 inputs per stay, and for 2^16 stays per view.
         self.welcomes = (self.welcomes + 1) & 0xffff;
         if self.welcomes == 0 {
             self.common.number = self.common.number.next();

@@ -13,17 +13,20 @@ use crate::protocol::link::{CLIENT_IDLE_TIMEOUT, HANDSHAKE_TIMEOUT};
 use crate::protocol::{Delay, Farewell, Member, Message, ShapeHash, ToClient, ToNode, ViewNumber};
 use crate::space::{BodyId, ClientId, GroupId, NodeId, Viewpoint};
 
-/// How long a node or client may be without a link before the world goes on without it, if others can.
+/// How long a node or client may have no link before the world goes on without it, if others can go on.
 pub(super) const ABSENCE: Duration = Duration::from_secs(1);
-/// How long members are waited for after a restart of the server.
+/// How long members are waited for after the server was restarted.
 pub(super) const RETURN: Duration = Duration::from_secs(3);
-/// Bounds how long clients are waited for: one that says nothing finds out late that its link is gone, and calls again then.
+/// How long clients are waited for then. A client that says nothing finds out late that its link is gone, and
+/// only then calls again.
 pub(super) const RETURN_OF_CLIENTS: Duration = CLIENT_IDLE_TIMEOUT.saturating_add(HANDSHAKE_TIMEOUT);
 
-/// Bounds how often a node may greet at once, and then per second: a link that breaks is made anew after a second at most.
+/// Bounds how often a node may greet: so often at once, and so often per second. A link that breaks is made
+/// anew after a second at most.
 const GREETINGS: f64 = 32.0;
 const GREETINGS_PER_S: f64 = 1.0;
-/// Bounds how often a participant may make the others of its group stop, and then per second: who hangs more often computes apart from them.
+/// Bounds how often a participant may make the others of its group stop: so often at once, and so often per
+/// second. One that hangs more often computes apart from them.
 const FAILURES: f64 = 8.0;
 const FAILURES_PER_S: f64 = 1.0 / 300.0;
 
@@ -31,37 +34,37 @@ const FAILURES_PER_S: f64 = 1.0 / 300.0;
 #[derive(Clone, Debug)]
 pub(super) struct NodeEntry {
     pub member: Member,
-    /// When it is given up; `None` while its link is up, or once nobody else could take over.
+    /// When the node is given up. `None` while its link is up, or once no other node could take over.
     pub absent_until: Option<Duration>,
     pub linked: bool,
-    /// It has the world, and may be given regions.
+    /// Whether it has the world, and may be given regions.
     pub loaded: bool,
-    /// Times that it was sent the world over this link and has not answered.
+    /// How many times it was sent the world over this link and has not answered.
     pub loading: u32,
     pub leaving: bool,
-    /// What it is told when it goes, if it did not ask to leave itself.
+    /// What it is told when it leaves, if it did not ask to leave itself.
     pub unwanted: Option<(Farewell, String)>,
-    /// The group that it is, or is to be, a member of.
+    /// The group that it is a member of, or is to be.
     pub group: Option<GroupId>,
     pub in_group_since: Duration,
-    /// It has left a group, holds what was computed there, and is to begin anew.
+    /// Whether it has left a group, holds what was computed there, and is to begin anew.
     pub moved: bool,
     /// The view that it was last told to adopt.
     pub serving: Option<ViewNumber>,
-    /// The newest view when it began anew: it holds nothing of that one and those before.
+    /// The newest view at the time when the node began anew. It holds nothing of that view and those before.
     pub anew_since: ViewNumber,
     pub shapes: BTreeSet<ShapeHash>,
     pub scenery: BTreeSet<BodyId>,
-    /// Immovable bodies that are gone and that it may hold; it is told with the next view.
+    /// Immovable bodies that are gone and that the node may hold. It is told of them with the next view.
     pub stale_scenery: BTreeSet<BodyId>,
-    /// Round trips to others as it measures them; `None`: unreachable.
+    /// Round trips to other nodes, milliseconds, as the node measures them. `None`: out of reach.
     pub delays: BTreeMap<NodeId, Option<f32>>,
-    /// What it was told to do to moving bodies, if it leads.
+    /// Operations on moving bodies that it was told, if it leads.
     pub moves: Moves,
 }
 
 impl NodeEntry {
-    /// Returns whether regions can be given to it.
+    /// Returns whether the node can be given regions.
     pub(super) fn is_ready(&self) -> bool {
         self.loaded && !self.leaving && (self.linked || self.serving.is_some())
     }
@@ -76,11 +79,11 @@ impl NodeEntry {
 #[derive(Clone, Debug)]
 pub(super) struct ClientEntry {
     pub linked: bool,
-    /// When its avatars are taken out of the world.
+    /// When the client counts as gone, and its avatars are taken out of the world.
     pub absent_until: Option<Duration>,
     /// The group whose leader it plays with.
     pub group: GroupId,
-    /// What it has been told of the world; `None`: all of it.
+    /// What the client has been told of the world. `None`: all of it.
     pub vicinity: Option<Vicinity>,
 }
 
@@ -90,20 +93,20 @@ pub(super) struct Common {
     pub now: Duration,
     pub nodes: BTreeMap<NodeId, NodeEntry>,
     pub clients: BTreeMap<ClientId, ClientEntry>,
-    /// What clients have asked for, those included that are gone.
+    /// What clients have asked for, including clients that are gone.
     pub allowances: BTreeMap<ClientId, Allowance>,
-    /// Counts how often nodes have greeted, those included that are gone.
+    /// Counts how often nodes have greeted, including nodes that are gone.
     pub greetings: BTreeMap<NodeId, Account>,
-    /// Counts how often participants have made others stop, those included that are gone.
+    /// Counts how often participants have made others stop, including participants that are gone.
     pub failures: BTreeMap<NodeId, Account>,
     /// The newest view number in use, over all groups.
     pub number: ViewNumber,
     pub begun: bool,
     pub stopping: bool,
     pub stale: u64,
-    /// To be written down.
+    /// Whether the world's entry is to be written down.
     pub world_changed: bool,
-    /// Of the next body and the next joint that the program makes.
+    /// The ids of the next body and the next joint that the program makes.
     pub next_ids: (u32, u64),
     /// The places from which the program looks at the world.
     pub viewpoints: Vec<Viewpoint>,
@@ -113,13 +116,14 @@ pub(super) struct Common {
 }
 
 impl Common {
-    /// Counts that a node greets, which stops its group or costs a world. Returns whether it may.
+    /// Counts that a node greets, which stops its group or costs sending it a world. Returns whether the node
+    /// may greet.
     pub(super) fn may_greet(&mut self, node: NodeId) -> bool {
         let now = self.now;
         self.greetings.entry(node).or_default().ask(now, 1.0, GREETINGS, GREETINGS_PER_S)
     }
 
-    /// Counts that a participant makes the others of its group stop; returns whether it does count.
+    /// Counts that a participant makes the others of its group stop. Returns whether it was counted.
     pub(super) fn has_failed(&mut self, node: NodeId) -> bool {
         let now = self.now;
         let Some(entry) = self.nodes.get(&node).filter(|entry| entry.member.client.is_some()) else {
@@ -132,7 +136,7 @@ impl Common {
             && self.failures.entry(node).or_default().ask(now, 1.0, FAILURES, FAILURES_PER_S)
     }
 
-    /// Takes back that a node has failed, which counted: it said what was so.
+    /// Takes back a failure of a node that was counted: what the node said was true.
     pub(super) fn forgive(&mut self, node: NodeId) {
         if let Some(account) = self.failures.get_mut(&node) {
             account.give_back(1.0);
@@ -166,7 +170,8 @@ impl Common {
         }
     }
 
-    /// Tells clients of a body that is new to a group; those with an area of interest if it is near.
+    /// Tells the clients of a group of a body that is new to it. Clients with an area of interest are told if
+    /// the body is near or their own.
     pub(super) fn announce(&mut self, group: GroupId, record: &Record, id: BodyId, inserted: &ToClient) {
         let mut messages = Vec::new();
         let concerned = self.clients.iter_mut().filter(|(_, entry)| entry.linked && entry.group == group);
@@ -180,10 +185,10 @@ impl Common {
         messages.into_iter().for_each(|(client, message)| self.send_client(client, message));
     }
 
-    /// Tells the clients that play with this group and know a body that it is gone.
+    /// Tells the clients of a group that know a body that it is gone.
     pub(super) fn announce_end(&mut self, group: GroupId, id: BodyId) {
         let mut concerned = Vec::new();
-        // It may be there still for those who play with another group.
+        // The body may still be there for clients of another group.
         for (&client, entry) in self.clients.iter_mut().filter(|(_, entry)| entry.group == group) {
             let knows = entry.vicinity.as_mut().is_none_or(|vicinity| vicinity.forget(id));
             if entry.linked && (knows || id.client() == Some(client)) {
@@ -205,7 +210,7 @@ impl Common {
         self.nodes.remove(&node);
     }
 
-    /// Tells every node of every other.
+    /// Tells every node of all nodes.
     pub(super) fn tell_roster(&mut self) {
         let here: BTreeSet<_> = self.nodes.keys().copied().collect();
         self.nodes.values_mut().for_each(|entry| entry.delays.retain(|node, _| here.contains(node)));

@@ -1,4 +1,5 @@
-//! Keeps shapes that no body has any more for as long as something that names one may be on its way, and their names until nodes are told.
+//! Keeps shapes that no body has any more for as long as a message that names one may be on its way, and
+//! keeps their names until nodes are told.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
@@ -7,23 +8,25 @@ use super::budget::kept_len;
 use crate::protocol::link::CLIENT_IDLE_TIMEOUT;
 use crate::protocol::{BodyRecord, ShapeHash, ShapeRecord, encoded_len};
 
-/// So many bytes of shapes come before all bodies are looked through for those that nobody has.
+/// The bytes of shapes that must come before all bodies are searched for shapes that nobody has.
 const ROOM: usize = 4 << 20;
-/// So many for each body at least: looking through many takes long.
+/// The same per body on record, if that is more: a search of many bodies takes long.
 const ROOM_PER_BODY: usize = 16;
-/// The longest time for which something that names a shape may be on its way: a link that is silent for longer is gone.
+/// The longest time for which a message that names a shape may be on its way: a link that is silent for
+/// longer is gone.
 const UNDERWAY: Duration = CLIENT_IDLE_TIMEOUT;
 
-/// Shapes that no body has.
+/// Shapes that no body has and that are being forgotten.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Fading {
-    /// Bytes of shapes that have come since all bodies were last looked through.
+    /// Bytes of shapes that have come since the last search of all bodies.
     come: usize,
-    /// Shapes that the record and clients have forgotten some moments ago, and when. None of them is on record.
+    /// Shapes that the record and clients have forgotten, and when they did. None of them is on record.
     shapes: BTreeMap<ShapeHash, (Duration, ShapeRecord)>,
-    /// The same in order of time; some may be on record again.
+    /// The same shapes in order of time. Some may be on record again.
     since: VecDeque<(Duration, Vec<ShapeHash>)>,
-    /// Names of those that nobody asks for any more, and that nodes have not forgotten yet. None of them is on record.
+    /// Names of shapes that nobody can ask for any more and that nodes have not forgotten yet. None of them
+    /// is on record.
     owed: BTreeSet<ShapeHash>,
 }
 
@@ -46,12 +49,13 @@ impl Fading {
         }
     }
 
-    /// Returns whether so many have come that it is worth a look at so many bodies.
+    /// Returns whether enough bytes have come to make a search of so many bodies worthwhile.
     pub(super) fn is_crowded(&self, bodies: usize) -> bool {
         self.come >= ROOM.max(ROOM_PER_BODY * bodies)
     }
 
-    /// Takes the shapes that no body has, after all bodies have been looked through; these are `used`.
+    /// Takes in the shapes that no body has, after a search of all bodies. `used` are the shapes that bodies
+    /// have.
     pub(super) fn begin(
         &mut self,
         now: Duration,
@@ -59,7 +63,7 @@ impl Fading {
         used: &BTreeSet<ShapeHash>,
     ) {
         self.come = 0;
-        // Another world may have brought some back.
+        // A world that replaced another may have brought some back.
         self.shapes.retain(|hash, _| !used.contains(hash));
         self.owed.retain(|hash| !used.contains(hash));
         if !gone.is_empty() {
@@ -68,13 +72,14 @@ impl Fading {
         }
     }
 
-    /// Forgets the shapes that nobody can be asking for any more, but not their names. Returns these, ordered.
+    /// Forgets the shapes that nobody can be asking for any more, but not their names. Returns the names, in
+    /// order.
     pub(super) fn end(&mut self, now: Duration) -> BTreeSet<ShapeHash> {
         let mut ended = BTreeSet::new();
         while self.since.front().is_some_and(|(since, _)| *since + UNDERWAY <= now) {
             let Some((since, names)) = self.since.pop_front() else { break };
             for name in names {
-                // It may have come and gone again since.
+                // The shape may have come and gone again since.
                 if self.shapes.get(&name).is_some_and(|(last, _)| *last == since) {
                     self.shapes.remove(&name);
                     ended.insert(name);
@@ -85,7 +90,7 @@ impl Fading {
         ended
     }
 
-    /// Returns whether nodes are to be told of any.
+    /// Returns whether nodes are to be told of any names.
     pub(super) fn owes(&self) -> bool {
         !self.owed.is_empty()
     }
@@ -95,8 +100,8 @@ impl Fading {
         std::mem::take(&mut self.owed)
     }
 
-    /// Adds to the shapes that come with new bodies those that these have, that are being forgotten and that are no longer than this: who
-    /// asked for the bodies may not have heard of that.
+    /// Adds to the shapes that come with new bodies those shapes of these bodies that are being forgotten and
+    /// take at most `bytes`. Whoever asked for the bodies may not have heard that the shapes are gone.
     pub(super) fn bring_back(&self, bodies: &[BodyRecord], shapes: &mut Vec<ShapeRecord>, bytes: usize) {
         if self.shapes.is_empty() {
             return;

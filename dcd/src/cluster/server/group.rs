@@ -1,5 +1,5 @@
-//! Keeps one consistency group on the server: its view (membership), its record of the world, and its members' complaints about
-//! lost links.
+//! Keeps one consistency group on the server: its view (membership), its record of the world, and its
+//! members' complaints about lost links.
 
 mod agreement;
 mod change;
@@ -21,9 +21,10 @@ use crate::fidelity::FidelityReport;
 use crate::protocol::{BodyRecord, ToClient, ToNode, ToServer, View, WorldOp};
 use crate::space::{Allocation, BodyId, DistributionTree, GroupId, NodeId, RegionId, Tick};
 
-/// How long complaints about lost links are collected before one of those concerned has to go.
+/// How long complaints about lost links are collected before one of the members concerned has to go.
 const HEARING: Duration = Duration::from_millis(50);
-/// How long after a participant was believed that accused a member alone it is not believed of another one.
+/// How long a participant is not believed about another member, once it was believed when it accused one
+/// alone.
 const BELIEVED: Duration = Duration::from_secs(10);
 
 /// A complaint: the node that complains, and the node that it cannot reach.
@@ -35,45 +36,49 @@ pub(super) struct Group {
     pub record: Record,
     pub tick: Tick,
     pub view: Option<View>,
-    /// The view before it, by which members are known that never heard of the present one.
+    /// The view before the present one: members that never heard of the present view are known by it.
     pub former: Option<View>,
     pub change: Option<ViewChange>,
-    /// What the leader of a group that fell silent in a view change had handed over, for who takes over from it.
+    /// Operations that the leader had handed over when the group fell silent in a view change. They are for
+    /// the nodes that take over.
     pub left_over: Vec<WorldOp>,
     divisions: Divisions,
-    /// Members that have told all they know of the world's last tick.
+    /// Members that have reported all that they know of the world's last tick.
     pub at_last_tick: BTreeSet<NodeId>,
-    /// Bodies that the leader was told to insert and that no node has spoken of yet.
+    /// Bodies that the leader was told to insert and that no node has reported yet.
     pub arriving: BTreeSet<BodyId>,
     pub postponed: Postponed,
-    /// Keeps what the program took away and altered, for leaders to come.
+    /// What the program took away and altered, for leaders to come.
     pub retold: Retold,
-    /// The regions that own bodies, as members told in the present view: for operators.
+    /// The region that owns each body, as members reported in the present view. Operators are told it, and it
+    /// shows which member may report a removal.
     pub owners: BTreeMap<BodyId, RegionId>,
     complaints: BTreeSet<Complaint>,
-    /// When participants were believed that accused a member alone.
+    /// When each participant that accused a member alone was believed.
     believed: BTreeMap<NodeId, Duration>,
-    /// Who accused a member alone in the present view and went itself.
+    /// For each member that was accused by one participant alone in the present view, and did not go: the
+    /// participant, which went itself.
     denounced: BTreeMap<NodeId, NodeId>,
-    /// When they are decided on.
+    /// When the complaints are decided on.
     pub hearing: Option<Duration>,
-    /// Whether a member's link broke, so that what was sent over it may be lost: all is to be compared.
+    /// Whether a view change must compare everything: a member's link broke and what was sent over it may be
+    /// lost, or bodies to be inserted are too large for one operation.
     pub unsure: bool,
-    /// Whether anything was heard of the present view: if not, nobody may have heard of it.
+    /// Whether anything was heard of the present view. If not, perhaps no member has heard of it.
     pub confirmed: bool,
     /// Since when no member has a link, though some may go on computing.
     pub silent_since: Option<Duration>,
-    /// Whether clients were told so: the group is held.
+    /// Whether the group is held: no member has a link, and clients were told so.
     pub held: bool,
-    /// Whether the world is to be saved: members say all that they own.
+    /// Whether the world is to be saved. Members then say all that they own.
     pub saving: bool,
-    /// Lost and doubled bodies by the last survey of a world that ends.
+    /// The lost and the doubled bodies, by the last survey of a world that ends.
     pub audit: Option<(Vec<BodyId>, Vec<BodyId>)>,
-    /// How often each member has come back in the present view change, which began anew with it.
+    /// How often each member has come back in the present view change. Each return began the change anew.
     returns: BTreeMap<NodeId, u32>,
     /// The participants that are verified.
     pub drawn: Drawn,
-    /// What its leader said last of what it saves and costs that not all is computed in full.
+    /// What the leader last reported of what it saves and costs not to compute everything in full.
     pub fidelity: Option<FidelityReport>,
 }
 
@@ -118,7 +123,7 @@ impl Group {
         self.view.as_ref().is_some_and(|view| view.members.iter().any(|member| member.node == node))
     }
 
-    /// Returns the members that compute the present view, as far as known.
+    /// Returns the members that compute the present view, as far as the server knows.
     pub(super) fn serving(&self, common: &Common) -> BTreeSet<NodeId> {
         let Some(view) = &self.view else { return BTreeSet::new() };
         let serves =
@@ -126,8 +131,8 @@ impl Group {
         view.members.iter().map(|member| member.node).filter(serves).collect()
     }
 
-    /// Returns the nodes that are to be the members of the next view. A node that computes another group's view must be let go
-    /// of there first.
+    /// Returns the nodes that are to be the members of the next view. A node that computes another group's
+    /// view must first be let go there.
     pub(super) fn wanted<'a>(&self, common: &'a Common) -> impl Iterator<Item = (NodeId, &'a NodeEntry)> {
         let (id, present) = (self.id, self.view.as_ref().map(|view| view.number));
         let is_free = move |entry: &NodeEntry| entry.serving.is_none() || entry.serving == present;
@@ -144,7 +149,7 @@ impl Group {
         ToClient::LeaderIs { group: self.id, view: number, leader, tree, allocation }
     }
 
-    /// Tells the leader what to do to the world; while membership changes, `Adopt` takes care of it.
+    /// Tells the leader what to do to the world. While membership changes, `Adopt` takes care of it instead.
     pub(super) fn apply(&self, common: &mut Common, ops: Vec<WorldOp>) {
         if self.change.is_none() {
             self.tell_leader(common, ops);
@@ -165,17 +170,20 @@ impl Group {
             return;
         }
         if common.stopping {
-            // Somebody died during the last survey. What it owned has been taken over: now all can be asked.
+            // If a member died during the last survey, what it owned has been taken over: now all can be
+            // asked.
             return match self.view {
                 Some(_) if !self.held => self.begin_change(common),
                 _ => self.audit = Some((Vec::new(), Vec::new())),
             };
         }
-        // The record has all that there is to know. Members that are not heard may be elsewhere, and are waited for.
+        // Without a view, the record has all that there is to know. A group that is held has a view: its
+        // members may compute unheard, and are waited for.
         if self.saving && self.view.is_none() {
             self.tell_saved(common);
         }
-        // Nothing is asked while an answer may have to be waited for: the members compute on meanwhile.
+        // No view change begins while a member may come back, as its answer would have to be waited for. The
+        // members compute on meanwhile.
         let is_awaited = |node: &NodeId| common.nodes[node].absent_until.is_some();
         if self.serving(common).iter().any(is_awaited) {
             return;
@@ -192,7 +200,8 @@ impl Group {
         }
     }
 
-    /// Takes in what a member says about the world. Returns `false` if it is not from a member, or of another view.
+    /// Takes in what a member says about the world. Returns `false` if the message is not from a member, or
+    /// is of another view.
     pub(super) fn hear(&mut self, common: &mut Common, node: NodeId, message: ToServer) -> bool {
         let present = self.view.as_ref().map(|view| view.number);
         let coming = self.change.as_ref().map(|change| change.number);
@@ -225,7 +234,7 @@ impl Group {
             }
             ToServer::LinkLost { view, node: other } if Some(view) == present && self.is_member(other) => {
                 self.complaints.insert((node, other));
-                // If the server misses it too, nobody else needs to be heard.
+                // If the server has no link with that node either, nobody else needs to be heard.
                 let misses_it = !common.nodes.get(&other).is_some_and(|entry| entry.linked);
                 let at = if misses_it { common.now } else { common.now + HEARING };
                 self.hearing = Some(self.hearing.map_or(at, |hearing| hearing.min(at)));
@@ -239,8 +248,8 @@ impl Group {
         self.view.as_ref().is_some_and(|view| view.leader == node)
     }
 
-    /// Takes in how the world is cut now, and who computes what: clients are told where to look for bodies. It need not outlive
-    /// the server: members know it.
+    /// Takes in the new tree and allocation, and tells clients, which look for bodies by them. These need not
+    /// outlive the server, as members know them. Returns `false` if a node of the allocation is no member.
     fn repartitioned(
         &mut self,
         common: &mut Common,
@@ -266,9 +275,11 @@ impl Group {
         true
     }
 
-    /// Takes in states of bodies in the sender's own regions; others are counted, and change nothing.
+    /// Takes in states of bodies in the sender's own regions. Others are counted as stale, and change
+    /// nothing.
     fn hear_of_bodies(&mut self, common: &mut Common, node: NodeId, message: ToServer) {
-        // The tick of the world is its leader's to say, which says so even when nothing moves. Others may be ahead of its word, but not much.
+        // The leader says which tick the world is at, even when nothing moves. Other members may be ahead of
+        // its word, but not by much.
         let most = Tick(self.tick.0 + 2 * (TELL_TICK + common.config.world.protocol.lag_ticks()));
         let leads = self.leads(node);
         match message {
@@ -287,13 +298,13 @@ impl Group {
                         self.owners.insert(checkpoint.id, checkpoint.region);
                     }
                 }
-                // Now and then those are forgotten that are gone.
+                // Bodies that are gone are forgotten now and then.
                 if self.owners.len() > 2 * self.record.len() + 64 {
                     self.owners.retain(|&id, _| self.record.life(id).is_some());
                 }
                 if leads {
                     self.tick = self.tick.max(tick);
-                    // What it was told may be lost with a link.
+                    // While the group is unsure, what the leader was told may be lost with a link.
                     if self.change.is_none() && !self.unsure {
                         let ahead = common.config.world.protocol.lag_ticks() + 1;
                         self.retold.leader_is_at(common.now, tick, ahead);
@@ -318,7 +329,8 @@ impl Group {
         }
     }
 
-    /// Returns whether another member owns a body, as far as known: the sender's word is of an epoch at which that one said so.
+    /// Returns whether another member is known to own a body, having said so at the epoch that the sender
+    /// names or at a later one.
     fn is_anothers(&self, node: NodeId, body: &BodyRecord) -> bool {
         let known = self.record.body(body.id).is_some_and(|known| known.epoch >= body.epoch);
         let region = self.owners.get(&body.id).filter(|_| known);
@@ -327,12 +339,14 @@ impl Group {
         owner.is_some_and(|owner| *owner != node)
     }
 
-    /// Decides which members have to go, as members that cannot reach one another cannot share a tree. Those that most others
-    /// complain of go, of equals a participant, then the one with the highest id; each is named once, dead ones first. A node that is dead or
-    /// hangs does not complain itself. Returns them, and whether it is a fault of their own: a participant alone may say what it likes.
+    /// Decides which members have to go, as members that cannot reach one another cannot share a tree.
+    /// Members without a link go first, then those that most others complain of. Among equals a participant
+    /// goes, then the one with the highest id. A node that is dead or hangs does not complain itself. Returns
+    /// each member that goes once, with whether it is at fault itself. It is not if it has no link, or if a
+    /// participant alone accuses it, which may say what it likes.
     pub(super) fn decide_complaints(&mut self, common: &Common) -> Vec<(NodeId, bool)> {
         self.hearing = None;
-        // Who is on its way out already neither accuses nor is accused.
+        // A node that is on its way out neither accuses nor is accused.
         let serving = self.serving(common);
         let mut open: BTreeSet<_> = std::mem::take(&mut self.complaints)
             .into_iter()
@@ -361,12 +375,14 @@ impl Group {
         going
     }
 
-    /// Notes that there is nothing to be forgiven one that accused a member alone and goes: that it did so did not count.
+    /// Notes that a participant that accused a member alone and goes has nothing to be forgiven: its failure
+    /// did not count.
     pub(super) fn has_not_counted(&mut self, accuser: NodeId) {
         self.denounced.retain(|_, liar| *liar != accuser);
     }
 
-    /// Returns who accused this member alone, and went itself, though it hangs indeed.
+    /// Returns, and forgets, the participant that accused this member alone and went itself, though this
+    /// member hangs indeed.
     pub(super) fn was_denounced_by(&mut self, mute: NodeId) -> Option<NodeId> {
         self.denounced.remove(&mute)
     }
@@ -376,13 +392,14 @@ impl Group {
         members.any(|member| member.node == node && member.client.is_none())
     }
 
-    /// Returns whether a node's word alone may be a lie: a participant's, that does not lead.
+    /// Returns whether a node's word alone may be a lie: the node is a participant and does not lead.
     fn is_doubtful(&self, node: NodeId) -> bool {
         !self.leads(node) && !self.is_dedicated(node)
     }
 
-    /// Returns whether such a one accuses alone, and more than its word is good for: several members, one more than shortly before, or the last
-    /// dedicated one. Then its own links are at fault, or it wants the world for itself.
+    /// Returns whether a participant that accuses alone claims more than its word is good for. It does if it
+    /// accuses several members, another one soon after it was believed, or the last dedicated node. Then its
+    /// own links are at fault, or it wants the world for itself.
     fn overreaches(&mut self, common: &Common, accuser: NodeId, accused: NodeId, named: usize) -> bool {
         let others = self.serving(common).into_iter().filter(|node| *node != accused);
         let is_last = self.is_dedicated(accused) && !others.into_iter().any(|node| self.is_dedicated(node));
@@ -396,7 +413,8 @@ impl Group {
         overreaches
     }
 
-    /// Closes the audit, when all have told what they own or there is nobody to ask: lists what is lost and what is doubled.
+    /// Closes the audit and lists the lost and the doubled bodies. By now all members have told what they
+    /// own, or there is nobody to ask.
     pub(super) fn close_audit(&mut self, owners: &BTreeMap<BodyId, usize>) {
         let lost = self
             .record
@@ -409,7 +427,8 @@ impl Group {
         self.audit = Some((lost, doubled));
     }
 
-    /// Marks the group as held, as no member has a link: it may be dead, or computing on where it is not heard.
+    /// Marks the group as held, as no member has a link. Members may be dead, or compute where they are not
+    /// heard.
     pub(super) fn fall_silent(&mut self, common: &mut Common) {
         if let Some(change) = self.change.take() {
             self.left_over = change.handed_over();

@@ -1,5 +1,5 @@
-//! Numbers what a leader is told to do to moving bodies, and keeps it until it has surely arrived: what is sent into a link that is dead, and not
-//! yet known to be, is sent again over the next one.
+//! Numbers the operations on moving bodies that a leader is told, and keeps them until they have surely
+//! arrived. What is sent into a link that is dead, but not yet known to be, is sent again over the next link.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -9,28 +9,31 @@ use crate::protocol::link::IDLE_TIMEOUT;
 use crate::protocol::{ViewNumber, WorldOp};
 use crate::space::BodyId;
 
-/// How long what was sent is kept while more is sent: by then it has arrived, or the link is known to be dead.
+/// How long sent operations are kept, checked when more are sent. By then they have arrived, or the link is
+/// known to be dead.
 const SURELY_HEARD: Duration = IDLE_TIMEOUT.saturating_mul(2);
-/// The most operations kept. Of a program that asks for more within that time the oldest go first: the newest count.
+/// The most operations kept. If a program asks for more within that time, the oldest are dropped: the newest
+/// count.
 const MOST: usize = 1 << 17;
 
-/// What a node was told in its view, if it leads.
+/// The operations on moving bodies that a node was told in its view, if it leads.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Moves {
     view: ViewNumber,
     /// The number of the next operation in the view.
     next: u64,
-    /// The last ones, by number, and when they were sent; but for impulses, which would act all at once.
+    /// The last operations, each with its number and the time at which it was sent. Impulses are left out, as
+    /// they would act all at once.
     kept: VecDeque<(u64, Duration, WorldOp)>,
 }
 
 impl Moves {
-    /// Returns those of a view that begins.
+    /// Returns the state for a view that begins, in which no operation has been sent yet.
     pub(super) fn of_view(view: ViewNumber) -> Self {
         Self { view, ..Self::default() }
     }
 
-    /// Notes what is sent now; returns the number of the first one of it that moves a body.
+    /// Notes operations that are sent now. Returns the number of the first of them that moves a body.
     pub(super) fn are_sent(&mut self, now: Duration, ops: &[WorldOp]) -> u64 {
         let first = self.next;
         for op in ops.iter().filter(|op| op.moves().is_some()) {
@@ -46,8 +49,8 @@ impl Moves {
         first
     }
 
-    /// Takes in how many the node has heard that comes back in this view, from where the next ones are numbered. Returns what counts of those
-    /// that it has not heard, with bodies that are there.
+    /// Takes in how many operations a node that comes back has heard in this view. The next ones are numbered
+    /// from there. Returns those that it has not heard and that still count, on bodies that are there.
     pub(super) fn are_heard(
         &mut self,
         view: ViewNumber,

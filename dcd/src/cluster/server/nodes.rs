@@ -11,16 +11,16 @@ use crate::cluster::Peer;
 use crate::protocol::{Delay, Farewell, Member, Refusal, ToNode, ToServer, ViewNumber};
 use crate::space::{GroupId, NodeId};
 
-/// How long a group whose members are all out of reach is left alone before others take over.
+/// How long a group whose members are all out of reach is left alone before other nodes take over.
 const HOLD: Duration = Duration::from_secs(3);
 
-/// The standing of a node that comes back in its group.
+/// The standing that a returning node has in its group.
 pub(super) enum Resumption {
-    /// A member still.
+    /// It is still a member.
     Member(GroupId),
-    /// Which of two views goes on is not known yet, and it is a member of one of them.
+    /// It is a member of one of two views, and the server does not know yet which of them goes on.
     Undecided,
-    /// Nothing: the world comes anew.
+    /// It has none, and is sent the world anew.
     Anew,
 }
 
@@ -32,12 +32,13 @@ impl Server {
         self.groups.values().find(is_view).map(|group| group.id)
     }
 
-    /// Decides where a node belongs that comes back and computes this view.
+    /// Decides where a node belongs that comes back and computes the view of this number.
     pub(super) fn resumption(&mut self, node: NodeId, view: ViewNumber) -> Resumption {
         let Some(id) = self.group_of(node) else { return Resumption::Anew };
         let Some(group) = self.groups.get_mut(&id) else { return Resumption::Anew };
-        // Nobody may have heard of the newest view, because the server or the links died in that moment: then the one
-        // before it goes on. Whose link has not broken since has heard of it, or will.
+        // Perhaps no member has heard of the newest view, because the server or the links died at that
+        // moment. Then the view before it goes on. A member whose link has not broken since has heard of the
+        // newest view, or will.
         let is_heard = |member: &NodeId| *member != node && self.common.nodes[member].linked;
         let is_unheard = !group.confirmed && !group.serving(&self.common).iter().any(is_heard);
         let is_member = group.is_member(node);
@@ -45,14 +46,14 @@ impl Server {
             && let Some(former) = group.former.take_if(|former| former.number == view)
         {
             if !is_member {
-                // It was to go; those who were to stay know.
+                // The node was to leave. Those that were to stay know whether the newest view began.
                 group.former = Some(former);
                 return Resumption::Undecided;
             }
             let present = group.view.replace(former.clone()).map(|view| view.number);
             for (node, entry) in &mut self.common.nodes {
                 let is_former = former.members.iter().any(|member| member.node == *node);
-                // Who computes for another group by now is not taken back.
+                // A node that computes for another group by now is not taken back.
                 if entry.serving == present || (is_former && entry.serving.is_none()) {
                     let holds_it = is_former && entry.anew_since < former.number;
                     entry.serving = holds_it.then_some(former.number);
@@ -67,7 +68,8 @@ impl Server {
         }
     }
 
-    /// Drops the view before one that was heard of: nodes that were to go begin anew.
+    /// Drops the view before the present one, of which a member has heard by now. Nodes that were to leave
+    /// with the present view begin anew.
     fn let_go(&mut self, id: GroupId, view: ViewNumber) {
         let Some(group) = self.groups.get_mut(&id) else { return };
         group.former = None;
@@ -84,7 +86,7 @@ impl Server {
         over.into_iter().for_each(|node| self.begin_anew(node));
     }
 
-    /// Notes that a node begins anew: it came and was told to, or has loaded what it was sent.
+    /// Notes that a node begins anew: it greeted and was told to, or it has loaded what it was sent.
     pub(super) fn is_anew(&mut self, node: NodeId) {
         let newest = self.groups.values().filter_map(|group| Some(group.view.as_ref()?.number)).max();
         if let Some(entry) = self.common.nodes.get_mut(&node) {
@@ -92,19 +94,21 @@ impl Server {
         }
     }
 
-    /// Links again a node of which it is not known yet whether it is a member, and which has heard so many operations in this view.
+    /// Restores the link of a node whose membership is not decided yet, and which has `heard` so many
+    /// operations in this view.
     pub(super) fn link_again(&mut self, member: Member, view: ViewNumber, heard: u64) {
         if let Some(entry) = self.common.nodes.get_mut(&member.node) {
             (entry.member, entry.linked, entry.absent_until) = (member, true, None);
             entry.loading = 0;
-            // What is lost of that view was told to another one, if anybody.
+            // What the node missed of that view was told to another leader, if to any.
             entry.moves.are_heard(view, heard, |_| false);
         }
         self.common.tell_roster();
     }
 
-    /// Resumes a member whose link broke and is back: what was sent over it may be lost, so all is compared in a view change. As the leader it has
-    /// `heard` so many of the operations that no comparison finds.
+    /// Resumes a member whose link broke and is back. Messages sent over that link may be lost, so a view
+    /// change compares everything. If the member leads, it has `heard` so many of the operations that no
+    /// comparison finds.
     pub(super) fn resume(&mut self, member: Member, id: GroupId, heard: u64) {
         let (node, until) = (member.node, self.common.now + RETURN);
         if let Some(entry) = self.common.nodes.get_mut(&node) {
@@ -112,13 +116,15 @@ impl Server {
             entry.linked = true;
             entry.absent_until = None;
             entry.loading = 0;
-            // What it was sent last may be lost. It is sent all with the next view, and knows what it has.
+            // What the node was sent last may be lost. The next view sends it everything, and the node knows
+            // what it has already.
             entry.shapes.clear();
             entry.scenery.clear();
         }
         let Some(group) = self.groups.get_mut(&id) else { return };
         let others: Vec<_> = group.serving(&self.common).into_iter().filter(|&other| other != node).collect();
-        // It was not they who were cut off: they should be back about now as well.
+        // No other member has a link either: the server was cut off, not the members. They should be back
+        // about now as well.
         if others.iter().all(|other| !self.common.nodes[other].linked) {
             for other in others {
                 if let Some(entry) = self.common.nodes.get_mut(&other) {
@@ -133,9 +139,9 @@ impl Server {
         }
         if let Some(group) = self.groups.get_mut(&id) {
             group.unsure = true;
-            // They went on as before, and did what was to be handed over.
+            // The members went on as before, and have done what their leader was to hand over.
             group.left_over.clear();
-            // It hands them over in the change that follows, if it has not done them.
+            // The leader hands these over in the change that follows, unless it has done them.
             if group.leads(node) {
                 group.say_again(&mut self.common, heard);
             }
@@ -150,7 +156,7 @@ impl Server {
         self.common.tell_roster();
     }
 
-    /// Sends a node the world; `loading` times it was sent that before, and has not answered.
+    /// Sends a node the world. The node was sent it `loading` times before and has not answered.
     pub(super) fn welcome_node(&mut self, member: Member, loading: u32) {
         let node = member.node;
         let (mut shapes, mut scenery) = (BTreeSet::new(), BTreeSet::new());
@@ -219,14 +225,16 @@ impl Server {
         }
     }
 
-    /// Notes that a node has the world that it was sent, be it one that it has been sent another in place of.
+    /// Notes that a node has loaded a world that it was sent. If it was sent another world since, only the
+    /// answer to the last one counts.
     fn has_loaded(&mut self, node: NodeId) {
         let Some(entry) = self.common.nodes.get_mut(&node) else { return };
         entry.loading = entry.loading.saturating_sub(1);
         if entry.loading > 0 {
             return;
         }
-        // It was taken for a member of a former view while it loaded, and holds nothing of it; or it says so to be sent another world.
+        // The server took the node for a member of a former view while it loaded, and it holds nothing of
+        // that view. Or it says so to be sent another world.
         if entry.serving.is_some() {
             if !self.common.may_greet(node) {
                 return self.turn_away(Peer::Node(node), Refusal::TooMany.to_string());
@@ -238,7 +246,7 @@ impl Server {
         self.is_anew(node);
     }
 
-    /// Takes in changed delays from a node to others that are here: it may name any.
+    /// Takes in changed delays from a node to other nodes that are here. The node may name any.
     fn learn_delays(&mut self, node: NodeId, mut delays: Vec<Delay>) {
         let before = delays.len();
         delays.retain(|delay| self.common.nodes.contains_key(&delay.node));
@@ -256,7 +264,7 @@ impl Server {
                 entry.linked = false;
                 entry.absent_until = Some(until);
             }
-            // Nothing depends on it yet.
+            // Nothing depends on the node yet.
             Some(_) => {
                 self.lose(node);
                 self.common.tell_roster();
@@ -285,7 +293,7 @@ impl Server {
         }
     }
 
-    /// Removes a node that is dead, or has begun anew: the world goes on without what it computed.
+    /// Removes a node that is dead or has begun anew. The world goes on without what it computed.
     pub(super) fn lose(&mut self, node: NodeId) {
         let group = self.group_of(node);
         if self.common.nodes.remove(&node).is_none() {
@@ -300,8 +308,8 @@ impl Server {
         }
     }
 
-    /// Makes a member begin anew that does not do its part: whatever it computes counts for nothing, and it is sent the world
-    /// anew. One that is to go has nothing to hand over then, and goes.
+    /// Makes a member begin anew that does not do its part. What it computes does not count, and it is sent
+    /// the world anew. A member that is to leave has nothing to hand over then, and leaves.
     pub(super) fn begin_anew(&mut self, node: NodeId) {
         let Some(entry) = self.common.nodes.get(&node) else { return };
         let (member, linked, unwanted) = (entry.member.clone(), entry.linked, entry.unwanted.clone());
@@ -315,14 +323,15 @@ impl Server {
         self.common.tell_roster();
     }
 
-    /// Makes members begin anew that were told alone of a tick, and do in it what the others do not: it is no fault of theirs, and nobody waits for
-    /// them in vain.
+    /// Makes members begin anew that were told of a tick alone, and do in it what the others do not. It is
+    /// not their fault, and nobody waits for them in vain.
     pub(super) fn part_from_astray(&mut self) {
         let astray: Vec<_> = self.groups.values_mut().flat_map(Group::take_astray).collect();
         astray.into_iter().for_each(|node| self.begin_anew(node));
     }
 
-    /// Sets apart a member that others cannot reach: it goes on in a group of its own, or is removed if it is not linked.
+    /// Sets apart a member that others cannot reach. It goes on in a group of its own, or is removed if it
+    /// has no link.
     pub(super) fn set_apart(&mut self, node: NodeId) {
         let Some(entry) = self.common.nodes.get(&node) else { return };
         if !entry.linked {
@@ -336,13 +345,13 @@ impl Server {
         }
     }
 
-    /// Returns when others may take over from groups that are out of reach.
+    /// Returns when other nodes may take over from groups that are out of reach.
     pub(super) fn takeover_at(&self) -> Option<Duration> {
         let is_silent = |group: &&Group| group.held && group.view.is_some() && self.has_successors(group);
         self.groups.values().filter(is_silent).filter_map(|group| Some(group.silent_since? + HOLD)).min()
     }
 
-    /// Returns whether nodes are linked that could compute the world in place of this group.
+    /// Returns whether linked nodes exist that could compute the world in place of this group.
     pub(super) fn has_successors(&self, group: &Group) -> bool {
         let serving = group.serving(&self.common);
         let can = |(node, entry): (&NodeId, &NodeEntry)| {
@@ -351,7 +360,8 @@ impl Server {
         self.common.nodes.iter().any(can)
     }
 
-    /// Lets others take over from groups that were silent for too long: what the members of those do now counts for nothing.
+    /// Lets other nodes take over from groups that were silent for too long. What the members of these groups
+    /// do from now on does not count.
     pub(super) fn take_over(&mut self) {
         if self.takeover_at().is_none_or(|at| at > self.common.now) {
             return;
@@ -382,7 +392,7 @@ impl Server {
         }
     }
 
-    /// Dismisses leaving nodes that compute nothing any more.
+    /// Dismisses leaving nodes that no longer compute anything.
     pub(super) fn release(&mut self) {
         let free: Vec<_> = self
             .common

@@ -1,12 +1,13 @@
-//! Keeps what the server's program, or a builder, did while nobody heard of it, as membership changed or the leader was out of reach.
+//! Keeps what the server's program, or a builder, did while nobody heard of it: membership changed, or the
+//! leader was out of reach.
 
 use std::collections::BTreeMap;
 
 use crate::protocol::{Input, Push, WorldOp};
 use crate::space::BodyId;
 
-/// Keeps what counts when somebody computes the world again: of each body the newest velocity, the last jump and the newest lasting force. Impulses
-/// of that time would act all at once, and are dropped.
+/// Keeps what counts when somebody computes the world again: the newest velocity, the last jump and the
+/// newest lasting force of each body. Impulses of that time would act all at once, and are dropped.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Postponed {
     inputs: BTreeMap<(BodyId, bool), Input>,
@@ -25,12 +26,12 @@ impl Postponed {
         }
     }
 
-    /// Returns how bodies are still to move, each once.
+    /// Takes out how bodies are still to move, each body once.
     pub(super) fn take_inputs(&mut self) -> impl Iterator<Item = Input> + use<> {
         std::mem::take(&mut self.inputs).into_values()
     }
 
-    /// Returns what is still to be done, with bodies that are there.
+    /// Returns what is still to be done, for bodies that are there.
     pub(super) fn ops(self, is_there: impl Fn(BodyId) -> bool) -> Vec<WorldOp> {
         let inputs = self.inputs.into_values().filter(|input| is_there(input.body)).map(WorldOp::Input);
         let pushes = self.pushes.into_values().filter(|push| is_there(push.body)).map(WorldOp::Push);

@@ -1,6 +1,7 @@
-//! Obeys the program of the server, and clients that may build: bodies and joints that they insert, move and remove while nodes compute
-//! the world. What comes and goes is on record before anybody hears of it, so that it outlives every node, and the server; a velocity or a
-//! push is lost with a leader that dies before it has passed it on.
+//! Obeys the program of the server, and clients that may build: they insert, move and remove bodies and
+//! joints while nodes compute the world. What comes and goes is on record before anybody hears of it, so it
+//! outlives every node, and the server. A velocity or a push is lost with a leader that dies before it has
+//! passed it on.
 
 use std::collections::BTreeMap;
 
@@ -15,37 +16,38 @@ use crate::protocol::{
 };
 use crate::space::{BodyId, Epoch, Viewpoint};
 
-/// The most bytes of bodies that nodes are told to insert by one message.
+/// The most bytes of bodies that one message tells nodes to insert.
 const INSERT_BYTES: usize = 1 << 20;
-/// The most bytes of bodies that are tied to one another, and so inserted by one operation: a tick must have room for it.
+/// The most bytes of bodies that are tied to one another, and are therefore inserted by one operation. A tick
+/// must have room for it.
 const WHOLE_BYTES: usize = 4 << 20;
 
 impl Server {
-    /// Returns the ids of the next body and the next joint that the program makes: none that was ever given.
+    /// Returns the ids of the next body and the next joint that the program makes. Neither was ever given.
     pub fn next_ids(&self) -> (u32, u64) {
         self.common.next_ids
     }
 
-    /// Forgets how large a body was that a client built: it is altered.
+    /// Forgets the size of a body that a client built, as the body is altered.
     fn forget_size(&mut self, id: BodyId) {
         let builder = id.builder().and_then(|client| self.common.allowances.get_mut(&client));
         builder.and_then(|allowance| allowance.building.sizes.remove(&id));
     }
 
-    /// Returns where the program looks at the world from.
+    /// Returns the places from which the program looks at the world.
     pub fn viewpoints(&self) -> &[Viewpoint] {
         &self.common.viewpoints
     }
 
-    /// Has leaders compute in full what the program sees from these places. That is written down with the tick, now and then: viewers move all the
-    /// time.
+    /// Makes leaders compute in full what the program sees from these places. The places are written down
+    /// with the tick, now and then, as viewers move all the time.
     pub(super) fn look(&mut self, viewpoints: Vec<Viewpoint>) {
         if self.common.viewpoints == viewpoints {
             return;
         }
         self.common.viewpoints.clone_from(&viewpoints);
         for group in self.groups.values() {
-            // A view to come says it itself.
+            // A view to come has the viewpoints itself.
             if let (Some(view), None) = (&group.view, &group.change) {
                 let message = ToNode::Look { view: view.number, viewpoints: viewpoints.clone() };
                 self.common.send_node(view.leader, message);
@@ -58,7 +60,7 @@ impl Server {
             BuildOp::Insert { bodies, mut shapes, joints } => {
                 self.common.fading.bring_back(&bodies, &mut shapes, usize::MAX);
                 let (next_body, next_joint) = &mut self.common.next_ids;
-                // Clients number what they build apart.
+                // What clients build has numbers of its own.
                 for body in bodies.iter().filter(|body| body.id.builder().is_none()) {
                     *next_body = (*next_body).max(body.id.index().saturating_add(1));
                 }
@@ -118,10 +120,10 @@ impl Group {
         let new_shapes = self.record.learn(shapes.to_vec());
         common.fading.have_come(&new_shapes);
         for body in bodies {
-            // Nobody has found contacts of what is new, whoever says so.
+            // Nobody has found contacts of a new body, whatever is claimed.
             let state = BodyState { contact_offset: None, ..body.state };
             self.record.insert(BodyRecord { epoch: Epoch(0), state, ..body.clone() });
-            // Nobody owns it: it is where the nodes are.
+            // Nobody owns a fixed body: all nodes hold it.
             if body.traits.kind == BodyKind::Fixed {
                 self.record.set_life(body.id, Life::Live);
             }
@@ -134,7 +136,7 @@ impl Group {
             of_later.entry(joint.a.max(joint.b)).or_default().push(joint.clone());
         }
         for body in bodies {
-            // Each shape with the first body that has it, each joint with the later of its bodies.
+            // Each shape goes with the first body that has it, each joint with the later of its bodies.
             let shapes = take_shapes_of(body, &mut untold);
             let joints = of_later.remove(&body.id).unwrap_or_default();
             let inserted = ToClient::Inserted { body: body.clone(), shapes, joints };
@@ -147,7 +149,7 @@ impl Group {
             self.apply(common, vec![WorldOp::Insert { bodies: Vec::new(), shapes, joints: Vec::new() }]);
         }
         for part in gathered(assemblies(bodies, &[], joints), INSERT_BYTES) {
-            // More of it wait on record, and come in chunks as a view begins.
+            // A larger assembly waits on record, and comes in chunks as a view begins.
             if !part.fits(WHOLE_BYTES) {
                 self.unsure = true;
                 continue;
@@ -167,7 +169,7 @@ impl Group {
             return self.retire(common, id, false);
         }
         self.forget_body(id);
-        // Who is loading the world, or computes it, may hold it.
+        // Nodes that load the world, or compute it, may hold the body.
         for entry in common.nodes.values_mut() {
             entry.scenery.remove(&id);
             entry.stale_scenery.insert(id);
@@ -177,7 +179,7 @@ impl Group {
         common.announce_end(self.id, id);
     }
 
-    /// Notes that something is gone that nodes may hold, if any compute the world.
+    /// Notes that something is gone that nodes may hold, if any node computes the world.
     fn is_gone(&mut self, common: &Common, key: Key) {
         if self.view.is_some() {
             self.retold.add(key, common.now);
@@ -205,11 +207,11 @@ impl Group {
 
     fn steer(&mut self, common: &mut Common, input: Input) {
         if self.view.is_none() {
-            // Nobody computes the world: the record is all there is to move.
+            // Nobody computes the world, so only the record can be moved.
             if let Some(body) = self.record.body_mut(input.body) {
                 body.obey(&input);
                 if let Some(pose) = input.pose {
-                    // How it lay is known of where it was.
+                    // How the body lay at its contacts is known only for where it was.
                     (body.state.pose, body.state.contact_offset) = (pose, None);
                 }
                 body.state.sleeping = false;
@@ -219,7 +221,8 @@ impl Group {
         self.apply_soon(common, WorldOp::Input(input));
     }
 
-    /// Tells the leader, or, while membership changes, the leader is out of reach, or the body is to come with the next view, the leader to come.
+    /// Tells an operation to the leader. It is kept for the next leader while membership changes, while the
+    /// leader is out of reach, or if its body comes with the next view.
     fn apply_soon(&mut self, common: &mut Common, op: WorldOp) {
         let hears = |view: &View| common.nodes.get(&view.leader).is_some_and(|leader| leader.linked);
         let comes_later = op.moves().is_some_and(|id| self.record.life(id) == Some(Life::Waiting));
@@ -231,8 +234,8 @@ impl Group {
         }
     }
 
-    /// Tells a leader that is back, and has heard so many of them, those operations again that were sent into its link when that was dead and
-    /// nobody knew: members do not say what has moved.
+    /// Tells a leader that is back, and has `heard` so many operations, those again that were sent into its
+    /// link when the link was dead and nobody knew. Members do not report how a body was to move.
     pub(super) fn say_again(&self, common: &mut Common, heard: u64) {
         let Some(view) = &self.view else { return };
         let Some(leader) = common.nodes.get_mut(&view.leader) else { return };
@@ -242,7 +245,8 @@ impl Group {
         }
     }
 
-    /// Moves bodies on record as they were to move when the last node went: by what its leader had not passed on, and by what came after.
+    /// Moves bodies on record as they were to move when the last node left: by what its leader had not passed
+    /// on, and by what came after that.
     pub(super) fn steer_record(&mut self, common: &mut Common, undone: Vec<WorldOp>) {
         let later = std::mem::take(&mut self.postponed).ops(|_| true);
         undone.into_iter().chain(later).for_each(|op| self.postponed.add(op));
@@ -251,8 +255,9 @@ impl Group {
         }
     }
 
-    /// Tells the leader of a view that has begun what the last one had not passed on, what was to be done meanwhile, and once more which joints
-    /// are gone: of that a leader that has died tells nothing.
+    /// Tells the leader of a view that has begun what the last leader had not passed on, and what was to be
+    /// done meanwhile. It is also told again what was taken away and altered: a leader that has died tells
+    /// nothing of that.
     pub(super) fn catch_up(&mut self, common: &mut Common, undone: Vec<WorldOp>) {
         let retold = self.retelling();
         let is_there = |id| self.record.body(id).is_some();
@@ -264,7 +269,7 @@ impl Group {
         }
     }
 
-    /// Returns all that the program has taken away and altered, as it is on record.
+    /// Returns the operations for all that the program has taken away and altered, as it is on record.
     fn retelling(&mut self) -> Vec<WorldOp> {
         let record = &self.record;
         self.retold.retain(|key| match key {
@@ -283,7 +288,7 @@ impl Group {
             Key::AlteredJoint(id) => {
                 Some(WorldOp::Alter(Alteration::Joint(Box::new(record.joint(id)?.clone()))))
             }
-            // Scenery is compared as a view begins.
+            // Scenery is compared when a view begins.
             _ => None,
         };
         self.retold.keys().into_iter().filter_map(op).collect()

@@ -1,5 +1,5 @@
-//! Assigns nodes to groups: at the start by delay, later by joining, by votes, and by which nodes cannot reach each other
-//! (thesis 3.3.7–3.3.9).
+//! Assigns nodes to groups: at the start by delay, later by joining, by votes, and by which nodes cannot
+//! reach each other (thesis 3.3.7–3.3.9).
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -16,14 +16,14 @@ use crate::cluster::{
 use crate::protocol::{Motion, ToClient, ToNode};
 use crate::space::{ClientId, GroupId, NodeId};
 
-/// How long a newcomer's delays are waited for.
+/// How long the server waits for a newcomer's delays.
 const MEASURE: Duration = Duration::from_secs(2);
-/// How long a node that was out of reach stays alone at least, when groups do not depend on delay.
+/// The least time for which a node that was out of reach stays alone, when groups do not depend on delay.
 const APART: Duration = Duration::from_secs(3);
-/// How long a dedicated node that all others reach waits for a participant that alone does not.
+/// How long a dedicated node that all others reach waits for the one participant that does not reach it.
 const DENIED: Duration = Duration::from_secs(10);
 
-/// How often it is checked which nodes can reach each other again.
+/// The interval between checks of which nodes can reach each other again.
 const LOOK_EVERY: Duration = Duration::from_secs(1);
 
 /// The rules of which nodes may share a group.
@@ -37,7 +37,7 @@ pub struct Grouping {
     pub hints: Vec<Hint>,
     /// The rules of votes.
     pub votes: PollRules,
-    /// How many participants are verified. A server process sets it by its `ServeConfig::verify`.
+    /// Which participants are verified. A server process sets it by its `ServeConfig::verify`.
     pub verification: Verification,
 }
 
@@ -62,8 +62,9 @@ impl Server {
         GroupRules { threshold_ms, max_size, policy }
     }
 
-    /// Returns the delay from one node to another, as far as groups depend on it. If they do not, those are near that reach each other;
-    /// before the world has begun also those of which it is not known.
+    /// Returns the delay from one node to another, as far as groups depend on delay. If they do not, nodes
+    /// that reach each other are near. Before the world has begun, nodes of which that is not known are near
+    /// too.
     fn delay_ms(&self, from: NodeId, to: NodeId) -> Option<f64> {
         let told = self.common.nodes.get(&from).and_then(|entry| entry.delays.get(&to));
         match self.common.config.world.thresholds.delay {
@@ -73,8 +74,8 @@ impl Server {
         }
     }
 
-    /// Returns whether two nodes are known to reach each other. One side's word is enough: what the other once said may have been
-    /// forgotten with a rejoin.
+    /// Returns whether two nodes are known to reach each other. One side's word is enough: what the other
+    /// once said may have been forgotten when it joined again.
     fn reaches(&self, a: NodeId, b: NodeId) -> bool {
         let told =
             |of: NodeId, to: NodeId| self.common.nodes.get(&of).and_then(|entry| entry.delays.get(&to));
@@ -84,30 +85,31 @@ impl Server {
         }
     }
 
-    /// Returns whether all is known that a node's group depends on, or it took too long to find out.
+    /// Returns whether everything is known that a node's group depends on, or it took too long to find out.
     fn is_measured(&self, node: NodeId) -> bool {
         let Some(entry) = self.common.nodes.get(&node) else { return false };
         let others = self.common.nodes.iter().filter(|&(&other, entry)| entry.linked && other != node);
         let by_delay = self.common.config.world.thresholds.delay.is_some();
         if !by_delay && self.common.begun {
-            // A member that nobody reaches would stop the world: first it must be reached.
+            // A member that nobody reaches would stop the world, so the node must be reached first.
             let mut members = others.filter(|(_, entry)| entry.group.is_some());
             return entry.in_group_since + MEASURE <= self.common.now
                 || members.all(|(&other, _)| self.reaches(node, other));
         }
         let knows = |from: NodeId, to: NodeId| match self.common.nodes[&from].delays.get(&to) {
             None => !by_delay,
-            // Its link may be on its way back.
+            // The link may be on its way back.
             Some(delay) => delay.is_some(),
         };
-        // The server may have lost all links, and this node be the first one back: those near it are still to come.
+        // The server may have lost all links, and this node may be the first one back. Nodes near it are
+        // still to come.
         let awaits = by_delay && self.common.nodes.values().any(|entry| entry.absent_until.is_some());
         entry.in_group_since + MEASURE <= self.common.now
             || !awaits
                 && others.map(|(&other, _)| other).all(|other| knows(node, other) && knows(other, node))
     }
 
-    /// Gives nodes without a group one.
+    /// Puts each node that has no group into one.
     pub(super) fn assign(&mut self) {
         let homeless = self.common.nodes.iter().filter(|(_, entry)| entry.loaded && entry.group.is_none());
         let homeless: Vec<_> =
@@ -137,7 +139,7 @@ impl Server {
             let fails = self.common.fails_often(node);
             let group = match best.filter(|_| !fails) {
                 Some(group) => group,
-                // Whom the world waits for.
+                // The main group has no members: the world waits for this node.
                 None if !members.contains_key(&self.main) => self.main,
                 None => {
                     if self.common.config.world.thresholds.delay.is_none() && !fails {
@@ -150,7 +152,7 @@ impl Server {
         }
     }
 
-    /// Makes nodes that have left a group begin anew, in the one that they are to be in.
+    /// Makes nodes that have left a group begin anew in the group that they are to be in.
     pub(super) fn welcome_moved(&mut self) {
         let moved =
             self.common.nodes.iter().filter(|(_, entry)| entry.moved && entry.linked && !entry.leaving);
@@ -160,7 +162,7 @@ impl Server {
         }
     }
 
-    /// Sends a node the world anew; its group and what is known of its links stay.
+    /// Sends a node the world anew. Its group and what is known of its links stay.
     pub(super) fn welcome_node_again(&mut self, node: NodeId) {
         let Some(entry) = self.common.nodes.get(&node) else { return };
         let (member, group, delays) = (entry.member.clone(), entry.group, entry.delays.clone());
@@ -170,8 +172,8 @@ impl Server {
         }
     }
 
-    /// Moves nodes that can reach the largest group again back to it. When groups do not depend on delay, there are several
-    /// only because some nodes could not reach one another.
+    /// Moves a node that can reach the largest group again back to it. When groups do not depend on delay,
+    /// there are several only because some nodes could not reach one another.
     fn rejoin(&mut self) {
         let now = self.common.now;
         let mut members: BTreeMap<GroupId, Vec<NodeId>> = BTreeMap::new();
@@ -197,7 +199,8 @@ impl Server {
             }
             return;
         }
-        // Else one that lies would keep a dedicated node out for good. With the next look that one is back.
+        // Otherwise a participant that lies would keep a dedicated node out for good. With the next check the
+        // dedicated node is back.
         let denier = apart.iter().find_map(|&(node, since)| {
             let is_due = since + DENIED <= now && !self.plays(node) && members[&largest].len() > 1;
             let mut away = members[&largest].iter().filter(|&&other| !self.reaches(node, other));
@@ -210,7 +213,7 @@ impl Server {
         }
     }
 
-    /// Returns whether a node is a participant's.
+    /// Returns whether a node is a participant.
     fn plays(&self, node: NodeId) -> bool {
         self.common.nodes.get(&node).is_some_and(|entry| entry.member.client.is_some())
     }
@@ -258,7 +261,7 @@ impl Server {
         }
     }
 
-    /// Takes in a member's ballot: its delay to the candidate.
+    /// Takes in a member's ballot, which gives its delay to the candidate.
     pub(super) fn cast(&mut self, voter: NodeId, poll: u64, delay_ms: Option<f32>) {
         let Some(thresholds) = self.common.config.world.thresholds.delay else { return };
         let delay = delay_ms.map_or(PeerDelay::Unknown, |ms| PeerDelay::AverageMs(ms.into()));
@@ -305,7 +308,8 @@ impl Server {
         }
     }
 
-    /// Dissolves groups that no node is in, or is to be in; the largest of the others becomes the main one if need be.
+    /// Dissolves groups that have no nodes and expect none. If the main group is one of them, the largest of
+    /// the others becomes the main group.
     pub(super) fn tidy(&mut self) {
         let is_empty = |group: &Group| {
             group.change.is_none()
@@ -333,13 +337,14 @@ impl Server {
             self.common.groups_changed.insert(id);
             self.common.outputs.push_back(ServerOutput::Dissolved(id));
         }
-        // Where there is one group and was no other, all play with it.
+        // If there was only one group before, all clients play with it.
         if !was_one {
             self.settle_clients();
         }
     }
 
-    /// Returns the group that a client is to play with: that of its own node, the one it has, or the main one.
+    /// Returns the group that a client is to play with: the group of its own node, the one that it has, or
+    /// the main group.
     pub(super) fn group_for(&self, client: ClientId) -> GroupId {
         let own = self.common.nodes.iter().find(|(_, entry)| entry.member.client == Some(client));
         let own = own.and_then(|(&node, _)| self.group_of(node));

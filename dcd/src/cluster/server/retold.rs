@@ -1,5 +1,6 @@
-//! Keeps what the server's program, or a builder, took away or altered, and what is written down of it: no node says what it knows, so that
-//! each leader is told again, that of a restarted server too.
+//! Keeps what the server's program, or a builder, took away or altered, and what is written down of that. No
+//! node says what it knows of these changes. So each new leader is told of them again, also by a restarted
+//! server.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -7,29 +8,29 @@ use std::time::Duration;
 use crate::cluster::Key;
 use crate::space::Tick;
 
-/// How long after it was told a leader that goes on has surely heard it.
+/// The time after which a leader that goes on has surely heard what it was told.
 const SURELY_HEARD: Duration = Duration::from_secs(5);
 
-/// When a leader was told, and how far it was once it had surely heard it.
+/// When a leader was told, and the tick that it was at once it had surely heard.
 #[derive(Clone, Copy, Debug)]
 struct Told {
     at: Duration,
     heard_by: Option<Tick>,
 }
 
-/// What is told again, each by the key of its entry in the directory.
+/// The changes that leaders are told again, each by the key of its entry in the directory.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Retold {
-    /// Until a leader has surely done it.
+    /// Changes that are told again until a leader has surely done them.
     until_done: BTreeMap<Key, Told>,
-    /// As long as it is there.
+    /// Changes that are told again for as long as the body or joint is there.
     always: BTreeSet<Key>,
-    /// To be written down.
+    /// Changes whose entries are to be written down, or deleted.
     changes: BTreeSet<Key>,
 }
 
 impl Retold {
-    /// Returns what another server has written down, and is so still.
+    /// Returns the changes that another server has written down, as far as they still hold.
     pub(super) fn restored(keys: BTreeSet<Key>, is_so: impl Fn(Key) -> bool) -> Self {
         let mut retold = Self::default();
         for key in keys {
@@ -42,18 +43,18 @@ impl Retold {
         retold
     }
 
-    /// Adds what was told now, and is told again until it is done.
+    /// Adds a change that is told now, and again until it is done.
     pub(super) fn add(&mut self, key: Key, now: Duration) {
         self.changes.extend(Some(key).filter(|key| !self.until_done.contains_key(key)));
         self.until_done.insert(key, Told { at: now, heard_by: None });
     }
 
-    /// Adds what is told again for as long as it is there.
+    /// Adds a change that is told again for as long as its body or joint is there.
     pub(super) fn keep(&mut self, key: Key) {
         self.changes.extend(Some(key).filter(|key| self.always.insert(*key)));
     }
 
-    /// Forgets what this was about, as that is gone.
+    /// Forgets a change whose body or joint is gone.
     pub(super) fn forget(&mut self, key: Key) {
         let was_there = self.until_done.remove(&key).is_some() | self.always.remove(&key);
         self.changes.extend(Some(key).filter(|_| was_there));
@@ -63,12 +64,12 @@ impl Retold {
         self.until_done.contains_key(&key) || self.always.contains(&key)
     }
 
-    /// Returns all of it, in the order of its keys.
+    /// Returns all changes, in the order of their keys.
     pub(super) fn keys(&self) -> BTreeSet<Key> {
         self.until_done.keys().chain(&self.always).copied().collect()
     }
 
-    /// Forgets what is not there any more.
+    /// Forgets the changes whose bodies or joints are not there any more.
     pub(super) fn retain(&mut self, is_there: impl Fn(Key) -> bool) {
         for key in self.keys().into_iter().filter(|key| !is_there(*key)) {
             self.until_done.remove(&key);
@@ -77,15 +78,16 @@ impl Retold {
         }
     }
 
-    /// Notes that a leader is told all of it now.
+    /// Notes that a leader is told all changes now.
     pub(super) fn is_told(&mut self, now: Duration) {
         for told in self.until_done.values_mut() {
             *told = Told { at: now, heard_by: None };
         }
     }
 
-    /// Takes in how far the leader is, which has opened no tick more than `ahead` beyond that. What it had surely heard before it opened a tick
-    /// that is done by now it has done: that it heard it long ago is not enough, as it may have waited for one tick ever since.
+    /// Takes in the tick that the leader has reached. The leader has opened no tick more than `ahead` beyond
+    /// it. A change is done once a tick is done that the leader opened after it had surely heard of the
+    /// change. That it heard of it long ago is not enough, as it may have waited for one tick ever since.
     pub(super) fn leader_is_at(&mut self, now: Duration, tick: Tick, ahead: u64) {
         let is_done = |told: &mut Told| {
             now >= told.at + SURELY_HEARD && tick.0 > told.heard_by.get_or_insert(tick).0 + ahead
@@ -96,18 +98,19 @@ impl Retold {
         self.changes.extend(done);
     }
 
-    /// Forgets all of it: the world is another.
+    /// Forgets all changes, as the world is another.
     pub(super) fn clear(&mut self) {
         self.retain(|_| false);
     }
 
-    /// Notes that this is written down from now on, in place of what another group was told.
+    /// Notes that these changes are written down from now on, in place of those of another group.
     pub(super) fn replaces(&mut self, other: &Self) {
         self.changes.extend(other.keys());
         self.changes.extend(other.changes.iter().chain(&self.keys()));
     }
 
-    /// Returns what has changed since the last call, as writes. That something is done can wait for a time that is `soft`.
+    /// Returns what has changed since the last call, as writes. Deletions of entries wait for a call that is
+    /// `soft`.
     pub(super) fn take_writes(&mut self, soft: bool) -> Vec<(Key, Option<Vec<u8>>)> {
         let changes = std::mem::take(&mut self.changes);
         let (now, later) = changes.into_iter().partition(|key| soft || self.contains(*key));

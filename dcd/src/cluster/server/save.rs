@@ -1,5 +1,6 @@
-//! Saves a world that nodes compute, as it is after one tick, and goes back to such a save. For the one the members of the main group
-//! stop in a view change and say all that they own; for the other everybody begins anew with what was saved.
+//! Saves a world that nodes compute, as it is after one tick, and goes back to such a save. To save, the
+//! members of the main group stop in a view change and say all that they own. To go back, all begin anew with
+//! what was saved.
 
 use bincode::{Decode, Encode};
 
@@ -9,36 +10,37 @@ use super::{Server, ServerOutput};
 use crate::protocol::{BodyRecord, JointRecord, ShapeRecord};
 use crate::space::{DistributionTree, Tick};
 
-/// A world between two ticks. Of what Rapier remembers of its contacts it has how bodies lay when these were found.
+/// A world between two ticks. Of Rapier's memory of contacts, it has how bodies lay when the contacts were
+/// found.
 #[derive(Clone, Debug, PartialEq, Encode, Decode)]
 pub struct SavedWorld {
     /// The tick after which it was saved.
     pub tick: Tick,
     /// The ids of the next body and the next joint that a program may make.
     pub next_ids: (u32, u64),
-    /// How it was cut.
+    /// The distribution tree by which the world was cut.
     pub tree: DistributionTree,
-    /// All bodies that are in the world, avatars too, in id order.
+    /// All bodies in the world, including avatars, in id order.
     pub bodies: Vec<BodyRecord>,
-    /// Shapes.
+    /// The shapes of these bodies.
     pub shapes: Vec<ShapeRecord>,
-    /// Joints between those bodies.
+    /// The joints between these bodies.
     pub joints: Vec<JointRecord>,
 }
 
 impl Server {
-    /// Replaces the world by a saved one. Avatars are their clients': those that are in both go where they were, and none comes or
-    /// goes. Ticks go on, and no id that was given is given again.
+    /// Replaces the world by a saved one. Avatars are their clients': those in both worlds go to where they
+    /// were saved, and none comes or goes. Ticks go on, and no id is given a second time.
     pub(super) fn replace(&mut self, saved: SavedWorld) {
         let (body, joint) = self.common.next_ids;
         self.common.next_ids = (body.max(saved.next_ids.0), joint.max(saved.next_ids.1));
         self.common.world_changed = true;
-        // Whatever anybody still says of the world before counts for nothing.
+        // What anybody still says of the former world does not count.
         self.common.number = self.common.number.next();
         for group in self.groups.values_mut() {
             group.replace(&mut self.common, &saved);
         }
-        // What the world before had alone.
+        // Forgets the shapes that only the former world had.
         self.look_through_shapes();
         self.arbiter = Default::default();
         self.common.allowances.values_mut().for_each(|allowance| allowance.building.sizes.clear());
@@ -58,7 +60,7 @@ impl Server {
 }
 
 impl Group {
-    /// Says that the world is saved, as it is on record.
+    /// Reports the world as saved, as it is on record.
     pub(super) fn tell_saved(&mut self, common: &mut Common) {
         self.saving = false;
         let tree = self.view.as_ref().map_or(&common.config.world.tree, |view| &view.tree);

@@ -1,4 +1,5 @@
-//! Tells operators who ask how the world is: who is a member of what, and who computes which regions.
+//! Tells operators the status of the world when they ask: which nodes are members of which group, and which
+//! node computes which regions.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -11,15 +12,15 @@ use crate::fidelity::FidelityReport;
 use crate::protocol::{BodyKind, GroupStatus, Message, NodeStatus, RegionStatus, Status, View};
 use crate::space::{NodeId, RegionId};
 
-/// The least time between two answers to one peer. What it asks sooner is not answered.
+/// The least time between two answers to one peer. A question that comes sooner is not answered.
 const APART: Duration = Duration::from_millis(100);
-/// How long an answer stays good for others who ask: bodies are counted for it.
+/// How long an answer serves other peers that ask: making one counts all bodies.
 const FRESH: Duration = Duration::from_millis(250);
 
-/// The answers given lately.
+/// The latest answers.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Statuses {
-    /// When peers that are linked were answered last.
+    /// When each linked peer was last answered.
     told: BTreeMap<Peer, Duration>,
     newest: Option<(Duration, Status)>,
 }
@@ -32,7 +33,7 @@ impl Statuses {
 }
 
 impl Server {
-    /// Answers a peer that asks for the status of the world; it need not have joined it.
+    /// Answers a peer that asks for the status of the world. The peer need not have joined the world.
     pub(super) fn tell_status(&mut self, to: Peer) {
         let now = self.common.now;
         if self.statuses.told.get(&to).is_some_and(|&told| now < told + APART) {
@@ -46,12 +47,13 @@ impl Server {
         self.common.outputs.push_back(ServerOutput::Send { to, message: Message::Status(status) });
     }
 
-    /// Returns what the main group saves and costs by not computing all in full, as its leader said last.
+    /// Returns what the main group saves and costs by not computing everything in full, as its leader last
+    /// reported.
     pub fn fidelity_report(&self) -> Option<FidelityReport> {
         self.main().fidelity
     }
 
-    /// Returns what operators are told.
+    /// Returns the status that operators are told.
     pub(super) fn status(&self) -> Status {
         let node = |(&node, entry): (&NodeId, &NodeEntry)| NodeStatus {
             node,
@@ -93,7 +95,7 @@ impl Server {
 fn regions(group: &Group, view: &View) -> Vec<RegionStatus> {
     let mut bodies: BTreeMap<RegionId, u32> = BTreeMap::new();
     for body in group.record.present().filter(|body| body.traits.kind != BodyKind::Fixed) {
-        // Right after a change nobody has told yet.
+        // Right after a view change, no member has reported its bodies yet.
         let told = group.owners.get(&body.id).filter(|region| view.allocation.contains_key(region));
         let region = told.copied().unwrap_or_else(|| view.tree.leaf_at(body.state.pose.translation));
         *bodies.entry(region).or_default() += 1;

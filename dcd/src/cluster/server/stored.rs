@@ -1,5 +1,5 @@
-//! Stores the server's state in the directory, and restores a server from it (thesis 4.3.3 assumes that it never fails; this
-//! one may).
+//! Stores the server's state in the directory, and restores a server from it. Thesis 4.3.3 assumes that the
+//! server never fails; this one may.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -20,18 +20,18 @@ use crate::protocol::{
 };
 use crate::space::{GroupId, Tick, Viewpoint};
 
-/// Views begun since the last number was written down are fewer than this.
+/// Fewer views than this have begun since the last number was written down.
 const NUMBERS_AHEAD: u64 = 1 << 10;
 
 /// An error of restoring a server from what is stored.
 #[derive(Debug, thiserror::Error)]
 pub enum RestoreError {
-    /// There is something, but no world.
+    /// The directory has entries, but not the world's.
     #[error(
         "the directory holds parts of a world, but not the world itself: forget them (--fresh), or choose another data folder"
     )]
     NoWorld,
-    /// Another world than the server is to serve.
+    /// The stored world is not the one that the server is to serve.
     #[error(
         "the data folder holds another world that has not ended: serve the same scene with the same options to go on with \
          it, forget it (--fresh), or choose another folder"
@@ -45,7 +45,7 @@ pub enum RestoreError {
     Entry(#[from] CodecError),
 }
 
-/// Returns a view number after all that can have been begun since this one was written down.
+/// Returns a view number beyond all that can have begun since this one was written down.
 fn ahead_of(number: ViewNumber) -> ViewNumber {
     ViewNumber(number.0.saturating_add(NUMBERS_AHEAD))
 }
@@ -85,26 +85,28 @@ impl Check for StoredGroup {
     }
 }
 
-/// Returns whether two are the same world, though the one may be computed and told in another way than the other: what is served counts.
+/// Returns whether both are the same world. They may differ in how the world is computed and told: there,
+/// what is served counts.
 fn is_same(stored: &EnvironmentProperties, served: &EnvironmentProperties) -> bool {
     let EnvironmentProperties { fidelity, viewpoints, relays_above, .. } = served.clone();
     EnvironmentProperties { fidelity, viewpoints, relays_above, ..stored.clone() } == *served
 }
 
-/// What a server begins with.
+/// The state with which a server begins.
 #[derive(Clone, Debug, Encode, Decode)]
 pub enum ServerOrigin {
     /// A world that waits for nodes.
     New(Record),
-    /// A world in place of the one that another server stored.
+    /// A new world in place of the one that another server stored.
     Instead(Record, Vec<Entry>),
-    /// What another server stored.
+    /// The world that another server stored.
     Stored(Vec<Entry>),
 }
 
 impl Common {
-    /// Returns the number of a view to come. It is written down before so many have begun that another server would give one of them again:
-    /// changes that never end, as members come and go, write nothing else of it.
+    /// Returns the number of a view to come. The number is written down often enough that another server
+    /// gives none of them again. View changes that never end, as members come and go, write nothing else of
+    /// it.
     pub(super) fn next_view_number(&mut self) -> ViewNumber {
         self.number = self.number.next();
         self.world_changed |= self.number.0.is_multiple_of(NUMBERS_AHEAD / 2);
@@ -113,7 +115,7 @@ impl Common {
 }
 
 impl Server {
-    /// Returns a server that begins with this.
+    /// Returns a server that begins with this state.
     pub fn of(config: ServerConfig, origin: ServerOrigin) -> Result<Self, RestoreError> {
         match origin {
             ServerOrigin::New(record) => Ok(Self::new(config, record)),
@@ -122,8 +124,8 @@ impl Server {
         }
     }
 
-    /// Returns a server with a world that begins in place of the one that another server stored: its views are numbered after
-    /// those of that one, so that whatever anybody still has of it counts for nothing.
+    /// Returns a server with a world in place of the one that another server stored. Its views are numbered
+    /// after those of that world, so that nothing that anybody still has of that world counts.
     pub fn instead(config: ServerConfig, record: Record, entries: &[Entry]) -> Self {
         let former = entries.iter().find(|entry| entry.key == Key::World);
         let former = former.and_then(|entry| decode_value::<StoredWorld>(&entry.value).ok());
@@ -132,8 +134,8 @@ impl Server {
         server
     }
 
-    /// Returns a server that goes on from what another one stored. Members of its groups are waited for; then each group goes
-    /// on with those that came.
+    /// Returns a server that goes on from what another server stored. It waits for the members of each group.
+    /// Then the group goes on with those that came.
     pub fn restore(config: ServerConfig, entries: Vec<Entry>) -> Result<Self, RestoreError> {
         let mut world = None;
         let mut groups: BTreeMap<GroupId, StoredGroup> = BTreeMap::new();
@@ -159,13 +161,14 @@ impl Server {
         if !is_same(&stored.world, &config.world) {
             return Err(RestoreError::OtherWorld);
         }
-        // Nodes that went on hold what was served before, and are told what a world is when they begin: they do so anew, with what is stored.
+        // Nodes that went on hold what was served before, and are told about a world only when they begin. So
+        // they begin anew, with what is stored.
         let is_altered = stored.world != config.world;
         let over = if is_altered { std::mem::take(&mut groups) } else { BTreeMap::new() };
-        // Where bodies are is written down more often than the world.
+        // The states of bodies are written down more often than the world.
         let views = groups.values().chain(over.values()).map(|group| group.view.tick);
         let tick = bodies.iter().map(StoredBody::tick).chain(views).fold(stored.tick, Tick::max);
-        // What the program said since stands, unless the world is served with others now.
+        // The viewpoints that the program set since then stand, unless the world is served with others now.
         let is_seen_as_before = stored.world.viewpoints == config.world.viewpoints;
         let record = Record::restored(bodies, shapes, joints);
         let mut server = Self::new(config, record);
@@ -190,7 +193,7 @@ impl Server {
         let is_so = |key| match key {
             Key::AlteredBody(id) | Key::WokenBody(id) => group.record.body(id).is_some(),
             Key::AlteredJoint(id) => group.record.joint(id).is_some(),
-            // A builder may have given the name to another since.
+            // A builder may have given the id to another body since.
             Key::GoneScenery(id) => group.record.body(id).is_none(),
             Key::GoneJoint(id) => group.record.joint(id).is_none(),
             _ => false,
@@ -207,7 +210,7 @@ impl Server {
         Ok(server)
     }
 
-    /// Adds a group of a stored world, whose members are waited for.
+    /// Adds a group of a stored world. Its members are waited for.
     pub(super) fn expect_back(
         &mut self,
         id: GroupId,
@@ -252,7 +255,8 @@ impl Server {
         self.groups.insert(id, group);
     }
 
-    /// Writes down what has changed, before anything is sent that follows from it: `mark` outputs were there before.
+    /// Writes down what has changed, before anything is sent that follows from it. `mark` is the number of
+    /// outputs that were there before. If `soft`, what can wait is written too.
     pub(super) fn store(&mut self, mark: usize, soft: bool) {
         let mut writes = Vec::new();
         let tick_alone = soft && !self.common.world_changed;
@@ -277,7 +281,7 @@ impl Server {
             });
             writes.push((Key::Group(id), stored));
         }
-        // Of the others their views alone are written down.
+        // Of the other groups, only the views are written down.
         let main = self.main;
         let others = self.groups.values_mut().filter(|group| group.id != main);
         others.for_each(|group| group.record.forget_changes());

@@ -1,4 +1,5 @@
-//! Tests rules of the server that a calm simulation does not show: on versions, lost links, view changes and authority.
+//! Tests rules of the server that a calm simulation does not show: on versions, lost links, view changes and
+//! authority.
 
 mod asked;
 mod building;
@@ -21,7 +22,7 @@ use crate::space::{Epoch, RegionId};
 
 const NOW: Duration = Duration::ZERO;
 
-/// For worlds in which cones cannot be built.
+/// Returns the configuration of a server for a world in which cones cannot be built.
 fn config(min_nodes: usize) -> ServerConfig {
     let can_build = |_: &_, shapes: &[_]| !shapes.iter().any(|shape| matches!(shape, ShapeRecord::Cone(..)));
     ServerConfig {
@@ -126,14 +127,14 @@ fn the_world_begins_when_enough_nodes_have_loaded_it() {
     assert!(placed.iter().all(|placed| placed.body.epoch == epoch), "beyond all of earlier views");
 }
 
-/// What a member says that owns this.
+/// Returns the survey of a member that owns these bodies.
 fn survey(server: &Server, view: ViewNumber, tick: u64, claims: Vec<Claim>) -> ToServer {
     let tree = server.common.config.world.tree.clone();
     let allocation = tree.leaves().map(|region| (region, NodeId(1))).collect();
     ToServer::Survey { view, tick: Tick(tick), division: Some((tree, allocation)), claims }
 }
 
-/// Answers of a node that computes nothing, until it is asked no more; what else was wanted.
+/// Answers for a node that computes nothing, until it is asked no more. Returns all outputs of the server.
 fn obey(server: &mut Server, node: u32, outputs: Vec<ServerOutput>) -> Vec<ServerOutput> {
     obey_by(server, outputs, |server, to, message| {
         let is_meant = to == NodeId(node);
@@ -141,7 +142,7 @@ fn obey(server: &mut Server, node: u32, outputs: Vec<ServerOutput>) -> Vec<Serve
     })
 }
 
-/// Returns what a node that computes nothing answers.
+/// Returns the answer of a node that computes nothing.
 fn answer(server: &Server, message: ToNode) -> Option<ToServer> {
     match message {
         ToNode::WorldEnd => Some(ToServer::Loaded),
@@ -154,7 +155,7 @@ fn answer(server: &Server, message: ToNode) -> Option<ToServer> {
     }
 }
 
-/// Has nodes answer like this, until they are asked no more; returns all that the server wanted.
+/// Has nodes answer in this way until they are asked no more. Returns all outputs of the server.
 fn obey_by(
     server: &mut Server,
     mut outputs: Vec<ServerOutput>,
@@ -173,7 +174,7 @@ fn obey_by(
     outputs
 }
 
-/// Returns what it sends when enough time has passed.
+/// Lets time pass until the server sends something. Returns that.
 fn wait(server: &mut Server) -> Vec<ServerOutput> {
     loop {
         let due = server.poll_timeout().expect("something is waited for");
@@ -355,7 +356,7 @@ fn a_node_that_dies_in_the_last_audit_is_taken_over_before_it() {
         tell(server, 1, Message::ToServer(survey))
     };
     answer(&mut server, Vec::new());
-    // It owns nothing and holds no copy: all comes from the record.
+    // The node owns nothing and holds no copy, so everything comes from the record.
     let view = server.common.number;
     let found = ToServer::Found { view, bodies: Vec::new(), last: true };
     let outputs = tell(&mut server, 1, Message::ToServer(found));
@@ -375,7 +376,7 @@ fn a_node_that_dies_in_the_last_audit_is_taken_over_before_it() {
     assert_eq!(server.poll_output(), None, "it ends once");
 }
 
-/// A node says that it reaches another.
+/// Has a node say that it reaches another.
 fn reaches(server: &mut Server, node: u32, other: u32) -> Vec<ServerOutput> {
     let delays = vec![Delay { node: NodeId(other), delay_ms: Some(1.0) }];
     tell(server, node, Message::ToServer(ToServer::Delays(delays)))
@@ -460,7 +461,7 @@ fn what_was_placed_in_a_view_that_nobody_came_to_compute_is_placed_again_from_wh
     let region = server.common.config.world.tree.leaf_at(body.state.pose.translation);
     let claims: Vec<_> =
         (0..3).map(|i| Claim { id: BodyId::persistent(i), epoch: body.epoch, region }).collect();
-    // As if a view had been written down and never been told of.
+    // As if a view had been written down, and nobody had been told of it.
     server.main_mut().record.renew(id, ViewNumber(100));
     server.common.number = ViewNumber(101);
     server.main_mut().unsure = true;
@@ -505,7 +506,8 @@ fn back(server: &mut Server, node: u32, view: ViewNumber) -> Vec<ServerOutput> {
     tell(server, node, Message::Hello(Hello { version: VERSION, role }))
 }
 
-/// A restarted server whose last word was a view without node 2; and that view and the one before it.
+/// Returns a restarted server whose last stored view is one without node 2, with the numbers of the view
+/// before it and of that view.
 fn restarted() -> (Server, ViewNumber, ViewNumber) {
     let mut server = server_of_two();
     let former = server.view().expect("it has begun").clone();
@@ -647,7 +649,7 @@ fn a_node_is_drained_where_another_can_take_over_and_goes_at_once_if_it_fails_to
     server.handle(NOW, ServerEvent::Drain(NodeId(1)));
     assert_eq!(server.is_draining(NodeId(1)), Ok(true), "it has regions to hand over");
     assert_eq!(server.check_drain(NodeId(2)), Err(DrainError::Last(NodeId(2))), "nobody else stays");
-    // It does not do its part.
+    // The node does not do its part.
     server.begin_anew(NodeId(1));
     assert_eq!(server.is_draining(NodeId(1)), Ok(false));
     let is_told = |output: &ServerOutput| match output {

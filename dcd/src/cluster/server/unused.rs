@@ -1,5 +1,6 @@
-//! Forgets shapes that no body has any more: terrain that is dug, or the hulls of avatars that are gone, would fill the memory of all. The
-//! record and clients forget them first, nodes some seconds later: what names one may be on its way until then, and brings it back.
+//! Forgets shapes that no body has any more. Terrain that was dug, or hulls of avatars that are gone, would
+//! fill the memory of all processes. The record and clients forget a shape first, nodes some seconds later: a
+//! message that names it may be on its way until then, and brings it back.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -27,7 +28,7 @@ impl Server {
         self.let_nodes_forget();
     }
 
-    /// Takes the shapes off the record that no body of any group has, and lets clients forget them.
+    /// Removes the shapes that no body of any group has from the record, and makes clients forget them.
     pub(super) fn look_through_shapes(&mut self) {
         let used: BTreeSet<_> = self.groups.values().flat_map(|group| group.record.used_shapes()).collect();
         let mut gone = BTreeMap::new();
@@ -42,7 +43,7 @@ impl Server {
                 Some(vicinity) => vicinity.forget_shapes(&gone),
                 None => gone.keys().copied().collect(),
             };
-            // Who is away is told all of the world on returning.
+            // A client that is away is told the whole world on its return.
             if entry.linked {
                 told.extend(split(known, NAMED_BYTES).into_iter().map(|part| (client, part)));
             }
@@ -52,8 +53,8 @@ impl Server {
             .for_each(|(client, part)| self.common.send_client(client, ToClient::ShapesGone(part)));
     }
 
-    /// Lets the nodes forget what nobody asks for any more, once all who compute can be told: nobody computes a group that is held, and who
-    /// comes to do so begins anew.
+    /// Makes nodes forget shapes that nobody can ask for any more, once all nodes that compute can be told.
+    /// Nobody computes a group that is held, and nodes that come to do so begin anew.
     fn let_nodes_forget(&mut self) {
         if !self.common.fading.owes() || self.groups.values().any(|group| group.will_hear(&self.common)) {
             return;
@@ -68,7 +69,8 @@ impl Server {
 }
 
 impl Group {
-    /// Returns whether those who compute its world cannot be told now what is to be done to it, but will be.
+    /// Returns whether the nodes that compute the group's world cannot be told now what to do to it, but will
+    /// be.
     fn will_hear(&self, common: &Common) -> bool {
         let is_linked = |leader| common.nodes.get(&leader).is_some_and(|entry| entry.linked);
         let hears = |view: &View| self.change.is_none() && is_linked(view.leader);

@@ -9,21 +9,22 @@ use super::{Server, ServerOutput};
 use crate::protocol::{Farewell, Finding, Hindrance, Member, Verified, View, ViewNumber};
 use crate::space::{BodyId, NodeId, Tick, mixed};
 
-/// How many participants are verified: their regions are computed once more by the leader, if that is a dedicated node.
+/// The share of participants that are verified, and the seed that draws them. A dedicated leader computes
+/// their regions once more.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Encode, Decode)]
 pub struct Verification {
-    /// The share of participants, 0 to 1, each drawn when it begins to compute, or begins anew under another leader. 0: none, and nothing is sent
-    /// for that.
+    /// The share of participants that are verified, 0 to 1. Each is drawn when it begins to compute, or
+    /// begins anew under another leader. With 0 nobody is verified, and nothing is sent for it.
     pub share: f64,
-    /// Of the draws: who knows it knows who is verified.
+    /// The seed of the draws. Whoever knows it knows which participants are verified.
     pub seed: u64,
 }
 
 impl Verification {
-    /// Returns whether a participant is verified that begins to compute in a view.
+    /// Returns whether a participant that begins to compute in a view is verified.
     fn draws(&self, view: ViewNumber, node: NodeId) -> bool {
         let drawn = mixed(self.seed ^ mixed(view.0 ^ mixed(self.seed ^ u64::from(node.0))));
-        // The upper bits, as many as a double has room for.
+        // The upper bits, as many as an f64 holds exactly.
         ((drawn >> 11) as f64) / ((1_u64 << 53) as f64) < self.share
     }
 }
@@ -31,15 +32,16 @@ impl Verification {
 /// The participants of a group that are verified.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Drawn {
-    /// The leader that does it.
+    /// The leader that verifies them.
     by: Option<NodeId>,
-    /// Since which view.
+    /// The participants, each with the view since which it is verified.
     nodes: BTreeMap<NodeId, ViewNumber>,
 }
 
 impl Drawn {
-    /// Returns which members of a view to come begin it with nothing of what they computed before: all participants, where a dedicated node leads
-    /// that does not know what they have. It can verify no others, and none of them is to know whether it is the one that is drawn.
+    /// Returns the members of a view to come that begin it with nothing of what they computed before. These
+    /// are all participants, if a dedicated node leads that does not know what they have. It can verify no
+    /// others, and no participant may know whether it was drawn.
     pub(super) fn anew(
         &self,
         common: &Common,
@@ -56,8 +58,9 @@ impl Drawn {
         participants.map(|member| member.node).filter(|node| stayed(*node)).collect()
     }
 
-    /// Draws those who are verified in a view to come, of the participants that begin it with nothing; those who have been go on, under the same
-    /// leader. Returns what members are told of it, also where nobody is drawn, since nobody is to know that; `None`: nobody can be.
+    /// Draws the participants that are verified in a view to come, among those that begin it with nothing.
+    /// Those that were verified before go on, under the same leader. Returns what members are told of it,
+    /// also where nobody is drawn, as nobody may know that. Returns `None` where nobody can be verified.
     pub(super) fn draw(
         &mut self,
         common: &mut Common,
@@ -95,7 +98,8 @@ impl Drawn {
         Some(verified.collect())
     }
 
-    /// Returns whether a participant is verified by this node in the view, and forgets one that is no longer, by what was found out.
+    /// Returns whether this node verifies a participant in the view. Forgets the participant if, by the
+    /// finding, it is no longer verified.
     fn hears(&mut self, by: NodeId, view: ViewNumber, node: NodeId, finding: Finding) -> bool {
         let is_meant = self.by == Some(by) && self.nodes.get(&node).is_some_and(|since| *since <= view);
         if is_meant && !matches!(finding, Finding::Contradicts(_)) {
@@ -109,7 +113,8 @@ fn can_verify(common: &Common) -> bool {
     common.config.grouping.verification.share > 0.0 && common.config.world.protocol.lag_ticks() == 0
 }
 
-/// Returns what one member is told of those who are verified: nobody of itself, and the leader alone what they let go of.
+/// Returns what one member is told of the verified participants: nothing of itself. Only the leader is told
+/// what they let go of.
 pub(super) fn told_to(node: NodeId, view: &View, verified: &[Verified]) -> Vec<Verified> {
     let others = verified.iter().filter(|one| one.node != node);
     let told = others.map(|one| match node == view.leader {
@@ -120,8 +125,8 @@ pub(super) fn told_to(node: NodeId, view: &View, verified: &[Verified]) -> Vec<V
 }
 
 impl Server {
-    /// Takes in what a leader has found out about a participant. Who computes otherwise than it should has to go at once, and what it computed
-    /// counts for nothing.
+    /// Takes in what a leader has found out about a participant. A participant that computes otherwise than
+    /// it should has to leave at once, and what it computed does not count.
     pub(super) fn verdict(
         &mut self,
         from: NodeId,

@@ -1,5 +1,5 @@
-//! Keeps what a client with an area of interest has been sent of the world: what is near it on joining, what comes near later, and the
-//! shapes and joints of those bodies.
+//! Keeps what a client with an area of interest has been sent of the world: what is near it when it joins,
+//! what comes near later, and the shapes and joints of these bodies.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -8,26 +8,28 @@ use crate::cluster::{Life, Record};
 use crate::protocol::{
     Area, BodyKind, BodyRecord, Chunk, JointRecord, Refusal, ShapeHash, ShapeRecord, ToClient, chunks,
 };
-use crate::space::{BodyId, ClientId, JointId};
+use crate::space::{BodyId, ClientId};
 
-/// The part of the world that one client knows.
+/// The part of the world that one client has been sent.
 #[derive(Clone, Debug)]
 pub(super) struct Vicinity {
-    /// What is inserted here later is told too, and all scenery that reaches into it.
+    /// The area in which the client is told of bodies inserted later, and of all scenery that reaches into
+    /// it.
     area: Area,
     bodies: BTreeSet<BodyId>,
     shapes: BTreeSet<ShapeHash>,
-    joints: BTreeSet<JointId>,
 }
 
 impl Vicinity {
-    /// Returns that of a client that joins with this area of interest, and the world's part in it: scenery in a wider area, so that the
-    /// next is not needed at once; avatars of its own, and what is near them.
+    /// Returns the vicinity of a client that joins with this area of interest, and the part of the world in
+    /// it. Scenery comes from a wider area, so that the client need not ask for more soon. The client's own
+    /// avatars and what is near them are included.
     pub(super) fn joining(client: ClientId, interest: Area, record: &Record) -> (Self, Vec<Chunk>) {
         Self::of(client, interest, interest.with_surroundings(), record)
     }
 
-    /// Returns the same of a world in which all may be otherwise, and its part in it.
+    /// Returns the vicinity anew for a world in which everything may differ, and the part of that world in
+    /// it.
     pub(super) fn again(self, client: ClientId, record: &Record) -> (Self, Vec<Chunk>) {
         Self::of(client, self.area, self.area, record)
     }
@@ -45,8 +47,7 @@ impl Vicinity {
         };
         let ids =
             record.present().chain(record.returning(client)).filter(is_near).map(|body| body.id).collect();
-        let mut vicinity =
-            Self { area, bodies: BTreeSet::new(), shapes: BTreeSet::new(), joints: BTreeSet::new() };
+        let mut vicinity = Self { area, bodies: BTreeSet::new(), shapes: BTreeSet::new() };
         let (bodies, shapes, joints) = vicinity.meet(&ids, record);
         let mut parts = chunks(shapes.into_iter().cloned(), Chunk::Shapes);
         parts.extend(chunks(bodies.into_iter().cloned(), Chunk::Bodies));
@@ -54,7 +55,7 @@ impl Vicinity {
         (vicinity, parts)
     }
 
-    /// Moves the area. Returns what of the scenery the client does not know.
+    /// Moves the area. Returns messages about scenery in it that the client does not know.
     fn turn_to(&mut self, area: Area, record: &Record) -> Vec<ToClient> {
         self.area = area;
         let is_new = |body: &&BodyRecord| {
@@ -66,13 +67,14 @@ impl Vicinity {
         self.introduce(&ids, record)
     }
 
-    /// Returns the messages that tell of a body that is new to the world, if it is near or the client's own.
+    /// Returns the messages that tell the client of a body that is new to the world, if it is near or the
+    /// client's own.
     pub(super) fn announce(&mut self, client: ClientId, id: BodyId, record: &Record) -> Vec<ToClient> {
         let is_near = record.body(id).is_some_and(|body| is_in(body, &self.area, record));
         if !is_near && id.client() != Some(client) {
             return Vec::new();
         }
-        // It may have been there before.
+        // A body of this id may have been there before.
         self.bodies.remove(&id);
         self.introduce(&[id].into(), record)
     }
@@ -89,7 +91,8 @@ impl Vicinity {
         known
     }
 
-    /// Returns the messages that introduce bodies that the client does not know, as far as they are in the world.
+    /// Returns the messages that introduce those of these bodies that are in the world and that the client
+    /// does not know.
     fn introduce(&mut self, ids: &BTreeSet<BodyId>, record: &Record) -> Vec<ToClient> {
         let is_present = |id: &BodyId| matches!(record.life(*id), Some(Life::Live | Life::Waiting));
         let ids = ids.iter().filter(|id| is_present(id)).copied().collect();
@@ -100,14 +103,14 @@ impl Vicinity {
             shapes: std::mem::take(&mut shapes).into_iter().cloned().collect(),
             joints,
         };
-        // Shapes come before all that have them, joints after both of their bodies.
+        // Shapes come before all bodies that have them, and joints after both of their bodies.
         let mut messages: Vec<_> = others.iter().map(|body| message(body, Vec::new())).collect();
         messages.push(message(last, std::mem::take(&mut joints).into_iter().cloned().collect()));
         messages
     }
 
-    /// Adds bodies to those that the client knows. Returns those that it did not, the shapes that it needs for them, parts before
-    /// compounds, and the joints that it can have now.
+    /// Adds bodies to those that the client knows. Returns the bodies that were new to it, the shapes that it
+    /// needs for them (parts before compounds), and the joints that it can have now.
     fn meet<'a>(
         &mut self,
         ids: &BTreeSet<BodyId>,
@@ -129,9 +132,9 @@ impl Vicinity {
         }
         let is_known = |joint: &&JointRecord| [joint.a, joint.b].iter().all(|id| self.bodies.contains(id));
         let joints = new.iter().flat_map(|id| record.joints_of(*id)).filter(is_known);
+        // The client comes to know a joint with the second of its bodies, and forgets it with either.
         let joints: BTreeMap<_, _> = joints.map(|joint| (joint.id, joint)).collect();
-        let joints: Vec<_> = joints.into_values().filter(|joint| self.joints.insert(joint.id)).collect();
-        (bodies, shapes, joints)
+        (bodies, shapes, joints.into_values().collect())
     }
 }
 
@@ -145,7 +148,9 @@ fn is_in(body: &BodyRecord, area: &Area, record: &Record) -> bool {
 }
 
 impl Server {
-    /// Tells a client that joined with an area of interest what of the scenery it does not know in this one; `None`: all.
+    /// Moves the area in which a client that joined with an area of interest knows the scenery, and tells it
+    /// what is new to it there. `None` tells it the whole world. Returns the reason if the request is
+    /// refused.
     pub(super) fn widen(&mut self, client: ClientId, area: Option<Area>) -> Option<Refusal> {
         let entry = self.common.clients.get_mut(&client)?;
         let record = &self.groups.get(&entry.group)?.record;
@@ -161,7 +166,8 @@ impl Server {
                 news
             }
             None => {
-                // It counts as knowing all shapes from now on: what comes with one of them comes without it.
+                // The client counts as knowing all shapes from now on, so new bodies with one of these come
+                // without it.
                 let shapes = record.shape_chunks(&mut vicinity.shapes);
                 let bodies = vicinity.introduce(&record.present().map(|body| body.id).collect(), record);
                 shapes.into_iter().map(ToClient::Chunk).chain(bodies).collect()
@@ -171,12 +177,12 @@ impl Server {
         None
     }
 
-    /// Tells a client of bodies whose states it heard of and that it does not know.
+    /// Tells a client of bodies that it does not know and whose states it has heard of.
     pub(super) fn introduce(&mut self, client: ClientId, ids: Vec<BodyId>) {
         let Some(entry) = self.common.clients.get_mut(&client) else { return };
         let Some(group) = self.groups.get(&entry.group) else { return };
         let Some(vicinity) = &mut entry.vicinity else { return };
-        // It asks again.
+        // A client that is refused asks again.
         if self.common.allowances.entry(client).or_default().spawn(self.common.now) {
             let news = vicinity.introduce(&ids.into_iter().collect(), &group.record);
             news.into_iter().for_each(|message| self.common.send_client(client, message));

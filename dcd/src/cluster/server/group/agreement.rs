@@ -1,10 +1,15 @@
-//! Finds what counts of that which all survivors of a view should say alike, though one of them may lie: the dispatches of its last
-//! ticks, and how the world is cut.
+//! Decides whose word counts where all survivors of a view should say the same, though one of them may lie:
+//! about the dispatches of the last ticks, the tree and the allocation.
 //!
-//! The leader made both, so that its word counts while it is there. Of the others' each is checked against the rest: what the leader
-//! sent to all must be known to most. Inputs went to the members that hold the avatar alone, and count by one member's word. A leader that dies
-//! may have told a few of a tick: it is completed, but what participants alone say was to be done in it to all that there is, is not. Where that
-//! decides who exchanges with whom, they cannot complete it with the others, and begin anew.
+//! The leader made these, so its word counts while it is there. Without it, each survivor's word is checked
+//! against the others':
+//!
+//! - **Operations for all members** must be known to most.
+//! - **Inputs** went only to the members that hold the avatar, and count by one member's word.
+//! - **The last tick.** A leader that dies may have told only a few of a tick. The tick is completed, but
+//!   without the operations on the whole world that only participants know of.
+//! - **Participants astray.** Where such operations decide who exchanges with whom, participants that began
+//!   the tick with them cannot complete it with the others, and begin anew.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
@@ -17,11 +22,13 @@ use crate::space::{Allocation, DistributionTree, NodeId, Tick};
 /// A tree, and which member computes each region.
 pub(super) type Division = (DistributionTree, Allocation);
 
-/// For how many ticks members may have gone on while the server heard nothing of their leader: it may have been down for months.
+/// For how many ticks members may have gone on while the server heard nothing of their leader. The server may
+/// have been down for months.
 const UNHEARD_TICKS: u64 = 1 << 32;
 
-/// Returns the dispatches of a view that its survivors are to complete, in order, and how many of those that were named do not count.
-/// `heard` is the tick up to which the server has heard of the world, and `lag` is how many ticks members may be apart.
+/// Returns the dispatches of a view that its survivors are to complete, in order, and how many of the `named`
+/// ones do not count. `heard` is the tick up to which the server has heard of the world, and `lag` is how
+/// many ticks members may be apart.
 pub(super) fn dispatches(
     view: &View,
     heard: Tick,
@@ -41,12 +48,14 @@ pub(super) fn dispatches(
             false => refused += 1,
         }
     }
-    // Survivors are at most so far apart that what they name follows on; without the leader that of most of them counts, of equals what is
-    // later, but no more so than the leader may have gone on unheard, or else what is nearest to the tick that was heard of.
+    // Survivors are at most so far apart that the ticks they name form one run. Without the leader, the run
+    // of most survivors counts. Among equals the later run counts, if the leader may have come that far
+    // unheard. Otherwise the run that is nearest to the tick that the server heard of counts.
     if led.is_none() {
         let least = Tick(heard.0.saturating_sub(lag + 1));
         let may_be = least..=Tick(heard.0.saturating_add(2 * (TELL_TICK + lag)));
-        // Who names nothing has heard of no tick of this view, unless it began anew or lies: nobody else is so far behind the leader.
+        // A member that names nothing has heard of no tick of this view, unless it began anew or lies. It
+        // counts only near the view's own tick: no member is farther behind the leader.
         let silent = named.values().filter(|own| own.is_empty() && view.tick >= least).count();
         if silent > 0 {
             by_tick.entry(view.tick).or_default();
@@ -68,7 +77,8 @@ pub(super) fn dispatches(
         };
         let best = runs.into_iter().rev().max_by_key(rank);
         by_tick = best.unwrap_or_default();
-        // A leader opens no tick before all have done those of which it may be ahead: nobody knows of later ones.
+        // A leader opens no tick before all have done those of which it may be ahead, so nobody knows of
+        // later ones.
         let ends = ends(&by_tick, view.tick, silent);
         if let Some(end) = ends.get(ends.len().saturating_sub(1) / 2) {
             by_tick.retain(|tick, _| tick.0 <= end.0 + lag + 1);
@@ -85,7 +95,7 @@ pub(super) fn dispatches(
             let mut one = merged(&of.into_iter().map(|(_, one)| one).collect::<Vec<_>>());
             one.ops.retain(|op| op.schedule().is_none());
             one.ops.extend(schedule.map(WorldOp::Schedule));
-            // What else a leader did is on record, or is lost as if it had died a moment before.
+            // Whatever else a leader did is on record, or is lost as if the leader had died a moment before.
             one.ops.retain(|op| is_sure || is_for_some(op) || matches!(op, WorldOp::Ask { .. }));
             one
         }
@@ -93,8 +103,9 @@ pub(super) fn dispatches(
     (by_tick.into_values().map(counts).collect(), refused)
 }
 
-/// Returns the members that have begun a tick otherwise than these dispatches say, in which all regions meet, some stay behind, or all are cut otherwise: the leader told
-/// them alone, and each would wait there for what the others never send.
+/// Returns the members that have begun a tick otherwise than these dispatches say, where all regions meet in
+/// the tick, some stay behind, or the tree changes. The leader told them alone, and each would wait in that
+/// tick for what the others never send.
 pub(super) fn astray(
     view: &View,
     lag: u64,
@@ -104,25 +115,28 @@ pub(super) fn astray(
     let Some(end) = counted.last().filter(|_| !named.contains_key(&view.leader)) else {
         return BTreeSet::new();
     };
-    // Where members may be ticks apart all meet in every tick, and it goes on with them.
+    // Where members may be ticks apart, all regions meet in every tick. Such a member goes on with the
+    // others.
     let meets = |op: &&WorldOp| op.repartition().is_some() || lag == 0 && op.concerns_all();
     let schedule = |one: &Dispatch| one.ops.iter().find_map(WorldOp::schedule).cloned();
     let differs = |own: &Dispatch| {
-        // What is older all have done, and some do not name it any more.
+        // All members have done older ticks, and some no longer name them.
         let one = counted.iter().find(|one| one.tick == own.tick && one.tick.0 + lag + 1 > end.tick.0);
         own.view == view.number
             && one.is_some_and(|one| {
                 own.ops.iter().filter(meets).any(|op| !one.ops.contains(op)) || schedule(own) != schedule(one)
             })
     };
-    // A dedicated one never: who else says what the leader told might have it sent away.
+    // A dedicated node is never astray: otherwise another member that says what the leader told might have it
+    // sent away.
     let plays = |node| view.members.iter().any(|one| one.node == node && one.client.is_some());
     let is_astray = |(node, own): &(&NodeId, &Vec<Dispatch>)| plays(**node) && own.iter().any(differs);
     named.iter().filter(is_astray).map(|(&node, _)| node).collect()
 }
 
-/// Returns which regions stay behind in a tick as these members name it: as most of those say that are no participants, if there are any. All have begun
-/// it as they say, and those never begin anew.
+/// Returns which regions stay behind in a tick, as most of the dedicated nodes among these members say, or
+/// most of all if none is dedicated. All have begun the tick as they say, and dedicated nodes never begin
+/// anew.
 fn schedule_of<'a>(
     of: &[(NodeId, &'a Dispatch)],
     is_dedicated: impl Fn(NodeId) -> bool,
@@ -135,7 +149,8 @@ fn schedule_of<'a>(
     most_common(if dedicated.is_empty() { all.iter() } else { dedicated.iter() }).copied().flatten()
 }
 
-/// Returns the newest tick that each member names which takes part in this run, in order. Those that are silent are at the view's tick.
+/// Returns the newest tick of this run that each member names, in order. `silent` members are at the view's
+/// own tick, `first`.
 fn ends(run: &BTreeMap<Tick, Vec<(NodeId, &Dispatch)>>, first: Tick, silent: usize) -> Vec<Tick> {
     let named = run.iter().flat_map(|(&tick, of)| of.iter().map(move |(node, _)| (*node, tick)));
     let newest: BTreeMap<NodeId, Tick> = named.collect();
@@ -145,12 +160,13 @@ fn ends(run: &BTreeMap<Tick, Vec<(NodeId, &Dispatch)>>, first: Tick, silent: usi
     ends
 }
 
-/// Returns whether a leader tells this those members alone that it concerns: an avatar's input, but no jump.
+/// Returns whether a leader tells an operation only to the members that it concerns: an avatar's input
+/// without a jump.
 fn is_for_some(op: &WorldOp) -> bool {
     matches!(op, WorldOp::Input(Input { body, pose: None, .. }) if body.client().is_some())
 }
 
-/// Returns one dispatch of what several members were sent of it.
+/// Merges what several members were sent of one dispatch.
 fn merged(parts: &[&Dispatch]) -> Dispatch {
     let mut known: BTreeMap<Vec<u8>, usize> = BTreeMap::new();
     for part in parts {
@@ -164,7 +180,7 @@ fn merged(parts: &[&Dispatch]) -> Dispatch {
     let mut listed = BTreeSet::new();
     let mut ops: Vec<WorldOp> = Vec::new();
     for part in parts {
-        // What a leader dispatched twice happens twice.
+        // An operation that a leader dispatched twice happens twice.
         let new = part.ops.iter().filter(|op| counts(op) && !listed.contains(&encode_value(*op)));
         let new: Vec<_> = new.cloned().collect();
         listed.extend(new.iter().map(encode_value));
@@ -174,7 +190,7 @@ fn merged(parts: &[&Dispatch]) -> Dispatch {
     Dispatch { ops, rounds: rounds.unwrap_or(1), ..*parts[0] }
 }
 
-/// Returns how the survivors of a view have the world cut after their last tick.
+/// Returns the tree and the allocation that the survivors of a view have after their last tick.
 pub(super) fn division(view: &View, said: &BTreeMap<NodeId, Option<Division>>) -> Option<Division> {
     let is_member = |node: &NodeId| view.members.iter().any(|member| member.node == *node);
     let can_be = |(tree, allocation): &&Division| {
@@ -184,7 +200,7 @@ pub(super) fn division(view: &View, said: &BTreeMap<NodeId, Option<Division>>) -
     led.or_else(|| most_common(said.values().flatten().filter(can_be))).cloned()
 }
 
-/// Returns what is there most often; of equals the first.
+/// Returns the most frequent item; among equals the first.
 fn most_common<'a, T: PartialEq>(all: impl Iterator<Item = &'a T>) -> Option<&'a T> {
     let mut counts: Vec<(&T, usize)> = Vec::new();
     for one in all {
@@ -208,7 +224,7 @@ mod tests {
     const TWO: NodeId = NodeId(2);
     const THREE: NodeId = NodeId(3);
 
-    /// A view of three members, led by the first, after tick 7.
+    /// Returns a view of three members, led by the first, after tick 7.
     fn view() -> View {
         let member = |node| Member { node, address: ([127, 0, 0, 1], 1).into(), client: None };
         View {
@@ -306,7 +322,7 @@ mod tests {
     #[test]
     fn the_world_does_not_go_back_for_one_of_two() {
         let liar = NodeId(4);
-        // The server last heard of tick 10: the leader told it no more before it died.
+        // The server last heard of tick 10: the leader told it nothing later before it died.
         assert_eq!(ticks_of(10, 0, &[(TWO, &[20, 21]), (liar, &[10])]), [20, 21]);
         assert_eq!(ticks_of(10, 0, &[(TWO, &[20, 21]), (liar, &[])]), [20, 21]);
         assert_eq!(ticks_of(10, 0, &[(TWO, &[20, 21]), (liar, &[1 << 20])]), [20, 21]);
@@ -376,7 +392,7 @@ mod tests {
                 [].into(),
                 "the leader is there"
             );
-            // The tick before all have done; one alone names it still.
+            // All have done the tick before; one member alone still names it.
             let late = [vec![dispatch(8, vec![op])], vec![dispatch(9, Vec::new())]].concat();
             assert_eq!(of(&[(TWO, late[1..].to_vec()), (THREE, late)]), [].into());
         }

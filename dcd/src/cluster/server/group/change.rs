@@ -1,5 +1,5 @@
-//! Runs the view changes of a group: decides who is a member and who computes which region, so that no body is lost or doubled
-//! on the way.
+//! Runs the view changes of a group: decides which nodes are members and which member computes which region,
+//! so that no body is lost or doubled on the way.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -22,33 +22,36 @@ use crate::space::{
 
 /// How long a member may keep a view change waiting before it is given up.
 const MUTE: Duration = Duration::from_secs(5);
-/// For how long it may put that off by parts of what it owes, which come slowly over some links.
+/// How long parts of what a member owes, which come slowly over some links, may put that off.
 const PARTS: Duration = Duration::from_secs(20);
-/// How much longer for each body that is fetched: some 300 bytes.
+/// How much longer for each body that is fetched, which takes some 300 bytes.
 const PART: Duration = Duration::from_millis(1);
-/// How many times more than the others a member may come back in one view change, each of which begins it anew.
+/// How many times more often than the others a member may come back in one view change. Each return begins
+/// the change anew.
 const RETURNS: u32 = 3;
-/// The most bytes that a leader hands over of what it has not passed on.
+/// The most bytes of operations that a leader had not passed on and hands over.
 const UNDONE_BYTES: usize = 64 << 20;
 
-/// A view change under way. A death begins it anew with the next number.
+/// A view change under way. A death begins it anew under the next number.
 #[derive(Clone, Debug)]
 pub(in crate::cluster::server) struct ViewChange {
     pub number: ViewNumber,
-    /// When somebody last did what was asked, or a part of it.
+    /// When a member last did what was asked, or a part of it.
     at: Duration,
-    /// When somebody last did all of it, and for how long parts may put off that the others are given up.
+    /// When a member last did all that was asked, and for how long after that parts may put off that the
+    /// others are given up.
     since: Duration,
     patience: Duration,
-    /// Members of the last view that live, those who are leaving included.
+    /// Members of the last view that are alive, including those that are leaving.
     survivors: BTreeSet<NodeId>,
-    /// The dispatches that survivors know, as far as they have said.
+    /// The dispatches that survivors know, as far as they have told yet.
     settling: BTreeMap<NodeId, Vec<Dispatch>>,
-    /// Those of survivors that have said all.
+    /// The dispatches of survivors that have told all.
     settled: BTreeMap<NodeId, Vec<Dispatch>>,
-    /// What the server's program did to moving bodies and the last leader had not passed on when it stopped.
+    /// Operations of the server's program on moving bodies that the last leader had not passed on when it
+    /// stopped.
     undone: Vec<WorldOp>,
-    /// The same as far as it is being told, and its length.
+    /// The same operations as far as the leader has told them, and their length in bytes.
     telling: Vec<WorldOp>,
     telling_bytes: usize,
     /// The last tick that the survivors complete.
@@ -56,11 +59,12 @@ pub(in crate::cluster::server) struct ViewChange {
     /// Survivors that have begun that tick, or one before it, otherwise than the others are to do it.
     astray: BTreeSet<NodeId>,
     surveys: BTreeMap<NodeId, Vec<Claim>>,
-    /// How each survivor has the world cut after that tick, and who of them computes what.
+    /// The tree and the allocation of each survivor after that tick.
     divisions: BTreeMap<NodeId, Option<Division>>,
-    /// Made when all surveys are in.
+    /// The plan of the next view, made when all surveys are in.
     plan: Option<Plan>,
-    /// Members that by this plan keep nothing of what they have computed: it is fetched, and placed with them anew.
+    /// Members that by this plan keep nothing of what they have computed. It is fetched, and placed with them
+    /// anew.
     anew: BTreeSet<NodeId>,
 }
 
@@ -85,7 +89,8 @@ struct Owner {
 }
 
 impl ViewChange {
-    /// Notes that a member does what was asked: all of it, or a part, which lets it be heard for so long only.
+    /// Notes that a member has done all that was asked, or a part of it. Parts put off the end of the wait
+    /// for a limited time only.
     fn hears(&mut self, now: Duration, all: bool) {
         if all {
             self.since = now;
@@ -93,13 +98,14 @@ impl ViewChange {
         self.at = now.min(self.since + self.patience);
     }
 
-    /// Returns whether a member has something of the last view: who has begun anew has no division.
+    /// Returns whether a member has kept something of the last view. A member that has begun anew has no
+    /// division.
     fn has_kept(&self, node: NodeId) -> bool {
         self.divisions.get(&node).is_some_and(Option::is_some)
     }
 
-    /// Returns what the leader handed over: it counts until it has said it all again, as it may die before; and what it has begun to say, if it
-    /// never said it all.
+    /// Returns the operations that the leader handed over. They count until it has told all of them again, as
+    /// it may die before that. If it never told all, what it has begun to tell counts.
     pub(super) fn handed_over(self) -> Vec<WorldOp> {
         match self.undone.is_empty() {
             true => self.telling,
@@ -143,8 +149,9 @@ impl Group {
         self.finish(common);
     }
 
-    /// Counts that a member comes back amid a view change. Returns whether it does so again and again, and others that are linked do not: the
-    /// change would never end. Where it is the server's link that breaks, all come back as often.
+    /// Counts that a member comes back amid a view change. Returns whether it does so again and again while
+    /// other linked members do not: the change would never end. Where the server's own link breaks, all come
+    /// back equally often.
     pub(in crate::cluster::server) fn returns_too_often(&mut self, common: &Common, node: NodeId) -> bool {
         let own = self.returns.entry(node).or_default();
         *own += 1;
@@ -160,7 +167,7 @@ impl Group {
         self.change.as_ref().filter(|change| !change.survivors.is_empty()).map(|change| change.at + MUTE)
     }
 
-    /// Returns the members that owe an answer for too long.
+    /// Returns the members that have owed an answer for too long.
     pub(in crate::cluster::server) fn mute(&mut self, now: Duration) -> Vec<NodeId> {
         if self.mute_at().is_none_or(|at| now < at) {
             return Vec::new();
@@ -175,7 +182,8 @@ impl Group {
         change.survivors.iter().filter(owes).copied().collect()
     }
 
-    /// Returns the members that cannot complete the last tick with the others. The change goes on once they are gone.
+    /// Returns the members that cannot complete the last tick with the others. The change goes on once they
+    /// are gone.
     pub(in crate::cluster::server) fn take_astray(&mut self) -> BTreeSet<NodeId> {
         self.change.as_mut().map(|change| std::mem::take(&mut change.astray)).unwrap_or_default()
     }
@@ -189,7 +197,8 @@ impl Group {
         last: bool,
     ) -> bool {
         let leads = self.leads(node);
-        // No member is ahead of another, or keeps dispatches, by more than the ticks that they may be apart.
+        // No member is ahead of another, or keeps dispatches, by more than the ticks that members may be
+        // apart.
         let most = 4 * (common.config.world.protocol.lag_ticks() as usize + 1);
         let owes = |change: &&mut ViewChange| {
             change.survivors.contains(&node) && !change.settled.contains_key(&node)
@@ -218,7 +227,7 @@ impl Group {
         true
     }
 
-    /// Makes everybody complete the newest dispatch, once all have stopped.
+    /// Makes all survivors complete the newest dispatch, once all have stopped.
     fn finish(&mut self, common: &mut Common) {
         let Some(change) = &mut self.change else { return };
         if change.settled.len() < change.survivors.len() {
@@ -260,7 +269,7 @@ impl Group {
         match &mut self.change {
             Some(change) if change.survivors.contains(&node) && !change.surveys.contains_key(&node) => {
                 change.hears(common.now, true);
-                // The tick of the world is not one member's to say.
+                // No single member says which tick the world is at.
                 common.stale += u64::from(tick > change.last);
                 let tick = tick.min(change.last);
                 let newest = common.number.0;
@@ -277,7 +286,8 @@ impl Group {
         }
     }
 
-    /// Plans the view once all owned bodies are known: who computes which region, and which bodies must be fetched for that.
+    /// Plans the next view once all owned bodies are known: which member computes which region, and which
+    /// bodies must be fetched for that.
     fn plan(&mut self, common: &mut Common) {
         let Some(change) = &mut self.change else { return };
         if change.surveys.len() < change.survivors.len() {
@@ -347,8 +357,9 @@ impl Group {
         self.conclude(common);
     }
 
-    /// Returns how the next view has the world cut, and who of its members computes what. Where the regions follow the load, members
-    /// keep what they have: the leader gives those their part that have none. A world that nobody computes is cut by where bodies lie.
+    /// Returns the tree and the allocation of the next view. Where the world is balanced by load, members
+    /// keep the regions that they have, and the leader later gives a share to members that have none. There,
+    /// a world that nobody computes is cut by where its bodies lie.
     fn divide(&self, common: &Common, members: &[NodeId], present: Option<Division>) -> Division {
         let world = &common.config.world;
         let known = self.view.as_ref().map_or(&world.tree, |view| &view.tree);
@@ -361,7 +372,7 @@ impl Group {
                 let allocation = reallocate(&tree, &former, members, |region| loads[&region]);
                 (tree, allocation)
             }
-            // A save changes nothing.
+            // A save changes neither.
             (Some((tree, former)), None) if self.saving && self.is_of(members) => (tree, former),
             (present, balance) => {
                 let tree = match (present, balance) {
@@ -385,8 +396,8 @@ impl Group {
         present.eq(members.iter().copied())
     }
 
-    /// Returns whether a body goes on where it is: its region is still its owner's, who keeps it, and nothing later was said of it, as in a
-    /// view that nobody came to compute.
+    /// Returns whether a body goes on where it is. Its region still belongs to its owner, the owner keeps
+    /// what it computed, and the record has no later epoch, as from a view that nobody came to compute.
     fn stays(&self, id: BodyId, owner: &Owner, allocation: &Allocation, anew: &BTreeSet<NodeId>) -> bool {
         let known = self.record.body(id).map(|body| body.epoch);
         !anew.contains(&owner.node)
@@ -394,7 +405,7 @@ impl Group {
             && known <= Some(owner.epoch)
     }
 
-    /// Compares what the members own with what is on record; then the world ends.
+    /// Compares what the members own with the record. Then the world ends.
     fn audit(&mut self) {
         let Some(change) = self.change.take() else { return };
         let mut owners: BTreeMap<BodyId, usize> = BTreeMap::new();
@@ -452,7 +463,7 @@ impl Group {
                 (Some(owner), Life::Live) if tree.is_leaf(owner.region) => {
                     moved.insert(id, owner.region);
                 }
-                // Who claims a body in a region that is not there is mistaken, or lies.
+                // A claim in a region that does not exist is a mistake, or a lie.
                 (_, Life::Live | Life::Waiting) => {
                     homeless.insert(id);
                 }
@@ -467,7 +478,7 @@ impl Group {
             }
         }
         drop.extend(owners.keys().filter(|id| self.record.life(**id).is_none()));
-        // Without a view, what comes back waits on record, and is placed below like any newcomer.
+        // Without a view, bodies that come back wait on record. They are placed below like any newcomer.
         let former = self.view.take();
         for (id, park, back) in resting {
             self.rest(common, id, park, back);
@@ -541,7 +552,7 @@ impl Group {
         for member in &view.members {
             let node = member.node;
             let Some(entry) = common.nodes.get_mut(&node) else { continue };
-            // A link that breaks may lose what it was told before.
+            // A link that breaks may lose what the node was told before.
             let retold = self.retold.keys().into_iter().filter_map(|key| match key {
                 Key::GoneScenery(id) if self.record.body(id).is_none() => Some(id),
                 _ => None,
@@ -586,8 +597,8 @@ impl Group {
     }
 }
 
-/// Chooses the leader: a dedicated node, as long as there is one, and the present one if that stays; else of equals the one with the lowest id. A
-/// participant's process is its user's.
+/// Chooses the leader: a dedicated node as long as there is one, since a participant's process is its user's.
+/// Among equals the present leader goes on, or else the node with the lowest id leads.
 fn leader_among(members: &[Member], present: Option<NodeId>) -> NodeId {
     let leads = |member: &Member| Some(member.node) == present;
     let first = members.iter().min_by_key(|member| (member.client.is_some(), !leads(member), member.node));

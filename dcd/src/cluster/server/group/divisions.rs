@@ -1,19 +1,20 @@
-//! Keeps which member computes which region, as it is and was in the present view: what a member tells of bodies counts of its own
-//! regions only.
+//! Keeps which member computes which region, now and earlier in the present view. What a member says of
+//! bodies counts for its own regions only.
 
 use std::collections::{BTreeMap, VecDeque};
 
 use crate::protocol::ToServer;
 use crate::space::{Allocation, NodeId, RegionId};
 
-/// Divisions kept, of which late checkpoints may speak.
+/// The number of divisions kept, of which late checkpoints may speak.
 const KEPT: usize = 16;
-/// The most checkpoints of divisions that the leader has not told yet: its word is on its way over another link.
+/// The most checkpoints kept that name a division of which the leader has not told yet. Its word is on its
+/// way over another link.
 const WAITING: usize = 256;
-/// The most bodies in them: a member may say as much as a message holds.
+/// The most bodies in these checkpoints. A member may say as much as a message holds.
 const WAITING_BODIES: usize = 1 << 17;
 
-/// The divisions of a view: numbered, from 0 on, by how often the tree has changed in it.
+/// The divisions of a view, numbered from 0 by how often the tree has changed in it.
 #[derive(Clone, Debug, Default)]
 pub(in crate::cluster::server) struct Divisions {
     known: BTreeMap<u32, Allocation>,
@@ -21,7 +22,7 @@ pub(in crate::cluster::server) struct Divisions {
 }
 
 impl Divisions {
-    /// Returns those of a view that begins.
+    /// Returns the divisions of a view that begins.
     pub(super) fn of_view(allocation: Allocation) -> Self {
         Self { known: [(0, allocation)].into(), waiting: VecDeque::new() }
     }
@@ -47,7 +48,8 @@ impl Divisions {
         self.known.last_key_value().is_none_or(|(&last, _)| last < division)
     }
 
-    /// Keeps a checkpoint until the leader has told of its division. Returns how many are dropped for it.
+    /// Keeps a checkpoint until the leader has told of its division. Returns how many checkpoints are dropped
+    /// for it.
     pub(super) fn wait(&mut self, node: NodeId, message: ToServer) -> u64 {
         self.waiting.push_back((node, message));
         let mut dropped = 0;

@@ -1,4 +1,4 @@
-//! Tests what the server does with what clients ask for avatars, and its program for bodies.
+//! Tests what the server does when clients ask for changes of avatars, and its program for changes of bodies.
 
 use super::*;
 use crate::cluster::Key;
@@ -7,7 +7,7 @@ use crate::fidelity::Fidelity;
 use crate::protocol::{Alteration, BodyKind, BuildOp, Input, Push, Velocity, WorldOp, WorldPose};
 use crate::space::{JointId, Viewpoint};
 
-/// Returns what leaders are told to do to the world.
+/// Returns the operations that leaders are told.
 fn applied(outputs: Vec<ServerOutput>) -> Vec<WorldOp> {
     let ops = outputs.into_iter().filter_map(|output| match output {
         ServerOutput::Send { message: Message::ToNode(ToNode::Apply { ops, .. }), .. } => Some(ops),
@@ -78,7 +78,7 @@ fn avatars_wait_for_their_client_and_not_for_ever() {
         leaves_again,
         Message::FromClient(ClientId(leaves_again), FromClient::Leave),
     );
-    // Any event will do.
+    // Any event makes the server look.
     says(&mut server, expiry - Duration::from_millis(1), 9, hello());
     assert!([stays_away, returns, leaves_again].into_iter().all(|client| waits(&server, client)));
     says(&mut server, expiry, 9, hello());
@@ -119,7 +119,7 @@ fn what_the_program_does_while_no_leader_hears_it_is_told_to_the_next_but_for_im
     does(&mut server, BuildOp::Remove(gone.body));
     let outputs = hello(&mut server, 1, VERSION);
     let outputs = obey(&mut server, 1, outputs);
-    // It has begun anew, and is given the bodies as they were to move.
+    // The node has begun anew, and is given the bodies with the velocities that they were to have.
     assert_eq!(server.record().body(body).unwrap().state.velocity.linear, [999.0, 0.0, 0.0]);
     assert_eq!(applied(outputs), [WorldOp::Push(force(999.0))]);
 }
@@ -183,7 +183,7 @@ fn what_a_leader_that_goes_had_not_passed_on_the_next_one_does() {
         ServerOutput::Send { to, message: Message::ToNode(ToNode::Apply { ops, .. }) } => Some((to, ops)),
         _ => None,
     });
-    // What others than the leader say of that does not count, nor of bodies that are gone.
+    // Only the leader's word counts, and only for bodies that are there.
     assert_eq!(applied.collect::<Vec<_>>(), [(Peer::Node(NodeId(2)), vec![push(body, 1.0)])]);
 }
 
@@ -235,14 +235,15 @@ fn what_a_leader_handed_over_is_not_lost_as_another_node_dies_before_it() {
     let mut again = server.clone();
     let outputs = dies(&mut server, 1);
     assert_eq!(applied(obey(&mut server, 2, outputs)), [push(1.0)]);
-    // Where it has begun to say it again, that counts.
+    // If the leader has begun to say it again, that counts.
     settles(&mut again, 2.0, false);
     settles(&mut again, 3.0, true);
     let outputs = dies(&mut again, 1);
     assert_eq!(applied(obey(&mut again, 2, outputs)), [push(2.0), push(3.0)]);
 }
 
-/// Returns a server of two nodes that have fallen silent once their leader had handed a push over; and it, and their view.
+/// Returns a server of two nodes that have fallen silent after their leader handed a push over, with that
+/// push and the view's number.
 fn fallen_silent() -> (Server, WorldOp, ViewNumber) {
     let push = WorldOp::Push(Push::impulse(BodyId::persistent(0), [1.0, 0.0, 0.0]));
     let mut server = server_of_two();
@@ -260,7 +261,7 @@ fn fallen_silent() -> (Server, WorldOp, ViewNumber) {
     (server, push, present)
 }
 
-/// Returns what the leader of the view after this one is told to do; a node is alone in it.
+/// Returns what the leader of the view after this one is told to do. One node is alone in that view.
 fn told_next(
     server: &mut Server,
     present: ViewNumber,
@@ -315,7 +316,7 @@ fn what_a_leader_was_told_as_its_view_began_the_next_is_told_too_where_it_may_no
         applied(obey(server, 1, began))
     };
     assert_eq!(again(&mut server), told, "it has opened no tick");
-    // It says how far it is, soon and late.
+    // The leader says how far it is, soon and late.
     let says = |server: &mut Server, tick| {
         let view = server.view().expect("it goes on").number;
         let bodies = Vec::new();
@@ -334,10 +335,10 @@ fn what_a_leader_was_told_as_its_view_began_the_next_is_told_too_where_it_may_no
     assert!(matches!(left[..], [WorldOp::Alter(Alteration::Body { wakes: false, .. })]), "{left:?}");
 }
 
-/// What a server has written down.
+/// The entries that a server has written down.
 type Stored = BTreeMap<Key, Option<Vec<u8>>>;
 
-/// Has a server take an event in, and write down what it wants to; returns what else it wants.
+/// Has a server take an event in, and writes down what it stores. Returns its other outputs.
 fn handled(server: &mut Server, event: ServerEvent, stored: &mut Stored) -> Vec<ServerOutput> {
     server.handle(NOW, event);
     let mut said = Vec::new();
@@ -361,7 +362,8 @@ fn restarted_with(config: ServerConfig, stored: Stored) -> Result<Server, Restor
     Server::restore(config, stored.into_iter().filter_map(entry).collect())
 }
 
-/// How a world is computed and told may be another when it is served again. Nodes that went on meanwhile are welcomed with what it is now.
+/// How a world is computed and told may differ when it is served again. Nodes that went on meanwhile are
+/// welcomed with the world as it is served now.
 #[test]
 fn a_stored_world_is_served_again_with_other_relays_fidelity_and_viewpoints() {
     let (mut server, mut stored) = (server(), Stored::new());
@@ -420,7 +422,7 @@ fn a_server_that_is_started_again_waits_for_clients_that_say_nothing_until_their
     }
     let mut server = restarted(stored);
     let is_there = |server: &Server| server.record().present().any(|body| body.id == id);
-    // It hears nothing of a server that is down, and calls once it takes its link for dead.
+    // The client hears nothing from a server that is down, and calls again once it takes its link for dead.
     let mut now = NOW;
     while now < crate::protocol::link::CLIENT_IDLE_TIMEOUT + Duration::from_secs(1) {
         now += Duration::from_millis(250);
@@ -526,13 +528,13 @@ fn every_leader_is_told_what_the_program_has_changed() {
     let [woken, other, stranger] = [0, 1, 77].map(BodyId::persistent);
     assert_eq!(alter(&mut server, woken, 0.25, true), [(woken, 0.25, true)]);
     assert_eq!(alter(&mut server, stranger, 0.25, true), []);
-    // It may not have passed it on; nobody hears the next.
+    // The leader may not have passed it on, and nobody hears the next alteration.
     server.handle(server.common.now, ServerEvent::Disconnected(Peer::Node(NodeId(1))));
     assert_eq!(alter(&mut server, other, 0.5, false), []);
     assert_eq!(server.record().body(other).unwrap().traits.gravity_scale, 0.5);
     let outputs = hello(&mut server, 1, VERSION);
     assert_eq!(altered(obey(&mut server, 1, outputs)), [(woken, 0.25, true), (other, 0.5, false)]);
-    // Until it has surely woken it.
+    // The leader is told again until it has surely woken the body.
     let (view, bodies) = (server.view().expect("it goes on").number, Vec::new());
     server.common.now += Duration::from_secs(5);
     for tick in [600, 602].map(Tick) {

@@ -1,4 +1,5 @@
-//! Tests what clients that may build can do, and what neither they nor others can make a server do by it.
+//! Tests what clients that may build can do, and what neither they nor others can make a server do in this
+//! way.
 
 mod costs;
 
@@ -12,7 +13,7 @@ use crate::space::JointId;
 const BUILDER: ClientId = ClientId(7);
 const OTHER: ClientId = ClientId(8);
 
-/// A server whose world runs, with a client that may build, and one that may not.
+/// Returns a server whose world runs, with one client that may build, and one that may not.
 fn built_in() -> Server {
     run(server())
 }
@@ -94,7 +95,7 @@ fn asks(
     std::iter::from_fn(|| server.poll_output()).collect()
 }
 
-/// Why the builder is refused this, if it is.
+/// Returns why the builder is refused this operation, if it is.
 fn refusal(server: &mut Server, op: BuildOp) -> Option<Refusal> {
     let outputs = asks(server, Peer::Client(BUILDER), BUILDER, 1, vec![op]);
     let answered = |output: &ServerOutput| {
@@ -207,7 +208,7 @@ fn who_may_not_build_is_told_so_and_cut_off_if_it_goes_on() {
 fn nobody_builds_in_the_name_of_another() {
     let mut server = built_in();
     let before = server.stale();
-    // The leader of the client's group, who speaks for it otherwise, and another client.
+    // The leader of the client's group, which otherwise speaks for it, and another client.
     for from in [Peer::Node(NodeId(1)), Peer::Client(OTHER)] {
         assert_eq!(asks(&mut server, from, BUILDER, 1, vec![insert(body(0))]), []);
     }
@@ -303,7 +304,7 @@ fn a_builder_leaves_avatars_and_names_of_others_and_what_no_program_changes() {
     let bodies = server.record().len();
     for (what, op, reason) in cases {
         assert_eq!(refusal(&mut server, op), Some(reason), "{what}");
-        // Time forgives what no program asks for.
+        // Time forgives operations that no program asks for.
         server.common.now += Duration::from_secs(1);
     }
     assert_eq!(server.record().len(), bodies);
@@ -358,7 +359,7 @@ fn a_name_comes_again_only_once_nobody_holds_what_had_it() {
     };
     assert_eq!(again(&mut server, 4), Some(Refusal::Exists), "a leader may not have heard that it is gone");
 
-    // Bodies are passed on with the next view.
+    // The bodies are passed on with the next view.
     let view = server.view().expect("it runs").number;
     let removed = server.record().body(body(1).id).expect("it is on its way out").clone();
     server.main_mut().owners.insert(removed.id, crate::space::RegionId(1));

@@ -1,4 +1,4 @@
-//! Tests what clients and nodes cannot make a server do: each refusal is named or counted, and others go on.
+//! Tests what clients and nodes cannot make a server do. Each refusal is named or counted, and others go on.
 
 use super::*;
 use crate::protocol::{ContactOffset, WorldOp};
@@ -21,7 +21,7 @@ fn a_client_that_keeps_inventing_shapes_is_refused_and_others_are_not() {
         server.handle(NOW, ServerEvent::Message { from: Peer::Client(client), message: leave });
         is_there
     };
-    // Some 100 kB each, and no two alike.
+    // Some 100 kB each, and no two equal.
     let hull = |n: usize| {
         let point =
             |i: usize| [n as f32 / 4.0 + 1.0 / (i + 1) as f32, (i % 97) as f32 / 2.0, (i % 89) as f32 / 2.0];
@@ -129,7 +129,7 @@ fn an_avatar_that_costs_too_much_is_refused_with_what_there_is_too_much_of() {
     assert_eq!(spawned(1, [0.0; 3], ball(0.5), 8), None);
     assert_eq!(spawned(1, [0.0; 3], ball(0.5), 9), Some(Costs::Iterations));
     assert_eq!(spawned(1, [0.0; 3], ball(101.0), 0), Some(Costs::Size));
-    // One of them hangs far out on the body.
+    // One shape hangs far out on the body.
     let far = Pose { translation: [99.0, 0.0, 0.0], rotation: [0.0, 0.0, 0.0, 1.0] };
     let compound = ShapeRecord::Compound(vec![(far, ball(2.0)[0].hash())]);
     assert_eq!(spawned(1, [0.0; 3], vec![ball(2.0)[0].clone(), compound], 0), Some(Costs::Size));
@@ -168,7 +168,7 @@ fn a_character_takes_no_giants_steps_and_begins_as_its_velocity_says() {
         traits.colliders.push(collider(&ball));
         body.state.velocity.linear = [1.0, 0.0, 0.0];
         let mut body = body.with_controller(Some(Controller::Character(&character)));
-        // No program of ours says so.
+        // No program of ours sends this.
         body.state.gait = Some(Gait { wanted: [1e30, 0.0, 0.0], rise_m_s: 1e30, grounded: true });
         let message = Message::FromClient(client, FromClient::Spawn { body, shapes: vec![ball] });
         server.handle(NOW, ServerEvent::Message { from: Peer::Client(client), message });
@@ -203,7 +203,7 @@ fn only_the_leader_that_a_client_plays_with_speaks_for_it() {
     let client = ClientId(7);
     let hello = Message::Hello(Hello { version: VERSION, role: JoinAs::Client { interest: None } });
     server.handle(NOW, ServerEvent::Message { from: Peer::Client(client), message: hello });
-    // The leader of another group.
+    // Node 2 leads another group.
     let mut other = Group::new(GroupId(2), server.record().clone(), Tick(0));
     other.view = server.view().map(|view| View { group: GroupId(2), leader: NodeId(2), ..view.clone() });
     server.groups.insert(GroupId(2), other);
@@ -231,7 +231,8 @@ pub(super) fn server_of_two() -> (Server, ViewNumber) {
     (server, number)
 }
 
-/// Has a member say this every second; returns whether another one is given up before long, that keeps the others waiting.
+/// Has `member` say this every second. Returns whether `liar`, which keeps the others waiting, is given up
+/// before long.
 fn is_given_up(server: &mut Server, liar: u32, member: u32, says: &ToServer) -> bool {
     let started = server.common.now;
     let mut outputs = Vec::new();
@@ -307,7 +308,7 @@ fn a_member_that_greets_again_and_again_does_not_stop_the_world() {
     let sent_away = |outputs: &[ServerOutput]| {
         outputs.iter().any(|output| matches!(output, ServerOutput::Close { peer: Peer::Node(NodeId(2)), .. }))
     };
-    // A link that breaks once a second is made anew each time.
+    // A link that breaks once per second is made anew each time.
     for second in 0..100 {
         server.common.now = Duration::from_secs(second);
         assert!(!sent_away(&greets(&mut server)));
@@ -361,7 +362,7 @@ fn a_checkpoint_after_a_change_of_the_tree_waits_for_the_leaders_word_of_it() {
         let bodies = vec![BodyCheckpoint { id, region, epoch, state }];
         Message::ToServer(ToServer::Checkpoint { view, tick: Tick(9), division: 1, bodies })
     };
-    // A region that the other member has from then on.
+    // A region that the other member has from that division on.
     let new = RegionId(3);
     tell(&mut server, other.0, checkpoint(new));
     assert_eq!(server.record().body(id).unwrap().state.pose.translation[0], 0.0);

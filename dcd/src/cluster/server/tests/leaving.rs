@@ -1,4 +1,4 @@
-//! Tests that who is sent away is gone, and that nothing is kept of bodies that are.
+//! Tests that a process that is sent away is gone, and that nothing is kept of bodies that are gone.
 
 use super::*;
 use crate::cluster::Key;
@@ -15,7 +15,7 @@ fn greets(server: &mut Server) -> bool {
     said.filter(|output| matches!(output, ServerOutput::Send { to: Peer::Client(_), .. })).count() > 0
 }
 
-/// Returns a server of two nodes, of which the second, a participant, is sent away and has regions to hand over.
+/// Returns a server of two nodes. The second is a participant that is sent away and has regions to hand over.
 fn server_that_sends_away() -> Server {
     let mut server = server_of_two();
     server.common.nodes.get_mut(&NodeId(2)).unwrap().member.client = Some(PLAYER);

@@ -1,4 +1,5 @@
-//! Tests what a server believes of a member that lies: of its own regions what can be, of all else nothing.
+//! Tests what a server believes of a member that lies: of its own regions what is possible, of everything
+//! else nothing.
 
 use super::hostile::server_of_two;
 use super::*;
@@ -9,7 +10,7 @@ use crate::space::Allocation;
 
 const BODY: BodyId = BodyId::persistent(0);
 
-/// Returns a server with two members that compute a region each; and the ids of the one that leads, and of the one that lies.
+/// Returns a server with two members that compute a region each, and the ids of the leader and of the liar.
 fn server_and_members() -> (Server, u32, u32) {
     let (server, _) = server_of_two();
     let view = server.view().expect("it has begun");
@@ -24,7 +25,7 @@ fn region_of(server: &Server, node: u32) -> RegionId {
     allocation.iter().find(|(_, of)| of.0 == node).map(|(&region, _)| region).expect("each has one")
 }
 
-/// Begins a view change; returns the number of the view to come.
+/// Begins a view change. Returns the number of the view to come.
 fn change(server: &mut Server) -> ViewNumber {
     server.main_mut().unsure = true;
     server.finish(0);
@@ -53,14 +54,14 @@ fn to_finish(outputs: &[ServerOutput], node: u32) -> Vec<Dispatch> {
     outputs.iter().find_map(of).expect("it is told to finish")
 }
 
-/// What an honest member says after this tick.
+/// Returns the survey of an honest member after this tick.
 fn honest(server: &Server, view: ViewNumber, tick: u64, claims: Vec<Claim>) -> Message {
     let present = server.view().expect("it has begun");
     let division = Some((present.tree.clone(), present.allocation.clone()));
     Message::ToServer(ToServer::Survey { view, tick: Tick(tick), division, claims })
 }
 
-/// All say that they have nothing of what is fetched: the view begins.
+/// Has all members say that they hold none of the bodies that are fetched, so that the view begins.
 fn find_nothing(server: &mut Server, view: ViewNumber) {
     for node in [1, 2] {
         let found = ToServer::Found { view, bodies: Vec::new(), last: true };
@@ -126,7 +127,7 @@ fn a_checkpoint_of_a_body_makes_no_tick_that_has_not_been() {
         _ => None,
     });
     let stored = stored.and_then(|(_, value)| value).expect("it moved");
-    // A server that is started again goes on from there.
+    // A restarted server goes on from that tick.
     let tick = decode_value::<StoredBody>(&stored).unwrap().tick();
     assert!(tick > Tick(9) && tick < Tick(600), "{tick:?}");
 }
@@ -137,7 +138,7 @@ fn how_the_world_is_cut_and_who_computes_what_is_not_one_members_to_say() {
     let present = server.view().unwrap().clone();
     let view = change(&mut server);
     [liar, leader].into_iter().for_each(|node| drop(settle(&mut server, node, view, Vec::new())));
-    // It speaks first.
+    // The liar speaks first.
     let strangers: Allocation = present.tree.leaves().map(|region| (region, NodeId(77))).collect();
     let division = Some((present.tree.clone(), strangers));
     let lie = ToServer::Survey { view, tick: Tick(0), division, claims: Vec::new() };
@@ -164,7 +165,7 @@ fn a_body_is_not_claimed_for_a_region_that_another_computes() {
     let truth = honest(&server, view, 0, Vec::new());
     tell(&mut server, leader, truth);
     assert_eq!(server.stale(), before + 1);
-    // Nobody else has it: the state on record counts, and not the liar's.
+    // Nobody else has the body, so the state on record counts, and not the liar's.
     let mut lie = server.record().body(BODY).unwrap().clone();
     lie.state.pose.translation = [9.0; 3];
     let found = ToServer::Found { view, bodies: vec![lie], last: true };

@@ -1,9 +1,11 @@
-//! Tests what a participant cannot do to the others of its group: send them away, keep them out, or stop them again and again.
+//! Tests what a participant cannot do to the others of its group: send them away, keep them out, or stop them
+//! again and again.
 
 use super::*;
 use crate::protocol::{Dispatch, Input, Velocity, WorldOp, WorldPose};
 
-/// Returns a server whose main group has these members, of which some are participants, and all of which reach one another.
+/// Returns a server whose main group has these members, all of which reach one another. Those in `players`
+/// are participants.
 fn server_of(nodes: u32, players: &[u32]) -> Server {
     let bodies = (0..3).map(|i| sim_body(BodyId::persistent(i), [f64::from(i), 1.0, 1.0])).collect();
     let mut server = Server::new(config(nodes as usize), Record::new(bodies, Vec::new(), Vec::new()));
@@ -29,7 +31,7 @@ fn members(server: &Server) -> Vec<u32> {
     view.into_iter().flat_map(|view| &view.members).map(|member| member.node.0).collect()
 }
 
-/// Has the time pass, and nodes answer like this; returns all that the server wanted.
+/// Lets time pass while nodes answer in this way. Returns all outputs of the server.
 fn live(
     server: &mut Server,
     for_s: u64,
@@ -45,7 +47,8 @@ fn live(
     said
 }
 
-/// Has members accuse others, and all answer that are asked; returns the members of the main group then.
+/// Has members accuse others, while all that are asked answer. Returns the members of the main group
+/// afterwards.
 fn accuse(server: &mut Server, words: &[(u32, u32)]) -> Vec<u32> {
     let view = server.main().view.as_ref().expect("it has begun").number;
     for &(node, other) in words {
@@ -61,19 +64,19 @@ fn accuse(server: &mut Server, words: &[(u32, u32)]) -> Vec<u32> {
 fn a_participant_that_accuses_all_others_goes_itself() {
     assert_eq!(accuse(&mut server_of(3, &[3]), &[(3, 1), (3, 2)]), [1, 2]);
     assert_eq!(accuse(&mut server_of(4, &[3, 4]), &[(3, 1), (3, 2), (3, 4)]), [1, 2, 4]);
-    // One after the other.
+    // It accuses one after the other.
     let mut server = server_of(4, &[4]);
     assert_eq!(accuse(&mut server, &[(4, 1)]), [2, 3, 4], "it may not reach that one");
     server.handle_timeout(server.common.now + BEAT);
     assert_eq!(accuse(&mut server, &[(4, 2)]), [2, 3]);
     assert!(server.common.failures.contains_key(&NodeId(4)));
-    // The last dedicated one.
+    // It accuses the last dedicated node.
     assert_eq!(accuse(&mut server_of(3, &[2, 3]), &[(3, 1)]), [1, 2]);
 }
 
 #[test]
 fn who_accuses_the_last_dedicated_node_alone_is_not_to_blame_where_that_hangs() {
-    // How many faults the participant may have yet: of eight.
+    // How many of its eight faults the participant may still have.
     let left = |server: &Server| {
         let mut account = server.common.failures.get(&NodeId(3)).copied().unwrap_or_default();
         (0..9).filter(|_| account.ask(server.common.now, 1.0, 8.0, 0.0)).count()
@@ -85,7 +88,7 @@ fn who_accuses_the_last_dedicated_node_alone_is_not_to_blame_where_that_hangs() 
         live(&mut server, 7, all_but(hangs));
         assert_eq!(left(&server), 8 - faults, "{hangs}");
     }
-    // What did not count, since it had no more, is not given back.
+    // A failure that was not counted, as the participant had none left, is not given back.
     let mut server = server_of(3, &[2, 3]);
     (0..8).for_each(|_| assert!(server.common.has_failed(NodeId(3))));
     let view = server.main().view.as_ref().unwrap().number;
@@ -109,7 +112,7 @@ fn a_word_that_is_shared_or_a_dedicated_nodes_or_the_leaders_counts_as_ever() {
     assert_eq!(accuse(&mut server_of(4, &[4]), &[(4, 1), (4, 2), (3, 1), (3, 2)]), [3, 4]);
     assert_eq!(accuse(&mut server_of(4, &[4]), &[(3, 1), (3, 2)]), [3, 4]);
     assert_eq!(accuse(&mut server_of(3, &[1, 2, 3]), &[(1, 2), (1, 3)]), [1], "others wait for its word");
-    // Of two of whom each misses the other the participant goes, whatever its number.
+    // Two members that each miss the other: the participant goes, whatever its number.
     assert_eq!(accuse(&mut server_of(3, &[2]), &[(2, 3), (3, 2)]), [1, 3]);
 }
 
@@ -134,7 +137,7 @@ fn one_participant_does_not_keep_a_dedicated_node_out_for_good() {
     assert_eq!(members(&server), [1, 2, 3]);
 }
 
-/// Returns what nodes but this one answer; that one loads the world, and answers nothing else.
+/// Returns the answers of all nodes but this one, which loads the world and answers nothing else.
 fn all_but(silent: u32) -> impl Fn(&Server, NodeId, ToNode) -> Option<ToServer> {
     move |server, node, message| match message {
         ToNode::WorldEnd => Some(ToServer::Loaded),
@@ -174,7 +177,7 @@ fn members_that_all_come_back_again_and_again_are_members_still() {
 
 #[test]
 fn a_participant_that_stops_the_others_again_and_again_computes_apart_from_them() {
-    // It greets, or says that it has no world, and then nothing; or hangs in a tick.
+    // The participant greets, or says that it has no world, and then says nothing; or it hangs in a tick.
     for way in 0..3 {
         let mut server = server_of(3, &[3]);
         let stops = |server: &mut Server| {
@@ -207,7 +210,7 @@ fn a_participant_that_stops_the_others_again_and_again_computes_apart_from_them(
         assert!(first > 0, "{way}");
         assert_eq!(stopped(&mut server, 150), 0, "{way}");
         assert!(server.linked_nodes().any(|node| node == NodeId(3)), "{way}: it may still compute apart");
-        // In time it may try again.
+        // After some time it may try again.
         assert!(stopped(&mut server, 300) > 0, "{way}");
     }
 }

@@ -33,7 +33,7 @@ fn who_floods_with_questions_for_the_status_is_answered_ten_times_per_second_and
     let group = &status.groups[0];
     assert_eq!((group.leader, group.regions.is_empty()), (Some(NodeId(1)), false));
     assert_eq!(group.regions.iter().map(|region| region.bodies).sum::<u32>(), status.bodies);
-    // Nothing is kept of a peer that is gone.
+    // Nothing is kept of a peer whose link is gone.
     server.handle(now, ServerEvent::Disconnected(other));
     assert!(ask(&mut server, now, other).is_some());
 }
@@ -56,7 +56,7 @@ fn who_has_left_counts_in_no_delay() {
     for node in [2, 3] {
         server.handle(now, ServerEvent::Disconnected(Peer::Node(NodeId(node))));
     }
-    // One that was a member may come back for a while.
+    // A node that was a member may come back for a while.
     let later = now + 2 * ABSENCE;
     server.handle_timeout(later);
     while server.poll_output().is_some() {}

@@ -1,14 +1,14 @@
-//! Tests that shapes that no body has any more are forgotten by all, and nobody is without one that is named again.
+//! Tests that all forget shapes that no body has any more, and that nobody lacks a shape that is named again.
 
 use super::*;
 use crate::cluster::{Key, Life};
 use crate::protocol::{BodyKind, BodyRecord, BuildOp, ShapeHash, WorldOp};
 
 const CLIENT: ClientId = ClientId(7);
-/// Pieces of terrain that are more than the server keeps unused, with what comes in their place.
+/// More pieces of terrain than the server keeps unused, including those that replace them.
 const MANY: u32 = 12;
 
-/// A piece of terrain, half a megabyte.
+/// Returns a piece of terrain, half a megabyte.
 fn terrain(number: u32) -> ShapeRecord {
     let line = (0..40_000).map(|i| [i as f32, number as f32, 0.0]).collect();
     ShapeRecord::Polyline(line, Vec::new())
@@ -35,7 +35,7 @@ fn insert(id: BodyId, shape: &ShapeRecord, shapes: Vec<ShapeRecord>) -> BuildOp 
     BuildOp::Insert { bodies: vec![fixed(id, shape)], shapes, joints: Vec::new() }
 }
 
-/// Replaces the terrain by the next piece of it, so many times.
+/// Replaces the terrain piece by piece, by the pieces of these numbers.
 fn dig(server: &mut Server, pieces: std::ops::Range<u32>) -> Vec<ServerOutput> {
     let mut outputs = Vec::new();
     for number in pieces {
@@ -56,7 +56,7 @@ fn joins(server: &mut Server) {
     says(server, NOW, Message::Hello(Hello { version: VERSION, role }));
 }
 
-/// Returns what clients are told that is gone.
+/// Returns the shapes that clients are told are gone.
 fn told_gone(outputs: &[ServerOutput]) -> Vec<ShapeHash> {
     let gone = outputs.iter().filter_map(|output| match output {
         ServerOutput::Send { message: Message::ToClient(_, ToClient::ShapesGone(gone)), .. } => Some(gone),
@@ -65,7 +65,7 @@ fn told_gone(outputs: &[ServerOutput]) -> Vec<ShapeHash> {
     gone.flatten().copied().collect()
 }
 
-/// Returns which shapes the leader is told to have forgotten, and which to know.
+/// Returns the shapes that the leader is told to forget, and those that it is told to know.
 fn told_nodes(outputs: &[ServerOutput]) -> (Vec<ShapeHash>, Vec<ShapeHash>) {
     let (mut forgotten, mut known) = (Vec::new(), Vec::new());
     for output in outputs {
@@ -82,7 +82,7 @@ fn told_nodes(outputs: &[ServerOutput]) -> (Vec<ShapeHash>, Vec<ShapeHash>) {
     (forgotten, known)
 }
 
-/// A world that a node computes and a client plays in.
+/// Returns a server whose world is computed by a node, with a client in it.
 fn played() -> Server {
     let mut server = server();
     let outputs = hello(&mut server, 1, VERSION);
@@ -91,10 +91,10 @@ fn played() -> Server {
     server
 }
 
-/// Lets so much time pass as something may be on its way.
+/// Lets as much time pass as a message may be on its way.
 fn pass(server: &mut Server) -> Vec<ServerOutput> {
     let now = server.common.now + Duration::from_secs(10);
-    // A server that was stopped for a while counts none of it.
+    // In small steps: a pause during which the server was stopped would not count.
     let mut outputs = Vec::new();
     while server.common.now < now {
         let next = server.common.now + Duration::from_millis(20);
@@ -137,7 +137,7 @@ fn a_shape_that_is_named_again_comes_back_while_it_is_being_forgotten_and_after_
     let [again, late] = [0, 1].map(|number| terrain(number).hash());
     let gone = told_gone(&outputs);
     assert!(gone.contains(&again) && gone.contains(&late), "{} are gone", gone.len());
-    // Whoever names it has not heard that it is gone.
+    // Whoever names the shape has not heard that it is gone.
     let outputs = program(&mut server, vec![insert(BodyId::persistent(200), &terrain(0), Vec::new())]);
     assert!(server.record().shape(again).is_some());
     assert_eq!(told_nodes(&outputs).1, [again]);
@@ -191,7 +191,7 @@ fn what_a_parked_avatar_or_a_compound_has_stays_and_a_save_has_what_its_bodies_h
     });
     let saved = saved.expect("nobody computes the world");
     assert_eq!(saved.shapes, [terrain(39)], "the avatar is not in the world");
-    // Going back forgets what the world since has alone.
+    // Going back forgets shapes that only the world since the save has.
     dig(&mut server, 40..42);
     handled(&mut server, NOW, ServerEvent::Replace(saved));
     let kept: Vec<_> = server.record().shapes_by_hash().keys().copied().collect();
@@ -261,7 +261,7 @@ fn an_avatar_brings_the_shapes_that_it_has_and_no_others_and_small_ones_count_by
     };
     assert!(!spawns(&mut server, 0, vec![ShapeRecord::Ball(0.3)]), "nobody has that");
     assert!(spawns(&mut server, 0, Vec::new()));
-    // Each is kept and told, and that it is gone, which takes more than its five bytes.
+    // Keeping such a shape, telling it, and telling that it is gone takes more than its five bytes.
     let came = (1..6_000).filter(|&number| {
         if number % 64 == 0 {
             let next = server_now(&server) + Duration::from_millis(500);

@@ -1,9 +1,10 @@
-//! Tests whose word counts about participants that are verified, and who is told what of them.
+//! Tests whose word counts about participants that are verified, and which members are told what of them.
 
 use super::*;
 use crate::protocol::{Finding, Hindrance, Verified};
 
-/// Returns a server with three nodes, the last two of them participants, all of which are verified; and what these were told as their view began.
+/// Returns a server with three nodes, and what these were told as their view began. The last two are
+/// participants, and both are verified.
 fn verifying() -> (Server, Vec<ServerOutput>) {
     let bodies = (0..3).map(|i| sim_body(BodyId::persistent(i), [f64::from(i), 1.0, 1.0])).collect();
     let mut config = config(3);
@@ -53,11 +54,11 @@ fn a_participant_goes_by_the_word_of_a_dedicated_leader_that_verifies_it_and_by_
         Message::ToServer(ToServer::Verdict { view, tick: Tick(4), node: NodeId(node), finding })
     };
     let before = server.stale();
-    // Of the other participant, of itself, and of one that the leader does not verify.
+    // Verdicts on the other participant, on the sender itself, and on nodes that the leader does not verify.
     for (from, node) in [(2, 3), (3, 3), (1, 1), (1, 9)] {
         assert_eq!(tell(&mut server, from, verdict(view, node)), []);
     }
-    // Of a time before it came.
+    // A verdict on a time before the participant came.
     assert_eq!(tell(&mut server, 1, verdict(ViewNumber(0), 2)), []);
     assert_eq!((server.stale() - before, members(&server)), (5, vec![1, 2, 3]));
     let outputs = tell(&mut server, 1, verdict(view, 2));

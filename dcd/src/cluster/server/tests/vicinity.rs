@@ -8,12 +8,12 @@ use crate::protocol::{
 use crate::space::JointId;
 
 const CLIENT: ClientId = ClientId(7);
-/// Bodies along an edge of the world, and the distance between two, metres.
+/// The number of bodies along an edge of the world, and the distance between two, metres.
 const EDGE: u32 = 100;
 const APART_M: f64 = 10.0;
 const MIDDLE: [f64; 3] = [500.0, 1.0, 500.0];
 
-/// A body of a large world, fixed if so: every tenth is.
+/// Returns a body of a large world. Every tenth is fixed.
 fn body(index: u32, shape: &ShapeRecord) -> BodyRecord {
     let place = [f64::from(index % EDGE) * APART_M, 1.0, f64::from(index / EDGE) * APART_M];
     let mut body = sim_body(BodyId::persistent(index), place);
@@ -25,7 +25,7 @@ fn body(index: u32, shape: &ShapeRecord) -> BodyRecord {
     body
 }
 
-/// A shape of the tenth part of the world in which a body lies, and two that are everywhere.
+/// Returns the shape of a body: the ground for the first, else a ball for each tenth of the world.
 fn shape(index: u32) -> ShapeRecord {
     match index {
         // The ground.
@@ -43,7 +43,7 @@ fn large_world() -> Server {
     Server::new(config(1), Record::new(bodies, shapes, joints.collect()))
 }
 
-/// A joint that does nothing.
+/// Returns a joint that does nothing.
 pub(super) fn joint(id: u32, a: u32, b: u32) -> JointRecord {
     let frame = Pose { translation: [0.0; 3], rotation: [0.0, 0.0, 0.0, 1.0] };
     let motor = JointMotor {
@@ -75,12 +75,13 @@ pub(super) fn joint(id: u32, a: u32, b: u32) -> JointRecord {
     }
 }
 
-/// What a client has been told, checked for order: nothing twice, a shape before bodies that have it, bodies before joints.
+/// What a client has been told. The order is checked: nothing twice, a shape before bodies that have it,
+/// bodies before their joints.
 #[derive(Default)]
 struct Told {
     bodies: BTreeMap<BodyId, BodyRecord>,
     shapes: BTreeSet<ShapeHash>,
-    joints: BTreeSet<JointId>,
+    joints: BTreeMap<JointId, [BodyId; 2]>,
 }
 
 impl Told {
@@ -98,7 +99,10 @@ impl Told {
                     self.meet(body);
                     self.tie(joints);
                 }
-                ToClient::Removed(id) => assert!(self.bodies.remove(&id).is_some(), "it never knew {id}"),
+                ToClient::Removed(id) => {
+                    assert!(self.bodies.remove(&id).is_some(), "it never knew {id}");
+                    self.joints.retain(|_, ends| !ends.contains(&id));
+                }
                 _ => {}
             }
         }
@@ -116,7 +120,8 @@ impl Told {
     fn tie(&mut self, joints: Vec<JointRecord>) {
         for joint in joints {
             assert!(self.bodies.contains_key(&joint.a) && self.bodies.contains_key(&joint.b));
-            assert!(self.joints.insert(joint.id), "a joint is told once");
+            let known = self.joints.insert(joint.id, [joint.a, joint.b]);
+            assert!(known.is_none(), "a joint is told once");
         }
     }
 
@@ -183,7 +188,7 @@ fn scenery_follows_the_area_and_everything_can_be_asked_for_later() {
     let fixed = BodyId::persistent(2020);
     assert!(told.bodies.contains_key(&fixed));
     say(&mut server, &mut told, from_client(FromClient::Interest(Some(there))));
-    // Those that it hears of, among them one that there is not, and one that it knows.
+    // The client asks about bodies that it heard of. One of these does not exist, and it knows one already.
     let strangers = [1515, 1516, 2020, 999_999].map(BodyId::persistent);
     say(&mut server, &mut told, from_client(FromClient::Introduce(strangers.to_vec())));
     assert_eq!(told.movable(), movable + 2);
@@ -211,6 +216,25 @@ fn what_comes_and_goes_is_told_to_those_near_it() {
         program(&mut server, &mut told, BuildOp::Remove(BodyId::persistent(index)));
     }
     assert!(!told.bodies.contains_key(&BodyId::persistent(near)));
+}
+
+#[test]
+fn a_joint_whose_id_comes_again_is_told_again() {
+    let mut server = large_world();
+    let mut told = join(&mut server, Some(area(MIDDLE, 50.0)));
+    let shape = ShapeRecord::Cuboid([0.5; 3]);
+    let pair = [20_001, 20_002].map(|index| {
+        let mut new = body(index, &shape);
+        new.state.pose.translation = MIDDLE;
+        new
+    });
+    for _ in 0..2 {
+        let (bodies, joints) = (pair.to_vec(), vec![joint(20_000, 20_001, 20_002)]);
+        program(&mut server, &mut told, BuildOp::Insert { bodies, shapes: vec![shape.clone()], joints });
+        assert!(told.joints.contains_key(&JointId(20_000)));
+        pair.iter().for_each(|body| program(&mut server, &mut told, BuildOp::Remove(body.id)));
+        assert!(!told.joints.contains_key(&JointId(20_000)));
+    }
 }
 
 #[test]
@@ -279,7 +303,7 @@ fn who_comes_to_hear_of_everything_is_told_the_shapes_too_that_no_body_has_at_th
     assert!(server.record().shape(shape.hash()).is_some() && !told.shapes.contains(&shape.hash()));
     say(&mut server, &mut told, from_client(FromClient::Interest(None)));
     assert_eq!(told.bodies.len(), (EDGE * EDGE) as usize);
-    // It is on record, and is not told with the body.
+    // The shape is on record, and does not come with the body.
     program(&mut server, &mut told, insert(after.index(), Vec::new()));
     assert!(told.bodies.contains_key(&after));
 }

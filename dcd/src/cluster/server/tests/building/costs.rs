@@ -1,4 +1,4 @@
-//! Tests what clients may build at most, and how fast.
+//! Tests how much clients may build at most, and how fast.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -49,7 +49,7 @@ fn what_a_builder_may_bring_is_bounded_and_what_it_may_ask_for() {
     assert_eq!(refusal(&mut server, many(9_000, 1)), Some(Refusal::TooMany), "all that it may have built");
     assert_eq!(refusal(&mut server, BuildOp::Remove(body(1_000).id)), None);
 
-    // A flood of what is allowed: refused beyond the rate, and who goes on is cut off.
+    // A flood of allowed operations is refused beyond the rate, and a client that goes on is cut off.
     server.common.now += Duration::from_secs(100);
     let moves = || (0..512).map(|_| go(BodyId::persistent(0), 1.0)).collect::<Vec<_>>();
     let mut done = 0;
@@ -87,7 +87,7 @@ fn who_is_somewhat_too_fast_is_refused_and_not_cut_off() {
 #[test]
 fn shapes_to_build_with_are_bounded_too() {
     let mut server = built_in();
-    // Some 100 kB each, and no two alike.
+    // Some 100 kB each, and no two equal.
     let terrain = |n: u32| {
         let heights = (0..160 * 160).map(|i| n as f32 / 4.0 + (i % 97) as f32 / 97.0).collect();
         ShapeRecord::HeightField(heights, 160, 160, [1.0; 3], 0, Vec::new())
@@ -126,7 +126,7 @@ fn all_that_a_builder_builds_has_so_many_corners_at_most() {
     assert_eq!((came, refused), (100, Refusal::Costly(Costs::BuiltCorners)));
 }
 
-/// A body that has these shapes, each in a collider, with the shapes.
+/// Returns the insertion of a body with so many colliders of the last of these shapes.
 fn shaped(body: BodyRecord, kind: BodyKind, shapes: &[ShapeRecord], colliders: usize) -> BuildOp {
     let body = with(body, |traits| {
         traits.kind = kind;
@@ -144,7 +144,7 @@ fn what_is_fixed_costs_too() {
     let costly = |what| Some(Refusal::Costly(what));
     let mut server = built_in();
     let wall = [ShapeRecord::Cuboid([10.0, 2.0, 0.1])];
-    // Walls beside each other do not overlap, though they are long.
+    // Long walls side by side do not overlap.
     for index in 0..70 {
         let wall = shaped(at(index, [0.0, 2.0, f64::from(index) * 0.25]), BodyKind::Fixed, &wall, 1);
         assert_eq!(refusal(&mut server, wall), None, "wall {index}");

@@ -1,4 +1,4 @@
-//! Changes what bodies, colliders and joints are, by their records, where they are computed.
+//! Changes bodies, colliders and joints to match new records, in the regions that compute them.
 
 use rapier3d::prelude::*;
 
@@ -6,7 +6,8 @@ use super::{HostError, RegionHost, joints, record};
 use crate::protocol::{Alteration, ColliderMass, ColliderRecord, JointRecord};
 
 impl RegionHost {
-    /// Makes a change to every copy held here, as a local world's user does by the same setters. Returns whether any is held.
+    /// Makes a change to every copy held here, by the setters that a local world's user calls. Returns
+    /// whether any copy is held here.
     pub fn alter(&mut self, alteration: &Alteration) -> Result<bool, HostError> {
         match alteration {
             Alteration::Joint(record) => Ok(self.update_joint(record.id, |joint| set_joint(joint, record))),
@@ -66,7 +67,7 @@ fn set_collider(collider: &mut Collider, old: &ColliderRecord, new: &ColliderRec
     }
 }
 
-/// Sets a joint by its record; what the solver has found out for its next step stays.
+/// Sets a joint by its record, and keeps what the solver has found out for its next step.
 fn set_joint(joint: &mut GenericJoint, record: &JointRecord) {
     let mut new = joints::joint_of(record);
     for axis in 0..new.limits.len() {
@@ -94,7 +95,7 @@ mod tests {
     const BOX: BodyId = BodyId::persistent(2);
     const HINGE: JointId = JointId(7);
 
-    /// Its name, and the change.
+    /// The name of a change, and the change.
     type Change<'a, T> = (&'static str, &'a dyn Fn(&mut T));
 
     /// Boxes that slide and fall on a floor in two regions, one of them on the border, and a lever on a post.
@@ -145,7 +146,8 @@ mod tests {
         (0..6).map(|i| host.record(BodyId::persistent(i)).unwrap()).collect()
     }
 
-    /// Makes the same change in place and by record, and returns whether it made a difference.
+    /// Makes the same change in place and by record. Checks that both come to the same, and that the change
+    /// makes a difference.
     fn compare(
         name: &str,
         coupling: Coupling,

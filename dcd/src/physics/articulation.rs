@@ -1,5 +1,6 @@
-//! Records and restores the links of multibody joints (bodies in reduced coordinates). Rapier solves all links of a multibody
-//! together, so one region has all of it, with whatever other joints tie to it: it is never shared, and moves whole.
+//! Records and restores the links of multibody joints (bodies in reduced coordinates). Rapier solves all
+//! links of a multibody together, so one region has all of it, with whatever other joints tie to it. A
+//! multibody is never shared, and moves whole.
 
 use std::collections::BTreeMap;
 
@@ -9,18 +10,20 @@ use super::{convert, joints};
 use crate::protocol::{BodyState, JointRecord, LinkMotion, LinkRecord, WorldPose};
 use crate::space::BodyId;
 
-/// The settings that a multibody joint has besides those of every joint.
+/// The settings of a multibody joint, besides those of every joint.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LinkSettings {
-    /// Only the user sets the velocities of its degrees of freedom.
+    /// Whether only the program sets the velocities of the joint's degrees of freedom
+    /// ([`World::set_link_velocity`](crate::World::set_link_velocity)).
     pub kinematic: bool,
-    /// By degree of freedom, the linear ones first: damping, N·s/m or N·m·s; `None` is Rapier's choice, 0.1 for turning.
+    /// The damping by degree of freedom, the linear ones first, N·s/m or N·m·s. `None` is Rapier's choice:
+    /// 0.1 for turning.
     pub damping: Option<[f32; 6]>,
-    /// Inertia added to each degree of freedom, kg or kg·m².
+    /// The inertia added to each degree of freedom, kg or kg·m².
     pub armature: [f32; 6],
-    /// Dry friction of each degree of freedom, N or N·m.
+    /// The dry friction of each degree of freedom, N or N·m.
     pub friction: [f32; 6],
-    /// By axis (x, y, z, about x, y, z): stiffness of a spring, N/m or N·m, and where it rests, metres or radians.
+    /// Springs by axis (x, y, z, about x, y, z): stiffness, N/m or N·m, and rest position, metres or radians.
     pub springs: [[f32; 2]; 6],
 }
 
@@ -54,7 +57,8 @@ pub(crate) fn insert_link(
     }
 }
 
-/// Gives a link what its record says, once the multibody is whole: places in its lists change as links are added.
+/// Gives a link what its record says, once the multibody is whole: places in the multibody's lists change as
+/// links are added.
 pub(crate) fn equip_link(joints: &mut MultibodyJointSet, handle: MultibodyJointHandle, record: &LinkRecord) {
     let (multibody, index) = joints.get_mut(handle).expect("just inserted");
     equip(multibody, index, record);
@@ -94,15 +98,15 @@ pub(super) fn set_velocity(multibody: &mut Multibody, id: usize, velocity: &[f32
     velocities.as_mut_slice()[first..first + dofs].copy_from_slice(&velocity[..dofs]);
 }
 
-/// Returns the displacements that bring a joint from its zero to where it was, to be applied one after the other.
+/// Returns the displacements that bring a joint from its zero to where it was, to be applied in this order.
 fn displacements(joint: &MultibodyJoint, motion: &LinkMotion) -> Vec<[f32; 6]> {
     let locked = joint.data.locked_axes.bits();
     let turning = 3 - (locked >> 3).count_ones();
     if turning < 3 {
         return vec![free_of(locked, motion.coordinates)];
     }
-    // About three axes Rapier keeps where the joint points, and beside it the sum of all its small turns, of which limits
-    // and springs know: after a tumble the one does not say the other.
+    // For three free axes Rapier keeps where the joint points, and beside that the sum of all its small
+    // turns, by which limits and springs go. After a tumble neither follows from the other.
     let turned = convert::rotation(motion.rotation).to_scaled_axis();
     let [x, y, z, wound @ ..] = motion.coordinates;
     let mut ways: Vec<_> = whole_turns(Vector::from(wound) - turned)
@@ -112,7 +116,7 @@ fn displacements(joint: &MultibodyJoint, motion: &LinkMotion) -> Vec<[f32; 6]> {
     ways
 }
 
-/// Returns the values of the free axes, one after the other.
+/// Returns the values of the free axes, packed to the front.
 fn free_of(locked: u8, values: [f32; 6]) -> [f32; 6] {
     let mut free = [0.0; 6];
     let axes = (0..6).filter(|axis| locked & (1 << axis) == 0);
@@ -120,11 +124,11 @@ fn free_of(locked: u8, values: [f32; 6]) -> [f32; 6] {
     free
 }
 
-/// Returns whole turns, each of which leaves a joint pointing where it does. Two of them can add up to any vector that is not
-/// longer than both; here all pairs add up to `sum`.
+/// Returns whole turns, each of which leaves a joint pointing where it does. Two of them can add up to any
+/// vector that is not longer than both; here all pairs add up to `sum`.
 fn whole_turns(sum: Vector) -> impl Iterator<Item = Vector> {
     const TURN: f32 = std::f32::consts::TAU;
-    /// More than hours of tumbling add up to; a peer may say anything.
+    /// More than hours of tumbling add up to; a peer may send any number.
     const MOST_PAIRS: f32 = 1000.0;
     // What rounding leaves is no turn.
     let pairs = if sum.length() < 1e-5 { 0.0 } else { (0.5 * sum.length() / TURN).ceil().min(MOST_PAIRS) };
@@ -157,8 +161,8 @@ pub(super) fn record_of(multibody: &Multibody, id: usize, known: &LinkRecord) ->
     }
 }
 
-/// Returns the motion of a link from the poses of its two bodies, at rest: for a joint of which no more is recorded. Poses do not tell
-/// whole turns: a hinge is taken to be within its limits if it can be.
+/// Returns the motion of a link at rest from the poses of its two bodies, for a joint of which no more is
+/// recorded. Poses do not tell whole turns: a hinge is taken to be within its limits if it can be.
 pub(crate) fn motion_between(joint: &GenericJoint, a: &WorldPose, b: &WorldPose) -> LinkMotion {
     // Relative to the first body's position, so that f32 is exact enough.
     let anchor = a.translation;
@@ -175,7 +179,8 @@ pub(crate) fn motion_between(joint: &GenericJoint, a: &WorldPose, b: &WorldPose)
     LinkMotion { coordinates, rotation: between.rotation.to_array(), ..LinkMotion::default() }
 }
 
-/// Gives links the motion that bodies have in these states, where those of both ends are known: what was recorded of a joint may be older.
+/// Gives links the motion that their bodies have in these states, where the states of both are known: the
+/// joint's record may be older.
 pub(crate) fn set_motions<'a>(
     records: &mut [JointRecord],
     state_of: impl Fn(BodyId) -> Option<&'a BodyState>,
@@ -184,7 +189,7 @@ pub(crate) fn set_motions<'a>(
     let parents: BTreeMap<_, _> = links.map(|record| (record.b, record.a)).collect();
     for record in records.iter_mut().filter(|record| record.link.is_some()) {
         let Some((a, b)) = state_of(record.a).zip(state_of(record.b)) else { continue };
-        // Bounded, should a record name a loop.
+        // Bounded, in case a record names a loop.
         let above = std::iter::successors(Some(record.a), |id| parents.get(id).copied());
         let root = above.take(parents.len()).last().and_then(&state_of);
         let joint = joints::joint_of(record);
@@ -194,8 +199,8 @@ pub(crate) fn set_motions<'a>(
     }
 }
 
-/// Returns the motion of a link from the states of its two bodies and of the root of its multibody. Of what is `known` of it whole turns stay,
-/// which bodies do not tell, if it is where that says.
+/// Returns the motion of a link from the states of its two bodies and of the root of its multibody. Bodies do
+/// not tell whole turns: these stay as `known`, if the link is where that says.
 pub(super) fn motion_of(
     joint: &GenericJoint,
     known: Option<&LinkMotion>,
@@ -219,8 +224,9 @@ pub(super) fn motion_of(
     LinkMotion { coordinates, rotation, velocity, root_velocity }
 }
 
-/// Returns the velocities of a joint's degrees of freedom, as if the mass of its two bodies lay around their positions: where it does not, one
-/// that slides on what turns is told too fast or too slow.
+/// Returns the velocities of a joint's degrees of freedom, as if the mass of its two bodies lay around their
+/// positions. Where it does not, the velocity of a body that slides on a turning one comes out too high or
+/// too low.
 fn velocity_between(joint: &GenericJoint, a: &BodyState, b: &BodyState) -> [f32; 6] {
     let [from, to] = [a, b].map(|state| convert::vector(state.velocity.linear));
     let [turning, spinning] = [a, b].map(|state| convert::vector(state.velocity.angular));
@@ -234,7 +240,8 @@ fn velocity_between(joint: &GenericJoint, a: &BodyState, b: &BodyState) -> [f32;
     free_of(joint.locked_axes.bits(), all)
 }
 
-/// Returns the angle, or that of a turn more or less, whichever is nearest to being within the limits.
+/// Returns the angle, or the angle with a turn added or taken away, whichever is nearest to being within the
+/// limits.
 fn nearest_turn(angle: f32, limits: &JointLimits<f32>) -> f32 {
     const TURN: f32 = std::f32::consts::TAU;
     let beyond = |angle: &f32| (limits.min - angle).max(angle - limits.max).max(0.0);

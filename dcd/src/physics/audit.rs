@@ -1,5 +1,5 @@
-//! Audits what a region computes: copies an island before a step and computes it again in a small world of its own, finer; the difference
-//! after the step is the error.
+//! Audits what a region computes: copies an island before a step and computes it again, finer, in a small
+//! world of its own. The difference after the step is the error.
 
 use std::collections::BTreeMap;
 
@@ -7,30 +7,33 @@ use rapier3d::prelude::*;
 
 use crate::physics::region::{Ownership, Region};
 
-/// The finer model has so many substeps per tick, each with all iterations of a tick.
+/// The number of substeps per tick of the finer model, each with all iterations of a tick.
 const FINESSE: usize = 4;
-/// The most bodies of an island that is audited whole. Of a larger one only what is nearest to the first body is: there all bodies that
-/// have a neighbour left out move as they moved.
+/// The most bodies of an island that is audited whole. Of a larger island only the bodies nearest to the
+/// first one are audited, and those with a neighbour left out move as they moved in the region.
 const MOST: usize = 48;
-/// The cost of a small world, and of a body's step in it, in bodies that a region steps.
+/// The costs of making a small world and of stepping a body in it once, in bodies that a region steps.
 const MAKING: f64 = 30.0;
 const STEPPING: f64 = 2.0;
-/// What else lies this near is there too, metres, and what may be reached in the step.
+/// The distance, metres, from the island and from what it may reach in the step, within which other bodies
+/// are copied too.
 const AROUND_M: f32 = 0.1;
 
-/// An island before a step, and what it came to in a finer model.
+/// An island before a step, and its finer model.
 pub(super) struct Audit {
     world: PhysicsWorld,
-    /// Each body of the island in the region and in the small world.
+    /// The bodies of the island, each with its handles in the region and in the small world.
     members: BTreeMap<(u32, u32), (RigidBodyHandle, RigidBodyHandle)>,
-    /// Those with a neighbour that was left out.
+    /// The bodies with a neighbour that was left out.
     rim: Vec<(RigidBodyHandle, RigidBodyHandle)>,
     ticks: u8,
 }
 
 impl Audit {
-    /// Copies the island of a body, before a step of so many ticks. `None` where it cannot be computed by itself: with a multibody, a
-    /// character or a vehicle in it, or a body whose mass is split among regions; or where the body is no dynamic one of the region's own.
+    /// Copies the island of a body, before a step of so many ticks. Returns `None` where the body is no
+    /// dynamic one that the region owns, or where the island cannot be computed by itself: with a multibody,
+    /// a character or a vehicle in it, with a body whose mass is split among regions, or with a neighbour of
+    /// the body left out.
     pub(super) fn begin(
         region: &Region,
         seed: RigidBodyHandle,
@@ -85,7 +88,7 @@ impl Audit {
             }
             copied.insert(key, (handle, copy));
         }
-        // What it may come to stand against.
+        // What the island may come to stand against.
         let around: Vec<_> = physics
             .intersect_aabb_conservative(bounds.loosened(AROUND_M), QueryFilter::default())
             .filter_map(|(_, collider)| collider.parent())
@@ -105,7 +108,7 @@ impl Audit {
                         .or_else(|| others.get(&body.into_raw_parts()))
                         .map(|(_, copy)| *copy)
                 };
-                // Each joint comes from both of its bodies.
+                // Each joint is found from both of its bodies.
                 let is_first = a.into_raw_parts() == key || !copied.contains_key(&a.into_raw_parts());
                 if let (true, Some(a), Some(b)) = (is_first, end(a), end(b)) {
                     world.impulse_joints.insert(a, b, joint.data, false);
@@ -126,13 +129,14 @@ impl Audit {
         self.members.len()
     }
 
-    /// Returns what it costs, in bodies stepped once.
+    /// Returns the cost of the audit, in bodies stepped once.
     pub(super) fn work(&self) -> f64 {
         MAKING + STEPPING * (FINESSE * usize::from(self.ticks) * self.members.len()) as f64
     }
 
-    /// Computes the finer model and returns how far it is from what the region came to: the mean difference of the bodies' velocities per
-    /// tick of the step, m/s. `None` where a body went.
+    /// Computes the finer model and returns how far it is from what the region came to: the mean difference
+    /// of the bodies' velocities per tick of the step, m/s. Returns `None` if a body has gone, or if the
+    /// result is not finite.
     pub(super) fn finish(mut self, region: &Region) -> Option<f32> {
         let after = &region.physics().bodies;
         if self.members.values().any(|(body, _)| !after.contains(*body)) {

@@ -1,24 +1,24 @@
-//! Names colliders by body and index, so that a name is the same in every region.
+//! Names colliders by body and index, so that a collider has the same name in every region.
 
 use crate::space::BodyId;
 
-/// The id of a collider: its body and its index there, counted from 0 in order of insertion.
+/// The id of a collider: its body, and its index there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ColliderId {
-    /// Which body.
+    /// The body.
     pub body: BodyId,
-    /// Which of its colliders.
+    /// The index among the body's colliders, counted from 0 in order of insertion.
     pub index: usize,
 }
 
-/// The first collider of a body, as most bodies have but one.
+/// Names the first collider of a body, since most bodies have only one.
 impl From<BodyId> for ColliderId {
     fn from(body: BodyId) -> Self {
         Self { body, index: 0 }
     }
 }
 
-/// A body and the index of one of its colliders.
+/// Names a collider by its body and index.
 impl From<(BodyId, usize)> for ColliderId {
     fn from((body, index): (BodyId, usize)) -> Self {
         Self { body, index }

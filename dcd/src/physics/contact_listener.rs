@@ -36,8 +36,8 @@ struct Name {
     threshold_n: f32,
 }
 
-/// What is heard in the present step; nothing between steps. Only the stepping thread locks it; Rapier asks for a handler that can be
-/// shared.
+/// The events of the present step; empty between steps. Only the stepping thread locks them, but Rapier asks
+/// for a handler that can be shared.
 #[derive(Default)]
 struct Ear(Mutex<Heard>);
 
@@ -69,8 +69,9 @@ struct RawForce {
 }
 
 impl ContactListener {
-    /// Registers a collider that entered the region, or that its user changed. Rapier reports any force from then on: whether it
-    /// is above the user's threshold shows only when the parts of all regions and all substeps of a tick are added up.
+    /// Registers a collider that entered the region, or that its user changed. From then on Rapier reports
+    /// any force: whether a force is above the user's threshold shows only when the parts of all regions and
+    /// all substeps of a tick are added up.
     pub(super) fn name(
         &mut self,
         collider: &mut Collider,
@@ -91,15 +92,16 @@ impl ContactListener {
         }
     }
 
-    /// Ends the contacts of a body that left the region. Rapier would report their end a step later, when its handles may already
-    /// belong to another body. It is reported only after the next step here too, for by then the region that the body went to has
-    /// seen these contacts, and the user is not told that they ceased.
+    /// Ends the contacts of a body that left the region. Rapier would report their end a step later, when its
+    /// handles may already belong to another body. Here too the end is reported only after the next step: by
+    /// then the region that the body went to has seen these contacts, and the user is not told that they
+    /// ceased.
     pub(super) fn forget(&mut self, body: BodyId) {
         self.lost.extend(self.touching.take_of(body, |_| true));
     }
 
-    /// Ends the contacts of a collider of which Rapier will not tell the end, as its user does not want to hear of them any more: all but those of
-    /// which the other one `tells`.
+    /// Ends the contacts of a collider whose user no longer wants to hear of them, since Rapier will not
+    /// report their end. Contacts of which the other collider still `tells` go on.
     pub(super) fn mute(&mut self, of: (BodyId, u16), tells: impl Fn((BodyId, u16)) -> bool) {
         let ended = self.touching.take_of(of.0, |key| {
             let ends = [(key.a, key.collider_a), (key.b, key.collider_b)];
@@ -108,10 +110,10 @@ impl ContactListener {
         self.lost.extend(ended);
     }
 
-    /// Makes Rapier look again, in the next step, at colliders whose force events were turned on or off. To be called after the
-    /// step that follows [`ContactListener::name`]. Rapier 0.36 overlooks a contact whose forces were turned on if another
-    /// contact ended in the same step, and for as long as it rests: it keeps contacts by place, and the last one moves to where
-    /// one ended.
+    /// Makes Rapier look again, in the next step, at colliders whose force events were turned on or off. Must
+    /// be called after the step that follows [`ContactListener::name`]. Rapier 0.36 overlooks a contact whose
+    /// forces were turned on, for as long as it rests, if another contact ended in the same step: Rapier
+    /// keeps contacts by place, and the last one moves to where one ended.
     pub(super) fn remind(&mut self, colliders: &mut ColliderSet) {
         for handle in self.turned.drain(..) {
             colliders.get_mut(handle);
@@ -123,7 +125,8 @@ impl ContactListener {
         !self.lost.is_empty()
     }
 
-    /// Appends everything recorded since the last call to `events`, by body ids; forces count for this part of a tick.
+    /// Appends everything recorded since the last call to `events`, by body ids. Forces count for the part
+    /// `part` of a tick.
     pub(super) fn drain(&mut self, anchor: [f64; 3], part: f32, events: &mut RegionEvents) {
         events.touches.extend(self.lost.drain(..).map(|(key, sensor)| end_of(key, sensor)));
         let heard = std::mem::take(self.heard.0.get_mut().expect("a region steps on one thread at a time"));
@@ -179,7 +182,8 @@ impl ContactListener {
     }
 }
 
-/// Hears of a step that is thrown away which contacts begin and end, and nothing of their forces.
+/// A listener for a step that is thrown away: it hears which contacts begin and end, and nothing of their
+/// forces.
 pub(super) struct TouchListener<'a>(pub &'a ContactListener);
 
 impl EventHandler for TouchListener<'_> {
@@ -221,7 +225,8 @@ impl EventHandler for ContactListener {
         let (first, second, flags) = match event {
             CollisionEvent::Started(a, b, flags) | CollisionEvent::Stopped(a, b, flags) => (a, b, flags),
         };
-        // `forget` has said so already. What is disabled is removed for Rapier, but there.
+        // `forget` has reported this end already. Rapier also reports disabled colliders as removed, but
+        // these still exist.
         let is_gone = |collider| colliders.get(collider).is_none();
         if flags.contains(CollisionEventFlags::REMOVED) && (is_gone(first) || is_gone(second)) {
             return;

@@ -5,8 +5,8 @@ use rapier3d::prelude::*;
 
 use crate::protocol::{self, Velocity, WORLD_REACH_M, WorldPose};
 
-/// The spacing of the grid on which region origins (anchors) lie: so coarse that worlds within ±256 m have one anchor and all
-/// their regions agree bit for bit.
+/// The spacing, metres, of the grid on which region origins (anchors) lie. It is so coarse that worlds within
+/// ±256 m have one anchor and all their regions agree bit for bit.
 pub(crate) const ANCHOR_GRID_M: f64 = 512.0;
 
 /// Returns the origin (anchor) of a region whose part of the world has this centre.
@@ -34,7 +34,8 @@ pub(crate) fn region_from_world(anchor: [f64; 3], pose: &WorldPose) -> Pose {
     Pose::from_parts(region_point(anchor, pose.translation), rotation(pose.rotation))
 }
 
-/// Converts a pose to world space. A body that has left the world is reported at its edge: no message may have it farther out.
+/// Converts a pose to world space. A body that has left the world is reported at its edge: no message may
+/// have a body farther out.
 #[inline]
 pub(crate) fn world_from_region(anchor: [f64; 3], pose: &Pose) -> WorldPose {
     let translation = world_point(anchor, pose.translation).map(|v| v.clamp(-WORLD_REACH_M, WORLD_REACH_M));
@@ -51,8 +52,8 @@ pub(crate) fn world_point(anchor: [f64; 3], point: Vector) -> [f64; 3] {
     std::array::from_fn(|i| f64::from(point[i]) + anchor[i])
 }
 
-/// Returns a body's velocity, or zero if it is not finite: a position-based kinematic body keeps what a contact with a broken
-/// body has made of its velocity.
+/// Returns a body's velocity, or zero if it is not finite: a position-based kinematic body keeps the velocity
+/// that a contact with a broken body has given it.
 #[inline]
 pub(crate) fn velocity_of(body: &RigidBody) -> Velocity {
     let velocity = Velocity { linear: body.linvel().to_array(), angular: body.angvel().to_array() };

@@ -1,4 +1,5 @@
-//! Computes how large and heavy a body is from its record, wherever it is computed: box, mass, centre of mass, inertia.
+//! Computes how large and heavy a body is from its record, wherever the body is computed: box, mass, centre
+//! of mass, inertia.
 
 use rapier3d::prelude::*;
 
@@ -8,26 +9,27 @@ use super::shapes::{ShapeError, ShapeLibrary};
 use crate::protocol::{BodyKind, BodyRecord};
 use crate::space::Bounds;
 
-/// How large and heavy a body is, as [`World::extent`](crate::World::extent) computes it.
+/// The size, mass and inertia of a body, as [`World::extent`](crate::World::extent) computes them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct BodyExtent {
-    /// The smallest box along the axes of world space that holds its colliders; infinite for a half-space.
+    /// The smallest box along the axes of world space that holds the body's colliders, metres; infinite for a
+    /// half-space.
     pub aabb: Bounds,
-    /// Kilograms; 0 for a fixed body.
+    /// The mass, kilograms; 0 for a fixed body.
     pub mass_kg: f32,
-    /// Its centre of mass, from its origin, along its own axes, metres.
+    /// The centre of mass, from the body's origin along the body's own axes, metres.
     pub centre_of_mass: [f32; 3],
-    /// Its moments of inertia about its principal axes through that centre, kg m²; 0 for a fixed body.
+    /// The moments of inertia about the principal axes through the centre of mass, kg m²; 0 for a fixed body.
     pub principal_inertia: [f32; 3],
-    /// The rotation from its own axes to the principal ones, as a unit quaternion, scalar last.
+    /// The rotation from the body's own axes to the principal ones, a unit quaternion, scalar last.
     pub principal_axes: [f32; 4],
 }
 
 impl BodyExtent {
     /// Computes the extent of a body whose shapes are in the library.
     pub(crate) fn of(known: &BodyRecord, shapes: &ShapeLibrary) -> Result<Self, ShapeError> {
-        // Beside the body single precision is fine, wherever in the world it is.
+        // Near the body single precision is fine, wherever in the world the body is.
         let origin = known.state.pose.translation;
         let (body, parts) = record::build(known, origin, shapes)?;
         let (mut bodies, mut colliders) = (RigidBodySet::new(), ColliderSet::new());

@@ -1,7 +1,9 @@
-//! Notes what contact hooks answer, and answers the same in their place: a program's own code cannot be repeated, what it said can.
+//! Notes what contact hooks answer, and answers the same in their place: a program's own code cannot be
+//! repeated, but its answers can.
 //!
-//! Only answers that are otherwise than without hooks are noted. Regions ask from several threads, in any order; each of them asks about
-//! one pair in the same order in every run, so that a question is known by region, pair and the times that it was asked in the tick.
+//! Only answers that differ from those without hooks are noted. Regions ask from several threads, in any
+//! order, but each region asks about one pair in the same order in every run. So a question is identified by
+//! region, pair and how often it was asked before in the tick.
 
 use std::collections::BTreeMap;
 use std::mem;
@@ -15,7 +17,7 @@ use super::collider_id::ColliderId;
 use super::hooks::{ContactHooks, HookedPair};
 use crate::protocol::{HookAnswer, HookCall, HookQuestion, read_state, write_state};
 
-/// Asks a program's hooks, and notes their answers.
+/// Contact hooks that ask a program's hooks and note their answers.
 pub(crate) struct NotedHooks {
     hooks: Arc<dyn ContactHooks>,
     notes: Mutex<Notes>,
@@ -27,7 +29,7 @@ struct Notes {
     answers: Vec<(HookCall, HookAnswer)>,
 }
 
-/// Answers as hooks did in a recorded tick.
+/// Contact hooks that answer as others did in a recorded tick.
 pub(crate) struct RepeatedHooks {
     answers: BTreeMap<HookCall, HookAnswer>,
     asked: Mutex<Asked>,
@@ -58,7 +60,7 @@ impl NotedHooks {
         &self.hooks
     }
 
-    /// Takes what was answered since the last time, in order.
+    /// Takes the answers noted since the last call, in order.
     pub(crate) fn take(&self) -> Vec<(HookCall, HookAnswer)> {
         let notes = mem::take(&mut *self.notes.lock().unwrap_or_else(PoisonError::into_inner));
         let mut answers = notes.answers;
@@ -103,7 +105,7 @@ impl RepeatedHooks {
         Self { answers: answers.into_iter().collect(), asked: Mutex::default() }
     }
 
-    /// Returns the answer to a question, where it is otherwise than without hooks.
+    /// Returns the answer to a question; `None` where it is as without hooks.
     fn answer(&self, question: HookQuestion, pair: &HookedPair<'_>) -> Option<&HookAnswer> {
         let call = self.asked.lock().unwrap_or_else(PoisonError::into_inner).again(question, pair);
         self.answers.get(&call)
@@ -132,7 +134,7 @@ impl ContactHooks for RepeatedHooks {
     }
 }
 
-/// What a hook may change of a contact manifold.
+/// The parts of a contact manifold that a hook may change.
 #[derive(Serialize, Deserialize)]
 struct Manifold {
     solver_contacts: SolverContacts,
@@ -143,7 +145,7 @@ struct Manifold {
 }
 
 impl Manifold {
-    /// Returns what it is now, in Rapier's serde form; nothing of soft bodies, which no region has.
+    /// Returns the present manifold in Rapier's serde form; nothing of soft bodies, which no region has.
     fn of(contacts: &ContactModificationContext<'_>) -> Vec<u8> {
         let mut bytes = Vec::new();
         if let Some(now) = contacts.rigid() {

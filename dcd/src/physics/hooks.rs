@@ -6,13 +6,16 @@ use super::collider_id::ColliderId;
 use super::contact_listener::ContactListener;
 use crate::space::RegionId;
 
-/// Rapier's `PhysicsHooks` with bodies by id. Only colliders with the matching `ActiveHooks` are asked about.
+/// A program's hooks that filter and modify contacts: Rapier's `PhysicsHooks` with bodies by id. They are
+/// called only for colliders with the matching `ActiveHooks`.
 ///
-/// Regions call the hooks at the same time, from several threads, and every region that holds both bodies asks about its own
-/// copies: the answer must depend on nothing that differs between regions or from tick to tick, or the regions disagree. Which of
-/// two colliders comes first may differ between regions too.
+/// Regions call the hooks at the same time, from several threads, and every region that holds both bodies
+/// calls them for its own copies. The answer must therefore not depend on anything that differs between
+/// regions or changes from tick to tick, or the regions disagree. Which of the two colliders comes first may
+/// differ between regions, too.
 pub trait ContactHooks: Send + Sync {
-    /// Returns whether two solid colliders touch at all: `None` if not, else whether they push each other. By default they do.
+    /// Returns whether two solid colliders touch: `None` if they do not, otherwise whether they push each
+    /// other. By default they do.
     fn filter_contact_pair(&self, _pair: &HookedPair<'_>) -> Option<SolverFlags> {
         Some(SolverFlags::COMPUTE_RIGID_IMPULSES)
     }
@@ -22,26 +25,27 @@ pub trait ContactHooks: Send + Sync {
         true
     }
 
-    /// Changes the contacts that the solver is about to use. `contacts.collider1` is that of `pair.first`; positions are in
-    /// the space of a region, and the manifold's user data starts at 0 in every region that comes to hold both bodies.
+    /// Changes the contacts that the solver is about to use. `contacts.collider1` is the collider of
+    /// `pair.first`. Positions are in the space of a region. The user data of the manifold starts at 0 in
+    /// every region that comes to hold both bodies.
     fn modify_solver_contacts(&self, _pair: &HookedPair<'_>, _contacts: &mut ContactModificationContext<'_>) {
     }
 }
 
-/// The two colliders that a hook is asked about.
+/// The two colliders for which a hook is called.
 #[derive(Clone, Copy)]
 pub struct HookedPair<'a> {
-    /// The id of the first.
+    /// The id of the first collider.
     pub first: ColliderId,
-    /// The id of the second.
+    /// The id of the second collider.
     pub second: ColliderId,
-    /// Both as they are in the region.
+    /// Both colliders as they are in the region.
     pub colliders: [&'a Collider; 2],
     /// Their bodies as they are in the region: with a part of the mass where it is split among regions.
     pub bodies: [&'a RigidBody; 2],
-    /// The origin of the region's space, in world space.
+    /// The origin of the region's space, in world space, metres.
     pub anchor: [f64; 3],
-    /// The region that asks.
+    /// The region that calls.
     pub(crate) region: RegionId,
 }
 

@@ -1,12 +1,13 @@
-//! Reads from Rapier's contact pairs by which impulses they pushed in the last step.
+//! Reads from Rapier's contact pairs the impulses with which they pushed in the last step.
 
 use rapier3d::dynamics::FrictionModel;
 use rapier3d::geometry::ContactData;
 use rapier3d::prelude::*;
 use rapier3d::utils::OrthonormalBasis;
 
-/// Returns the impulse of a contact pair on its second body in the last step, in newton seconds, with friction as far as Rapier tells:
-/// all of it by the Coulomb model, by the simplified one what the last iteration applied.
+/// Returns the impulse of a contact pair on its second body in the last step, in newton seconds. It includes
+/// friction as far as Rapier tells it: all of it with the Coulomb model; with the simplified one, that of the
+/// last iteration, scaled to the step.
 pub(super) fn pair_impulse_ns(world: &PhysicsWorld, pair: &ContactPair) -> [f64; 3] {
     let model = world.integration_parameters.friction_model;
     pair.solver_manifolds().iter().fold([0.0; 3], |sum, manifold| {
@@ -23,17 +24,18 @@ fn impulse_ns(manifold: &ContactManifold, model: FrictionModel) -> [f64; 3] {
         FrictionModel::Simplified => last_friction(manifold, step),
         FrictionModel::Coulomb => friction(manifold),
     };
-    // The normal points to the second body; friction is told of the first.
+    // The normal points to the second body, but friction is kept for the first.
     std::array::from_fn(|i| step * f64::from(normal.to_array()[i]) - friction[i])
 }
 
-/// Returns the friction of one iteration on the first body, which is all that is kept of it, times how much larger the normal impulse of
-/// the step is. Of an impact in an earlier iteration nothing is left.
+/// Returns the friction of the last iteration on the first body, which is all that Rapier keeps, times the
+/// ratio of the step's normal impulse to that iteration's. Nothing is left of an impact in an earlier
+/// iteration.
 fn last_friction(manifold: &ContactManifold, step: f64) -> [f64; 3] {
     let last_iteration: f64 = solved_points(manifold).map(|data| f64::from(data.warmstart_impulse)).sum();
     // Without a normal there is no friction.
     let share = if last_iteration > 0.0 { step / last_iteration } else { 0.0 };
-    // All points have that of the whole manifold.
+    // Each point has the friction of the whole manifold.
     let friction = solved_points(manifold).next().map_or(Vector::ZERO, |data| data.warmstart_tangent_world);
     friction.to_array().map(|v| share * f64::from(v))
 }
@@ -49,7 +51,8 @@ fn friction(manifold: &ContactManifold) -> [f64; 3] {
     })
 }
 
-/// Returns the points of a manifold that the solver selected. Others keep stale impulses, so these must not be summed over all points.
+/// Returns the points of a manifold that the solver selected. Other points keep stale impulses, so that sums
+/// must not go over all points.
 pub(super) fn solved_points(manifold: &ContactManifold) -> impl Iterator<Item = &ContactData> {
     let ids = manifold.data.solver_contacts.iter().map(|contact| contact.contact_indices()[0] as usize);
     ids.filter_map(|id| manifold.points.get(id)).map(|point| &point.data)

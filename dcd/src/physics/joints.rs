@@ -6,7 +6,7 @@ use super::convert;
 use crate::protocol::{self, JointRecord};
 use crate::space::{BodyId, JointId};
 
-/// Records a joint.
+/// Returns the record of a joint between the bodies `a` and `b`.
 pub fn joint_record(id: JointId, a: BodyId, b: BodyId, joint: &GenericJoint) -> JointRecord {
     JointRecord {
         id,
@@ -34,7 +34,7 @@ pub fn joint_record(id: JointId, a: BodyId, b: BodyId, joint: &GenericJoint) -> 
         }),
         softness: [joint.softness.natural_frequency, joint.softness.damping_ratio],
         contacts_enabled: joint.contacts_enabled,
-        // Rapier itself disables a joint of a disabled body: that is no choice of the user's.
+        // Rapier itself disables a joint of a disabled body: that is not the user's choice.
         enabled: joint.enabled != JointEnabled::Disabled,
         user_data: joint.user_data,
         link: None,

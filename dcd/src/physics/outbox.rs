@@ -33,7 +33,7 @@ impl Outbox {
         }
     }
 
-    /// Returns the message to the region of this rank, begun if there is none.
+    /// Returns the message to the region of this rank; begins it if there is none.
     pub(super) fn to(&mut self, rank: usize) -> &mut BorderMessage {
         let place = self.messages.partition_point(|(other, _)| *other < rank);
         if self.messages.get(place).is_none_or(|(other, _)| *other != rank) {

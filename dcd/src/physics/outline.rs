@@ -15,8 +15,8 @@ pub(super) struct Outline {
     hulls: Box<[Option<Hull>]>,
 }
 
-/// A box and a ball that both hold a hull, in its own space. A rotated box is too large around what is round, a ball around what
-/// is long.
+/// A box and a ball that each hold a hull, in the hull's own space. A rotated box is too large around a round
+/// hull, a ball around a long one.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Hull {
     around: Aabb,
@@ -25,7 +25,7 @@ struct Hull {
 }
 
 impl Outline {
-    /// Caches the bounds of a body's hulls; to be made anew when a collider gets another shape.
+    /// Caches the bounds of a body's hulls. Must be called anew when a collider gets another shape.
     pub(super) fn of(body: &RigidBody, colliders: &ColliderSet) -> Self {
         let shapes = || body.colliders().iter().map(|&handle| colliders[handle].shape());
         if !shapes().any(is_hull) {
@@ -103,7 +103,7 @@ mod tests {
         pub(super) static WALKS: Cell<usize> = const { Cell::new(0) };
     }
 
-    /// A hull of so many points on an ellipsoid, in a spiral.
+    /// Returns a hull of so many points on an ellipsoid, in a spiral.
     fn ellipsoid(half: [f32; 3], points: u32) -> SharedShape {
         let point = |i: u32| {
             let y = 1.0 - 2.0 * (i as f32 + 0.5) / points as f32;

@@ -14,15 +14,16 @@ pub(super) struct Home {
     pub handle: RigidBodyHandle,
 }
 
-/// Persistent ids below this index pages; higher ones, which a peer could choose, must not make their table grow.
+/// Persistent ids below this index pages. Higher ids, which a peer could choose, must not make their table
+/// grow.
 const DENSE: u32 = 1 << 24;
-/// So many ids are on a page.
+/// The number of ids on a page.
 const PAGE: usize = 256;
 /// Persistent ids below this are an array in snapshots.
 const SAVED_DENSE: usize = 1 << 20;
 
-/// The owner index. Low persistent ids are dense, so they index pages; the other bodies are few. Ids are not given again: pages whose
-/// bodies are all gone are freed.
+/// The owner index. Low persistent ids are dense, so they index pages; the other bodies are few. Ids are not
+/// given again, so pages whose bodies are all gone are freed.
 #[derive(Clone, Default, Serialize, Deserialize)]
 #[serde(from = "Saved", into = "Saved")]
 pub(super) struct OwnerIndex {
@@ -54,7 +55,8 @@ impl OwnerIndex {
         }
     }
 
-    /// Sets the place of a body. Inlined, so that it is not put into memory to be read from there at once.
+    /// Sets the place of a body. Inlined, so that `home` is not written to memory and read from there at
+    /// once.
     #[inline]
     pub(super) fn set(&mut self, id: BodyId, home: Home) {
         let dense = dense_index(id);
@@ -70,7 +72,8 @@ impl OwnerIndex {
         }
     }
 
-    /// Sets the place of a body that is on no page yet, or will be on none. It is given in its parts, which lie in registers.
+    /// Sets the place of a body that is on no page yet, or never will be on one. The place is given in its
+    /// parts, which lie in registers.
     #[cold]
     fn set_first(&mut self, id: BodyId, rank: usize, handle: RigidBodyHandle) {
         let home = Home { rank, handle };
@@ -173,7 +176,7 @@ mod tests {
             index.set(id, home(id.index() as usize));
         }
         assert_eq!(index.len(), 100_002);
-        // One that moves to another region is counted once.
+        // A body that moves to another region is counted once.
         for id in [kept[0], avatar] {
             let before = index.home(id).unwrap();
             index.set(id, home(9));

@@ -6,11 +6,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::space::{Bounds, Cell, DistributionTree, RegionId, RegionSet};
 
-/// The largest reach of a body that widens the halo, metres. A larger body is a hub: the halo of all others stays as it is, and
-/// the hub's own AABB is used.
+/// The largest reach of a body that widens the halo, metres. A larger body is a hub: the halo stays as it is,
+/// and the hub's own AABB is used.
 pub(super) const HUB_REACH_M: f32 = 4.0;
 
-/// How much wider the halo is than the reach of any body but a hub, metres.
+/// The margin of the halo beyond the reach of any body but a hub, metres.
 const HALO_SLACK_M: f64 = 0.1;
 
 /// The margin beyond the halo that a replica must leave before it is dropped, metres, so that none flaps.
@@ -122,8 +122,9 @@ impl Partition {
         self.halo_m
     }
 
-    /// Returns the largest gap between the cells of two regions that may hold the same body when it lies in one of them, metres:
-    /// not by the halo as it is, which each process widens for the bodies that it knows of.
+    /// Returns the largest gap, metres, between the cells of two regions that may both hold a body that lies
+    /// in one of them. It does not depend on a halo that is not fixed: each process widens that for the
+    /// bodies that it knows of.
     pub(super) fn near_m(&self) -> f64 {
         f64::from(HUB_REACH_M)
             + if self.fixed_halo { self.halo_m } else { f64::from(HUB_REACH_M) + HALO_SLACK_M }
@@ -170,8 +171,8 @@ impl Partition {
         }
     }
 
-    /// Widens the halo for a body of this reach. A body P that touches a body Q of the neighbour must be held there, so that Q's
-    /// owner can solve the contact; P's AABB comes as near to Q's cell as Q reaches out of it.
+    /// Widens the halo for a body of this reach. A neighbour must hold a body P that touches its own body Q,
+    /// so that it can solve the contact; P's AABB comes as near to Q's cell as Q reaches out of it.
     pub fn widen_halo(&mut self, reach_m: f32) {
         if self.is_widened_by(reach_m) {
             self.halo_m = f64::from(reach_m) + HALO_SLACK_M;

@@ -16,14 +16,14 @@ use crate::space::{Bounds, PlaceGroups};
 /// Bodies closer than this touch, metres.
 const NEAR_M: f64 = 0.02;
 
-/// Bounces of what moves slower are not missed, metres per second.
+/// The speed, metres per second, below which nobody misses a bounce.
 const SLOW_M_S: f32 = 0.5;
 
-/// Which of some new bodies belong together.
+/// The grouping by which new bodies are placed.
 pub(super) struct Placement {
-    /// `None` when each of them is by itself.
+    /// `None` when each body is by itself.
     groups: Option<Groups>,
-    /// Groups of more bodies are not kept whole.
+    /// The most bodies of a group that is kept whole.
     limit: usize,
     moves_islands: bool,
 }
@@ -32,9 +32,9 @@ pub(super) struct Placement {
 struct Groups {
     /// By body: the first body of its group.
     group: Vec<u32>,
-    /// By first body: how many there are.
+    /// By first body of a group: how many bodies the group has.
     sizes: Vec<u32>,
-    /// By body: the first body of its multibody and of what is tied to it, or itself.
+    /// By body: the first body of its multibody with all that is tied to it, or the body itself.
     assembly: Vec<u32>,
 }
 
@@ -76,7 +76,7 @@ impl Placement {
         let mut chosen = std::collections::BTreeMap::<u32, (usize, usize)>::new();
         for ((group, home), count) in votes {
             let best = chosen.entry(group).or_insert((home, count));
-            // The lowest rank among equals: they come in order.
+            // Among equals the lowest rank wins, since ranks come in order.
             if count > best.1 {
                 *best = (home, count);
             }
@@ -85,14 +85,15 @@ impl Placement {
         self.together(group.iter().enumerate().map(home).collect())
     }
 
-    /// Gives all of a multibody the owner of its first body.
+    /// Gives all bodies of a multibody the owner of its first body.
     pub(super) fn together(&self, owners: Vec<usize>) -> Vec<usize> {
         let Some(Groups { assembly, .. }) = &self.groups else { return owners };
         assembly.iter().map(|&first| owners[first as usize]).collect()
     }
 
-    /// Returns of each body whether its island is small and has one owner, so that nothing touches it in the next tick from beyond a border.
-    /// Of a kinematic body this is never known: what it may meet is not in its group.
+    /// Returns for each body whether its island is small and has one owner, so that nothing from beyond a
+    /// border touches it in the next tick. This is never known of a kinematic body: what it may meet is not
+    /// in its group.
     pub(super) fn whole(&self, bodies: &[BodyRecord], owners: &[usize]) -> Vec<bool> {
         let Some(islands) = self.groups.as_ref().filter(|_| self.moves_islands) else {
             return vec![false; owners.len()];
@@ -107,7 +108,8 @@ impl Placement {
 }
 
 impl Groups {
-    /// Groups what joints tie, and what may touch within `ahead_s` seconds by these `shapes`.
+    /// Groups bodies that joints tie and, if `shapes` are given, bodies that may touch within `ahead_s`
+    /// seconds.
     fn of(
         bodies: &[BodyRecord],
         joints: &[JointRecord],
@@ -132,7 +134,8 @@ impl Groups {
     }
 }
 
-/// Returns the places of the bodies that a joint ties in a list in id order; a fixed body is tied to nothing.
+/// Returns the places of the two bodies of a joint in a list in id order; `None` for a fixed body, which is
+/// tied to nothing, and for a body that is not in the list.
 pub(super) fn movable_ends(joint: &JointRecord, bodies: &[BodyRecord]) -> [Option<usize>; 2] {
     [joint.a, joint.b].map(|id| {
         let place = bodies.binary_search_by_key(&id, |body| body.id).ok()?;
@@ -140,7 +143,8 @@ pub(super) fn movable_ends(joint: &JointRecord, bodies: &[BodyRecord]) -> [Optio
     })
 }
 
-/// Returns for each body the first body of its multibody and of what is tied to that; a body without a multibody is by itself.
+/// Returns for each body the first body of its multibody with all that is tied to that; a body without a
+/// multibody is by itself.
 fn articulated(bodies: &[BodyRecord], joints: &[JointRecord]) -> Vec<u32> {
     if joints.iter().all(|joint| joint.link.is_none()) {
         return (0..bodies.len() as u32).collect();
@@ -186,8 +190,9 @@ fn join_touching(
     Ok(())
 }
 
-/// Returns which of these bodies may be inserted where they lay when their contacts were found: all that touch, of those that can move, lay
-/// otherwise and have the same owner.
+/// Returns which of these bodies may be inserted where they lay when their contacts were found: dynamic
+/// bodies in a group that touches, if all of the group are known to have had contacts and have the same
+/// owner.
 pub(super) fn standing(
     bodies: &[BodyRecord],
     owners: &[usize],
@@ -209,8 +214,10 @@ pub(super) fn standing(
     Ok(standing)
 }
 
-/// Has bodies that are placed anew find their contacts from where they are, if nobody knows how they lay when these were found: under their
-/// loads, unless they may be about to bounce, by themselves or off what else is placed: then what moves does not stand. What joints tie is not solved without them, whatever was known of it before they came.
+/// Lets bodies that are placed anew find their contacts where they are, under their loads, if nobody knows
+/// how they lay when these were found. Bodies that may be about to bounce are left out: those that bounce
+/// themselves, and moving ones if anything else that is placed bounces. Bodies that joints tie are left out
+/// too, whatever was known of them before the joints came: they are not solved without these.
 pub(super) fn note_standing(bodies: &mut [BodyRecord], joints: &[JointRecord]) {
     let tied: BTreeSet<_> = joints.iter().flat_map(|joint| [joint.a, joint.b]).collect();
     let bounces = |body: &BodyRecord| body.traits.colliders.iter().any(|collider| collider.restitution > 0.0);
@@ -232,10 +239,10 @@ pub(super) fn lies(body: &BodyRecord) -> bool {
     body.state.contact_offset.is_some()
 }
 
-/// Returns a body where it lay when its contacts were found.
+/// Returns a body in the pose in which it lay when its contacts were found.
 pub(super) fn lying(body: &BodyRecord) -> BodyRecord {
     let mut lying = body.clone();
-    // Rounding turns what is not turned.
+    // Rounding would turn a body that is not turned.
     if let Some(offset) = body.state.contact_offset.filter(|offset| *offset != ContactOffset::default()) {
         lying.state.pose = offset.applied_to(&body.state.pose);
     }

@@ -14,12 +14,13 @@ use crate::protocol::{
 };
 use crate::space::{BodyId, Bounds, Epoch};
 
-/// Bodies are compared with so many kinds before them.
+/// The number of latest kinds with which a new body is compared.
 pub(super) const LIKE: usize = 4;
 
 impl ShapeLibrary {
-    /// Records a body; `pose`, in world space, replaces its own position. Its shapes are added to the library. Colliders come as
-    /// builders, since built ones have forgotten where their mass is from.
+    /// Records a body. `pose`, in world space, replaces the body's own position. Adds the body's shapes to
+    /// the library. Colliders come as builders, since built colliders no longer tell where their mass is
+    /// from.
     pub fn describe(
         &mut self,
         id: BodyId,
@@ -27,7 +28,7 @@ impl ShapeLibrary {
         body: &RigidBody,
         colliders: &[ColliderBuilder],
     ) -> Result<BodyRecord, ShapeError> {
-        // Collected results would leave room for four.
+        // Collecting results would reserve room for four.
         let mut records = Vec::with_capacity(colliders.len());
         for collider in colliders {
             records.push(collider_record(collider, self)?);
@@ -37,7 +38,8 @@ impl ShapeLibrary {
         Ok(BodyRecord { id, epoch: Epoch(0), state, traits, user_data: body.user_data })
     }
 
-    /// Returns what a new body is, with shapes of the library: what is like one of the last kinds it shares with those.
+    /// Returns the traits of a new body whose shapes are in the library. A body that is like one of the
+    /// latest kinds shares the traits of these.
     pub(crate) fn share(&mut self, traits: Arc<BodyTraits>) -> Result<Arc<BodyTraits>, ShapeError> {
         if self.latest.iter().any(|known| Arc::ptr_eq(known, &traits)) {
             return Ok(traits);
@@ -56,8 +58,8 @@ impl ShapeLibrary {
     }
 }
 
-/// Returns whether a dynamic body has colliders without an inside, and no mass from them or anywhere else. Rapier takes its mass to be
-/// infinite.
+/// Returns whether a dynamic body has colliders without an inside, and no mass from these or anything else.
+/// Rapier takes its mass to be infinite.
 pub(crate) fn hangs(traits: &BodyTraits, shapes: &ShapeLibrary) -> bool {
     use ShapeRecord::{HalfSpace, HeightField, Polyline, Segment, TriMesh, Triangle};
     let is_hollow = |collider: &ColliderRecord| {
@@ -77,7 +79,7 @@ pub(crate) fn hangs(traits: &BodyTraits, shapes: &ShapeLibrary) -> bool {
         && enabled.all(|collider| mass_of(collider) == 0.0)
 }
 
-/// Reads the state, which a step changes, from Rapier's body.
+/// Reads a body's state, which steps change, from Rapier's body.
 pub(crate) fn state_of(body: &RigidBody, anchor: [f64; 3]) -> BodyState {
     BodyState {
         pose: convert::world_from_region(anchor, body.position()),
@@ -92,8 +94,8 @@ pub(crate) fn state_of(body: &RigidBody, anchor: [f64; 3]) -> BodyState {
     }
 }
 
-/// Reads the traits, which a step does not change; the colliders' records are handed in, since Rapier forgets the source of their
-/// mass.
+/// Reads a body's traits, which steps do not change. The colliders' records are handed in, since Rapier
+/// forgets the source of their mass.
 pub(crate) fn traits_of(body: &RigidBody, colliders: Vec<ColliderRecord>) -> BodyTraits {
     let activation = body.activation();
     BodyTraits {
@@ -197,11 +199,12 @@ fn build_body(record: &BodyRecord, anchor: [f64; 3]) -> RigidBody {
     body
 }
 
-/// Returns the builder of a body, to which [`finish_body`] does the rest. Who inserts it does both apart: a body that is built and then inserted is
-/// copied once more, and that takes as long as all else that is done to it here.
+/// Returns the builder of a body; [`finish_body`] does the rest. Insertion calls both separately: a body that
+/// is built before it is inserted is copied once more, which takes as long as all else that is done to it
+/// here.
 pub(super) fn body_builder(record: &BodyRecord, anchor: [f64; 3]) -> RigidBodyBuilder {
     let (traits, state) = (&record.traits, &record.state);
-    // Rapier's setters would copy the builder each: they are not inlined into this crate.
+    // Each of Rapier's setters would copy the builder: they are not inlined into this crate.
     let mut builder = RigidBodyBuilder::new(body_type(traits.kind));
     builder.position = convert::region_from_world(anchor, &state.pose);
     builder.linvel = vector(state.velocity.linear);
@@ -232,7 +235,7 @@ pub(super) fn body_builder(record: &BodyRecord, anchor: [f64; 3]) -> RigidBodyBu
 /// Sets what Rapier's builder does not know.
 pub(super) fn finish_body(body: &mut RigidBody, record: &BodyRecord) {
     let (traits, state) = (&record.traits, &record.state);
-    // Few are pushed all the time.
+    // Few bodies are pushed all the time.
     if body.is_dynamic() && (state.force, state.torque) != ([0.0; 3], [0.0; 3]) {
         body.add_force(vector(state.force), false);
         body.add_torque(vector(state.torque), false);
@@ -364,8 +367,8 @@ pub(super) fn collider_builder(
     Ok(builder)
 }
 
-/// Returns where the mass of a collider is from. Rapier does not tell whether it was given a density, a mass or all of it: that shows by
-/// what it has with other shapes.
+/// Returns where the mass of a collider is from. Rapier does not tell whether the collider was given a
+/// density, a mass or all mass properties; its mass properties with other shapes show it.
 fn mass_of(collider: &Collider) -> ColliderMass {
     let mut tried = collider.clone();
     let [small, large] = [1.0, 2.0].map(|radius| {
@@ -377,7 +380,7 @@ fn mass_of(collider: &Collider) -> ColliderMass {
     } else if small != large {
         ColliderMass::Mass(collider.mass())
     } else if small == MassProperties::default() {
-        // Whichever of them is zero.
+        // It is zero, whichever was given.
         ColliderMass::Density(0.0)
     } else {
         ColliderMass::Properties(mass_record(&small))

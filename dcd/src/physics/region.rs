@@ -57,11 +57,12 @@ use crate::space::{BodyId, Bounds, Cell, JointId, RegionId, Tick};
 
 #[cfg(test)]
 thread_local! {
-    /// How many times a region was asked for the handle of a body.
+    /// The number of times that a region was asked for the handle of a body.
     pub(super) static LOOKS: std::cell::Cell<usize> = const { std::cell::Cell::new(0) };
 }
 
-/// Immovable bodies are held this far beyond the cell, so that bodies that reach out of it find their ground.
+/// How far beyond the cell immovable bodies are held, metres, so that bodies that reach out of it find their
+/// ground.
 const COVER_M: f64 = 4.0 * HUB_REACH_M as f64;
 
 /// A leaf of the distribution tree with its Rapier world.
@@ -74,11 +75,11 @@ pub struct Region {
     world: CowWorld,
     /// By Rapier's body index.
     slots: Vec<Option<Slot>>,
-    /// Where [`Region::owns_any`] looks first.
+    /// The slot at which [`Region::owns_any`] looks first.
     #[serde(skip)]
     owned_at: usize,
-    /// For look-ups only: iteration goes by [`Region::links`], in id order. A map of one block leaves Rapier's own small
-    /// blocks side by side in memory.
+    /// For look-ups only: iteration goes by [`Region::links`], in id order. A map of one block leaves
+    /// Rapier's own small blocks side by side in memory.
     #[serde(serialize_with = "in_id_order")]
     by_id: HashMap<BodyId, RigidBodyHandle, IdHash>,
     /// Bodies owned here and held by other regions too, in id order.
@@ -98,7 +99,7 @@ pub struct Region {
     characters: BTreeMap<BodyId, Walking>,
     vehicles: BTreeMap<BodyId, Driving>,
     quarantined: Vec<BodyId>,
-    /// Whether those were quarantined in silent steps, of which the first tick is to tell.
+    /// Whether bodies were quarantined in silent steps: the first tick has to tell of these.
     #[serde(skip)]
     quarantined_before: bool,
     /// The user's hooks that are asked about contacts.
@@ -107,7 +108,7 @@ pub struct Region {
     events: RegionEvents,
     /// Whether anything was changed here, or received from other regions, since the last step.
     stirred: bool,
-    /// Whether its cell has changed since it last looked for sleepers that lie in another's.
+    /// Whether its cell has changed since it last looked for sleeping bodies that lie in another cell.
     passed_over: bool,
     /// Whether it rests in the present tick.
     rests: bool,
@@ -118,7 +119,8 @@ pub struct Region {
     /// By Rapier's body index: the tick from which on the coupling must check the body again for nearness to a border.
     /// Kept apart from the slots, so that passing over a body far from any border touches four bytes.
     due: Vec<u32>,
-    /// Microseconds that the steps of the present tick took so far, and those of the last ticks, smoothed.
+    /// The microseconds that the steps of the present tick have taken so far, and a smoothed mean over the
+    /// last ticks.
     #[serde(skip)]
     step_us: f64,
     #[serde(skip)]
@@ -129,20 +131,22 @@ pub struct Region {
     /// By Rapier's body index: the length of the solver iterations by which Rapier solved the body last, in seconds. Empty as
     /// long as all iterations have had one length.
     iterations_s: Vec<f32>,
-    /// Whether it has loads out of proportion, as found last.
+    /// Whether it has loads out of proportion, as found last: a body that touches or is tied to a much
+    /// heavier or lighter one.
     strained: bool,
     signals: Signals,
-    /// Bodies inserted or changed since the last step, perhaps more than once; and their colliders as queries find them.
+    /// Bodies inserted or changed since the last step, perhaps more than once.
     touched: Vec<RigidBodyHandle>,
     /// Bodies that were woken since the last step by what changed them.
     #[serde(skip)]
     roused: Vec<RigidBodyHandle>,
-    /// Bodies with joints that were put to sleep among others that are awake.
+    /// Bodies with joints that were put to sleep among bodies that are awake.
     laid: Vec<RigidBodyHandle>,
-    /// By Rapier's body index: movable bodies that it does not step, since they are disabled or fixed.
+    /// By Rapier's body index: movable bodies that Rapier does not step, since they are disabled or fixed.
     #[serde(skip)]
     unstepped: BTreeMap<u32, RigidBodyHandle>,
-    /// Counts the changes of what is held here, of where it is, and of what touches; and what it was after the last step.
+    /// The number of changes of what is held here, of where it is, and of what touches; and the same after
+    /// the last step.
     #[serde(skip)]
     revision: u64,
     #[serde(skip)]
@@ -237,7 +241,7 @@ impl Region {
             .map(|(&id, &handle)| (id, self.slot(handle).role, handle, &self.world.bodies[handle]))
     }
 
-    /// Returns what is fixed of every body held here, in no order.
+    /// Returns the traits of every body held here, in no order.
     pub(super) fn all_traits(&self) -> impl Iterator<Item = &BodyTraits> {
         self.slots.iter().flatten().map(|slot| &*slot.traits)
     }
@@ -260,7 +264,8 @@ impl Region {
         self.slots.iter().flatten().filter(|slot| slot.role == Ownership::Owner).count()
     }
 
-    /// Returns whether it owns any body. It looks first where it found one last: bodies come and go one by one.
+    /// Returns whether it owns any body. It first looks where it last found one: bodies come and go one by
+    /// one.
     pub(super) fn owns_any(&mut self) -> bool {
         let is_owned = |slot: &Option<Slot>| slot.as_ref().is_some_and(|slot| slot.role == Ownership::Owner);
         let from = self.owned_at.min(self.slots.len());
@@ -276,7 +281,8 @@ impl Region {
         self.world.islands.active_bodies().filter(|&handle| owned(handle)).count()
     }
 
-    /// Returns the wall time that its steps took in the last tick, without that of applying messages; zero when it rested.
+    /// Returns the wall time that its steps took in the last tick, without that of applying messages; zero if
+    /// it rested.
     pub fn last_step(&self) -> Duration {
         if self.rests { Duration::ZERO } else { Duration::from_secs_f64(self.step_us * 1e-6) }
     }
@@ -286,7 +292,8 @@ impl Region {
         self.replicas.len()
     }
 
-    /// Returns the bodies whose copies here Rapier quarantined in the last tick, as their numbers were not finite.
+    /// Returns the bodies whose copies here Rapier quarantined in the last tick, because their numbers were
+    /// not finite.
     pub fn quarantined(&self) -> &[BodyId] {
         &self.quarantined
     }
@@ -311,14 +318,14 @@ impl Region {
         self.shared.len() + self.replicas.len()
     }
 
-    /// Returns the one at a place below [`Region::held_elsewhere_count`].
+    /// Returns the body at a place below [`Region::held_elsewhere_count`].
     pub(super) fn held_elsewhere_at(&self, place: usize) -> BodyRef {
         let owned = self.shared.len();
         if place < owned { self.shared[place] } else { self.replicas[place - owned] }
     }
 
-    /// Returns the next body held here and elsewhere, in id order, and counts it: `before` are so many of those owned here, and of the
-    /// others.
+    /// Returns the next body held here and elsewhere, in id order, and counts it. `before` are the numbers of
+    /// those counted already: owned here, and owned by others.
     pub(super) fn next_held_elsewhere(&self, before: &mut (usize, usize)) -> Option<BodyRef> {
         let next = (self.shared.get(before.0), self.replicas.get(before.1));
         let is_own = match next {
@@ -341,12 +348,12 @@ impl Region {
         fresh
     }
 
-    /// Has them announced in id order.
+    /// Puts the bodies of [`Region::fresh`] into id order, in which an exchange announces them.
     pub(super) fn order_fresh(&mut self) {
         self.fresh.sort_unstable_by_key(|link| link.id);
     }
 
-    /// Leaves a body that was taken to the next exchange.
+    /// Leaves a body to the next exchange, which announces it.
     pub(super) fn keep_fresh(&mut self, link: BodyRef) {
         self.fresh.push(link);
     }
@@ -356,7 +363,7 @@ impl Region {
         std::mem::take(&mut self.launched)
     }
 
-    /// Notes the velocity that a user has given a body, if it is another than `before`.
+    /// Notes that a user has sped up a body owned here, if it is faster than `before`.
     fn note_launch(&mut self, handle: RigidBodyHandle, before: Vector) {
         let is_faster = self.world.bodies[handle].linvel().length_squared() > before.length_squared();
         if is_faster && self.slot(handle).role == Ownership::Owner {
@@ -371,18 +378,18 @@ impl Region {
         awake.filter(move |handle| self.due[handle.into_raw_parts().0 as usize] <= now)
     }
 
-    /// Exempts a body from checks before a tick, unless it is changed.
+    /// Exempts a body from checks until a tick, unless it is changed.
     pub(super) fn rest_until(&mut self, handle: RigidBodyHandle, tick: u32) {
         self.due[handle.into_raw_parts().0 as usize] = tick;
     }
 
-    /// Returns whether nothing here can change in the tick to come by itself: all that it holds sleeps, and nothing has stirred it. What is
-    /// decided on bodies that others hold too is another matter.
+    /// Returns whether nothing here can change by itself in the tick to come: all that it holds sleeps, and
+    /// nothing has stirred it. Decisions on bodies that others hold too are another matter.
     pub(super) fn is_idle(&self) -> bool {
         !self.stirred && self.world.islands.active_bodies().next().is_none() && self.fresh().next().is_none()
     }
 
-    /// Notes that something was received from other regions that concerns it: it is not idle.
+    /// Notes that something that concerns the region was received from others: it is not idle.
     pub(super) fn stir(&mut self) {
         self.stirred = true;
     }
@@ -393,7 +400,8 @@ impl Region {
         self.revision += 1;
     }
 
-    /// Returns a number that is another after every change of what is held here, of where it is, and of what touches.
+    /// Returns a number that changes with every change of what is held here, of where it is, and of what
+    /// touches.
     pub(super) fn revision(&self) -> u64 {
         self.revision
     }
@@ -419,7 +427,7 @@ impl Region {
         }
     }
 
-    /// Returns what the last tick took, nothing if it rested, and what there is now.
+    /// Returns the profile of the last tick, zero if it rested, and with counts of what there is now.
     pub(super) fn profile(&self) -> Profile {
         self.profile.with(&self.world)
     }
@@ -452,12 +460,12 @@ impl Region {
         self.by_id.contains_key(&id)
     }
 
-    /// Makes the Rapier world one that the next copy of the region shares until it changes.
+    /// Makes the next copy of the region share its Rapier world until one of them changes it.
     pub(super) fn share(&mut self) {
         self.world.share();
     }
 
-    /// Returns whether a copy of the region has its Rapier world still.
+    /// Returns whether the region and a copy of it still share one Rapier world.
     #[cfg(test)]
     pub(crate) fn shares(&self, other: &Self) -> bool {
         std::ptr::eq(self.physics(), other.physics())
@@ -485,7 +493,7 @@ impl Region {
         self.slots[index].as_mut().expect("every body of a region has a slot")
     }
 
-    /// Returns a bound of Rapier's indices of bodies here.
+    /// Returns an upper bound of Rapier's body indices here.
     pub(super) fn index_bound(&self) -> usize {
         self.slots.len()
     }
@@ -495,7 +503,7 @@ impl Region {
         self.slots.get(handle.into_raw_parts().0 as usize)?.as_ref()
     }
 
-    /// Returns the groups of bodies that joints tie together, in no order; the empty ones are none.
+    /// Returns the groups of bodies that joints tie together, in no order; empty ones are no groups.
     pub(super) fn assemblies(&self) -> &[Assembly] {
         &self.assemblies.all
     }

@@ -1,4 +1,4 @@
-//! Defines the settings of a step and of the coupling of regions: the coupling methods, presets and defaults.
+//! Defines the settings of a step and of the coupling of regions, with their presets and defaults.
 
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -8,7 +8,7 @@ use crate::protocol::{BIG_ISLAND, SettingFault, StepRecord};
 pub use crate::protocol::Coupling;
 
 impl Coupling {
-    /// Returns whether regions use mass splitting, with consensus on the means of a body's copies.
+    /// Returns whether regions use mass splitting, with consensus on the mean of a body's copies.
     pub(crate) const fn shares_mass(self) -> bool {
         matches!(self, Self::Overlap | Self::Island | Self::Auto)
     }
@@ -18,7 +18,7 @@ impl Coupling {
         matches!(self, Self::Island | Self::Auto)
     }
 
-    /// Returns the substeps per tick at first; `exchanges` is the setting.
+    /// Returns the number of substeps per tick at first; `exchanges` is the setting.
     pub(super) const fn first_steps(self, exchanges: usize) -> usize {
         match self {
             Self::Auto => 1,
@@ -27,30 +27,34 @@ impl Coupling {
     }
 }
 
-/// The largest island limit that may be asked for: no island is too large to be whole in one region.
+/// The largest island limit that may be asked for: every island may be whole in one region.
 pub(super) const WHOLE: usize = BIG_ISLAND as usize - 1;
 
 /// The settings by which a world is stepped.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct StepSettings {
-    /// Gravity, m/s².
+    /// Gravity, m/s²: finite.
     pub gravity: [f32; 3],
-    /// Seconds per tick.
+    /// The length of a tick, seconds: above 0, at most 1.
     pub dt_s: f32,
-    /// Solver iterations per tick, divided among its substeps.
+    /// The number of solver iterations per tick, 1 to 1,000, divided among its substeps.
     pub solver_iterations: usize,
     /// The coupling method: how regions agree on bodies near their borders.
     pub coupling: Coupling,
-    /// Substeps per tick, with an exchange after each; with [`Coupling::Auto`] the most that a border may take.
+    /// The number of substeps per tick, 1 to 64, with an exchange after each. With [`Coupling::Auto`] it is
+    /// the most that a border may take.
     pub exchanges: usize,
-    /// Contact hops across a border within which bodies live in both regions, for couplings that overlap.
+    /// The number of contact hops across a border, 1 to 16, within which bodies live in both regions, for
+    /// couplings that overlap.
     pub depth: usize,
-    /// The most bodies of an island that moves whole, for couplings that move islands; up to 65,534, which is as good as no limit.
+    /// The largest number of bodies of an island that moves whole, for couplings that move islands: 0 to
+    /// 65,534, which is as good as no limit.
     pub island_limit: usize,
-    /// The disagreement of replicas that [`Coupling::Auto`] tolerates, in metres per second.
+    /// The disagreement of a body's copies that [`Coupling::Auto`] tolerates, m/s; above 0.
     pub tolerance_m_s: f32,
-    /// All other parameters of Rapier's solver, the same in every region; its `dt` and `num_solver_iterations` are those above. A
-    /// served world uses Rapier's defaults but for the speed limit ([`StepSettings::with_speed_limit`]).
+    /// All other parameters of Rapier's solver, the same in every region. Its `dt` and
+    /// `num_solver_iterations` are replaced by the settings above. A served world must have Rapier's
+    /// defaults, but for the speed limit ([`StepSettings::with_speed_limit`]).
     pub integration: IntegrationParameters,
 }
 
@@ -74,12 +78,15 @@ impl Default for StepSettings {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Preset {
-    /// Speed first: islands of more than 256 bodies are cut, and the copies at such a cut may differ by 0.1 m/s.
+    /// Speed first: islands of more than 256 bodies are cut, and the copies at such a cut may differ by 0.1
+    /// m/s.
     Draft,
-    /// What games want: every island whole in one region; 0.03 m/s where one is cut all the same.
+    /// For games: every island is whole in one region. Where one is cut all the same, copies may differ by
+    /// 0.03 m/s.
     #[default]
     Game,
-    /// As `Game`, but 0.01 m/s and three hops deep where an island is cut all the same.
+    /// The same as `Game`, but where an island is cut all the same, copies may differ by 0.01 m/s, and
+    /// overlaps are three hops deep.
     Precise,
 }
 
@@ -87,7 +94,7 @@ impl Preset {
     /// All presets.
     pub const ALL: [Self; 3] = [Self::Draft, Self::Game, Self::Precise];
 
-    /// Returns its name on the command line and in files.
+    /// Returns the name of the preset on the command line and in files.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Draft => "draft",
@@ -113,7 +120,7 @@ impl StepSettings {
             integration: _,
         } = *self;
         let speed_limit_m_s = self.speed_limit_m_s();
-        // What is out of range stays so.
+        // A number that is out of range stays out of range.
         let narrowed = |number: usize| u32::try_from(number).unwrap_or(u32::MAX);
         StepRecord {
             gravity,
@@ -128,7 +135,8 @@ impl StepSettings {
         }
     }
 
-    /// Returns the fastest that a dynamic body moves, m/s: 400 unless set otherwise. What the solver makes faster is cut to it.
+    /// Returns the speed limit of dynamic bodies, m/s: 400 unless set otherwise. A body that the solver makes
+    /// faster is slowed to it.
     pub fn speed_limit_m_s(&self) -> f32 {
         self.integration.max_linear_velocity()
     }
@@ -140,7 +148,7 @@ impl StepSettings {
         self
     }
 
-    /// Returns whether the solver's parameters are those that a served world can be stepped with.
+    /// Returns whether a served world can be stepped with these parameters of the solver.
     #[cfg(feature = "net")]
     pub(crate) fn can_be_served(&self) -> bool {
         self.integration == Self::from(self.record()).integration
@@ -148,7 +156,7 @@ impl StepSettings {
 
     /// Returns the first setting that is out of range.
     pub(crate) fn fault(&self) -> Option<SettingFault> {
-        // First what the speed limit is a product of.
+        // These parameters come first, since the speed limit is a product of some of them.
         let unfit = unfit(&self.integration);
         let fault = unfit
             .map(|(what, value)| (what, value.to_string(), "finite and not negative; length_unit above 0"));
@@ -185,7 +193,7 @@ impl From<StepRecord> for StepSettings {
 }
 
 impl StepSettings {
-    /// Returns the settings with another coupling and its usual exchanges.
+    /// Returns the settings with another coupling and its usual number of exchanges.
     #[must_use]
     pub fn with_coupling(self, coupling: Coupling) -> Self {
         Self { coupling, exchanges: coupling.usual_exchanges(), ..self }
@@ -203,7 +211,7 @@ impl StepSettings {
     }
 }
 
-/// The first of the solver's parameters that Rapier cannot use.
+/// Returns the first of the solver's parameters that Rapier cannot use, with its value.
 fn unfit(parameters: &IntegrationParameters) -> Option<(&'static str, f32)> {
     let (moving, fixed) = (parameters.contact_softness, parameters.static_contact_softness);
     let numbers = [

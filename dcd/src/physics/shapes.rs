@@ -20,81 +20,83 @@ use crate::protocol::{
     BodyRecord, BodyTraits, SHAPE_LEAST_M, SHAPE_REACH_M, ShapeHash, ShapeRecord, voxels_fit,
 };
 
-/// An error: a shape cannot be recorded or built.
+/// The error of a shape that cannot be recorded, built or sent.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ShapeError {
-    /// Parry has such shapes, the wire format does not.
+    /// The shape is of a kind that has no wire format.
     #[error(
         "shapes of kind {0} cannot travel between regions; use a hull, a mesh or a compound of simple shapes"
     )]
     Unsupported(&'static str),
-    /// Parry refuses to build it.
+    /// Parry refuses to build the shape.
     #[error("{what}: Parry refuses to build it ({cause}); check its vertices and indices")]
     Broken {
-        /// Which shape.
+        /// The kind of shape.
         what: &'static str,
         /// Parry's reason.
         cause: String,
     },
-    /// A number is NaN, infinite or beyond what Parry computes with.
+    /// A size is NaN, infinite or beyond what Parry computes with.
     #[error(
         "a {0} has a size that is not from 1e-4 to 1e6 m, or a point that is farther than that from its origin"
     )]
     Size(&'static str),
-    /// Triangles without area, or a hull in a plane: it has no normal, or no mass.
+    /// The shape is a mesh of triangles without area, or a hull in a plane: it has no normal, or no mass.
     #[error("a {0} is flat: a triangle needs an area, of those of a mesh one at least, and a hull a volume")]
     Flat(&'static str),
-    /// A dynamic body without mass, which nothing would move.
+    /// A dynamic body has no mass, so that nothing would move it.
     #[error(
         "a dynamic body has no mass: a mesh that is not closed, terrain and the like have none by density; give it a mass, or make it fixed or kinematic"
     )]
     Massless,
-    /// No voxels, or too many.
+    /// The shape has no voxels, or too many.
     #[error(
         "a shape of voxels is empty, reaches farther than 2^20 voxels from its origin, or lies in more than 65,536 blocks of 8 × 8 × 8; cut it into several"
     )]
     Voxels,
-    /// A client's body cannot have this shape.
+    /// An avatar cannot have this shape.
     #[error(
         "an avatar cannot be a mesh, terrain, voxels or a half-space; take a hull, a box, or a compound of such"
     )]
     Avatar,
-    /// More than one message holds.
+    /// The shape is longer than one message.
     #[error(
         "a shape of a served world is longer than 15.5 MiB, in which it is sent: some 600,000 triangles, 1.3 million voxels or four million heights; divide it into several colliders"
     )]
     TooLong,
-    /// More than a link holds.
+    /// The shapes of the world together are longer than a link may queue.
     #[error(
         "the shapes of a served world take {0} MiB to send, and may take 256: share equal ones, and make meshes and terrain coarser"
     )]
     TooMany(usize),
-    /// A record refers to a shape that is not in the library.
+    /// A record refers to a shape that is not known here.
     #[error("shape {0} is not known here; it must be sent before the bodies that use it")]
     Unknown(ShapeHash),
 }
 
-/// How many objects a library knows again by their addresses.
+/// The number of objects that a library knows again by their addresses.
 const RECENT: usize = 16;
 
-/// A shape counts once more for each so many points, when those that nobody has are to be forgotten: it takes as much memory as many.
+/// The number of points for which a shape counts once more when unused shapes are to be forgotten: it takes
+/// as much memory as many shapes.
 const POINTS: usize = 4096;
 
 /// The shapes of the process, each by the hash of its record.
 #[derive(Clone, Default)]
 pub struct ShapeLibrary {
-    /// Shared with checkpoints until one is added or forgotten, and their records even then: a mesh may have megabytes.
+    /// Shared with checkpoints until a shape is added or forgotten, the records even then: a mesh may have
+    /// megabytes.
     shapes: Arc<BTreeMap<ShapeHash, (Arc<ShapeRecord>, SharedShape)>>,
-    /// How many there were when those that nobody has were last forgotten.
+    /// The number of shapes when unused ones were last forgotten.
     swept: usize,
-    /// How many have been added since, larger ones counted as several.
+    /// The number of shapes added since; a larger one counts as several.
     added: usize,
-    /// Objects interned last, by their addresses: bodies made one after the other share few. They are kept alive, so that an address
-    /// means the same object.
+    /// The objects interned last, by their addresses: bodies made one after the other share a few. They are
+    /// kept alive, so that an address means the same object.
     recent: [Option<(SharedShape, ShapeHash)>; RECENT],
-    /// What the bodies that were described last are, the newest kind last: those made one after the other are mostly of a few kinds, and share
-    /// what they are.
+    /// The traits of the bodies that were described last, the newest kind last. Bodies made one after the
+    /// other are mostly of a few kinds, and share their traits.
     pub(super) latest: Vec<Arc<BodyTraits>>,
 }
 
@@ -129,12 +131,13 @@ impl ShapeLibrary {
         self.look_at(hash).cloned()
     }
 
-    /// Returns the shape with this hash, for who only looks at it.
+    /// Returns a reference to the shape with this hash, for callers that only look at it.
     pub(super) fn look_at(&self, hash: ShapeHash) -> Result<&SharedShape, ShapeError> {
         self.shapes.get(&hash).map(|(_, shape)| shape).ok_or(ShapeError::Unknown(hash))
     }
 
-    /// Returns a shape that a compound may be made of; Parry stops at others, or lets all fall through them.
+    /// Returns a shape that may be part of a compound. Other shapes make Parry stop, or let everything fall
+    /// through them.
     fn part(&self, hash: ShapeHash) -> Result<SharedShape, ShapeError> {
         let (record, part) = self.shapes.get(&hash).ok_or(ShapeError::Unknown(hash))?;
         if is_composite(record) {
@@ -149,7 +152,7 @@ impl ShapeLibrary {
         self.shapes.get(&hash).map(|(record, _)| &**record)
     }
 
-    /// Returns the shapes that bodies have, each once, and parts before what they make up.
+    /// Returns the shapes that bodies have, each once, with parts before the shapes that they make up.
     pub(crate) fn records_of<'a>(
         &self,
         bodies: impl IntoIterator<Item = &'a BodyRecord>,
@@ -172,16 +175,17 @@ impl ShapeLibrary {
         self.shapes.len()
     }
 
-    /// Returns whether so many have been added since the last [`ShapeLibrary::keep`] that it is worth a look at all of these bodies.
+    /// Returns whether so many shapes have been added since the last [`ShapeLibrary::keep`] that it is worth
+    /// looking at so many bodies.
     pub(crate) fn has_grown(&self, bodies: usize) -> bool {
-        /// So many that nobody has may be there at least.
+        /// The number of unused shapes that may always be there.
         const UNUSED: usize = 8;
-        /// So many bodies are looked at for each shape that was added, at most.
+        /// The most bodies that are looked at for each shape added.
         const BODIES: usize = 100;
         self.shapes.len() > 2 * self.swept + UNUSED && self.added >= bodies / BODIES
     }
 
-    /// Forgets all shapes but these and their parts.
+    /// Forgets all shapes except these and their parts.
     pub(crate) fn keep(&mut self, mut used: BTreeSet<ShapeHash>) {
         let parts = used.iter().flat_map(|&hash| self.record_of(hash)).flat_map(ShapeRecord::parts);
         let parts: Vec<_> = parts.collect();
@@ -193,19 +197,20 @@ impl ShapeLibrary {
         (self.swept, self.added) = (self.shapes.len(), 0);
     }
 
-    /// Forgets these shapes, but those that are used, and parts of others.
+    /// Forgets these shapes, except those that are used, and parts of others.
     pub(crate) fn forget(&mut self, gone: &BTreeSet<ShapeHash>, mut used: BTreeSet<ShapeHash>) {
         used.extend(self.shapes.keys().filter(|hash| !gone.contains(hash)));
         self.keep(used);
     }
 
-    /// Returns whether so much has been added since the last [`ShapeLibrary::keep`] that it is worth a look at all of them.
+    /// Returns whether so many shapes have been added since the last [`ShapeLibrary::keep`] that it is worth
+    /// looking at all of them.
     #[cfg(feature = "net")]
     pub(crate) fn has_gained(&self) -> bool {
         self.added > 8 + self.shapes.len() / 8
     }
 
-    /// Returns the names of all shapes.
+    /// Returns the hashes of all shapes.
     #[cfg(any(test, feature = "net", feature = "sim"))]
     pub(crate) fn hashes(&self) -> impl Iterator<Item = ShapeHash> {
         self.shapes.keys().copied()
@@ -366,15 +371,15 @@ impl ShapeLibrary {
     }
 }
 
-/// Returns the place among the recent ones where an object is looked for.
+/// Returns the place in `recent` where an object is looked for.
 fn recent_place(shape: &SharedShape) -> usize {
     // Fibonacci hashing: addresses of objects differ in their middle bits.
     let address = Arc::as_ptr(&shape.0).cast::<()>().addr() as u64;
     (address.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 32) as usize % RECENT
 }
 
-/// Returns whether these shapes can be built, each after its parts, given those known already. What is known may be large: no part of a
-/// compound is built that no compound can have.
+/// Returns whether these shapes can be built, each after its parts, given those known already. Known shapes
+/// may be large, so that no part is built that no compound can have.
 pub(crate) fn can_build(known: &BTreeMap<ShapeHash, ShapeRecord>, shapes: &[ShapeRecord]) -> bool {
     let mut library = ShapeLibrary::default();
     shapes.iter().all(|shape| {
@@ -410,7 +415,7 @@ fn is_composite(shape: &ShapeRecord) -> bool {
     )
 }
 
-/// Serialises the library as its records, as they travel; the reader builds the shapes anew.
+/// Serialises the library as its records, as they travel. The reader builds the shapes anew.
 impl Serialize for ShapeLibrary {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_seq(self.in_order().collect::<Vec<_>>())
@@ -440,8 +445,8 @@ fn hull(vertices: Vec<Vector>, triangles: &[[u32; 3]]) -> Result<ConvexPolyhedro
     if has_volume(&hull) { Ok(hull) } else { Err(ShapeError::Flat("convex polyhedron")) }
 }
 
-/// Returns whether every edge belongs to two triangles that pass it in opposite senses. Parry follows contours from triangle to
-/// triangle without checking, and stops, or never does, where that is not so.
+/// Returns whether every edge belongs to two triangles that pass it in opposite senses. Parry follows
+/// contours from triangle to triangle without checking; where this is not so it stops, or never does.
 fn is_closed(triangles: &[[u32; 3]]) -> bool {
     let edges = || triangles.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]);
     let mut seen = BTreeSet::new();
@@ -543,7 +548,8 @@ fn extents(points: &[[f32; 3]]) -> [f32; 3] {
     std::array::from_fn(|axis| along(axis, f32::max).unwrap_or(0.0) - along(axis, f32::min).unwrap_or(0.0))
 }
 
-/// Returns whether a triangle has a normal. One whose height is below the rounding of its longest edge has none to speak of.
+/// Returns whether a triangle has a normal. A triangle whose height is below the rounding of its longest edge
+/// has none to speak of.
 fn has_area(points: [[f32; 3]; 3]) -> bool {
     let [a, b, c] = points.map(convert::vector);
     let normal = (b - a).cross(c - a);
@@ -551,7 +557,7 @@ fn has_area(points: [[f32; 3]; 3]) -> bool {
     normal.length() > 1e-6 * longest2 && normal.try_normalize().is_some()
 }
 
-/// Returns whether a hull is more than a sheet; Parry makes flat ones too, which have no mass.
+/// Returns whether a hull is more than a sheet. Parry also makes flat hulls, which have no mass.
 fn has_volume(hull: &ConvexPolyhedron) -> bool {
     let size = hull.compute_local_aabb().extents();
     hull.mass_properties(1.0).mass() > 1e-6 * size.max_element().powi(3)

@@ -1,25 +1,26 @@
-//! Shares out what is to be found out of each of many bodies of a region among the threads of the team that computes it.
+//! Spreads the work on each of many bodies of a region over the threads of the team that computes it.
 
 use rayon::prelude::*;
 
-/// Fewer bodies than this are looked at by the calling thread: to wake another takes as long as to look at a hundred.
+/// The number of bodies below which the calling thread looks at all of them: to wake another thread takes as
+/// long as to look at a hundred.
 const WORTH_SPREADING: usize = 256;
 
-/// The least that a thread is given at a time.
+/// The fewest bodies that a thread is given at a time.
 const SHARE: usize = 64;
 
-/// The threads that look at the bodies of a region. What they find does not depend on them.
+/// The threads that look at the bodies of a region. What they find does not depend on how many they are.
 #[derive(Clone, Copy)]
 pub(super) struct Team {
     threads: usize,
 }
 
 impl Team {
-    /// The calling thread.
+    /// A team of the calling thread alone.
     pub(super) const ALONE: Self = Self { threads: 1 };
 
-    /// Returns the threads of the pool that the calling one belongs to, which must compute nothing but this region: who waits there does
-    /// whatever else its pool has to do.
+    /// Returns the threads of the pool that the calling thread belongs to. The pool must compute nothing but
+    /// this region: a thread that waits there does whatever else its pool has to do.
     pub(super) fn here() -> Self {
         Self { threads: rayon::current_num_threads() }
     }
@@ -47,7 +48,7 @@ mod tests {
             let firsts = std::sync::atomic::AtomicUsize::new(0);
             Team::here().spread(&bodies, |body| {
                 let order = std::sync::atomic::Ordering::Relaxed;
-                // Three bodies are being looked at at once, or nobody gets on.
+                // Three bodies must be looked at at once, or no thread gets on.
                 if is_first(body) && firsts.fetch_add(1, order) < 3 {
                     met.wait();
                 }

@@ -12,7 +12,8 @@ use super::shapes::{ShapeError, ShapeLibrary};
 use crate::protocol::{BodyRecord, BodyTraits, JointRecord};
 use crate::space::{BodyId, Bounds, RegionSet};
 
-/// Every immovable body of the world, with its bounds, by id; shared with checkpoints until one comes, goes or changes.
+/// Every immovable body of the world, with its bounds, by id; shared with checkpoints until a body comes,
+/// goes or changes.
 #[derive(Clone, Default, Serialize, Deserialize)]
 pub(super) struct Statics {
     bodies: Arc<BTreeMap<BodyId, (BodyRecord, Bounds)>>,
@@ -91,8 +92,8 @@ impl Statics {
         Ok(())
     }
 
-    /// Updates the immovable bodies of a region that has another cell: inserts those there, and removes those far from all that
-    /// it holds.
+    /// Updates the immovable bodies of a region whose cell has changed: inserts those there, and removes
+    /// those far from all that the region holds.
     pub(super) fn recover(&self, region: &mut Region, shapes: &ShapeLibrary) -> Result<(), ShapeError> {
         let needed = region.renew_cover();
         for (body, bounds) in self.bodies.values() {

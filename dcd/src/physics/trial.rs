@@ -1,4 +1,4 @@
-//! Tries a user's change of a body, collider or joint on a copy of it: what it comes to, as a record.
+//! Tries a user's change of a body, collider or joint on a copy of it, and records what comes out.
 
 use std::sync::Arc;
 
@@ -12,13 +12,14 @@ use crate::protocol::{BodyRecord, BodyState, BodyTraits, ColliderRecord, JointRe
 pub(crate) struct Tried {
     pub traits: BodyTraits,
     pub user_data: u128,
-    /// It wakes the body.
+    /// Whether it wakes the body.
     pub wakes: bool,
-    /// It changes more than traits: pose, velocity, forces, or falling asleep.
+    /// Whether it changes more than traits: pose, velocity, forces, or falling asleep.
     pub moves: bool,
 }
 
-/// A copy of a body with its colliders that nothing else touches; asleep, so that it shows if it is woken.
+/// A copy of a body with its colliders that nothing else touches. It is asleep, so that it shows whether a
+/// change wakes it.
 struct Copied {
     bodies: RigidBodySet,
     colliders: ColliderSet,
@@ -39,7 +40,7 @@ impl Copied {
     }
 }
 
-/// Lets a user change a copy of a body.
+/// Lets a user change a copy of a body, and returns what comes out.
 pub(crate) fn try_on_body(
     known: &BodyRecord,
     shapes: &ShapeLibrary,
@@ -69,7 +70,8 @@ pub(crate) fn try_on_body(
     })
 }
 
-/// Lets a user change a copy of a collider of a body; returns its record, or `None` if its shape or place on the body changed.
+/// Lets a user change a copy of a collider of a body. Returns its new record, or `None` if its shape or its
+/// place on the body changed.
 pub(crate) fn try_on_collider(
     known: &BodyRecord,
     index: usize,
@@ -87,7 +89,7 @@ pub(crate) fn try_on_collider(
     Ok(stays.then(|| record::renewed(&known.traits.colliders[index], collider)))
 }
 
-/// Lets a user change a copy of a joint.
+/// Lets a user change a copy of a joint, and returns its new record.
 pub(crate) fn try_on_joint(known: &JointRecord, change: &mut dyn FnMut(&mut GenericJoint)) -> JointRecord {
     let mut joint = joints::joint_of(known);
     change(&mut joint);

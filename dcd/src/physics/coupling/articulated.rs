@@ -1,5 +1,6 @@
-//! Moves multibodies to the regions that compute them. They are never shared: each moves in one piece, at the cost of the warm start of
-//! its contacts. No two regions can hold both of two that meet, so that those which may touch go together, or stay.
+//! Moves multibodies to the regions that compute them. A multibody is never shared: it moves in one piece, at
+//! the cost of the warm start of its contacts. No two regions can hold both of two multibodies that meet, so
+//! multibodies that may touch go together, or stay.
 
 use std::collections::BTreeMap;
 
@@ -11,26 +12,28 @@ use crate::space::{Bounds, PlaceGroups, RegionSet};
 /// A multibody owned here, with all that is tied to it.
 struct Articulated<'a> {
     assembly: &'a Assembly,
-    /// The lowest rank of a region whose multibody it is about to meet. What it touches that is shared with other regions keeps it from going for its
-    /// own sake, though not with others of its group: of two evils a contact that begins anew is the lesser.
+    /// The lowest rank of a region whose multibody it is about to meet. `None` also while its island spans
+    /// regions: then it does not go for its own sake, but goes with others of its group, since a contact that
+    /// begins anew is the lesser evil.
     meets: Option<usize>,
-    /// The region that would compute it if it met none.
+    /// The rank of the region that would compute it if it met no other multibody.
     home: usize,
 }
 
-/// Returns the members of multibodies that move elsewhere, and where to.
+/// Returns the members of multibodies that move elsewhere, with the ranks of the regions that they move to.
 pub(super) fn leaving(region: &Region, border: &mut Border, moment: Moment<'_>) -> Vec<(BodyRef, usize)> {
     let own = region.rank();
     let is_owned = |assembly: &&Assembly| region.slot(assembly.members[0].handle).role == Ownership::Owner;
     let owned = region.assemblies().iter().filter(|assembly| assembly.articulated).filter(is_owned);
     let mut all: Vec<_> = owned.map(|assembly| Articulated::find(region, border, moment, assembly)).collect();
-    // Where an assembly is in the list depends on which were there before.
+    // The place of an assembly in the list depends on which were there before.
     all.sort_unstable_by_key(|one| one.assembly.members[0].id);
     if all.iter().all(|one| one.home == own && one.meets.is_none()) {
         return Vec::new();
     }
     let mut groups = near_each_other(region, moment, &all);
-    // By the first of a group: the region of the multibodies that some of it meet, and where all of it would go else.
+    // By the first of a group: the lowest rank of a region whose multibodies some of it meet, and the region
+    // where all of it would go otherwise.
     let mut wishes: BTreeMap<usize, (Option<usize>, usize)> = BTreeMap::new();
     for (place, one) in all.iter().enumerate() {
         let (meets, home) = wishes.entry(groups.root(place)).or_insert((None, one.home));
@@ -39,7 +42,7 @@ pub(super) fn leaving(region: &Region, border: &mut Border, moment: Moment<'_>) 
     }
     let mut leaving = Vec::new();
     for (place, one) in all.iter().enumerate() {
-        // Of two that meet only the one goes whose region is of higher rank.
+        // Of two multibodies that meet, only the one whose region is of higher rank goes.
         let goal = match wishes[&groups.root(place)] {
             (Some(meets), _) => meets.min(own),
             (None, home) => home,
@@ -59,7 +62,7 @@ impl<'a> Articulated<'a> {
         let meetings = assembly.members.iter().flat_map(|link| border.predicted.meetings_of(link.id));
         let meets = meetings.filter(|meeting| meeting.articulated).map(|meeting| meeting.rank).min();
         let home = match island {
-            // What sleeps stays, unless one that is awake comes.
+            // A sleeping multibody stays, unless an awake one comes.
             _ if region.physics().bodies[lead].is_sleeping() => region.rank(),
             Some(island) if island.ready => island.target,
             Some(_) => region.rank(),
@@ -69,7 +72,8 @@ impl<'a> Articulated<'a> {
     }
 }
 
-/// Groups those that may touch in the ticks that contacts are predicted for, one by way of another.
+/// Groups multibodies that may touch, directly or through others, in the ticks for which contacts are
+/// predicted.
 fn near_each_other(region: &Region, moment: Moment<'_>, all: &[Articulated<'_>]) -> PlaceGroups {
     let mut swept: Vec<_> =
         all.iter().map(|one| swept_bounds(region, moment, one.assembly)).enumerate().collect();
@@ -84,7 +88,7 @@ fn near_each_other(region: &Region, moment: Moment<'_>, all: &[Articulated<'_>])
     groups
 }
 
-/// Returns a box around all that an assembly may reach in the ticks that contacts are predicted for.
+/// Returns a box around all that an assembly may reach in the ticks for which contacts are predicted.
 fn swept_bounds(region: &Region, moment: Moment<'_>, assembly: &Assembly) -> Bounds {
     let swept = assembly
         .members

@@ -1,12 +1,15 @@
-//! Chooses how many substeps a region takes per tick and how deep its overlaps are, by how far the copies at each of its borders
-//! disagree over many ticks. Disagreement that shakes cancels out in the average; disagreement that sags or creeps stays.
+//! Chooses how many substeps a region takes per tick and how deep its overlaps are, by how far the copies at
+//! each of its borders disagree over many ticks. Disagreement that shakes cancels out in the average;
+//! disagreement that sags or creeps stays.
 //!
-//! A border climbs a ladder of rungs: one exchange per tick, two, a deeper overlap, four exchanges, and so on. Depth comes before
-//! four, since it costs a few copies more, and four exchanges find all contacts of a region twice as often. Each climb is a trial:
-//! one that does not let copies agree better is taken back, and it is long until the next.
+//! A border climbs a ladder of rungs: one exchange per tick, two, a deeper overlap, four exchanges, and so
+//! on. Depth comes before four exchanges: it costs a few more copies, while four exchanges find all contacts
+//! of a region twice as often. Each climb is a trial: a climb that does not let copies agree better is taken
+//! back, and the next comes much later.
 //!
-//! Both sides of a border see the same copies, so that both come to the same result. A region announces in the last exchange of a
-//! tick how many substeps it will take in the next; a body is exchanged as often as all its members step.
+//! Both sides of a border see the same copies, so that both come to the same result. A region announces in
+//! the last exchange of a tick how many substeps it will take in the next. A body is exchanged as often as
+//! all its members step.
 
 use std::sync::OnceLock;
 
@@ -21,13 +24,13 @@ use crate::space::RegionSet;
 const AVERAGED_TICKS: f32 = 15.0;
 /// A border whose lasting disagreement is below this part of the tolerance is calm.
 const CALM: f32 = 0.2;
-/// Ticks after a climb until it must have paid, that is, lasting disagreement is down to the part [`PAYS`] of what it was, and
-/// average disagreement has not grown.
+/// Ticks after which a climb must have paid: lasting disagreement is down to the part [`PAYS`] of what it
+/// was, and average disagreement has not grown.
 const TRIAL_TICKS: u32 = 30;
 const PAYS: f32 = 0.7;
-/// Ticks for which a border must have been calm to descend a rung, and for which it rests after a climb that did not pay, at first.
-/// A change of rung disturbs the bodies at the border: when a climb does not pay, or the border must climb again after a descent,
-/// this grows fourfold, up to the longest.
+/// Ticks for which a border must have been calm to descend a rung, and for which it rests after a climb that
+/// did not pay, at first. A change of rung disturbs the bodies at the border. So the number grows fourfold,
+/// up to the longest, when a climb does not pay or when the border must climb again after a descent.
 const PATIENCE_TICKS: u32 = 60;
 const LONGEST_PATIENCE_TICKS: u32 = 64 * PATIENCE_TICKS;
 
@@ -36,8 +39,8 @@ const LONGEST_PATIENCE_TICKS: u32 = 64 * PATIENCE_TICKS;
 pub(super) struct Disagreement {
     /// The largest of any copy, in an exchange.
     pub most_m_s: f32,
-    /// The largest of any body's first copy, as a vector averaged over a quarter of a second and summed over the exchanges of a tick,
-    /// less a part of the body's speed.
+    /// The largest of any body's first copy. It is averaged as a vector over a quarter of a second and summed
+    /// over the exchanges of a tick, less a part of the body's speed.
     pub lasting_m_s: f32,
 }
 
@@ -51,7 +54,7 @@ impl Disagreement {
     }
 }
 
-/// Updates a running average with the disagreement of one of so many exchanges per tick.
+/// Updates a running average with the disagreement in one of so many exchanges per tick.
 pub(super) fn average(of: &mut Vector, disagreement: Vector, exchanges: usize) {
     *of += (disagreement - *of / exchanges as f32) / AVERAGED_TICKS;
 }
@@ -59,15 +62,16 @@ pub(super) fn average(of: &mut Vector, disagreement: Vector, exchanges: usize) {
 /// The numbers of substeps of all regions as far as this one has heard, and the state of each of its borders.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(in crate::physics) struct Pace {
-    /// By rank, this region's own too: substeps in the present tick, and in the next as announced.
+    /// By rank, this region included: substeps in the present tick, and those announced for the next.
     steps: Vec<(u8, u8)>,
     /// By rank of the other region.
     borders: Vec<BorderPace>,
     /// The number of substeps that this region will announce.
     wanted: u8,
-    /// By rank of the other region: the number that it was told last.
+    /// By rank of the other region: the number of substeps that it was told last.
     told: Vec<u8>,
-    /// Whether all are told what is wanted and all borders are at rung 0, once looked, until anything of it changes.
+    /// Whether all regions have been told what is wanted and all borders are at rung 0; kept until any of
+    /// that changes.
     #[serde(skip)]
     level: OnceLock<bool>,
 }
@@ -85,15 +89,15 @@ struct BorderPace {
     /// Lasting disagreement after the last exchange of this tick, m/s.
     lasting: f32,
     calm: u32,
-    /// The highest rung that has paid: to climb to it again is no trial.
+    /// The highest rung that has paid: climbing to it again is no trial.
     proven: u8,
-    /// Lasting and average disagreement at the last climb, while that is on trial.
+    /// Lasting and average disagreement at the last climb, while that climb is on trial.
     trial: Option<(f32, f32)>,
     /// Ticks since it last changed its rung.
     since: u32,
     /// Ticks before it may climb again.
     rest: u32,
-    /// Calm ticks before the next descent, and the next rest.
+    /// Calm ticks that the next descent needs, and the ticks of the next rest.
     patience: u32,
     /// Whether anything is shared across it.
     used: bool,
@@ -128,8 +132,8 @@ impl Pace {
         }
     }
 
-    /// Returns the substeps that this region, of rank `own`, announces for the next tick, and those of these regions that have to be
-    /// told.
+    /// Returns the number of substeps that this region, of rank `own`, announces for the next tick, and those
+    /// of the regions `to` that have yet to be told.
     pub(super) fn tell(&mut self, own: usize, to: RegionSet) -> (u8, RegionSet) {
         self.level.take();
         (self.steps[own].1, self.told[own]) = (self.wanted, self.wanted);
@@ -146,7 +150,8 @@ impl Pace {
         self.level.take();
     }
 
-    /// Lets all regions take so many substeps in the next tick; what this one wants beyond that it announces again.
+    /// Makes all regions take so many substeps in the next tick. If this region wants another number, it
+    /// announces that again.
     pub(in crate::physics) fn restart(&mut self, steps: usize) {
         self.steps.fill((steps as u8, steps as u8));
         self.told.fill(steps as u8);
@@ -181,8 +186,9 @@ impl Pace {
         self.steps[own].1.into()
     }
 
-    /// Adds up how far copies shared with each other region disagreed in an exchange; none where nothing is shared. After the last
-    /// exchange of a tick it decides how many substeps to want, with the coupling `auto`.
+    /// Adds up how far copies shared with each other region disagreed in an exchange; `None` where nothing is
+    /// shared. With the coupling `auto`, it decides after the last exchange of a tick how many substeps to
+    /// want.
     pub(super) fn judge(&mut self, disagreement: &[Option<Disagreement>], moment: Moment<'_>) {
         self.level.take();
         let top = top_rung(moment.settings.exchanges);
@@ -293,7 +299,8 @@ fn top_rung(exchanges: usize) -> u8 {
     }
 }
 
-/// Returns the largest power of two up to `most`, or 64: substeps of regions divide each other, so that they end together.
+/// Returns the largest power of two up to `most`, or 64. The substeps of regions divide each other, so that
+/// they end together.
 fn largest_power(most: usize) -> u8 {
     (1u8 << most.clamp(1, 64).ilog2()).max(1)
 }
@@ -314,7 +321,8 @@ mod tests {
         }
     }
 
-    /// Runs `count` ticks in which copies disagree by `disagreement` of the rung; returns how many of them were not on the lowest rung.
+    /// Runs `count` ticks in which copies disagree by what `disagreement` gives for the rung. Returns in how
+    /// many of them the border was above the lowest rung.
     fn ticks(border: &mut BorderPace, count: usize, disagreement: impl Fn(u8) -> f32) -> usize {
         let tick = |_: &usize| {
             let now = disagreement(border.rung);
@@ -325,7 +333,7 @@ mod tests {
         (0..count).filter(tick).count()
     }
 
-    /// Disagreement that more exchanges ease.
+    /// Returns a disagreement that more exchanges ease.
     fn eased(rung: u8) -> f32 {
         [0.5, 0.25, 0.1, 0.01][usize::from(rung)]
     }

@@ -1,10 +1,10 @@
-//! Computes the consensus of the regions that hold a body: its copies get their mean velocity, are drawn to or put at their mean
-//! pose, and each is pushed by a force that evens out unequal contact forces on the copies, because some of the body's neighbours
-//! are missing in some regions.
+//! Computes the consensus of the regions that hold a body. Its copies get their mean velocity, and are drawn
+//! to their mean pose or put there. Each copy is pushed by a force that evens out unequal contact forces on
+//! the copies: in some regions, some of the body's neighbours are missing.
 //!
-//! The mean of copies that each have 1/n of the mass conserves momentum exactly. It is formed from the same numbers in the
-//! same order everywhere, so that all members get the same bits. A body whose mass is not split follows the copy of one region
-//! instead.
+//! The mean of copies that each have 1/n of the mass conserves momentum exactly. It is formed from the same
+//! numbers in the same order everywhere, so that all members get the same bits. A body whose mass is not
+//! split follows the copy of one region instead.
 
 use rapier3d::prelude::*;
 
@@ -17,30 +17,34 @@ use crate::physics::region::{BodyRef, Ownership, Region};
 use crate::protocol::{CopyState, Velocity, WorldPose};
 use crate::space::RegionSet;
 
-/// Below these a ghost's pose is left alone: a pose written every step would never let it sleep.
+/// Speeds and displacements below which a ghost's pose is left alone: a pose written every step would never
+/// let it sleep.
 const STILL_M_S: f32 = 0.05;
 const STILL_RAD_S: f32 = 0.1;
 const MOVED_M: f32 = 2e-3;
 const TURNED_RAD: f32 = 2e-3;
-/// Copies with a part of the mass that are no farther from their mean than this are left alone: friction may hold them there, and to
-/// draw at what is held would wind up the memory of forces until it slips.
+/// The distance from their mean up to which copies with a part of the mass are left alone. Friction may hold
+/// them there, and drawing what is held would wind up the memory of forces until it slips.
 const SLACK_M: f32 = 1e-3;
 const SLACK_RAD: f32 = 1e-3;
-/// Copies farther from the mean are drawn to it in so many ticks, by their velocities.
+/// The number of ticks in which copies farther from the mean are drawn to it, by their velocities.
 const DRAW_TICKS: f32 = 16.0;
-/// Copies still farther, or in motion, are put at the mean: no load has parted them, and a later correction would be seen.
+/// Distances and speeds above which copies are put at the mean: no load has parted them, and a later
+/// correction would be seen.
 const FAR_M: f32 = 0.01;
 const FAR_RAD: f32 = 0.05;
 const MOTION_M_S: f32 = 0.5;
 const MOTION_RAD_S: f32 = 1.0;
-/// Lasting disagreement up to this part of a body's speed counts as none: beside its motion nobody sees it.
+/// The part of a body's speed up to which lasting disagreement counts as none: beside the body's motion
+/// nobody sees it.
 const IN_MOTION: f32 = 0.1;
-/// A sleeping copy is left alone unless the others differ by more than this.
+/// The speeds of the consensus above which a sleeping copy is woken.
 const WAKE_M_S: f32 = 0.05;
 const WAKE_RAD_S: f32 = 0.05;
 
-/// Applies the consensus to every body held here and elsewhere that is exchanged in this round. Notes, for each other region, how
-/// far the velocities of the copies of bodies held by both were from their means; none where no body is.
+/// Applies the consensus to every body held here and elsewhere that is exchanged in this round. Notes, for
+/// each other region, how far the velocities of the copies of split bodies held by both were from their
+/// means; `None` where there is no such body.
 pub(super) fn agree(region: &mut Region, border: &mut Border, moment: Moment<'_>) {
     let Border { shared: all, pace, disagreement, leaders, .. } = border;
     disagreement.fill(None);
@@ -108,7 +112,7 @@ fn agree_on(
     }
     let (pose, velocity) = mean(copies);
     let (reach_m, tick_s) = (region.slot(link.handle).reach_m, moment.settings.dt_s);
-    // What one of them met the others may not hold.
+    // The other regions may not hold what one copy met.
     let stopped = |copy: &CopyState| {
         let behind_um = |ahead: &CopyState| stopped_um(ahead, copy, reach_m, tick_s);
         copies().map(behind_um).max().unwrap_or(0)
@@ -148,9 +152,10 @@ fn is_broken(region: &Region, link: BodyRef) -> bool {
     region.mass_split(link.handle).is_some_and(|mass_split| mass_split.is_broken())
 }
 
-/// Gives the copy of a body that is not split the state that it has in the leading region, where the contacts of all that touches
-/// were solved together, so that what one body of them loses another gains; and the impulses of contacts that the leader did not
-/// see. Where nothing touches the body, its owner leads; unless another copy was stopped on its way, by what the owner does not hold.
+/// Gives the copy of a body that is not split the state that it has in the leading region. That region solved
+/// the contacts of everything that touches together, so that what one body loses another gains. The impulses
+/// of contacts that the leader did not see are added. Where nothing touches the body its owner leads, unless
+/// another copy was stopped on its way by something that the owner does not hold.
 fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared, leader: Option<usize>, tick_s: f32) {
     let mut strikes = std::mem::take(&mut shared.strikes);
     let own_rank = region.rank();
@@ -165,7 +170,7 @@ fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared, leader: Optio
     let copies = || heard().chain(own).filter(|(_, copy)| copy.sound);
     let reach_m = region.slot(link.handle).reach_m;
     let owners = copies().find(|(rank, _)| Some(*rank) == owner).filter(|_| body.is_dynamic());
-    // Only what moves is pushed about by what it meets; a kinematic body is where its owner says.
+    // Contacts move only dynamic bodies; a kinematic body is where its owner says.
     let rank_of = |&(rank, copy): &(usize, &CopyState)| {
         let seen = if copy.sleeping || !body.is_dynamic() { 0 } else { copy.seen };
         let (leads, owns) = (Some(rank) == leader && seen > 0, Some(rank) == owner);
@@ -198,8 +203,9 @@ fn follow(region: &mut Region, link: BodyRef, shared: &mut Shared, leader: Optio
     }
 }
 
-/// Returns the mean of copies: positions and velocities by the arithmetic mean, rotations by the normalised mean of quaternions on
-/// one hemisphere, which for copies as close as these is the exponential of the mean logarithm to third order.
+/// Returns the mean pose and velocity of copies: the arithmetic mean of positions and velocities, and the
+/// normalised mean of quaternions on one hemisphere. For copies as close as these, that is the exponential of
+/// the mean logarithm to third order.
 fn mean<'a, I: Iterator<Item = &'a CopyState>>(copies: impl Fn() -> I) -> (WorldPose, Velocity) {
     let first = *copies().next().expect("a body has copies");
     if copies().all(|copy| copy.pose == first.pose && copy.velocity == first.velocity) {
@@ -232,7 +238,7 @@ fn mean<'a, I: Iterator<Item = &'a CopyState>>(copies: impl Fn() -> I) -> (World
     )
 }
 
-/// The greatest distance of a copy with a part of the mass from the mean.
+/// The greatest distance of any copy with a part of the mass from the mean.
 #[derive(Clone, Copy)]
 struct Apart {
     by_m: f32,
@@ -243,7 +249,7 @@ impl Apart {
     fn of<'a>(copies: impl Iterator<Item = &'a CopyState>, mean: &WorldPose) -> Self {
         let mut apart = Self { by_m: 0.0, by_rad: 0.0 };
         for copy in copies.filter(|copy| copy.pose != *mean) {
-            // It stays where it is, and no copy is drawn to it for ever.
+            // A sleeping copy stays where it is: the others would be drawn to it for ever.
             if copy.sleeping {
                 return Self { by_m: 0.0, by_rad: 0.0 };
             }
@@ -264,10 +270,13 @@ impl Apart {
     }
 }
 
-/// Gives a copy of a split body the mean velocity, and draws it to the mean pose. The push on a copy moves it ahead of the mean or
-/// behind it, by the push times dt²/m: the work of pushes lies there, and comes back when the push ends. A copy that is put at
-/// the mean under its load keeps the push and loses the way, so that work was done for nothing, at every exchange anew: walls
-/// trembled for ever and fell apart. The draw is in proportion for all copies, so that it leaves their momentum as it is.
+/// Gives a copy of a split body the mean velocity, and draws it to the mean pose.
+///
+/// The push on a copy moves it ahead of the mean or behind it, by the push times dt²/m. The work of pushes
+/// lies in that distance, and comes back when the push ends. A copy that is put at the mean under its load
+/// keeps the push and loses the distance, so that work is done for nothing, at every exchange anew: walls
+/// trembled for ever and fell apart. The draw is in proportion for all copies, so that it leaves their
+/// momentum as it is.
 fn draw(
     region: &mut Region,
     link: BodyRef,

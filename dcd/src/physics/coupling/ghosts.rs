@@ -1,5 +1,5 @@
-//! Receives bodies, joints, transfers and drops from other regions, and inserts and removes replicas: the receiving end of `halo`
-//! and `membership`.
+//! Receives bodies, joints, transfers and drops from other regions, and inserts and removes replicas: the
+//! receiving end of `halo` and `ownership`.
 
 use rapier3d::prelude::*;
 
@@ -11,7 +11,7 @@ use crate::physics::region::{BodyRef, Ownership, Region};
 use crate::protocol::{BodyKind, BodyRecord, BorderMessage, ContactPose, Transfer};
 use crate::space::RegionSet;
 
-/// Nobody is put farther away than this from where it is, in metres, whatever its owner says.
+/// The farthest, in metres, that a body is put away from where it is, whatever its owner says.
 const FARTHEST_DISPLACED_M: f32 = 1.0;
 
 /// Inserts the bodies and joints of a message: bodies transferred to this region, and replicas.
@@ -43,8 +43,9 @@ pub(super) fn arrive(
     Ok(())
 }
 
-/// Puts replicas that have just come to be held where they lay when their owner found their contacts, until the next exchange: the step in between
-/// finds these alike. Where anything that can move might touch one of them there, all stay where they are.
+/// Puts replicas that this region has just come to hold where they lay when their owner found their contacts,
+/// until the next exchange, so that the step in between finds the same contacts. If another dynamic body
+/// might touch one of them there, all stay where they are.
 fn displace(region: &mut Region, border: &mut Border, poses: &[ContactPose], held: &[BodyRef]) {
     if poses.is_empty() {
         return;
@@ -82,7 +83,8 @@ fn displace(region: &mut Region, border: &mut Border, poses: &[ContactPose], hel
     }
 }
 
-/// Removes replicas that are needed no more, and wakes owned bodies whose replicas something elsewhere has moved.
+/// Removes replicas that are no longer needed, and wakes owned bodies whose replicas something elsewhere has
+/// moved.
 pub(super) fn depart(region: &mut Region, message: &BorderMessage, sender: usize) {
     for &id in &message.drops {
         let handle = region.handle_of(id);
@@ -126,7 +128,8 @@ fn take_over(
         held => held,
     };
     let Some(handle) = handle else { return Ok(()) };
-    // The sender is mistaken or malicious: the owner at the highest epoch stays, and what does not move is nobody's.
+    // Otherwise the sender is mistaken or malicious: the owner at the highest epoch stays, and an immovable
+    // body has no owner.
     let slot = region.slot(handle);
     if !matches!(slot.role, Ownership::Replica { .. }) || body.epoch < slot.epoch {
         let (role, epoch) = (slot.role, slot.epoch);
@@ -146,8 +149,8 @@ fn take_over(
     Ok(())
 }
 
-/// Inserts a replica, or renews one that is here already. Returns it, unless what is here is no replica, or the body cannot be: a member
-/// that invents shapes must not end this process.
+/// Inserts a replica, or renews one that is here already, and returns it. Returns `None` if what is here is
+/// no replica, or if the body cannot be built: a member that invents shapes must not end this process.
 fn hold(
     region: &mut Region,
     body: &BodyRecord,
@@ -180,7 +183,7 @@ fn hold(
     }
 }
 
-/// Makes a copy that is here already equal to the record.
+/// Makes a copy that is already here equal to the record.
 fn write_whole(region: &mut Region, handle: RigidBodyHandle, body: &BodyRecord) {
     let state = &body.state;
     let pose = convert::region_from_world(region.anchor(), &state.pose);

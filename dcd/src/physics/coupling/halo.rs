@@ -1,7 +1,7 @@
-//! Replicates bodies to the regions whose halo they touch and transfers ownership, for the couplings `owner` and `proxy`. A body
-//! that comes near a neighbour's cell is sent to it as a replica, one that leaves the halo is dropped there, and a body whose
-//! centre has left the region is transferred. A body is replicated before it is transferred (thesis 3.3.3), so that its contacts
-//! and their warm start are there when authority changes.
+//! Replicates bodies to the regions whose halo they touch and transfers ownership, for the couplings `owner`
+//! and `proxy`. A body that comes near a neighbour's cell is sent to the neighbour as a replica, and dropped
+//! there when it leaves the halo. A body whose centre has left the region is transferred. It is replicated
+//! before that (thesis 3.3.3), so that its contacts and their warm start are there when authority changes.
 
 use rapier3d::prelude::*;
 
@@ -14,9 +14,9 @@ use crate::physics::region::{BodyRef, Ownership, Region};
 use crate::protocol::{BodyRecord, Membership, Transfer};
 use crate::space::{Bounds, RegionSet, Tick};
 
-/// Bodies far from any border are checked again after at most so many ticks.
+/// The most ticks after which a body far from any border is checked again.
 const LONGEST_REST: u32 = 8;
-/// A body that is sped up by no more than this meanwhile is still checked in time.
+/// The gain of speed between checks, m/s, up to which a body is still checked in time.
 const SURPRISE_M_S: f32 = 10.0;
 
 /// A change of the regions that hold a body, or of its owner.
@@ -48,7 +48,7 @@ pub(super) fn tell(side: &mut Side, partition: &Partition, tick: Tick, dt_s: f32
     tell_changes(region, border, outbox, partition, tick, dt_s);
 }
 
-/// Sends the changes of holders and owner of the bodies to be checked, as far as they are owned here.
+/// Sends the changes of holders and owner of the bodies to be checked that are owned here.
 fn tell_changes(
     region: &mut Region,
     border: &mut Border,
@@ -64,7 +64,8 @@ fn tell_changes(
     }
 }
 
-/// Checks these bodies and every assembly with one of them; `changes` come out in id order, each body once.
+/// Checks these bodies and every assembly with one of them. The `changes` come out in id order, each body
+/// once.
 fn find_changes(
     region: &mut Region,
     partition: &Partition,
@@ -107,7 +108,7 @@ fn find_changes(
     changes.dedup_by_key(|change| change.link.id);
 }
 
-/// Checks bodies that joints tie together: the holders that one of them needs, all get.
+/// Checks bodies that joints tie together: all of them get the holders that any of them needs.
 #[expect(clippy::too_many_arguments, reason = "one look at one assembly")]
 fn look_at_assembly(
     region: &mut Region,
@@ -161,7 +162,8 @@ fn propose(
     }
 }
 
-/// Returns the rank of the centre's region, once the centre has left the present one by the hysteresis.
+/// Returns the rank of the region that the centre lies in, or of the present region until the centre has left
+/// that by the hysteresis.
 fn new_owner(region: &Region, partition: &Partition, centre: [f64; 3]) -> usize {
     if region.cell().excess_m(centre) > OWNER_HYSTERESIS_M {
         partition.rank_at(centre)
@@ -170,7 +172,7 @@ fn new_owner(region: &Region, partition: &Partition, centre: [f64; 3]) -> usize 
     }
 }
 
-/// Sends the body to its new holders, has it dropped by those that need it no more, and transfers authority.
+/// Sends the body to its new holders, has regions that no longer need it drop it, and transfers authority.
 fn tell_change(region: &mut Region, outbox: &mut Outbox, change: &HolderChange) {
     let HolderChange { link, holders, owner } = *change;
     let own = RegionSet::only(region.rank());
@@ -194,7 +196,7 @@ fn tell_change(region: &mut Region, outbox: &mut Outbox, change: &HolderChange) 
         let message = outbox.to(owner);
         message.transfers.push(Transfer { body, holders, whole: false });
         message.joints.extend(joints);
-        // Who holds the body must know from whom to expect its states.
+        // The holders must know which region will send them the body's states.
         let membership = Membership {
             id: link.id,
             epoch: epoch.next(),
@@ -226,8 +228,9 @@ impl Inner {
         }
     }
 
-    /// Returns for how many ticks a body surely stays within, if nothing speeds it up by more than [`SURPRISE_M_S`]; at most
-    /// [`LONGEST_REST`]. A body that is hit harder is checked at most so many ticks late: it is replicated late, never lost.
+    /// Returns for how many ticks a body surely stays within, if nothing speeds it up by more than
+    /// [`SURPRISE_M_S`]; at most [`LONGEST_REST`]. A body that is hit harder is checked at most that many
+    /// ticks late: it is replicated late, never lost.
     fn ticks_within(&self, region: &Region, handle: RigidBodyHandle, dt_s: f32) -> u32 {
         let body = &region.physics().bodies[handle];
         let centre = body.center_of_mass();
@@ -242,7 +245,8 @@ impl Inner {
 struct Near {
     within_halo: RegionSet,
     within_hysteresis: RegionSet,
-    /// Those whose halo it may touch before all regions meet again; none where all are neighbours for good.
+    /// The regions whose halo it may touch before all regions meet again; none where all are neighbours for
+    /// good.
     soon: RegionSet,
 }
 

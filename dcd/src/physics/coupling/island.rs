@@ -1,12 +1,13 @@
-//! Finds the islands near borders (awake bodies that touch or are tied by joints) and chooses the region that is to compute each.
-//! An island small enough moves whole to one region, the one that owns most of it; there it is computed as in one world. The
-//! bodies of larger ones stay where they are.
+//! Finds the islands near borders (awake bodies that touch or are tied by joints) and chooses the region that
+//! is to compute each. A small enough island moves whole to one region, the one that owns most of it, and is
+//! computed there as in one world. The bodies of larger islands stay where they are.
 //!
-//! An island may lie in many regions, of which each sees its own part and its neighbours'. So each sends its neighbours the parts
-//! it knows of and how many hops away they are, nearest first, as many as make the island too large: sizes spread from part to
-//! part, and all come to the same sum. A part that is no more is reported from ever farther away, until there is none one hop
-//! nearer: then no region counts it any longer. Meanwhile it may be counted twice, so that sizes heard over more than one border
-//! must hold for as long as that takes before they make an island whole or split it.
+//! An island may lie in many regions, each of which sees only its own part and its neighbours'. So each
+//! region sends its neighbours the parts that it knows of and how many hops away they are, nearest first, as
+//! many as make the island too large. Sizes spread from part to part, and all regions come to the same sum. A
+//! part that no longer exists is reported from ever farther away, until no region reports it one hop nearer;
+//! then no region counts it any longer. Meanwhile it may be counted twice. So sizes heard over more than one
+//! border must hold for as long as that takes before they make an island whole or split it.
 
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -20,35 +21,39 @@ use crate::physics::settings::WHOLE;
 use crate::protocol::{BIG_ISLAND, BodyKind, BorderMessage, IslandPart};
 use crate::space::{BodyId, RegionSet};
 
-/// An island that is not whole yet becomes so below this part of the limit: hysteresis, so that none flaps.
+/// The part of the limit below which an island that is not whole becomes so: hysteresis, so that no island
+/// flaps.
 const ENTER: f32 = 0.85;
-/// An island stays where it is as long as this part of its bodies lies there, or half as many as in the region with most of them.
+/// The part of an island's bodies that must lie in its region for it to stay there. It also stays while half
+/// as many lie there as in the region with most of them.
 const STAY: f32 = 0.25;
-/// Islands of more bodies than this move body by body, and those that stay here are searched through every [`WALK_TICKS`] only. A
-/// body that is hidden from a border for so long stays held at it.
+/// The number of bodies above which islands move body by body. Such islands that stay here are searched
+/// through only every [`WALK_TICKS`] ticks; a body that is hidden from a border for that long stays held at
+/// it.
 const LARGE: usize = 256;
 const WALK_TICKS: u64 = 8;
-/// Ticks from when a region finds its islands to when its neighbours have used the parts that it sent.
+/// Ticks from when a region finds its islands until its neighbours have used the parts that it sent.
 const TICKS_PER_HOP: u32 = 2;
 
 /// The islands that come near a border, as found last; kept for its memory.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Islands {
-    /// By Rapier's body index: place in `found`, plus one; 0 for a body in no island.
+    /// By Rapier's body index: the place in `found` plus one, or 0 for a body in no island.
     of: Vec<u32>,
-    /// By Rapier's body index: the generation of the body that entered an island last. Another may have its place since.
+    /// By Rapier's body index: the generation of the body that last entered an island. Another body may have
+    /// its place since.
     #[serde(skip)]
     generations: Vec<u32>,
     touched: Vec<RigidBodyHandle>,
     pub found: Vec<Island>,
     /// Parts received from others in the last exchange, with the sender's rank, in order of rank and part.
     told: Vec<(usize, IslandPart)>,
-    /// How many of those found are from ticks before.
+    /// How many of the islands in `found` are kept from earlier ticks.
     #[serde(skip)]
     kept: usize,
     #[serde(skip)]
     open: Vec<RigidBodyHandle>,
-    /// Islands that are no more, for their memory.
+    /// Islands that no longer exist, kept for their memory.
     #[serde(skip)]
     spare: Spare,
 }
@@ -74,27 +79,28 @@ pub(super) struct Island {
     lowest: Option<BodyId>,
     /// The regions that hold all of its bodies.
     held_by: RegionSet,
-    /// Too large to move whole.
+    /// Whether it is too large to move whole.
     pub big: bool,
-    /// Too large to move at once, by its parts in this region and its direct neighbours.
+    /// Whether it is too large to move at once, by its parts in this region and its direct neighbours.
     pub large: bool,
-    /// It has too many bodies in this region alone: the search was broken off.
+    /// Whether the search for it was broken off: it has too many bodies in this region alone, or touches an
+    /// island that has.
     endless: bool,
-    /// The id of its lowest member, or of that of the endless island which it belongs to.
+    /// The lowest id of its members, or of the endless island to which it belongs.
     name: Option<BodyId>,
-    /// Something touches it or ties it together.
+    /// Whether something touches it or ties it together.
     pub pressed: bool,
-    /// To be whole, by the sizes of its parts; before these are summed up: as it was.
+    /// Whether it is to be whole, by the sizes of its parts; as it was, until these are summed up.
     whole: bool,
-    /// Ticks for which the sizes of its parts have said otherwise.
+    /// Ticks for which the sizes of its parts have contradicted `whole`.
     doubt: u16,
-    /// Parts of others that it touches, by their owner's rank and name.
+    /// Parts of other regions that it touches, by owner's rank and name.
     beside: Vec<(usize, BodyId)>,
-    /// Bodies of others whose part has not been received yet, with their owner's rank.
+    /// Bodies of other regions whose part has not been received yet, with their owner's rank.
     unheard: Vec<(usize, BodyId)>,
-    /// All known parts, this region's first, farther ones later.
+    /// All known parts, this region's first, then by hops.
     parts: Vec<IslandPart>,
-    /// How many bodies others own of it, by rank.
+    /// How many of its bodies each other region owns, with the rank of that region.
     elsewhere: Vec<(usize, usize)>,
     /// Rank of the region it moves to, unless it is big.
     pub target: usize,
@@ -118,7 +124,7 @@ impl Islands {
         }
     }
 
-    /// Notes which body is meant by its index.
+    /// Records the generation of the body with this index.
     fn sign(&mut self, handle: RigidBodyHandle) {
         let (index, generation) = handle.into_raw_parts();
         if self.generations.len() <= index as usize {
@@ -127,7 +133,7 @@ impl Islands {
         self.generations[index as usize] = generation;
     }
 
-    /// Returns how many bodies of a body's island this region owns, to be sent to other regions.
+    /// Returns how many bodies of a body's island this region owns, as sent to other regions.
     pub(super) fn size(&self, handle: RigidBodyHandle) -> u16 {
         self.of(handle).map_or(1, |island| if island.big { BIG_ISLAND } else { island.own_size().max(1) })
     }
@@ -148,7 +154,7 @@ impl Islands {
     pub(super) fn tell(&self, region: &Region, outbox: &mut Outbox) {
         let mut hearers = vec![RegionSet::EMPTY; self.found.len()];
         for &handle in &self.touched {
-            // Some have moved away since.
+            // Some bodies have moved away since.
             let here = region.physics().bodies.contains(handle);
             let concerned = match region.role_of(handle).filter(|_| here) {
                 Some((_, Ownership::Owner)) => region.slot(handle).holders,
@@ -186,7 +192,7 @@ impl Islands {
     pub(super) fn hear(&mut self, rank: usize, message: &BorderMessage) {
         let from = self.told.len();
         self.told.extend(message.islands.iter().map(|part| (rank, *part)));
-        // Stable: the parts of each stay in their order.
+        // The sort is stable: the parts of each island stay in their order.
         self.told[from..].sort_by_key(|(_, part)| part.of);
     }
 
@@ -213,7 +219,7 @@ impl Islands {
         }
     }
 
-    /// Finds anew the islands of these bodies, and where each is to be computed.
+    /// Finds the islands of these bodies anew, and the region that is to compute each.
     pub(super) fn find(
         &mut self,
         region: &mut Region,
@@ -316,7 +322,7 @@ impl Islands {
         self.open.push(handle);
     }
 
-    /// Follows contacts and joints from a body, until the island is seen to be too large.
+    /// Follows contacts and joints from a body, until the island is complete or known to be too large.
     fn explore(&mut self, region: &Region, shared: &SharedBodies, moment: Moment<'_>, seed: RigidBodyHandle) {
         let limit = moment.settings.island_limit;
         let from = self.touched.len();
@@ -363,7 +369,7 @@ impl Islands {
             }
             let mut endless = None;
             region.for_each_contact(handle, |other, touches| {
-                // A body that has been entered comes again with each pair of colliders, and from its own side.
+                // An entered body comes again with each pair of colliders, and from its own side.
                 let place = self.place(other) as usize;
                 if !touches || place > self.found.len() || !takes_part(region, other) {
                     return;
@@ -395,8 +401,8 @@ impl Islands {
         }
     }
 
-    /// Forgets the islands found last, except large ones that are to stay here: those are searched through every [`WALK_TICKS`] only,
-    /// and bodies that come to touch them join them meanwhile.
+    /// Forgets the islands found last, except large ones that are to stay here. Those are searched through
+    /// only every [`WALK_TICKS`] ticks, and bodies that come to touch them join them meanwhile.
     fn keep_large(&mut self, region: &Region, shared: &SharedBodies, moment: Moment<'_>) {
         for handle in self.touched.drain(..) {
             self.of[handle.into_raw_parts().0 as usize] = 0;
@@ -406,7 +412,7 @@ impl Islands {
             spare.0.extend(found.drain(..).map(Island::emptied));
         }
         found.retain_mut(|island| {
-            // What was inserted anew since may have its former place, but not its handle.
+            // A body inserted since may have a former one's place, but not its handle.
             let here = |link: &BodyRef| {
                 region.physics().bodies.contains(link.handle)
                     && region.role_of(link.handle) == Some((link.id, Ownership::Owner))
@@ -436,7 +442,7 @@ impl Islands {
 }
 
 impl Island {
-    /// Returns an island of no bodies, with the memory of this one.
+    /// Returns an island of no bodies that keeps the memory of this one.
     fn emptied(self) -> Self {
         let Self { mut members, mut beside, mut unheard, mut parts, mut elsewhere, .. } = self;
         members.clear();
@@ -452,8 +458,8 @@ impl Island {
         self.ghosts > 0 || !self.beside.is_empty()
     }
 
-    /// Returns whether regions with less of it need not hold any of its bodies owned here: this region leads, and the bodies that they
-    /// own of it move here.
+    /// Returns whether regions with less of it need not hold any of its bodies owned here: this region leads
+    /// the island, and the bodies of it that those regions own move here.
     pub(super) fn draws(&self, own: usize) -> bool {
         self.large && !self.big && self.target == own
     }
@@ -463,7 +469,7 @@ impl Island {
         (self.lowest.expect("an island has bodies"), self.held_by)
     }
 
-    /// Notes a body of it, and the regions that hold that.
+    /// Notes a body of the island, and the regions that hold that body.
     fn note(&mut self, id: BodyId, held_by: RegionSet) {
         self.held_by = self.lowest.map_or(held_by, |_| self.held_by.intersection(held_by));
         self.lowest = Some(self.lowest.map_or(id, |lowest| lowest.min(id)));
@@ -488,7 +494,8 @@ impl Island {
         self.beside.dedup();
     }
 
-    /// Clears its parts of others, which are found anew, and keeps its members that are still here, with the regions that hold each.
+    /// Clears its parts in other regions, which are found anew, and keeps the members that are still here,
+    /// with the regions that hold each.
     fn begin_anew(&mut self, held_by: Vec<Option<RegionSet>>) {
         (self.ghosts, self.lowest, self.name) = (0, None, None);
         let mut members = std::mem::take(&mut self.members);
@@ -516,7 +523,8 @@ impl Island {
         self.parts.iter().map(|part| usize::from(part.size)).sum()
     }
 
-    /// Decides whether it is to be whole, by the sizes of its parts and by whether these were whole before.
+    /// Decides whether the island is to be whole, by the sizes of its parts and by whether these were whole
+    /// before.
     fn judge(&mut self, limit: usize) {
         if limit >= WHOLE {
             (self.whole, self.doubt) = (true, 0);
@@ -530,7 +538,8 @@ impl Island {
             return;
         }
         let hops = u32::from(self.parts.last().map_or(0, |part| part.hops));
-        // A part one hop away is reported by its owner, and never twice; that there are no parts behind it takes time to be sure of.
+        // A part one hop away is reported by its owner, and never twice. It takes time to be sure that there
+        // are no parts behind it.
         let known = if split { hops <= 1 } else { hops == 0 };
         let patience = if self.endless || known { 0 } else { TICKS_PER_HOP * (hops + 2) };
         self.doubt = self.doubt.saturating_add(1);
@@ -552,7 +561,8 @@ impl Island {
         self.judge(limit);
         let mut here = 0;
         let large = self.large;
-        // Reports at second hand are late: in a large island that comes together and apart, parts that are no more would count.
+        // Reports at second hand are late: in a large island whose parts come together and apart, parts that
+        // no longer exist would count.
         for part in self.parts.iter().filter(|part| !large || part.hops <= 1 || usize::from(part.rank) == own)
         {
             let (rank, size) = (usize::from(part.rank), usize::from(part.size));
@@ -567,7 +577,8 @@ impl Island {
             return;
         }
         if !self.elsewhere.is_empty() {
-            // Most bodies, then the lowest rank: all owners come to the same result.
+            // The region with most bodies, among equals the one of the lowest rank: all owners come to the
+            // same result.
             let all = self.elsewhere.iter().copied().chain([(own, here)]);
             let best = all.max_by_key(|&(rank, size)| (size, std::cmp::Reverse(rank)));
             self.target = best.map_or(own, |(rank, _)| rank);
@@ -592,12 +603,12 @@ impl Island {
     }
 }
 
-/// Returns a number of bodies as it is sent: clamped, so that none is mistaken for an island that is too large to move.
+/// Returns a number of bodies as it is sent: clamped, so that it is not mistaken for [`BIG_ISLAND`].
 fn told(count: usize) -> u16 {
     count.clamp(1, usize::from(BIG_ISLAND) - 1) as u16
 }
 
-/// Returns the regions that hold a body, this one too.
+/// Returns the regions that hold a body, this one included.
 fn held_by(region: &Region, shared: &SharedBodies, handle: RigidBodyHandle) -> RegionSet {
     let alone = || region.slot(handle).holders.union(RegionSet::only(region.rank()));
     shared.get(handle).map_or_else(alone, |shared| shared.members)

@@ -1,9 +1,10 @@
-//! Shares what flies off all of a sudden with the regions that it flies into, before it does: nobody has predicted what it meets there. It
-//! follows the copy that is stopped first (`consensus`).
+//! Shares a body that suddenly flies off with the regions that it flies into, before it gets there: nobody
+//! has predicted what it meets. The body follows the copy that is stopped first (`consensus`).
 //!
-//! A world that exchanges messages before a tick announces what its user sped up like what its user inserted. Regions of several processes have no such
-//! exchange: there it stays where it is for that tick, and is shared at its end. What is sped up by a collision is shared at the end of that
-//! tick everywhere.
+//! A world that exchanges messages before a tick announces a body that its user sped up like a body that its
+//! user inserted. Regions of several processes have no such exchange: there the body stays where it is for
+//! that tick, and is shared at its end. A body that a collision sped up is shared at the end of that tick
+//! everywhere.
 
 use std::collections::BTreeSet;
 
@@ -15,7 +16,7 @@ use crate::physics::region::{BodyRef, Ownership, Region};
 use crate::protocol::CopyState;
 use crate::space::{Bounds, RegionSet};
 
-/// A copy of a body in flight that is so far behind another one was stopped, metres.
+/// The distance, metres, by which a copy of a body in flight must be behind another to count as stopped.
 const STOPPED_M: f32 = 0.01;
 
 /// Returns whether a body moves by more than its own radius in a tick: it may jump over what it would hit.
@@ -24,8 +25,8 @@ pub(super) fn is_fast(region: &Region, handle: RigidBodyHandle, velocity: Vector
     way_m > region.slot(handle).reach_m && way_m.is_finite()
 }
 
-/// Returns all that joints tie together with a body, and itself; nothing where none does. They are shared alike, or regions would not follow one
-/// copy of all.
+/// Returns a body and all that joints tie to it; nothing where no joint does. These are shared alike, or
+/// regions would not follow the same copy of all of them.
 pub(super) fn together(region: &Region, link: BodyRef) -> &[BodyRef] {
     let assembly = region.slot(link.handle).assembly;
     assembly.map_or(&[], |place| &region.assemblies()[place as usize].members)
@@ -59,14 +60,15 @@ fn way_of(
     partition.touching(&bounds.swept(velocity, tick_s.into()).grown(margin_m))
 }
 
-/// Has those announced that their user sped up since the last step and that fly into other regions at once.
+/// Marks for announcement the bodies that their user has sped up since the last step and that fly into other
+/// regions at once.
 pub(super) fn expect(side: &mut Side, moment: Moment<'_>) {
     let region = &mut side.region;
     let launched = region.take_launched();
     if launched.is_empty() {
         return;
     }
-    // Some of what was tied may be gone.
+    // Some of the tied bodies may be gone.
     region.update_assemblies();
     let mut known: BTreeSet<_> = region.fresh().map(|link| link.id).collect();
     for link in launched {
@@ -75,14 +77,14 @@ pub(super) fn expect(side: &mut Side, moment: Moment<'_>) {
         }
         let tied = together(region, link).to_vec();
         for link in tied.into_iter().chain([link]).filter(|link| known.insert(link.id)) {
-            // Its island, or what that comes to meet, may not lie in one region.
+            // Its island, or what that island comes to meet, may not lie in one region.
             region.slot_mut(link.handle).whole = false;
             region.keep_fresh(link);
         }
     }
 }
 
-/// Keeps those where they are for a tick that nobody has been told of and that fly into other regions.
+/// Holds in place for a tick the bodies that fly into other regions and that nobody has been told of.
 pub(super) fn hold(side: &mut Side, moment: Moment<'_>) {
     expect(side, moment);
     let Side { region, border, .. } = side;
@@ -92,7 +94,7 @@ pub(super) fn hold(side: &mut Side, moment: Moment<'_>) {
     }
     region.update_assemblies();
     let is_held = |link: &BodyRef| {
-        // What a joint ties it to does not wait.
+        // A body that a joint ties to it would not wait.
         flies_off(region, moment, *link, moment.partition.halo_m())
             && region.joints_of(link.handle).next().is_none()
     };
@@ -104,7 +106,7 @@ pub(super) fn hold(side: &mut Side, moment: Moment<'_>) {
     }
 }
 
-/// Gives them back their velocity.
+/// Gives the bodies held in place by [`hold`] their velocity back.
 pub(super) fn release(side: &mut Side) {
     let Side { region, border, .. } = side;
     for (handle, velocity) in std::mem::take(&mut border.held_back) {
@@ -115,7 +117,8 @@ pub(super) fn release(side: &mut Side) {
     }
 }
 
-/// Returns whether a body flies to within a margin of regions that do not hold it, in the next tick, and is no other's.
+/// Returns whether a body owned here, which no other region holds, flies in the next tick to within a margin
+/// of other regions.
 pub(super) fn flies_off(region: &Region, moment: Moment<'_>, link: BodyRef, margin_m: f64) -> bool {
     let BodyRef { id, handle } = link;
     let (held, tick_s) = (region.physics().bodies.get(handle), moment.settings.dt_s);
@@ -129,9 +132,10 @@ pub(super) fn flies_off(region: &Region, moment: Moment<'_>, link: BodyRef, marg
         && on_its_way(region, moment.partition, link, tick_s, margin_m) != RegionSet::only(region.rank())
 }
 
-/// Returns how far a copy of a fast body is behind another, micrometres, if it was stopped on its way in the last tick: Rapier stops what flies
-/// where it is about to hit something, and lets it touch that in the next step. 0 for copies that are side by side, farther apart than a
-/// tick takes them, or slow.
+/// Returns how far, in micrometres, a copy of a fast body is behind another one because it was stopped on its
+/// way in the last tick. Rapier stops a flying body where it is about to hit something, and lets it touch
+/// that in the next step. Returns 0 for copies that are side by side, farther apart than a tick takes them,
+/// or slow.
 pub(super) fn stopped_um(ahead: &CopyState, copy: &CopyState, reach_m: f32, tick_s: f32) -> i64 {
     let way_m = way_m(ahead, tick_s);
     if way_m <= reach_m {

@@ -1,12 +1,14 @@
-//! Chooses the region whose result all follow, for bodies that several regions compute whole.
+//! Chooses the region whose result all regions follow, for bodies that several regions compute whole.
 //!
-//! A collision keeps its momentum only if all bodies in it follow one region, and if that region holds all of them. But regions
-//! see unlike islands: what is one here may be two there, and may touch a body that others do not hold. So islands of several
-//! regions that have a body in common form a group, and a group follows one region: one that holds all bodies of all these
-//! islands, if there is one, else the one that sees most of them. A region in which one of them was stopped in flight has met what the others
-//! do not see yet, and comes before these.
+//! A collision keeps its momentum only if all bodies in it follow one region, and if that region holds all of
+//! them. But regions see different islands: one island here may be two there, and may touch a body that
+//! others do not hold. So islands of several regions that have a body in common form a group, and a group
+//! follows one region: one that holds all bodies of all these islands, if there is one. Among equals a region
+//! in which one of the bodies was stopped in flight comes first, since it has met what the others do not see
+//! yet; then the region that sees most of them.
 //!
-//! Groups are formed among bodies that the same regions hold. These all know the same of them, so that all choose alike.
+//! Groups are formed among bodies that the same regions hold. These regions all know the same of the bodies,
+//! so that all choose alike.
 
 use std::cmp::Reverse;
 
@@ -21,17 +23,17 @@ use crate::space::{BodyId, RegionSet};
 /// The leader of each group, as found last; kept for its memory.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Leaders {
-    /// By Rapier's body index: place in `parents`, plus one; 0 for a body in no group.
+    /// By Rapier's body index: the place in `parents` plus one, or 0 for a body in no group.
     of: Vec<u32>,
     touched: Vec<RigidBodyHandle>,
-    /// By body, another one of its group that is nearer to the group's root; the root is its own.
+    /// By body: another body of its group that is nearer to the group's root; the root itself for the root.
     parents: Vec<u32>,
-    /// By place of a group's root.
+    /// By place of a group's root: the rank of its leader.
     leaders: Vec<Option<usize>>,
     copies: Vec<Copied>,
-    /// The sets of regions that hold bodies, in order, each with the number by which it is sorted.
+    /// The sets of regions that hold bodies, in order, each with the number by which copies are sorted.
     sets: Vec<(RegionSet, u32)>,
-    /// The copies by set of regions, rank, island, place of their body, and their own.
+    /// The copies by number of their set of regions, rank, island, place of their body, and their own place.
     order: Vec<(u32, u32, BodyId, u32, u32)>,
     views: Vec<View>,
 }
@@ -58,7 +60,7 @@ struct View {
     /// How many bodies it sees, and how many of them it owns.
     seen: u32,
     size: u32,
-    /// How far one of them was kept back here, micrometres.
+    /// How far one of the bodies was kept back here, micrometres.
     stopped_um: i64,
 }
 
@@ -135,7 +137,7 @@ impl Leaders {
         };
         self.order.clear();
         self.order.extend(self.copies.iter().enumerate().map(key));
-        // Not the copies, which are large.
+        // The keys are sorted, not the copies, which are large.
         self.order.sort_unstable();
         self.join();
         self.choose();
@@ -192,7 +194,7 @@ impl Leaders {
         at
     }
 
-    /// Points all bodies at the roots of their groups, each of which comes before the others.
+    /// Points all bodies at the roots of their groups. A root comes before the other bodies of its group.
     fn flatten(&mut self) {
         for place in 0..self.parents.len() {
             self.parents[place] = self.parents[self.parents[place] as usize];

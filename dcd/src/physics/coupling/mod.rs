@@ -1,15 +1,18 @@
-//! Couples regions across their borders: keeps the copies that several regions hold of one body consistent, by messages after
-//! each substep.
+//! Couples regions across their borders: keeps the copies of one body in several regions consistent, by
+//! messages after each substep.
 //!
-//! Before each substep a region *prepares* the bodies that it shares; after it, every region *gathers* one [`BorderMessage`]
-//! per neighbour, and then *applies* the messages of its neighbours in rank order. Values go in and come out; who carries them
-//! (memory, a simulator, QUIC) is not known here.
+//! Before each substep a region *prepares* the bodies that it shares. After the substep every region
+//! *gathers* one [`BorderMessage`] per neighbour, and then *applies* its neighbours' messages in rank order.
+//! Values go in and come out; this module does not know what carries them (memory, a simulator, QUIC).
 //!
-//! Two families: `owner` and `proxy` hold copies of all that comes near a border (`halo`), and the owner's state is
-//! authoritative. `overlap`, `island` and `auto` hold copies of what touches (`predicted_contacts`, `reach`, `ownership`). The
-//! bodies of islands that may be in one region (`island`) have whole copies, which follow one region (`leader`), and are told of what
-//! that does not see (`strike`); the mass of all others is split among their copies (`region::mass_splitting`), which follow their mean
-//! (`consensus`).
+//! There are two families of couplings:
+//!
+//! - `owner` and `proxy` hold copies of all that comes near a border (`halo`). The owner's state is
+//!   authoritative.
+//! - `overlap`, `island` and `auto` hold copies of what touches (`predicted_contacts`, `reach`, `ownership`).
+//!   The bodies of islands that may be in one region (`island`) have whole copies. These follow one region
+//!   (`leader`), and are told of impulses that this region does not see (`strike`). The mass of all other
+//!   bodies is split among their copies (`region::mass_splitting`), which follow their mean (`consensus`).
 
 mod articulated;
 mod auto;
@@ -49,8 +52,8 @@ use crate::fidelity::iterations;
 use crate::protocol::BorderMessage;
 use crate::space::{RegionId, RegionSet, Tick};
 
-/// A region that holds bodies with others rests when it has been silent for so many ticks: longer than anything is put off that is decided on
-/// such bodies ([`ownership`]).
+/// The number of silent ticks after which a region that holds bodies with others rests. No decision on such
+/// bodies ([`ownership`]) is put off for that long.
 const SILENT_TICKS: u32 = 150;
 
 /// A region with the state of its borders and the messages to its neighbours.
@@ -63,7 +66,8 @@ pub(super) struct Side {
 }
 
 impl Side {
-    /// Makes the side of a region in a world of these regions, which take `steps` substeps per tick at first.
+    /// Makes the side of a region in a world of the regions `leaves`, which take `steps` substeps per tick at
+    /// first.
     pub(super) fn new(region: Region, leaves: &std::sync::Arc<[RegionId]>, steps: usize) -> Self {
         let outbox = Outbox::new(region.id(), leaves.clone());
         Self { region, border: Border::new(leaves.len(), steps), outbox, clock: Clock::default() }
@@ -79,7 +83,8 @@ impl Side {
         self.border.pace.next_of(self.region.rank())
     }
 
-    /// Returns the length of a substep of the present tick, of which the world's are `tick_s` seconds long.
+    /// Returns the length in seconds of the region's substeps in the present tick; a tick of the world is
+    /// `tick_s` seconds long.
     pub(super) fn substep_s(&self, tick_s: f32) -> f32 {
         tick_s * f32::from(self.clock.span) / self.steps() as f32
     }
@@ -101,7 +106,7 @@ impl Side {
         region.is_idle() && is_settled && !border.awaits_any() && border.pace.is_settled(region.rank())
     }
 
-    /// Counts a tick in which nothing has changed here nor was said, or ends the count.
+    /// Counts a tick in which nothing has changed here and nothing was sent, or ends the count.
     fn count_silence(&mut self) {
         let Self { region, border, outbox, .. } = self;
         let says_nothing = border.decisions.is_empty() && outbox.letters().next().is_none();
@@ -116,7 +121,8 @@ impl Side {
         self.outbox = Outbox::new(self.region.id(), ranks.leaves.clone());
     }
 
-    /// Begins a tick, in which all regions meet or only neighbours exchange messages, and some stay behind.
+    /// Begins a tick, in which all regions meet or only neighbours exchange messages, and the regions
+    /// `behind` stay behind.
     pub(super) fn meet(&mut self, regions: usize, all: bool, behind: RegionSet) {
         let Self { region, border, clock, .. } = self;
         let acquainted = border.predicted.acquainted();
@@ -124,8 +130,9 @@ impl Side {
         border.neighbours.leave_behind(behind, clock.span > 0);
     }
 
-    /// Returns the regions with which this one exchanges messages in a round: with all neighbours in the last one of a tick, before
-    /// that with those that step as often.
+    /// Returns the regions with which this one exchanges messages in a round. In the last round of a tick
+    /// these are all neighbours; before that, those with which an exchange is due by the substeps of both,
+    /// and new ones.
     pub(super) fn exchanges_with(&self, moment: &Moment<'_>) -> RegionSet {
         if moment.last {
             return self.border.neighbours.now();
@@ -137,18 +144,20 @@ impl Side {
             .in_round(|rank| moment.is_due(pace.exchanges_among(own.union(RegionSet::only(rank)))))
     }
 
-    /// Returns the regions that must be at one time with this one: those with which it shares bodies, or is about to.
+    /// Returns the regions that must be at the same time as this one: those with which it shares bodies, or
+    /// is about to.
     pub(super) fn bound_to(&self) -> RegionSet {
         let Border { neighbours, predicted, .. } = &self.border;
         held_with(&self.region).union(predicted.met_with()).union(neighbours.missed())
     }
 
-    /// Returns whether bodies inserted here are to be announced as soon as the region is at one time with others.
+    /// Returns whether bodies inserted here are to be announced as soon as the region is at the same time as
+    /// others.
     pub(super) fn is_awaited(&self) -> bool {
         self.region.fresh().next().is_some() && !self.border.neighbours.missed().is_empty()
     }
 
-    /// Hears what is near it from the others, in a tick in which it stays behind.
+    /// Takes in what other regions tell of bodies near this one, in a tick in which it stays behind.
     pub(super) fn hear<'a>(&mut self, inbox: impl Iterator<Item = &'a BorderMessage>, ground: Ground<'_>) {
         let Self { region, border, .. } = self;
         for message in inbox {
@@ -170,20 +179,20 @@ impl Side {
     }
 }
 
-/// Where a region is in time. One that is stepped at a lower rate is behind the present by the ticks that it owes, and catches up in one
-/// step.
+/// The position of a region in time. A region that is stepped at a lower rate is behind the present by the
+/// ticks that it owes, and catches up in one step.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Clock {
-    /// It is stepped once per so many ticks, unless what it shares bodies with is stepped more often.
+    /// The ticks per step, unless a region with which it shares bodies is stepped more often.
     pub rate: u8,
     /// Ticks that it owes.
     pub owed: u8,
-    /// Ticks that it computes in the present one: 0 where it stays behind.
+    /// The ticks that it computes in the present tick: 0 where it stays behind.
     pub span: u8,
 }
 
 impl Clock {
-    /// Returns the solver iterations of its step.
+    /// Returns the solver iterations of its step; `per_tick` are those of one tick.
     pub(super) fn iterations(self, per_tick: usize) -> usize {
         iterations(per_tick, self.span)
     }
@@ -196,14 +205,15 @@ impl Default for Clock {
 }
 
 impl Coupling {
-    /// Has bodies announced that their user sped up since the last step, where neighbours must hold them.
+    /// Marks for announcement the bodies that their user has sped up since the last step and that neighbours
+    /// must hold.
     pub(super) fn expect(self, side: &mut Side, moment: Moment<'_>) {
         if self.shares_mass() {
             launch::expect(side, moment);
         }
     }
 
-    /// Begins a tick, after what was to be announced has been.
+    /// Begins a tick, after everything that was to be announced has been.
     pub(super) fn begin(self, side: &mut Side, moment: Moment<'_>) {
         match self.shares_mass() && moment.partition.len() > 1 {
             true => launch::hold(side, moment),
@@ -211,7 +221,7 @@ impl Coupling {
         }
     }
 
-    /// Fills the outbox with those bodies inserted since the last step that neighbours must hold.
+    /// Fills the outbox with the bodies inserted since the last step that neighbours must hold.
     pub(super) fn announce(self, side: &mut Side, moment: Moment<'_>) {
         if self.shares_mass() {
             ownership::announce(side, moment);
@@ -278,10 +288,12 @@ pub(super) struct Border {
     reach: reach::Reach,
     islands: island::Islands,
     decisions: Vec<ownership::Decision>,
-    /// The bodies owned here whose mass is to be split for what they are about to touch, in order of their handles.
+    /// The bodies owned here whose mass is to be split because of what they are about to touch, in order of
+    /// handle.
     #[serde(skip)]
     splitting: Vec<RigidBodyHandle>,
-    /// The bodies owned here that are to move to another region and are about to touch one that stays, in order of their handles.
+    /// The bodies owned here that are to move to another region but are about to touch a body that stays, in
+    /// order of handle.
     #[serde(skip)]
     parting: Vec<RigidBodyHandle>,
     /// By assembly: whether all of it may move to where its island moves.
@@ -290,13 +302,16 @@ pub(super) struct Border {
     /// The numbers of substeps that regions take.
     pub pace: auto::Pace,
     pub neighbours: Neighbours,
-    /// Ticks in a row, up to [`SILENT_TICKS`], in which all slept here and nothing was said, heard or decided.
+    /// The number of ticks in a row, up to [`SILENT_TICKS`], in which everything here slept and nothing was
+    /// sent, received or decided.
     silent_ticks: u32,
-    /// By rank of the other region: how far copies disagreed in the last exchange, m/s; none where nothing is shared.
+    /// By rank of the other region: how far copies disagreed in the last exchange, m/s; `None` where nothing
+    /// is shared.
     disagreement: Vec<Option<auto::Disagreement>>,
     /// Bodies to be checked once, asleep or not, because the border or another region's bodies have come to them.
     overlooked: Vec<RigidBodyHandle>,
-    /// Bodies that stay where they are in this tick, with their velocities: see [`launch::hold`].
+    /// Bodies that are held in place in this tick, with the velocities that they get back: see
+    /// [`launch::hold`].
     #[serde(skip)]
     held_back: Vec<(RigidBodyHandle, Vector)>,
     /// Bodies that became the region's own in the exchange under way.
@@ -311,7 +326,8 @@ pub(super) struct Border {
 }
 
 impl Border {
-    /// Makes the borders of a region in a world of so many regions, which take `steps` substeps per tick at first.
+    /// Makes the borders of a region in a world of so many regions, which take `steps` substeps per tick at
+    /// first.
     fn new(regions: usize, steps: usize) -> Self {
         Self {
             predicted: predicted_contacts::PredictedContacts::new(regions),
@@ -337,7 +353,7 @@ impl Border {
         self.decisions.clear();
     }
 
-    /// Returns whether a contact of a body here with another region's is predicted.
+    /// Returns whether a contact between a body here and a body of another region is predicted.
     fn awaits_any(&self) -> bool {
         !self.predicted.meetings.is_empty()
     }
@@ -372,9 +388,9 @@ pub(super) struct Moment<'a> {
     pub partition: &'a Partition,
     pub settings: &'a StepSettings,
     pub tick: Tick,
-    /// Seconds: of this region's substep while it is stepped, of the tick in an exchange.
+    /// The length in seconds of this region's substep while it is stepped, of the tick in an exchange.
     pub dt_s: f32,
-    /// The rounds of the tick, and which of them this is, from 1.
+    /// The number of rounds of the tick, and which of them this is, from 1.
     pub rounds: usize,
     pub round: usize,
     /// Whether it is the last exchange of the tick: holders and owners of bodies change only then.
@@ -400,7 +416,8 @@ impl<'a> Moment<'a> {
         Self { partition, settings, tick, dt_s, rounds, round, last, coarsest, team }
     }
 
-    /// Returns the rank of the region that a body's centre lies in; the present one until the centre has left it by the hysteresis.
+    /// Returns the rank of the region that a body's centre lies in, or of the present region until the centre
+    /// has left that by the hysteresis.
     fn home_of(&self, region: &Region, handle: RigidBodyHandle) -> usize {
         let centre = region.centre_of(handle);
         if region.cell().excess_m(centre) > OWNER_HYSTERESIS_M {
@@ -431,8 +448,8 @@ impl Ground<'_> {
     }
 }
 
-/// Returns how often this thread has looked, up to now, at what another region's bodies reach, at all borders of a region, and at all
-/// cells for those near one.
+/// Returns this thread's counts up to now: of looks at what another region's bodies reach, at all borders of
+/// a region, and at all cells for those near one.
 #[cfg(test)]
 pub(super) fn looks() -> [usize; 3] {
     [predicted_contacts::LOOKS.get(), auto::WALKS.get(), neighbours::SETTLED.get()]
@@ -440,12 +457,12 @@ pub(super) fn looks() -> [usize; 3] {
 
 #[cfg(test)]
 impl Side {
-    /// Has what it shares keep it from resting for long.
+    /// Ends the count of silent ticks, so that what the region shares keeps it from resting for long.
     pub(super) fn end_silence(&mut self) {
         self.border.silent_ticks = 0;
     }
 
-    /// Returns whether what it remembers of its borders is what it would find there.
+    /// Returns whether what the region remembers of its borders equals what it would find there.
     pub(super) fn remembers_right(&self) -> bool {
         let [mut known, mut found] = [self.border.clone(), self.border.clone()];
         found.predicted.forget();

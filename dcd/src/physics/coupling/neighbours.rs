@@ -1,16 +1,18 @@
-//! Chooses with which regions a region exchanges messages in a tick: with its neighbours, not with all, so that what a tick costs
-//! grows with the borders and not with the world.
+//! Chooses the regions with which a region exchanges messages in a tick: its neighbours, not all regions, so
+//! that the cost of a tick grows with the borders and not with the world.
 //!
-//! Both sides of a pair must choose alike, without asking: one waits for what the other sends. So it follows from what both know.
-//! Two regions are neighbours in a tick when
+//! Both sides of a pair must choose alike without asking, since each waits for what the other sends. So the
+//! choice follows from what both know. Two regions are neighbours in a tick when
+//!
 //! - their cells are near each other,
 //! - both hold a body, or one has told the other of bodies near it,
 //! - a third region has told both that they may meet in its cell, or
-//! - one of them asked for it when they last met. All regions meet every [`MEET_EVERY`] ticks, and after each change of the tree
-//!   or of membership and with each insertion. This is the lookahead of conservative simulation (Chandy and Misra 1979), with a
-//!   fixed period.
+//! - one of them asked for the other when they last met. All regions meet every [`MEET_EVERY`] ticks, after
+//!   each change of the tree or of membership, and with each insertion. This is the lookahead of conservative
+//!   simulation (Chandy and Misra 1979) with a fixed period.
 //!
-//! A body that is thrown so far within that time that it comes to a region that is no neighbour is sent there when they meet.
+//! A body that is thrown so far between two meetings that it comes to a region that is no neighbour is sent
+//! there at the next meeting.
 
 use serde::{Deserialize, Serialize};
 
@@ -23,40 +25,42 @@ use crate::space::{RegionSet, Tick};
 /// All regions meet in ticks that are multiples of this.
 const MEET_EVERY: u64 = 8;
 
-/// Returns whether all regions meet in a tick whatever happens.
+/// Returns whether all regions meet in a tick, whatever else happens.
 pub(in crate::physics) fn meet_in(tick: Tick) -> bool {
     tick.0.is_multiple_of(MEET_EVERY)
 }
 
-/// For how many ticks a region must look ahead to ask in time for a neighbour.
+/// The number of ticks that a region must look ahead to ask for a neighbour in time.
 pub(super) const LOOKAHEAD_TICKS: f32 = MEET_EVERY as f32;
 
 /// The neighbours of a region, by rank.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub(in crate::physics) struct Neighbours {
-    /// Those of the present tick.
+    /// The neighbours of the present tick.
     now: RegionSet,
-    /// Those of them that are so for another reason than that all meet; and those that were not so in the tick before.
+    /// Neighbours for another reason than that all regions meet; and those of them that were no such
+    /// neighbours in the tick before.
     near: RegionSet,
     fresh: RegionSet,
     /// Regions whose cells are near this one's, itself among them.
     beside: RegionSet,
-    /// Regions that this one has a reason to be a neighbour of, besides those.
+    /// Regions outside `beside` of which this one has a reason to be a neighbour.
     wanted: RegionSet,
-    /// Whether all regions meet in the present tick, and who asked whom there: this region others, or others it.
+    /// Whether all regions meet in the present tick; and the regions that this one asked there, or that asked
+    /// it.
     meet: bool,
     asking: RegionSet,
-    /// Who had asked at the last meeting.
+    /// The regions that asked or were asked at the last meeting.
     asked: RegionSet,
-    /// Regions that are behind the present time, since they are stepped at a lower rate: they hear of what is near them, and neither
-    /// hold nor own a body anew.
+    /// Regions that are behind the present time, since they are stepped at a lower rate. They hear of what is
+    /// near them, but do not come to hold or own further bodies.
     behind: RegionSet,
-    /// Those of them that should hold or own a body from here.
+    /// Regions that should hold or own a body from here, but are not at the same time as this one.
     missed: RegionSet,
 }
 
 impl Neighbours {
-    /// Finds the regions whose cells are near; to be called whenever the tree has changed.
+    /// Finds the regions whose cells are near. Must be called whenever the tree has changed.
     pub(in crate::physics) fn settle(&mut self, region: &Region, partition: &Partition) {
         #[cfg(test)]
         SETTLED.set(SETTLED.get() + 1);
@@ -65,7 +69,8 @@ impl Neighbours {
         self.beside = (0..partition.len()).filter(near).collect();
     }
 
-    /// Begins a tick, in which all regions meet or only neighbours do: also those that it is `acquainted` with by its predicted contacts.
+    /// Begins a tick, in which all regions meet or only neighbours do. The regions that are `acquainted` with
+    /// this one by predicted contacts are neighbours too.
     pub(super) fn begin(&mut self, region: &Region, acquainted: RegionSet, regions: usize, meet: bool) {
         if std::mem::replace(&mut self.meet, meet) {
             self.asked = std::mem::take(&mut self.asking);
@@ -77,8 +82,8 @@ impl Neighbours {
         self.now.remove(region.rank());
     }
 
-    /// Notes the regions that will be behind the present time when the tick ends. What this one misses it misses until it is `stepped`
-    /// again: the two may come to be at one time only ticks later.
+    /// Notes the regions that will be behind the present time when the tick ends. A region stays missed until
+    /// this one is `stepped` again: both may come to be at the same time only ticks later.
     pub(super) fn leave_behind(&mut self, behind: RegionSet, stepped: bool) {
         self.behind = behind;
         if stepped {
@@ -91,7 +96,8 @@ impl Neighbours {
         self.now.without(self.behind)
     }
 
-    /// Returns the regions that should have held or owned a body from here, had they been at the present time.
+    /// Returns the regions that should hold or own a body from here, but are not at the same time as this
+    /// one.
     pub(super) fn missed(&self) -> RegionSet {
         self.missed
     }
@@ -106,8 +112,8 @@ impl Neighbours {
         };
     }
 
-    /// Returns the neighbours of a round before the last of a tick: those for which something is due. One that is new may not know yet
-    /// how many substeps this region takes.
+    /// Returns the neighbours of a round before the last of a tick: those for which an exchange is due, and
+    /// new ones, which may not know yet how many substeps this region takes.
     pub(super) fn in_round(&self, is_due: impl Fn(usize) -> bool) -> RegionSet {
         self.near.iter().filter(|&rank| self.fresh.contains(rank) || is_due(rank)).collect()
     }
@@ -117,20 +123,23 @@ impl Neighbours {
         self.now
     }
 
-    /// Returns those of these regions that are neighbours at the present time, or the region of this rank itself. All that are not
-    /// neighbours for good are asked for: those that were asked for already, too, for as long as they are needed.
+    /// Returns those of these regions that are neighbours at the present time, and the region of rank `own`
+    /// if it is among them. Notes as wanted all that are not neighbours for good, also those asked for
+    /// already, for as long as they are needed.
     pub(super) fn reached(&mut self, own: usize, regions: RegionSet) -> RegionSet {
         self.need(regions);
         regions.intersection(self.present().union(RegionSet::only(own)))
     }
 
-    /// Notes regions that are to hold or own a body from here, behind the present time or not.
+    /// Notes regions that are to hold or own a body from here, whether they are behind the present time or
+    /// not.
     pub(super) fn need(&mut self, regions: RegionSet) {
         self.want(regions);
         self.missed = self.missed.union(regions.intersection(self.behind));
     }
 
-    /// Has this region come to one time with others, as soon as they are stepped: they are to hold a body together from then on.
+    /// Makes this region and others come to the same time as soon as they are stepped: they are to hold a
+    /// body together from then on.
     pub(super) fn wait_for(&mut self, regions: RegionSet) {
         self.want(regions);
         self.missed = self.missed.union(regions);
@@ -141,7 +150,7 @@ impl Neighbours {
         !regions.intersection(self.behind).is_empty()
     }
 
-    /// Returns whether any of so many regions is not a neighbour for good.
+    /// Returns whether some region, in a world of `regions` regions, is not a neighbour for good.
     pub(super) fn has_strangers(&self, regions: usize) -> bool {
         self.beside.len() < regions
     }
@@ -151,7 +160,7 @@ impl Neighbours {
         self.wanted = self.wanted.union(regions.without(self.beside));
     }
 
-    /// Asks, if all regions meet, those that are wanted.
+    /// Asks the wanted regions to be neighbours, if all regions meet in this tick.
     pub(super) fn ask(&mut self, own: usize, outbox: &mut Outbox) {
         if self.meet {
             self.wanted.remove(own);
@@ -162,7 +171,7 @@ impl Neighbours {
         }
     }
 
-    /// Notes that the region of this rank has asked.
+    /// Notes that the region of this rank has asked to be a neighbour.
     pub(super) fn hear(&mut self, rank: usize) {
         self.asking.insert(rank);
     }
@@ -201,8 +210,8 @@ mod tests {
 
     const REGIONS: usize = 12;
 
-    /// A corridor of 240 m with a floor, in which balls fly both ways, up to 80 m/s, over boxes that rest, and through one another.
-    /// A platform of 60 m moves along it.
+    /// A corridor of 240 m with a floor. Balls fly both ways, at up to 80 m/s, over boxes that rest and
+    /// through one another. A platform of 60 m moves along it.
     fn corridor() -> Scene {
         let mut scene = Scene::empty("corridor");
         scene.push_fixed_box([0.0, -0.5, 0.0], [120.0, 0.5, 5.0], &ColliderBuilder::ball(1.0));

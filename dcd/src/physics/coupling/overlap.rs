@@ -1,8 +1,8 @@
-//! Implements the overlap coupling by mass splitting: bodies within some contact hops of a border live in both regions, each copy
-//! with a part of the mass, so that every region can solve the contacts at the border by itself. After each substep the copies
-//! are set to their consensus, the mean, which conserves momentum exactly; a memory of the forces on each copy evens out the
-//! edges of the overlap, where a body has all its neighbours in one region and only some in another. The couplings `island` and
-//! `auto` use it too.
+//! Implements the overlap coupling by mass splitting. Bodies within some contact hops of a border live in
+//! both regions, each copy with a part of the mass, so that every region can solve the contacts at the border
+//! by itself. After each substep the copies are set to their consensus, the mean, which conserves momentum
+//! exactly. A memory of the forces on each copy evens out the edges of the overlap, where a body has all its
+//! neighbours in one region and only some in another. The couplings `island` and `auto` use it too.
 //!
 //! Kin to mass splitting (Tonge, Benevolenski, Voroshilov 2012) and to consensus ADMM (Boyd et al. 2011).
 
@@ -19,7 +19,7 @@ pub(super) fn gather(side: &mut Side, moment: Moment<'_>) {
     if moment.last {
         ownership::survey(side, moment);
     }
-    // In id order, as copies are told.
+    // Copies are sent in id order.
     let mut told = (0, 0);
     while let Some(link) = side.region.next_held_elsewhere(&mut told) {
         tell_copy(side, link, moment);
@@ -73,7 +73,8 @@ pub(super) fn apply<'a>(
     Ok(())
 }
 
-/// Inserts the immovable bodies under bodies that lie out of the cell: an island that is computed whole may reach far.
+/// Inserts the immovable bodies under bodies that lie outside the cell: an island that is computed whole may
+/// reach far.
 fn cover_far(region: &mut Region, border: &Border, ground: Ground<'_>) -> Result<(), ShapeError> {
     for near in &border.predicted.near {
         if !region.cell().contains_box(&near.swept) {
@@ -83,8 +84,8 @@ fn cover_far(region: &mut Region, border: &Border, ground: Ground<'_>) -> Result
     Ok(())
 }
 
-/// Sends a copy to all regions that hold the body, a warm-up ghost of a split body to its owner alone; once only when it falls
-/// asleep.
+/// Sends a copy to all regions that hold the body; a warm-up ghost of a split body only to the owner. A copy
+/// that sleeps is sent once, when it falls asleep.
 fn tell_copy(side: &mut Side, link: BodyRef, moment: Moment<'_>) {
     let Side { region, border, outbox, .. } = side;
     let Border { shared, pace, islands, .. } = border;
@@ -111,7 +112,7 @@ fn tell_copy(side: &mut Side, link: BodyRef, moment: Moment<'_>) {
         (islands.part(link.handle), islands.seen(link.handle), islands.size(link.handle));
     let (island, held_by) = islands.of(link.handle).map_or((link.id, shared.members), Island::view);
     let mut copy = shared::read(region, link.handle, shared, moment.settings.dt_s);
-    // It is not where the body is: nobody may believe it.
+    // A displaced copy is not where the body is: no region may use it.
     copy.sound &= !shared.displaced;
     let dealt = std::mem::take(&mut shared.dealt);
     let velocity = match copy.sound {
@@ -132,7 +133,7 @@ fn tell_copy(side: &mut Side, link: BodyRef, moment: Moment<'_>) {
     }
 }
 
-/// Stores the others' copies; both lists are in id order, so that there is no look-up per body.
+/// Stores the other regions' copies. All lists are in id order, so that no body needs a look-up.
 fn hear(region: &Region, border: &mut Border, copies: &[CopyState], sender: usize) {
     let (mut in_shared, mut in_replicas) = (0, 0);
     for copy in copies {

@@ -1,6 +1,7 @@
-//! Implements the owner coupling: each body is computed by its owner; regions whose halo it touches hold it as a dynamic replica,
-//! which pushes and is pushed until the owner's state overwrites it after the step. It does not conserve momentum across a
-//! border: each side solves the contact with its own copy of the other body.
+//! Implements the owner coupling: the owner computes each body. Regions whose halo the body touches hold it
+//! as a dynamic replica, which pushes and is pushed until the owner's state overwrites it after the step.
+//! Momentum is not conserved across a border: each side solves the contact with its own copy of the other
+//! body.
 
 use super::{Ground, Side, ghosts, halo};
 use crate::physics::ShapeError;
@@ -11,12 +12,13 @@ use crate::physics::region::{BodyRef, Ownership, Region};
 use crate::protocol::{BorderMessage, Membership, SharedState};
 use crate::space::{RegionSet, Tick};
 
-/// Below these a replica's pose is left alone: a pose written every step would never let it sleep.
+/// Displacements and speeds below which a replica's pose is left alone: a pose written every step would never
+/// let it sleep.
 const DEAD_BAND_M: f32 = 2e-3;
 const DEAD_BAND_RAD: f32 = 2e-3;
 const DEAD_BAND_M_S: f32 = 0.05;
 const DEAD_BAND_RAD_S: f32 = 0.1;
-/// A sleeping replica is left alone unless the owner's state differs from it by more than this.
+/// The speed of one copy, m/s, above which another copy of the body is woken.
 const WAKE_M_S: f32 = 0.05;
 
 /// Sends the states of owned bodies to their holders, and the changes of holders and owners.
@@ -47,7 +49,7 @@ pub(super) fn apply<'a>(
     Ok(())
 }
 
-/// Sends the state of every body held elsewhere; of one that sleeps once only.
+/// Sends the state of every body held elsewhere; of a sleeping body only once.
 fn tell_states(region: &mut Region, outbox: &mut Outbox) {
     for index in 0..region.shared().len() {
         let link = region.shared()[index];
@@ -78,7 +80,7 @@ fn tell_wakes(region: &Region, outbox: &mut Outbox) {
     }
 }
 
-/// Notes which regions own bodies from now on of which this one holds replicas.
+/// Notes the new owners of bodies of which this region holds replicas.
 fn hear_owners(region: &mut Region, members: &[Membership]) {
     for member in members {
         let Some(handle) = region.handle_of(member.id) else { continue };
@@ -90,7 +92,8 @@ fn hear_owners(region: &mut Region, members: &[Membership]) {
     }
 }
 
-/// Writes the received states. Walks both lists, which are in id order, side by side: no look-up per body.
+/// Writes the received states. Walks both lists side by side, since both are in id order: no body needs a
+/// look-up.
 fn write_states(region: &mut Region, states: &[SharedState], sender: usize) {
     let mut at = 0;
     for state in states {
@@ -116,7 +119,7 @@ fn write_state(region: &mut Region, link: BodyRef, state: &SharedState, sender: 
     let (linear, angular) = (convert::vector(state.velocity.linear), convert::vector(state.velocity.angular));
     let body = &region.physics().bodies[link.handle];
     if *body.position() == pose && body.linvel() == linear && body.angvel() == angular {
-        // A copy that met nobody moved exactly like the owner's; writing would make Rapier go over it again.
+        // A copy that met nobody moved exactly like the owner's. Writing would make Rapier go over it again.
         return;
     }
     let body = &mut region.world_mut().bodies[link.handle];

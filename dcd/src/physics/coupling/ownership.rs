@@ -1,16 +1,20 @@
-//! Decides which regions hold and which one owns a body, for the couplings with consensus (`overlap`, `island`, `auto`). The owner
-//! decides, after the last step of a tick; all holders of the body receive the decision in the same exchange and apply it
-//! together, so that its mass is split into the same number of parts everywhere.
+//! Decides which regions hold a body and which one owns it, for the couplings with consensus (`overlap`,
+//! `island`, `auto`). The owner decides, after the last step of a tick. All holders of the body receive the
+//! decision in the same exchange and apply it together, so that its mass is split into the same number of
+//! parts everywhere.
 //!
-//! - A body is held by the regions within whose reach it is (`reach`), and some ticks longer, so that none flaps.
-//! - It is owned by the region of its centre, or by the one to which its island moves (`island`). A body that touches
-//!   something is first held there for some ticks, so that the contacts and their warm start are there (thesis 3.3.3); a free
-//!   body is transferred at once.
-//! - What is about to touch something that stays does not go for some ticks: where it goes, that is not known yet, and three ticks later they would
-//!   be in each other.
-//! - The contacts of an island that comes to be held whole are found there as they were found where it is (`region::lever_arms`).
-//! - A body that only moves to a region has a warm-up ghost there, which has no part of the mass; so has, for one exchange, a body
-//!   that comes to be held where several hold it already: the warm-up ghost starts from their mean.
+//! - A body is held by the regions within whose reach it is (`reach`), and some ticks longer, so that none
+//!   flaps.
+//! - It is owned by the region of its centre, or by the region to which its island moves (`island`). A body
+//!   that touches something is first held there for some ticks, so that its contacts and their warm start are
+//!   there (thesis 3.3.3). A free body is transferred at once.
+//! - A body that is about to touch something that stays does not go for some ticks. Its next owner does not
+//!   know of that other body yet, and three ticks later the two would be in each other.
+//! - A region that comes to hold an island whole finds its contacts as they were found where the island is
+//!   (`region::lever_arms`).
+//! - A body that only moves to a region has a warm-up ghost there, without a part of the mass. So has, for
+//!   one exchange, a body that comes to be held where several regions hold it already: the warm-up ghost
+//!   starts from their mean.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -28,23 +32,25 @@ use crate::physics::region::{BodyRef, Ownership, Region, Slot};
 use crate::protocol::{BIG_ISLAND, BodyKind, BodyRecord, ContactPose, Membership, Transfer};
 use crate::space::{BodyId, RegionSet};
 
-/// Ticks for which a region keeps a body that it has no reason to hold any more.
+/// Ticks for which a region keeps a body that it no longer has a reason to hold.
 const KEEP_TICKS: u32 = 10;
-/// Ticks for which nobody drops a body after its owner or its holders have changed: only by then has a new owner shown it to all who may have
-/// something near it, and heard of that. Dropped at once, it could hit, in the new owner's region alone, what has just been sent there,
-/// and whose owner feels nothing.
+/// Ticks for which no region drops a body after its owner or its holders have changed. Only by then has a
+/// new owner shown the body to all regions that may have something near it, and heard of that. A body dropped
+/// at once could hit, in the new owner's region alone, a body that has just been sent there and whose owner
+/// feels nothing.
 const NOTICE_TICKS: u32 = 2;
-/// Ticks for which a body that touches something is held by the region to which it moves, before it is owned there.
+/// Ticks for which the region to which a body moves holds it before owning it, if the body touches something.
 const SETTLE_TICKS: u32 = 8;
-/// A body waits until its warm-up ghost strays from it no further than this, in m/s: then its load has found its way through the
-/// contacts there. After [`FOLLOW_TICKS`] it moves anyway.
+/// The velocity, m/s, by which a warm-up ghost may at most stray from its body when the body moves: then the
+/// body's load has found its way through the contacts there. After [`FOLLOW_TICKS`] the body moves anyway.
 const STRAY_M_S: f32 = 1e-3;
 const FOLLOW_TICKS: u32 = 120;
-/// A body that has been due to move for so many ticks moves as it is: its holders may change with every swing of a rope, and it
-/// would never settle.
+/// Ticks after which a body that is due to move moves as it is: its holders may change with every swing of a
+/// rope, and it would never settle.
 const LONGEST_AWAY_TICKS: u32 = 60;
-/// A body of a large island that is faster than this, in m/s, moves without being held there first, once it has been due for
-/// [`SETTLE_TICKS`]: the warm start of its contacts is of impacts, and worth nothing in the next tick.
+/// The speed, m/s, above which a body of a large island moves without being held there first, once it has
+/// been due for [`SETTLE_TICKS`]: the warm start of its contacts is of impacts, and worth nothing in the next
+/// tick.
 const LIVELY_M_S: f32 = 1.0;
 
 /// A decision on the members of a body from the end of this exchange on.
@@ -55,7 +61,8 @@ pub(super) struct Decision {
     warming: RegionSet,
 }
 
-/// How bodies of islands that are sent to another region lay when their contacts were found: there these must be found alike.
+/// The poses in which bodies of islands that are sent to another region lay when their contacts were found:
+/// that region must find these alike.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ContactPoses {
     /// The islands that were looked at, by their first member.
@@ -64,8 +71,9 @@ pub(super) struct ContactPoses {
 }
 
 impl ContactPoses {
-    /// Looks at the island of a body that is sent to these regions, unless it has. Copies of an island that is split count at once, and must be
-    /// where it is; so must those of one of which a part is there already.
+    /// Looks at the island of a body that is sent to the regions `to`, unless it has done so before. It
+    /// leaves out split islands, whose copies count at once and must be where the island is, and islands of
+    /// which a part is there already.
     fn look(
         &mut self,
         region: &Region,
@@ -93,20 +101,21 @@ impl ContactPoses {
 /// The membership and owner that a body should have, by its owner's reckoning.
 #[derive(Clone, Copy)]
 struct Desired {
-    /// Regions that must hold it, without its owner's.
+    /// Regions other than its present owner's that must hold it.
     holders: RegionSet,
-    /// Those of them that it is within reach of.
+    /// Those of them within whose reach it is.
     reached: RegionSet,
     owner: usize,
     /// Whether its island moves whole.
     whole: bool,
-    /// Whether its mass is split among the regions that hold it; else its owner's copy has all of it, and so has each ghost.
+    /// Whether its mass is split among the regions that hold it. Otherwise its owner's copy and each ghost
+    /// have all of it.
     split: bool,
     /// Whether something touches the body, or its island if that moves whole.
     pressed: bool,
-    /// Whether it, and its island if that moves whole, is held where it is to move, with its contacts.
+    /// Whether the region to which it moves holds it, and its island if that moves whole, with the contacts.
     ready: bool,
-    /// Whether it may move without having been held there.
+    /// Whether it may move without having been held there first.
     lively: bool,
 }
 
@@ -152,7 +161,7 @@ pub(super) fn decide(side: &mut Side, moment: Moment<'_>) {
     let Border { reach, islands, pace, predicted, .. } = border;
     let draws = |handle| islands.of(handle).is_some_and(|island| island.draws(region.rank()));
     let joining = predicted.joining(region).into_iter().filter(|(handle, _)| !draws(*handle));
-    // Of two that would both be kept at home each is sent to the other.
+    // Of two islands that would both be kept at home, each is sent to the other's region.
     let is_sent = |meeting: &Meeting, handle| meeting.island > 0 && (meeting.stays || !draws(handle));
     let met = predicted.meetings.iter().filter_map(|meeting| {
         let handle = region.handle_of(meeting.own)?;
@@ -171,7 +180,7 @@ pub(super) fn decide(side: &mut Side, moment: Moment<'_>) {
     reach.complete(region, islands);
     reach.carry(region, predicted.carriers(region, moment.partition));
     let candidates = candidates(region, border, moment);
-    // First, since a decision needs these of all bodies of an island.
+    // These come first, since a decision needs them of all bodies of an island.
     for link in &candidates {
         let spans = border.islands.of(link.handle).is_some_and(Island::spans);
         if let Some(shared) = border.shared.get_mut(link.handle) {
@@ -186,15 +195,15 @@ pub(super) fn decide(side: &mut Side, moment: Moment<'_>) {
     border.splitting.clear();
     if moment.settings.coupling.moves_islands() {
         let is_big = |handle| border.islands.of(handle).is_some_and(|island| island.big);
-        // One that sleeps is in no island. What is split only since it will touch one splits nothing else: two that approach each other would
-        // take turns.
+        // A sleeping body is in no island. A body that is split only since it will touch a split one splits
+        // nothing else: two bodies that approach each other would take turns.
         let is_split = |handle: RigidBodyHandle| {
             let asleep = region.physics().bodies[handle].is_sleeping();
             is_big(handle) || asleep && region.mass_split(handle).is_some_and(|split| split.is_split())
         };
         border.splitting = border.predicted.splitting(region, is_split, |handle| !is_big(handle));
     }
-    // What one should have does not depend on what is decided on others.
+    // What a body should have does not depend on what is decided on others.
     let desired =
         moment.team.spread(&candidates, |link| desired_membership(region, border, moment, link.handle));
     let wanted = desired.iter().fold(RegionSet::EMPTY, |all, (_, wanted)| all.union(*wanted));
@@ -248,9 +257,10 @@ pub(super) fn commit<'a>(
     }
 }
 
-/// Sends the bodies inserted here to all regions that they come near, since they may touch anything at once. Those of islands that are
-/// computed whole go to nobody new: after membership has changed, to the regions that held copies of them, which follow as before.
-/// Lets those wait that a joint has held by regions at different times, until these are at one. Returns all of them.
+/// Sends the bodies inserted here to all regions that they come near, since they may touch anything at once.
+/// Bodies of islands that are computed whole go to no new region; after membership has changed they go to the
+/// regions that held copies of them, which follow as before. A body whose holders are at different times, as
+/// a joint may cause, waits until they are at the same time. Returns all bodies inserted here.
 fn share_fresh(side: &mut Side, moment: Moment<'_>) -> Vec<RigidBodyHandle> {
     let fresh = side.region.take_fresh();
     for &link in &fresh {
@@ -262,11 +272,11 @@ fn share_fresh(side: &mut Side, moment: Moment<'_>) -> Vec<RigidBodyHandle> {
     fresh.into_iter().map(|link| link.handle).collect()
 }
 
-/// Sends those that a collision sped up in this step to the regions that they fly into in the next.
+/// Sends the bodies that a collision sped up in this step to the regions that they fly into in the next.
 fn share_sudden(side: &mut Side, moment: Moment<'_>) {
     for link in std::mem::take(&mut side.border.predicted.sudden) {
         let is_decided = side.border.decisions.iter().any(|decision| decision.link.id == link.id);
-        // Of an assembly too much would be sent at every blow.
+        // Too much of an assembly would be sent at every blow.
         let is_tied = side.region.slot(link.handle).assembly.is_some();
         if !is_decided && !is_tied && launch::flies_off(&side.region, moment, link, 0.0) {
             side.region.slot_mut(link.handle).whole = false;
@@ -291,25 +301,26 @@ fn share(side: &mut Side, moment: Moment<'_>, link: BodyRef) {
     let is_fast = is_fast(&link) || launch::together(region, link).iter().any(is_fast);
     let reached = border.neighbours.reached(region.rank(), near);
     let holders = reached.union(region.slot(handle).holders).without(own);
-    // A region that is behind takes in no body, and does not apply what it decides itself.
+    // A region that is behind takes in no body, and does not apply its own decisions.
     if !holders.is_empty() && border.neighbours.are_behind(holders.union(own)) {
         border.neighbours.wait_for(holders);
         region.keep_fresh(link);
     } else if !holders.is_empty() {
         let members = holders.union(own);
-        // Where a copy with a part of the mass does not meet what others meet, it carries that past. Whole ones follow the one that was stopped.
+        // A copy with a part of the mass that does not meet what the others meet would carry the body past
+        // it. Whole copies follow the one that was stopped.
         let follows = moment.settings.coupling.moves_islands() && moment.settings.island_limit > 0;
         let warming = if whole || follows && is_fast { holders } else { RegionSet::EMPTY };
         tell(region, outbox, handle, holders, holders, members, warming, region.rank(), None);
         border.decisions.push(Decision { link, members, warming });
     } else if is_fast && reached != near {
-        // They meet in the next tick.
+        // All regions on its way are met in the next tick.
         region.keep_fresh(link);
     }
 }
 
-/// Returns the bodies whose islands are to be found. A body near the border that is alone, has no predicted contact and lies in its
-/// cell is an island by itself.
+/// Returns the bodies whose islands are to be found. A body near the border that no other region holds, that
+/// touches nothing, has no predicted contact and lies in its cell is an island by itself.
 fn island_seeds(region: &Region, predicted: &PredictedContacts, moment: Moment<'_>) -> Vec<RigidBodyHandle> {
     let near = moment.team.spread(&predicted.near, |near| {
         let handle = near.link.handle;
@@ -336,11 +347,11 @@ fn candidates(region: &Region, border: &Border, moment: Moment<'_>) -> Vec<BodyR
     all.extend(changes.into_iter().flatten());
     let moving = border.islands.found.iter().filter(|island| !island.big && island.target != region.rank());
     all.extend(moving.flat_map(|island| &island.members));
-    // Runs of it are in order: those are merged.
+    // The list consists of ordered runs, which are merged.
     all.sort_by_key(|link| link.id);
     all.dedup_by_key(|link| link.id);
     all.retain(|link| !region.is_articulated(link.handle));
-    // Those inserted in this tick have been decided on already.
+    // Bodies inserted in this tick have been decided on already.
     let fresh = |link: &BodyRef| border.decisions.iter().any(|decision| decision.link.id == link.id);
     all.retain(|link| border.decisions.is_empty() || !fresh(link));
     // Others of these have yet to be announced.
@@ -383,11 +394,11 @@ fn decide_on(
     let mut ready = false;
     if let Some(shared) = shared {
         (before, warming_before) = (shared.members, shared.warming);
-        // Memberships and masses stay as they are while a body sleeps: to change them would wake it.
+        // Memberships and masses stay as they are while a body sleeps: changing them would wake it.
         let noticed = shared.settled > NOTICE_TICKS;
         let needless = noticed && !held.without(desired.holders).is_empty() && !asleep;
         shared.idle = if needless { shared.idle + 1 } else { 0 };
-        // A kinematic body may carry bodies of others which its new owner has not received yet.
+        // A kinematic body may carry other regions' bodies which its new owner has not received yet.
         if shared.idle > if desired.pressed || carries { KEEP_TICKS } else { 0 } {
             members = desired.holders.union(own);
         }
@@ -396,7 +407,8 @@ fn decide_on(
             && members.contains(desired.owner)
             && !asleep;
     }
-    // Copies within reach get a part of the mass: at once where only the owner's counted before, else after one exchange.
+    // Copies within reach get a part of the mass: at once if only the owner's copy counted before, else after
+    // one exchange.
     let counting = before.without(warming_before);
     let at_once = if counting == own { members } else { before };
     let counts = if desired.split {
@@ -410,7 +422,7 @@ fn decide_on(
     if desired.owner != own_rank && ready {
         owner = desired.owner;
         if counts == own && !desired.split {
-            // The copy that counts is the new owner's from now on, and the one here follows it.
+            // From now on the new owner's copy counts, and the one here follows it.
             warming = members.without(RegionSet::only(owner));
         } else if warming.contains(owner) {
             warming.remove(owner);
@@ -441,7 +453,8 @@ fn decide_on(
     None
 }
 
-/// Returns what a body should have by the neighbours of this tick, and the regions that it should have whether they are or not.
+/// Returns the membership and owner that a body should have among the neighbours of this tick, and all
+/// regions that it should have, whether they are neighbours or not.
 fn desired_membership(
     region: &Region,
     border: &Border,
@@ -460,7 +473,7 @@ fn desired_membership(
         (Some(_), Some(assembly)) => border.ready_assemblies[assembly as usize],
         (island, _) => is_ready(region, &border.shared, island, handle, owner, pressed, moment),
     };
-    // A kinematic body is held by the regions with a predicted contact to it, and reach does not spread from it.
+    // A kinematic body is held by the regions with a predicted contact to it; reach does not spread from it.
     let id = region.slot(handle).id;
     let met = border
         .predicted
@@ -489,7 +502,7 @@ fn goal_of(region: &Region, border: &Border, moment: Moment<'_>, handle: RigidBo
     }
 }
 
-/// Notes that a body is due to move to another region; returns for how many ticks it has been so before.
+/// Notes that a body is due to move to another region. Returns for how many ticks it has been due before.
 fn note_away(region: &mut Region, link: BodyRef, owner: usize, moment: Moment<'_>) -> u32 {
     if owner == region.rank() {
         return 0;
@@ -501,13 +514,13 @@ fn note_away(region: &mut Region, link: BodyRef, owner: usize, moment: Moment<'_
     before
 }
 
-/// Returns for how many ticks a body has been due to move until its region was stepped last.
+/// Returns for how many ticks a body has been due to move, up to the last step of its region.
 fn away_ticks(slot: &Slot, moment: Moment<'_>) -> u32 {
     let ((first, last), now) = (slot.away, moment.tick.0 as u32);
     if last < now && last + u32::from(moment.coarsest) >= now { now - first } else { 0 }
 }
 
-/// Returns whether a body is held where it is to be owned, with its contacts.
+/// Returns whether the region that is to own a body holds it, with its contacts.
 fn is_ready(
     region: &Region,
     all: &SharedBodies,
@@ -532,8 +545,9 @@ fn is_ready(
     slot.holders.contains(owner) && (settled || !pressed)
 }
 
-/// Finds which islands are ready to move. A small one moves when all of it is ready. Bodies that keep joining a large one would delay
-/// it for ever: of that one each body moves when it is ready, those tied by joints together.
+/// Finds which islands are ready to move. A small island moves when all of it is ready. Bodies that keep
+/// joining a large island would delay it for ever: there each body moves when it is ready, and bodies tied by
+/// joints move together.
 fn find_ready(region: &Region, border: &mut Border, moment: Moment<'_>) {
     let Border { islands, ready_assemblies, shared, parting, .. } = border;
     let own = region.rank();
@@ -557,8 +571,9 @@ fn find_ready(region: &Region, border: &mut Border, moment: Moment<'_>) {
     }
 }
 
-/// Returns whether a body's mass is to be split: with `overlap` always, else only in an island that is too large to be in one region
-/// whole, and in a body with a predicted contact to such an island, or to a body that sleeps split.
+/// Returns whether a body's mass is to be split. With `overlap` it always is. Otherwise it is split only in
+/// an island that is too large to be whole in one region, or if the body has a predicted contact to such an
+/// island or to a body that sleeps split.
 fn splits(border: &Border, moment: Moment<'_>, id: BodyId, handle: RigidBodyHandle) -> bool {
     let big = |handle| border.islands.of(handle).is_some_and(|island| island.big);
     let mut meetings = border.predicted.meetings_of(id);
@@ -568,25 +583,26 @@ fn splits(border: &Border, moment: Moment<'_>, id: BodyId, handle: RigidBodyHand
         || is_among(&border.splitting, handle)
 }
 
-/// Returns whether a body is one of these, which are in order of their handles.
+/// Returns whether a body is in a list that is in order of handle.
 fn is_among(bodies: &[RigidBodyHandle], body: RigidBodyHandle) -> bool {
     bodies.binary_search_by_key(&body.into_raw_parts(), |one| one.into_raw_parts()).is_ok()
 }
 
-/// Returns whether the body touches or is tied to one that can move.
+/// Returns whether the body touches, or is tied to, a body that can move.
 fn touches_any(region: &Region, handle: RigidBodyHandle) -> bool {
     let mut any = false;
     region.for_each_contact(handle, |_, touches| any |= touches);
     any
 }
 
-/// Returns whether a body can be transferred at once without loss: no other region holds it, and nothing touches it or is tied to it.
+/// Returns whether a body can be transferred at once without loss: it is awake, no other region holds it, and
+/// nothing touches it or is tied to it.
 fn goes_at_once(region: &Region, handle: RigidBodyHandle) -> bool {
     let asleep = region.physics().bodies[handle].is_sleeping();
     region.slot(handle).holders.is_empty() && !asleep && !region.is_pressed(handle)
 }
 
-/// Sends a body that no other region holds to its new owner, whole; the caller must remove it here.
+/// Sends a body that no other region holds to its new owner, whole. The caller must remove it here.
 fn hand_over(region: &Region, outbox: &mut Outbox, link: BodyRef, owner: usize) {
     let record = region.body_record(link.handle);
     let epoch = record.epoch.next();
@@ -598,7 +614,8 @@ fn hand_over(region: &Region, outbox: &mut Outbox, link: BodyRef, owner: usize) 
     message.joints.extend(joints);
 }
 
-/// Sends a membership to all members, new, remaining and former, and the body to the new ones, with how it lay when its contacts were found.
+/// Sends a membership to all members, new, remaining and former. Sends the body to the new ones too, with how
+/// it lay when its contacts were found.
 #[expect(clippy::too_many_arguments, reason = "one word of one owner")]
 fn tell(
     region: &Region,
@@ -634,7 +651,8 @@ mod tests {
     use crate::runtime::{LocalWorld, Partitioning, WorldConfig};
     use crate::space::Axis;
 
-    /// A train of eight, which moves when seven are out: the last is still far within the region that they leave.
+    /// A train of eight wagons, which moves when seven are out. The last one is still far within the region
+    /// that they leave.
     #[test]
     fn what_goes_along_is_not_waited_for_as_what_stays_is() {
         let partitioning = Partitioning::Cuts(vec![(Axis::X, 0.0)]);

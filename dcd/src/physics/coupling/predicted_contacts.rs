@@ -1,7 +1,8 @@
-//! Predicts contacts across borders by swept AABBs and balls: regions exchange those of bodies near the border, with their velocities, before
-//! anything touches, and sweep them over the next ticks. Both sides compare the list that they sent with the one that they
-//! received, so that both find the same predicted contacts (meetings). A region whose bodies reach into another cell announces
-//! how far, and is sent the bodies that are there.
+//! Predicts contacts across borders by swept AABBs and balls. Before anything touches, regions exchange the
+//! boxes and balls of bodies near the border, with their velocities, and sweep them over the next ticks. Both
+//! sides compare the list that they sent with the list that they received, so that both find the same
+//! predicted contacts (meetings). A region whose bodies reach into another cell announces how far they reach,
+//! and is sent the bodies that are there.
 
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -17,15 +18,17 @@ use crate::physics::region::{BodyRef, Ownership, Region};
 use crate::protocol::{BodyKind, BorderMessage, NearbyBodies, NearbyBody};
 use crate::space::{BodyId, Bounds, RegionSet};
 
-/// Contacts are predicted so many ticks ahead. A body that is sent after one tick is compared in the next and held in the one after.
+/// The number of ticks for which contacts are predicted ahead. A body that is sent after one tick is compared
+/// in the next and held in the one after.
 const AHEAD_TICKS: f32 = 3.0;
-/// Contacts of a body that both regions hold already are found by the narrow phase, unless it is faster than this.
+/// The speed, m/s, up to which the narrow phase finds the contacts of a body that both regions hold already.
+/// Contacts of faster bodies are predicted.
 const SLOW_M_S: f32 = 0.5;
-/// A contact is predicted when bodies come so near, metres.
+/// The margin, metres, by which the boxes of all bodies are grown when contacts are predicted.
 const MARGIN_M: f64 = 0.05;
-/// Bodies far from any border are checked again after at most so many ticks.
+/// The most ticks after which a body far from any border is checked again.
 const LONGEST_REST: u32 = 8;
-/// A body that is sped up by no more than this meanwhile is still checked in time.
+/// The gain of speed between checks, m/s, up to which a body is still checked in time.
 const SURPRISE_M_S: f32 = 10.0;
 
 /// The lists of bodies near the border that a region sent and received, and the contacts predicted from them; kept from tick to tick.
@@ -39,7 +42,7 @@ pub(super) struct PredictedContacts {
     seen: Vec<NearbyBodies>,
     /// Regions with a list that changed, so that contacts with them must be predicted anew.
     changed: RegionSet,
-    /// What [`PredictedContacts::acquainted`] found, for as long as no list has changed.
+    /// The result of [`PredictedContacts::acquainted`], for as long as no list has changed.
     #[serde(skip)]
     acquainted: Option<RegionSet>,
     /// The predicted contacts, in order of body.
@@ -47,12 +50,12 @@ pub(super) struct PredictedContacts {
     /// The length of a tick, and how far ahead contacts are predicted, seconds.
     tick_s: f32,
     ahead_s: f32,
-    /// Bodies in this box concern no other region, in region space.
+    /// The box, in region space, in which bodies concern no other region.
     inner: (Vector, Vector),
     /// Bodies whose velocity has just changed by more than their own radius per tick.
     #[serde(skip)]
     pub sudden: Vec<BodyRef>,
-    /// Scratch.
+    /// Scratch lists by rank.
     lists: Vec<Vec<NearbyBody>>,
 }
 
@@ -60,16 +63,16 @@ pub(super) struct PredictedContacts {
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Near {
     pub link: BodyRef,
-    /// Its AABB now, and the radius of a ball around the middle of that.
+    /// Its AABB now, and the radius of a ball around the middle of that box.
     bounds: Bounds,
     radius_m: f32,
     velocity: Vector,
     /// Its swept AABB: around all that it may reach in the ticks to come.
     pub swept: Bounds,
     awake: bool,
-    /// The size of its island as sent, in bodies owned here.
+    /// The size of its island as sent: the number of its bodies owned here.
     pub island: u16,
-    /// Whether this region keeps it to itself.
+    /// Whether this region keeps its island at home.
     stays: bool,
     /// Whether it is a part of a multibody.
     articulated: bool,
@@ -99,17 +102,18 @@ impl Near {
 /// A predicted contact between a body owned here and one that is owned by another region.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Meeting {
-    /// The one owned here.
+    /// The body owned here.
     pub own: BodyId,
-    /// Rank of the other's owner.
+    /// Rank of the other body's owner.
     pub rank: usize,
-    /// Size of the other's island in bodies owned there, 1 for a character; 0 for a body that what it meets does not concern.
+    /// The size of the other body's island, in bodies that its region owns; 1 for a character and for a
+    /// kinematic part of a multibody, 0 for any other body that no contact moves.
     pub island: u16,
-    /// Whether the other's region keeps it to itself.
+    /// Whether the other body stays in its region, with its island or as a part of a multibody.
     pub stays: bool,
-    /// Whether the other is a part of a multibody.
+    /// Whether the other body is a part of a multibody.
     pub articulated: bool,
-    /// Regions that hold the other, or may come to own it soon.
+    /// Regions that hold the other body, or may come to own it soon.
     pub goes: RegionSet,
 }
 
@@ -125,7 +129,8 @@ impl PredictedContacts {
         }
     }
 
-    /// Translates all ranks; contacts are predicted anew at the end of the next exchange where a list changed.
+    /// Translates all ranks. Where a list has changed, contacts are predicted anew at the end of the next
+    /// exchange.
     pub(super) fn remap_ranks(&mut self, ranks: &RankRemap) {
         ranks.list(&mut self.shown, NearbyBodies::default);
         ranks.list(&mut self.seen, NearbyBodies::default);
@@ -145,7 +150,8 @@ impl PredictedContacts {
         }
     }
 
-    /// Notes the size of the island of every body near the border, and whether that is kept here, to be sent.
+    /// Stores, for every body near the border, the size of its island and whether that is kept here, to be
+    /// sent.
     pub(super) fn set_islands(&mut self, of: impl Fn(RigidBodyHandle) -> (u16, bool)) {
         for near in &mut self.near {
             (near.island, near.stays) = of(near.link.handle);
@@ -184,8 +190,9 @@ impl PredictedContacts {
         self.meetings[from..].iter().take_while(move |meeting| meeting.own == own)
     }
 
-    /// Returns the bodies owned here with a predicted contact to a body that is held here and led by another region, with that
-    /// region's rank: it solves the contact, so that it must hold both by then. Of bodies that their owner leads meetings say so.
+    /// Returns the bodies owned here with a predicted contact to a body that is held here and led by another
+    /// region, with the rank of that region. It solves the contact, so that it must hold both bodies by then.
+    /// Bodies that their owner leads are left out, since meetings name them already.
     pub(super) fn joining(&self, region: &Region) -> Vec<(RigidBodyHandle, usize)> {
         let led = region.held_elsewhere().filter_map(|link| {
             let slot = region.slot(link.handle);
@@ -197,9 +204,10 @@ impl PredictedContacts {
         found.into_iter().flat_map(|(one, ranks)| ranks.iter().map(move |rank| (one, rank))).collect()
     }
 
-    /// Returns those of the bodies owned here that are asked for and have a predicted contact to one held here whose mass is split, in order of
-    /// their handles: theirs is to be split too. All regions that hold both solve such a contact, each against a part of the mass, so
-    /// that a body that is whole would get a part of what the other one loses.
+    /// Returns the bodies owned here that `asks` selects and that have a predicted contact to a split body
+    /// held here, in order of handle: they are to be split too. All regions that hold both solve such a
+    /// contact, each against a part of the mass, so that a whole body would get a part of what the other one
+    /// loses.
     pub(super) fn splitting(
         &self,
         region: &Region,
@@ -214,8 +222,8 @@ impl PredictedContacts {
         found
     }
 
-    /// Returns the bodies owned here that are awake and asked for and have a predicted contact to one of these, with what is noted of
-    /// that.
+    /// Returns the awake bodies owned here that `asks` selects and that have a predicted contact to one of
+    /// `held`, with the regions noted with that one.
     fn met_here(
         &self,
         region: &Region,
@@ -242,8 +250,8 @@ impl PredictedContacts {
         found
     }
 
-    /// Returns those of the bodies owned here that are to move to another region and have a predicted contact to a dynamic one that stays, in order
-    /// of their handles.
+    /// Returns the bodies owned here that are to move to another region and have a predicted contact to a
+    /// dynamic body that stays, in order of handle.
     pub(super) fn parting(
         &self,
         region: &Region,
@@ -256,10 +264,10 @@ impl PredictedContacts {
         if going.is_empty() {
             return Vec::new();
         }
-        // Both are swept so far ahead as these were: that does not change while a world lasts.
+        // The boxes of both are swept equally far: how far does not change while a world lasts.
         let around = going.iter().map(|near| near.swept).reduce(|all, bounds| all.union(&bounds));
         let is_in_reach = |near: &&Near| around.is_some_and(|around| around.touches(&near.swept));
-        // What goes along need not be out yet.
+        // Bodies that go along need not be out of the cell yet.
         let staying = all().filter(is_in_reach).filter(|near| !moves(near.link.handle)).collect();
         let nearby = |nears: Vec<&Near>| nears.into_iter().map(Near::nearby).collect::<Vec<_>>();
         let mut found = Vec::new();
@@ -271,7 +279,8 @@ impl PredictedContacts {
         found
     }
 
-    /// Returns the kinematic bodies owned here that may carry bodies of this region, with the regions where these may soon be.
+    /// Returns the kinematic bodies owned here that may carry bodies of this region, with the regions where
+    /// the carried bodies may soon be.
     pub(super) fn carriers(
         &self,
         region: &Region,
@@ -295,8 +304,8 @@ impl PredictedContacts {
         found
     }
 
-    /// Returns the regions with which lists were exchanged that are not empty, and those of which these said that they visit the same
-    /// cell. Of both, the other region knows as well.
+    /// Returns the regions with which a list was exchanged that is not empty, and the regions of which those
+    /// said that they visit the same cell. These regions know of it as well.
     pub(super) fn acquainted(&mut self) -> RegionSet {
         if let Some(known) = self.acquainted {
             return known;
@@ -310,8 +319,9 @@ impl PredictedContacts {
         *self.acquainted.insert(visitors.fold(listed.collect(), RegionSet::union))
     }
 
-    /// Returns the regions to which the extent of this region's bodies is sent: the regions it touches, and those whose bodies reach
-    /// there too, as the regions there report. So no region receives what happens far away.
+    /// Returns the regions to which the extent of this region's bodies is sent: those that it touches, and
+    /// those whose bodies reach there too, as the regions there report. So no region receives what happens
+    /// far away.
     fn audience(&self, extent: &Bounds, partition: &Partition) -> RegionSet {
         let there = partition.touching(extent);
         there.iter().fold(there, |all, rank| all.union(self.seen[rank].visitors))
@@ -324,7 +334,8 @@ impl PredictedContacts {
         self.seen.iter().enumerate().filter(|(_, nearby)| reaches(nearby)).map(|(rank, _)| rank).collect()
     }
 
-    /// Finds the part of the region where bodies concern no other region: its cell without what the others' bodies reach into.
+    /// Finds the part of the region where bodies concern no other region: its cell without what the other
+    /// regions' bodies reach into.
     fn find_inner(&mut self, region: &Region) {
         let cell = region.cell();
         let mut inner = Bounds::new(cell.min, cell.max);
@@ -338,8 +349,9 @@ impl PredictedContacts {
         );
     }
 
-    /// Returns for how many ticks a body surely stays in that part, if nothing speeds it up by more than [`SURPRISE_M_S`]; at most
-    /// [`LONGEST_REST`]. A body that is hit harder is checked at most so many ticks late.
+    /// Returns for how many ticks a body surely stays in that part, if nothing speeds it up by more than
+    /// [`SURPRISE_M_S`]; at most [`LONGEST_REST`]. A body that is hit harder is checked at most that many
+    /// ticks late.
     fn rest_of(&self, region: &Region, handle: RigidBodyHandle) -> u32 {
         let body = &region.physics().bodies[handle];
         let centre = body.center_of_mass();
@@ -350,7 +362,7 @@ impl PredictedContacts {
     }
 }
 
-/// Keeps `inner` clear of a box, by moving the face that has least far to go.
+/// Keeps `inner` clear of a box, by moving the face that has the shortest way to go.
 fn cut(inner: &mut Bounds, away: &Bounds) {
     if !inner.touches(away) {
         return;
@@ -367,13 +379,14 @@ fn cut(inner: &mut Bounds, away: &Bounds) {
     match face {
         Some((axis, true)) => inner.max[axis] = away.min[axis],
         Some((axis, false)) => inner.min[axis] = away.max[axis],
-        // It spans an unbounded cell: nothing of the cell is out of its reach.
+        // It spans an unbounded cell: no part of the cell is out of its reach.
         None => *inner = Bounds::new([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]),
     }
 }
 
-/// Stores the bodies near the border that another region sent. Bodies here that its extent did not reach before are to be checked
-/// once: a sleeping body is not checked by itself, nor for some ticks one that was far from any border.
+/// Stores the bodies near the border that another region sent. Bodies here that its extent did not reach
+/// before are to be checked once: sleeping bodies are not checked by themselves, and bodies far from any
+/// border not for some ticks.
 pub(super) fn see(region: &Region, border: &mut Border, rank: usize, message: &BorderMessage) {
     let Some(nearby) = &message.nearby else { return };
     let before = border.predicted.seen[rank].extent;
@@ -394,7 +407,7 @@ pub(super) fn see(region: &Region, border: &mut Border, rank: usize, message: &B
     predicted.acquainted = None;
 }
 
-/// Returns the parts of a box that do not lie in another: a slab for each face that sticks out.
+/// Returns the parts of a box that lie outside another: a slab for each face that sticks out.
 fn beyond(bounds: &Bounds, other: Option<&Bounds>) -> Vec<Bounds> {
     let Some(other) = other.filter(|other| other.touches(bounds)) else { return vec![*bounds] };
     let (mut rest, mut parts) = (*bounds, Vec::new());
@@ -430,7 +443,7 @@ pub(super) fn look(
         (region.slot(handle).role == Ownership::Owner).then(|| predicted.rest_of(region, handle))
     });
     let mut close = Vec::new();
-    // By Rapier's body index: one more than the place in that list.
+    // By Rapier's body index: the place in `close` plus one.
     let mut places = vec![0; region.index_bound()];
     for (&handle, rest) in handles.iter().zip(rests) {
         let (Some(rest), place) = (rest, &mut places[index_of(handle)]) else { continue };
@@ -444,7 +457,7 @@ pub(super) fn look(
     }
     let ahead_s = predicted.ahead_s;
     let mut found: Vec<_> = moment.team.spread(&close, |&link| Some(near(region, link, ahead_s)));
-    // By Rapier's handle, not by id: nothing is hashed.
+    // By Rapier's handle, not by id, so that nothing is hashed.
     let own = |near: &Near| region.role_of(near.link.handle) == Some((near.link.id, Ownership::Owner));
     let PredictedContacts { near, seen, sudden, tick_s, .. } = predicted;
     let jumps = |link: BodyRef, by: Vector| by.length() * *tick_s > region.slot(link.handle).reach_m;
@@ -460,26 +473,27 @@ pub(super) fn look(
         place != FAR
     });
     let mut newcomers: Vec<_> = found.into_iter().flatten().collect();
-    // What comes so near without having been seen coming was sped up.
+    // A body that comes so near without having been seen coming was sped up.
     sudden.extend(newcomers.iter().filter(|near| jumps(near.link, near.velocity)).map(|near| near.link));
     if !newcomers.is_empty() {
         newcomers.sort_unstable_by_key(|near| near.link.id);
         near.append(&mut newcomers);
-        // Two lists in order, which are merged.
+        // The two ordered lists are merged.
         near.sort_by_key(|near| near.link.id);
     }
-    // Of most of many regions nothing reaches out of their cells.
+    // Of many regions, most have no body that reaches out of its cell.
     let extents: Vec<_> = seen.iter().filter_map(|nearby| nearby.extent).collect();
     near.retain_mut(|near| {
         near.awake = !region.physics().bodies[near.link.handle].is_sleeping();
-        // A body that sleeps where no other region's bodies reach concerns none, until it wakes or their extent reaches it.
+        // A sleeping body that no other region's bodies reach concerns none, until it wakes or their extent
+        // reaches it.
         near.awake
             || !region.cell().contains_box(&near.swept)
             || extents.iter().any(|extent| extent.touches(&near.swept))
     });
 }
 
-/// In the place of a body that is far from any border.
+/// The mark of a body that is far from any border.
 const FAR: u32 = u32::MAX;
 
 fn index_of(handle: RigidBodyHandle) -> usize {
@@ -516,7 +530,7 @@ fn near(region: &Region, link: BodyRef, ahead_s: f32) -> Near {
 fn radius_of(region: &Region, handle: RigidBodyHandle, bounds: &Bounds) -> f32 {
     let slot = region.slot(handle);
     let corner_m = norm(bounds.size()) / 2.0;
-    // What a character or a vehicle asks for is in the box alone.
+    // Only the box includes what a character or a vehicle asks for.
     if slot.traits.character.is_some() || slot.traits.vehicle.is_some() {
         return corner_m as f32;
     }
@@ -529,8 +543,9 @@ fn norm(vector: [f64; 3]) -> f64 {
     vector.iter().map(|v| v * v).sum::<f64>().sqrt()
 }
 
-/// Returns how many ticks ahead contacts are predicted: longer where a region may be behind the present time, since it is what it was
-/// some ticks ago that is swept, and since it cannot hold a body before it has caught up.
+/// Returns how many ticks ahead contacts are predicted. They are more where a region may be behind the
+/// present time: its bodies are swept from where they were some ticks ago, and it cannot hold a body before
+/// it has caught up.
 fn ahead_ticks(moment: Moment<'_>) -> f32 {
     AHEAD_TICKS + f32::from(moment.coarsest - 1)
 }
@@ -572,7 +587,7 @@ pub(super) fn show(
         }
         let slot = region.slot(near.link.handle);
         let dynamic = slot.traits.kind == BodyKind::Dynamic;
-        // A contact of a fast body with a slow one is predicted before they touch: then both must be sent.
+        // A contact between a fast and a slow body is predicted before they touch, so that both must be sent.
         let meets = |rank: &usize| fast[*rank].is_some_and(|fast| fast.touches(&near.swept));
         // Reach does not spread from a kinematic body, so that its contacts do not keep it where it is held.
         let known = if near.velocity.length() > SLOW_M_S || !dynamic {
@@ -583,7 +598,8 @@ pub(super) fn show(
         };
         let to = viewers.without(known).without(own);
         let nearby = (!to.is_empty()).then(|| NearbyBody {
-            // A character stops at what it meets, so that its region must hold that; and what carries a multibody is nowhere else.
+            // A character stops at what it meets, so that its region must hold that. What carries a multibody
+            // is in no other region.
             island: match dynamic {
                 true => near.island,
                 false => u16::from(slot.traits.character.is_some() || near.articulated),

@@ -1,6 +1,7 @@
-//! Implements the proxy coupling: each body is computed by its owner; neighbours hold it as a kinematic ghost, which pushes and is
-//! not pushed. Most projects do this, and it is the baseline of the charts: a contact across a border meets infinite mass on both
-//! sides, so that elastic bodies gain energy, and a stack's ground feels only what lies on its own side.
+//! Implements the proxy coupling: the owner computes each body; neighbours hold it as a kinematic ghost,
+//! which pushes and is not pushed. Most projects do this, and it is the baseline of the charts. A contact
+//! across a border meets infinite mass on both sides, so that elastic bodies gain energy, and a stack's
+//! ground feels only what lies on its own side.
 
 use rapier3d::prelude::*;
 

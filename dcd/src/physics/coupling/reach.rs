@@ -1,5 +1,5 @@
-//! Finds which bodies of a region are within some hops, along contacts and joints, of bodies that another region owns: those that
-//! this other region must hold too.
+//! Finds which bodies of a region are within some hops, along contacts and joints, of bodies that another
+//! region owns: that region must hold them too.
 
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -30,9 +30,13 @@ impl Reach {
         mark.copied().unwrap_or_default()
     }
 
-    /// Finds anew which bodies are within `depth` hops of those that other regions own, lead, or will own: `leaving` are bodies owned here
-    /// that are on their way. Who leads a body solves what touches it, and may be a third region beside its owner and this one. `met` are bodies owned here with a predicted contact to one that is not held here, with the regions
-    /// that own those: they are one hop away.
+    /// Finds anew which bodies are within `depth` hops of bodies that other regions own, lead, or will own.
+    /// The region that leads a body solves what touches it, and may be a third region beside the body's owner
+    /// and this one.
+    ///
+    /// - `leaving`: bodies owned here that are on their way to another region, with that region's rank.
+    /// - `met`: bodies owned here with a predicted contact to a body that another region owns or leads, with
+    ///   that region's rank. They are one hop away.
     pub(super) fn spread(
         &mut self,
         region: &Region,
@@ -78,8 +82,9 @@ impl Reach {
         }
     }
 
-    /// Marks all of a small island with the regions that any part of it is within reach of, so that they see all that presses on that
-    /// part. Of a large island they see less than its owner does, which leads.
+    /// Marks all of a small island with the regions that any part of it is within reach of, so that those
+    /// regions see all that presses on that part. Of a large island they see less than its owner does, which
+    /// leads it.
     pub(super) fn complete(&mut self, region: &Region, islands: &Islands) {
         self.next.clear();
         let small = |island: &&Island| !island.big && island.members.len() > 1 && !island.large;
@@ -92,8 +97,9 @@ impl Reach {
         }
     }
 
-    /// Marks kinematic bodies with the regions of the bodies that they carry: with all that hold what touches them, even as a ghost,
-    /// and with those that `met` names. A kinematic body must be in a region before what it carries is owned there.
+    /// Marks kinematic bodies with the regions of the bodies that they carry: all regions that hold what
+    /// touches them, even as a ghost, and those that `met` names. A kinematic body must be in a region before
+    /// what it carries is owned there.
     pub(super) fn carry(&mut self, region: &Region, met: Vec<(RigidBodyHandle, RegionSet)>) {
         if !region.has_kinematic() {
             return;
@@ -131,8 +137,8 @@ impl Reach {
     }
 }
 
-/// Returns whether reach spreads from a body to its neighbours. A hub or a kinematic body is held wherever its neighbours are, but
-/// does not bring its other neighbours along.
+/// Returns whether reach spreads from a body to its neighbours. A hub or a kinematic body is held wherever
+/// its neighbours are, but does not bring its other neighbours along.
 fn passes_on(region: &Region, handle: RigidBodyHandle) -> bool {
     let slot = region.slot(handle);
     slot.reach_m <= HUB_REACH_M && slot.traits.kind == BodyKind::Dynamic

@@ -1,5 +1,5 @@
-//! Keeps, for each body that a region shares with others, the state of its copies: which regions hold it, which of the copies have
-//! a part of the mass, and the states that were sent and received last.
+//! Keeps, for each body that a region shares with others, the state of its copies: which regions hold it,
+//! which copies have a part of the mass, and the states last sent and received.
 
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -13,47 +13,51 @@ use crate::space::{RegionSet, mixed};
 /// The members of a body that several regions hold, and the last states of its copies.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Shared {
-    /// All regions that hold it as of the last exchange, this one too.
+    /// All regions that hold it as of the last exchange, this one included.
     pub members: RegionSet,
-    /// The members that hold warm-up ghosts: copies without a part of the mass, which follow the others, to have their contacts and
-    /// their warm start when they come to count.
+    /// The members that hold warm-up ghosts: copies without a part of the mass that follow the others, so
+    /// that they have their contacts and their warm start when they come to count.
     pub warming: RegionSet,
     /// The other members' copies as last received, by rank.
     pub heard: Vec<(usize, CopyState)>,
     /// This region's copy after the last step.
     pub own: CopyState,
-    /// How far the velocities of warm-up ghosts were from what they follow, m/s, at most.
+    /// The largest difference between the velocity of a warm-up ghost and the velocity that it follows, m/s.
     pub strayed_m_s: f32,
-    /// Average difference of its first copy's velocity from the mean while it is split, m/s.
+    /// The average difference of its first copy's velocity from the mean while its mass is split, m/s.
     pub lasting: Vector,
-    /// What struck copies of it since the last exchange and is not held by the same regions, with the rank of the region where.
+    /// Impulses on copies of it since the last exchange from bodies that are not held by the same regions,
+    /// each with the rank of the region that found it.
     #[serde(skip)]
     pub strikes: Vec<(usize, Strike)>,
-    /// What whole bodies struck this copy with since the last exchange, while its mass is split.
+    /// The impulses of whole bodies on this copy since the last exchange, while its mass is split.
     #[serde(skip)]
     pub dealt: Dealt,
-    /// What happened to this copy after it was sent to a new member, to be told.
+    /// The impulse on this copy after it was sent to a new member, which is still to be told.
     pub owed: Option<Strike>,
-    /// Whether it lies as it did when its owner found its contacts, and not where it is: until the next exchange.
+    /// Whether the copy lies as it did when its owner found its contacts, and not where the body is; until
+    /// the next exchange.
     pub displaced: bool,
     /// Ticks since its members or its warm-up ghosts changed.
     pub settled: u32,
-    /// Ticks for which bodies of other regions have belonged to its island.
+    /// Ticks for which its island has included bodies of other regions.
     pub joined: u32,
-    /// Ticks for which some member has had no reason to be one.
+    /// Ticks for which some member has had no reason to hold it.
     pub idle: u32,
 }
 
-/// What whole bodies struck a copy with that has a part of its body's mass, in the steps since the last exchange.
+/// The impulses of whole bodies on a copy with a part of its body's mass, in the steps since the last
+/// exchange.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Dealt {
     pub all: Impulse,
-    /// How much of that others count.
+    /// How much of that the other regions count.
     pub beyond: Impulse,
 }
 
 impl Shared {
-    /// Returns whether its mass is split among several copies; else the owner's copy has all of it, and the others are ghosts.
+    /// Returns whether its mass is split among several copies. Otherwise the owner's copy has all of it, and
+    /// the others are ghosts.
     #[inline]
     pub(super) fn is_split(&self) -> bool {
         self.members.without(self.warming).len() > 1
@@ -76,7 +80,8 @@ impl Shared {
 /// The [`Shared`] state of each body that several regions hold, by Rapier's handle.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct SharedBodies {
-    /// By Rapier's body index. An entry left of a removed body has another generation than its successor.
+    /// By Rapier's body index. An entry left by a removed body has another generation than the body that took
+    /// its place.
     of: Vec<Option<(RigidBodyHandle, Box<Shared>)>>,
 }
 
@@ -106,21 +111,22 @@ impl SharedBodies {
         &mut place.as_mut().expect("just entered").1
     }
 
-    /// Forgets a body that one region alone holds, or none any more.
+    /// Forgets a body that only one region holds, or none any more.
     pub(super) fn forget(&mut self, handle: RigidBodyHandle) {
         if let Some(place) = self.of.get_mut(handle.into_raw_parts().0 as usize) {
             *place = None;
         }
     }
 
-    /// Enters a body that has come to be held here, or is announced anew: no copies of others have been received.
+    /// Enters a body that this region has come to hold, or that is announced anew: no other region's copy has
+    /// been received.
     pub(super) fn begin(&mut self, handle: RigidBodyHandle) {
         let shared = self.enter(handle);
         shared.heard.clear();
         shared.displaced = false;
     }
 
-    /// Sets the members of a body and its warm-up ghosts. A body with one member is shared no more.
+    /// Sets the members of a body and its warm-up ghosts. A body with one member is no longer shared.
     pub(super) fn set_members(
         &mut self,
         region: &mut Region,
@@ -146,7 +152,8 @@ impl SharedBodies {
         }
     }
 
-    /// Translates all ranks. Forgets entries of bodies that are here no more: they may name regions that are no more either.
+    /// Translates all ranks. Forgets entries of bodies that are no longer here: they may name regions that no
+    /// longer exist.
     pub(super) fn remap_ranks(&mut self, region: &Region, ranks: &RankRemap) {
         for place in &mut self.of {
             if place.as_ref().is_some_and(|(handle, _)| !region.physics().bodies.contains(*handle)) {
@@ -182,7 +189,8 @@ pub(super) fn read(region: &Region, handle: RigidBodyHandle, shared: &Shared, ti
     if own.check().is_ok() { own } else { unsound }
 }
 
-/// Returns a hash of the ids of the bodies that press on this one and of its joints, the same in whatever order they come.
+/// Returns a hash of the ids of the bodies that press on this one and of its joints, independent of their
+/// order.
 fn partners(region: &Region, handle: RigidBodyHandle) -> u64 {
     let world = region.physics();
     let mut hash = 0u64;

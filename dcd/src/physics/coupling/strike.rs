@@ -1,18 +1,25 @@
-//! Settles contacts of bodies that unlike regions hold, so that what one body loses the other gains. Each body follows the copy of
-//! one region (`leader`). Of two that touch, that may be unlike regions at the corner of three, and each finds another impulse; and a
-//! body that nobody expected is held by its owner alone, so that the region which the other one follows knows nothing of it.
+//! Settles contacts of bodies that different regions hold, so that what one body loses the other gains.
 //!
-//! So all regions that hold both tell both bodies' holders the impulse that they found, and one of these counts for both bodies: that of the
-//! region which sees most of what touches. Each body gets it in place of the one that its own leader found, if that found any.
-//! Where a whole body strikes one whose mass is split and whose regions hold both, each of these finds the impulse anew, and the whole
-//! body gets one of them: of such an impact each copy counts one share (`counted`). As each finds it for a lighter body than there
-//! is, the impact is softer than it should be; where a copy lies so that its region sees the impact a step before the others do, its share
-//! is too small. Bodies that are about to touch a split island are split before, so that it is rare.
+//! Each body follows the copy of one region (`leader`). Two bodies that touch may follow different regions,
+//! at the corner of three regions, and each of these finds another impulse. A body that nobody expected is
+//! held by its owner alone, so that the region which the other body follows knows nothing of it.
 //!
-//! What is not dynamic needs no such justice: one region tells its impulse to those that did not see it. The copy of a new
-//! holder is told in the same way what happened in the exchange in which it was sent.
+//! So all regions that hold both bodies tell the impulse that they found to the holders of both, and one of
+//! these impulses counts for both bodies: that of the region which sees most of what touches. Each body gets
+//! it in place of the impulse that its own leader found, if that found any.
 //!
-//! Of a normal impulse Rapier tells exactly, of friction in an impact and of where it acts about (`impulse`); joints are not told.
+//! A whole body may strike a split body. The regions that hold both each find the impulse anew, and the whole
+//! body gets one of these impulses; so each copy of the split body counts one share (`counted`). Each region
+//! solves for a lighter body than there is, so that the impact is softer than it should be. Where a copy lies
+//! so that its region sees the impact a step before the others do, its share is too small. Bodies that are
+//! about to touch a split island are split before, so that this is rare.
+//!
+//! Bodies that are not dynamic need no such justice: one region tells its impulse to the regions that did not
+//! see it. The copy of a new holder is told in the same way what happened in the exchange in which it was
+//! sent.
+//!
+//! Rapier tells a normal impulse exactly, but the friction of an impact and the place where it acts only
+//! roughly (`impulse`). Impulses of joints are not told.
 
 use std::cmp::Reverse;
 
@@ -26,12 +33,13 @@ use crate::physics::region::Region;
 use crate::protocol::{CopyState, Impulse, Strike, Velocity};
 use crate::space::RegionSet;
 
-/// The most bodies that strike one and are told of, and believed, by one region in one exchange.
+/// The most bodies striking one body that a region tells of, and that others believe, in one exchange.
 const MOST: usize = 512;
-/// A copy with a part of the mass that gains less than this is not struck, but loaded, m/s.
+/// The gain of speed, m/s, below which a copy with a part of the mass counts as loaded, not as struck.
 const IMPACT_M_S: f32 = 0.5;
 
-/// Notes what struck a copy here in the last step and is not held by the same regions; and what is owed.
+/// Notes the impulses on a copy here in the last step from bodies that are not held by the same regions, and
+/// the impulse that is owed.
 pub(super) fn note(region: &Region, islands: &Islands, handle: RigidBodyHandle, shared: &mut Shared) {
     let Shared { members, strikes, owed, .. } = shared;
     let (own, id) = (region.rank(), region.slot(handle).id);
@@ -54,7 +62,7 @@ pub(super) fn note(region: &Region, islands: &Islands, handle: RigidBodyHandle, 
         }
         let by = is_dynamic.then(|| region.slot(other).id);
         let seen = islands.seen(handle).max(islands.seen(other));
-        // Of one body there may be several pairs, and several substeps.
+        // One body may have several pairs, in several substeps.
         let same =
             |(rank, strike): &(usize, Strike)| (*rank, strike.by, strike.held_by) == (own, by, held_by);
         match strikes.iter().position(same) {
@@ -68,7 +76,8 @@ pub(super) fn note(region: &Region, islands: &Islands, handle: RigidBodyHandle, 
     });
 }
 
-/// Returns the impulse of a pair on one of its bodies in the last step; none on one that dominates the other.
+/// Returns the impulse of a pair on one of its bodies in the last step; zero on a body that dominates the
+/// other.
 fn impulse_on(world: &PhysicsWorld, handle: RigidBodyHandle, pair: &ContactPair) -> Impulse {
     let is_second = world.colliders[pair.collider2].parent() == Some(handle);
     let dominates = |manifold: &ContactManifold| {
@@ -83,8 +92,8 @@ fn impulse_on(world: &PhysicsWorld, handle: RigidBodyHandle, pair: &ContactPair)
     Impulse { linear: impulse.to_array(), angular: arm(pair, is_second).cross(impulse).to_array() }
 }
 
-/// Returns from where to where an impulse acts on a body: from its centre of mass to the mean of the points that touch, weighed by their
-/// impulses.
+/// Returns the lever arm of an impulse on a body: from its centre of mass to the mean of the points that
+/// touch, weighed by their impulses.
 fn arm(pair: &ContactPair, is_second: bool) -> Vector {
     let points = pair.solver_manifolds().iter().flat_map(solved_points);
     let (sum, weight) = points.fold((Vector::ZERO, 0.0), |(sum, weight), data| {
@@ -94,7 +103,8 @@ fn arm(pair: &ContactPair, is_second: bool) -> Vector {
     if weight > 0.0 { sum / weight } else { Vector::ZERO }
 }
 
-/// Notes what others made of a copy in this exchange, where it has been sent to new members as it was before: these are to be told.
+/// Notes how this exchange changed a copy's velocity, if the copy has been sent to new members as it was
+/// before: these are to be told.
 pub(super) fn owe(region: &Region, all: &mut SharedBodies, handle: RigidBodyHandle, members: RegionSet) {
     let body = &region.physics().bodies[handle];
     let Some(shared) = all.get_mut(handle).filter(|shared| !shared.is_split() && body.is_dynamic()) else {
@@ -115,7 +125,8 @@ pub(super) fn owe(region: &Region, all: &mut SharedBodies, handle: RigidBodyHand
     shared.owed = owed.impulse.is_finite().then_some(owed);
 }
 
-/// Stores what struck copies in another region, as all that hold them do: what one body is told of is told in one go.
+/// Stores the impulses on copies that another region tells, as all holders of the copies do. All impulses on
+/// one body come together.
 pub(super) fn hear(region: &Region, shared: &mut SharedBodies, strikes: &[Strike], sender: usize) {
     for of_one in strikes.chunk_by(|a, b| a.id == b.id) {
         let shared = region.handle_of(of_one[0].id).and_then(|handle| shared.get_mut(handle));
@@ -125,8 +136,9 @@ pub(super) fn hear(region: &Region, shared: &mut SharedBodies, strikes: &[Strike
     }
 }
 
-/// Returns the velocity of a leader's copy after what the leader did not see, or found otherwise than the region that counts; none if
-/// there was no such thing. All regions add it up in the same order, to the same bits.
+/// Returns the velocity of a leader's copy with the impulses that the leader did not see, or found otherwise
+/// than the region that counts; `None` if there are none. All regions add them up in the same order, to the
+/// same bits.
 pub(super) fn struck(
     body: &RigidBody,
     copy: &CopyState,
@@ -140,9 +152,9 @@ pub(super) fn struck(
     pushed(body, Rotation::from_array(copy.pose.rotation), &copy.velocity, &sum)
 }
 
-/// Returns the velocity of a body after an impulse; none if that is no number.
+/// Returns the velocity of a body after an impulse; `None` if it is not finite.
 fn pushed(body: &RigidBody, rotation: Rotation, velocity: &Velocity, by: &Impulse) -> Option<Velocity> {
-    // Locked axes are in these alone.
+    // Only these masses know of locked axes.
     let mut mass = body.mass_properties().clone();
     mass.update_world_mass_properties(body.body_type(), &Pose::from_parts(Vector::ZERO, rotation));
     let linear = convert::vector(velocity.linear) + convert::vector(by.linear) * mass.effective_inv_mass;
@@ -152,8 +164,9 @@ fn pushed(body: &RigidBody, rotation: Rotation, velocity: &Velocity, by: &Impuls
     is_finite.then(|| Velocity { linear: linear.to_array(), angular: angular.to_array() })
 }
 
-/// Notes, of a copy that has a part of its body's mass, what whole bodies struck it with in the last step that others which count hold as
-/// well: each of these finds the same, and one share of it counts.
+/// Notes the impulses of whole bodies in the last step on a copy with a part of its body's mass, where other
+/// regions whose copies count hold the whole body too. Each of these regions finds the same impulse, and one
+/// share of it counts.
 pub(super) fn note_shares(region: &Region, handle: RigidBodyHandle, shared: &mut Shared) {
     let own = RegionSet::only(region.rank());
     let counting = shared.members.without(shared.warming);
@@ -178,8 +191,9 @@ pub(super) fn note_shares(region: &Region, handle: RigidBodyHandle, shared: &mut
     });
 }
 
-/// Returns the velocity with which such a copy counts: after an impact, without what is beyond its share. Of what others took from it in the same
-/// steps nothing is taken again: a body that the ground holds has not moved, and what rests on it is no impact.
+/// Returns the velocity with which such a copy counts: after an impact, without what is beyond its share.
+/// What other bodies took from the copy in the same steps is not taken again: a body that the ground holds
+/// has not moved, and what rests on it is no impact.
 pub(super) fn counted(
     region: &Region,
     handle: RigidBodyHandle,
@@ -203,7 +217,7 @@ pub(super) fn counted(
     pushed(body, rotation, velocity, &dealt.beyond.scaled(-part)).unwrap_or(*velocity)
 }
 
-/// Returns what a leader's copy lacks of the impulses that were told of one body, in parts.
+/// Returns what a leader's copy lacks of the impulses that were told of one striking body, in parts.
 fn missed(told: &[(usize, Strike)], leader: usize) -> impl Iterator<Item = Impulse> {
     let best = told.iter().max_by_key(|(rank, strike)| (strike.seen, Reverse(*rank)));
     let counts = best.filter(|(_, strike)| strike.by.is_some()).map(|(rank, _)| *rank);

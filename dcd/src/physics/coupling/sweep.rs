@@ -1,17 +1,17 @@
-//! Finds which of two lists of moving boxes and balls will touch within some time, by sweep and prune.
+//! Finds which moving boxes and balls of two lists will touch within some time, by sweep and prune.
 
 use crate::protocol::NearbyBody;
 use crate::space::Bounds;
 
-/// Visits every pair of boxes that will overlap within `ahead_s`, found by sweep and prune: along the axis on which those that may meet lie
-/// farthest apart, in strips across the second one.
+/// Visits every pair of bodies that will touch within `ahead_s` seconds. It sweeps and prunes along the axis
+/// on which the bodies that may meet lie farthest apart, in strips across the second one.
 pub(super) fn for_each_overlap(
     first: &[NearbyBody],
     second: &[NearbyBody],
     ahead_s: f64,
     mut visit: impl FnMut(&NearbyBody, &NearbyBody),
 ) {
-    // Where bodies lie before an empty region, all of them are told to it.
+    // An empty region has no list, but is sent all bodies that lie before it.
     if first.is_empty() || second.is_empty() {
         return;
     }
@@ -24,7 +24,7 @@ pub(super) fn for_each_overlap(
     if !around_ours.touches(&around_theirs) {
         return;
     }
-    // Of most regions only the bodies in a corner may meet.
+    // In most regions only the bodies in a corner may meet the others.
     let strips = Strips::of(&theirs, &around_ours.intersection(&around_theirs));
     for (bounds, a) in ours.iter().zip(first) {
         strips.for_each_near(bounds, |place| {
@@ -36,36 +36,36 @@ pub(super) fn for_each_overlap(
     }
 }
 
-/// The most strips: beyond, to go over them takes longer than it saves.
+/// The most strips: going over more takes longer than they save.
 const MOST_STRIPS: f64 = 64.0;
 
-/// Boxes in strips along one axis, each in order of where they begin.
+/// Boxes in strips along one axis, in each strip in order of where they begin.
 struct Strips {
-    /// The axis along which they lie, and the one across.
+    /// The axis along which the strips lie, and the one across.
     along: usize,
     across: usize,
     /// Where the first strip begins, and how wide each is.
     from: f64,
     width: f64,
-    /// The longest box along the strips; none across is wider than a strip.
+    /// The length of the longest box along the strips. No box is wider across than a strip.
     longest: f64,
-    /// The strip in which a box begins, where it begins along that, and its place.
+    /// By box: the strip in which it begins, where along that it begins, and its place in the list.
     boxes: Vec<(i32, f64, usize)>,
 }
 
 impl Strips {
-    /// Divides those of some boxes that touch another one.
+    /// Divides the boxes that touch `common` into strips.
     fn of(boxes: &[Bounds], common: &Bounds) -> Self {
         let size = common.size();
         let along = common.longest_axis().index();
         let others = [(along + 1) % 3, (along + 2) % 3];
         let across = if size[others[0]] >= size[others[1]] { others[0] } else { others[1] };
         let near = || boxes.iter().enumerate().filter(|(_, bounds)| bounds.touches(common));
-        // A little more, so that none is passed over by rounding.
+        // A little more, so that rounding passes over none.
         let most =
             |axis: usize| near().map(|(_, bounds)| bounds.size()[axis]).fold(0.0, f64::max) * (1.0 + 1e-9);
         let from = near().map(|(_, bounds)| bounds.min[across]).fold(f64::INFINITY, f64::min);
-        // Endless ones leave one strip.
+        // Infinite boxes leave one strip.
         let width = most(across).max(size[across] / MOST_STRIPS).max(f64::MIN_POSITIVE);
         let mut strips = Self { along, across, from, width, longest: most(along), boxes: Vec::new() };
         let all =
@@ -75,7 +75,7 @@ impl Strips {
         strips
     }
 
-    /// Returns the strip at a coordinate; what is no number lies in the first one.
+    /// Returns the strip at a coordinate; NaN lies in the first one.
     fn strip_at(&self, at: f64) -> i32 {
         ((at - self.from) / self.width).floor() as i32
     }
@@ -102,19 +102,20 @@ impl Strips {
     }
 }
 
-/// Returns in how many seconds two bodies may begin to touch; 0 if they may now, none if they never will.
+/// Returns in how many seconds two bodies may begin to touch: 0 if they may now, `None` if they never will.
 fn meet_after(a: &NearbyBody, b: &NearbyBody) -> Option<f64> {
     let (boxes, balls) = (boxes_overlap(a, b)?, balls_overlap(a, b)?);
     let (enter, leave) = (boxes.0.max(balls.0), boxes.1.min(balls.1));
     (enter <= leave).then_some(enter)
 }
 
-/// Returns from when until when two moving boxes overlap, seconds from now; none if they never will.
+/// Returns from when until when two moving boxes overlap, in seconds from now; `None` if they never will.
 fn boxes_overlap(a: &NearbyBody, b: &NearbyBody) -> Option<(f64, f64)> {
     let (mut enter, mut leave) = (0.0f64, f64::INFINITY);
     for axis in 0..3 {
         let speed = f64::from(b.velocity[axis]) - f64::from(a.velocity[axis]);
-        // The gaps to be closed by b's coming up, and by its coming down.
+        // How far b moves along the axis until its upper face meets a's lower one, and its lower face a's
+        // upper one.
         let below = a.bounds.min[axis] - b.bounds.max[axis];
         let above = a.bounds.max[axis] - b.bounds.min[axis];
         if speed == 0.0 {
@@ -130,7 +131,8 @@ fn boxes_overlap(a: &NearbyBody, b: &NearbyBody) -> Option<(f64, f64)> {
     (enter <= leave).then_some((enter, leave))
 }
 
-/// Returns from when until when the balls around the middles of two moving boxes overlap, seconds from now; none if they never will.
+/// Returns from when until when the balls around the middles of two moving boxes overlap, in seconds from
+/// now; `None` if they never will.
 fn balls_overlap(a: &NearbyBody, b: &NearbyBody) -> Option<(f64, f64)> {
     let sum_m = f64::from(a.radius_m) + f64::from(b.radius_m);
     if sum_m.is_infinite() {
@@ -148,7 +150,7 @@ fn balls_overlap(a: &NearbyBody, b: &NearbyBody) -> Option<(f64, f64)> {
     }
     let root = (half * half - square * rest).sqrt();
     let (enter, leave) = ((-half - root) / square, (root - half) / square);
-    // Of a root of what is negative, no comparison holds.
+    // The root of a negative number is NaN, for which no comparison holds.
     (leave >= 0.0).then_some((enter.max(0.0), leave))
 }
 
@@ -220,7 +222,7 @@ mod tests {
                 .collect()
         };
         let (ours, mut theirs) = (list(0), list(100));
-        // Of any size, on either side of all others, and without an end.
+        // Boxes of any size, on either side of all others, and an infinite one.
         for (id, half) in
             [(200, [5.0, 0.1, 0.1]), (201, [0.1, 9.0, 0.2]), (202, [f64::INFINITY, 0.3, f64::INFINITY])]
         {

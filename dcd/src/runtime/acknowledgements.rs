@@ -1,5 +1,6 @@
-//! Takes what clients acknowledge straight to the thread that tells them, by the network's thread: it comes for each batch of states of each
-//! client, and would wake the loop that computes the world, or another thread, some times per tick.
+//! Hands what clients acknowledge straight to the thread that tells them (`fan_out`). This runs on the
+//! network's thread: each client acknowledges each batch of states, which would otherwise wake the loop that
+//! computes the world, or another thread, several times per tick.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -10,11 +11,12 @@ use crate::net::{NetEvent, PeerKey, PeerName};
 use crate::protocol::{self, FromClient, Message};
 use crate::space::ClientId;
 
-/// Knows the links of clients that are linked by themselves; what a node passes on for its user the loop is to judge.
+/// The acknowledgements of clients that have a link of their own. The loop checks those that a node passes on
+/// for its user.
 pub(super) struct Acknowledgements {
     clients: BTreeMap<PeerKey, ClientId>,
     ear: Ear,
-    /// Counts what has come.
+    /// Counts the acknowledgements taken.
     received: Arc<Mutex<Received>>,
 }
 
@@ -23,13 +25,14 @@ impl Acknowledgements {
         Self { clients: BTreeMap::new(), ear, received }
     }
 
-    /// Takes an event that is an acknowledgement of a client's own. Returns whether it was one: all else is for the loop, as is what breaks a rule.
+    /// Takes an event that is a client's acknowledgement of its own, and returns whether it was one. All else
+    /// is left to the loop, and so is what breaks a rule.
     pub(super) fn take(&mut self, event: &NetEvent) -> bool {
         match event {
             NetEvent::Connected {
                 peer, who: PeerName::Client(client) | PeerName::Builder(client), ..
             } => {
-                // What still comes over its former link is about what it was told there.
+                // A message over the client's former link is about what it was told there.
                 self.clients.retain(|_, other| other != client);
                 self.clients.insert(*peer, *client);
                 false
@@ -39,7 +42,7 @@ impl Acknowledgements {
                 false
             }
             NetEvent::Datagram { peer, bytes } => self.clients.get(peer).is_some_and(|&client| {
-                // What is for the loop is decoded there.
+                // The loop decodes its own messages.
                 if protocol::begins_as_heard(bytes) != Some(client) {
                     return false;
                 }
@@ -97,7 +100,7 @@ mod tests {
         }
         let count = counted.lock().unwrap().iter().map(|(_, count)| count.messages).sum::<u64>();
         assert_eq!((ear.waiting(), count), (1, 1));
-        // A client that is linked anew is not heard over its former link, nor over one that has ended.
+        // A client with a new link is heard neither over its former link nor over one that has ended.
         assert!(!acknowledgements.take(&connected(3, PeerName::Builder(CLIENT))));
         assert!(!acknowledgements.take(&said(1, &own)) && acknowledgements.take(&said(3, &own)));
         let closed = NetEvent::Closed {

@@ -1,19 +1,20 @@
-//! Says what a process was sent over its links: bytes by what messages are about, by the fields of states, and by body.
+//! Counts what a process was sent over its links: bytes by the subject of messages, by the fields of states,
+//! and by body.
 
 use crate::delta::{Field, Tally};
 use crate::net::NetTotals;
 use crate::protocol::Subject;
 use crate::space::BodyId;
 
-/// How many bodies are named.
+/// The number of costliest bodies that are listed.
 pub(super) const COSTLIEST: usize = 10;
 
-/// Messages, and their bytes.
+/// A number of messages and their bytes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Count {
-    /// How many.
+    /// The number of messages.
     pub messages: u64,
-    /// Their bytes, without what QUIC adds.
+    /// The bytes of these messages, without what QUIC adds.
     pub bytes: u64,
 }
 
@@ -29,7 +30,7 @@ impl Received {
         count.bytes += bytes as u64;
     }
 
-    /// Adds the counts of others.
+    /// Adds the counts of another.
     pub(super) fn add(&mut self, others: &Self) {
         for (count, other) in self.0.iter_mut().zip(&others.0) {
             count.messages += other.messages;
@@ -43,32 +44,32 @@ impl Received {
     }
 }
 
-/// What went over all links of a process since its start.
+/// Totals over all links of a process since its start.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct LinkTotals {
-    /// As the network counts.
+    /// The network's own counters.
     pub net: NetTotals,
-    /// Messages received, by what they are about.
+    /// Messages received, by subject.
     pub received: Received,
-    /// Messages given to send.
+    /// Messages handed over for sending, by subject.
     pub sent: Received,
-    /// Bytes that wait for links now, beside those of [`NetTotals`].
+    /// Bytes that wait for links now, besides those in [`NetTotals`].
     pub waiting_bytes: u64,
-    /// Messages that could not be decoded, or that their sender may not send.
+    /// Messages that could not be decoded, or that their sender was not allowed to send.
     pub malformed: u64,
 }
 
-/// What a client was sent since it joined, and what for.
+/// What a client was sent since it joined, and for what.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Bandwidth {
-    /// Bytes of UDP that came: those of all messages, and what QUIC adds.
+    /// UDP bytes received: those of all messages, and what QUIC adds.
     pub udp_bytes: u64,
-    /// Messages by what they are about.
+    /// Messages received, by subject.
     pub messages: Received,
-    /// What states of bodies took.
+    /// The cost of states of bodies.
     pub states: Tally,
-    /// The bodies whose states took the most bytes, the costliest first.
+    /// The bodies whose states took the most bytes, with those bytes, the costliest first.
     pub bodies: Vec<(BodyId, f64)>,
 }
 
@@ -78,7 +79,7 @@ impl Bandwidth {
         self.udp_bytes.saturating_sub(self.messages.iter().map(|(_, count)| count.bytes).sum())
     }
 
-    /// Returns the bytes of states by field; all but the last few of a message's bytes are among them.
+    /// Returns the bytes of states by field. They add up to all but the last few bytes of each message.
     pub fn fields(&self) -> impl Iterator<Item = (Field, f64)> {
         Field::ALL.into_iter().zip(self.states.bits.map(|bits| bits / 8.0))
     }

@@ -1,24 +1,26 @@
-//! Chooses the regions of a world whose user names none: one, or more if its bodies lie too far apart for f32.
+//! Chooses the regions of a world whose user asked for none: one region, or more if its bodies lie too far
+//! apart for f32.
 
 use crate::physics::Coupling;
 use crate::scene::Scene;
 use crate::space::{Axis, Bounds, DistributionTree, MAX_REGIONS, RegionId, TreeError};
 use rapier3d::prelude::RigidBodyType;
 
-/// The largest distance of one region's bodies from the middle of them all, metres: f32 resolves 1 mm there.
+/// The largest distance of a region's bodies from the middle of their extent, metres: f32 resolves 1 mm
+/// there.
 const REACH_M: f64 = 16_384.0;
 
-/// The regions, threads and coupling that a world is computed with, and why so.
+/// The regions, threads and coupling that a world is computed with, and the reason for them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Choice {
-    /// Regions that it is cut into at present.
+    /// The number of regions at present.
     pub regions: usize,
-    /// Threads that may step it at a time.
+    /// The largest number of threads that step the world at a time.
     pub threads: usize,
-    /// How its regions are coupled; of no effect while there is one.
+    /// The coupling of the regions; without effect while there is one region.
     pub coupling: Coupling,
-    /// What chose the regions.
+    /// The reason for the number of regions.
     pub why: Why,
 }
 
@@ -26,15 +28,15 @@ pub struct Choice {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Why {
-    /// The user or the scene named them.
+    /// The user or the scene asked for them.
     Asked,
-    /// Nobody did: one region is exact, and all threads work in it.
+    /// Nobody asked for any: one region is exact, and all threads work in it.
     Exact,
-    /// Nobody did, and bodies are so far apart that f32 would not give one region millimetres.
+    /// Nobody asked for any, and the bodies lie too far apart for one region's f32 to resolve millimetres.
     Spread,
-    /// Nobody did: it began with one region, and its balance cuts and merges.
+    /// Nobody asked for any: the world began with one region, and its balance splits and merges regions.
     Balance,
-    /// They are those of the snapshot that it was restored from.
+    /// They are the regions of the snapshot that the world was restored from.
     Saved,
 }
 
@@ -50,8 +52,9 @@ impl std::fmt::Display for Why {
     }
 }
 
-/// Returns the distribution tree of a world for which no cut was asked: one, unless its movable bodies are too far apart for
-/// that. Then each cut goes through the widest gap near the middle of those that are.
+/// Returns the distribution tree of a world whose user asked for no cut: one region, unless the movable
+/// bodies lie too far apart for that. Then each cut goes through the widest gap near the middle of the bodies
+/// it divides.
 pub(super) fn tree_for(scene: &Scene, bounds: Bounds) -> Result<DistributionTree, TreeError> {
     let movable = scene.bodies.iter().filter(|body| body.body.body_type != RigidBodyType::Fixed);
     let mut tree = DistributionTree::halved(bounds, 1)?;
@@ -62,7 +65,7 @@ pub(super) fn tree_for(scene: &Scene, bounds: Bounds) -> Result<DistributionTree
         if tree.leaf_count() == MAX_REGIONS {
             break;
         }
-        // Bodies beyond the box that is cut stay with those at its edge.
+        // Bodies outside the box that is cut stay with those at its edge.
         let Ok((left, right)) = tree.split_at(leaf, axis, at) else { continue };
         let (below, above) = places.into_iter().partition(|place| place[axis.index()] < at);
         groups.extend([(left, below), (right, above)]);
@@ -70,8 +73,8 @@ pub(super) fn tree_for(scene: &Scene, bounds: Bounds) -> Result<DistributionTree
     Ok(tree)
 }
 
-/// Returns the plane through the widest gap in the middle half of these places, across their longest extent; none if they are
-/// near enough to one another.
+/// Returns the plane through the widest gap in the middle half of these places, across the axis of their
+/// largest extent; `None` if they lie near enough to one another.
 fn cut_between(places: &[[f64; 3]]) -> Option<(Axis, f64)> {
     let around = places.iter().map(|&place| Bounds::new(place, place)).reduce(|all, one| all.union(&one))?;
     let extent = |axis: Axis| around.max[axis.index()] - around.min[axis.index()];

@@ -1,4 +1,5 @@
-//! Runs a client or participant: joins a served world, sends avatar inputs and queries, and reads the states received.
+//! Runs a client or participant: joins a served world, sends inputs and queries, and reads the states
+//! received.
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -25,47 +26,51 @@ use crate::space::{BodyId, ClientId, DistributionTree, JointId, NodeId, RegionId
 /// The settings with which a process joins a served world.
 #[derive(Clone, Debug)]
 pub struct JoinConfig {
-    /// Where the server is.
+    /// The address of the server.
     pub server: SocketAddr,
-    /// Where else it may be: the addresses of servers that stand by. All are dialled, and the one that answers is the server. All of IPv4 or
-    /// all of IPv6.
+    /// Addresses of standby servers. All are dialled, and the one that answers is the server. All addresses
+    /// must be IPv4, or all IPv6.
     pub standbys: Vec<SocketAddr>,
-    /// From `dcd token --role client` (or `builder`, `participant`, or `node`); used up by joining. A node that has its `identity` file already needs
-    /// none: it may be empty, or a used one.
+    /// A token from `dcd token --role client` (or `builder`, `participant`, `node`), which joining uses up. A
+    /// node whose `identity` file exists needs none: the token may be empty, or a used one.
     pub token: String,
-    /// File that keeps the process's identity: a later join with it continues with the same avatars.
+    /// A file that keeps the process's identity: a later join with it continues with the same avatars.
     pub identity: Option<PathBuf>,
-    /// How long to wait for the server and the world.
+    /// How long to wait for the server and the world when joining.
     pub timeout: Duration,
-    /// How long the server may be out of reach later on before the process gives up. Meanwhile it dials again and again. `None`: a client or
-    /// participant 30 s; a node without end, since the world is at its nodes until a server is back.
+    /// How long the server may be out of reach after joining before the process gives up. Meanwhile the
+    /// process dials again and again. `None` means 30 s for a client or participant. A node then waits
+    /// without end, since the world is at its nodes until a server is back.
     pub give_up: Option<Duration>,
-    /// The area of interest to begin with: the process is sent the bodies there, the scenery that reaches into it, and the shapes and joints
-    /// of those, and later what comes there or where the area is moved to. `None`: it is sent the whole world, whatever its interest
-    /// is later on.
+    /// The area of interest at first. The process is sent the bodies in the area, the scenery that reaches
+    /// into it, and their shapes and joints; later it is sent what comes there, or lies where the area is
+    /// moved to. `None`: it is sent the whole world, whatever its interest is later.
     pub interest: Option<Area>,
-    /// Regions that a participant's node steps at a time.
+    /// The number of regions that a participant or node steps at the same time.
     pub threads: usize,
-    /// Where others reach a participant's node; `None`: any free port, on the interface that leads to the server.
+    /// The address on which a participant or node listens for other nodes and for clients; `None`: any free
+    /// port, on the interface that leads to the server.
     pub listen: Option<SocketAddr>,
-    /// The address to give to others, if it is not the one listened on.
+    /// The address that others are told, if it is not the one listened on.
     pub advertise: Option<SocketAddr>,
-    /// A file to record a participant's or node's share of the world to: all that it is given, and a digest of each region after each
-    /// tick. `dcd replay` computes it again from that, bit for bit.
+    /// A file to which a participant's or node's part of the world is recorded: all that the process is
+    /// given, and a digest of each region after each tick. `dcd replay` computes the part again from that,
+    /// bit for bit.
     pub record: Option<PathBuf>,
-    /// An address where a participant's node, or a node, answers over HTTP with its metrics (`/metrics`, in Prometheus' format) and
-    /// whether it is well (`/healthz`, `/readyz`). Whoever reaches it may read that.
+    /// An address at which a participant or node answers over HTTP with its metrics (`/metrics`, in
+    /// Prometheus' format) and its health (`/healthz`, `/readyz`). Everyone who reaches the address may read
+    /// that.
     pub metrics: Option<SocketAddr>,
 }
 
-/// Returns whether an identity that was kept needs no token: of nodes, which supervisors start again. Whom a server sends away among
-/// clients comes back by a new token only.
+/// Returns whether a kept identity can be renewed without a token. Only a node's can, since supervisors start
+/// nodes again. A client that a server sent away comes back by a new token only.
 fn renews(former: &Identity, role: JoinRole) -> bool {
     (former.role(), role) == (JoinRole::Node, JoinRole::Node)
 }
 
 impl JoinConfig {
-    /// Returns the usual settings: no identity file, ten seconds to join, one thread, any port.
+    /// Returns the default settings: no identity file, ten seconds to join, one thread, any port.
     #[must_use]
     pub fn new(server: SocketAddr, token: impl Into<String>) -> Self {
         Self {
@@ -84,10 +89,11 @@ impl JoinConfig {
         }
     }
 
-    /// Trades the token for an identity of this role; that which a node has kept is renewed, for which no token is needed.
+    /// Trades the token for an identity of this role. The identity that a node has kept is renewed, without a
+    /// token.
     #[doc(hidden)]
     pub fn join(&self, role: JoinRole) -> Result<Identity, ProcessError> {
-        // Before the token is used up.
+        // Checked before the token is used up.
         if let Some(path) = &self.record {
             Background::check(path).map_err(|cause| ProcessError::Record { path: path.clone(), cause })?;
         }
@@ -135,15 +141,15 @@ impl JoinConfig {
 /// The events that a client received since they were last taken.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ClientEvents {
-    /// Contacts of own avatars that began or ceased.
+    /// Contacts of own avatars that began or ended, with their tick.
     pub touches: Vec<(Tick, Touch)>,
-    /// Forces on own avatars above their thresholds.
+    /// Forces on own avatars above their thresholds, with their tick.
     pub forces: Vec<(Tick, ContactForce)>,
     /// Bodies whose change of owner became known.
     pub handovers: Vec<Handover>,
-    /// Bodies that appeared and disappeared, in the order in which that was heard: one that went and came again is there.
+    /// Bodies that appeared or disappeared, in the order heard. A body that went and came again is there.
     pub changes: Vec<Presence>,
-    /// Inputs that were refused.
+    /// Inputs that were refused, with the body concerned, if any.
     pub refusals: Vec<(Option<BodyId>, Refusal)>,
 }
 
@@ -155,18 +161,19 @@ pub struct ClientWorld {
     next_avatar: u32,
     shapes: ShapeLibrary,
     predicts: bool,
-    /// Once its user shows the world.
+    /// The predictor of own avatars; `None` until the user shows the world.
     predictor: Option<Box<Predictor>>,
 }
 
 impl ClientWorld {
-    /// Joins as a client, and waits until the server has sent the whole world, as it is on its record. It need not have nodes
-    /// yet: the world stands still until it has.
+    /// Joins as a client, and waits until the server has sent the whole world as it has it on record, or the
+    /// area of interest to begin with. The world need not have nodes yet: it stands still until it has.
     pub fn connect(config: &JoinConfig) -> Result<Self, ProcessError> {
         Self::enter(config, JoinRole::Client)
     }
 
-    /// Joins as client and node in one process: the process also computes regions of the world.
+    /// Joins as a participant, client and node in one process: the process also computes regions of the
+    /// world.
     pub fn participate(config: &JoinConfig) -> Result<Self, ProcessError> {
         Self::enter(config, JoinRole::Participant)
     }
@@ -207,37 +214,39 @@ impl ClientWorld {
         self.client
     }
 
-    /// Returns whether its token lets it build: change what is the world's own.
+    /// Returns whether its token allows the client to build: to change what is the world's own.
     pub fn may_build(&self) -> bool {
         self.may_build
     }
 
-    /// Returns the indices of the next body and the next joint that it may build, as the server said.
+    /// Returns the indices of the next body and the next joint that the client may build, as the server said.
     pub(crate) fn next_built(&self) -> (u32, u32) {
         self.member.shared.lock().client.as_ref().map_or((0, 0), Client::next_built)
     }
 
-    /// Changes the world, in this order, if it may: what is refused comes in [`ClientEvents::refusals`].
+    /// Changes the world by these operations, in order, if the client may build. Refusals come in
+    /// [`ClientEvents::refusals`].
     pub fn build(&self, ops: Vec<BuildOp>) -> Result<(), ProcessError> {
         self.member.submit(ClientEvent::Build(ops))
     }
 
-    /// Returns how many calls of [`ClientWorld::build`], from the first on, the server has answered.
+    /// Returns the number of calls of [`ClientWorld::build`], from the first on, that the server has
+    /// answered.
     pub(crate) fn answered_builds(&self) -> u64 {
         self.member.shared.lock().client.as_ref().map_or(0, Client::answered_builds)
     }
 
-    /// Returns how often another world has arrived in place of the one before.
+    /// Returns how often the world was replaced by another.
     pub(crate) fn replacements(&self) -> u64 {
         self.member.shared.lock().client.as_ref().map_or(0, Client::replacements)
     }
 
-    /// Returns a joint of bodies that it was told of.
+    /// Returns a joint of bodies that the client was told of.
     pub(crate) fn joint(&self, id: JointId) -> Option<JointRecord> {
         self.member.shared.lock().client.as_ref()?.joint(id).cloned()
     }
 
-    /// Returns the joints of the bodies that it was told of.
+    /// Returns the joints of all bodies that the client was told of.
     pub(crate) fn joints(&self) -> Vec<JointRecord> {
         self.member.shared.lock().client.iter().flat_map(Client::joints).cloned().collect()
     }
@@ -253,7 +262,7 @@ impl ClientWorld {
         self.member.who.node()
     }
 
-    /// Returns the member that tells it the states of bodies in the leader's place, if one does.
+    /// Returns the relay that tells the client the states of bodies in the leader's place, if there is one.
     #[doc(hidden)]
     pub fn told_by(&self) -> Option<NodeId> {
         self.member.shared.lock().client.as_ref().and_then(Client::told_by)
@@ -264,7 +273,7 @@ impl ClientWorld {
         self.member.shared.lock().client.as_ref()?.tree().cloned()
     }
 
-    /// Returns the node that computes a region, as far as known: as the server or the leader last said.
+    /// Returns the node that computes a region, if known: as the server or the leader last said.
     pub fn computed_by(&self, region: RegionId) -> Option<NodeId> {
         self.member.shared.lock().client.as_ref()?.computed_by(region)
     }
@@ -274,7 +283,7 @@ impl ClientWorld {
         self.node().map(|_| self.member.address)
     }
 
-    /// Returns where a participant's node answers with its metrics, if it does.
+    /// Returns the address of the metrics endpoint of a participant's node, if it has one.
     pub fn metrics_address(&self) -> Option<SocketAddr> {
         self.member.metrics_address()
     }
@@ -290,7 +299,7 @@ impl ClientWorld {
         match &state.end {
             None => Ok(()),
             Some(Ok(())) => Err(ProcessError::Stopped),
-            // Said in the same words every time.
+            // The error is reported in the same words every time.
             Some(Err(error)) => {
                 let again = error.again();
                 state.end.replace(Err(again)).map_or(Ok(()), |end| end)
@@ -298,8 +307,8 @@ impl ClientWorld {
         }
     }
 
-    /// Returns the newest tick received: some milliseconds old while bodies move, up to five seconds of the world's time while all
-    /// rest.
+    /// Returns the newest tick received. It is some milliseconds old while bodies move, and up to five
+    /// seconds of the world's time while all bodies rest.
     pub fn tick(&self) -> Tick {
         self.member.shared.lock().client.as_ref().map_or(Tick(0), Client::tick)
     }
@@ -320,7 +329,8 @@ impl ClientWorld {
         self.spawn_as(None, pose, body, colliders)
     }
 
-    /// Inserts an avatar, which may be a character; otherwise as [`ClientWorld::spawn`].
+    /// Inserts an avatar, which may be a character or a vehicle. Otherwise it does the same as
+    /// [`ClientWorld::spawn`].
     pub fn spawn_as(
         &mut self,
         controller: Option<Controller<'_>>,
@@ -343,7 +353,7 @@ impl ClientWorld {
         Ok(id)
     }
 
-    /// Returns the id of the next avatar. Avatars that an earlier stay left behind return some time after joining.
+    /// Returns the id of the next avatar. Avatars of an earlier stay return some time after joining.
     pub(crate) fn next_avatar(&self) -> BodyId {
         let after = self.own_avatars().last().map_or(0, |id| id.index() + 1);
         BodyId::avatar(self.client, self.next_avatar.max(after))
@@ -354,7 +364,8 @@ impl ClientWorld {
         self.member.submit(ClientEvent::Despawn(avatar))
     }
 
-    /// Sends an avatar input: a velocity, and with `pose` a new place. The newest input before a tick counts, with the last jump before it.
+    /// Sends an input for an avatar: a velocity, and with `pose` a new place. The newest input before a tick
+    /// counts, together with the last jump before it.
     pub fn send_input(
         &mut self,
         avatar: BodyId,
@@ -366,7 +377,7 @@ impl ClientWorld {
         self.member.submit(ClientEvent::Input { body: avatar, tick, velocity, pose })
     }
 
-    /// Says what the driver of a vehicle does from now on.
+    /// Sets what the driver of a vehicle does from now on.
     pub fn drive(&mut self, vehicle: BodyId, drive: Drive) -> Result<(), ProcessError> {
         let (velocity, pose, drives) = (Velocity::default(), None, Some(drive));
         let tick = self.predict(Input {
@@ -380,7 +391,8 @@ impl ClientWorld {
         self.member.submit(ClientEvent::Drive { body: vehicle, tick, drive })
     }
 
-    /// Lets an input act in what is predicted; returns the tick that it is to name, 0 where nothing is predicted.
+    /// Applies an input to the prediction, and returns the tick that the input must name; 0 where nothing is
+    /// predicted.
     fn predict(&mut self, input: Input) -> Tick {
         let Some(predictor) = &mut self.predictor else { return Tick(0) };
         let now = self.member.shared.start.elapsed();
@@ -388,7 +400,7 @@ impl ClientWorld {
         named.inspect(|&tick| predictor.input(Input { tick, ..input })).unwrap_or(Tick(0))
     }
 
-    /// Sets whether own avatars are predicted, with what they touch; they are at first.
+    /// Sets whether own avatars, and what they touch, are predicted. At first they are.
     pub fn set_prediction(&mut self, predicts: bool) {
         self.predicts = predicts;
         if !predicts {
@@ -396,23 +408,25 @@ impl ClientWorld {
         }
     }
 
-    /// Returns what is predicted, and how well; `None` where nothing is.
+    /// Returns statistics of the prediction; `None` where nothing is predicted.
     pub fn prediction(&self) -> Option<Prediction> {
         self.predictor.as_ref().map(|predictor| predictor.stats())
     }
 
-    /// Sets the area of interest: from now on bodies in it and around own avatars are received; `None`: all, as at first. Bodies
-    /// outside stay as last received, and [`BodyView::outside`] says so.
+    /// Sets the area of interest: from now on the client receives the bodies in it and around its own
+    /// avatars. `None`: all bodies, as at first. Bodies outside stay as last received, which
+    /// [`BodyView::outside`] reports.
     pub fn turn_to(&self, area: Option<Area>) -> Result<(), ProcessError> {
         self.member.submit(ClientEvent::Interest(area))
     }
 
-    /// Limits what this process is sent of bodies to so many bytes per second; `None`: as many as the link carries.
+    /// Limits the bytes per second of states of bodies that this process is sent; `None`: as many as the link
+    /// carries.
     pub fn limit(&self, bytes_per_s: Option<u32>) -> Result<(), ProcessError> {
         self.member.submit(ClientEvent::Bandwidth(bytes_per_s.map_or(0, |limit| limit.max(1))))
     }
 
-    /// Returns what this process was sent since it joined, and what for, as of a tenth of a second ago.
+    /// Returns what this process was sent since it joined, and for what, as of a tenth of a second ago.
     pub fn bandwidth(&self) -> Bandwidth {
         let state = self.member.shared.lock();
         let mut bandwidth = Bandwidth {
@@ -427,8 +441,9 @@ impl ClientWorld {
         bandwidth
     }
 
-    /// Sends a query for rays or shapes to the processes that compute the world; [`ClientWorld::take_answer`] has the answer once
-    /// it has come, some ticks later. Its `number` must differ from those of other questions.
+    /// Sends a query for rays or shapes to the processes that compute the world. [`ClientWorld::take_answer`]
+    /// returns the answer, which comes some ticks later. Its `number` must differ from those of other
+    /// queries.
     pub fn ask(&self, question: Query) -> Result<(), ProcessError> {
         self.member.submit(ClientEvent::Ask(question))
     }
@@ -438,12 +453,12 @@ impl ClientWorld {
         self.member.submit(ClientEvent::Forget(number))
     }
 
-    /// Takes the answer to a query, if it has come. It is given once.
+    /// Takes the answer to a query, if it has come. Each answer is given once.
     pub fn take_answer(&self, number: u64) -> Option<QueryResult> {
         self.member.shared.lock().client.as_mut()?.take_answer(number)
     }
 
-    /// Returns this client's avatars in the world, also those of an earlier stay, in id order.
+    /// Returns this client's avatars in the world, including those of an earlier stay, in id order.
     pub fn own_avatars(&self) -> Vec<BodyId> {
         let state = self.member.shared.lock();
         state.client.iter().flat_map(|client| client.own_avatars()).map(|body| body.body.id).collect()
@@ -454,29 +469,29 @@ impl ClientWorld {
         self.member.shared.lock().client.as_ref()?.body(id).cloned()
     }
 
-    /// Returns a shape of a body that is known here.
+    /// Returns the shape of a body that is known here.
     pub(crate) fn shape(&self, hash: ShapeHash) -> Option<ShapeRecord> {
         let own = self.shapes.record_of(hash).cloned();
         own.or_else(|| self.member.shared.lock().client.as_ref()?.shapes().get(&hash).cloned())
     }
 
-    /// Returns whether the server has told of a shape.
+    /// Returns whether the server has sent a shape.
     pub(crate) fn has_heard_of(&self, hash: ShapeHash) -> bool {
         self.member.shared.lock().client.as_ref().is_some_and(|client| client.shapes().contains_key(&hash))
     }
 
-    /// Calls `look` with what was received so far, while nothing more comes in.
+    /// Calls `look` with the client's state while nothing more can come in.
     pub(crate) fn with_client<R>(&self, look: impl FnOnce(&mut Client) -> R) -> Option<R> {
         self.member.shared.lock().client.as_mut().map(look)
     }
 
-    /// Calls `look` for every body in id order, as last received, and collects what it returns.
+    /// Calls `look` for every body in id order, as last received, and collects the results that are `Some`.
     pub fn with_bodies<R>(&self, mut look: impl FnMut(&BodyView) -> Option<R>) -> Vec<R> {
         let state = self.member.shared.lock();
         state.client.iter().flat_map(|client| client.bodies()).filter_map(&mut look).collect()
     }
 
-    /// Returns the ticks to show now; `None` until the world is heard of.
+    /// Returns the ticks to show now; `None` until anything was heard of the world.
     pub fn view_time(&mut self) -> Option<ViewTime> {
         let now = self.member.shared.start.elapsed();
         let mut state = self.member.shared.lock();
@@ -491,7 +506,7 @@ impl ClientWorld {
         }
         if let (Some(predictor), Some(predicted)) = (&mut self.predictor, predicted) {
             predictor.listen(client, predicted);
-            // Others wait for the client.
+            // Released first: others wait for the lock.
             drop(state);
             time.predicted = predicted.max(time.now);
             predictor.advance(&time);
@@ -499,13 +514,14 @@ impl ClientWorld {
         Some(time)
     }
 
-    /// Returns how a body is shown at a tick; `None` if it is not known.
+    /// Returns the motion of a body to show at a tick; `None` if the body is not known.
     pub fn motion_at(&self, id: BodyId, tick: f64) -> Option<Motion> {
         let predicted = self.predictor.as_ref().and_then(|predictor| predictor.at(id, tick));
         predicted.or_else(|| self.member.shared.lock().client.as_ref()?.view(id, tick))
     }
 
-    /// Returns how each body is shown beside the others.
+    /// Returns the motion of each body to show together with the others: own avatars at the predicted tick,
+    /// what they touch between that tick and the shown one, and all else at the shown tick.
     pub fn motions_at(&self, bodies: impl Iterator<Item = BodyId>, time: &ViewTime) -> Vec<Option<Motion>> {
         let state = self.member.shared.lock();
         let shown = |id: BodyId| {
@@ -544,12 +560,13 @@ impl ClientWorld {
         self.member.shared.lock().updates
     }
 
-    /// Returns the traffic over all links, as of a tenth of a second ago; its round trip is that of the slowest.
+    /// Returns the traffic over all links, as of a tenth of a second ago. Its round trip is that of the
+    /// slowest link.
     pub fn traffic(&self) -> PeerStats {
         self.member.shared.lock().traffic
     }
 
-    /// Waits until another state message has come; returns whether one came in time.
+    /// Waits until more than `seen` state messages have come; returns whether they came in time.
     pub fn wait_update(&self, seen: u64, timeout: Duration) -> bool {
         self.member.shared.wait(timeout, |state| state.updates > seen || state.end.is_some())
             && self.updates() > seen
@@ -564,12 +581,12 @@ impl ClientWorld {
         }) && self.body(id).is_some()
     }
 
-    /// Returns what a participant's node did.
+    /// Returns what a participant's node has done.
     pub fn summary(&self) -> NodeSummary {
         self.member.summary()
     }
 
-    /// Leaves in order: the avatars wait at the server for this client's return.
+    /// Leaves the world in order. The avatars wait at the server for this client's return.
     pub fn leave(self) -> Result<NodeSummary, ProcessError> {
         self.member.leave();
         self.member.finish()

@@ -1,4 +1,4 @@
-//! Defines the settings of a world: its box, cut, threads and steps; and the errors of a local one.
+//! Defines the settings of a world (its box, cut, threads and steps), and the errors of a local one.
 
 use super::choice;
 use crate::fidelity::Fidelity;
@@ -7,41 +7,46 @@ use crate::protocol::{BodyKind, BodyRecord};
 use crate::scene::Scene;
 use crate::space::{Axis, Balance, BodyId, Bounds, DistributionTree, JointId, TreeError, Viewpoint};
 
-/// The way in which the world is cut into regions.
+/// The way in which a world is cut into regions.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Partitioning {
-    /// As few as are right: one, on all threads, which is exact. A world that is made of a scene has more where its movable
-    /// bodies lie more than 32 km apart, since f32 would not give one region millimetres.
+    /// As few regions as suffice: one, on all threads, which is exact. A world that is made from a scene gets
+    /// more if its movable bodies lie more than 32 km apart, since f32 would not give one region millimetres.
     #[default]
     Auto,
-    /// This many, 1 to 256, by halving the largest across its longest axis; across that of gravity only where it could not be
-    /// halved otherwise, since a level cut goes through what lies on the ground.
+    /// This many regions, 1 to 256, by halving the largest region again and again across its longest axis.
+    /// The axis along which gravity pulls most is cut only if no other can be halved, since a level cut goes
+    /// through what lies on the ground.
     Regions(usize),
-    /// This many, by planes across these axes alone.
+    /// This many regions, 1 to 256, by planes across these axes alone.
     RegionsAcross(usize, Vec<Axis>),
-    /// By these planes (metres of world space), each through the whole world.
+    /// Regions between these planes (metres in world space), each of which goes through the whole world.
     Cuts(Vec<(Axis, f64)>),
 }
 
-/// The settings of a local world; of those of a served one its cut and its steps.
+/// The settings of a local world. They are also those of a world that is served from a scene
+/// (`World::serve`), where all but `threads` count.
 #[derive(Clone, Debug, PartialEq)]
 pub struct WorldConfig {
-    /// The box that is cut into regions, in metres. Bodies may leave it: outer regions reach to infinity.
+    /// The box that is cut into regions, in metres. Bodies may leave it: the cells of outer regions reach to
+    /// infinity.
     pub bounds: Bounds,
-    /// How it is cut.
+    /// How the world is cut.
     pub partitioning: Partitioning,
-    /// Threads that step it, in as many regions as there are: with the feature `parallel` one region uses all of them. 1 uses the
-    /// calling thread, which does for few awake bodies anyhow. What happens does not depend on it.
+    /// The number of threads that step the world, 1 to 1,024. With the feature `parallel` one region uses all
+    /// of them, otherwise at most as many work as there are regions. 1 uses the calling thread, as a world of
+    /// few awake bodies does anyhow. Results do not depend on it.
     pub threads: usize,
-    /// How far beyond its cell a region holds copies of other regions' bodies (replicas), in metres; `None` follows the largest
-    /// body.
+    /// The halo in metres, 0 or more: how far beyond its cell a region holds ghosts (copies of other regions'
+    /// bodies). `None` follows the largest body.
     pub halo_m: Option<f64>,
-    /// How regions follow the load; `None` leaves them as they are cut. Served, a world of [`Partitioning::Auto`] has one region for each
-    /// node then: [`Balance::by_nodes`].
+    /// How regions follow the load; `None` leaves them as they are cut. If the world is served and cut by
+    /// [`Partitioning::Auto`], `None` gives it one region for each node: [`Balance::by_nodes`].
     pub balance: Option<Balance>,
-    /// How much of it is computed in full. Only [`Fidelity::Off`] goes with the couplings `owner` and `proxy`, and with a lag of served worlds.
+    /// How much of the world is computed in full. The couplings `owner` and `proxy`, and a served world with
+    /// a lag, allow only [`Fidelity::Off`].
     pub fidelity: Fidelity,
-    /// How it is stepped.
+    /// How the world is stepped.
     pub step: StepSettings,
 }
 
@@ -60,7 +65,7 @@ impl Default for WorldConfig {
 }
 
 impl WorldConfig {
-    /// Returns the configuration that a scene asks for, its coupling too, on one thread.
+    /// Returns the configuration that a scene asks for, including its coupling, on one thread.
     #[must_use]
     pub fn for_scene(scene: &Scene) -> Self {
         Self {
@@ -78,7 +83,7 @@ impl WorldConfig {
         }
     }
 
-    /// Checks that every setting is in range.
+    /// Checks that every setting is in range; the error names the first one that is not.
     pub fn check(&self) -> Result<(), WorldError> {
         check(self)
     }
@@ -115,62 +120,62 @@ impl WorldConfig {
 /// The error of a local world.
 #[derive(Debug, thiserror::Error)]
 pub enum WorldError {
-    /// The regions cannot be as asked.
+    /// The world cannot be cut into regions as asked.
     #[error(transparent)]
     Tree(#[from] TreeError),
     /// A body, shape or joint is refused.
     #[error(transparent)]
     Host(#[from] HostError),
-    /// A controller cannot do its work.
+    /// A character or vehicle controller cannot work.
     #[error(transparent)]
     Control(#[from] ControlError),
     /// A setting is out of range.
     #[error("{what} is {value}: {range}")]
     Setting {
-        /// Which setting.
+        /// The name of the setting.
         what: &'static str,
-        /// What it was.
+        /// The value.
         value: String,
-        /// What it may be.
+        /// The values that are allowed.
         range: &'static str,
     },
-    /// No such body.
+    /// The world has no such body.
     #[error("{0} is not in the world: it was removed, or its id belongs to another world")]
     NoBody(BodyId),
-    /// A dynamic body is to be faster than the world lets it be.
+    /// A dynamic body is to be faster than the world's speed limit.
     #[error(
         "{body} is to move at {speed_m_s} m/s, and what the solver moves here is cut to {limit_m_s} m/s: make it slower, or make the world with a higher speed limit"
     )]
     TooFast {
-        /// Which body.
+        /// The body.
         body: BodyId,
-        /// How fast.
+        /// The speed asked for, m/s.
         speed_m_s: f32,
-        /// The world's limit ([`StepSettings::speed_limit_m_s`]).
+        /// The world's speed limit, m/s ([`StepSettings::speed_limit_m_s`]).
         limit_m_s: f32,
     },
-    /// Not a vehicle.
+    /// The body is no vehicle.
     #[error("{0} is no vehicle; insert it by World::insert_vehicle")]
     NoVehicle(BodyId),
-    /// No such collider.
+    /// The body has no such collider.
     #[error("{body} has {count} colliders, there is none of index {index}; count from 0")]
     NoCollider {
-        /// Which body.
+        /// The body.
         body: BodyId,
-        /// The index asked for.
+        /// The index asked for, counted from 0.
         index: usize,
-        /// How many it has.
+        /// The number of colliders that the body has.
         count: usize,
     },
-    /// No such joint.
+    /// The world has no such joint.
     #[error("{0} is not in the world: it was removed, or one of its bodies was")]
     NoJoint(JointId),
-    /// A checkpoint of another world.
+    /// The checkpoint is of another world.
     #[error(
         "the checkpoint is of another world: go back to one that this world's own checkpoint() made, or move worlds by save() and reload()"
     )]
     OtherWorld,
-    /// All ids are used up.
+    /// All ids of bodies are used up.
     #[error("the world has given all 4,294,967,295 body ids")]
     Full,
 }

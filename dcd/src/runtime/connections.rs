@@ -1,9 +1,10 @@
-//! Tracks a process's connections for its user: who is at the other end, events (new, lost, back, gone), and messages between
-//! programs.
+//! Tracks a process's connections for its user: the process at the other end, events (new, lost, back, gone),
+//! and messages between programs.
 //!
-//! A connection is with a process, identified by its proven name. Its link may break and be made anew: then it is lost, and back.
-//! A server has connections with nodes and clients; others have one with their server, and with the nodes of their group that
-//! they need. The programs at both ends of a connection with the server may send each other any bytes.
+//! A connection is with a process, identified by its proven name. If its link breaks, the connection is lost;
+//! if the link is made anew, the connection is back. A server has connections with nodes and clients. Other
+//! processes have one with their server, and with those nodes of their group that they need. The programs at
+//! both ends of a connection with the server may send each other any bytes.
 
 mod mail;
 
@@ -18,37 +19,39 @@ use super::ending::{Cause, Ending, GIVE_UP, Reason};
 use crate::net::{PeerKey, PeerName, PeerStats};
 use crate::protocol::Program;
 
-/// How long a connection without a link is kept: as long as its process dials, as a rule.
+/// How long a connection is kept without a link: as a rule as long as its process dials.
 const KEPT: Duration = GIVE_UP;
-/// Events kept for a user who does not take them; of more, the oldest are forgotten.
+/// The number of events kept for a user who does not take them. Beyond it the oldest are dropped.
 const EVENTS: usize = 4_096;
 
-/// Untaken messages that are kept after their links' ends, by weight; of more, all are forgotten.
+/// The weight of untaken messages that are kept after the end of their links. Beyond it all of them are
+/// dropped.
 const ENDED_BYTES: u64 = 4 << 20;
 
-/// The id of a connection of this process, never given a second time.
+/// The id of a connection of this process, never used twice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ConnectionId(pub u64);
 
-/// A connection as it is now.
+/// A connection at this moment.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Connection {
     /// The id of the connection.
     pub id: ConnectionId,
-    /// Who is at the other end.
+    /// The process at the other end.
     pub who: PeerName,
-    /// Where it was when its link was made.
+    /// The address of the other end when the link was made.
     pub address: SocketAddr,
-    /// Whether there is a link; else it is waited for.
+    /// Whether there is a link now; if not, the process waits for it.
     pub is_up: bool,
-    /// How many links it has had.
+    /// The number of links that the connection has had.
     pub links: u32,
-    /// How long ago it came.
+    /// The time since the connection came.
     pub age: Duration,
-    /// Traffic over it, as of up to half a second ago.
+    /// The traffic over the connection, as of up to half a second ago.
     pub traffic: PeerStats,
-    /// Datagrams of programs that were dropped at this end: the link was full, or our program did not take them.
+    /// Datagrams of programs that were dropped at this end: the link was full or ended, or our program did
+    /// not take them.
     pub dropped: u64,
 }
 
@@ -58,7 +61,7 @@ pub struct Connection {
 pub struct ConnectionEvent {
     /// The id of the connection.
     pub id: ConnectionId,
-    /// Who is, or was, at the other end.
+    /// The process that is, or was, at the other end.
     pub who: PeerName,
     /// The change.
     pub change: ConnectionChange,
@@ -67,22 +70,22 @@ pub struct ConnectionEvent {
 /// The ways in which a connection changes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ConnectionChange {
-    /// It is new.
+    /// The connection is new.
     Came,
-    /// Its link broke, for this reason. The process waits for it.
+    /// The link broke, for this reason. The process waits for it.
     Lost(Reason),
-    /// It has a link again.
+    /// The connection has a link again.
     Back,
-    /// It is over, for this reason. Its id names nothing any more.
+    /// The connection is over, for this reason. Its id is not used again.
     Gone(Reason),
 }
 
 /// The ways in which programs' messages travel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Delivery {
-    /// Once and in order, as long as the link lasts.
+    /// Delivered once and in order, as long as the link lasts.
     Message,
-    /// May be lost, or overtaken.
+    /// May be lost or overtaken.
     Datagram,
 }
 
@@ -90,11 +93,11 @@ pub enum Delivery {
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct ProgramMessage {
-    /// The connection it came over; it may be gone by now.
+    /// The connection that the message came over; it may be gone by now.
     pub from: ConnectionId,
     /// The process that sent it.
     pub who: PeerName,
-    /// How it travelled.
+    /// The way the message travelled.
     pub delivery: Delivery,
     /// Its bytes.
     pub bytes: Vec<u8>,
@@ -103,36 +106,37 @@ pub struct ProgramMessage {
 /// The error of operations on a connection.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ConnectionError {
-    /// It is over, or never was.
+    /// The connection is over, or never existed.
     #[error("there is no such connection: it is gone; forget its id")]
     Gone,
     /// A process that is no server tried to disconnect another.
     #[error("only a server sends others away: to leave it, leave the world")]
     NotServer,
-    /// A message between two processes neither of which is the server.
+    /// The message is for a program of a process that is no server, and neither is this one.
     #[error("programs speak with the server's only: send it there, and let that pass it on")]
     NotByServer,
-    /// It has no link now.
+    /// The connection has no link now.
     #[error("the link is broken: wait until the connection is back, or gone")]
     Lost,
-    /// Over a limit.
+    /// The message is longer than the limit.
     #[error("a message of {bytes} bytes is over the limit of {limit}: send it in parts")]
     TooLong {
-        /// How long it is.
+        /// The length of the message in bytes.
         bytes: usize,
-        /// How long it may be.
+        /// The limit in bytes.
         limit: usize,
     },
-    /// The link, or the program at its other end, is behind.
+    /// The link, or the program at its other end, does not keep up.
     #[error(
         "too much waits to be sent already: the link or the program at its other end is slow; send it later"
     )]
     Full,
 }
 
-/// The connections of a running process. All clones are of the same. Its methods return at once unless they say otherwise.
+/// The connections of a running process. Clones share the same state. The methods return at once unless they
+/// say otherwise.
 ///
-/// A chat, in which the server passes each message on to all:
+/// A chat in which the server passes each message on to all:
 ///
 /// ```no_run
 /// # use dcd::runtime::{ConnectionError, Delivery, ServerProcess};
@@ -170,7 +174,7 @@ struct State {
     /// Connections that may have something to send.
     sending: BTreeSet<ConnectionId>,
     inbox: VecDeque<Received>,
-    /// Weight of the messages in the inbox whose link has ended.
+    /// Weight of the messages in the inbox whose links have ended.
     ended: u64,
     arrivals: u64,
     over: bool,
@@ -187,7 +191,7 @@ struct Entry {
     came: Instant,
     /// The key of the link, or since when there is none.
     link: Result<PeerKey, Instant>,
-    /// Traffic over former links, and over this one.
+    /// Traffic over former links, and over the present one.
     before: PeerStats,
     traffic: PeerStats,
     mail: Mail,
@@ -211,8 +215,8 @@ impl Connections {
         self.lock().events.drain(..).collect()
     }
 
-    /// Sends bytes to the program at the other end: from a server to any process, from others to the server. The world's own
-    /// messages never wait for them. What is on its way when the link breaks is lost.
+    /// Sends bytes to the program at the other end: from a server to any process, from other processes to the
+    /// server. The world's own messages never wait for them. What is on its way when the link breaks is lost.
     pub fn send(&self, id: ConnectionId, bytes: &[u8], delivery: Delivery) -> Result<(), ConnectionError> {
         let mut state = self.lock();
         let entry = state.entries.get_mut(&id).ok_or(ConnectionError::Gone)?;
@@ -227,8 +231,8 @@ impl Connections {
         Ok(())
     }
 
-    /// Takes the messages that programs have sent to this one since the last call, in order of arrival. A program that does not
-    /// take them holds their senders back.
+    /// Takes the messages that programs have sent to this one since the last call, in order of arrival. A
+    /// program that does not take its messages holds their senders back.
     pub fn take_messages(&self) -> Vec<ProgramMessage> {
         let mut state = self.lock();
         let State { entries, sending, inbox, .. } = &mut *state;
@@ -250,21 +254,23 @@ impl Connections {
         messages
     }
 
-    /// Returns how many arrivals over the network there were that concern the user; for [`Connections::wait`].
+    /// Returns the number of arrivals over the network so far that concern the user, for
+    /// [`Connections::wait`].
     pub fn arrivals(&self) -> u64 {
         self.lock().arrivals
     }
 
-    /// Waits until something has come that is not among the first `seen` arrivals, or the process's loop has ended; no longer
-    /// than `timeout`. Returns whether it came.
+    /// Waits until there are more than `seen` arrivals, or the process's loop has ended, but no longer than
+    /// `timeout`. Returns whether one of the two happened.
     pub fn wait(&self, seen: u64, timeout: Duration) -> bool {
         let nothing = |state: &mut State| state.arrivals <= seen && !state.over;
         let waited = self.shared.arrived.wait_timeout_while(self.lock(), timeout, nothing);
         !waited.unwrap_or_else(PoisonError::into_inner).1.timed_out()
     }
 
-    /// Disconnects a process from the server: it gets the reason, a node's regions are handed over first, a client's avatars wait
-    /// for its return. It may come back with a new token. [`ConnectionChange::Gone`] reports when it is gone.
+    /// Disconnects a process from the server. The process is told the reason. A node's regions are handed
+    /// over first; a client's avatars wait for its return. The process may come back with a new token.
+    /// [`ConnectionChange::Gone`] reports that it is gone.
     pub fn disconnect(&self, id: ConnectionId, reason: impl Into<String>) -> Result<(), ConnectionError> {
         if !self.shared.is_server {
             return Err(ConnectionError::NotServer);
@@ -288,7 +294,7 @@ impl Connections {
         Self { shared: Arc::new(shared) }
     }
 
-    /// Records that a link is made.
+    /// Records a new link.
     pub(super) fn linked(&self, link: PeerKey, who: PeerName, address: SocketAddr) {
         let mut state = self.lock();
         match state.of_peer.get(&who).copied() {
@@ -319,7 +325,7 @@ impl Connections {
         self.shared.arrived.notify_all();
     }
 
-    /// Records that a link broke that its process will make again, or is to.
+    /// Records that a link broke. Its process makes it again, or should.
     pub(super) fn lost(&self, link: PeerKey, reason: Reason) {
         self.lock().unlink(link, reason);
         self.shared.arrived.notify_all();
@@ -334,8 +340,8 @@ impl Connections {
         self.shared.arrived.notify_all();
     }
 
-    /// Reads the counters of all links, and forgets connections that have been without one for too long; but not a server, which
-    /// the process's loop gives up by itself.
+    /// Reads the counters of all links, and forgets connections that were without a link for too long. The
+    /// connection with a server is kept: the process's loop decides itself when to give that up.
     pub(super) fn refresh(&self, now: Instant, traffic: impl Fn(PeerKey) -> Option<PeerStats>) {
         let mut state = self.lock();
         let mut late = Vec::new();
@@ -352,7 +358,7 @@ impl Connections {
         }
     }
 
-    /// Sends waiting messages of programs, as far as there is room. Returns whether something is to be tried again soon.
+    /// Sends waiting messages of programs, as far as there is room. Returns whether to try again soon.
     pub(super) fn send_waiting(&self, mut send: impl FnMut(PeerKey, &[u8], Delivery) -> Sent) -> bool {
         let State { entries, sending, .. } = &mut *self.lock();
         sending.retain(|id| match entries.get_mut(id) {
@@ -364,7 +370,8 @@ impl Connections {
         !sending.is_empty()
     }
 
-    /// Takes in a frame from the program at the other end of a link. An error names the rule that it broke.
+    /// Takes in a frame from the program at the other end of a link. An error names the rule that the frame
+    /// broke.
     pub(super) fn heard(&self, link: PeerKey, program: Program) -> Result<(), &'static str> {
         let state = &mut *self.lock();
         let Some(&from) = state.of_link.get(&link) else { return Ok(()) };
@@ -384,7 +391,7 @@ impl Connections {
         Ok(())
     }
 
-    /// Takes the processes to be disconnected, and why. Those without a link are gone with this.
+    /// Takes the processes to disconnect, with the reasons. Connections without a link are gone at once.
     pub(super) fn take_sent_away(&self) -> BTreeMap<PeerName, String> {
         let mut state = self.lock();
         let sent_away = std::mem::take(&mut state.sent_away);
@@ -399,13 +406,13 @@ impl Connections {
         sent_away
     }
 
-    /// Wakes a waiting user: something else has come.
+    /// Wakes a waiting user, since something else has arrived.
     pub(super) fn ring(&self) {
         self.lock().arrivals += 1;
         self.shared.arrived.notify_all();
     }
 
-    /// Ends all connections: the process's loop has ended.
+    /// Ends all connections, since the process's loop has ended.
     pub(super) fn end(&self, reason: Reason) {
         let mut state = self.lock();
         for id in state.entries.keys().copied().collect::<Vec<_>>() {

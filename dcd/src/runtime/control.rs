@@ -10,9 +10,10 @@ use crate::protocol::WorldPose;
 use crate::space::BodyId;
 
 impl LocalWorld {
-    /// Returns how far a character gets that is to move by `desired_m` within one tick, by Rapier's character controller: it
-    /// slides along walls, climbs steps, keeps to the ground. `met` is called for each collider in its way. The character need be
-    /// no body of the world; if it is one, exclude it by the filter and move it by [`LocalWorld::set_next_pose`].
+    /// Returns how far a character gets if it wants to move by `desired_m` within one tick, by Rapier's
+    /// character controller: it slides along walls, climbs steps and keeps to the ground. `met` is called for
+    /// each collider in its way. The character need not be a body of the world. If it is one, exclude it by
+    /// the filter and move it by [`LocalWorld::set_next_pose`].
     ///
     /// ```
     /// # use dcd::physics::{BodyFilter, CharacterMove};
@@ -41,7 +42,7 @@ impl LocalWorld {
         Ok(self.host().move_character(character, met)?)
     }
 
-    /// Pushes the dynamic bodies that a character of this mass met on its way: `hits` are those that
+    /// Pushes the dynamic bodies that a character of this mass met on its way. `hits` are those that
     /// [`LocalWorld::move_character`] reported for the same movement.
     pub fn push_by_character(
         &mut self,
@@ -55,8 +56,8 @@ impl LocalWorld {
         Ok(self.host_mut().push_by_character(character, mass_kg, hits)?)
     }
 
-    /// Applies the forces of a vehicle's wheels to its chassis; call it before each [`LocalWorld::step`]. The wheels stand on
-    /// what the filter lets through, and never on the chassis.
+    /// Applies the forces of a vehicle's wheels to its chassis. Call it before each [`LocalWorld::step`]. The
+    /// wheels stand on the bodies that the filter admits, and never on the chassis.
     ///
     /// ```
     /// # use dcd::physics::{BodyFilter, VehicleController};
@@ -88,7 +89,8 @@ impl LocalWorld {
         Ok(self.host_mut().update_vehicle(vehicle, filter)?)
     }
 
-    /// Converts a pose of the world into the space of [`LocalWorld::body`]: what Rapier's `PidController` needs as its target.
+    /// Converts a pose from world space into the space of [`LocalWorld::body`], in which Rapier's
+    /// `PidController` needs its target.
     ///
     /// ```
     /// # use dcd::protocol::WorldPose;

@@ -1,4 +1,5 @@
-//! Computes the physics of a node: carries out the commands of its state machine on the regions that the node computes.
+//! Computes the physics of a node: carries out the commands of the node's state machine on the regions that
+//! the node computes.
 
 mod verify;
 
@@ -18,22 +19,22 @@ use crate::protocol::{
 };
 use crate::space::{BodyId, ClientId, DistributionTree, Epoch, Load, RegionId, Tick, summarised};
 
-/// The error with which the physics cannot go on.
+/// An error after which the physics cannot go on.
 #[derive(Debug, thiserror::Error)]
 pub enum DeviceError {
-    /// Bodies, shapes or threads are refused.
+    /// The host refused bodies, shapes or threads.
     #[error(transparent)]
     Host(#[from] HostError),
 }
 
-/// The regions of one node, with what it has reported of them.
+/// The regions of one node, with what was reported of them.
 pub struct PhysicsDevice {
     threads: usize,
     host: Option<RegionHost>,
     rebuilding: bool,
-    /// Rounds of the tick that are not computed yet.
+    /// The number of rounds of the present tick that are not computed yet.
     rounds_left: u32,
-    /// Questions that came with the tick.
+    /// The queries that came with the present tick.
     questions: Vec<(ClientId, Query)>,
     transfers_told: u64,
     compute_us: u32,
@@ -41,23 +42,26 @@ pub struct PhysicsDevice {
     checkpoint: Sampler,
     /// The regions that were stepped since the last report.
     stepped: BTreeSet<RegionId>,
-    /// The world of speculative ticks, computed while others are waited for: all bodies held here, in one region.
+    /// The world of speculative ticks, computed while others are waited for: all bodies held here, in one
+    /// region.
     copy: Option<RegionHost>,
-    /// Avatars that are or were held here.
+    /// Avatars of which a copy is, or was, held here.
     avatars: BTreeSet<BodyId>,
     world: Option<EnvironmentProperties>,
-    /// The pushes of the ticks for which a body may be on its way, each with its tick; none in lockstep.
+    /// The pushes of the last ticks, each with its tick, for as long as a body that they concern may be on
+    /// its way here; none in lockstep.
     pushes: Vec<(Tick, Push)>,
-    /// Bodies that are being taken over, with the tick that their records are of.
+    /// Bodies that are being taken over, each with the tick that its record is of.
     arriving: Vec<(BodyId, Epoch, Tick)>,
-    /// What other members compute and is computed once more here; `None`: it could not be.
+    /// Repeated computations of what other members compute, by the number of their run; `None` for one that
+    /// failed.
     runs: BTreeMap<u64, Option<Twin>>,
-    /// Who is told of that, if it is computed by threads of its own.
+    /// Receives the results of repeated computations that run on threads of their own.
     apart: Option<Listener>,
 }
 
 impl PhysicsDevice {
-    /// Makes physics without a world; `threads` regions are stepped at a time.
+    /// Makes a device without a world, which steps up to `threads` regions at the same time.
     pub fn new(threads: usize) -> Self {
         Self {
             threads,
@@ -89,14 +93,14 @@ impl PhysicsDevice {
         self.host.as_mut()
     }
 
-    /// Carries out one command; returns `None` when the command has no answer.
+    /// Carries out one command; returns `None` if the command has no answer.
     ///
     /// # Panics
-    /// When a command comes before [`PhysicsCommand::World`]: the state machine never does that.
+    /// If a command comes before [`PhysicsCommand::World`], which the state machine never does.
     pub fn run(&mut self, command: PhysicsCommand) -> Result<Option<PhysicsEvent>, DeviceError> {
         let start = Instant::now();
         let event = match command {
-            // What that takes is no part of what a tick here takes.
+            // Not counted in the time of this node's tick.
             PhysicsCommand::Verify { run, command } => return Ok(self.verify(run, command)),
             PhysicsCommand::World(world) => {
                 *self = Self { apart: self.apart.take(), ..Self::new(self.threads) };
@@ -191,7 +195,7 @@ impl PhysicsDevice {
         Ok(event)
     }
 
-    /// Computes a speculative tick on the copy; returns the states of its awake bodies.
+    /// Computes a speculative tick on the copy, and returns the states of its awake bodies.
     fn speculate(&mut self, ops: Vec<WorldOp>) -> Result<Vec<SharedState>, DeviceError> {
         if self.copy.is_none() {
             let world = self.world.as_ref().expect("a world comes before commands");
@@ -205,7 +209,7 @@ impl PhysicsDevice {
             let ids = host.held_bodies();
             let bodies: Vec<_> = ids.iter().filter_map(|&id| host.record(id)).collect();
             let known: BTreeSet<_> = ids.iter().copied().chain(host.scenery().map(|body| body.id)).collect();
-            // What is tied to a body that others alone hold hangs free for these ticks.
+            // A body that is tied to a body which only others hold is free during these ticks.
             let is_held = |joint: &JointRecord| known.contains(&joint.a) && known.contains(&joint.b);
             let joints: BTreeMap<_, _> = ids
                 .iter()
@@ -268,13 +272,13 @@ impl PhysicsDevice {
         }
     }
 
-    /// Accepts border messages; states of earlier ticks are extrapolated to this one.
+    /// Accepts border messages. States of earlier ticks are extrapolated to this one.
     fn hear(&mut self, tick: Tick, incoming: Vec<BorderMessage>) {
         let dt_s = self.world.as_ref().map_or(0.0, |world| f64::from(world.step.dt_s));
         for message in &incoming {
             let bodies = message.replicas.iter().map(|body| body.id);
             let transfers = message.transfers.iter().map(|transfer| transfer.body.id);
-            // Whoever had them tells of them no more, and they may sleep before the next sample here.
+            // Their former owner reports them no more, and they may fall asleep before the next sample here.
             self.report.awake.extend(transfers.clone());
             self.checkpoint.awake.extend(transfers.clone());
             self.avatars.extend(bodies.chain(transfers).filter(|id| id.client().is_some()));
@@ -290,8 +294,8 @@ impl PhysicsDevice {
         }
     }
 
-    /// Notes the pushes of a tick for as long as a body that they concern may be on its way here. What sets its velocity makes up for all
-    /// impulses before.
+    /// Remembers the pushes of a tick for as long as a body that they concern may be on its way here. An
+    /// input that sets a body's velocity replaces all impulses on it before.
     fn note_pushes(&mut self, tick: Tick, ops: &[WorldOp]) {
         let lag = self.world.as_ref().map_or(0, |world| world.protocol.lag_ticks());
         self.pushes.retain(|(at, _)| at.0 + lag > tick.0);
@@ -306,7 +310,8 @@ impl PhysicsDevice {
         }
     }
 
-    /// Pushes again what was pushed while it was on its way: it is as it was when its record was written.
+    /// Applies the pushes that came while their bodies were on the way here, after the bodies' records were
+    /// written.
     fn push_again(&mut self) {
         for (id, epoch, written) in std::mem::take(&mut self.arriving) {
             let host = self.host.as_mut().expect("a world comes before commands");
@@ -319,7 +324,7 @@ impl PhysicsDevice {
         }
     }
 
-    /// Returns the avatars of which a copy is here.
+    /// Returns the avatars of which a copy is held here.
     fn holds(&mut self) -> Vec<BodyId> {
         let host = self.host.as_ref().expect("a world comes before commands");
         let held = |id: &BodyId| host.regions().any(|region| region.handle_of(*id).is_some());
@@ -362,7 +367,7 @@ impl PhysicsDevice {
             Sampling::Nothing => BTreeSet::new(),
             _ => std::mem::take(&mut self.stepped),
         };
-        // What stays behind is where it was.
+        // Bodies of regions that were not stepped are where they were.
         let is_told = |region: &Region| report == Sampling::All || stepped.contains(&region.id());
         let report: Vec<SharedState> = self
             .report
@@ -405,7 +410,7 @@ impl PhysicsDevice {
         let answers = questions.into_iter().map(answer).collect();
         let mut regions = if self.is_scheduled() { host.region_states() } else { Vec::new() };
         if rebuilding {
-            // Nothing was stepped.
+            // A rebuild steps nothing.
             regions.iter_mut().for_each(|state| state.set_times_ms([state.step_ms, 0.0, 0.0]));
         }
         PhysicsEvent::Settled {
@@ -421,7 +426,7 @@ impl PhysicsDevice {
         }
     }
 
-    /// Returns what there is to do here, where it is summed up.
+    /// Returns the load of the regions computed here, summed up by place.
     fn load_report(&mut self) -> LoadReport {
         let host = self.world();
         let regions = host.regions().map(|region| RegionLoad {
@@ -452,19 +457,19 @@ fn host_of(
     Ok(RegionHost::new(partition, world.step.into(), threads, regions)?)
 }
 
-/// Applies world operations (insertions, removals, inputs, inter-group corrections) before a tick; every member does so with the
-/// bodies it holds. Returns the owned bodies that disappeared, as they were. What cannot be done is refused by all alike, so it
-/// is only logged.
+/// Applies world operations (insertions, removals, inputs, inter-group corrections) before a tick. Every
+/// member applies them to the bodies it holds. Returns the owned bodies that disappeared, as they were. An
+/// operation that cannot be done is refused by all members alike, so it is only logged.
 fn apply(host: &mut RegionHost, ops: Vec<WorldOp>, band_m: f64) -> Vec<BodyRecord> {
     let (mut removed, mut gone) = (Vec::new(), BTreeSet::new());
-    // Here as on nodes that hold nothing of what these concern.
+    // All regions meet, as on nodes that hold nothing of what these operations concern.
     if ops.iter().any(WorldOp::concerns_all) {
         host.meet_all();
     }
     for op in ops {
         match op {
             WorldOp::Insert { bodies, shapes, joints } => {
-                // What comes may have a shape that was to be forgotten before.
+                // The new bodies may have a shape that an operation before this one forgets.
                 host.forget_shapes(&std::mem::take(&mut gone));
                 let first = bodies.first().map(|body| body.id);
                 let known = shapes.into_iter().try_for_each(|shape| host.shapes_mut().add(shape).map(|_| ()));
@@ -490,7 +495,8 @@ fn apply(host: &mut RegionHost, ops: Vec<WorldOp>, band_m: f64) -> Vec<BodyRecor
                     warn!(?alteration, %error, "nothing is changed");
                 }
             }
-            // Done before the tick began; answered when it is over; kept when all is applied; of what is told of the tick.
+            // A repartition was done before the tick began, a query is answered when it is over, a schedule
+            // is kept when all is applied, and a watch concerns what is told of the tick.
             WorldOp::Repartition(_) | WorldOp::Ask { .. } | WorldOp::Schedule(_) | WorldOp::Watch(_) => {}
             WorldOp::Correct { tick, states } => {
                 // Poses here are those after the last tick.
@@ -499,7 +505,7 @@ fn apply(host: &mut RegionHost, ops: Vec<WorldOp>, band_m: f64) -> Vec<BodyRecor
             }
         }
     }
-    // All bodies are looked through, for many names at once.
+    // One pass over all bodies serves all names.
     host.forget_shapes(&gone);
     removed
 }
@@ -507,7 +513,7 @@ fn apply(host: &mut RegionHost, ops: Vec<WorldOp>, band_m: f64) -> Vec<BodyRecor
 /// Corrects a body towards its authoritative state in another group.
 fn lead(host: &mut RegionHost, target: &SharedState, lag_s: f64, band_m: f64) {
     let Some(BodyRecord { state, traits, .. }) = host.record(target.id) else { return };
-    // A character walks on from there by itself.
+    // A character walks on from that pose by itself.
     let walks = traits.character.is_some();
     if traits.kind == BodyKind::KinematicPosition || walks {
         let next_s = lag_s + if walks { 0.0 } else { f64::from(host.settings().dt_s) };
@@ -525,12 +531,13 @@ fn lead(host: &mut RegionHost, target: &SharedState, lag_s: f64, band_m: f64) {
     });
 }
 
-/// Counts pairs near enough to touch; counting those that do touch would visit every pair.
+/// Returns the number of pairs near enough to touch. Counting those that do touch would visit every pair.
 fn contact_pairs(world: &PhysicsWorld) -> u32 {
     world.narrow_phase.contact_graph().interactions().count() as u32
 }
 
-/// The bodies that were awake at the last sample, or came since, so that falling asleep is reported once.
+/// The bodies that were awake at the last sample, or have come since, so that falling asleep is reported
+/// once.
 #[derive(Default)]
 struct Sampler {
     awake: BTreeSet<BodyId>,

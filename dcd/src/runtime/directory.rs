@@ -1,5 +1,5 @@
-//! Opens the directory that a server keeps its world in, with the authority of that world: in its data folder, or in etcd, where
-//! servers that stand by have them too.
+//! Opens the directory in which a server keeps its world, and the authority of that world: in the data
+//! folder, or in etcd, where standby servers find them too.
 
 #[cfg(feature = "etcd")]
 mod etcd;
@@ -19,18 +19,19 @@ pub(super) use self::lock::FolderLock;
 pub(crate) use self::lock::{is_served, is_there};
 pub use self::redb::RedbDirectory;
 
-/// What a server holds for as long as it serves a world.
+/// What a server holds while it serves a world.
 pub(super) struct Opened {
     pub(super) directory: Box<dyn Directory>,
     pub(super) authority: Arc<Authority>,
-    /// Of a folder whose world is elsewhere.
+    /// The lock of the data folder, if the world is stored elsewhere.
     pub(super) folder_lock: Option<FolderLock>,
 }
 
-/// Asks whether to wait on, with why it waits, for people, and whether it stands by for another server.
+/// Decides whether to keep waiting, from the reason in words, and from whether the server is a standby.
 pub(crate) type GoesOn<'a> = &'a mut dyn FnMut(&str, bool) -> bool;
 
-/// Opens what the configuration names. In etcd this waits until no other server holds the world; `None`: it was not to wait on.
+/// Opens the directory that the configuration names. In etcd this waits until no other server holds the
+/// world. Returns `None` if `goes_on` ended the wait.
 pub(super) fn open(config: &ServeConfig, goes_on: GoesOn<'_>) -> Result<Option<Opened>, ProcessError> {
     match &config.directory {
         None => in_folder(&config.data, config.fresh).map(Some),
@@ -50,14 +51,14 @@ fn in_folder(folder: &Path, fresh: bool) -> Result<Opened, ProcessError> {
 
 #[cfg(feature = "etcd")]
 fn in_etcd(address: &str, config: &ServeConfig, goes_on: GoesOn<'_>) -> Result<Option<Opened>, ProcessError> {
-    // Without its options from here on: it is for people.
+    // From here on the address is without its options, since people read it.
     let (options, address) = (address, etcd::EtcdAddress::shown(address));
     let options = etcd::EtcdAddress::parse(options).map_err(|range| malformed(address, range))?;
     let mut world = etcd::EtcdWorld::at(options)?;
     let authority =
         Authority::load_or_adopt(&config.data, |own| world.authority(own).map_err(ProcessError::from))?;
     let authority = Arc::new(authority);
-    // For people, and unlike all others.
+    // A name for people to read, different for each server.
     let number = u64::from_be_bytes(crate::net::random()?);
     let holder = format!("{} (process {}, {number:016x})", config.listen, std::process::id());
     let (mut stood_by, mut is_away, mut is_taken) = (false, false, false);
@@ -113,7 +114,7 @@ fn malformed(address: &str, range: &'static str) -> ProcessError {
 #[cfg(not(feature = "etcd"))]
 fn in_etcd(address: &str, _: &ServeConfig, _: GoesOn<'_>) -> Result<Option<Opened>, ProcessError> {
     let range = "this dcd was built without the feature `etcd`: build it with that, as cargo install --features cli,etcd";
-    // Nothing before an @, where somebody may have written a password, and no options.
+    // Drops what comes before an @, where somebody may have written a password, and the options.
     let place = address.rsplit('@').next().unwrap_or_default();
     let value = place.split('?').next().unwrap_or_default().to_owned();
     Err(WorldError::Setting { what: "directory", value, range }.into())

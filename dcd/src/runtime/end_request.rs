@@ -1,4 +1,5 @@
-//! Ends a stored world from outside its server: a request in the data folder, which a running server obeys.
+//! Ends a stored world from outside its server: by a request in the data folder, which a running server
+//! obeys.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -9,26 +10,26 @@ use crate::cluster::directory::{Batch, Directory, DirectoryError};
 
 /// The file that asks the server of a data folder to end its world.
 const REQUEST: &str = "end-request";
-/// How often a server looks for it.
+/// How often a server looks for a request.
 const LOOK: Duration = Duration::from_millis(200);
-/// How often the other side looks whether the server is done.
+/// How often the asking process looks whether the server has ended.
 const LOOK_AGAIN: Duration = Duration::from_millis(20);
 
-/// The request as its server sees it.
+/// The requests, as their server sees them.
 pub(super) struct EndRequests {
     path: PathBuf,
     looked: Instant,
 }
 
 impl EndRequests {
-    /// Forgets a request to a former server of this folder.
+    /// Looks for requests in this folder from now on, and removes one that was made to a former server.
     pub(super) fn of(folder: &Path) -> Self {
         let path = folder.join(REQUEST);
         let _ = std::fs::remove_file(&path);
         Self { path, looked: Instant::now() }
     }
 
-    /// Returns whether there is one, and takes it away.
+    /// Returns whether there is a request, and removes it. Looks no more often than every [`LOOK`].
     pub(super) fn take(&mut self) -> bool {
         if self.looked.elapsed() < LOOK {
             return false;
@@ -38,22 +39,23 @@ impl EndRequests {
     }
 }
 
-/// How a stored world was ended.
+/// The outcome of ending a stored world.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WorldEnd {
-    /// No server ran: it is removed from the folder.
+    /// No server ran: the world was removed from the folder.
     Removed,
-    /// Its server ended it for all, and has stopped.
+    /// The server has ended the world for all, and has stopped.
     ByServer,
-    /// The folder keeps no world.
+    /// The folder stores no world.
     Nothing,
-    /// Its server has been told, and has not ended it in time.
+    /// The server took the request, but did not end the world in time.
     Underway,
-    /// Its server has not taken the request in time, which is withdrawn: the world goes on.
+    /// The server did not take the request in time. The request is withdrawn, and the world goes on.
     Unheard,
 }
 
-/// Ends the world of a data folder: by its server, which is waited for, or, where none runs, by removing what is stored in the folder.
+/// Ends the world of a data folder. A running server ends it, which this waits for; if none runs, this
+/// removes the world that is stored in the folder.
 pub fn end_world(folder: &Path, timeout: Duration) -> Result<WorldEnd, DirectoryError> {
     let begun = Instant::now();
     let path = folder.join(REQUEST);
@@ -61,11 +63,11 @@ pub fn end_world(folder: &Path, timeout: Duration) -> Result<WorldEnd, Directory
     loop {
         if !is_served(folder)? {
             if asked {
-                // One that came when the server was ending already.
+                // Removes a request that came when the server was ending already.
                 let _ = std::fs::remove_file(&path);
             }
             match (remove(folder), asked) {
-                // By a server that has just started.
+                // A server has just started.
                 (Err(DirectoryError::Taken { .. }), _) => continue,
                 (Err(error), _) => return Err(error),
                 (Ok(true), _) => return Ok(WorldEnd::Removed),
@@ -75,11 +77,13 @@ pub fn end_world(folder: &Path, timeout: Duration) -> Result<WorldEnd, Directory
         }
         heard |= asked && !path.exists();
         if begun.elapsed() >= timeout {
-            // Else a server that is slow would end its world when nobody expects that any more.
+            // Withdraws the request: otherwise a slow server would end its world when nobody expects that any
+            // more.
             heard |= asked && std::fs::remove_file(&path).is_err();
             return Ok(if heard { WorldEnd::Underway } else { WorldEnd::Unheard });
         }
-        // Once more if it is taken: a server that was just starting takes it for one to the server before.
+        // Asks again if the request was taken: a server that was just starting removes it as one to a former
+        // server.
         if asked && path.exists() {
             std::thread::sleep(LOOK_AGAIN);
             continue;
@@ -92,7 +96,8 @@ pub fn end_world(folder: &Path, timeout: Duration) -> Result<WorldEnd, Directory
     }
 }
 
-/// Removes the world that is stored in a folder; returns whether there was one, as where its server died meanwhile.
+/// Removes the world that is stored in a folder. Returns whether there was one: there is if its server died
+/// meanwhile.
 fn remove(folder: &Path) -> Result<bool, DirectoryError> {
     if !is_there(&folder.join("world.redb"))? {
         return Ok(false);

@@ -1,5 +1,5 @@
-//! Defines why a link or a connection ended: a code for the program at the other end, a cause for this one's user, words for
-//! people.
+//! Defines why a link or a connection ended: a close code for the program at the other end, a cause for this
+//! process's user, and a text for people.
 
 use std::time::Duration;
 
@@ -7,7 +7,7 @@ use super::ProcessError;
 use crate::net::CloseCode;
 use crate::protocol::Farewell;
 
-/// How long a client waits for a broken link, if nobody says otherwise. A server that is started again is back by then.
+/// How long a client waits for a broken link by default. A server that is started again is back by then.
 pub(super) const GIVE_UP: Duration = Duration::from_secs(30);
 
 /// The reason for which a link is ended on purpose.
@@ -23,13 +23,13 @@ pub(super) enum Ending {
     WorldEnded,
     /// The peer takes in too little; it may dial again.
     TooSlow,
-    /// The peer dialled again before the former link was found dead, or it is there twice.
+    /// The peer dialled again before its former link was found dead, or two processes use its identity.
     Superseded,
-    /// A node is not in the other's group any more.
+    /// The node is not in the other node's group any more.
     NotAMember,
-    /// A node does not lead the client's group any more.
+    /// The node does not lead the client's group any more.
     NotTheLeader,
-    /// The peer sent what it may not.
+    /// The peer sent what it must not send.
     BrokeRule,
 }
 
@@ -56,7 +56,7 @@ impl Ending {
         Self::ALL.into_iter().find(|ending| ending.code() == code)
     }
 
-    /// Returns the cause as reported to the user of the connection.
+    /// Returns the cause that is reported to the user of the connection.
     pub(super) fn cause(self) -> Cause {
         match self {
             Self::Left => Cause::Left,
@@ -69,7 +69,7 @@ impl Ending {
         }
     }
 
-    /// Returns a text for people, where there is nothing more to say.
+    /// Returns a text for people, for an ending that needs no further explanation.
     pub(super) fn words(self) -> &'static str {
         match self {
             Self::Left => "it has left",
@@ -104,28 +104,28 @@ impl From<Farewell> for Ending {
 /// The reason for which a connection is lost or gone.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Reason {
-    /// For programs.
+    /// The cause, for programs.
     pub cause: Cause,
-    /// For people.
+    /// The text, for people.
     pub text: String,
 }
 
 /// The reason as one word, for programs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cause {
-    /// Its process left at its own user's request, or this one did.
+    /// The process at the other end left at its own user's request, or this process did.
     Left,
-    /// The server's user disconnected it, or this process.
+    /// The server's user disconnected the process at the other end, or this process.
     SentAway,
-    /// Nothing is received from it.
+    /// Nothing is received from the other end.
     Broken,
-    /// One of the two broke a rule of the protocol, or is not who the other expects.
+    /// One of the two ends broke a rule of the protocol, or is not the process that the other expects.
     Refused,
     /// The world has ended.
     WorldEnded,
-    /// A newer link, or another process with the same identity, took its place.
+    /// A newer link, or another process with the same identity, took the connection's place.
     Replaced,
-    /// It reads too slowly.
+    /// The other end reads too slowly.
     Slow,
     /// The connection is no longer needed: the node left the group, or does not lead it any more.
     Unneeded,
@@ -138,7 +138,7 @@ impl Reason {
         Self { cause, text: text.into() }
     }
 
-    /// Returns the reason that the end of this process's loop means for its connections.
+    /// Returns the reason that the end of this process's loop gives for the end of its connections.
     pub(super) fn of_end(end: &Result<(), ProcessError>) -> Self {
         let cause = match end {
             Ok(()) => return Self::new(Cause::Left, "this process has left"),

@@ -15,19 +15,19 @@ use crate::space::TreeError;
 /// The error of a server, node, client or participant. Each message names cause and remedy.
 #[derive(Debug, thiserror::Error)]
 pub enum ProcessError {
-    /// The network.
+    /// An error of the network.
     #[error(transparent)]
     Net(#[from] NetError),
-    /// The stored directory, which outlives the server.
+    /// An error of the stored directory, which outlives the server.
     #[error(transparent)]
     Directory(#[from] DirectoryError),
     /// The token is malformed or for another role.
     #[error(transparent)]
     Token(#[from] TokenError),
-    /// The physics.
+    /// An error of the physics.
     #[error(transparent)]
     Device(#[from] DeviceError),
-    /// The regions cannot be as asked.
+    /// The regions cannot be made as asked.
     #[error(transparent)]
     Tree(#[from] TreeError),
     /// The recording cannot be written.
@@ -38,31 +38,31 @@ pub enum ProcessError {
         /// The system's reason.
         cause: std::io::Error,
     },
-    /// Nobody can be told how the process is.
+    /// The metrics endpoint cannot be opened.
     #[error(
         "cannot answer for metrics at {address}: {cause}; give a free address of this machine, or port 0 for any"
     )]
     Metrics {
-        /// Where.
+        /// The address asked for.
         address: SocketAddr,
         /// The system's reason.
         cause: std::io::Error,
     },
-    /// The world cannot be as asked.
+    /// The world cannot be made as asked.
     #[error(transparent)]
     World(#[from] WorldError),
-    /// A body or shape of the scene.
+    /// A body or shape of the scene cannot be used.
     #[error(transparent)]
     Shape(#[from] ShapeError),
-    /// A body of the scene.
+    /// A body of the scene cannot be inserted.
     #[error(transparent)]
     Host(#[from] HostError),
-    /// An identity of another role than the process is to have.
+    /// The identity has another role than the process needs.
     #[error("this identity is of a {has}, the process is to be a {needs}: join with a token of that role")]
     Role {
-        /// What it is.
+        /// The role of the identity.
         has: JoinRole,
-        /// What it should be.
+        /// The role that the process needs.
         needs: JoinRole,
     },
     /// The server, or the network, ended the process's link.
@@ -70,37 +70,37 @@ pub enum ProcessError {
         "the link to the server at {server} is gone ({reason}); start the server again and join with a new token"
     )]
     ServerGone {
-        /// Where it was.
+        /// The address of the server.
         server: SocketAddr,
-        /// As the network or the server put it.
+        /// The reason in the words of the network or the server.
         reason: String,
     },
-    /// The server was waited for, and did not come back.
+    /// The server did not come back in the time that the process waits for it.
     #[error(
         "the server at {server} has been out of reach for {} s ({reason}); start it again with its --data and --listen, and \
          this process with a new token, or a node with its --identity; --give-up lets it wait longer",
         waited.as_secs_f64()
     )]
     GivenUp {
-        /// Where it was.
+        /// The address of the server.
         server: SocketAddr,
-        /// How long we waited.
+        /// How long the process waited.
         waited: Duration,
-        /// As the network put it last.
+        /// The network's last reason.
         reason: String,
     },
-    /// The server is there, and the node that leads the client's group is out of reach.
+    /// The server is there, but the node that leads the client's group is out of reach.
     #[error(
         "the node at {leader}, which tells this client of the world, has been out of reach for {} s ({reason}); let UDP through to \
          it, or start it with --advertise and an address that is reached from here; --give-up lets this process wait longer",
         waited.as_secs_f64()
     )]
     LeaderUnreachable {
-        /// Where it is, as its server says.
+        /// The leader's address, as its server says.
         leader: SocketAddr,
-        /// How long we waited.
+        /// How long the process waited.
         waited: Duration,
-        /// As the network put it last.
+        /// The network's last reason.
         reason: String,
     },
     /// Another process with the same identity took its place.
@@ -109,15 +109,15 @@ pub enum ProcessError {
          an identity file of its own (--identity), and start this one again if it was the right one"
     )]
     Superseded {
-        /// Where the server is.
+        /// The address of the server.
         server: SocketAddr,
     },
     /// The server ended this node.
     #[error("the server at {server} ended this node: {reason}")]
     Evicted {
-        /// Where it is.
+        /// The address of the server.
         server: SocketAddr,
-        /// Its words, with cause and remedy.
+        /// The server's words, with cause and remedy.
         reason: String,
     },
     /// The server's user disconnected the process.
@@ -125,9 +125,9 @@ pub enum ProcessError {
         "the server at {server} sent this process away ({reason}); join with a new token, if it gives one"
     )]
     SentAway {
-        /// Where it is.
+        /// The address of the server.
         server: SocketAddr,
-        /// Its user's words.
+        /// The words of the server's user.
         reason: String,
     },
     /// The user asked to leave, and the server did not release the process in time.
@@ -136,76 +136,76 @@ pub enum ProcessError {
          go on from the last checkpoint"
     )]
     NotReleased {
-        /// Where it is.
+        /// The address of the server.
         server: SocketAddr,
-        /// How long we waited.
+        /// How long the process waited.
         waited: Duration,
     },
-    /// The world did not come in time.
+    /// The world was not received in time.
     #[error(
         "the server at {server} did not tell the whole world within {waited:?}: it or the link is slow; wait longer"
     )]
     Timeout {
-        /// Where it is.
+        /// The address of the server.
         server: SocketAddr,
-        /// How long we waited.
+        /// How long the process waited.
         waited: Duration,
     },
-    /// The server did not say how its world is.
+    /// The server did not report the state of its world in time.
     #[error("the server at {server} has not answered within {waited:?}: it or the link is slow; ask again")]
     NoStatus {
-        /// Where it is.
+        /// The address of the server.
         server: SocketAddr,
-        /// How long we waited.
+        /// How long the process waited.
         waited: Duration,
     },
-    /// The server or leader said no.
+    /// The server or leader refused.
     #[error(transparent)]
     Refused(#[from] Refusal),
-    /// The process's own thread is gone.
+    /// The process's own thread has ended.
     #[error("this process has left the world already; join anew")]
     Stopped,
     /// The process has ended; the cause was reported before.
     #[error("{0}")]
     Ended(String),
-    /// The world was ended for all its servers; this one stood by.
+    /// The world was ended for all its servers while this one stood by.
     #[error("the world has ended while this server stood by; started again it would begin the world anew")]
     WorldEnded,
     /// A backup cannot be written. The world runs on.
     #[error("cannot write a backup to {}: {cause}; name a folder that is not there yet, where the server's user may make one", folder.display())]
     Backup {
-        /// The folder that was to be made.
+        /// The folder that the backup was to be written to.
         folder: PathBuf,
-        /// What the system said.
+        /// The system's reason.
         cause: String,
     },
     /// A stored world cannot be resumed.
     #[error(transparent)]
     Restore(#[from] crate::cluster::RestoreError),
-    /// The nodes did not say in time what they own.
+    /// The nodes did not report in time what they own.
     #[error("the nodes have not said within {} s what they own; save again, or see the server's log for who hangs", waited.as_secs())]
     NotSaved {
-        /// How long we waited.
+        /// How long the server waited.
         waited: Duration,
     },
-    /// A saved world is stepped otherwise than the one that is to become it.
+    /// A saved world is stepped in another way than the world that it should replace.
     #[error(
         "the saved world has ticks of {} s and gravity {:?}, and this one ticks of {} s and gravity {:?}: serve the saved one \
          as a world of its own",
         theirs.0, theirs.1, ours.0, ours.1
     )]
     OtherSteps {
-        /// Its tick, seconds, and its gravity, m/s².
+        /// The saved world's tick, seconds, and its gravity, m/s².
         theirs: (f32, [f32; 3]),
-        /// Those of the served world.
+        /// The served world's tick and gravity.
         ours: (f32, [f32; 3]),
     },
-    /// Something of a saved world cannot travel.
+    /// A part of a saved world cannot be sent to nodes.
     #[error("the saved world has a {field} that cannot be sent to nodes: {rule}")]
     Unservable {
         /// The field.
         field: &'static str,
-        /// What it must be.
+        /// The rule that its value breaks.
         rule: &'static str,
     },
     /// Members that are not in lockstep cannot use a coupling with consensus.
@@ -213,7 +213,7 @@ pub enum ProcessError {
         "members that run ahead of one another (--lag) agree by `owner` only, not by `{coupling}`: add --coupling owner"
     )]
     Lag {
-        /// What was asked for.
+        /// The coupling that was asked for.
         coupling: &'static str,
     },
     /// An internal error (a bug).
@@ -227,7 +227,8 @@ pub enum ProcessError {
 }
 
 impl ProcessError {
-    /// Returns the error for who asks once more: in the same words, and what a bug or a disk has done as such.
+    /// Returns this error to report it once more: in the same words, and of the same kind if a bug or a disk
+    /// caused it.
     pub(crate) fn again(&self) -> Self {
         match self {
             Self::Fault => Self::Fault,

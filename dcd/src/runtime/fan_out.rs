@@ -1,9 +1,11 @@
 //! Tells clients the states of bodies on a thread of its own, so that no tick waits for it.
 //!
-//! Its inbox is bounded: of the ticks that wait there, but for a few, the newest states alone remain, of guesses the newest, and of what each
-//! client acknowledges the newest some dozens. So whatever clients cost, they are told less often, and the world goes on. What a leader tells its
-//! relay is all read, and in order; it tells no more than a bound before that is so. What is sent goes to the network's thread by a few links at a time, so
-//! that what members tell each other does not wait behind the states for all clients.
+//! Its inbox is bounded. Beyond a few waiting ticks only the newest states are kept; of guesses (states of
+//! speculative ticks) only the newest one, and of each client's acknowledgements the newest few dozen. So
+//! whatever clients cost, they are told less often, and the world goes on. A relay's thread reads all that
+//! its leader tells it, in order; the leader tells it no more than a bound before it hears that all was read.
+//! States are given to the network's thread for a few links at a time, so that messages between members do
+//! not wait behind the states for all clients.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError, RwLock};
@@ -17,56 +19,63 @@ use crate::net::{Datagrams, PeerKey};
 use crate::protocol::{self, Heard, Lane, Message, Stamp, ToClient, ToRelay};
 use crate::space::{ClientId, Tick};
 
-/// Acknowledgements of a client that may wait, of the newest: one that keeps to the rules gathers them for 10 ms each. An acknowledgement is not
-/// made again, and who seems to acknowledge nothing is told little, so that no client may push out those of another.
+/// The most acknowledgements of a client that wait; beyond it the oldest are dropped. A client that keeps to
+/// the rules gathers each of them for 10 ms. The bound is per client, so that no client pushes out those of
+/// another: acknowledgements are not sent again, and a client that seems to acknowledge nothing is told
+/// little.
 const HEARD: usize = 64;
 
-/// Ticks that may wait as they are. This thread makes one of them; where it is farther behind, who computes the world does.
+/// The most ticks that wait as they are. This thread merges them into one. If it is farther behind, the loop
+/// that computes the world merges further ones.
 const TICKS: usize = 4;
 
-/// Bytes of states from a leader that may wait at its relay. An honest leader tells no more than a fraction before it hears that all was read; of
-/// another's what is beyond is dropped, and nothing that follows can be read.
+/// The most bytes of states from a leader that wait at its relay. An honest leader sends no more than a
+/// fraction of this before it hears that all was read. What another sends beyond is dropped, and nothing that
+/// follows can be read.
 const FED: usize = 64 << 20;
 
-/// The clients that are told before the network's thread has had its turn. Each costs that thread some 20 µs.
+/// The number of clients that are told before the network's thread gets its turn. Each costs that thread some
+/// 20 µs.
 const CLIENTS_AT_ONCE: usize = 8;
 
-/// States of a speculative tick are sent only if at most this many bytes of datagrams wait on their link: they are worth nothing when they arrive
-/// late, and authoritative states would wait behind them.
+/// States of a speculative tick are sent only if at most this many bytes of datagrams wait on their link.
+/// They are worth nothing when they arrive late, and authoritative states would wait behind them.
 const GUESSES_WAITING: usize = 8 << 10;
 
-/// The links of a process by the peers at their other ends.
+/// The links of a process, by the peers at their other ends.
 pub(super) type Keys = Arc<RwLock<BTreeMap<Peer, PeerKey>>>;
 
 /// What the thread sends with.
 pub(super) struct Outlet {
-    /// Over which links.
+    /// The links to send over.
     pub(super) keys: Keys,
-    /// The network.
+    /// The network's datagrams.
     pub(super) datagrams: Datagrams,
     /// Counts what was sent.
     pub(super) sent: Arc<Mutex<Received>>,
 }
 
-/// A message that goes another way than by a datagram: for a client in this process, or one that must arrive, as all between leaders and relays.
+/// A message that does not go by datagram: for a client in this process, or one that must arrive, as all
+/// messages between leaders and relays.
 pub(super) struct Told {
     pub(super) to: Peer,
     pub(super) message: Message,
 }
 
-/// Gives the thread what clients acknowledge.
+/// Hands acknowledgements of clients to the thread.
 #[derive(Clone, Default)]
 pub(super) struct Ear(Arc<Inbox>);
 
 impl Ear {
-    /// Gives it an acknowledgement of a client. It counts for what is told next, which is after a tick: the thread is not woken for it.
+    /// Hands over an acknowledgement of a client. It counts for what is told next, which is after a tick; so
+    /// the thread is not woken for it.
     pub(super) fn hear(&self, client: ClientId, heard: Heard) {
         let mut all = lock(&self.0.heard);
         let now = all.newest;
         all.push(client, heard, now);
     }
 
-    /// Returns the same at a leader.
+    /// Returns an ear of a thread at a leader.
     #[cfg(test)]
     pub(super) fn of_leader() -> Self {
         let ear = Self::default();
@@ -81,14 +90,14 @@ impl Ear {
     }
 }
 
-/// The thread that tells clients; it ends when this is dropped.
+/// The thread that tells clients. It ends when this is dropped.
 pub(super) struct FanOut {
     inbox: Arc<Inbox>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl FanOut {
-    /// Starts the thread; what it does not send itself it gives to `tell`, which must not wait.
+    /// Starts the thread. What the thread does not send itself it gives to `tell`, which must not wait.
     pub(super) fn start(outlet: Outlet, tell: impl Fn(Told) + Send + 'static) -> std::io::Result<Self> {
         let inbox = Arc::new(Inbox::default());
         let from = Arc::clone(&inbox);
@@ -99,7 +108,8 @@ impl FanOut {
                 let mut events = teller.read(&mut replication, events);
                 make_one_tick(&mut events);
                 for event in events {
-                    // To tell all clients what was taken before it takes long: by now it may have come true.
+                    // Telling all clients of the events before it takes long: by now the guess may be out of
+                    // date.
                     let is_guess = matches!(event, ReplicationEvent::Speculative { .. });
                     if !is_guess || !from.lock().outdates_guesses() {
                         teller.handle(&mut replication, event);
@@ -110,17 +120,17 @@ impl FanOut {
         Ok(Self { inbox, thread: Some(thread) })
     }
 
-    /// Returns what gives it acknowledgements.
+    /// Returns the ear by which the thread gets acknowledgements.
     pub(super) fn ear(&self) -> Ear {
         Ear(self.inbox.clone())
     }
 
-    /// Gives it events; returns at once, and whether the thread lives.
+    /// Gives the thread events, without waiting. Returns whether the thread lives.
     pub(super) fn handle(&self, events: Vec<ReplicationEvent>) -> bool {
         if !events.is_empty() {
             let mut waiting = self.inbox.lock();
             events.into_iter().for_each(|event| waiting.push(event));
-            // Whoever wakes takes the lock.
+            // Released first: the thread takes the lock when it wakes.
             drop(waiting);
             self.inbox.changed.notify_one();
         }
@@ -144,17 +154,17 @@ struct Inbox {
     heard: Arc<Mutex<Acknowledged>>,
 }
 
-/// The acknowledgements of each client, each with the newest tick then.
+/// The acknowledgements of each client, each with the tick that was the newest when it came.
 type AllHeard = BTreeMap<ClientId, VecDeque<(Heard, Tick)>>;
 
-/// Keeps what clients acknowledged. It has a lock of its own, which is taken after the other, if both are: the network's thread puts it there, and does not
-/// wait until ticks have been made one.
+/// The acknowledgements that wait. They have a lock of their own, so that the network's thread, which adds
+/// them, does not wait while ticks are merged. If both locks are taken, this one is taken last.
 #[derive(Default)]
 struct Acknowledged {
     of: AllHeard,
-    /// The newest tick that is complete.
+    /// The newest complete tick.
     newest: Tick,
-    /// Whether this process leads: what clients acknowledge to others lies here for nobody.
+    /// Whether this process leads. If not, nobody here needs what clients acknowledge to others.
     leads: bool,
 }
 
@@ -172,7 +182,7 @@ impl Acknowledged {
 
 #[derive(Default)]
 struct Waiting {
-    /// All but acknowledgements, which wake nobody.
+    /// All events but acknowledgements, which wake nobody.
     events: VecDeque<ReplicationEvent>,
     heard: Arc<Mutex<Acknowledged>>,
     over: bool,
@@ -195,20 +205,21 @@ impl Inbox {
         lock(&self.waiting)
     }
 
-    /// Waits for an event and takes all; `None` when there is none and no more will come.
+    /// Waits for an event, and takes all; `None` when there is none and no more will come.
     fn take(&self) -> Option<VecDeque<ReplicationEvent>> {
         let nothing = |waiting: &mut Waiting| waiting.events.is_empty() && !waiting.over;
         let mut waiting =
             self.changed.wait_while(self.lock(), nothing).unwrap_or_else(PoisonError::into_inner);
         let (events, heard) = waiting.take();
-        // Who computes the world waits for the lock, and does not for what all clients acknowledged to be put in order.
+        // Released first: the loop that computes the world waits for this lock, and need not wait for the
+        // sorting too.
         drop(waiting);
         (!events.is_empty()).then(|| in_order(events, heard))
     }
 }
 
 impl Waiting {
-    /// Takes all.
+    /// Takes all events and acknowledgements.
     fn take(&mut self) -> (VecDeque<ReplicationEvent>, AllHeard) {
         (std::mem::take(&mut self.events), std::mem::take(&mut lock(&self.heard).of))
     }
@@ -226,7 +237,7 @@ impl Waiting {
             ReplicationEvent::Heard { client, heard, now } => {
                 return lock(&self.heard).push(client, heard, now);
             }
-            // A later guess, or what came true, says all that an earlier guess does.
+            // A later guess, or an authoritative tick, says all that an earlier guess does.
             ReplicationEvent::Speculative { .. } => {
                 self.drop_guesses();
                 event
@@ -246,7 +257,7 @@ impl Waiting {
                 }
                 ReplicationEvent::ByLeader(message)
             }
-            // What was said before says less.
+            // It includes what the node said before.
             ReplicationEvent::Fed { node, .. } => {
                 let is_of = |event: &ReplicationEvent| matches!(event, ReplicationEvent::Fed { node: of, .. } if *of == node);
                 self.events.retain(|event| !is_of(event));
@@ -273,8 +284,8 @@ impl Waiting {
         self.events.push_back(event);
     }
 
-    /// What the ticks that wait say of a client's former link would come after what follows, and what came over that acknowledges what counts no
-    /// more.
+    /// Drops what waits about a client's former link. Its interests in waiting ticks would be applied after
+    /// what follows, and acknowledgements that came over that link are about what does not count any more.
     fn begins_anew(&mut self, client: ClientId) {
         lock(&self.heard).of.remove(&client);
         for waiting in &mut self.events {
@@ -288,7 +299,7 @@ impl Waiting {
         }
     }
 
-    /// Returns whether what waits says all that a guess does which was taken before.
+    /// Returns whether what waits now outdates a guess that was taken before.
     fn outdates_guesses(&self) -> bool {
         let is_newer = |event: &ReplicationEvent| {
             !matches!(
@@ -302,7 +313,7 @@ impl Waiting {
         self.over || self.events.iter().any(is_newer)
     }
 
-    /// Returns the bytes of states that wait here, at a relay.
+    /// Returns the bytes of states that wait at a relay.
     fn fed_bytes(&self) -> usize {
         let bytes = |event: &ReplicationEvent| match event {
             ReplicationEvent::ByLeader(ToRelay::News(news)) => news.states.len(),
@@ -321,13 +332,13 @@ impl Waiting {
         self.events.retain(|event| !is_guess(event));
     }
 
-    /// Nothing more will come.
+    /// Records that nothing more will come.
     fn end(&mut self) {
         self.over = true;
         self.stop();
     }
 
-    /// This process leads no more: what is still told are states that came true.
+    /// Ends leading: from now on only authoritative states are told, and acknowledgements are dropped.
     fn stop(&mut self) {
         self.drop_guesses();
         let mut heard = lock(&self.heard);
@@ -335,7 +346,7 @@ impl Waiting {
         heard.of.clear();
     }
 
-    /// Takes the last tick that waits, if as many do as may.
+    /// Takes the last tick that waits, if [`TICKS`] of them do.
     fn take_tick(&mut self) -> Option<TickNews> {
         let is_tick = |event: &ReplicationEvent| matches!(event, ReplicationEvent::Tick(_));
         if self.events.iter().filter(|event| is_tick(event)).count() < TICKS {
@@ -367,7 +378,7 @@ fn in_order(mut events: VecDeque<ReplicationEvent>, heard: AllHeard) -> VecDeque
     events
 }
 
-/// Makes one of all ticks, in the place of the last: of each body the newest state alone counts.
+/// Merges all ticks into one, in the place of the last one: of each body only the newest state counts.
 fn make_one_tick(events: &mut VecDeque<ReplicationEvent>) {
     let mut left = events.iter().filter(|event| matches!(event, ReplicationEvent::Tick(_))).count();
     let mut all: Option<TickNews> = None;
@@ -393,14 +404,16 @@ struct Teller<T> {
     tell: T,
     /// The newest batch of states given to the link of each client.
     batches: BTreeMap<ClientId, u32>,
-    /// Over which link each client is told: of a new one the loop hears first, and states that are meant for the old one would mislead it.
+    /// The link over which each client is told. The loop hears of a new link first; states that are meant for
+    /// the former link would mislead the client.
     links: BTreeMap<ClientId, PeerKey>,
-    /// How many clients were told since the network's thread had its turn.
+    /// The number of clients that were told since the network's thread had its turn.
     sent: usize,
 }
 
 impl<T: Fn(Told)> Teller<T> {
-    /// Reads what the leader tells its relay, and returns what is to be handled in its place. A replication that begins does so at once.
+    /// Reads what the leader tells its relay, and returns the events to handle in its place. The beginning of
+    /// a replication is handled at once.
     fn read(
         &mut self,
         replication: &mut Option<Box<StateReplication>>,
@@ -452,14 +465,15 @@ impl<T: Fn(Told)> Teller<T> {
         let Some(key) = key else {
             return (self.tell)(Told { to, message: Message::ToClient(client, message) });
         };
-        // A client's own link is made anew with it, and begins anew; that of the node whose user it is breaks and comes back in the same view.
+        // A client's own link that is made anew begins anew, with a new admission. The link of the node whose
+        // user the client is may break and come back within a view.
         if matches!(to, Peer::Client(_)) && *self.links.entry(client).or_insert(key) != key {
             return;
         }
         if let ToClient::CompactStates { part, .. } = &message
             && self.batches.insert(client, part.batch) != Some(part.batch)
         {
-            // What is still waiting as the next batch is given to the link.
+            // Takes in how much still waits as the next batch is given to the link.
             replication.hear_backlog(client, self.outlet.datagrams.waiting(key));
             self.take_turns();
         }
@@ -478,7 +492,7 @@ impl<T: Fn(Told)> Teller<T> {
         }
     }
 
-    /// Lets the network's thread have its turn after every few clients.
+    /// Gives the network's thread its turn after every few clients.
     fn take_turns(&mut self) {
         self.sent += 1;
         if self.sent == CLIENTS_AT_ONCE {

@@ -1,4 +1,4 @@
-//! Sets a user's contact hooks in a local world, and the threads that compute it.
+//! Sets a user's contact hooks in a local world, and the threads that compute the world.
 
 use std::sync::Arc;
 
@@ -7,9 +7,9 @@ use super::local::LocalWorld;
 use crate::physics::{ContactHooks, Tasks};
 
 impl LocalWorld {
-    /// Sets the contact hooks that are called from now on; `None` removes them. They are called for colliders with Rapier's
-    /// `ActiveHooks`, which travel with these; the hooks themselves do not: a served world has none, and a restored world has
-    /// them once they are set again.
+    /// Sets the contact hooks that are called from now on; `None` removes them. They are called for colliders
+    /// with Rapier's `ActiveHooks`. These flags travel with the colliders, but the hooks do not: a served
+    /// world has none, and a restored world has none until they are set again.
     ///
     /// ```
     /// # use std::sync::Arc;

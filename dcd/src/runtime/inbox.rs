@@ -1,7 +1,8 @@
 //! Holds what a process's loop has still to take in: events of the network, inputs of the user, and wakes.
 //!
-//! The network's thread puts events here itself, so that one thread less is woken for each. They do not wait for room: what each peer
-//! may have here is bounded by its share. A user's inputs are bounded in number, and who gives more waits.
+//! The network's thread puts events here itself, so that no further thread is woken for them. Events do not
+//! wait for room: each peer's share bounds what it may have here. A user's inputs are bounded in number; a
+//! user who gives more waits.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, RecvTimeoutError};
@@ -13,13 +14,13 @@ use super::ProcessError;
 /// The most inputs of the user that wait.
 pub(super) const INPUTS: usize = 4_096;
 
-/// The end at which the loop takes.
+/// The end from which the loop takes entries.
 pub(super) struct Inbox<T> {
     entries: mpsc::Receiver<Entry<T>>,
     state: Arc<State>,
 }
 
-/// An end at which others give.
+/// An end into which other threads put entries.
 pub(super) struct InboxSender<T> {
     entries: mpsc::Sender<Entry<T>>,
     state: Arc<State>,
@@ -33,7 +34,7 @@ enum Entry<T> {
 
 #[derive(Default)]
 struct State {
-    /// How many inputs wait; `None` once the loop has ended.
+    /// The number of inputs that wait; `None` once the loop has ended.
     inputs: Mutex<Option<usize>>,
     taken: Condvar,
     /// Whether a wake waits.
@@ -48,7 +49,7 @@ pub(super) fn inbox<T>() -> (InboxSender<T>, Inbox<T>) {
 }
 
 impl<T> InboxSender<T> {
-    /// Gives an input of the user, when there is room for one.
+    /// Adds an input of the user, once there is room for one.
     pub(super) fn send(&self, input: T) -> Result<(), ProcessError> {
         let inputs = self.state.inputs.lock().unwrap_or_else(PoisonError::into_inner);
         let is_full = |inputs: &mut Option<usize>| inputs.is_some_and(|inputs| inputs >= INPUTS);
@@ -57,7 +58,7 @@ impl<T> InboxSender<T> {
         self.entries.send(Entry::Input(input)).map_err(|_| ProcessError::Stopped)
     }
 
-    /// Gives an event, which does not wait. Returns whether the loop still takes any.
+    /// Adds an event, without waiting. Returns whether the loop still takes entries.
     pub(super) fn tell(&self, event: T) -> bool {
         self.entries.send(Entry::Event(event)).is_ok()
     }
@@ -70,7 +71,7 @@ impl<T> InboxSender<T> {
     }
 }
 
-// By hand: a derived one would ask that what is given can be cloned.
+// Implemented by hand: a derived one would require that `T` can be cloned.
 impl<T> Clone for InboxSender<T> {
     fn clone(&self) -> Self {
         Self { entries: self.entries.clone(), state: self.state.clone() }
@@ -83,7 +84,7 @@ impl<T> Inbox<T> {
         self.entries.recv_timeout(timeout).map(|entry| self.opened(entry))
     }
 
-    /// Returns what is there.
+    /// Returns the entries that are there, without waiting.
     pub(super) fn try_iter(&self) -> impl Iterator<Item = T> + '_ {
         self.entries.try_iter().map(|entry| self.opened(entry))
     }
@@ -98,7 +99,7 @@ impl<T> Inbox<T> {
                 input
             }
             Entry::Wake(wake) => {
-                // Before what it was woken for is looked at: what comes meanwhile wakes again.
+                // Cleared before the loop looks at its work: work that comes meanwhile wakes it again.
                 self.state.is_woken.store(false, Ordering::Release);
                 wake
             }
@@ -130,7 +131,7 @@ mod tests {
         });
         let none = tells.recv_timeout(Duration::from_millis(50));
         assert!(none.is_err(), "there is no room");
-        // An event needs none.
+        // An event needs no room.
         assert!(sender.tell(7));
         assert_eq!(inbox.try_iter().next(), Some(0));
         assert_eq!(tells.recv(), Ok(true));

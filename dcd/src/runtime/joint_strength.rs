@@ -1,4 +1,4 @@
-//! Compares what joints bear with the strengths that their user gave them.
+//! Compares the loads of joints with the strengths that their user gave them.
 
 use std::collections::BTreeMap;
 
@@ -7,34 +7,36 @@ use serde::{Deserialize, Serialize};
 use crate::physics::RegionHost;
 use crate::space::JointId;
 
-/// An event: a joint bore more than its strength in the last step ([`World::set_joint_strength`](crate::World::set_joint_strength)).
+/// A joint that bore more than its strength in the last step
+/// ([`World::set_joint_strength`](crate::World::set_joint_strength)).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct JointOverload {
-    /// Which joint.
+    /// The joint.
     pub joint: JointId,
-    /// The force on its locked axes, newtons.
+    /// The force on the joint's locked axes, newtons.
     pub force_n: f32,
-    /// The torque on its locked axes, newton metres.
+    /// The torque on the joint's locked axes, newton metres.
     pub torque_n_m: f32,
 }
 
-/// The strengths of joints, and which of them were not strong enough in the last step.
+/// The strengths of joints, and the joints that bore more than that in the last step.
 #[derive(Clone, Default, Serialize, Deserialize)]
 pub(super) struct Strengths {
-    /// Newtons and newton metres.
+    /// The strengths in newtons and newton metres.
     by_joint: BTreeMap<JointId, [f32; 2]>,
     overloads: Vec<JointOverload>,
-    /// Joints of bodies that were awake when it looked last, and joints whose strength was set since: perhaps more than once.
+    /// Joints of bodies that were awake at the last look, and joints whose strength was set since. Some may
+    /// be there more than once.
     #[serde(skip)]
     due: Vec<JointId>,
-    /// How many joints there were when it looked at all.
+    /// The number of joints with a strength at the last look at all of them.
     #[serde(skip)]
     swept: usize,
 }
 
 impl Strengths {
-    /// Sets the strength of a joint; infinite is none.
+    /// Sets the strength of a joint; two infinite values remove it.
     pub(super) fn set(&mut self, joint: JointId, force_n: f32, torque_n_m: f32) {
         if force_n.is_infinite() && torque_n_m.is_infinite() {
             self.by_joint.remove(&joint);
@@ -48,7 +50,8 @@ impl Strengths {
         &self.overloads
     }
 
-    /// Compares what joints bore in the last step with their strengths, in id order. A joint of bodies that sleep bears what it bore.
+    /// Compares what joints bore in the last step with their strengths, in id order. A joint of bodies that
+    /// sleep bears what it bore when they fell asleep.
     pub(super) fn look(&mut self, host: &RegionHost) {
         let before = std::mem::take(&mut self.overloads);
         if self.by_joint.is_empty() {
@@ -57,7 +60,7 @@ impl Strengths {
         let mut due = std::mem::replace(&mut self.due, host.awake_joints().collect());
         due.extend_from_slice(&self.due);
         due.extend(before.iter().map(|overload| overload.joint));
-        // Those that are gone are forgotten now and then.
+        // Looking at all of them forgets those that are gone.
         if due.len() >= self.by_joint.len() || self.by_joint.len() > 2 * self.swept {
             self.look_at_all(host);
             return;
@@ -84,7 +87,8 @@ impl Strengths {
     }
 }
 
-/// Returns whether a joint bears more than its strength; `None` where it is gone with one of its bodies, or was removed.
+/// Returns the load of a joint if it is above its strength (`Some(None)` if not), or `None` if the joint was
+/// removed, by itself or with one of its bodies.
 fn overload(host: &RegionHost, joint: JointId, strength: [f32; 2]) -> Option<Option<JointOverload>> {
     #[cfg(test)]
     tests::LOOKS.set(tests::LOOKS.get() + 1);
@@ -109,7 +113,7 @@ mod tests {
         pub(super) static LOOKS: Cell<usize> = const { Cell::new(0) };
     }
 
-    /// A hundred balls that hang by joints, in eight regions; the first is too heavy for its joint.
+    /// Makes a hundred balls that hang by joints, in eight regions. The first is too heavy for its joint.
     fn hung() -> (LocalWorld, Vec<JointId>) {
         let cuts = [-30.0, -20.0, -10.0, 0.0, 10.0, 20.0, 30.0].map(|at| (Axis::X, at));
         let config =
@@ -144,7 +148,7 @@ mod tests {
     fn of_joints_that_sleep_those_alone_are_looked_at_that_bear_too_much() {
         let (mut world, joints) = hung();
         assert_eq!(step(&mut world), (1, vec![joints[0]]));
-        // Of others the strength is set, or the body is woken.
+        // For another joint the strength is set, and for a third one its body is woken.
         world.set_joint_strength(joints[7], 1.0, f32::INFINITY).unwrap();
         assert_eq!(step(&mut world), (2, vec![joints[0], joints[7]]));
         let ball = world.joint(joints[20]).unwrap().b;

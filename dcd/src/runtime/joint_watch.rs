@@ -1,4 +1,4 @@
-//! Watches joints of a local world: tells of those that bear more than their strength.
+//! Watches the joints of a local world: reports those that bear more than their strength.
 
 use super::config::WorldError;
 use super::joint_strength::JointOverload;
@@ -6,8 +6,8 @@ use super::local::LocalWorld;
 use crate::space::JointId;
 
 impl LocalWorld {
-    /// Sets the force and torque above which a joint is told of after each step that it bears them in; infinite for never, as at
-    /// first.
+    /// Sets the force (newtons) and torque (newton metres) above which a joint is reported, after each step
+    /// in which it bears more. Infinite means never, as at first.
     pub fn set_joint_strength(
         &mut self,
         joint: JointId,
@@ -44,7 +44,7 @@ mod tests {
     use crate::runtime::{Partitioning, WorldConfig};
     use crate::space::{Axis, BodyId};
 
-    /// A ball of a tonne that hangs by a joint a metre below a fixed one, above x = `at`.
+    /// Makes a ball of a tonne that hangs by a joint a metre below a fixed one, which is at x = `at`.
     fn hung(cuts: Vec<(Axis, f64)>, at: f32) -> (LocalWorld, BodyId, JointId) {
         let config =
             WorldConfig { partitioning: Partitioning::Cuts(cuts), threads: 1, ..WorldConfig::default() };
@@ -113,7 +113,7 @@ mod tests {
                 } else {
                     world.update(ball, more).unwrap();
                 }
-                // Another one beside it is solved with as many as ever.
+                // Another joint beside it is solved with as many iterations as before.
                 let beside = RigidBodyBuilder::dynamic().translation(Vector::new(at + 5.0, 9.0, 0.0));
                 let beside = world.insert(beside, ColliderBuilder::ball(0.3).mass(1000.0)).unwrap();
                 let nail = RigidBodyBuilder::fixed().translation(Vector::new(at + 5.0, 10.0, 0.0));
@@ -131,7 +131,7 @@ mod tests {
                 }
                 world.set_joint_strength(joint, 9_000.0, f32::INFINITY).unwrap();
                 assert_eq!(steps(&mut world, 3).len(), 3);
-                // Asleep its joint keeps the impulse of the step in which it fell asleep.
+                // When its bodies sleep, the joint keeps the impulse of the step in which they fell asleep.
                 steps(&mut world, 240);
                 assert!(world.body(ball).unwrap().is_sleeping());
                 assert_eq!(steps(&mut world, 3).len(), 3);

@@ -1,15 +1,17 @@
-//! Maps the cluster's peers to network links: encodes and decodes messages, chooses lanes, and queues what must wait for a link.
+//! Maps the cluster's peers to network links: encodes and decodes messages, chooses lanes, and queues
+//! messages that must wait for a link.
 //!
-//! **A peer that reads slowly** costs bounded memory, and then loses its link; it can dial again. Beside what QUIC and the lanes
-//! hold ([`protocol::link`]), there waits here
+//! **A peer that reads slowly** costs bounded memory, and then loses its link; it can dial again. Besides
+//! what QUIC and the lanes hold ([`protocol::link`]), the following may wait here:
 //! - for a server, a node or a participant: a whole world, since a view change may move all of it;
-//! - for a client: a whole world while it receives its first snapshot, [`CHANGES_BYTES`] of what comes, goes and changes in it
-//!   later, but for avatars, and nothing otherwise;
-//! - for no peer anything, once it has taken in nothing for [`STUCK`] while its link was up;
-//! - for all players together, who take in the world, [`WORLDS_BYTES`] and one world: who greets then waits its turn.
+//! - for a client: a whole world while it receives its first snapshot; later [`CHANGES_BYTES`] of what
+//!   appears, goes or changes in the world, except avatars; otherwise nothing;
+//! - for a peer that has taken in nothing for [`STUCK`] while its link was up: nothing;
+//! - for all players that are receiving the world, together: [`WORLDS_BYTES`] and one world. Further
+//!   greetings wait their turn.
 //!
-//! States, which go in datagrams, never wait: the oldest are dropped. What a tick waits for is sent twice over links that lose packets
-//! ([`repeats`](super::repeats)).
+//! States go in datagrams and never wait: the oldest are dropped. A message that a tick waits for is sent
+//! twice over links that lose packets ([`repeats`](super::repeats)).
 
 use std::collections::{BTreeMap, VecDeque};
 use std::net::SocketAddr;
@@ -30,43 +32,45 @@ use crate::space::{ClientId, NodeId};
 
 /// The most bytes that may wait for a peer: a world, and what happens in it meanwhile.
 pub(super) const WORLD_BYTES: usize = 256 << 20;
-/// The most bytes that wait for a client of what others build.
+/// The most bytes of what others build that may wait for a client.
 const CHANGES_BYTES: usize = 16 << 20;
-/// From so many bytes on that wait for players, others who greet are not told the world yet: that many come at once and read nothing costs
-/// no more than this and one world.
+/// Once this many bytes wait for players, further greetings wait before they are answered with the world. So
+/// many players that come at once and read nothing cost no more than this and one world.
 const WORLDS_BYTES: usize = 32 << 20;
-/// While others wait to be told the world, a player that takes in nothing for this long is given up.
+/// While greetings wait, a player that takes in nothing for this long is given up.
 const PRESSED: Duration = Duration::from_secs(2);
-/// Who greets waits no longer than this: others may take in the world as slowly as they please.
+/// A greeting waits no longer than this, however slowly others take in the world.
 const LONGEST_WAIT: Duration = Duration::from_secs(5);
 /// A peer that takes in nothing for this long, though something waits for it, is given up.
 const STUCK: Duration = Duration::from_secs(10);
-/// So many bytes are something: who takes in a few at a time does not keep a world waiting for it.
+/// The fewest bytes that count as taking something in: a peer that reads a few bytes at a time does not keep
+/// a world waiting for it.
 const LEAST_READ: usize = 16 << 10;
 
-/// A program's datagram is sent only if at most this many bytes of datagrams wait on its link: states go first.
+/// A program's datagram is sent only if at most this many bytes of datagrams wait on its link: states go
+/// first.
 const PROGRAM_DATAGRAMS_WAITING: usize = 8 << 10;
 
-/// How often the user's traffic counters are refreshed, of as many links as there are clients.
+/// How often the user's traffic counters are refreshed. There may be many links: one per client.
 const COUNT: Duration = Duration::from_millis(400);
-/// How often it is seen what links to nodes lose.
+/// How often the losses of links to nodes are counted.
 const COUNT_LOSSES: Duration = Duration::from_millis(100);
 
 /// A message is repeated only if at most this many bytes of datagrams wait on its link.
 const REPEATS_WAITING: usize = 8 << 10;
 
-/// What a client is receiving beside what each tick brings.
+/// What a client is receiving besides the messages of each tick.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Told {
-    /// The world's first snapshot.
+    /// The first snapshot of the world.
     World,
-    /// The same, of which the last message waits for it or was sent.
+    /// The first snapshot, whose last message waits for the client or was sent.
     WorldEnd,
-    /// What has changed in the world since.
+    /// Changes of the world after the snapshot.
     Changes,
 }
 
-/// A greeting of a client that waits for others to take in the world.
+/// A greeting of a client that waits while others take in the world.
 struct Greeting {
     key: PeerKey,
     since: Instant,
@@ -77,15 +81,15 @@ struct Greeting {
 #[derive(Debug)]
 #[expect(clippy::large_enum_variant, reason = "an event lives for one call")]
 pub(super) enum LinkEvent {
-    /// A link is up; the name that the other end has proved.
+    /// A link is up. The name is the one that the other end has proved.
     Connected(Peer, PeerName),
     /// A link is gone, or could not be made.
     Disconnected {
-        /// The peer at its other end.
+        /// The peer at the other end.
         peer: Peer,
-        /// Why this process or the other ended it, if one did.
+        /// The reason for which this process or the other ended the link, if one did.
         ending: Option<Ending>,
-        /// What is known of the cause, for people.
+        /// The cause as far as known, for people.
         text: String,
     },
     /// A message that could be decoded and that its sender may send.
@@ -103,22 +107,22 @@ pub(super) struct Links {
     names: BTreeMap<PeerKey, PeerName>,
     dialled: BTreeMap<PeerKey, Peer>,
     waiting: BTreeMap<Peer, Waiting>,
-    /// What clients are receiving beside what each tick brings.
+    /// What clients are receiving besides the messages of each tick.
     told: BTreeMap<Peer, Told>,
     given_up: Vec<LinkEvent>,
-    /// Greetings of players that wait for others to take in the world.
+    /// Greetings of players that wait while others take in the world.
     greetings: VecDeque<Greeting>,
     world_bytes: usize,
     worlds_bytes: usize,
     repeats: Repeats,
     received: Received,
-    /// What was taken past this process's loop.
+    /// Messages that were taken past this process's loop.
     received_beside: Arc<Mutex<Received>>,
     sent: Received,
-    /// What the thread that tells clients has sent.
+    /// Messages that the thread that tells clients has sent.
     sent_to_clients: Arc<Mutex<Received>>,
     malformed: u64,
-    /// Whether this process sends to a participant as a client too: only the server does.
+    /// Whether this process is the server, which alone sends to a participant also as a client.
     is_server: bool,
 }
 
@@ -126,9 +130,10 @@ pub(super) struct Links {
 struct Waiting {
     frames: VecDeque<(crate::net::Lane, Vec<u8>)>,
     bytes: usize,
-    /// When something was last taken in, or began to wait for a link that is up.
+    /// When the link last took something in, or something began to wait for a link that is up.
     since: Option<Instant>,
-    /// Bytes that the link had still to take in then of what it was given: a frame may be a shape of 15.5 MiB.
+    /// The bytes given to the link that it had still to take in at that moment. A frame may hold a shape of
+    /// 15.5 MiB.
     on_link: usize,
 }
 
@@ -166,7 +171,7 @@ impl Links {
         Outlet { keys, datagrams: self.net.datagrams(), sent }
     }
 
-    /// Returns what counts messages that are taken past this process's loop.
+    /// Returns the counter of messages that are taken past this process's loop.
     pub(super) fn received_beside(&self) -> Arc<Mutex<Received>> {
         self.received_beside.clone()
     }
@@ -183,17 +188,17 @@ impl Links {
         self.keys.write().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Returns the traffic over all links; where there are many, as it was when it was asked for before.
+    /// Returns the traffic over all links. If there are many links, it is that of an earlier call.
     pub(super) fn totals(&self) -> NetTotals {
         self.net.counted().totals
     }
 
-    /// Returns the same as it is now.
+    /// Returns the traffic over all links as it is now.
     pub(super) fn totals_now(&self) -> NetTotals {
         self.net.totals()
     }
 
-    /// Returns all that is counted here, beside that of the network.
+    /// Returns all that is counted here, together with the network's counters.
     pub(super) fn all_totals(&self, net: NetTotals) -> LinkTotals {
         let waiting_bytes = self.waiting.values().map(|waiting| waiting.bytes as u64).sum();
         let (received, &Self { mut sent, malformed, .. }) = (self.received(), self);
@@ -201,14 +206,14 @@ impl Links {
         LinkTotals { net, received, sent, waiting_bytes, malformed }
     }
 
-    /// Returns what has come, by what it is about.
+    /// Returns the messages received, by subject.
     pub(super) fn received(&self) -> Received {
         let mut received = self.received;
         received.add(&self.received_beside.lock().unwrap_or_else(PoisonError::into_inner));
         received
     }
 
-    /// Dials a peer at one of these addresses; the outcome comes as an event.
+    /// Dials a peer at one of these addresses. The outcome comes as an event.
     pub(super) fn dial(&mut self, peer: Peer, addrs: &[SocketAddr]) {
         let expected = match peer {
             Peer::Server => PeerName::Server,
@@ -219,7 +224,7 @@ impl Links {
         self.dialled.insert(key, peer);
     }
 
-    /// Sends a message, now or when the link is there and has room.
+    /// Sends a message, now or when there is a link with room for it.
     pub(super) fn send(&mut self, to: Peer, message: &Message) {
         let bytes = protocol::encode(message);
         self.sent.count(message.subject(), bytes.len());
@@ -236,7 +241,7 @@ impl Links {
                 }
                 crate::net::Lane::Client
             }
-            // What a relay is told waits behind no dispatch, and no dispatch behind that.
+            // Messages to relays and dispatches of ticks must not wait for each other.
             Lane::Control
                 if matches!(message, Message::ToClient(..) | Message::FromClient(..) | Message::Relay(_)) =>
             {
@@ -248,7 +253,7 @@ impl Links {
         match message {
             Message::ToClient(_, ToClient::Welcome { .. }) => drop(self.told.insert(to, Told::World)),
             Message::ToClient(_, ToClient::WorldEnd) => drop(self.told.insert(to, Told::WorldEnd)),
-            // Another builds: that nobody can foresee, nor ask for less of it.
+            // Somebody else builds. The client can neither foresee that nor ask for less of it.
             Message::ToClient(_, message) if message.changes_world() => {
                 self.told.entry(to).or_insert(Told::Changes);
             }
@@ -259,7 +264,8 @@ impl Links {
         self.forget_told(to);
     }
 
-    /// Forgets that a client was receiving more than ticks bring, once it has taken the last of that in.
+    /// Forgets what a client was receiving besides the messages of ticks, once it has taken in the last of
+    /// it.
     fn forget_told(&mut self, to: Peer) {
         if !self.waiting.contains_key(&to) && self.told.get(&to).is_some_and(|told| *told != Told::World) {
             self.told.remove(&to);
@@ -278,7 +284,7 @@ impl Links {
             self.count_losses();
         }
         while let Some((to, bytes)) = self.repeats.due(now) {
-            // A link that is full loses packets by itself.
+            // Not repeated over a full link: it loses packets because it is full.
             let key = self.key(to).filter(|&key| self.net.datagrams_waiting(key) <= REPEATS_WAITING);
             if let Some(key) = key
                 && let Err(error) = self.net.send_datagram(key, bytes)
@@ -335,7 +341,7 @@ impl Links {
         }
     }
 
-    /// Sends waiting messages of programs, as far as there is room. Returns whether something is to be tried again soon.
+    /// Sends waiting messages of programs, as far as there is room. Returns whether to try again soon.
     fn send_programs(&mut self) -> bool {
         let Self { connections, net, sent, .. } = self;
         connections.send_waiting(|link, frame, delivery| {
@@ -357,19 +363,20 @@ impl Links {
         })
     }
 
-    /// Returns whether a peer is a client or a participant, whose processes are their users'.
+    /// Returns whether a peer is a client or a participant, whose process belongs to its user.
     fn is_player(&self, peer: Peer) -> bool {
         let who = self.key(peer).and_then(|key| self.names.get(&key));
         who.is_some_and(|who| who.client().is_some())
     }
 
-    /// Returns how many bytes wait for players, of which most are worlds.
+    /// Returns how many bytes wait for players. Most of them are worlds.
     fn worlds_waiting(&self) -> usize {
         let of = |(&peer, waiting): (&Peer, &Waiting)| if self.is_player(peer) { waiting.bytes } else { 0 };
         self.waiting.iter().map(of).sum()
     }
 
-    /// Lets a client's greeting wait while much waits for players already: who greets is told the world. Of those of one client the last counts.
+    /// Lets a client's greeting wait while much already waits for players, since the answer to it is the
+    /// world. Of several greetings of one client the last counts.
     fn in_turn(&mut self, key: PeerKey, who: PeerName, event: LinkEvent, now: Instant) -> Vec<LinkEvent> {
         let is_greeting = matches!(event, LinkEvent::Message { message: Message::Hello(_), .. });
         if !self.is_server || !is_greeting || !matches!(who, PeerName::Client(_) | PeerName::Builder(_)) {
@@ -385,7 +392,8 @@ impl Links {
         Vec::new()
     }
 
-    /// Takes the greeting that has waited longest, if there is room by now for the world that it will be answered with.
+    /// Takes the greeting that has waited longest, if there is room by now for the world that answers it, or
+    /// if it has waited for too long.
     pub(super) fn next_greeting(&mut self, now: Instant) -> Option<LinkEvent> {
         let Self { greetings, names, .. } = self;
         greetings.retain(|greeting| names.contains_key(&greeting.key));
@@ -396,12 +404,12 @@ impl Links {
         self.greetings.pop_front().map(|greeting| greeting.event)
     }
 
-    /// Takes the events of links that ended here, for our own state machines.
+    /// Takes the events of links that ended here, for this process's own state machines.
     pub(super) fn take_given_up(&mut self) -> Vec<LinkEvent> {
         let given_up = std::mem::take(&mut self.given_up);
         for event in &given_up {
             if let LinkEvent::Disconnected { peer, .. } = event {
-                // Queued before we ended it.
+                // Drops messages that were queued after the link had ended.
                 self.waiting.remove(peer);
             }
         }
@@ -436,8 +444,9 @@ impl Links {
         self.close(peer, ending, ending.words());
     }
 
-    /// Ends a link after what was sent has arrived, with a text of the caller's. Our own state machines hear of it from the others behind it: a
-    /// participant is gone as a node and as a client.
+    /// Ends a link after what was sent has arrived, with the caller's text. The end of other peers behind the
+    /// link is reported to this process's own state machines: a participant is gone both as a node and as a
+    /// client.
     pub(super) fn close(&mut self, peer: Peer, ending: Ending, words: &str) {
         let who = self.key(peer).and_then(|key| self.names.get(&key).copied());
         let mut others = who.map(|who| self.peers_of(who)).unwrap_or_default();
@@ -446,7 +455,7 @@ impl Links {
         self.given_up.extend(gone(others, Some(ending), words));
     }
 
-    /// Does so where all behind it are known to be gone.
+    /// Does the same without such a report.
     fn cut(&mut self, peer: Peer, ending: Ending, words: &str) {
         self.waiting.remove(&peer);
         self.told.remove(&peer);
@@ -489,7 +498,8 @@ impl Links {
                 for &peer in &peers {
                     let former = self.keys_mut().insert(peer, key);
                     if let Some(former) = former {
-                        // What waits was for the former link, of which some is lost: whoever is back is told all anew.
+                        // Messages that wait were meant for the former link, over which some were lost. A
+                        // peer that is back is told everything anew.
                         self.waiting.remove(&peer);
                         self.told.remove(&peer);
                         self.names.remove(&former);
@@ -501,7 +511,8 @@ impl Links {
             }
             NetEvent::ConnectFailed { peer: key, error } => {
                 let Some(peer) = self.dialled.remove(&key) else { return Vec::new() };
-                // Of a peer that was forgotten and came back another attempt may be under way, or have made a link: the outcome is that one's.
+                // The peer was forgotten and came back: another attempt is under way, or has made a link, and
+                // its outcome counts.
                 if self.key(peer).is_some() || self.dialled.values().any(|other| *other == peer) {
                     return Vec::new();
                 }
@@ -566,7 +577,7 @@ impl Links {
                     CloseCause::ByUs | CloseCause::Violation => (None, Cause::Refused),
                 };
                 let meant = Reason::new(meant, reason.clone());
-                // A peer that is dialled again comes back; our server is, until it is given up.
+                // A peer that dials again comes back. The server is dialled again, until it is given up.
                 match cause == CloseCause::TimedOut
                     || ending == Some(Ending::TooSlow)
                     || who == PeerName::Server
@@ -586,7 +597,7 @@ impl Links {
         }
     }
 
-    /// Lets a process that has joined in by a new token only, from now on; it is told why.
+    /// Bars a process that has joined: it may come back by a new token only, and is told the reason.
     pub(super) fn bar(&self, who: PeerName, reason: String) {
         self.net.bar(who, reason);
     }
@@ -607,7 +618,8 @@ impl Links {
                 }
             }
         } else if order_kept && self.is_server {
-            // The server only answers; other processes may still be dialled by the peer, and wait for that.
+            // The server only answers. Other processes may still be dialled by the peer, so their messages
+            // wait for that.
             debug!(?to, "no link to send over");
             return;
         }
@@ -632,7 +644,8 @@ impl Links {
         }
     }
 
-    /// Returns the sender of a message: a participant sends to the server both as node and as client over one link.
+    /// Returns the sender of a message. A participant sends to the server both as node and as client, over
+    /// one link.
     fn sender(&self, who: PeerName, message: &Message) -> Peer {
         let node = |node: NodeId| Peer::Node(node);
         let is_own = |client: ClientId| {
@@ -649,18 +662,19 @@ impl Links {
     }
 }
 
-/// Returns whether a node greets for a client that its certificate does not name: whatever that client asked would be believed of it.
+/// Returns whether a node's greeting names a client that its certificate does not name. All that this client
+/// asked would be believed of the node.
 fn speaks_for_another(who: PeerName, message: &Message) -> bool {
     let Message::Hello(Hello { role: JoinAs::Node { client, .. }, .. }) = message else { return false };
     who.node().is_some() && *client != who.client()
 }
 
-/// Returns whether a message may come in a datagram, before others that were sent earlier.
+/// Returns whether a message may come in a datagram, before messages that were sent earlier.
 fn may_overtake(message: &Message) -> bool {
     message.lane() == Lane::State || is_awaited(message)
 }
 
-/// Returns the events that the end of a link means for the peers behind it.
+/// Returns the events of a link's end for the peers behind it.
 fn gone(peers: Vec<Peer>, ending: Option<Ending>, text: &str) -> Vec<LinkEvent> {
     let event = |peer| LinkEvent::Disconnected { peer, ending, text: text.to_owned() };
     peers.into_iter().map(event).collect()

@@ -1,4 +1,4 @@
-//! Computes a whole world in this process: every region, on the threads of one machine.
+//! Computes a whole world in this process: all regions, on the threads of one machine.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -28,26 +28,28 @@ use crate::space::{
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Stats {
-    /// Ticks done.
+    /// The number of ticks done.
     pub ticks: u64,
-    /// Movable bodies.
+    /// The number of movable bodies.
     pub bodies: usize,
-    /// Copies of bodies held by regions that do not own them.
+    /// The number of ghosts: copies of bodies in regions that do not own them.
     pub replicas: usize,
-    /// Bodies that changed owner.
+    /// The number of changes of owner since the beginning.
     pub transfers: u64,
-    /// Wall time of the last step.
+    /// The wall time of the last step: in a local world that of the tick, in a client of taking in what
+    /// arrived, in a node of its last tick; 0 in a server.
     pub last_step: Duration,
-    /// Copies that Rapier set aside in the last step because their state was not finite.
+    /// The number of copies that Rapier set aside in the last step because their state was not finite.
     pub quarantined: usize,
-    /// Exchanges of the last tick, the most of any border; 0 in a world of one region.
+    /// The number of exchanges of the last tick, of the border that had most; 0 in a world of one region.
     pub exchanges: usize,
-    /// Disagreement of the copies of shared bodies at the worst border in the last tick, summed over its exchanges, m/s: an
-    /// estimate of the error that borders make. 0 with `owner` and `proxy`, which have no consensus.
+    /// The disagreement of the copies of shared bodies at the worst border in the last tick, summed over its
+    /// exchanges, m/s: an estimate of the error that borders make. 0 with the couplings `owner` and `proxy`,
+    /// which have no consensus.
     pub disagreement_m_s: f32,
 }
 
-/// One rigid-body world, computed by one Rapier world per region.
+/// A rigid-body world that this process computes, with one Rapier world per region.
 ///
 /// ```
 /// use dcd::runtime::{LocalWorld, WorldConfig};
@@ -75,7 +77,7 @@ pub struct LocalWorld {
     pub(super) why: Why,
     pub(super) strengths: Strengths,
     pub(super) tape: Option<Box<Tape>>,
-    /// Its own, by which it knows its checkpoints.
+    /// An identity by which the world knows its own checkpoints.
     pub(super) identity: Arc<()>,
 }
 
@@ -113,7 +115,8 @@ impl LocalWorld {
         })
     }
 
-    /// Makes a world with everything that a scene holds: its body `i` becomes `BodyId::persistent(i)`.
+    /// Makes a world with everything that a scene holds. The scene's body `i` becomes
+    /// `BodyId::persistent(i)`.
     pub fn from_scene(scene: &Scene, config: WorldConfig) -> Result<Self, WorldError> {
         let tree = config.tree_of(scene)?;
         let mut world = Self::with_tree(config, tree)?;
@@ -141,7 +144,8 @@ impl LocalWorld {
         self.insert_at(pose, body, [collider])
     }
 
-    /// Inserts a body with any number of colliders at a pose of world space, which replaces the body's own position.
+    /// Inserts a body with any number of colliders at a pose of world space, which replaces the body's own
+    /// position.
     pub fn insert_at(
         &mut self,
         pose: WorldPose,
@@ -151,7 +155,7 @@ impl LocalWorld {
         self.insert_as(None, pose, &body.into(), colliders.as_ref())
     }
 
-    /// Inserts a body, which may walk or drive by itself.
+    /// Inserts a body, which may be a character or a vehicle.
     pub(crate) fn insert_as(
         &mut self,
         controller: Option<Controller<'_>>,
@@ -164,7 +168,8 @@ impl LocalWorld {
         self.insert_record(record.with_controller(controller))
     }
 
-    /// Inserts a body with one collider as it is to be recorded, given the name of its shape.
+    /// Inserts a body with one collider from the parts of its record; `traits` makes its traits from the hash
+    /// of its shape.
     pub(crate) fn insert_recorded(
         &mut self,
         state: BodyState,
@@ -179,7 +184,7 @@ impl LocalWorld {
         self.insert_record(BodyRecord { id, epoch: Epoch(0), state, traits, user_data })
     }
 
-    /// Inserts the body that is the next.
+    /// Inserts a body whose id is the next one.
     fn insert_record(&mut self, record: BodyRecord) -> Result<BodyId, WorldError> {
         let id = record.id;
         let next = self.next_body.checked_add(1).ok_or(WorldError::Full)?;
@@ -201,7 +206,8 @@ impl LocalWorld {
         if done { Ok(()) } else { Err(WorldError::NoBody(body)) }
     }
 
-    /// Takes back the bodies that were inserted last, since the last step, as if they had never been: their ids are given again.
+    /// Takes back the bodies that were inserted last, since the last step, as if they had never been there.
+    /// Their ids are used again.
     pub(crate) fn take_back(&mut self, bodies: &[BodyId]) -> Result<(), WorldError> {
         bodies.iter().try_for_each(|&body| self.remove(body))?;
         self.next_body = bodies.first().map_or(self.next_body, |first| first.index());
@@ -218,8 +224,8 @@ impl LocalWorld {
         self.tie(a, b, &joint.into(), None)
     }
 
-    /// Makes body `b` a link of the multibody of `a` (Featherstone's reduced coordinates, as Rapier's multibody joints): the
-    /// joint cannot come apart.
+    /// Makes body `b` a link of the multibody of `a` (Featherstone's reduced coordinates, as Rapier's
+    /// multibody joints). The joint cannot come apart.
     pub fn insert_multibody_joint(
         &mut self,
         a: BodyId,
@@ -239,13 +245,14 @@ impl LocalWorld {
         Ok(())
     }
 
-    /// Returns the position and velocity of a multibody's link in the coordinates of its joint; `None` before its first step.
+    /// Returns the position and velocity of a multibody's link in the coordinates of its joint; `None` before
+    /// its first step.
     pub fn link_motion(&self, joint: JointId) -> Option<LinkMotion> {
         self.host.link_motion(joint)
     }
 
-    /// Sets the velocity of a multibody's link, by degree of freedom, the linear ones first, m/s and rad/s; kinematic links
-    /// ([`LinkSettings::kinematic`]) keep to it.
+    /// Sets the velocity of a multibody's link by degree of freedom, the linear ones first, m/s and rad/s.
+    /// Kinematic links ([`LinkSettings::kinematic`]) keep this velocity.
     pub fn set_link_velocity(&mut self, joint: JointId, velocity: [f32; 6]) -> Result<(), WorldError> {
         if !velocity.iter().all(|v| v.is_finite()) {
             let (what, range) = ("velocity", "six finite numbers");
@@ -286,7 +293,7 @@ impl LocalWorld {
         if done { Ok(()) } else { Err(WorldError::NoJoint(joint)) }
     }
 
-    /// Changes a joint in place: motors, limits, whether it acts.
+    /// Changes a joint in place: its motors, its limits, whether it acts.
     pub fn update_joint(
         &mut self,
         joint: JointId,
@@ -301,7 +308,7 @@ impl LocalWorld {
         if done { Ok(()) } else { Err(WorldError::NoJoint(joint)) }
     }
 
-    /// Returns a joint as it is now: its motors are whole, however many regions share it.
+    /// Returns a joint as it is now, with its whole motors, however many regions share it.
     pub fn joint(&self, joint: JointId) -> Option<JointRecord> {
         self.host.joint(joint)
     }
@@ -311,8 +318,8 @@ impl LocalWorld {
         self.host.all_joints_of(body).into_keys().collect()
     }
 
-    /// Returns the load on the locked axes of a joint in the last step: newtons along the three axes of its frame, newton metres
-    /// about them.
+    /// Returns the load on the locked axes of a joint in the last step: newtons along the three axes of its
+    /// frame, then newton metres about them.
     pub fn joint_load(&self, joint: JointId) -> Option<[f32; 6]> {
         self.host.joint_load(joint)
     }
@@ -336,8 +343,8 @@ impl LocalWorld {
         self.host.clear_events();
         self.strengths.look(&self.host);
         self.last_step = start.elapsed();
-        // Regions that follow the time that steps take are cut otherwise in each run: what they computed is recorded before, how they
-        // are cut by a snapshot. All else a replay does again.
+        // Regions that follow the times of steps are cut differently in each run. So what they computed is
+        // recorded before they are cut, and the new cut as a snapshot. A replay repeats all else by itself.
         let follows_times = self.follows_times();
         let tree = (follows_times && self.is_recorded()).then(|| self.host.partition().tree().clone());
         if follows_times {
@@ -356,7 +363,7 @@ impl LocalWorld {
         Ok(())
     }
 
-    /// Sets where the world is looked at from, for its [`Fidelity`]; without any viewpoint all of it is looked at.
+    /// Sets the viewpoints of the world, for its [`Fidelity`]. Without any viewpoint all of it is looked at.
     pub fn set_viewpoints(&mut self, viewpoints: &[Viewpoint]) -> Result<(), WorldError> {
         check_viewpoints(viewpoints)?;
         self.host.set_viewpoints(viewpoints.to_vec());
@@ -364,31 +371,32 @@ impl LocalWorld {
         Ok(())
     }
 
-    /// Sets the part of the time that audits may take, for tests of what is stated.
+    /// Sets the part of the time that audits may take. Tests use it to check the stated error.
     #[doc(hidden)]
     pub fn set_audited(&mut self, part: f64) {
         self.host.set_audited(part);
     }
 
-    /// Audits every island in every tick beside those by which levels are chosen; see [`RegionHost::true_error_m_s`].
+    /// Audits every island in every tick, besides the audits by which levels are chosen; see
+    /// [`RegionHost::true_error_m_s`].
     #[doc(hidden)]
     pub fn audit_all(&mut self) {
         self.host.audit_all();
     }
 
-    /// Returns what its [`Fidelity`] saves and costs; `None` where all is computed in full.
+    /// Returns what the world's [`Fidelity`] saves and costs; `None` if all is computed in full.
     pub fn fidelity_report(&self) -> Option<FidelityReport> {
         self.host.fidelity_report()
     }
 
-    /// Returns how many ticks are done.
+    /// Returns the number of ticks done.
     pub fn tick(&self) -> Tick {
         self.host.tick()
     }
 
-    /// Returns the owner's copy of a movable body, or any copy of an immovable one; its position is in region space. Under mass
-    /// splitting the copy has only its share of the body's mass and of the forces on it: [`LocalWorld::mass_kg`] has the whole
-    /// mass, and [`LocalWorld::update`] shows the body whole.
+    /// Returns the owner's copy of a movable body, or any copy of an immovable one. Its position is in region
+    /// space. Under mass splitting the copy has only its part of the body's mass and of the forces on it.
+    /// [`LocalWorld::mass_kg`] returns the whole mass, and [`LocalWorld::update`] shows the whole body.
     pub fn body(&self, body: BodyId) -> Option<&RigidBody> {
         if let Some((region, handle)) = self.host.owned(body) {
             return region.physics().bodies.get(handle);
@@ -411,7 +419,7 @@ impl LocalWorld {
         }
     }
 
-    /// Returns the mass of a body in kilograms, whole even where several regions share it; 0 for a fixed one.
+    /// Returns the mass of a body in kilograms, whole even if several regions share it; 0 for a fixed body.
     pub fn mass_kg(&self, body: BodyId) -> Option<f32> {
         if self.body(body)?.is_fixed() { Some(0.0) } else { self.host.mass_kg(body) }
     }
@@ -425,7 +433,7 @@ impl LocalWorld {
         }
     }
 
-    /// Returns [`LocalWorld::pose`] and [`LocalWorld::velocity`] of a body, by one look-up.
+    /// Returns [`LocalWorld::pose`] and [`LocalWorld::velocity`] of a body in one look-up.
     #[inline]
     pub fn motion(&self, body: BodyId) -> Option<(WorldPose, Velocity)> {
         match self.host.owned(body) {
@@ -472,7 +480,7 @@ impl LocalWorld {
         if self.host.insert_collider(body, &collider)? { Ok(()) } else { Err(WorldError::NoBody(body)) }
     }
 
-    /// Removes a collider from a body; those after it move up.
+    /// Removes a collider from a body. The colliders after it move up by one.
     pub fn remove_collider(&mut self, body: BodyId, index: usize) -> Result<(), WorldError> {
         let count = self.body(body).ok_or(WorldError::NoBody(body))?.colliders().len();
         self.tape_spoilt();
@@ -483,7 +491,7 @@ impl LocalWorld {
         Err(WorldError::NoCollider { body, index, count })
     }
 
-    /// Changes a collider of a body in place, in every copy, by Rapier's own setters.
+    /// Changes a collider of a body in place, in all copies, by Rapier's own setters.
     pub fn update_collider<R>(
         &mut self,
         body: BodyId,
@@ -504,7 +512,8 @@ impl LocalWorld {
         if done { Ok(()) } else { Err(WorldError::NoBody(body)) }
     }
 
-    /// Sets the kinematic target of a position-based kinematic body: it is there at the end of the next tick.
+    /// Sets the kinematic target of a position-based kinematic body, which it reaches at the end of the next
+    /// tick.
     pub fn set_next_pose(&mut self, body: BodyId, pose: WorldPose) -> Result<(), WorldError> {
         let done = self.host.send_to(body, pose)?;
         self.tape(done, || Operation::SetNextPose(body, pose));
@@ -528,7 +537,7 @@ impl LocalWorld {
         if done { Ok(()) } else { Err(WorldError::NoBody(body)) }
     }
 
-    /// Says what the driver of a vehicle does from now on, and wakes it.
+    /// Sets what the driver of a vehicle does from now on, and wakes the vehicle.
     pub(crate) fn drive(&mut self, body: BodyId, drive: &Drive) -> Result<(), WorldError> {
         let done = self.host.drive(body, drive);
         self.tape(done, || Operation::Drive(body, *drive));
@@ -539,8 +548,9 @@ impl LocalWorld {
         }
     }
 
-    /// Moves the plane of an inner vertex of the distribution tree, between its neighbours on the same axis. Bodies change owner
-    /// as if they had crossed it by themselves; what sleeps stays its region's until it wakes. Balance may move the plane again.
+    /// Moves the plane of an inner vertex of the distribution tree, between its neighbours on the same axis.
+    /// Bodies change owner as if they had crossed the plane by themselves. Sleeping bodies stay with their
+    /// region until they wake. Balance may move the plane again.
     pub fn move_plane(&mut self, vertex: RegionId, at: f64) -> Result<(), WorldError> {
         let mut tree = self.host.partition().tree().clone();
         tree.move_plane(vertex, at)?;
@@ -553,7 +563,8 @@ impl LocalWorld {
         Ok(())
     }
 
-    /// Sets the load balance: the regions follow the load from now on; `None` leaves them as they are.
+    /// Sets the load balance, by which the regions follow the load from now on; `None` leaves the regions as
+    /// they are.
     pub fn set_balance(&mut self, balance: Option<Balance>) -> Result<(), WorldError> {
         if let Some((what, value, range)) = balance.as_ref().and_then(Balance::fault) {
             return Err(WorldError::Setting { what, value, range });
@@ -563,7 +574,8 @@ impl LocalWorld {
         Ok(())
     }
 
-    /// Sets how the world is stepped from the next tick on; how regions are coupled, all but the tolerance, must stay as it is.
+    /// Sets how the world is stepped from the next tick on. The coupling, exchanges, depth and island limit
+    /// must stay as they are; the tolerance may change.
     pub fn set_settings(&mut self, settings: StepSettings) -> Result<(), WorldError> {
         if let Some((what, value, range)) = settings.fault() {
             return Err(WorldError::Setting { what, value, range });
@@ -584,8 +596,8 @@ impl LocalWorld {
         self.host.owned(body).map(|(region, _)| region.id())
     }
 
-    /// Returns the contacts that began, ceased or exceeded their force threshold in the last step, for colliders with Rapier's
-    /// `ActiveEvents`.
+    /// Returns the contacts that began, ended or exceeded their force threshold in the last step, for
+    /// colliders with Rapier's `ActiveEvents`.
     pub fn events(&self) -> &WorldEvents {
         &self.events
     }
@@ -600,12 +612,13 @@ impl LocalWorld {
         self.host.queries()
     }
 
-    /// Returns every movable body in id order: id, owner, pose, velocity.
+    /// Returns the id, owner, pose and velocity of every movable body, in id order.
     pub fn states(&self) -> impl Iterator<Item = (BodyId, RegionId, WorldPose, Velocity)> {
         self.host.states()
     }
 
-    /// Returns a hash of the state of all movable bodies: equal for equal worlds, whatever the number of threads.
+    /// Returns a hash of the state of all movable bodies: equal for equal worlds, whatever the number of
+    /// threads.
     pub fn state_hash(&self) -> u64 {
         let mut hasher = StateHasher::default();
         for (id, _, pose, velocity) in self.states() {
@@ -633,7 +646,7 @@ impl LocalWorld {
         }
     }
 
-    /// Returns how the world is computed (regions, threads, coupling), and why so.
+    /// Returns how the world is computed (regions, threads, coupling), and the reason for that.
     ///
     /// ```
     /// # use dcd::runtime::{LocalWorld, Why, WorldConfig};
@@ -665,7 +678,8 @@ impl LocalWorld {
         &mut self.host
     }
 
-    /// Returns how many regions have authority over a body: 1 for every movable body, or something is wrong.
+    /// Returns how many regions have authority over a body. It is 1 for every movable body, or something is
+    /// wrong.
     pub fn owners_of(&self, body: BodyId) -> usize {
         let owns = |region: &&Region| {
             region

@@ -1,5 +1,5 @@
-//! Starts and ends a process that is a node, a client, or both (a participant, the thesis's normal case): its loop has a thread of
-//! its own, and shares with the user what the user reads.
+//! Starts and ends a process that is a node, a client, or both (a participant, the thesis's normal case). Its
+//! loop has a thread of its own, and shares with the user what the user reads.
 
 mod absence;
 mod event_loop;
@@ -32,37 +32,39 @@ use crate::protocol::{Area, Refusal};
 use crate::recording::{Background, Recorder};
 use crate::space::{BodyId, NodeId, Tick};
 
-/// A client whose server may be taken over misses it after this long: about when another one is there.
+/// A client whose server may be replaced by a standby misses it after this long: about when a standby has
+/// taken over.
 const MISSED: Duration = Duration::from_secs(2);
 
 /// The settings of a node, client or participant.
 pub struct MemberConfig {
-    /// Where the server is.
+    /// The address of the server.
     pub server: SocketAddr,
-    /// Where else it may be.
+    /// The addresses of standby servers.
     pub standbys: Vec<SocketAddr>,
-    /// Who the process is; its role decides what it does.
+    /// The identity of the process. Its role decides what the process does.
     pub identity: Identity,
-    /// Where it listens for others; port 0 takes any free one. `None`: any free port, of this machine alone if all servers are on it and cannot be
-    /// reached from elsewhere.
+    /// The address to listen on for others; port 0 takes any free port. `None`: any free port, of this
+    /// machine alone if all servers are on it and cannot be reached from elsewhere.
     pub listen: Option<SocketAddr>,
     /// The address to give to others, if it is not the one listened on.
     pub advertise: Option<SocketAddr>,
-    /// Regions stepped at a time.
+    /// The number of regions stepped at a time.
     pub threads: usize,
-    /// Ticks between checkpoints to the server.
+    /// The number of ticks between checkpoints to the server.
     pub checkpoint_every: u64,
     /// How long the node waits for others before it computes speculative ticks for its clients.
     pub patience: Duration,
-    /// How long the server may be out of reach before the process gives up; `None`: without end. Meanwhile a node computes on.
+    /// How long the server may be out of reach before the process gives up; `None`: without end. A node keeps
+    /// computing meanwhile.
     pub give_up: Option<Duration>,
-    /// The area that a client wants to be told of; `None`: the whole world.
+    /// The area of interest of a client; `None`: the whole world.
     pub interest: Option<Area>,
     /// A file to record the node to: all that it is given, and a digest of each region after each tick.
     pub record: Option<PathBuf>,
-    /// An address where a node answers over HTTP with its metrics, and whether it is well.
+    /// An address where a node answers over HTTP with its metrics, and with whether it is well.
     pub metrics: Option<SocketAddr>,
-    /// Who looks at the regions of a node after each tick, by its thread.
+    /// Looks at the regions of a node after each tick, on the node's thread.
     pub onlooker: Option<Onlooker>,
 }
 
@@ -70,7 +72,8 @@ pub struct MemberConfig {
 pub type Onlooker = Box<dyn FnMut(&RegionHost, &TickStats) + Send>;
 
 impl MemberConfig {
-    /// Returns the usual settings for this identity: a node waits for its server without end, a client or participant for 30 s.
+    /// Returns the usual settings for this identity. A node waits for its server without end, a client or
+    /// participant for 30 s.
     pub fn new(server: SocketAddr, identity: Identity) -> Self {
         let give_up = identity.client().map(|_| GIVE_UP);
         Self {
@@ -91,36 +94,36 @@ impl MemberConfig {
     }
 }
 
-/// A summary of what a node did, for people and for the demo.
+/// A summary of what a node has done, for people and for the demo.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct NodeSummary {
-    /// Its id.
+    /// The node's id.
     pub node: NodeId,
     /// The last completed tick.
     pub tick: Tick,
-    /// Bodies owned at the last tick.
+    /// The number of bodies owned at the last tick.
     pub bodies: u32,
-    /// Regions computed at the last tick.
+    /// The number of regions computed at the last tick.
     pub regions: usize,
-    /// Bodies that came from other regions.
+    /// The number of bodies that came from other regions.
     pub transfers: u64,
-    /// Copies of other regions' bodies (replicas) held, summed over all ticks.
+    /// The number of ghosts held (copies of other regions' bodies), summed over all ticks.
     pub replicas_sum: u64,
-    /// Exchanges between regions, summed over all ticks.
+    /// The number of exchanges between regions, summed over all ticks.
     pub exchanges_sum: u64,
-    /// Speculative ticks: computed for clients alone, while others were waited for.
+    /// The number of speculative ticks: computed only for clients, while other nodes were waited for.
     pub speculative: u64,
-    /// Ticks of participants that were computed once more here, as the leader.
+    /// The number of ticks of participants that this node, as leader, computed once more.
     pub verified: u64,
-    /// Largest disagreement of copies of bodies held here in any tick, m/s.
+    /// The largest disagreement of copies of bodies held here in any tick, m/s.
     pub disagreement_max_m_s: f32,
-    /// Microseconds of computing of each of the first million ticks.
+    /// The computing time of each of the first million ticks, microseconds.
     pub compute_us: Vec<u32>,
-    /// The same of the last tick.
+    /// The computing time of the last tick, microseconds.
     pub last_us: u32,
-    /// Bytes received and sent.
+    /// The bytes received and sent.
     pub bytes: u64,
-    /// Seconds since its start.
+    /// The seconds since the node's start.
     pub seconds: f64,
 }
 
@@ -129,9 +132,9 @@ pub struct Member {
     pub(super) shared: Arc<Shared>,
     inbox: InboxSender<Input>,
     thread: Option<JoinHandle<()>>,
-    /// Who the process is.
+    /// The name of the process.
     pub who: crate::net::PeerName,
-    /// Where it listens.
+    /// The address on which the process listens.
     pub address: SocketAddr,
     connections: Connections,
     metrics: Option<Endpoint>,
@@ -140,15 +143,15 @@ pub struct Member {
 /// A body that came or went.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Presence {
-    /// It appeared.
+    /// The body appeared.
     Appeared(BodyId),
-    /// It disappeared.
+    /// The body disappeared.
     Disappeared(BodyId),
 }
 
 /// The state that the loop and its user share.
 pub(super) struct Shared {
-    /// The beginning of its time.
+    /// The moment from which the loop counts time.
     pub(super) start: Instant,
     state: Mutex<State>,
     changed: Condvar,
@@ -165,7 +168,7 @@ pub(super) struct State {
     /// When the loop last turned.
     pub turned: Instant,
     pub end: Option<Result<(), ProcessError>>,
-    /// Why the server ended it, if that is no failure.
+    /// Why the server ended the process, if that is not a failure.
     pub farewell: Option<String>,
 }
 
@@ -173,9 +176,9 @@ pub(super) enum Input {
     Net(HeldEvent),
     Client(ClientEvent),
     Leave,
-    /// What another member computes, computed once more.
+    /// A result of the repeated computation of what another member computes.
     Verified(PhysicsEvent),
-    /// Wakes the loop: there is work for its connections.
+    /// Wakes the loop, since its connections have work.
     Wake,
 }
 
@@ -184,7 +187,7 @@ impl Shared {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Waits until the condition holds or the time is up; returns which.
+    /// Waits until the condition holds or the time is up; returns whether the condition holds.
     pub(super) fn wait(&self, timeout: Duration, mut until: impl FnMut(&State) -> bool) -> bool {
         let (_state, timed_out) = self
             .changed
@@ -195,7 +198,7 @@ impl Shared {
 }
 
 impl Member {
-    /// Starts the process's loop on a thread of its own, and the link to the server.
+    /// Starts the process's loop on a thread of its own, and dials the server.
     pub fn start(config: MemberConfig) -> Result<Self, ProcessError> {
         let who = config.identity.who();
         let servers = [&[config.server], &config.standbys[..]].concat();
@@ -264,7 +267,7 @@ impl Member {
         let mut acknowledgements =
             fan_out.as_ref().map(|fan_out| Acknowledgements::new(fan_out.ear(), links.received_beside()));
         let to = inbox.clone();
-        // Of who is linked already, which takes more time than has passed, the loop hears itself.
+        // Events that came before are passed on first, so links that are up already are known here, too.
         events.pass_to(move |held| {
             let is_taken = acknowledgements.as_mut().is_some_and(|of| of.take(held.event()));
             is_taken || to.tell(Input::Net(held))
@@ -298,12 +301,12 @@ impl Member {
         &self.connections
     }
 
-    /// Returns where the node answers with its metrics, if it does.
+    /// Returns the address of the node's metrics endpoint, if it has one.
     pub fn metrics_address(&self) -> Option<SocketAddr> {
         self.metrics.as_ref().map(Endpoint::address)
     }
 
-    /// Returns what tells whether the process's loop turns, and how its node is.
+    /// Returns a function that reports when the process's loop last turned, and the state of its node.
     pub fn pulse(&self) -> impl Fn() -> Pulse + Send + 'static {
         let shared = self.shared.clone();
         move || {
@@ -317,12 +320,13 @@ impl Member {
         }
     }
 
-    /// Returns a summary of what the node did so far.
+    /// Returns a summary of what the node has done so far.
     pub fn summary(&self) -> NodeSummary {
         self.shared.lock().summary.clone()
     }
 
-    /// Reads the summary of what the node did so far, without a copy of it: some megabytes after hours.
+    /// Reads the summary of what the node has done so far without copying it: it has some megabytes after
+    /// hours.
     pub(crate) fn read_summary<R>(&self, read: impl FnOnce(&NodeSummary) -> R) -> R {
         read(&self.shared.lock().summary)
     }
@@ -332,23 +336,24 @@ impl Member {
         self.shared.lock().summary.tick
     }
 
-    /// Returns the traffic over the network, as of a tenth of a second ago; with more than sixteen links, as of when it was counted before.
+    /// Returns the traffic over the network, as of a tenth of a second ago; with more than sixteen links, as
+    /// of the count before.
     pub fn traffic(&self) -> PeerStats {
         self.shared.lock().traffic
     }
 
-    /// Returns whether the loop has ended, and why if something went wrong.
+    /// Returns whether the loop has ended, and the error if it ended with one.
     pub fn ended(&self) -> Option<Option<String>> {
         let state = self.shared.lock();
         state.end.as_ref().map(|end| end.as_ref().err().map(ToString::to_string))
     }
 
-    /// Returns whether the loop has ended by a bug.
+    /// Returns whether a bug ended the loop.
     pub(crate) fn is_faulty(&self) -> bool {
         matches!(self.shared.lock().end, Some(Err(ProcessError::Fault)))
     }
 
-    /// Returns why the server ended the process, if it did and that is no failure.
+    /// Returns why the server ended the process, if it did and that is not a failure.
     pub fn farewell(&self) -> Option<String> {
         self.shared.lock().farewell.clone()
     }
@@ -358,12 +363,12 @@ impl Member {
         self.shared.lock().end.is_some()
     }
 
-    /// Waits for the end of the loop, no longer than `timeout`; returns whether it came.
+    /// Waits for the end of the loop, no longer than `timeout`; returns whether it has ended.
     pub fn wait_over(&self, timeout: Duration) -> bool {
         self.shared.wait(timeout, |state| state.end.is_some())
     }
 
-    /// Asks to leave in order: regions are handed over first. [`Member::finish`] waits for it.
+    /// Asks to leave in order: regions are handed over first. [`Member::finish`] waits for that.
     pub fn leave(&self) {
         let _ = self.inbox.send(Input::Leave);
     }
@@ -396,7 +401,8 @@ impl Drop for Member {
     }
 }
 
-/// Starts to tell clients. What goes another way than by a datagram waits in `told` until the loop turns: one whose inbox is full does that anyway.
+/// Starts the thread that tells clients. Messages that do not go by datagram wait in `told` until the loop
+/// turns; a loop whose inbox is full does that anyway.
 fn fan_out(
     links: &Links,
     inbox: InboxSender<Input>,
@@ -409,8 +415,8 @@ fn fan_out(
     FanOut::start(links.outlet(), tell).map_err(ProcessError::Thread)
 }
 
-/// Returns the limits of a process whose server may be at so many addresses. That a server at another one has taken over nobody tells a
-/// client: it must miss its own soon.
+/// Returns the limits of a process whose server may be at this many addresses. Nobody tells a client that a
+/// server at another address has taken over, so it must miss its own server soon.
 fn limits(servers: usize) -> Limits {
     match servers {
         1 => Limits::default(),
@@ -418,8 +424,8 @@ fn limits(servers: usize) -> Limits {
     }
 }
 
-/// Returns the address to listen on: of this machine alone if all servers are on it and cannot be reached from elsewhere. What is bound to that
-/// one reaches no other machine.
+/// Returns the address to listen on: of this machine alone if all servers are on it and cannot be reached
+/// from elsewhere. A socket bound to that address reaches no other machine.
 pub(super) fn interface_towards(servers: &[SocketAddr]) -> IpAddr {
     match farthest(servers).ip().to_canonical() {
         server if server.is_loopback() => server,
@@ -428,13 +434,14 @@ pub(super) fn interface_towards(servers: &[SocketAddr]) -> IpAddr {
     }
 }
 
-/// Returns the first server that is on another machine, if any is.
+/// Returns the first server that is on another machine; the first of all if none is.
 fn farthest(servers: &[SocketAddr]) -> SocketAddr {
     let is_far = |server: &&SocketAddr| !server.ip().to_canonical().is_loopback();
     *servers.iter().find(is_far).unwrap_or(&servers[0])
 }
 
-/// Returns the address that others can use: one on the interface that leads to the servers, if all are listened on.
+/// Returns the address that others can use: if all interfaces are listened on, that of the interface that
+/// leads to the servers.
 fn reachable(bound: SocketAddr, servers: &[SocketAddr]) -> SocketAddr {
     if !bound.ip().is_unspecified() {
         return bound;
@@ -457,7 +464,7 @@ mod tests {
             (&["192.0.2.7:1"], "0.0.0.0"),
             (&["[::1]:1"], "::1"),
             (&["[2001:db8::7]:1"], "::"),
-            // The one that stands by is elsewhere.
+            // The standby server is elsewhere.
             (&["127.0.0.1:1", "192.0.2.7:1"], "0.0.0.0"),
             (&["127.0.0.1:1", "127.0.0.1:2"], "127.0.0.1"),
         ] {
@@ -468,7 +475,8 @@ mod tests {
         assert_eq!(loopback, "127.0.0.1:7".parse().unwrap());
     }
 
-    /// What waits of a peer holds back that peer: its own queue fills instead of this process's memory.
+    /// What a peer sends and the loop has not read holds that peer back: the peer's own queue fills, not this
+    /// process's memory.
     #[test]
     fn what_a_peer_says_waits_at_the_peer_while_the_loop_stands() {
         const FRAMES: usize = 600;

@@ -1,5 +1,5 @@
-//! Combines physics, cluster protocol and network into what a program runs: a local world; with `net`, the loops of a server, a
-//! node, a client and a participant.
+//! Combines physics, cluster protocol and network into what a program runs: a local world and, with `net`,
+//! the loops of a server, a node, a client and a participant.
 
 #[cfg(feature = "net")]
 mod acknowledgements;

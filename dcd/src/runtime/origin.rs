@@ -1,4 +1,4 @@
-//! Makes of a scene, or of a world in this process, what a served world begins with.
+//! Makes the beginning of a served world from a scene, or from a world in this process.
 
 use super::config::check_speed;
 use super::links::WORLD_BYTES;
@@ -14,16 +14,16 @@ use crate::protocol::{
 use crate::scene::Scene;
 use crate::space::{Balance, DistributionTree, Epoch, Viewpoint};
 
-/// The initial state of a served world: a scene, or a copy of a local world.
+/// The origin of a served world: a scene, or a copy of a local world.
 pub enum Origin<'a> {
-    /// A scene; of the configuration only the cut, the fidelity and the step settings count.
+    /// A scene. All of the configuration counts but `threads`.
     Scene(&'a Scene, &'a WorldConfig),
-    /// A world as it is now, with its cut and settings, copied. What is not a property of a body or joint stays behind:
-    /// contacts under load begin anew, and the tick begins at 0.
+    /// A world as it is now, copied with its cut and settings. Only the properties of bodies and joints are
+    /// copied: contacts under load begin anew, and the tick begins at 0.
     World(&'a LocalWorld),
 }
 
-/// The values that a served world begins with.
+/// The initial state of a served world.
 pub(crate) struct Beginning {
     tree: DistributionTree,
     balance: Option<Balance>,
@@ -53,7 +53,7 @@ impl Beginning {
             Origin::World(world) => {
                 let host = world.host();
                 let (mut bodies, shapes, mut joints) = contents(world);
-                // Avatars of a world that was saved are those of clients that this one does not know.
+                // Avatars of a saved world belong to clients that this world does not know.
                 bodies.retain(|body| body.id.client().is_none());
                 joints.retain(|joint| [joint.a, joint.b].iter().all(|id| id.client().is_none()));
                 // Its owner in the other world means nothing in this one.
@@ -61,14 +61,14 @@ impl Beginning {
                 let tree = host.partition().tree().clone();
                 let is_cut = match world.chosen().why {
                     Why::Asked => true,
-                    // What was saved does not say who cut it, and of one region nobody did.
+                    // A save does not say who cut the world; nobody cut a world of one region.
                     Why::Saved => tree.leaf_count() > 1,
                     _ => false,
                 };
                 Ok(Self {
                     balance: host.balance().copied().or_else(|| (!is_cut).then(|| by_nodes(&tree))),
                     tree,
-                    // An empty world has none, unless it was given.
+                    // An empty world has no halo unless it was given one.
                     halo_m: Some(host.partition().halo_m()).filter(|halo_m| *halo_m > 0.0),
                     step: host.asked_settings(),
                     fidelity: host.fidelity(),
@@ -82,15 +82,15 @@ impl Beginning {
     }
 }
 
-/// Returns how a world that nobody cut follows its nodes: with no fewer regions than it begins with, which are one, or as many as keep
-/// millimetres in f32.
+/// Returns the balance by which a world that nobody cut follows its nodes. It has no fewer regions than it
+/// begins with: one, or as many as keep millimetres in f32.
 fn by_nodes(tree: &DistributionTree) -> Balance {
     let (least_regions, by_nodes) = (tree.leaf_count(), Balance::by_nodes());
     Balance { least_regions, most_regions: by_nodes.most_regions.max(least_regions), ..by_nodes }
 }
 
-/// Returns the properties of the world as sent to all processes. The halo is that of a local world with the same bodies, so that
-/// both compute the same bits.
+/// Returns the properties of the world as sent to all processes, and its record. The halo is that of a local
+/// world with the same bodies, so that both compute the same bits.
 pub(super) fn world_of(
     beginning: Beginning,
     config: &ServeConfig,
@@ -139,9 +139,9 @@ pub(super) fn world_of(
         0 => SyncProtocol::Synchronised,
         lag_ticks => SyncProtocol::Unsynchronised { lag_ticks },
     };
-    // With lag, bodies are sent later, so that the halo must reach farther ahead.
+    // With lag bodies are sent later, so the halo must reach farther ahead.
     let ahead_m = f64::from(config.avatar_speed_limit * step.dt_s) * f64::from(lag_ticks);
-    // A world that its program fills later has the halo of what comes, as a local one.
+    // A world that its program fills later has the halo of what comes, like a local world.
     let is_empty = record.present().all(|body| body.traits.kind == BodyKind::Fixed);
     let halo_m = if is_empty && lag_ticks == 0 { halo_m } else { Some(host.partition().halo_m() + ahead_m) };
     let environment = EnvironmentProperties {
@@ -235,7 +235,7 @@ mod tests {
         begin(vec![field(600)]).unwrap();
         let refused = begin(vec![field(2_049)]).unwrap_err().to_string();
         assert!(refused.contains("15.5 MiB") && refused.contains("several colliders"), "{refused}");
-        // Short when it is sent, and counted by what it takes in memory where it is read.
+        // It is short when sent, but counted by the memory it takes where it is read.
         let voxels = (0..1_500_000).map(|i| [i / 15_000, i / 150 % 100, i % 150]).collect();
         let refused = begin(vec![ShapeRecord::Voxels([1.0; 3], voxels)]).unwrap_err().to_string();
         assert!(refused.contains("15.5 MiB"), "{refused}");

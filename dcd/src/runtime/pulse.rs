@@ -1,11 +1,12 @@
-//! Tells whoever watches over a process whether its loop turns, and how it is.
+//! Reports to those who watch a process whether its loop turns, and how the process is.
 
 use std::time::Instant;
 
-/// The state of a process in few words.
+/// The state of a process in a few words.
 pub struct Pulse {
-    /// When its loop last turned: at least twice per second, but while it builds a large world.
+    /// When the process's loop last turned. It turns at least twice per second, except while it builds a
+    /// large world.
     pub turned: Instant,
-    /// For people.
+    /// The state in words, for people.
     pub words: String,
 }

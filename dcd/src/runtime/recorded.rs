@@ -1,4 +1,4 @@
-//! Lets the physics of a node be recorded and replayed: reads its bodies bit by bit.
+//! Allows the physics of a node to be recorded and replayed: reads its bodies bit by bit.
 
 use std::collections::BTreeSet;
 
@@ -45,7 +45,7 @@ pub(super) fn disturb(host: &mut RegionHost, body: BodyId, bits: &BodyBits) -> b
 
 /// Returns the movable bodies that a region owns, bit by bit.
 pub(super) fn bodies_of(region: &Region) -> impl Iterator<Item = (BodyId, BodyBits)> {
-    // In the order in which Rapier keeps them, which is that of memory.
+    // In the order of Rapier's set, which is that of memory.
     region.physics().bodies.iter().filter_map(|(handle, body)| {
         let (id, role) = region.role_of(handle)?;
         let bits = || {
@@ -60,7 +60,7 @@ pub(super) fn bodies_of(region: &Region) -> impl Iterator<Item = (BodyId, BodyBi
     })
 }
 
-/// Returns the bodies that one touches in a region, in id order.
+/// Returns the bodies that a body touches in a region, in id order.
 pub(super) fn touching_in(region: &Region, handle: RigidBodyHandle) -> Vec<BodyId> {
     let world = region.physics();
     let colliders = world.bodies.get(handle).into_iter().flat_map(|body| body.colliders());

@@ -13,15 +13,16 @@ use crate::recording::{Operation, Recorder, RecordingError, digest};
 use crate::space::{BodyId, JointId, Load};
 
 impl LocalWorld {
-    /// Begins to record what is done to this world, as it is now: a replay computes it again from that, bit for bit. A recording that was
-    /// going on ends.
+    /// Begins to record what is done to this world, from its present state on. A replay computes the world
+    /// again from the recording, bit for bit. A recording that was going on ends.
     pub fn record(&mut self, to: impl Write + Send + Sync + 'static) -> Result<(), RecordingError> {
         self.end_former_recording();
         self.begin(Recorder::of_local(to)?);
         Ok(())
     }
 
-    /// Begins to record, in memory, and keeps at least the last so much time: [`LocalWorld::keep_recording`] writes it.
+    /// Begins to record in memory, keeping at least the last `time`. [`LocalWorld::keep_recording`] writes
+    /// it.
     pub fn record_last(&mut self, time: Duration) -> Result<(), RecordingError> {
         self.end_former_recording();
         self.begin(Recorder::of_local_for(time));
@@ -41,14 +42,15 @@ impl LocalWorld {
         tape.ok_or_else(none)?.recorder.keep(to)
     }
 
-    /// Ends the recording, and waits until it is written; an error if anything of it could not be.
+    /// Ends the recording, and waits until it is written. Returns an error if any of it could not be written.
     pub fn stop_recording(&mut self) -> Result<(), RecordingError> {
         let Some(tape) = self.tape.take() else { return Ok(()) };
         self.host.set_hooks(tape.hooks());
         Ok(tape.recorder.finish()?)
     }
 
-    /// Ends the recording that is going on: what has become of it is no reason not to begin another.
+    /// Ends a recording that is going on. Its failure is only logged, since it must not prevent a new
+    /// recording.
     pub(crate) fn end_former_recording(&mut self) {
         if let Err(error) = self.stop_recording() {
             warn!(%error, "the recording before is not whole");
@@ -60,7 +62,7 @@ impl LocalWorld {
         self.tape.is_some()
     }
 
-    /// Records bodies that came.
+    /// Records the insertion of bodies.
     pub(super) fn tape_bodies(&mut self, bodies: Vec<BodyRecord>) {
         if let Some(tape) = &mut self.tape {
             tape.note_bodies(bodies, self.host.shapes());
@@ -74,19 +76,19 @@ impl LocalWorld {
         }
     }
 
-    /// Notes a change that only a snapshot can tell.
+    /// Notes a change that only a snapshot can record.
     pub(super) fn tape_spoilt(&mut self) {
         self.tape.iter_mut().for_each(|tape| tape.spoil());
     }
 
-    /// Records what a program has changed of a body.
+    /// Records the copies of a body after a program's change.
     pub(super) fn tape_update(&mut self, body: BodyId, copies: Copies) {
         if let (Some(tape), Some(copies)) = (&mut self.tape, copies.0) {
             tape.note(Operation::Update { body, copies });
         }
     }
 
-    /// Records what a program has changed of a joint.
+    /// Records the copies of a joint after a program's change.
     pub(super) fn tape_joint(&mut self, joint: JointId, copies: Copies) {
         if let (Some(tape), Some(copies)) = (&mut self.tape, copies.0) {
             tape.note(Operation::UpdateJoint { joint, copies });
@@ -104,7 +106,7 @@ impl LocalWorld {
         self.tape = Some(tape);
     }
 
-    /// Records what a step has computed.
+    /// Records the digests after a step.
     pub(super) fn tape_step(&mut self) {
         let Some(tape) = &mut self.tape else { return };
         tape.note_answers();
@@ -116,7 +118,7 @@ impl LocalWorld {
         }
     }
 
-    /// Returns whether the partition follows what no replay can repeat: the time that steps take.
+    /// Returns whether the partition follows the times of steps, which no replay can repeat.
     pub(super) fn follows_times(&self) -> bool {
         self.host.balance().is_some_and(|balance| balance.load == Load::Times)
     }
@@ -207,13 +209,13 @@ mod tests {
         world.record(memory.clone()).unwrap();
         let mut levels = Vec::new();
         for tick in 0..120_u8 {
-            // As a machine would that is slower at times: no replay takes that long.
+            // Like a machine that is slower at times. No replay takes that long.
             let took = Duration::from_millis(if (30..60).contains(&tick) { 40 } else { 0 });
             world.host_mut().count_time(took);
             world.step().unwrap();
             levels.push(world.fidelity_report().unwrap().levels);
             if tick == 90 {
-                // A recording that begins anew amid it has all that it needs, too.
+                // A recording that begins anew here has all that it needs, too.
                 world.tape_spoilt();
             }
         }
@@ -301,7 +303,8 @@ mod tests {
         assert_eq!(checked(bytes, None), (181 * world.regions().len() as u64, None));
     }
 
-    /// Lets balls fall through the floor in every other half second, carries the rest along, and blinds sensors now and then.
+    /// Hooks that let balls fall through the floor in every other half second, carry other bodies along, and
+    /// blind sensors now and then.
     #[derive(Default)]
     struct Whims(AtomicU32);
 
@@ -363,7 +366,7 @@ mod tests {
             world.record(tape.clone()).unwrap();
             for tick in 0..120 {
                 whims.0.store(tick, Relaxed);
-                // They may come and go while the world is recorded.
+                // Hooks may come and go while the world is recorded.
                 match tick {
                     80 => world.set_hooks(None),
                     100 => world.set_hooks(Some(whims.clone())),
@@ -383,7 +386,7 @@ mod tests {
     #[test]
     fn the_last_seconds_are_kept_and_replayed() {
         let mut world = ragdolls(2);
-        // No time: a segment for each step.
+        // No time at all: each step begins a segment.
         world.record_last(Duration::ZERO).unwrap();
         play(&mut world);
         let mut kept = Vec::new();
@@ -399,7 +402,7 @@ mod tests {
         assert_eq!(checked(kept, None), (180, None), "all of it");
     }
 
-    /// A file on a disk that has room for so many bytes.
+    /// A file on a disk that has room for this many bytes.
     struct Full(usize);
 
     impl Write for Full {

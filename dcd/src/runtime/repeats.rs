@@ -1,8 +1,11 @@
-//! Says twice what a tick waits for, over links that lose packets: once more in a datagram, a little later.
+//! Repeats messages that a tick waits for over links that lose packets: once more in a datagram, a little
+//! later.
 //!
-//! In a stream of a few packets a tick QUIC notices a loss by its probes alone, after several round trips, and waits twice as long for each next
-//! one. Only what may overtake anything is repeated: border messages, dispatches and inputs name their tick, and whoever has heard of it, or of
-//! none before it, drops them. A member's `Done` may not overtake its reports and earlier ones.
+//! In a stream of a few packets per tick QUIC notices a loss only by its probes, after several round trips,
+//! and waits twice as long for each further probe. Only messages that may overtake others are repeated:
+//! border messages, dispatches and inputs. They name their tick, and a receiver that has heard of that tick,
+//! or of none before it, drops them. A member's `Done` must not overtake its reports and earlier ones, and is
+//! not repeated.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::time::{Duration, Instant};
@@ -12,14 +15,15 @@ use crate::net::PeerStats;
 use crate::protocol::{DATAGRAM_BYTES, FromClient, Message};
 use crate::space::Tick;
 
-/// When it is said again: in a packet of its own, and not in the same burst of losses.
+/// How long after the first sending a message is repeated: in a packet of its own, and not in the same burst
+/// of losses.
 const LATER: Duration = Duration::from_millis(4);
-/// A link that loses more than this share of its packets is spoken over twice.
+/// The share of lost packets above which messages over a link are repeated.
 const LOSSY: f64 = 0.005;
-/// The part of that share that a new count replaces.
+/// The weight of a new count in the smoothed share of losses.
 const NEWS: f64 = 0.1;
 
-/// The packets of a link, as counted last, and the share of them that was lost of late.
+/// The packets of a link at the last count, and the recent share of lost ones.
 #[derive(Clone, Copy, Debug, Default)]
 struct Losses {
     sent: u64,
@@ -27,7 +31,7 @@ struct Losses {
     share: f64,
 }
 
-/// Keeps the messages that are to be said once more, and which links lose packets.
+/// The messages to be repeated, and the losses of links.
 #[derive(Debug, Default)]
 pub(super) struct Repeats {
     links: BTreeMap<Peer, Losses>,
@@ -38,7 +42,7 @@ impl Repeats {
     /// Takes in how many packets a link has sent and lost so far.
     pub(super) fn count(&mut self, link: Peer, stats: &PeerStats) {
         let losses = self.links.entry(link).or_default();
-        // A link that was made anew counts anew.
+        // The counters of a link that was made anew begin anew.
         let sent = stats.packets_out.saturating_sub(losses.sent);
         let lost = stats.packets_lost.saturating_sub(losses.lost);
         if sent > 0 {
@@ -47,7 +51,8 @@ impl Repeats {
         (losses.sent, losses.lost) = (stats.packets_out, stats.packets_lost);
     }
 
-    /// Keeps a message that was sent now, if a tick waits for it, the link loses packets, and it fits into one.
+    /// Keeps a message that is sent now, if a tick waits for it, the link loses packets, and it fits into one
+    /// packet.
     pub(super) fn sent(&mut self, now: Instant, link: Peer, message: &Message, bytes: &[u8]) {
         let is_lossy = self.links.get(&link).is_some_and(|losses| losses.share > LOSSY);
         if is_awaited(message) && is_lossy && bytes.len() <= DATAGRAM_BYTES {
@@ -55,24 +60,24 @@ impl Repeats {
         }
     }
 
-    /// Returns what is due to be said again, one at a time.
+    /// Returns the next message that is due to be repeated.
     pub(super) fn due(&mut self, now: Instant) -> Option<(Peer, Vec<u8>)> {
         self.waiting.front().filter(|(at, ..)| *at <= now)?;
         self.waiting.pop_front().map(|(_, link, bytes)| (link, bytes))
     }
 
-    /// Returns whether anything is to be said again.
+    /// Returns whether any message is to be repeated.
     pub(super) fn is_waiting(&self) -> bool {
         !self.waiting.is_empty()
     }
 
-    /// Forgets all links but these.
+    /// Forgets all links but those that are up.
     pub(super) fn retain(&mut self, is_up: impl Fn(&Peer) -> bool) {
         self.links.retain(|link, _| is_up(link));
     }
 }
 
-/// Returns whether a tick waits for a message, which may overtake others.
+/// Returns whether a tick waits for a message that may overtake others.
 pub(super) fn is_awaited(message: &Message) -> bool {
     match message {
         Message::Border(_) | Message::Dispatch(_) => true,
@@ -110,7 +115,7 @@ mod tests {
         assert_eq!(repeats.due(now + LATER), Some((bad, vec![7])));
         assert_eq!(repeats.due(now + LATER), None);
         assert!(!repeats.is_waiting());
-        // It is not said for ever.
+        // Repetition ends when the losses do.
         for second in 11..=60 {
             repeats.count(bad, &stats(100 * second, 50));
         }

@@ -1,4 +1,4 @@
-//! Computes the worlds of replays: nodes' physics, and local worlds whose operations are repeated.
+//! Computes the worlds of replays: the physics of nodes, and local worlds whose operations are repeated.
 
 use std::any::Any;
 use std::fs::File;
@@ -18,7 +18,7 @@ use crate::recording::{
 };
 use crate::space::{BodyId, RegionId, Tick};
 
-/// Opens a recording of a local world or of a node, to be computed by `threads` threads.
+/// Opens a recording of a local world or of a node, which `threads` threads will compute.
 pub fn open_recording(path: &Path, threads: usize) -> Result<Box<dyn Replayed>, RecordingError> {
     open(read(path)?, &Here { threads })
 }
@@ -32,7 +32,8 @@ fn read(path: &Path) -> std::io::Result<BufReader<File>> {
     Ok(BufReader::with_capacity(1 << 18, File::open(path)?))
 }
 
-/// Returns the regions that a replay computes; `None` before they are there, and of simulated nodes, whose bodies are points.
+/// Returns the regions that a replay computes. `None` before there are any, and for simulated nodes, whose
+/// bodies are points.
 pub fn replayed_regions(replayed: &dyn Replayed) -> Option<&RegionHost> {
     let computer: &dyn Any = replayed.readout();
     match computer.downcast_ref::<PhysicsDevice>() {
@@ -72,11 +73,11 @@ fn stand_in_physics() -> Option<Box<dyn Physics>> {
     None
 }
 
-/// A local world that repeats what was recorded.
+/// A local world in which a recording is repeated.
 struct LocalComputer {
     threads: usize,
     world: Option<LocalWorld>,
-    /// What the program's hooks answered in the step that follows.
+    /// The answers of the program's hooks in the step that follows.
     answers: Vec<(HookCall, HookAnswer)>,
 }
 
@@ -152,7 +153,8 @@ impl LocalPhysics for LocalComputer {
                 let mut copies = copies.iter();
                 world.update_joint(joint, |joint| assign::<GenericJoint>(joint, copies.next()))
             }
-            // A shape that nobody has any more is kept: whoever comes later and has it was recorded without it.
+            // Shapes that no body has any more are kept: bodies with such a shape that come later were
+            // recorded without it.
             Operation::Remove(body) => {
                 world.host_mut().remove(body).then_some(()).ok_or(WorldError::NoBody(body))
             }
@@ -178,7 +180,7 @@ impl LocalPhysics for LocalComputer {
     }
 }
 
-/// Makes a copy what it was after a program had changed it.
+/// Gives a copy the state that it had after a program's change.
 fn assign<T: serde::de::DeserializeOwned>(to: &mut T, bytes: Option<&Vec<u8>>) {
     if let Some(value) = bytes.and_then(|bytes| read_state(&mut &bytes[..]).ok()) {
         *to = value;

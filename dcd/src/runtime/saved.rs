@@ -1,4 +1,4 @@
-//! Makes a local world of a served one that was saved, so that both have the same files, and back.
+//! Turns a saved served world into a local world, and back, so that both kinds have the same files.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -13,7 +13,7 @@ use crate::protocol::{
     BodyRecord, Check, ContactLedger, EnvironmentProperties, Invalid, JointRecord, ShapeRecord, WorldEvents,
 };
 
-/// Returns all movable and fixed bodies of a local world, in id order, its shapes and its joints.
+/// Returns all bodies of a local world, movable and fixed, in id order, with its shapes and joints.
 pub(super) fn contents(world: &LocalWorld) -> (Vec<BodyRecord>, Vec<ShapeRecord>, Vec<JointRecord>) {
     let host = world.host();
     let movable = host.records(&host.owned_bodies().map(|(id, ..)| id).collect::<Vec<_>>());
@@ -24,7 +24,7 @@ pub(super) fn contents(world: &LocalWorld) -> (Vec<BodyRecord>, Vec<ShapeRecord>
     (bodies, host.shapes().records(), joints.into_values().collect())
 }
 
-/// Returns a local world with what was saved of a served one, its regions and its tick.
+/// Returns a local world with the saved state of a served world, its regions and its tick.
 pub(super) fn local_of(
     mut saved: SavedWorld,
     properties: &EnvironmentProperties,
@@ -35,7 +35,7 @@ pub(super) fn local_of(
     host.set_balance(properties.balance);
     host.set_fidelity(properties.fidelity);
     host.set_viewpoints(properties.viewpoints.clone());
-    // Parts before the compounds that name them.
+    // Parts come before the compounds that name them.
     let (compounds, parts): (Vec<_>, Vec<_>) = saved.shapes.into_iter().partition(ShapeRecord::is_compound);
     for shape in parts.into_iter().chain(compounds) {
         host.shapes_mut().add(shape).map_err(HostError::from)?;
@@ -59,7 +59,7 @@ pub(super) fn local_of(
     })
 }
 
-/// Returns what a served world can have of a local one.
+/// Returns what a served world can take over from a local world.
 pub(super) fn saved_of(
     world: &LocalWorld,
     properties: &EnvironmentProperties,
@@ -124,7 +124,7 @@ mod tests {
         };
         let saved = saved_of(&world, &properties).unwrap();
         let before = offsets(&saved);
-        // Nothing has been stepped between.
+        // No step was done in between.
         let after = offsets(&saved_of(&local_of(saved, &properties).unwrap(), &properties).unwrap());
         for (one, other) in before.iter().zip(&after) {
             let apart = (0..3).map(|i| (one.moved_m[i] - other.moved_m[i]).abs()).fold(0.0, f32::max);
@@ -132,7 +132,7 @@ mod tests {
         }
     }
 
-    /// A server records of a joint what it was in the beginning.
+    /// The server's record of a joint may hold the joint's state of the beginning.
     #[test]
     fn a_multibody_that_was_saved_of_a_served_world_goes_on_from_where_its_bodies_are() {
         let properties = sim_world(1);

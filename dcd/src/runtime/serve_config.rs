@@ -1,4 +1,5 @@
-//! Configures a server: where it listens, what it keeps, how its world is paced, and who may share a group.
+//! Configures a server: where it listens, what it stores, how its world is paced, and which nodes may share a
+//! group.
 
 use std::net::SocketAddr;
 use std::path::PathBuf;
@@ -8,59 +9,67 @@ use crate::cluster::Grouping;
 use crate::protocol::{Pace, Thresholds};
 use crate::space::Tick;
 
-/// How long avatars wait for their client.
+/// How long avatars wait for their client, by default.
 const AVATAR_EXPIRY: Duration = Duration::from_secs(3_600);
 
 /// The settings of a server.
 #[derive(Clone, Debug)]
 pub struct ServeConfig {
-    /// Where to listen; port 0 takes any free one.
+    /// The address to listen on; port 0 takes any free port.
     pub listen: SocketAddr,
-    /// Folder of the authority (keys, used tokens) and of the world: a server that died and is started again with the same
-    /// origin and settings goes on with it.
+    /// The folder of the authority (keys, used tokens) and of the world. A server that died and is started
+    /// again with the same origin and settings goes on with the world stored there.
     pub data: PathBuf,
-    /// Where the world is kept, if not in `data`: `etcd://HOST:PORT[,HOST:PORT...]/NAME` names members of an etcd cluster, and the world
-    /// there. Servers with the same place and the same origin stand by for one another: one serves, and the others wait until
-    /// it is gone. Over TLS it is `etcds://…/NAME?cacert=FILE`, the certificate of etcd's authority in PEM. More follows with `&` in
-    /// between: `cert=FILE` and `key=FILE`, where etcd asks for certificates, `user=NAME` and `password-file=FILE`, where it has users;
-    /// without a file the password is in the environment's `DCD_ETCD_PASSWORD`. Needs the feature `etcd`.
+    /// Where the world is stored, if not in `data`; needs the feature `etcd`.
+    /// `etcd://HOST:PORT[,HOST:PORT...]/NAME` names members of an etcd cluster, and the world there. Servers
+    /// with the same place and the same origin are standbys of one another: one serves, and the others wait
+    /// until it is gone.
+    ///
+    /// Over TLS it is `etcds://…/NAME?cacert=FILE`, with the certificate of etcd's authority in PEM. More
+    /// settings follow, separated by `&`: `cert=FILE` and `key=FILE`, where etcd asks for certificates, and
+    /// `user=NAME` and `password-file=FILE`, where it has users. Without a password file the password is in
+    /// the environment variable `DCD_ETCD_PASSWORD`.
     pub directory: Option<String>,
-    /// Begin anew, and forget a world that is stored there.
+    /// Whether to begin anew and forget a world that is stored there.
     pub fresh: bool,
-    /// Nodes to wait for before the first tick.
+    /// The number of nodes to wait for before the first tick; 0 counts as 1.
     pub nodes: usize,
     /// How fast ticks follow one another.
     pub pace: Pace,
-    /// Ticks from one state of a moving body that clients are told to the next, 1 to 30: what they show between is interpolated, and
-    /// the more often they are told, the more bytes it takes.
+    /// The number of ticks, 1 to 30, between two states of a moving body that clients are sent. Clients
+    /// interpolate between them; more frequent states take more bytes.
     pub state_every: u32,
-    /// Stop after this tick.
+    /// The tick after which the world ends; `None` for no end.
     pub last_tick: Option<Tick>,
-    /// The fastest that avatars may be asked to move, m/s.
+    /// The speed limit of avatars, m/s: none may be asked to move faster.
     pub avatar_speed_limit: f32,
-    /// How long the avatars of a client that left wait for its return; then they are removed.
+    /// How long the avatars of a client that has left wait for its return, before they are removed.
     pub avatar_expiry: Duration,
-    /// Whether the program hears of the contacts of all bodies that ask for them (`World::events`), over the network. Each client hears of
-    /// those of its avatars anyway.
+    /// Whether nodes report the contacts of all bodies that ask for them to the program (`World::events`),
+    /// over the network. A client receives those of its avatars in either case.
     pub events: bool,
-    /// A file to record the server to: all that it is given, and a digest of all that it sends and stores.
+    /// A file to which the server is recorded: all that it is given, and a digest of all that it sends and
+    /// stores.
     pub record: Option<PathBuf>,
-    /// An address where the server answers over HTTP with its metrics (`/metrics`, in Prometheus' format) and whether it is well
-    /// (`/healthz`, `/readyz`). Whoever reaches it may read that.
+    /// An address at which the server answers over HTTP with its metrics (`/metrics`, in Prometheus' format)
+    /// and its health (`/healthz`, `/readyz`). Everyone who reaches the address may read that.
     pub metrics: Option<SocketAddr>,
-    /// The clients that the leader of a group tells the states of bodies itself; those beyond are told by other dedicated nodes of the group, which it
-    /// tells once each. `None`: it tells all.
+    /// The number of clients to which the leader of a group sends states of bodies itself. Other dedicated
+    /// nodes of the group (relays) serve the clients beyond that number; the leader sends the states once to
+    /// each relay. `None`: the leader serves all clients.
     pub relays_above: Option<u32>,
-    /// The share of participants, 0 to 1, whose regions the leader computes once more to compare the two, where that is a dedicated node: each
-    /// is drawn when it begins to compute, and not told. One that computes otherwise is sent away.
+    /// The share of participants, 0 to 1, that are verified: the leader, if it is a dedicated node, computes
+    /// their regions once more and compares. Each participant is drawn when it begins to compute, and not
+    /// told. One whose results differ is sent away.
     pub verify: f64,
     /// How members of a group keep in step, which nodes may share a group, and how far apart groups may be.
     pub groups: GroupConfig,
 }
 
 impl ServeConfig {
-    /// Returns the usual settings: any free port of this machine alone, one node to wait for, in real time, until it is stopped,
-    /// states every third tick, avatars of up to 20 m/s that wait an hour for their client.
+    /// Returns the default settings, with the data folder `data`: any free port of this machine alone, one
+    /// node to wait for, real time, no last tick, states every third tick, a speed limit of 20 m/s for
+    /// avatars, which wait an hour for their client.
     #[must_use]
     pub fn new(data: impl Into<PathBuf>) -> Self {
         Self {
@@ -84,14 +93,14 @@ impl ServeConfig {
     }
 }
 
-/// The settings of groups of nodes: lockstep or not, thresholds, sizes, votes.
+/// The settings of consistency groups of nodes: lockstep or lag, thresholds, sizes, votes.
 #[derive(Clone, Debug, Default)]
 pub struct GroupConfig {
-    /// Members run ahead of one another by at most so many ticks and extrapolate (the thesis's unsynchronised mode); 0: lockstep.
-    /// With the coupling `owner` only.
+    /// The number of ticks by which members of a group may run ahead of one another, extrapolating (the
+    /// thesis's unsynchronised mode). 0 means lockstep. Other values need the coupling `owner`.
     pub lag_ticks: u32,
-    /// Thresholds of delay and distance of groups.
+    /// The thresholds of delay and distance of groups.
     pub thresholds: Thresholds,
-    /// Sizes, policies, votes.
+    /// The sizes of groups, and the policies and votes that form them.
     pub grouping: Grouping,
 }

@@ -1,4 +1,5 @@
-//! Starts and ends a server as a process: its loop has a thread of its own, and shares with the user what the user reads.
+//! Starts and ends a server as a process. Its loop has a thread of its own, and shares with the user what the
+//! user reads.
 
 mod backup;
 mod event_loop;
@@ -37,42 +38,44 @@ use crate::protocol::{BuildOp, EnvironmentProperties, Query, QueryResult, View, 
 use crate::recording::{Background, RecordedServer, Recorder};
 use crate::space::{DistributionTree, NodeId, Tick, Viewpoint};
 
-/// How long nodes may take to say what they own, for a save: one that hangs is given up within seconds.
+/// How long nodes may take to report what they own, for a save. A node that hangs is given up within seconds.
 const SAVING: Duration = Duration::from_secs(30);
 /// How long a node may take to hand its regions over.
 const DRAINING: Duration = Duration::from_secs(30);
 
-/// What a server that keeps its world says at its end.
+/// The reason that a server which keeps its world gives at its end.
 pub(crate) const SUSPENDED: &str = "the server has stopped, and the world is kept";
 
 /// A summary of the world, from the server's record.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ServerSummary {
-    /// The last tick that all members completed, as far as known.
+    /// The last tick that all members are known to have completed.
     pub tick: Tick,
-    /// Movable bodies on record.
+    /// The number of movable bodies on record.
     pub bodies: usize,
-    /// Regions of the world.
+    /// The number of regions of the world.
     pub regions: usize,
-    /// Members now.
+    /// The number of members now.
     pub nodes: usize,
-    /// Membership changes since the start of the server.
+    /// The number of membership changes since the start of the server.
     pub views: u64,
-    /// How often the regions changed since then without a change of membership: they follow the load.
+    /// How often the regions changed since then without a change of membership, since they follow the load.
     pub repartitions: u64,
-    /// Bodies that no node owned in the last audit.
+    /// The number of bodies that no node owned in the last audit.
     pub lost: usize,
-    /// Bodies that two nodes owned in the last audit.
+    /// The number of bodies that two nodes owned in the last audit.
     pub doubled: usize,
-    /// Members did not answer the last audit in time: nobody knows what is lost or doubled.
+    /// Whether members did not answer the last audit in time, so that nobody knows what is lost or doubled.
     pub unaudited: bool,
-    /// Hash of all movable bodies in id order, after the last tick of a world that ended by [`ServeConfig::last_tick`].
+    /// A hash of all movable bodies in id order, after the last tick of a world that ended by
+    /// [`ServeConfig::last_tick`].
     pub state_hash: Option<u64>,
-    /// Bytes received and sent.
+    /// The bytes received and sent.
     pub bytes: u64,
-    /// Seconds since the world first began, or went on.
+    /// The seconds since the world first began, or went on.
     pub seconds: f64,
-    /// The server was suspended, and its data folder keeps the world. One that never began is not kept.
+    /// Whether the server was suspended and its data folder keeps the world. A world that never began is not
+    /// kept.
     pub kept: bool,
 }
 
@@ -80,19 +83,19 @@ pub struct ServerSummary {
 pub struct ServerProcess {
     inbox: InboxSender<Input>,
     shared: Arc<Shared>,
-    /// The loop's; others only read it.
+    /// The state machine. It belongs to the loop; others only read it.
     server: Arc<Mutex<RecordedServer>>,
     thread: Option<JoinHandle<()>>,
     authority: Arc<Authority>,
     connections: Connections,
-    /// Until it is suspended.
+    /// The metrics endpoint, until the server is suspended.
     metrics: Mutex<Option<Endpoint>>,
     metrics_address: Option<SocketAddr>,
-    /// Where it listens.
+    /// The address at which the server listens.
     pub address: SocketAddr,
-    /// The tick from which it goes on with a world that was stored; the nodes may be farther already.
+    /// The tick from which the server goes on with a stored world. The nodes may be ahead of it already.
     pub resumed: Option<Tick>,
-    /// Of the first body and the first joint that its program may make.
+    /// The ids of the first body and the first joint that the server's program may make.
     pub next_ids: (u32, u64),
     /// The properties of the world, with the regions with which it began.
     properties: Box<EnvironmentProperties>,
@@ -107,9 +110,9 @@ struct Shared {
 struct State {
     summary: ServerSummary,
     view: Option<View>,
-    /// How many times its program's changes were done.
+    /// How many of the program's changes were done.
     changes: u64,
-    /// Answers to questions of the program, by number, and contacts that it has not taken.
+    /// Answers to queries of the program, by number, and contacts that it has not taken.
     answers: BTreeMap<u64, QueryResult>,
     events: WorldEvents,
     traffic: PeerStats,
@@ -121,7 +124,7 @@ struct State {
 }
 
 impl State {
-    /// Shows the membership of the main group, while nodes compute the world.
+    /// Shows the membership of the main group, or that no node computes the world.
     fn show(&mut self, view: Option<&View>) {
         if self.view.as_ref() == view {
             return;
@@ -138,20 +141,20 @@ enum Input {
     Net(HeldEvent),
     Stop,
     Suspend,
-    /// With the shapes that it has made.
+    /// Changes by the program, with the shapes that the program has made.
     Program(Vec<BuildOp>, Box<ShapeLibrary>),
     Look(Vec<Viewpoint>),
     Ask(Query),
     Forget(u64),
-    /// Says when the node is gone, or why it stays.
+    /// Drains a node. The sender reports when the node is gone, or why it stays.
     Drain(NodeId, SyncSender<Result<(), DrainError>>),
-    /// Sends what is stored.
+    /// Asks for what is stored.
     Copy(SyncSender<Result<Vec<Entry>, DirectoryError>>),
-    /// Sends the world as it is after one tick.
+    /// Asks for the world as it is after one tick.
     Save(SyncSender<SavedWorld>),
-    /// Says when the world is another.
+    /// Replaces the world. The sender reports the next ids once that is done.
     Replace(Box<SavedWorld>, SyncSender<(u32, u64)>),
-    /// Wakes the loop: there is work for its connections.
+    /// Wakes the loop, since its connections have work.
     Wake,
 }
 
@@ -162,18 +165,18 @@ impl Shared {
 }
 
 impl ServerProcess {
-    /// Starts a server on a thread of its own. Where others stand by, it waits until none of them serves the world.
+    /// Starts a server on a thread of its own. A standby server waits until no other server serves the world.
     pub fn start(origin: Origin<'_>, config: ServeConfig) -> Result<Self, ProcessError> {
         Self::start_from(Beginning::of(origin)?, config)
     }
 
-    /// Does the same with what the world begins with.
+    /// Does the same with a prepared beginning of the world.
     pub(crate) fn start_from(beginning: Beginning, config: ServeConfig) -> Result<Self, ProcessError> {
         let started = Self::start_or_stand_by(beginning, config, &mut |_, _| true)?;
         started.ok_or_else(|| ProcessError::Ended("this server was not to wait on".to_owned()))
     }
 
-    /// Does the same; `None`: it was not to wait on.
+    /// Does the same; returns `None` if `goes_on` ended the wait.
     pub(crate) fn start_or_stand_by(
         beginning: Beginning,
         config: ServeConfig,
@@ -183,7 +186,8 @@ impl ServerProcess {
         if let Some(path) = &config.record {
             Background::check(path).map_err(|cause| ProcessError::Record { path: path.clone(), cause })?;
         }
-        // A port that is taken leaves no new folder behind, no beginning of a recording, and a stored world where it is.
+        // Checked first: a port that is taken leaves no new folder and no begun recording behind, and a
+        // stored world as it is.
         check_address(config.listen)?;
         config.metrics.map_or(Ok(()), super::metrics::check)?;
         let Some(opened) = directory::open(&config, goes_on)? else { return Ok(None) };
@@ -266,17 +270,17 @@ impl ServerProcess {
         }))
     }
 
-    /// Returns the fastest that a dynamic body of the world moves, m/s.
+    /// Returns the speed limit of dynamic bodies of the world, m/s.
     pub(crate) fn speed_limit_m_s(&self) -> f32 {
         self.properties.step.speed_limit_m_s
     }
 
-    /// Returns the connections with nodes and clients, also those whose links broke a moment ago.
+    /// Returns the connections with nodes and clients, including those whose links broke a moment ago.
     pub fn connections(&self) -> &Connections {
         &self.connections
     }
 
-    /// Mints a token for one process of this role to join with.
+    /// Mints a token with which one process of this role can join.
     pub fn token(&self, role: JoinRole, valid_for: Duration) -> Result<String, ProcessError> {
         let now = std::time::SystemTime::now();
         Ok(self.authority.issue_token(role, valid_for, now)?.to_string())
@@ -287,12 +291,12 @@ impl ServerProcess {
         self.shared.lock().summary.clone()
     }
 
-    /// Returns what the main group saves and costs by not computing all in full, as its leader said last.
+    /// Returns what the main group saves and costs by not computing all in full, as its leader last reported.
     pub(crate) fn fidelity_report(&self) -> Option<FidelityReport> {
         self.server.lock().unwrap_or_else(PoisonError::into_inner).fidelity_report()
     }
 
-    /// Returns what tells whether the server's loop turns, and how it is.
+    /// Returns a function that reports when the server's loop last turned, and the state of the server.
     pub fn pulse(&self) -> impl Fn() -> Pulse + Send + 'static {
         let (shared, begun) = (self.shared.clone(), Instant::now());
         move || {
@@ -303,12 +307,13 @@ impl ServerProcess {
         }
     }
 
-    /// Returns where the server answers with its metrics, if it does.
+    /// Returns the address of the server's metrics endpoint, if it has one.
     pub fn metrics_address(&self) -> Option<SocketAddr> {
         self.metrics_address
     }
 
-    /// Returns the traffic over the network, as of a tenth of a second ago; with more than sixteen links, as of when it was counted before.
+    /// Returns the traffic over the network, as of a tenth of a second ago; with more than sixteen links, as
+    /// of the count before.
     pub fn traffic(&self) -> PeerStats {
         self.shared.lock().traffic
     }
@@ -323,7 +328,8 @@ impl ServerProcess {
         self.view().map_or_else(|| self.properties.tree.clone(), |view| view.tree)
     }
 
-    /// Waits until the condition holds for summary and membership, or the time is up; returns which.
+    /// Waits until the condition holds for summary and membership, the server has ended, or the time is up.
+    /// Returns whether it was one of the first two.
     pub fn wait(
         &self,
         timeout: Duration,
@@ -339,8 +345,8 @@ impl ServerProcess {
         !timed_out.timed_out()
     }
 
-    /// Takes the error with which the server had to stop, if it had to; later calls return its words, of what is not a bug or a disk's as
-    /// [`ProcessError::Ended`].
+    /// Takes the error with which the server had to stop, if there is one. Later calls return an error in the
+    /// same words: of the same kind if a bug or a disk caused it, otherwise [`ProcessError::Ended`].
     pub fn failure(&self) -> Option<ProcessError> {
         let mut state = self.shared.lock();
         let failure = state.failure.take()?;
@@ -348,7 +354,8 @@ impl ServerProcess {
         Some(failure)
     }
 
-    /// Returns whether the server computes and keeps its world no more: it has failed, was suspended, or has ended.
+    /// Returns whether the server does not compute and keep its world any more: it has failed, was suspended,
+    /// or has ended.
     pub(crate) fn is_gone(&self) -> bool {
         let state = self.shared.lock();
         state.failure.is_some() || state.suspended || state.over
@@ -359,14 +366,15 @@ impl ServerProcess {
         self.shared.lock().over
     }
 
-    /// Changes the world, in this order; it is on record some milliseconds later, and computed some ticks later. Bodies have been
-    /// checked: nodes refuse a server that sends what may not be. Each insertion brings the shapes of its bodies: the world forgets those
-    /// that no body has any more, and what is known already costs nothing.
+    /// Changes the world by these operations, in order. The change is on record some milliseconds later, and
+    /// computed some ticks later. The caller must have checked the bodies: nodes refuse a server that sends
+    /// invalid ones. Each insertion brings the shapes of its bodies, since the world forgets shapes that no
+    /// body has any more. Shapes that are known already cost nothing.
     pub fn change(&self, ops: Vec<BuildOp>) {
         self.change_with(ops, ShapeLibrary::default());
     }
 
-    /// Does the same; shapes of new bodies that are not on record, or no longer, are taken from these.
+    /// Does the same. Shapes of new bodies that are not on record, or not any more, are taken from `shapes`.
     pub(crate) fn change_with(&self, ops: Vec<BuildOp>, shapes: ShapeLibrary) {
         let _ = self.inbox.send(Input::Program(ops, Box::new(shapes)));
     }
@@ -376,20 +384,21 @@ impl ServerProcess {
         self.shared.lock().changes
     }
 
-    /// Has what is seen from these places computed in full from some tick on, and what is seen from no others for the program's sake.
+    /// Sets the viewpoints of the server's program. From some tick on, what is seen from them is computed in
+    /// full; they replace the program's former ones.
     pub fn look(&self, viewpoints: &[Viewpoint]) -> Result<(), WorldError> {
         check_viewpoints(viewpoints)?;
         let _ = self.inbox.send(Input::Look(viewpoints.to_vec()));
         Ok(())
     }
 
-    /// Sends a query to the nodes; [`ServerProcess::take_answer`] has the answer some ticks later, or when there are nodes. Its number must
-    /// differ from those of other queries.
+    /// Sends a query to the nodes. [`ServerProcess::take_answer`] returns the answer some ticks later, or
+    /// once there are nodes. The query's number must differ from those of other queries.
     pub fn ask(&self, question: Query) {
         let _ = self.inbox.send(Input::Ask(question));
     }
 
-    /// Takes the answer to a query, if it has come. It is given once.
+    /// Takes the answer to a query, if it has come. Each answer is given once.
     pub fn take_answer(&self, number: u64) -> Option<QueryResult> {
         self.shared.lock().answers.remove(&number)
     }
@@ -399,17 +408,19 @@ impl ServerProcess {
         let _ = self.inbox.send(Input::Forget(number));
     }
 
-    /// Takes the contacts of bodies that ask for them since the last call: the newest, if they are many ([`ServeConfig::events`]).
+    /// Takes the contacts since the last call, of bodies that ask for them ([`ServeConfig::events`]). If they
+    /// are many, only the newest are kept.
     pub fn take_events(&self) -> WorldEvents {
         std::mem::take(&mut self.shared.lock().events)
     }
 
-    /// Reads the record of the world: every body as the nodes last told, at most half a second ago.
+    /// Reads the record of the world: each body as the nodes last reported it, at most half a second ago.
     pub fn read<R>(&self, read: impl FnOnce(&Record) -> R) -> R {
         read(self.server.lock().unwrap_or_else(PoisonError::into_inner).record())
     }
 
-    /// Returns a copy of the world as it is after one tick, as its nodes say: they stop for that, for some ticks.
+    /// Returns a copy of the world as it is after one tick, from what its nodes report. They stop for some
+    /// ticks meanwhile.
     pub fn save(&self) -> Result<LocalWorld, ProcessError> {
         let (saver, saved) = mpsc::sync_channel(1);
         let _ = self.inbox.send(Input::Save(saver));
@@ -422,7 +433,8 @@ impl ServerProcess {
         Ok(local_of(saved, &properties)?)
     }
 
-    /// Takes a node out of the world: others take its regions over, and it ends in order. Returns when it is gone.
+    /// Takes a node out of the world: others take its regions over, and the node ends in order. Returns when
+    /// it is gone.
     pub fn drain(&self, node: NodeId) -> Result<(), DrainError> {
         let (sender, drained) = mpsc::sync_channel(1);
         let _ = self.inbox.send(Input::Drain(node, sender));
@@ -436,8 +448,9 @@ impl ServerProcess {
         }
     }
 
-    /// Writes a data folder from which another server goes on with the world, as this one's would if it died now: the authority, the
-    /// record of joins, and the world as it is stored, at most some seconds old. The folder must not be there yet.
+    /// Writes a data folder from which another server goes on with the world as this server's successor would
+    /// if it died now: the authority, the record of joins, and the stored world, at most some seconds old.
+    /// The folder must not exist yet. Returns the number of bodies.
     pub fn back_up(&self, folder: &Path) -> Result<usize, ProcessError> {
         let (sender, copied) = mpsc::sync_channel(1);
         let _ = self.inbox.send(Input::Copy(sender));
@@ -448,9 +461,10 @@ impl ServerProcess {
         Ok(bodies)
     }
 
-    /// Replaces the world by a copy of a local one, which may be one that was saved: from then on the record is that, and nodes
-    /// and clients begin anew with it. Avatars are their clients': those that are in both go where they were, and none comes or goes.
-    /// Returns the ids of the next body and the next joint that the program may make.
+    /// Replaces the world by a copy of a local world, which may be a saved one. From then on that copy is the
+    /// record, and nodes and clients begin anew with it. Avatars belong to their clients: those that are in
+    /// both worlds go to where they were in the copy, and none is added or removed. Returns the ids of the
+    /// next body and the next joint that the program may make.
     pub fn replace(&self, world: &LocalWorld) -> Result<(u32, u64), ProcessError> {
         let saved = Box::new(saved_of(world, &self.properties)?);
         let (replacer, replaced) = mpsc::sync_channel(1);
@@ -463,25 +477,28 @@ impl ServerProcess {
         self.shared.lock().suspended
     }
 
-    /// Writes down what is known of the world, stops the server, and waits for that. The world does not end: nodes compute on
-    /// and dial a server that is started again, for a while, and the data folder keeps it.
+    /// Stores what is known of the world, stops the server, and waits for that. The world does not end: the
+    /// data folder keeps it, nodes go on computing, and nodes and clients dial a server that is started again
+    /// until they give up.
     pub fn suspend(&self) {
         let _ = self.inbox.send(Input::Suspend);
         let state = self.shared.lock();
         drop(self.shared.changed.wait_while(state, |state| !state.over));
-        // Whoever hears of it may start another server here, and the handle stays.
+        // The port is released here, since the handle stays: whoever hears of the end may start another
+        // server.
         let metrics = self.metrics.lock().unwrap_or_else(PoisonError::into_inner).take();
         drop(metrics);
     }
 
-    /// Audits the world, tells all processes that it ends, and waits for the end. What fails on the way is an error, as it is of
-    /// [`ServerProcess::failure`].
+    /// Audits the world, tells all processes that it ends, and waits for the end. Returns the error if
+    /// something fails, as [`ServerProcess::failure`] does.
     pub fn stop(mut self) -> Result<ServerSummary, ProcessError> {
         self.end();
         self.failure().map_or_else(|| Ok(self.summary()), Err)
     }
 
-    /// Does the same, and leaves the handle, which tells how it ended. Of a server that is over already it changes nothing.
+    /// Does the same, but leaves the handle, which tells how the server ended. If the server is over already,
+    /// this changes nothing.
     pub(crate) fn end(&mut self) {
         let _ = self.inbox.send(Input::Stop);
         if let Some(thread) = self.thread.take() {
@@ -498,7 +515,7 @@ impl Drop for ServerProcess {
     }
 }
 
-/// Returns what the server begins with: what is stored, if that is not to be forgotten.
+/// Returns what the server begins with: the stored world, unless it is to be forgotten.
 fn origin_of(
     directory: &mut dyn Directory,
     entries: Vec<Entry>,
@@ -512,7 +529,7 @@ fn origin_of(
     Ok(if entries.is_empty() { ServerOrigin::New(record) } else { ServerOrigin::Stored(entries) })
 }
 
-/// Returns how participants are drawn to be verified: nobody else can know how.
+/// Returns the drawing of participants to be verified, from a random seed that nobody else can know.
 fn drawn_by_chance(share: f64) -> Result<Verification, ProcessError> {
     let mut seed = [0; 8];
     let random = SystemRandom::new().fill(&mut seed);
@@ -525,7 +542,7 @@ fn record_to(path: &Path, config: &ServerConfig, origin: &ServerOrigin) -> Resul
     recorder.map_err(|cause| ProcessError::Record { path: path.to_owned(), cause })
 }
 
-/// Runs the loop on a thread of its own. A bug in it ends the server, and not the process.
+/// Runs the loop on a thread of its own. A bug in it ends the server, but not the process.
 fn spawn(running: Loop, inputs: Inbox<Input>) -> Result<JoinHandle<()>, ProcessError> {
     let run = move || {
         let (shared, connections) = (running.shared.clone(), running.connections.clone());
@@ -564,7 +581,7 @@ mod tests {
         let former = start().unwrap();
         former.suspend();
         assert_eq!(former.metrics_address(), Some(free));
-        // Its handle is still there.
+        // The handle of the suspended server is still there.
         drop(start().unwrap());
         assert!(!former.authority.has_named(NodeId(1)));
         drop(start().unwrap());

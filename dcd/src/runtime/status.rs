@@ -1,4 +1,4 @@
-//! Asks a server how its world is, without taking part in it.
+//! Asks a server for the status of its world, without taking part in that world.
 
 use std::net::SocketAddr;
 use std::time::{Duration, Instant};
@@ -8,7 +8,7 @@ use super::{JoinConfig, ProcessError};
 use crate::net::{JoinRole, Lane, Limits, Net, NetConfig, NetEvent, NetEvents, PeerKey, PeerName};
 use crate::protocol::{self, Message, Status};
 
-/// A link to a server over which it is asked for the status of its world.
+/// A link to a server, over which the server is asked for the status of its world.
 pub struct StatusLink {
     net: Net,
     events: NetEvents,
@@ -17,8 +17,8 @@ pub struct StatusLink {
 }
 
 impl StatusLink {
-    /// Connects with a client's token, and waits for the link no longer than the configuration says. The process plays no part in the
-    /// world: it is told of no body.
+    /// Connects with a client's token, and waits for the link no longer than the configuration's timeout. The
+    /// process takes no part in the world: it is told of no body.
     pub fn connect(config: &JoinConfig) -> Result<Self, ProcessError> {
         let begun = Instant::now();
         let identity = config.join(JoinRole::Client)?;
@@ -37,7 +37,7 @@ impl StatusLink {
         Ok(status)
     }
 
-    /// Asks, and waits for the answer. A server answers ten times per second at most.
+    /// Asks for the status, and waits for the answer. A server answers at most ten times per second.
     pub fn ask(&self, timeout: Duration) -> Result<Status, ProcessError> {
         let begun = Instant::now();
         let gone = |reason: String| ProcessError::ServerGone { server: self.server, reason };
@@ -47,7 +47,7 @@ impl StatusLink {
             NetEvent::Frame { bytes, .. } => match protocol::decode(&bytes) {
                 Ok(Message::Status(status)) => Some(Ok(status)),
                 Ok(_) => None,
-                // As an answer of another version is.
+                // For example an answer of another version.
                 Err(error) => Some(Err(gone(error.to_string()))),
             },
             _ => None,

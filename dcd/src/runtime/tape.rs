@@ -13,24 +13,24 @@ use crate::protocol::{BodyRecord, ShapeHash, encoded_len, write_state};
 use crate::recording::{Operation, Recorder};
 use crate::space::{RegionId, Tick};
 
-/// Shapes of more bytes than this are told by a snapshot.
+/// Shapes of more bytes than this are recorded by a snapshot.
 const LARGE: usize = 1 << 20;
-/// Answers of hooks in an entry: a few megabytes.
+/// The number of answers of hooks in an entry: a few megabytes.
 const ANSWERS: usize = 1 << 14;
-/// Bytes of each part of a snapshot.
+/// The bytes of each part of a snapshot.
 const PART: usize = 1 << 20;
 
 /// The recording of a local world.
 pub(super) struct Tape {
     pub(super) recorder: Recorder,
     since: Instant,
-    /// Shapes that the recording has.
+    /// The shapes that the recording has.
     known: BTreeSet<ShapeHash>,
-    /// How seldom regions are stepped, by the recording.
+    /// The paces of regions that were recorded last.
     paces: BTreeMap<RegionId, Pace>,
-    /// Something happened that only a snapshot can tell.
+    /// Whether something happened that only a snapshot can record.
     is_stale: bool,
-    /// The program's hooks, with what they answer.
+    /// The program's hooks, with a note of what they answer.
     hooks: Option<Arc<NotedHooks>>,
 }
 
@@ -40,9 +40,9 @@ impl Tape {
         Self { recorder, since: Instant::now(), known, paces, is_stale: true, hooks: None }
     }
 
-    /// Records an operation, unless a snapshot is to come that has it in it.
+    /// Records an operation, unless a snapshot will follow that includes it.
     pub(super) fn note(&mut self, operation: Operation) {
-        // Without steps, what is kept in memory would grow without end.
+        // Otherwise, without steps, a recording in memory would grow without end.
         self.is_stale |= self.recorder.wants_segment();
         if !self.is_stale {
             self.put(operation);
@@ -53,19 +53,19 @@ impl Tape {
         self.recorder.operation(self.since.elapsed(), operation);
     }
 
-    /// Records bodies that came, with their new shapes.
+    /// Records the insertion of bodies, with their new shapes.
     pub(super) fn note_bodies(&mut self, bodies: Vec<BodyRecord>, shapes: &ShapeLibrary) {
         let used = shapes.records_of(&bodies).into_iter();
         let new = used.filter(|(hash, _)| self.known.insert(*hash));
         let new: Vec<_> = new.map(|(_, shape)| shape.clone()).collect();
-        // A snapshot is written in parts, an entry is not.
+        // A snapshot is written in parts, but an entry is not.
         if new.iter().map(encoded_len).sum::<usize>() > LARGE {
             return self.spoil();
         }
         self.note(Operation::Insert { bodies, shapes: new });
     }
 
-    /// Notes from now on what these hooks answer; returns what is to be asked in their place.
+    /// Begins to note what these hooks answer. Returns the hooks that are to be called in their place.
     pub(super) fn listen_to(
         &mut self,
         hooks: Option<Arc<dyn ContactHooks>>,
@@ -87,7 +87,7 @@ impl Tape {
         }
     }
 
-    /// Records the pace of regions in a step, where that is not as before.
+    /// Records the paces of regions in a step, if they differ from those before.
     pub(super) fn note_paces(&mut self, paces: &BTreeMap<RegionId, Pace>) {
         if *paces != self.paces {
             self.paces.clone_from(paces);
@@ -100,7 +100,7 @@ impl Tape {
         self.recorder.stepped(self.since.elapsed(), tick, digests);
     }
 
-    /// Returns whether a snapshot is to come before the next step.
+    /// Returns whether a snapshot must be recorded before the next step.
     pub(super) fn wants_seed(&self) -> bool {
         !self.recorder.has_failed() && (self.is_stale || self.recorder.wants_segment())
     }
@@ -113,7 +113,7 @@ impl Tape {
     ) -> Result<(), E> {
         self.is_stale = false;
         self.paces.clear();
-        // Of a step that failed: no replay does it.
+        // Drops the answers of a step that failed, which no replay does.
         self.hooks.iter().for_each(|hooks| drop(hooks.take()));
         self.recorder.begin_segment();
         let mut parts = Parts { tape: self, part: Vec::with_capacity(PART) };
@@ -124,17 +124,17 @@ impl Tape {
         Ok(())
     }
 
-    /// Notes that the world was changed in a way that has no operation.
+    /// Notes that the world was changed in a way for which there is no operation.
     pub(super) fn spoil(&mut self) {
         self.is_stale = true;
     }
 }
 
-/// Collects the state of each copy of a Rapier value that a program's code has changed.
+/// The state of each copy of a Rapier value after a program's code has changed it, if anything is recorded.
 pub(super) struct Copies(pub(super) Option<Vec<Vec<u8>>>);
 
 impl Copies {
-    /// `is_wanted`: whether anything is recorded.
+    /// Makes an empty collection. `is_wanted` tells whether anything is recorded.
     pub(super) fn new(is_wanted: bool) -> Self {
         Self(is_wanted.then(Vec::new))
     }
@@ -148,7 +148,7 @@ impl Copies {
     }
 }
 
-/// Writes a snapshot as parts of a recording.
+/// A writer that records a snapshot in parts.
 pub(super) struct Parts<'a> {
     tape: &'a mut Tape,
     part: Vec<u8>,

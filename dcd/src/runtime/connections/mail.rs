@@ -1,9 +1,10 @@
-//! Queues the messages of the programs at both ends of a link, with flow control: what waits to be sent, how much more the other
-//! end has room for, and what has come.
+//! Queues the messages of the programs at both ends of a link, with flow control: what waits to be sent, how
+//! much room is left at the other end, and what has come.
 //!
-//! **A program that takes nothing** holds back whoever writes to it, and nobody else: of messages no more than
-//! [`PROGRAM_WINDOW_BYTES`] are on their way or untaken; then they wait at their sender, up to as much again; then sending fails.
-//! Of datagrams the newest are dropped, and counted. Nothing that the world needs waits for either.
+//! **A program that takes nothing** holds back those who write to it, and nobody else. At most
+//! [`PROGRAM_WINDOW_BYTES`] of messages are on their way or untaken. As much again waits at the sender;
+//! beyond that sending fails. Of datagrams the newest are dropped, and counted. Nothing that the world needs
+//! waits for either.
 
 use std::collections::VecDeque;
 
@@ -11,12 +12,13 @@ use super::{ConnectionError, Delivery};
 use crate::protocol::link::PROGRAM_WINDOW_BYTES;
 use crate::protocol::{self, Message, PROGRAM_DATAGRAM_BYTES, PROGRAM_MESSAGE_BYTES, Program};
 
-/// Datagrams that wait to be sent, or to be taken, at most.
+/// The most bytes of datagrams that wait to be sent, or to be taken.
 const DATAGRAMS_BYTES: usize = 64 << 10;
-/// The other end is told of room once this much more of it is free; what is left is enough for any message.
+/// The other end is told of room each time this much more of it is free. The rest is enough for any message.
 const TELL_BYTES: usize = PROGRAM_WINDOW_BYTES / 4;
 
-/// Returns what a message takes of its window: its bytes and the overhead of keeping it.
+/// Returns the weight of a message, which is what it takes of the window: its bytes and the overhead of
+/// keeping it.
 pub(super) fn weight(bytes: &[u8]) -> usize {
     const OVERHEAD_BYTES: usize = 64;
     bytes.len() + OVERHEAD_BYTES
@@ -24,30 +26,31 @@ pub(super) fn weight(bytes: &[u8]) -> usize {
 
 /// The outcome of sending a frame.
 pub(in crate::runtime) enum Sent {
-    /// It is on its way, or lost with its link.
+    /// The frame is on its way, or was lost with its link.
     Done,
-    /// There is no room for it now.
+    /// There is no room for the frame now.
     Waits,
-    /// There was no room for it, and it is not to wait.
+    /// There was no room for the frame, and it must not wait.
     Dropped,
 }
 
 /// The mail of both directions of one link.
 #[derive(Default)]
 pub(super) struct Mail {
-    /// Frames to be sent, with their messages' weight.
+    /// Frames to be sent, each with the weight of its message.
     messages: VecDeque<(Vec<u8>, usize)>,
     messages_weight: usize,
     datagrams: VecDeque<Vec<u8>>,
     datagrams_weight: usize,
-    /// Weight of all messages sent, and of those that the other program took.
+    /// Weight of all messages sent, and of those that the other program has taken.
     sent: u64,
     taken_there: u64,
-    /// Weight of all messages that came, of those that our program took, and of what the other end knows to be taken.
+    /// Weight of all messages that came, of those that our program has taken, and of those that the other end
+    /// knows to be taken.
     came: u64,
     taken: u64,
     told: u64,
-    /// Weight of datagrams that came and are not taken.
+    /// Weight of datagrams that came and are not taken yet.
     untaken_datagrams: usize,
     /// Datagrams dropped here, in both directions.
     pub(super) dropped: u64,
@@ -84,8 +87,8 @@ impl Mail {
         Ok(())
     }
 
-    /// Sends what there is room for. Returns whether anything waits for room on the link; what waits for the other program does
-    /// not count, which reports room by itself.
+    /// Sends what there is room for. Returns whether anything waits for room on the link. What waits for the
+    /// other program does not count: that program reports room by itself.
     pub(super) fn send(&mut self, mut send: impl FnMut(&[u8], Delivery) -> Sent) -> bool {
         self.datagrams_weight = 0;
         for frame in self.datagrams.drain(..) {
@@ -114,8 +117,8 @@ impl Mail {
         false
     }
 
-    /// Takes in a frame of the other end, and returns the bytes for our program, if there are any. An error names the rule that
-    /// it broke.
+    /// Takes in a frame of the other end, and returns the bytes for our program, if any. An error names the
+    /// rule that the frame broke.
     pub(super) fn hear(&mut self, program: Program) -> Result<Option<(Vec<u8>, Delivery)>, &'static str> {
         match program {
             Program::Message(bytes) => {
@@ -154,14 +157,14 @@ impl Mail {
         self.taken - self.told >= TELL_BYTES as u64
     }
 
-    /// Returns the weight of what came and was not taken.
+    /// Returns the weight of what came and is not taken yet.
     pub(super) fn untaken(&self) -> u64 {
         self.came - self.taken + self.untaken_datagrams as u64
     }
 
-    /// Drops what waited to be sent when the link is gone.
+    /// Resets the mail when its link is gone, and drops what waited to be sent.
     pub(super) fn end(&mut self) {
-        // What waited to be sent is dropped with the link; messages are not counted, since their sender learns of the loss.
+        // Dropped datagrams are counted. Messages are not, since their sender learns of the loss.
         let dropped = self.dropped + self.datagrams.len() as u64;
         *self = Self { dropped, ..Self::default() };
     }
@@ -182,7 +185,7 @@ mod tests {
         programs
     }
 
-    /// Posts messages until there is no more room; returns how many.
+    /// Posts messages until there is no more room; returns how many were posted.
     fn fill(mail: &mut Mail, bytes: &[u8], delivery: Delivery) -> usize {
         let mut count = 0;
         while mail.post(bytes, delivery) != Err(ConnectionError::Full) {

@@ -1,4 +1,4 @@
-//! Tests what a member does to its part of the world.
+//! Tests how a node's device computes its part of the world.
 
 use super::*;
 use crate::physics::{Region, StepSettings, joint_record};
@@ -130,7 +130,7 @@ fn what_was_placed_or_came_awake_and_sleeps_before_the_next_sample_is_told_of_on
     assert_eq!(ends(&mut physics, 7, vec![], Sampling::Moved), [vec![], vec![]], "they have slept before");
 }
 
-/// A message of the first tick is taken in after the third: what came with the second and third is not in it.
+/// A message of the first tick is taken in after the third, so it lacks the pushes of the second and third.
 #[test]
 fn a_push_on_a_body_that_is_on_its_way_here_is_not_lost() {
     let mut physics = PhysicsDevice::new(1);
@@ -198,7 +198,7 @@ fn what_comes_with_a_shape_that_was_to_be_forgotten_before_has_it_whoever_holds_
         apply(&mut host, ops, 0.0);
         host.shapes().record_of(ball.hash()).is_some()
     };
-    // The body is computed by somebody else, from whom it may come later.
+    // Another node computes the body, and may hand it over later.
     let comes = || WorldOp::Insert { bodies: Vec::new(), shapes: vec![ball.clone()], joints: Vec::new() };
     let goes = || WorldOp::ForgetShapes(vec![ball.hash()]);
     assert!(inserted(vec![goes(), comes()]));

@@ -1,4 +1,5 @@
-//! Computes once more, apart from the regions of a node, what another member computes: by a thread of its own, for which nothing waits.
+//! Verifies what other members compute: computes the same once more, apart from the node's own regions, on a
+//! thread of its own that nothing waits for.
 
 use std::sync::Arc;
 use std::sync::mpsc::{self, Sender};
@@ -9,19 +10,20 @@ use tracing::warn;
 use super::{DeviceError, PhysicsDevice};
 use crate::cluster::{PhysicsCommand, PhysicsEvent};
 
-/// Whoever takes in what is computed by threads of their own.
+/// Receives the results of repeated computations that run on threads of their own.
 pub(super) type Listener = Arc<dyn Fn(PhysicsEvent) + Send + Sync>;
 
-/// What another member computes, computed once more.
+/// A repeated computation of what another member computes.
 pub(super) enum Twin {
-    /// By whoever gives the commands, each of which is done when the next one comes: simulations and replays are to give the same again.
+    /// Runs within [`PhysicsDevice::run`], so that each command is done before the next one comes.
+    /// Simulations and replays need that, since they must give the same results again.
     Here(Box<PhysicsDevice>),
-    /// By the thread that takes its commands in here.
+    /// Runs on a thread of its own, which takes its commands from this channel.
     Apart(Sender<PhysicsCommand>),
 }
 
 impl PhysicsDevice {
-    /// Has what other members compute computed once more by threads of their own, which tell this of it.
+    /// Makes repeated computations run on threads of their own, which report to `tell`.
     #[cfg(any(test, feature = "net"))]
     pub(in crate::runtime) fn with_twins_apart(
         self,
@@ -30,7 +32,8 @@ impl PhysicsDevice {
         Self { apart: Some(Arc::new(tell)), ..self }
     }
 
-    /// Carries out a command of what is computed once more, which no failure of that keeps from anything.
+    /// Carries out a command of a repeated computation; `None` ends the computation. A failure ends nothing
+    /// else.
     pub(super) fn verify(&mut self, run: u64, command: Option<Box<PhysicsCommand>>) -> Option<PhysicsEvent> {
         let Some(command) = command else {
             self.runs.remove(&run);
@@ -70,7 +73,8 @@ impl PhysicsDevice {
         thread.map(|_| Twin::Apart(sender)).map_err(|error| error.to_string())
     }
 
-    /// Carries out a command as another member does; returns what comes of it, and whether that can go on.
+    /// Carries out a command as another member does. Returns the result, and whether the computation can go
+    /// on.
     fn repeat(&mut self, run: u64, command: PhysicsCommand) -> (Option<PhysicsEvent>, bool) {
         if let PhysicsCommand::Repartition { changes, .. } = &command
             && self.host.as_ref().is_some_and(|host| host.gives_up_bodies(changes))
@@ -89,7 +93,7 @@ impl PhysicsDevice {
         }
     }
 
-    /// Forgets all that is computed here.
+    /// Forgets all bodies, keeping the world, its shapes and its scenery.
     pub(super) fn begin_anew(&mut self) -> Result<(), DeviceError> {
         let twin = self.twin(self.threads)?;
         let (runs, apart) = (std::mem::take(&mut self.runs), self.apart.take());
@@ -182,7 +186,7 @@ mod tests {
         assert_eq!(ended, Err(mpsc::RecvTimeoutError::Disconnected), "the thread has ended");
     }
 
-    /// Takes away how long it took.
+    /// Removes the time that the computation took.
     fn timeless(mut event: PhysicsEvent) -> PhysicsEvent {
         if let PhysicsEvent::Verified { event: Some(event), .. } = &mut event
             && let PhysicsEvent::Settled { stats, .. } = &mut **event

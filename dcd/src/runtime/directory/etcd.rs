@@ -1,10 +1,12 @@
-//! Stores a server's directory in an etcd cluster, so that another server can go on with the world when this one dies.
+//! Stores a server's directory in an etcd cluster, so that another server can go on with the world when this
+//! one dies.
 //!
-//! A world is a log of *segments*, batches of entries in order, of which newer ones win. Its *head* names the segments that count. To
-//! save is to write the next segment and, in one transaction with its last part, a head that counts it. Once the log is much longer
-//! than what it says, all entries are written as one segment, from which the head counts on. So a batch of any size is
-//! there whole or not at all, although a transaction of etcd takes 128 writes and 1.5 MiB, and thousands of bodies cost a
-//! few keys. Entries are kept in memory as well: they are read from etcd once, by who takes over.
+//! A world is a log of *segments*: batches of entries in order, of which newer ones win. Its *head* names the
+//! segments that count. A save writes the next segment and, in one transaction with the segment's last part,
+//! a head that counts it. Once the log is much longer than the entries in it, all entries are written as one
+//! segment, from which the head counts on. So a batch of any size is stored whole or not at all, although a
+//! transaction of etcd takes 128 writes and 1.5 MiB, and thousands of bodies take a few keys. Entries are
+//! kept in memory as well: they are read from etcd once, by the server that takes over.
 //!
 //! | key, after `dcd/NAME/` | value |
 //! |---|---|
@@ -37,59 +39,60 @@ pub(super) use self::address::EtcdAddress;
 pub(super) use self::journal::EtcdJournal;
 pub(super) use self::lease::Wait;
 
-/// Format of head and segments. A world of another format is refused.
+/// The format of head and segments. A world of another format is refused.
 const FORMAT: u64 = 5;
-/// Batches that are not durable become so after this long.
+/// A commit saves batches that are not durable, too, if the last save was this long ago.
 const UNSAVED: Duration = Duration::from_secs(1);
-/// The log is begun anew once it has so many times the bytes of what it says,
+/// The log is begun anew once it has this many times the bytes of the entries in it,
 const LOG_RATIO: usize = 3;
-/// and so many bytes at least.
+/// and more bytes than this.
 const LOG_BYTES: usize = 1 << 20;
 
-/// A world in etcd that nobody needs to hold yet.
+/// A world in etcd that this server does not hold yet.
 pub(super) struct EtcdWorld {
     keys: Keys,
 }
 
 /// The directory of a world in etcd, held by this server.
 ///
-/// A batch that is not durable waits in memory, for a durable one or for a second to pass.
+/// A batch that is not durable stays in memory until a durable batch comes, or any batch a second after the
+/// last save.
 pub(super) struct EtcdDirectory {
     hold: Hold,
     lease: Lease,
     head: Head,
     /// The head as it is stored.
     stored: Option<Vec<u8>>,
-    /// All entries, with what is not saved yet.
+    /// All entries, including those that are not saved yet.
     entries: BTreeMap<Key, (Revision, Vec<u8>)>,
-    /// What is not saved yet; without a value it is removed.
+    /// The changes that are not saved yet; an entry without a value is removed.
     unsaved: BTreeMap<Key, (Revision, Option<Vec<u8>>)>,
     /// The last revision, saved or not.
     revision: Revision,
     log_bytes: usize,
     saved_at: Instant,
-    /// It is not known what is stored: not yet, or not any more.
+    /// Whether it is unknown what is stored: not known yet, or not any more.
     is_lost: bool,
-    /// Another server has removed all entries while this one stood by.
+    /// Whether another server has removed all entries while this one stood by.
     is_cleared: bool,
 }
 
-/// Says which segments count.
+/// The head of the log, which names the segments that count.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Head {
     revision: Revision,
     first: u64,
-    /// The one after the last.
+    /// The segment after the last.
     next: u64,
 }
 
 impl EtcdWorld {
-    /// Returns the world at an address, with what it takes to be let in there; an error names the file.
+    /// Returns the world at an address, with the credentials that etcd asks for. An error names the file.
     pub(super) fn at(address: EtcdAddress) -> Result<Self, DirectoryError> {
         Keys::new(address).map(|keys| Self { keys })
     }
 
-    /// Returns the authority of all servers of the world: `own` if there was none.
+    /// Returns the authority of all servers of the world, and stores `own` if there was none.
     pub(super) fn authority(&mut self, own: &str) -> Result<String, DirectoryError> {
         let found = self.keys.read_or_create("authority", own.as_bytes())?;
         String::from_utf8(found).map_err(|_| DirectoryError::Damaged {
@@ -98,9 +101,9 @@ impl EtcdWorld {
         })
     }
 
-    /// Waits until no other server holds the world, and opens it. `holder` says who asks, unlike all others. Meanwhile `goes_on` is told
-    /// why it waits, again and again, and says whether to wait on; if not, `None` is returned. `fresh`: what is stored may be damaged,
-    /// and is removed then.
+    /// Waits until no other server holds the world, and opens it. `holder` names this server, unlike all
+    /// others. During the wait `goes_on` is told repeatedly why it waits, and decides whether to keep
+    /// waiting; if not, this returns `None`. `fresh`: what is stored may be damaged, and is removed then.
     pub(super) fn open(
         self,
         holder: &str,
@@ -147,12 +150,13 @@ impl EtcdDirectory {
         self.is_cleared
     }
 
-    /// Returns a record of joins that the holder of this directory alone writes.
+    /// Returns a record of joins that only the holder of this directory writes.
     pub(super) fn journal(&self) -> EtcdJournal {
         EtcdJournal::new(self.hold.clone())
     }
 
-    /// Reads all entries, and removes segments that count no more, or that their writer died over.
+    /// Reads all entries, and removes segments that do not count any more, or whose writer died before they
+    /// counted.
     fn read(&mut self) -> Result<(), DirectoryError> {
         let place = self.hold.keys().place();
         let damaged = |what: &str| DirectoryError::Damaged { place: place.clone(), what: what.to_owned() };
@@ -182,7 +186,7 @@ impl EtcdDirectory {
         self.remove_others()
     }
 
-    /// Removes all that is stored. Numbers go on, so that no head is ever there twice.
+    /// Removes all that is stored. Numbers go on, so that no head is ever stored twice.
     fn clear(&mut self) -> Result<(), DirectoryError> {
         self.entries.clear();
         let Head { revision, next, .. } = self.head;
@@ -191,7 +195,8 @@ impl EtcdDirectory {
         self.remove_others()
     }
 
-    /// Removes all segments that do not count. Done late, once there are newer ones, it would remove those: then the head is another.
+    /// Removes all segments that do not count. If etcd did that late, newer segments would go too; so the
+    /// removal depends on the head, which is another one then.
     fn remove_others(&mut self) -> Result<(), DirectoryError> {
         let Head { first, next, .. } = self.head;
         let ranges = [(0, first), (next, u64::MAX)].into_iter().filter(|(from, to)| from < to);
@@ -228,7 +233,7 @@ impl EtcdDirectory {
         if self.log_bytes > LOG_RATIO * entries_bytes { self.begin_anew() } else { Ok(()) }
     }
 
-    /// Writes all entries as one segment, and removes those before it.
+    /// Writes all entries as one segment, and removes the segments before it.
     fn begin_anew(&mut self) -> Result<(), DirectoryError> {
         let records = self.entries.iter().map(|(key, (at, value))| (*key, *at, Some(value.as_slice())));
         let segment = segment::encode(records);
@@ -254,12 +259,13 @@ impl EtcdDirectory {
         self.write_head(head, vec![last])
     }
 
-    /// Writes another head, with what belongs to it. Each is there once only: what etcd does late finds a newer one, and is not done.
+    /// Writes a new head, with what belongs to it. Each head is stored once only: if etcd does this late, it
+    /// finds a newer head and does nothing.
     fn write_head(&mut self, head: Head, mut ops: Vec<Op>) -> Result<(), DirectoryError> {
         let value = head.encode();
         ops.push(Op::Put(self.hold.keys().key("head"), value.clone()));
         let is_written = self.hold.write_if("head", self.stored.as_deref(), &ops)?;
-        // It may have been done when etcd was asked before, and did not answer in time.
+        // etcd may have done it at an earlier request that it did not answer in time.
         if !is_written && self.hold.keys().read("head")?.as_ref() != Some(&value) {
             let (place, what) = (self.hold.place(), "others than servers of dcd write there".to_owned());
             return Err(DirectoryError::Damaged { place, what });
@@ -277,7 +283,7 @@ impl Directory for EtcdDirectory {
             .collect())
     }
 
-    /// Conditions are looked at here: nobody else writes, which etcd makes sure of.
+    /// Conditions are checked here: only this server writes, which etcd ensures.
     fn commit(&mut self, batch: &Batch, conditions: &[Condition]) -> Result<Revision, DirectoryError> {
         for &Condition { key, at } in conditions {
             let found = self.entries.get(&key).map(|(revision, _)| *revision);
@@ -334,7 +340,7 @@ impl Head {
     }
 }
 
-/// Returns the beginning of the names of a segment's parts: names are in the order of numbers.
+/// Returns the common beginning of the names of a segment's parts. Names sort in the order of numbers.
 fn segment_name(number: u64) -> String {
     format!("log/{number:016x}")
 }

@@ -6,11 +6,11 @@ use std::path::Path;
 use crate::cluster::directory::DirectoryError;
 use crate::net::{NetError, open_private};
 
-/// The lock of a data folder: the system lets go of it when the process ends, however that ends.
+/// The lock of a data folder. The operating system releases it when the process ends, however it ends.
 pub(in crate::runtime) struct FolderLock(File);
 
 impl FolderLock {
-    /// Locks the folder; `place` is what is taken where another server has it.
+    /// Locks the folder. `place` is named in the error if another server has locked it.
     pub(in crate::runtime) fn take(folder: &Path, place: &Path) -> Result<Self, DirectoryError> {
         let path = folder.join("world.lock");
         let shown = || path.display().to_string();
@@ -28,7 +28,8 @@ impl FolderLock {
     }
 }
 
-/// Released explicitly: a child process that is just being started has the open file too for a moment.
+/// Releases the lock explicitly: a child process that is just being started also has the file open for a
+/// moment.
 impl Drop for FolderLock {
     fn drop(&mut self) {
         let _ = self.0.unlock();
@@ -47,7 +48,7 @@ pub(crate) fn is_served(folder: &Path) -> Result<bool, DirectoryError> {
     }
 }
 
-/// Returns whether a file is there, or why that cannot be said: who may not look into the folder of another user.
+/// Returns whether a file exists, or an error if that is unknown: the folder may be another user's.
 pub(crate) fn is_there(path: &Path) -> Result<bool, DirectoryError> {
     path.try_exists().map_err(|error| DirectoryError::Unreadable {
         place: path.display().to_string(),

@@ -1,5 +1,5 @@
-//! Stores a server's directory (world, groups, bodies, shapes, joints) in a redb file in its data folder, for one server per
-//! folder.
+//! Stores a server's directory (world, groups, bodies, shapes, joints) in a redb file in its data folder, for
+//! one server per folder.
 
 use std::fs::{File, OpenOptions};
 use std::io::ErrorKind;
@@ -16,11 +16,12 @@ use super::lock::{FolderLock, cause};
 use crate::cluster::directory::{Batch, Condition, Directory, DirectoryError, Entry, Key, Revision, Tenure};
 use crate::net::{draft_of, open_private};
 
-/// The directory entries of a world in `world.redb`. Whoever has it open is its only holder: the system's lock on `world.lock`
-/// says so, and ends with the process, however that ends.
+/// The directory entries of a world in `world.redb`. A process that has it open is its only holder: the
+/// operating system's lock on `world.lock` ensures that, and ends with the process, however that ends.
 ///
-/// A batch that is not durable waits in memory, for a durable one or for a second to pass, so that a file that is written all the
-/// time is at most a second and a batch behind after a crash.
+/// A batch that is not durable is made durable by the next durable batch, or by the first batch a second or
+/// more after the last durable one. So a file that is written all the time is at most a second and a batch
+/// behind after a crash.
 pub struct RedbDirectory {
     /// Dropped before the lock.
     database: Database,
@@ -29,9 +30,9 @@ pub struct RedbDirectory {
     _lock: FolderLock,
 }
 
-/// Format of keys and values in the file. A file of another format is refused.
+/// The format of keys and values in the file. A file of another format is refused.
 const FORMAT: u64 = 7;
-/// Key to revision (8 bytes, big-endian) and value.
+/// Maps a key to its revision (8 bytes, big-endian) and value.
 const ENTRIES: TableDefinition<'_, &[u8], &[u8]> = TableDefinition::new("dcd entries");
 /// The format of the file, and its last revision.
 const ABOUT: TableDefinition<'_, &str, u64> = TableDefinition::new("dcd directory");
@@ -39,9 +40,9 @@ const FORMAT_ROW: &str = "format";
 const REVISION_ROW: &str = "revision";
 const REVISION_BYTES: usize = 8;
 
-/// Batches that are not durable become so after this long.
+/// A batch that is not durable is made durable all the same if the last durable one is this old.
 const UNSYNCED: Duration = Duration::from_secs(1);
-/// Size of the page cache; redb's own 1 GiB is meant for files that do not fit there.
+/// The size of the page cache. redb's default of 1 GiB is meant for files that do not fit into the cache.
 const CACHE_BYTES: usize = 64 << 20;
 
 impl RedbDirectory {
@@ -50,8 +51,8 @@ impl RedbDirectory {
         let path = folder.join("world.redb");
         std::fs::create_dir_all(folder).map_err(|error| unreadable(folder, &error))?;
         let lock = FolderLock::take(folder, &path)?;
-        // redb reports most damage as errors and panics on the rest: such a panic must not end the server without a word about
-        // the file.
+        // redb reports most damage as errors and panics on the rest. Such a panic must not end the server
+        // without naming the file.
         let database = catch_unwind(AssertUnwindSafe(|| {
             match path.try_exists().map_err(|error| unreadable(&path, &error))? {
                 true => opened(&path),
@@ -62,8 +63,8 @@ impl RedbDirectory {
         Ok(Self { database, path, synced_at: Instant::now(), _lock: lock })
     }
 
-    /// Opens the world in this folder for a server that begins anew: a file that is damaged, or of another format, is replaced by
-    /// an empty one.
+    /// Opens the world in this folder for a server that begins anew. A file that is damaged, or of another
+    /// format, is replaced by an empty one.
     pub fn open_or_replace(folder: &Path) -> Result<Self, DirectoryError> {
         match Self::open(folder) {
             Err(DirectoryError::Damaged { .. } | DirectoryError::Format { .. }) => {}
@@ -160,7 +161,7 @@ fn builder() -> Builder {
     builder
 }
 
-/// Creates the file, whole or not at all, so that an empty one is damage, and no beginning.
+/// Creates the file whole or not at all, so that an empty file is an error and not a new world.
 fn created(path: &Path) -> Result<Database, DirectoryError> {
     let draft = draft_of(path);
     match std::fs::remove_file(&draft) {
@@ -173,12 +174,12 @@ fn created(path: &Path) -> Result<Database, DirectoryError> {
         .map_err(|error| DirectoryError::Unwritable { place: place(&draft), cause: cause(&error) })?;
     let database = builder().create_file(file).map_err(|error| unwritable(error.into()))?;
     begin(&database).map_err(unwritable)?;
-    // Closed and opened again: a rename under an open database would do on Unix alone.
+    // The database is closed and opened again: renaming an open database works on Unix only.
     drop(database);
     std::fs::rename(&draft, path).map_err(|error| unreadable(path, &error))?;
     #[cfg(unix)]
     if let Some(folder) = path.parent() {
-        // The rename itself is durable only when the folder is.
+        // The rename is durable only when the folder is.
         File::open(folder)
             .and_then(|folder| folder.sync_all())
             .map_err(|error| unreadable(folder, &error))?;
@@ -201,7 +202,7 @@ fn begin(database: &Database) -> Result<(), redb::Error> {
 fn opened(path: &Path) -> Result<Database, DirectoryError> {
     let mut database = builder().open(path).map_err(|error| refused(path, error))?;
     check_format(path, &database)?;
-    // redb reads checksums after a crash only, unless asked.
+    // Unless asked, redb reads checksums only after a crash.
     match database.check_integrity() {
         Ok(true) => Ok(database),
         Ok(false) => Err(damaged(path, "and mended as far as that goes: a second start takes what is left")),

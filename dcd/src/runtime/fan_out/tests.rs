@@ -1,4 +1,4 @@
-//! Tests that whoever leads goes on whatever becomes of the thread that tells clients.
+//! Tests that a leader goes on whatever happens to the thread that tells clients.
 
 use std::collections::BTreeSet;
 use std::sync::mpsc;
@@ -16,10 +16,10 @@ use crate::space::{BodyId, Epoch, GroupId, NodeId, RegionId, Tick};
 const PATIENCE: Duration = Duration::from_secs(20);
 const BODIES: u32 = 100;
 
-/// More ticks than may wait, and more acknowledgements of a client.
+/// More ticks, and more acknowledgements of a client, than may wait.
 const MANY: usize = 9_000;
 
-/// A leader that computes alone, and has one client, to which no link leads.
+/// A leader that computes alone and has one client, to which there is no link.
 struct Stage {
     leader: Leader,
     nodes: Vec<NodeId>,
@@ -31,7 +31,8 @@ impl Stage {
         Self::with(None)
     }
 
-    /// Returns the same, where the client is the user of another member or linked by itself.
+    /// Returns the same with a client that is the user of another member, if one is given, or has a link of
+    /// its own.
     fn with(participant: Option<NodeId>) -> Self {
         let node = NodeId(1);
         let world = sim_world(1);
@@ -77,7 +78,8 @@ impl Stage {
         self.nodes.iter().for_each(|&node| self.leader.done(node, done.clone()));
     }
 
-    /// Completes a tick in which all bodies move, and the client acknowledges something; returns what follows from that.
+    /// Completes a tick in which all bodies move and the client acknowledges something. Returns the events of
+    /// replication that follow.
     fn tick(&mut self) -> Vec<ReplicationEvent> {
         self.tick += 1;
         self.leader.dispatch(Duration::from_secs(self.tick)).expect("nobody is waited for");
@@ -91,7 +93,7 @@ impl Stage {
 
 const CLIENT: ClientId = ClientId(7);
 
-/// Returns where all bodies are after a tick.
+/// Returns the states of all bodies after a tick.
 fn states(tick: u64) -> Vec<SharedState> {
     let state = |index| SharedState {
         id: BodyId::persistent(index),
@@ -139,11 +141,11 @@ fn a_thread_that_is_held_up_keeps_no_tick_waiting_and_tells_the_newest_states_wh
         let _ = gate.recv();
     })
     .unwrap();
-    // If this test fails, the thread goes on before it is waited for.
+    // If this test fails, this lets the thread go on before the thread is waited for.
     let open = open;
     let mut stage = Stage::new();
     assert!(fan_out.handle(stage.tick()));
-    // It has begun to tell of the first tick, and stands still.
+    // The thread has begun to tell the first tick, and stands still.
     let first = tells.recv_timeout(PATIENCE).unwrap();
     assert!(
         matches!(first.message, Message::ToClient(_, ToClient::CompactStates { stamp, .. }) if stamp.tick == Tick(1))
@@ -157,7 +159,7 @@ fn a_thread_that_is_held_up_keeps_no_tick_waiting_and_tells_the_newest_states_wh
     assert!(waiting <= TICKS, "{waiting} events wait");
     assert!(fan_out.ear().waiting() <= HEARD);
     let last = Tick(stage.tick);
-    // From here on it is never held up.
+    // From here on the thread is never held up.
     drop(open);
     let next = tells.recv_timeout(PATIENCE).unwrap();
     assert!(
@@ -171,7 +173,7 @@ fn a_thread_that_is_held_up_keeps_no_tick_waiting_and_tells_the_newest_states_wh
     );
 }
 
-/// Returns an acknowledgement that is known by its series.
+/// Returns an acknowledgement that is recognised by its series.
 fn heard(series: u32) -> Heard {
     Heard { series, datagrams: vec![], lost: false, bytes_per_s: 0 }
 }
@@ -187,7 +189,7 @@ fn a_guess_that_came_true_while_clients_were_told_what_was_before_it_is_told_to_
             let _ = gate.recv();
         })
         .unwrap();
-        // If this test fails, the thread goes on before it is waited for.
+        // If this test fails, this lets the thread go on before the thread is waited for.
         let open = open;
         let mut stage = Stage::new();
         assert!(fan_out.handle(stage.tick()));
@@ -198,7 +200,7 @@ fn a_guess_that_came_true_while_clients_were_told_what_was_before_it_is_told_to_
             stamp.map(|stamp| (stamp.tick, stamp.speculative))
         };
         assert_eq!(next(), Some((Tick(1), false)));
-        // The thread takes both at once, and stands still as it tells the first of them.
+        // The thread takes both at once, and stands still while it tells the first of them.
         let both = stage.tick().into_iter().chain([guess(3)]).collect();
         assert!(fan_out.handle(both));
         loop {
@@ -253,7 +255,7 @@ fn of_each_client_the_newest_acknowledgements_wait_whatever_others_say() {
     let is_heard = |event: &ReplicationEvent| matches!(event, ReplicationEvent::Heard { .. });
     let is_tick = |event: &ReplicationEvent| matches!(event, ReplicationEvent::Tick(_));
     assert!(taken.iter().rposition(is_heard) < taken.iter().position(is_tick), "they count for this tick");
-    // What came over a former link is about what counts no more.
+    // What came over a former link is about what does not count any more.
     ear.hear(CLIENT, heard(1));
     ear.hear(other, heard(1));
     ear.0.lock().push(admit());
@@ -282,7 +284,7 @@ fn a_participant_whose_link_is_made_anew_is_told_on() {
     let fan_out = FanOut::start(outlet, |_| ()).unwrap();
     let mut stage = Stage::with(Some(NodeId(2)));
     for link in 1..=2 {
-        // Nobody answers there: it is a key of its own all the same.
+        // Nobody answers there, but each connection has a key of its own.
         let key = net.connect(([127, 0, 0, 1], 1).into(), crate::net::PeerName::Server);
         keys.write().unwrap().insert(Peer::Node(NodeId(2)), key);
         let before = *sent.lock().unwrap();
@@ -358,7 +360,8 @@ fn of_guesses_the_newest_waits_and_what_comes_true_takes_its_place() {
     assert!(matches!(waiting.events.make_contiguous(), [ReplicationEvent::Tick(_)]), "and none at the end");
 }
 
-/// A relay's thread stands still while its leader tells of many ticks: then it reads all, in order, tells the newest states alone, and says so.
+/// Holds up a relay's thread while its leader tells it many ticks. Then the relay must read all of them, in
+/// order, tell only the newest states, and report that it has read them.
 #[test]
 fn a_relay_whose_thread_was_held_up_reads_all_and_tells_the_newest() {
     let mut stage = Stage::new();
@@ -376,7 +379,7 @@ fn a_relay_whose_thread_was_held_up_reads_all_and_tells_the_newest() {
         let _ = gate.recv();
     })
     .unwrap();
-    // If this test fails, the thread goes on before it is waited for.
+    // If this test fails, this lets the thread go on before the thread is waited for.
     let open = open;
     relay.handle(vec![ReplicationEvent::Begin(leader.clone())]);
     leader.handle(ReplicationEvent::Relay { client: CLIENT, node: NodeId(2), turn: 1, area: None });

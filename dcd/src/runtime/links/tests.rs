@@ -12,7 +12,7 @@ use crate::space::{BodyId, Tick};
 
 const PATIENCE: Duration = Duration::from_secs(20);
 
-/// A server and another process, whose link is up; the other reads only when told to.
+/// A server and another process, with a link that is up. The other process reads only when told to.
 struct Pair {
     links: Links,
     events: NetEvents,
@@ -45,7 +45,7 @@ impl Pair {
         Self { links, events, other, other_events, peer, folder }
     }
 
-    /// Starts the other process again; returns the former one.
+    /// Starts the other process again, and returns the former one.
     fn start_other(&mut self) -> Net {
         let joined = Identity::load(&self.folder.path().join("joined")).unwrap();
         let (other, events) = start(joined, None, Limits::default());
@@ -107,7 +107,7 @@ impl Pair {
         }
     }
 
-    /// Lets the other read until nothing waits any more.
+    /// Lets the other process read until nothing waits any more.
     fn read_all(&mut self) {
         while self.links.flush(Instant::now()) {
             while self.other_events.recv_timeout(Duration::from_millis(10)).is_ok() {}
@@ -202,7 +202,7 @@ fn a_client_may_be_slow_while_it_is_told_of_the_world_and_not_afterwards() {
     assert!(pair.waiting_bytes() > 4 << 20, "{}", pair.waiting_bytes());
     pair.read_all();
     assert_eq!((pair.waiting_bytes(), pair.given_up()), (0, vec![]));
-    // It reads no more: what its own process takes in comes first.
+    // It reads nothing from here on. At first its own process still takes messages in.
     let mut told = 0;
     while pair.links.key(pair.peer).is_some() {
         pair.tell(ToClient::Chunk(Chunk::Bodies(vec![sim_body(BodyId::persistent(1), [0.0; 3]); 100])));
@@ -237,12 +237,12 @@ fn a_client_may_be_slow_while_it_is_told_of_what_another_builds() {
     };
     insert(&mut pair, 30_000);
     assert!(pair.waiting_bytes() > 1 << 20, "{}", pair.waiting_bytes());
-    // What else there is to say keeps its place.
+    // Other messages keep their place.
     pair.tell(ToClient::Built(7));
     assert_eq!(pair.given_up(), []);
     pair.read_all();
     assert_eq!((pair.waiting_bytes(), pair.links.told.len(), pair.given_up()), (0, 0, vec![]));
-    // It takes nothing in any more, of more than sockets take.
+    // It takes nothing in any more; this is more than sockets take.
     insert(&mut pair, 40_000);
     let stuck = pair.fill_sockets();
     pair.links.flush(stuck + STUCK / 2);
@@ -371,7 +371,7 @@ fn who_greets_is_heard_in_the_end_however_slowly_others_read() {
 #[test]
 fn who_reads_one_long_frame_for_long_is_not_given_up() {
     let mut pair = Pair::new(crate::net::JoinRole::Client);
-    // The former one takes no long frames.
+    // The first one takes no long frames.
     let former = pair.start_other();
     pair.other.connect(pair.links.net.local_addr(), PeerName::Server);
     pair.hear();
@@ -408,7 +408,7 @@ fn what_waited_for_a_link_is_not_told_over_the_next_one() {
     let mut pair = Pair::new(crate::net::JoinRole::Client);
     pair.tell_world(30);
     assert!(pair.waiting_bytes() > 1 << 20, "{}", pair.waiting_bytes());
-    // It is started again before its former link is found dead.
+    // The process is started again before its former link is found dead.
     let former = pair.start_other();
     pair.other.connect(pair.links.net.local_addr(), PeerName::Server);
     pair.hear();
@@ -443,7 +443,7 @@ fn a_connection_is_lost_and_back_under_its_name_until_its_process_goes() {
     assert!(connections.wait(seen, Duration::ZERO));
     assert_eq!(pair.changes(), [ConnectionChange::Back]);
     assert!(connections.get(first.id).unwrap().is_up);
-    // It dials again before its former link is found dead.
+    // The process dials again before its former link is found dead.
     let former = pair.start_other();
     pair.other.connect(pair.links.net.local_addr(), PeerName::Server);
     pair.hear();
@@ -511,7 +511,7 @@ fn a_program_that_takes_nothing_holds_up_its_writer_and_not_the_world() {
             _ => {}
         }
     }
-    // As many as the window holds, and the world whole.
+    // As many messages as the window holds, and the whole world.
     assert_eq!((worlds, messages, pair.waiting_bytes()), (1, 13, 0));
     assert!(datagrams <= 1);
     assert_eq!((pair.given_up(), connections.list().len()), (vec![], 1));
@@ -561,7 +561,7 @@ fn messages_outlive_their_link_and_not_without_bound() {
     assert_eq!(connections.take_messages().len(), 1, "it has come");
     connections.linked(link, who, addr);
     assert!(!connections.send_waiting(|_, _, _| panic!("it was lost with its link")));
-    // Links that come and go with messages that nobody takes.
+    // Links come and go, with messages that nobody takes.
     for _ in 0..60 {
         (0..4).for_each(|_| say(30_000));
         connections.gone(link, Reason::new(Cause::Left, "left"));

@@ -1,4 +1,4 @@
-//! Measures one run of a scene (times, energy, penetration, owners): the harness behind `dcd run`, the benchmarks and the
+//! Measures a run of a scene (times, energy, penetration, owners), for `dcd run`, the benchmarks and the
 //! accuracy suite.
 
 mod report;

@@ -6,68 +6,69 @@ use serde::Serialize;
 
 use crate::fidelity::FidelityReport;
 
-/// Steps at the start that are not timed: caches, pools and contacts are still being filled.
+/// The number of steps at the start that are not timed: caches, pools and contacts are still being filled.
 const WARM_UP: usize = 30;
 
-/// The result of one run; as JSON, the object that `dcd run --json` prints.
+/// The result of a run. As JSON it is the object that `dcd run --json` prints.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Report {
-    /// Name of the scene.
+    /// The name of the scene.
     pub scene: String,
-    /// Movable bodies of the scene.
+    /// The number of movable bodies of the scene.
     pub bodies: usize,
-    /// Regions; 0 is one bare Rapier world.
+    /// The number of regions; 0 means one bare Rapier world.
     pub regions: usize,
-    /// Threads that may step it at a time.
+    /// The number of threads that may step the world at a time.
     pub threads: usize,
-    /// Name of the coupling; none in a bare world.
+    /// The name of the coupling; `None` for a bare world.
     pub coupling: Option<&'static str>,
-    /// Exchanges per tick, for `auto` the most it may take; 0 in a bare world.
+    /// The number of exchanges per tick, with `auto` the most that it may take; 0 for a bare world.
     pub exchanges: usize,
-    /// Exchanges per tick that took place, at the border that took most; 0 with one region.
+    /// The mean number of exchanges per tick at the border that took most; 0 with one region.
     pub exchanges_mean: f64,
-    /// Disagreement of the copies of a body in a tick at the worst border, summed over its exchanges, m/s; 0 with couplings
-    /// without consensus.
+    /// The disagreement of the copies of a body in a tick at the worst border, summed over its exchanges,
+    /// m/s; 0 with couplings without consensus.
     pub disagreement_m_s: MeanMax,
-    /// Awake bodies of the busiest region, copies of others' bodies too, divided by the mean of all regions; 1 is perfect
-    /// balance.
+    /// The awake bodies of the busiest region, ghosts included, divided by the mean of all regions; 1 is
+    /// perfect balance.
     pub imbalance: MeanMax,
-    /// Ticks done.
+    /// The number of ticks done.
     pub ticks: u64,
     /// Simulated seconds per tick.
     pub dt_s: f32,
-    /// Wall time of all steps, seconds, without what was measured between them.
+    /// The wall time of all steps, seconds, without what was measured between them.
     pub wall_s: f64,
-    /// Real-time factor: simulated seconds per second of `wall_s`.
+    /// The real-time factor: simulated seconds per second of `wall_s`.
     pub rtf: f64,
-    /// Wall time of a step, milliseconds.
+    /// The wall times of a step, milliseconds.
     pub step_ms: StepTimes,
-    /// Pairs of colliders that touch at the end, each once.
+    /// The number of pairs of colliders that touch at the end, each counted once.
     pub contacts: usize,
-    /// Copies of bodies held by regions that do not own them, mean of all steps.
+    /// The number of ghosts (copies of bodies in regions that do not own them), mean of all steps.
     pub replicas_mean: f64,
-    /// Changes of owner.
+    /// The number of changes of owner.
     pub transfers: u64,
-    /// Kinetic and potential energy, joules.
+    /// The kinetic and potential energy, joules.
     pub energy_j: StartEnd<f64>,
-    /// Momentum of the whole, kg m/s.
+    /// The total momentum, kg m/s.
     pub momentum_kgms: StartEnd<[f64; 3]>,
-    /// Deepest penetration of the last simulated second, metres.
+    /// The deepest penetration of the last simulated second, metres.
     pub max_penetration_m: f64,
-    /// Force on fixed bodies along gravity over the weight of all dynamic ones, mean of the last simulated second; none
-    /// without gravity.
+    /// The force on fixed bodies along gravity over the weight of all dynamic bodies, mean of the last
+    /// simulated second; `None` without gravity.
     pub ground_force_ratio: Option<f64>,
-    /// Bodies without an owner: the most at any check, made once per simulated second and at the end.
+    /// The number of bodies without an owner: the most at any check. Checks are made once per simulated
+    /// second and at the end.
     pub lost: usize,
-    /// Bodies with several owners, likewise.
+    /// The number of bodies with several owners, likewise.
     pub doubled: usize,
-    /// Bodies that Rapier set aside during the run because their state was not finite.
+    /// The number of bodies that Rapier set aside during the run because their state was not finite.
     pub quarantined: usize,
-    /// Hash of all movable bodies in id order, 16 hexadecimal digits.
+    /// The hash of all movable bodies in id order, 16 hexadecimal digits.
     pub state_hash: String,
-    /// How it was computed, and why so.
+    /// How the world was computed, and the reason for that.
     pub chosen: Chosen,
-    /// What is not computed in full, and what that costs; none where all is.
+    /// What is not computed in full, and the cost of that; `None` if all is computed in full.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fidelity: Option<FidelityShare>,
 }
@@ -75,32 +76,34 @@ pub struct Report {
 /// A [`FidelityReport`](crate::fidelity::FidelityReport) as numbers.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FidelityShare {
-    /// The time of regions' steps over the time that they would have taken at full rate, as the governor reckons.
+    /// The time of regions' steps over the time that they would have taken at full rate, by the governor's
+    /// estimate.
     pub share_of_full_time: f64,
     /// The mean error of a body's velocity per tick against a model four times as fine, m/s, by audits.
     pub error_stated_m_s: Stated,
-    /// Audits so far.
+    /// The number of audits so far.
     pub audits: u64,
-    /// Ticks since the first second that took longer than the budget.
+    /// The number of ticks since the first second that took longer than the budget.
     pub overruns: u64,
-    /// Regions stepped in every tick, in every second, in every fourth, at the end.
+    /// The number of regions that are stepped in every tick, in every second one and in every fourth one, at
+    /// the end.
     pub levels: [usize; 3],
 }
 
-/// A mean with its 95 % confidence interval; no upper end before there are two samples.
+/// A mean with its 95 % confidence interval, which has no upper end before there are two samples.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Stated {
     /// The mean of the samples.
     pub mean: f32,
-    /// The lower end.
+    /// The lower end of the interval.
     pub low95: f32,
-    /// The upper end.
+    /// The upper end of the interval.
     pub high95: Option<f32>,
 }
 
 #[cfg(feature = "cli")]
 impl FidelityShare {
-    /// Says it in a line.
+    /// Returns the share in words, on one line.
     pub(crate) fn words(&self) -> String {
         let [full, half, quarter] = self.levels;
         let Stated { mean, low95, high95 } = self.error_stated_m_s;
@@ -139,11 +142,11 @@ impl From<FidelityReport> for FidelityShare {
 /// A [`Choice`](crate::runtime::Choice) as text.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Chosen {
-    /// Regions at the end; 0 is one bare Rapier world.
+    /// The number of regions at the end; 0 means one bare Rapier world.
     pub regions: usize,
-    /// Threads that may step it at a time.
+    /// The number of threads that may step the world at a time.
     pub threads: usize,
-    /// Name of the coupling; none in a bare world.
+    /// The name of the coupling; `None` for a bare world.
     pub coupling: Option<&'static str>,
     /// The reason for the number of regions.
     pub why: String,
@@ -158,25 +161,25 @@ pub struct StartEnd<T> {
     pub end: T,
 }
 
-/// Mean and maximum of a quantity over all ticks.
+/// The mean and maximum of a quantity over all ticks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct MeanMax {
-    /// Arithmetic mean.
+    /// The arithmetic mean.
     pub mean: f64,
-    /// Maximum.
+    /// The maximum.
     pub max: f64,
 }
 
-/// Wall times of steps in milliseconds, without the first 30; nothing when there were no more.
+/// The wall times of steps in milliseconds, without the first 30; `None` if there were no more than these.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct StepTimes {
-    /// Arithmetic mean.
+    /// The arithmetic mean.
     pub mean: Option<f64>,
-    /// Median.
+    /// The median.
     pub p50: Option<f64>,
-    /// 99th percentile.
+    /// The 99th percentile.
     pub p99: Option<f64>,
-    /// The longest.
+    /// The longest time.
     pub max: Option<f64>,
 }
 
@@ -185,7 +188,7 @@ impl StepTimes {
     pub fn of(steps: &[Duration]) -> Self {
         let mut ms: Vec<_> = steps.iter().skip(WARM_UP).map(|step| step.as_secs_f64() * 1e3).collect();
         ms.sort_by(f64::total_cmp);
-        // The nearest rank: a time that was measured.
+        // The nearest rank, so that it is a time that was measured.
         let at = |share: f64| Some(*ms.get(((share * ms.len() as f64).ceil() as usize).saturating_sub(1))?);
         Self {
             mean: (!ms.is_empty()).then(|| ms.iter().sum::<f64>() / ms.len() as f64),

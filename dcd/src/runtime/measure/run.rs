@@ -19,7 +19,7 @@ use crate::space::BodyId;
 
 /// The world that is stepped.
 pub enum Subject {
-    /// One bare Rapier world, none of our code in its step: the reference.
+    /// One bare Rapier world, with none of our code in its step: the reference.
     Bare(Box<PhysicsWorld>),
     /// A world cut into regions.
     Regions(Box<LocalWorld>),
@@ -28,14 +28,14 @@ pub enum Subject {
 /// The plan of a run: how the world is cut and how many ticks it takes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plan {
-    /// How the world is cut; `None` is the bare world.
+    /// The settings of the world; `None` means a bare Rapier world.
     pub config: Option<WorldConfig>,
-    /// Number of steps.
+    /// The number of steps.
     pub ticks: u64,
 }
 
 impl Plan {
-    /// Returns the number of ticks in so many simulated seconds, at least one.
+    /// Returns the number of ticks in this many simulated seconds, at least one.
     pub fn ticks_of(seconds: f64, dt_s: f32) -> u64 {
         (seconds / f64::from(dt_s)).round().max(1.0) as u64
     }
@@ -50,8 +50,8 @@ impl Plan {
 }
 
 impl Subject {
-    /// Runs `work` on a thread of the bare world's pool, or of a pool of one thread, so that a timed step wakes another thread
-    /// only if it is worth that.
+    /// Runs `work` on a thread of the bare world's pool, or of a pool of one thread. So a timed step wakes
+    /// another thread only if that is worth it.
     pub fn at_home<R: Send>(&mut self, work: impl FnOnce(&mut Self) -> R + Send) -> Result<R, WorldError> {
         #[cfg(feature = "parallel")]
         {
@@ -84,7 +84,7 @@ impl Subject {
         }
     }
 
-    /// Returns the load of the busiest region divided by the mean; 1 where there is no load.
+    /// Returns the load of the busiest region divided by the mean; 1 if there is no load.
     fn imbalance(&self) -> f64 {
         let Self::Regions(world) = self else { return 1.0 };
         let awake = world.regions().map(|region| region.physics().islands.active_bodies().count());
@@ -129,16 +129,16 @@ impl Measured for Subject {
 /// The name, tick length and bodies of a run, for the report.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cast {
-    /// Its name in the report.
+    /// The run's name in the report.
     pub name: String,
     /// Seconds per tick.
     pub dt_s: f32,
-    /// Every movable body that must be there, in id order.
+    /// All movable bodies that must be there, in id order.
     pub bodies: Vec<BodyId>,
 }
 
 impl Cast {
-    /// Takes the bodies from the scene, not from the world: a body that was never inserted is lost too.
+    /// Takes the bodies from the scene, not from the world: so a body that was never inserted counts as lost.
     pub fn of_scene(scene: &Scene) -> Self {
         let moves = |index: &usize| scene.bodies[*index].body.body_type != RigidBodyType::Fixed;
         let bodies = (0..scene.bodies.len()).filter(moves);
@@ -153,8 +153,8 @@ impl Cast {
     }
 }
 
-/// Runs a subject of this plan. `after_step` gets the number of ticks done, outside the timed part, and may end the run early:
-/// the report is then of what was done, and its last second is the last step.
+/// Runs a subject by this plan. `after_step` gets the number of ticks done, outside the timed part, and may
+/// end the run early. The report is then of what was done, with the last step in place of the last second.
 pub fn run(
     cast: &Cast,
     plan: &Plan,

@@ -1,14 +1,14 @@
-//! Decides how long a peer that is out of reach is waited for, and when that is said again.
+//! Decides how long to wait for a peer that is out of reach, and when to report the wait again.
 
 use std::time::Duration;
 
-/// How often a process says that it still waits.
+/// How often a process reports that it still waits.
 const SAID_EVERY: Duration = Duration::from_secs(60);
 
-/// A peer that is out of reach, and waited for.
+/// A peer that is out of reach and waited for.
 pub(super) struct Absence {
     since: Duration,
-    /// How long it may last; `None`: without end.
+    /// How long the absence may last; `None`: without end.
     limit: Option<Duration>,
     say_at: Duration,
     reason: String,
@@ -19,12 +19,12 @@ impl Absence {
         Self { since: now, limit, say_at: now + SAID_EVERY, reason }
     }
 
-    /// Takes in why the last attempt to reach the peer failed.
+    /// Records why the last attempt to reach the peer failed.
     pub(super) fn goes_on(&mut self, reason: String) {
         self.reason = reason;
     }
 
-    /// Returns why the peer is out of reach, as the network put it last.
+    /// Returns why the peer is out of reach, in the network's last words.
     pub(super) fn reason(&self) -> &str {
         &self.reason
     }
@@ -34,12 +34,12 @@ impl Absence {
         now.saturating_sub(self.since)
     }
 
-    /// Returns how long was waited, once that is as long as one waits.
+    /// Returns the time waited, once the limit is reached.
     pub(super) fn is_over(&self, now: Duration) -> Option<Duration> {
         self.limit.filter(|limit| self.since.saturating_add(*limit) <= now)
     }
 
-    /// Returns whether to say that the wait lasts: once per minute.
+    /// Returns whether to report now that the wait lasts: once per minute.
     pub(super) fn is_to_be_told(&mut self, now: Duration) -> bool {
         let is_due = self.say_at <= now;
         if is_due {
@@ -48,7 +48,7 @@ impl Absence {
         is_due
     }
 
-    /// Returns when the wait is over, or to be told of.
+    /// Returns when the wait ends or is to be reported next.
     pub(super) fn poll_timeout(&self) -> Option<Duration> {
         let end = self.limit.map(|limit| self.since.saturating_add(limit));
         end.into_iter().chain([self.say_at]).min()
@@ -59,7 +59,8 @@ impl Absence {
 mod tests {
     use super::*;
 
-    /// Waits for a day, attempts failing each second, if nobody gives up; returns when that is, and how often the wait was told of.
+    /// Waits for a day at most, while attempts fail each second. Returns when the wait was given up, if it
+    /// was, and how often it was reported.
     fn wait(limit: Option<Duration>) -> (Option<Duration>, usize) {
         let start = Duration::from_secs(7);
         let day = Duration::from_secs(24 * 3600);

@@ -1,5 +1,5 @@
-//! Runs the loop of a process: takes in events of the network and inputs of the user, lets time pass for the state machines, and
-//! carries out what they ask for.
+//! Runs the loop of a process: takes in events of the network and inputs of the user, lets time pass for the
+//! state machines, and carries out what they ask for.
 
 use std::collections::VecDeque;
 use std::net::SocketAddr;
@@ -27,29 +27,32 @@ use crate::runtime::metrics::NodeGauge;
 use crate::runtime::{Connections, PhysicsDevice, ProcessError};
 use crate::space::Tick;
 
-/// How often sending is tried again where a link had no room.
+/// How often sending is tried again after a link had no room.
 const RETRY: Duration = Duration::from_millis(2);
-/// How long a leaving node waits for the server: one that lives takes over within a second.
+/// How long a leaving node waits for the server. A server that lives takes the node's share over within a
+/// second.
 const RELEASE: Duration = Duration::from_secs(5);
-/// Inputs taken in after the one that ended a wait, if there are: acknowledgements of many clients do not cost a turn of the loop each.
+/// The most further inputs taken in after the one that ended a wait, so that acknowledgements of many clients
+/// do not cost a turn of the loop each.
 const AT_ONCE: usize = 16;
 /// How often the network's counters are read for the user.
 const COUNT: Duration = Duration::from_millis(100);
-/// The most events of each kind kept for a user who does not fetch them: more than there are bodies, since all may come at once.
+/// The most events of each kind that are kept for a user who does not fetch them: more than there are bodies,
+/// since all may come at once.
 const EVENTS: usize = 1 << 20;
-/// Tick times kept for the summary: four hours at 60 per second.
+/// The number of tick times kept for the summary: four hours at 60 per second.
 const TIMES: usize = 1 << 20;
 
-/// The loop of a process, with all that it alone changes.
+/// The loop of a process, with all that only the loop changes.
 pub(super) struct Loop {
-    /// Where the server is first looked for,
+    /// The first address of the server, which errors name.
     server: SocketAddr,
-    /// and all places where it may be.
+    /// All addresses at which the server may be.
     servers: Vec<SocketAddr>,
     start: Instant,
-    /// Tells the clients of a node that leads. What it has still to tell is told before links end.
+    /// Tells the clients of a node that leads. What is left to tell is told before links end.
     pub(super) fan_out: Option<FanOut>,
-    /// What it does not send itself.
+    /// Messages that the fan-out does not send itself.
     pub(super) told: Arc<Mutex<Vec<Told>>>,
     links: Links,
     node: Option<RecordedNode>,
@@ -57,26 +60,26 @@ pub(super) struct Loop {
     pub(super) shared: Arc<Shared>,
     pub(super) connections: Connections,
     pub(super) onlooker: Option<Onlooker>,
-    /// If somebody wants to know how the node is.
+    /// Writes the metrics of the node, if they are asked for.
     pub(super) gauge: Option<NodeGauge>,
-    /// When the process leaves without the server, after its user asked to leave.
+    /// When the process leaves without the server's release, after its user asked to leave.
     release_by: Option<Duration>,
     /// How long the server, or a client's leader, is waited for; `None`: without end.
     give_up: Option<Duration>,
-    /// Outputs may be left to carry out.
+    /// Whether outputs may be left to carry out.
     has_more: bool,
-    /// While the server is out of reach.
+    /// Set while the server is out of reach.
     lost: Option<Absence>,
-    /// While a client hears no leader.
+    /// Set while a client does not hear its leader.
     unheard: Option<Absence>,
-    /// Where the leader is that it does not hear.
+    /// The address of the leader that the client does not hear.
     unheard_leader: Option<SocketAddr>,
-    /// Whether it was ever reached: one that never was is not waited for.
+    /// Whether the server was ever reached. One that never was is not waited for.
     joined: bool,
     /// When the network's counters are read next.
     count_at: Duration,
     end: Option<Result<(), ProcessError>>,
-    /// Why the loop ends, where `end` does not say.
+    /// Why the loop ends, where `end` does not say it.
     reason: Option<Reason>,
 }
 
@@ -116,7 +119,7 @@ impl Loop {
         }
     }
 
-    /// Runs until the process has left, its world has ended, or something went wrong.
+    /// Runs until the process has left, its world has ended, or an error occurs.
     pub(super) fn run(&mut self, inputs: &Inbox<Input>, mut log: LogSpan) {
         while self.end.is_none() {
             let (view, tick) = self.reached();
@@ -180,7 +183,7 @@ impl Loop {
         self.connections.end(reason);
     }
 
-    /// Returns the node's view, and the last tick that is complete as far as is known.
+    /// Returns the node's view, and the last tick that is complete as far as known.
     fn reached(&self) -> (Option<u64>, Tick) {
         if let Some(node) = self.node.as_ref().map(RecordedNode::node) {
             return (node.view().map(|view| view.number.0), node.tick());
@@ -188,7 +191,8 @@ impl Loop {
         (None, self.shared.lock().client.as_ref().map_or(Tick(0), Client::tick))
     }
 
-    /// Notes the traffic of all links: not after each tick, since it is summed over as many as there are clients.
+    /// Records the traffic of all links. This is not done after each tick, since it sums over as many links
+    /// as there are clients.
     fn count(&self, traffic: NetTotals) {
         let totals = self.links.all_totals(traffic);
         let mut state = self.shared.lock();
@@ -200,7 +204,8 @@ impl Loop {
         }
     }
 
-    /// Ends a process whose server is out of reach for too long; one that waits without end says each minute that it does.
+    /// Ends a process whose server is out of reach for too long. A process that waits without end reports
+    /// that each minute.
     fn look_for_server(&mut self, now: Duration) {
         let Some(lost) = &mut self.lost else { return };
         if lost.is_to_be_told(now) {
@@ -220,7 +225,7 @@ impl Loop {
         }
     }
 
-    /// Ends a client to which its server names a leader that it cannot reach.
+    /// Ends a client whose server names a leader that the client cannot reach for too long.
     fn look_for_leader(&mut self, now: Duration) {
         let leader =
             self.shared.lock().client.as_ref().and_then(Client::unheard_leader).map(|leader| leader.address);
@@ -228,7 +233,7 @@ impl Loop {
             self.unheard = None;
             return;
         };
-        // A new leader has its own time.
+        // A new leader is waited for anew.
         if self.unheard_leader.replace(leader) != Some(leader) {
             self.unheard = None;
         }
@@ -258,7 +263,7 @@ impl Loop {
 
     fn take(&mut self, input: Input) {
         if matches!(&input, Input::Net(held) if held.is_end()) {
-            // What was said over a link counts before its end.
+            // What came over a link counts before the link's end.
             self.pump();
         }
         if self.end.is_some() {
@@ -365,12 +370,12 @@ impl Loop {
         }
     }
 
-    /// Tells a client, or a relay, what the fan-out does not send itself.
+    /// Sends a client, or a relay, what the fan-out does not send itself.
     fn tell(&mut self, Told { to, message }: Told) {
         let here = self.node.as_ref().map(|node| Peer::Node(node.node().id()));
         match message {
             Message::ToClient(_, message) if Some(to) == here => self.client(ClientEvent::Node(message)),
-            // Who is not linked any more is dismissed soon.
+            // A peer without a link is dismissed soon.
             message if self.links.is_linked(to) => self.links.send(to, &message),
             _ => {}
         }
@@ -392,8 +397,8 @@ impl Loop {
         }
     }
 
-    /// Carries out the outputs of the state machines, until there are none or a tick is complete: a node that waits for nobody would
-    /// hear nobody else.
+    /// Carries out the outputs of the state machines, until there are none or a tick is complete. A node that
+    /// waits for nobody would otherwise never hear others.
     fn pump(&mut self) {
         let told = std::mem::take(&mut *self.told.lock().unwrap_or_else(PoisonError::into_inner));
         told.into_iter().for_each(|told| self.tell(told));
@@ -454,7 +459,8 @@ impl Loop {
         }
     }
 
-    /// Ends in order for all: no failure for a mere node; clients must learn of it.
+    /// Ends the process since the world has ended for all. That is no failure for a node without a client;
+    /// clients must learn of it.
     fn world_ended(&mut self) {
         let (server, reason) = (self.server, WORLD_ENDED.to_owned());
         let plays = self.shared.lock().client.is_some();
@@ -462,7 +468,8 @@ impl Loop {
         self.reason = Some(Reason::new(Cause::WorldEnded, WORLD_ENDED));
     }
 
-    /// Ends in order: others have the node's share. Who has not asked to leave is told why it has to.
+    /// Ends the process in order, after others have taken the node's share. A user who has not asked to leave
+    /// is told the reason.
     fn released(&mut self, reason: String) {
         self.end = Some(Ok(()));
         if self.release_by.is_none() {
@@ -520,7 +527,7 @@ impl Loop {
         }
     }
 
-    /// Takes in what a thread has computed once more.
+    /// Takes in a result of the repeated computation of what another member computes.
     fn verified(&mut self, event: PhysicsEvent) {
         if let PhysicsEvent::Verified { event: Some(event), .. } = &event
             && let PhysicsEvent::Settled { .. } = **event
@@ -559,7 +566,7 @@ impl Loop {
     }
 }
 
-/// Keeps an event for the user; the oldest go first.
+/// Keeps an event for the user. Beyond `most` the oldest go first.
 fn keep<T>(most: usize, events: &mut VecDeque<T>, event: T) {
     if events.len() == most {
         events.pop_front();
@@ -585,7 +592,7 @@ mod tests {
 
     const PATIENCE: Duration = Duration::from_secs(20);
 
-    /// Starts the network of a server and a process that joins it.
+    /// Starts the network of a server, and a process that joins it.
     fn joined(role: JoinRole) -> (Net, NetEvents, Member, tempfile::TempDir) {
         let folder = tempfile::tempdir().unwrap();
         let authority = Arc::new(Authority::load_or_create(folder.path()).unwrap());

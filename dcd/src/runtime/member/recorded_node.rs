@@ -8,10 +8,10 @@ use crate::recording::{Readout, Recorder, digests_of};
 use crate::runtime::ProcessError;
 use crate::space::Tick;
 
-/// A node's state machine, recorded if it is to be.
+/// A node's state machine, recorded if a file was named.
 pub(super) struct RecordedNode {
     node: Node,
-    /// With the path of its file.
+    /// The recorder, with the path of its file.
     recorder: Option<(PathBuf, Recorder)>,
 }
 
@@ -35,14 +35,14 @@ impl RecordedNode {
         }
     }
 
-    /// Records what the physics has computed of a tick.
+    /// Records what the physics has computed in a tick.
     pub(super) fn computed(&mut self, now: Duration, tick: Tick, regions: &impl Readout) {
         if let Some((_, recorder)) = &mut self.recorder {
             recorder.settled(now, tick, &digests_of(regions));
         }
     }
 
-    /// Ends the recording; returns what of it could not be written.
+    /// Ends the recording; returns the error if any of it could not be written.
     pub(super) fn finish(&mut self) -> Result<(), ProcessError> {
         let Some((path, recorder)) = self.recorder.take() else { return Ok(()) };
         recorder.finish().map_err(|cause| ProcessError::Record { path, cause })

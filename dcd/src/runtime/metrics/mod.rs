@@ -1,5 +1,5 @@
-//! Keeps what servers and nodes tell of themselves over HTTP. Their loops write numbers down, once per tick or turn; who asks copies
-//! them. Only a scrape of a server also locks its record, to count it.
+//! Keeps the metrics that servers and nodes serve over HTTP. Their loops write numbers down once per tick or
+//! turn, and a scrape copies them. Only a scrape of a server also locks the server's record, to count it.
 
 mod node;
 mod resources;
@@ -18,14 +18,15 @@ use super::bandwidth::LinkTotals;
 use crate::metrics::{Endpoint, Source, Text};
 use crate::protocol::VERSION;
 
-/// A loop turns at least twice per second, but while it builds a large world: one that has not for so long hangs.
+/// A loop that has not turned for this long hangs. It turns at least twice per second, except while it builds
+/// a large world.
 const HUNG: Duration = Duration::from_secs(30);
 
-/// Bounds of times, seconds: a tick has 1/60 s.
+/// Bounds of times, seconds. A tick has 1/60 s.
 const SECONDS: &[f64] =
     &[0.0002, 0.0005, 0.001, 0.002, 0.004, 0.008, 0.0167, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5, 5.0];
 
-/// Starts to answer for a process.
+/// Starts to serve the metrics of a process.
 pub(super) fn start(address: SocketAddr, source: Arc<dyn Source>) -> Result<Endpoint, ProcessError> {
     let endpoint = Endpoint::start(address, source);
     let endpoint = endpoint.map_err(|cause| ProcessError::Metrics { address, cause })?;
@@ -38,7 +39,7 @@ pub(super) fn check(address: SocketAddr) -> Result<(), ProcessError> {
     TcpListener::bind(address).map(drop).map_err(|cause| ProcessError::Metrics { address, cause })
 }
 
-/// Returns why a loop is not healthy that turned then.
+/// Returns an error if a loop that turned last at this time is not healthy.
 fn turns(turned: Option<Instant>) -> Result<(), String> {
     match turned.map(|turned| turned.elapsed()) {
         Some(ago) if ago >= HUNG => Err(format!("the loop has not turned for {} s", ago.as_secs())),
@@ -46,7 +47,8 @@ fn turns(turned: Option<Instant>) -> Result<(), String> {
     }
 }
 
-/// Writes what all processes tell: who they are, what they use, what went over their links. `refused` counts messages by cause.
+/// Writes the metrics that all processes have: who they are, what they use, and what went over their links.
+/// `refused` counts messages by cause.
 fn write_common(text: &mut Text, role: &str, links: &LinkTotals, refused: &[(&str, u64)]) {
     let labels = [("version", env!("CARGO_PKG_VERSION")), ("protocol", &VERSION.to_string()), ("role", role)];
     text.gauge("dcd_build_info", "The version of this process, and what it is; always 1.").of(&labels, 1.0);

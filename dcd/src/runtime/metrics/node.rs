@@ -1,4 +1,4 @@
-//! Keeps the metrics of a node: what its ticks took, what it holds, whom it waits for.
+//! Keeps the metrics of a node: the times of its ticks, what it holds, and for whom it waits.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -10,7 +10,7 @@ use crate::protocol::ViewNumber;
 use crate::runtime::bandwidth::LinkTotals;
 use crate::space::Tick;
 
-/// A node that has completed no tick for so long does not do its part.
+/// A node that has completed no tick for this long does not do its part.
 const STALLED: Duration = Duration::from_secs(5);
 /// Bounds of disagreement, m/s.
 const METRES_PER_SECOND: &[f64] = &[0.0001, 0.001, 0.01, 0.03, 0.1, 0.3, 1.0, 3.0, 10.0];
@@ -25,7 +25,7 @@ struct Numbers {
     over: bool,
     links: LinkTotals,
     counters: NodeCounters,
-    /// Clients that it tells, and that relays tell in its place.
+    /// The clients that the node tells itself, and those that relays tell in its place.
     clients_told: (usize, usize),
     membership: Option<Membership>,
     views: u64,
@@ -50,10 +50,11 @@ struct Membership {
     leads: bool,
 }
 
-/// Measures a node's ticks for its metrics; its loop's own.
+/// Measures a node's ticks for its metrics. It belongs to the node's loop.
 pub(in crate::runtime) struct NodeGauge {
     metrics: Arc<NodeMetrics>,
-    /// When the present tick began, when its present round did, and when this node was done with its part of that.
+    /// When the present tick began, when its present round began, and when this node was done with its part
+    /// of that round.
     tick: Option<Instant>,
     round: Option<Instant>,
     computed: Option<Instant>,
@@ -100,12 +101,12 @@ impl NodeGauge {
         Self { metrics, tick: None, round: None, computed: None }
     }
 
-    /// Notes that the loop turns.
+    /// Records that the loop turns.
     pub(in crate::runtime) fn turned(&self, now: Instant) {
         self.metrics.lock().turned = Some(now);
     }
 
-    /// Notes what the node's state machine and its links have counted.
+    /// Records what the node's state machine and its links have counted.
     pub(in crate::runtime) fn counted(&self, node: &Node, links: LinkTotals) {
         let mut numbers = self.metrics.lock();
         (numbers.counters, numbers.links) = (node.counters(), links);
@@ -113,7 +114,7 @@ impl NodeGauge {
         numbers.place(node);
     }
 
-    /// Notes that the physics begins with a command.
+    /// Records that the physics begins a command.
     pub(in crate::runtime) fn begins(&mut self, now: Instant, command: &PhysicsCommand) {
         match command {
             PhysicsCommand::Step { .. } => {
@@ -125,7 +126,7 @@ impl NodeGauge {
                 since(self.round.replace(now)).into_iter().for_each(|time| numbers.round_times.observe(time));
                 since(self.computed.take()).into_iter().for_each(|time| numbers.wait_times.observe(time));
             }
-            // A view change lies between: what was begun is not measured.
+            // A view change intervenes, so the tick that had begun is not measured.
             PhysicsCommand::World(_) | PhysicsCommand::Rebuild { .. } | PhysicsCommand::Drain { .. } => {
                 (self.tick, self.round, self.computed) = (None, None, None);
             }
@@ -133,12 +134,12 @@ impl NodeGauge {
         }
     }
 
-    /// Notes that the physics has computed a round, whose border messages are exchanged now.
+    /// Records that the physics has computed a round, whose border messages are exchanged now.
     pub(in crate::runtime) fn computed(&mut self, now: Instant) {
         self.computed = self.round.map(|_| now);
     }
 
-    /// Notes that a tick is complete here.
+    /// Records that a tick is complete here.
     pub(in crate::runtime) fn settled(
         &mut self,
         now: Instant,

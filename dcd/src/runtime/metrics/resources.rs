@@ -1,8 +1,10 @@
-//! Writes what a process uses of its machine, under the names that Prometheus gives that; on Linux, where the system tells.
+//! Writes what a process uses of its machine, under Prometheus' names for that; on Linux, where the system
+//! reports it.
 
 use crate::metrics::Text;
 
-/// Ticks of the clock that Linux counts processors' time by, per second: fixed for all that programs see.
+/// The ticks per second of the clock by which Linux counts processor time. This is fixed for all that
+/// programs see.
 const CLOCK_TICKS_PER_S: f64 = 100.0;
 
 pub(super) fn write(text: &mut Text) {
@@ -17,8 +19,8 @@ pub(super) fn write(text: &mut Text) {
     }
 }
 
-/// Reads the 14th and 15th field of a process's `stat`: the time in its own code, and in the system's. The second field, a name in
-/// parentheses, may contain anything.
+/// Reads the 14th and 15th field of a process's `stat`: the time in its own code, and in the system's. The
+/// second field, a name in parentheses, may contain anything.
 fn cpu_seconds(stat: &str) -> Option<f64> {
     let mut fields = stat.rsplit_once(')')?.1.split_whitespace().skip(11);
     let mut next = || fields.next()?.parse::<u64>().ok();

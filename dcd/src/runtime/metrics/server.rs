@@ -1,4 +1,5 @@
-//! Keeps the metrics of a server: the world as its record has it, who has joined, and how long its directory takes.
+//! Keeps the metrics of a server: the world as it is on the server's record, who has joined, and how long the
+//! directory takes.
 
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
@@ -10,7 +11,7 @@ use crate::protocol::{BodyKind, Finding, Message, ToClient};
 use crate::recording::RecordedServer;
 use crate::runtime::bandwidth::LinkTotals;
 
-/// The numbers of a server, as its loop last wrote them down, and its record, which is read when somebody asks.
+/// The numbers of a server, as its loop last wrote them down, and its record, which is read at each scrape.
 pub(in crate::runtime) struct ServerMetrics {
     numbers: Mutex<Numbers>,
     server: Arc<Mutex<RecordedServer>>,
@@ -19,16 +20,17 @@ pub(in crate::runtime) struct ServerMetrics {
 #[derive(Clone)]
 struct Numbers {
     turned: Option<Instant>,
-    /// Why it does not serve any more.
+    /// Why the server does not serve any more.
     over: Option<&'static str>,
     links: LinkTotals,
     views: u64,
     repartitions: u64,
     expelled: u64,
     unreached: u64,
-    /// Participants that were found to deviate, that contradict others, and whose verification was given up.
+    /// The number of participants that were found to deviate, that contradict others, and whose verification
+    /// was given up.
     findings: [u64; 3],
-    /// What clients asked for and were refused.
+    /// The number of clients' requests that were refused.
     refused: u64,
     commit_times: Histogram,
     commit_bytes: u64,
@@ -56,17 +58,17 @@ impl ServerMetrics {
         write(&mut self.numbers.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Notes that the loop turns.
+    /// Records that the loop turns.
     pub(in crate::runtime) fn turned(&self, now: Instant) {
         self.write(|numbers| numbers.turned = Some(now));
     }
 
-    /// Notes what its links counted.
+    /// Records what the links have counted.
     pub(in crate::runtime) fn counted(&self, links: LinkTotals) {
         self.write(|numbers| numbers.links = links);
     }
 
-    /// Notes what the server's state machine wants done.
+    /// Counts an output of the server's state machine.
     pub(in crate::runtime) fn put_out(&self, output: &ServerOutput) {
         self.write(|numbers| match output {
             ServerOutput::Began { .. } => numbers.views += 1,
@@ -85,7 +87,7 @@ impl ServerMetrics {
         });
     }
 
-    /// Notes how long the directory took to write a batch of so many bytes.
+    /// Records how long the directory took to write a batch of this many bytes.
     pub(in crate::runtime) fn committed(&self, took: Duration, bytes: usize) {
         self.write(|numbers| {
             numbers.commit_times.observe(took.as_secs_f64());
@@ -93,7 +95,7 @@ impl ServerMetrics {
         });
     }
 
-    /// Notes that the server can serve no more.
+    /// Records that the server can serve no more.
     pub(in crate::runtime) fn failed(&self) {
         self.write(|numbers| numbers.over = numbers.over.or(Some("the server has failed")));
     }
@@ -117,7 +119,7 @@ impl Source for ServerMetrics {
         text.gauge("dcd_world_tick", "The last tick that a node is known to have completed.").is(tick as f64);
         text.gauge("dcd_world_bodies", "Movable bodies on record.").is(movable as f64);
         text.gauge("dcd_world_regions", "Regions that nodes compute, of the main group.").is(regions as f64);
-        // Without fidelity all are stepped in every tick.
+        // Without fidelity all regions are stepped in every tick.
         let stepped = fidelity.map_or([regions, 0, 0], |report| report.levels);
         text.gauge("dcd_world_regions_stepped", "Regions of the main group, by how often they are stepped.")
             .of(&[("every", "1")], stepped[0] as f64)

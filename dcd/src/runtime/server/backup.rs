@@ -1,4 +1,4 @@
-//! Writes backups: data folders from which another server goes on with the world of this one.
+//! Writes backups: data folders from which another server goes on with this server's world.
 
 use std::fs;
 use std::io;
@@ -9,8 +9,8 @@ use crate::net::{Authority, NetError};
 use crate::runtime::durable::sync_name;
 use crate::runtime::{ProcessError, RedbDirectory};
 
-/// Writes a backup beside its place first, so that nobody takes a part of one for the whole. What is stored of the world has been read
-/// before the record of joins is, so that every process that is in the world is on that record.
+/// Writes a backup. It is written beside its place first, so that nobody takes a part of it for the whole.
+/// The record of joins is read after the stored world, so that it names every process that is in that world.
 pub(super) fn write(folder: &Path, entries: Vec<Entry>, authority: &Authority) -> Result<(), ProcessError> {
     let refused = |cause: String| ProcessError::Backup { folder: folder.to_owned(), cause };
     if folder.exists() {
@@ -18,7 +18,7 @@ pub(super) fn write(folder: &Path, entries: Vec<Entry>, authority: &Authority) -
     }
     let name = folder.file_name().unwrap_or_default().to_string_lossy();
     let part = folder.with_file_name(format!(".{name}.part"));
-    // Of one that was not finished.
+    // Left over from a backup that was not finished.
     let _ = fs::remove_dir_all(&part);
     create_private(&part).map_err(|error| refused(error.to_string()))?;
     let written = fill(&part, entries, authority).and_then(|()| {
@@ -44,7 +44,7 @@ fn fill(folder: &Path, entries: Vec<Entry>, authority: &Authority) -> Result<(),
     })
 }
 
-/// Makes a folder for its owner alone.
+/// Creates a folder that only its owner can access.
 fn create_private(folder: &Path) -> io::Result<()> {
     let mut builder = fs::DirBuilder::new();
     #[cfg(unix)]

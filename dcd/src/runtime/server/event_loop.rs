@@ -1,4 +1,5 @@
-//! Runs the loop of a server: feeds events of the network and wishes of its program to the state machine, and carries out its outputs.
+//! Runs the loop of a server: feeds events of the network and requests of its program to the state machine,
+//! and carries out its outputs.
 
 use std::path::PathBuf;
 use std::sync::mpsc::{RecvTimeoutError, SyncSender};
@@ -24,18 +25,18 @@ use crate::runtime::metrics::ServerMetrics;
 use crate::runtime::{Connections, ProcessError};
 use crate::space::{NodeId, Tick};
 
-/// How often sending is tried again where a link had no room.
+/// How often sending is tried again after a link had no room.
 const RETRY: Duration = Duration::from_millis(2);
 /// How long the loop sleeps when nothing is due.
 const IDLE: Duration = Duration::from_millis(500);
-/// How often traffic is counted: each link is asked for that.
+/// How often traffic is counted, for which each link is asked.
 const COUNT: Duration = Duration::from_millis(100);
-/// Time-out of the last audit: dead members are found much sooner.
+/// The time-out of the last audit. Dead members are found much sooner.
 const AUDIT: Duration = Duration::from_secs(10);
-/// The most contacts, and forces, kept for a program that does not fetch them; the oldest go first.
+/// The most contacts, and the most forces, kept for a program that does not fetch them; the oldest go first.
 const MAX_EVENTS: usize = 65_536;
 
-/// The loop of a server, with all that it alone changes.
+/// The loop of a server, with all that only the loop changes.
 pub(super) struct Loop {
     pub(super) links: Option<Links>,
     pub(super) connections: Connections,
@@ -44,21 +45,22 @@ pub(super) struct Loop {
     /// Dropped after the directory.
     pub(super) folder_lock: Option<FolderLock>,
     pub(super) end_requests: EndRequests,
-    /// The revision at which this server wrote the world's entry: whoever else writes it has taken over.
+    /// The revision at which this server last wrote the world's entry. If anyone else writes the entry,
+    /// another server has taken over.
     pub(super) stored: Option<Revision>,
-    /// Where it is recorded.
+    /// The file that the server is recorded to.
     pub(super) record: Option<PathBuf>,
     pub(super) start: Instant,
     pub(super) server: Arc<Mutex<RecordedServer>>,
     pub(super) shared: Arc<Shared>,
-    /// If somebody wants to know how the server is.
+    /// The metrics of the server, if they are asked for.
     pub(super) metrics: Option<Arc<ServerMetrics>>,
     pub(super) began: Option<Instant>,
     /// When traffic is counted next.
     pub(super) count_at: Instant,
-    /// Who waits for the world to be saved.
+    /// Callers that wait for the world to be saved.
     pub(super) savers: Vec<SyncSender<SavedWorld>>,
-    /// Who waits for nodes to be drained.
+    /// Nodes that are being drained, with the callers that wait for that.
     pub(super) drains: Vec<Drain>,
     /// When the world ends even without an audit.
     pub(super) end_by: Option<Instant>,
@@ -66,22 +68,22 @@ pub(super) struct Loop {
     pub(super) over: bool,
 }
 
-/// A node that is being drained, and who waits for that.
+/// A node that is being drained, and the caller that waits for that.
 pub(super) struct Drain {
     node: NodeId,
     asker: SyncSender<Result<(), DrainError>>,
-    /// The world went on without it before it had handed over.
+    /// Whether the world went on without the node before the node had handed over.
     is_lost: bool,
 }
 
 impl Drain {
-    /// Says how it came out.
+    /// Reports the outcome.
     fn end(&self, drained: Result<(), DrainError>) {
         match &drained {
             Ok(()) => info!(node = %self.node, "drained: other nodes have its regions"),
             Err(error) => warn!(%error, "a node is not drained"),
         }
-        // Who has waited for too long is gone.
+        // A caller that has waited for too long is gone.
         let _ = self.asker.try_send(drained);
     }
 }
@@ -96,7 +98,7 @@ impl Loop {
             let Some(links) = &mut self.links else { break };
             let wait = due.unwrap_or(IDLE).min(if links.flush(Instant::now()) { RETRY } else { IDLE });
             let input = inputs.recv_timeout(wait);
-            // Who has been replaced says nothing more.
+            // A server that was deposed sends nothing more.
             if let Err(error) = self.directory.renew() {
                 self.fail(error);
                 break;
@@ -136,7 +138,7 @@ impl Loop {
                         "the world is replaced by a saved one"
                     );
                     self.server().handle(now, ServerEvent::Replace(saved));
-                    // It is on record before its program hears of it.
+                    // The new world is on record before the program hears of it.
                     self.pump();
                     let next_ids = self.server().next_ids();
                     if !self.over {
@@ -229,7 +231,7 @@ impl Loop {
         self.drains.push(Drain { node, asker, is_lost: false });
     }
 
-    /// Tells those who wait for it that a node is gone.
+    /// Reports to the waiting callers which nodes are gone.
     fn tell_of_drains(&mut self) {
         let server = self.server.lock().unwrap_or_else(PoisonError::into_inner);
         self.drains.retain(|drain| {
@@ -294,7 +296,7 @@ impl Loop {
                         state.show(Some(&view));
                     }
                 }
-                // Where it was the main one, another may be that by now.
+                // If this was the main group, another may be that by now.
                 ServerOutput::Held { group, tick } if self.server().view().is_some() => {
                     info!(%group, tick = tick.0, "a group has lost its nodes; others compute the world");
                 }
@@ -316,7 +318,7 @@ impl Loop {
                 }
                 ServerOutput::Saved(saved) => {
                     for saver in self.savers.drain(..) {
-                        // Who has waited for too long is gone.
+                        // A caller that has waited for too long is gone.
                         let _ = saver.try_send((*saved).clone());
                     }
                 }
@@ -325,7 +327,8 @@ impl Loop {
                     self.over = true;
                 }
                 ServerOutput::Suspended => {
-                    // In etcd also a world that has not begun is that of those who stand by; only there a folder is held apart.
+                    // In etcd a world that has not begun is kept, too: it belongs to the standby servers. The
+                    // folder has a lock of its own only there.
                     let kept = self.folder_lock.is_some() || self.server().has_begun();
                     if !kept {
                         self.forget();
@@ -338,7 +341,8 @@ impl Loop {
         }
     }
 
-    /// Says what a leader has found out about a participant. One that computes otherwise than it should comes back by a new token only.
+    /// Logs what a leader has found out about a participant. A participant that computes otherwise than it
+    /// should comes back by a new token only.
     fn tell_of_verdict(&self, node: NodeId, tick: Tick, finding: Finding) {
         let tick = tick.0;
         match finding {
@@ -409,7 +413,8 @@ impl Loop {
         let mut state = self.shared.lock();
         state.turned = Some(now);
         state.summary.tick = server.tick();
-        // Links that come back end a silence without a new view. Of a world that has ended the last is shown.
+        // Links that come back end a silence without a new view. When the world has ended, its last view
+        // stays shown.
         if !self.over {
             state.show(server.view());
         }
@@ -437,7 +442,8 @@ impl Loop {
     }
 
     fn finish(self, totals: Option<NetTotals>) {
-        // Whoever hears of the end may start another server here. The lock of the folder is what others look at, and goes last.
+        // Whoever hears of the end may start another server here. Others look at the folder's lock, so it
+        // goes last.
         let Self { directory, authority, folder_lock, server, shared, connections, record, .. } = self;
         authority.close_ledger();
         drop(directory);
@@ -470,8 +476,8 @@ impl Loop {
     }
 }
 
-/// Adds to new bodies those of their shapes that are not on record. Only here is it known which: the server forgets what nobody has, and does
-/// so between two events.
+/// Adds to new bodies those of their shapes that are not on record. Only here it is known which these are:
+/// the server forgets shapes that no body has, and does so between two events.
 fn bring_shapes(ops: &mut [BuildOp], known: &ShapeLibrary, record: &Record) {
     for op in ops {
         if let BuildOp::Insert { bodies, shapes, .. } = op {

@@ -1,8 +1,9 @@
-//! Writes and reads bytes in blocks, each with a hash chained to the one before: a flipped bit, a missing or a swapped block is
-//! found before anything of the block is used, and neither side needs the whole in memory.
+//! Writes and reads bytes in blocks, each with a hash chained to the block before. So a flipped bit, a
+//! missing block or a swapped one is found before any of the block is used, and neither side needs the whole
+//! snapshot in memory.
 //!
-//! A block: its length (u32, little endian), its bytes, BLAKE3 of the hash before, the length and the bytes. An empty
-//! block ends the snapshot.
+//! A block consists of its length (u32, little endian), its bytes, and the BLAKE3 hash of the hash before,
+//! the length and the bytes. An empty block ends the snapshot.
 
 use std::io::{self, Read, Write};
 
@@ -10,10 +11,11 @@ use super::SnapshotError;
 
 pub(super) type Hash = [u8; 32];
 
-/// Bytes of every block but the last two.
+/// The size of every block but the last two, in bytes.
 const BLOCK: usize = 1 << 20;
 
-/// A writer that packs bytes into blocks. Of one type wherever they go: what encodes a world is compiled once.
+/// A writer that packs bytes into blocks. It is one type for all destinations, so that the code that encodes
+/// a world is compiled once.
 pub(super) struct BlockWriter<'a> {
     to: &'a mut dyn Write,
     before: Hash,
@@ -25,7 +27,7 @@ impl<'a> BlockWriter<'a> {
         Self { to, before: header, block: Vec::with_capacity(BLOCK) }
     }
 
-    /// Writes the last bytes and the empty block that ends the snapshot.
+    /// Writes the last bytes, and the empty block that ends the snapshot.
     pub(super) fn finish(mut self) -> io::Result<()> {
         if !self.block.is_empty() {
             self.close_block()?;
@@ -64,21 +66,21 @@ pub(super) struct BlockReader<'a> {
     from: &'a mut dyn Read,
     before: Hash,
     block: Vec<u8>,
-    /// Bytes of the block that were given.
+    /// The number of bytes of the block that were yielded.
     given: usize,
-    /// Bytes of the file that were taken, for messages.
+    /// The number of bytes of the file that were read, for messages.
     taken: u64,
     ended: bool,
     failure: Option<SnapshotError>,
 }
 
 impl<'a> BlockReader<'a> {
-    /// Makes a reader for what follows a header of this hash and length.
+    /// Makes a reader of what follows a header of this hash and length.
     pub(super) fn new(from: &'a mut dyn Read, (header, taken): (Hash, u64)) -> Self {
         Self { from, before: header, block: Vec::new(), given: 0, taken, ended: false, failure: None }
     }
 
-    /// Takes the reason for a failed read, if it is the file.
+    /// Takes the reason of a failed read, if the file is the reason.
     pub(super) fn failure(&mut self) -> Option<SnapshotError> {
         self.failure.take()
     }
@@ -142,7 +144,7 @@ impl Read for BlockReader<'_> {
     }
 }
 
-/// Fills `into` as far as there are bytes, and returns how many.
+/// Fills `into` as far as there are bytes, and returns how many there were.
 pub(super) fn read_all(from: &mut dyn Read, into: &mut [u8]) -> io::Result<usize> {
     let mut read = 0;
     while read < into.len() {

@@ -1,4 +1,5 @@
-//! Keeps a local world in memory as it is between two steps, to go back to: what games of rollback do several times per frame.
+//! Keeps the state of a local world between two steps in memory, to go back to: rollback, which games do
+//! several times per frame.
 
 use std::sync::Arc;
 
@@ -10,9 +11,10 @@ use crate::space::Tick;
 
 /// A local world as it was after a tick, kept in memory by [`World::checkpoint`](crate::World::checkpoint).
 ///
-/// It shares each region with the world until that changes it; it takes memory for regions that were stepped since.
+/// A checkpoint shares each region with the world until the world changes that region. It takes memory only
+/// for regions that were stepped since.
 pub struct Checkpoint {
-    /// The world that it was made of.
+    /// The identity of the world that the checkpoint was made of.
     of: Arc<()>,
     host: physics::Checkpoint,
     ledger: ContactLedger,
@@ -23,7 +25,7 @@ pub struct Checkpoint {
 }
 
 impl Checkpoint {
-    /// Returns the tick after which it was made.
+    /// Returns the tick after which the checkpoint was made.
     #[must_use]
     pub fn tick(&self) -> Tick {
         self.host.tick()
@@ -37,7 +39,7 @@ impl std::fmt::Debug for Checkpoint {
 }
 
 impl LocalWorld {
-    /// Returns the world as it is now, to go back to by [`LocalWorld::rewind`].
+    /// Returns the present state of the world, to go back to by [`LocalWorld::rewind`].
     pub fn checkpoint(&mut self) -> Checkpoint {
         Checkpoint {
             of: Arc::clone(&self.identity),
@@ -50,7 +52,8 @@ impl LocalWorld {
         }
     }
 
-    /// Goes back to a checkpoint of this world, and keeps the threads and hooks of now. After an error nothing has changed.
+    /// Goes back to a checkpoint of this world. The present threads and hooks are kept. After an error
+    /// nothing has changed.
     pub fn rewind(&mut self, to: &Checkpoint) -> Result<(), WorldError> {
         if !Arc::ptr_eq(&self.identity, &to.of) {
             return Err(WorldError::OtherWorld);
@@ -86,7 +89,7 @@ mod tests {
         LocalWorld::from_scene(&scene, config).unwrap()
     }
 
-    /// Does a second of what a game may do, and returns what the world was like after each tick.
+    /// Does a second of what a game may do, and returns the state of the world after each tick.
     fn play(world: &mut LocalWorld) -> Vec<(u64, WorldEvents, usize)> {
         let mut ids = Vec::new();
         let seen = (0..60_u32).map(|tick| {
@@ -171,7 +174,7 @@ mod tests {
         assert_eq!(one.tick(), Tick(0));
     }
 
-    /// Only what is stepped is copied: a region that rests is shared by all checkpoints.
+    /// Only regions that are stepped are copied. A region at rest is shared by all checkpoints.
     #[test]
     fn a_region_at_rest_is_never_copied() {
         let cuts = [-10.0, 0.0, 10.0].map(|at| (Axis::X, at)).to_vec();

@@ -12,14 +12,14 @@ pub enum SnapshotError {
         "not a snapshot of dcd: give what `dcd save`, `dcd run --save`, `World::save` or dcd_snapshot_save wrote"
     )]
     Foreign,
-    /// A snapshot of another dcd, another Rapier or unlike features.
+    /// The snapshot is of another dcd or another Rapier, or was made with other features.
     #[error(
         "the snapshot is of {made_by}, this is {this}; restore it by the dcd that made it, or make it anew"
     )]
     Unlike {
-        /// The build that made it.
+        /// The build that made the snapshot.
         made_by: String,
-        /// The build that is to restore it.
+        /// The build that should restore it.
         this: String,
     },
     /// The snapshot ends too early.
@@ -30,16 +30,16 @@ pub enum SnapshotError {
         "the snapshot is damaged within the block that begins at byte {0}: copy it again, or make it anew"
     )]
     Damaged(u64),
-    /// The checksums match, yet the content is no world.
+    /// The checksums match, but the content is no world.
     #[error("the snapshot makes no world ({0}): it was made by another build of dcd; restore it by that one")]
     Undecodable(DecodeError),
-    /// Writing failed, or something in the world has no form in a file.
+    /// Writing failed, or something in the world cannot be written to a file.
     #[error("cannot save the world ({0}); free some space, or remove bodies of a custom shape")]
     Unsavable(EncodeError),
     /// The file cannot be read or written.
     #[error("the snapshot cannot be read or written: {0}; check the path, its permissions and the disk")]
     Io(#[from] std::io::Error),
-    /// More threads than there can be, or the operating system gives none.
+    /// There cannot be that many threads, or the operating system refuses to start one.
     #[error(transparent)]
     Threads(#[from] WorldError),
 }

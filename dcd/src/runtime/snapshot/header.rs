@@ -1,5 +1,5 @@
-//! Writes and checks the header of a snapshot, which is the same in every format: magic, format number, length of the maker's
-//! name, the name, and the hash of all that.
+//! Writes and checks the header of a snapshot, which is the same in every format: magic, format number,
+//! length of the maker's name, that name, and the hash of all these.
 
 use std::io::{self, Read, Write};
 
@@ -8,7 +8,7 @@ use super::blocks::{Hash, read_all};
 
 pub(super) const MAGIC: [u8; 8] = *b"\x89dcdsnap";
 
-/// Writes the header and returns its hash, with which the first block is chained.
+/// Writes the header, and returns its hash, to which the first block is chained.
 pub(super) fn write(format: u32, to: &mut dyn Write) -> io::Result<Hash> {
     let name = maker();
     let length = u16::try_from(name.len()).expect("our own name is short");
@@ -19,7 +19,8 @@ pub(super) fn write(format: u32, to: &mut dyn Write) -> io::Result<Hash> {
     Ok(hash)
 }
 
-/// Reads the header and returns its hash and its length in bytes, if the snapshot is of this format and this build.
+/// Reads the header. Returns its hash and its length in bytes if the snapshot is of this format and this
+/// build.
 pub(super) fn read(format: u32, from: &mut dyn Read) -> Result<(Hash, u64), SnapshotError> {
     let mut header = vec![0; MAGIC.len()];
     if read_all(from, &mut header)? < MAGIC.len() || header != MAGIC {
@@ -49,7 +50,7 @@ pub(super) fn read(format: u32, from: &mut dyn Read) -> Result<(Hash, u64), Snap
     Ok((hash, header.len() as u64))
 }
 
-/// Returns the name of the build: all that must be the same for a restored world to go on to the same bits.
+/// Returns the name of the build: all that must be equal for a restored world to go on to the same bits.
 fn maker() -> String {
     let determinism = if cfg!(feature = "enhanced-determinism") { ", enhanced-determinism" } else { "" };
     format!(

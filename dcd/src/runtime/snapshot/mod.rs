@@ -1,8 +1,9 @@
-//! Saves a world to a snapshot between two ticks, and restores it to go on bit for bit as if it had not been interrupted. In memory
-//! (`checkpoint`) it does so without encoding anything.
+//! Saves a world to a snapshot between two ticks, and restores it, to go on bit for bit as if it had not been
+//! interrupted. In memory (`checkpoint`) this works without encoding anything.
 //!
-//! A snapshot is Rapier's own state of every region with all other state of the regions, behind a header that names the build
-//! that made it (`header`), in blocks with checksums (`blocks`). Damage is found before anything is decoded.
+//! A snapshot holds Rapier's own state of every region and all other state of the regions. A header names the
+//! build that made it (`header`), and blocks with checksums follow (`blocks`). Damage is found before
+//! anything is decoded.
 
 mod blocks;
 mod checkpoint;
@@ -30,12 +31,13 @@ use blocks::{BlockReader, BlockWriter};
 pub use checkpoint::Checkpoint;
 pub use error::SnapshotError;
 
-/// Grows with every change of what is saved, the order of fields too.
+/// The format number. It grows with every change of what is saved, including the order of fields.
 const FORMAT: u32 = 18;
 
 impl LocalWorld {
-    /// Writes the whole world: [`LocalWorld::restore`] gives one that goes on from here to the same bits. The number of threads
-    /// is not part of it. It is written in blocks of a mebibyte; nothing larger is kept in memory.
+    /// Writes the whole world. [`LocalWorld::restore`] returns a world that goes on from here to the same
+    /// bits. The number of threads is not saved. The snapshot is written in blocks of a mebibyte; nothing
+    /// larger is kept in memory.
     ///
     /// ```
     /// use dcd::runtime::{LocalWorld, WorldConfig};
@@ -73,10 +75,12 @@ impl LocalWorld {
         Ok(blocks.finish()?)
     }
 
-    /// Reads a world that [`LocalWorld::save`] wrote, up to the end of `from`, to be stepped by `threads` threads.
+    /// Reads a world that [`LocalWorld::save`] wrote, up to the end of `from`, to be stepped by `threads`
+    /// threads.
     ///
-    /// Damage of any kind is an error. There is no guard against malice: the checksums need no key, and whoever writes right ones
-    /// can hand Rapier broken indices. Restore no snapshot of people whom you do not trust.
+    /// Damage of any kind is an error. There is no guard against malice: the checksums need no key, and
+    /// whoever writes right ones can give Rapier broken indices. Do not restore snapshots of people whom you
+    /// do not trust.
     pub fn restore(mut from: impl Read, threads: usize) -> Result<Self, SnapshotError> {
         Self::restore_from(&mut from, threads)
     }
@@ -106,8 +110,8 @@ impl LocalWorld {
         })
     }
 
-    /// Replaces this world by one that [`LocalWorld::save`] wrote, earlier or later, and keeps the threads and hooks of this one.
-    /// Ids that this world has given are not given again. After an error nothing has changed.
+    /// Replaces this world by one that [`LocalWorld::save`] wrote, earlier or later. This world's threads and
+    /// hooks are kept. Ids that this world has given are not given again. After an error nothing has changed.
     pub fn reload(&mut self, from: impl Read) -> Result<(), SnapshotError> {
         let mut world = Self::restore(from, 1)?;
         world.host.serve_as(&self.host).map_err(WorldError::from)?;
@@ -120,15 +124,17 @@ impl LocalWorld {
         Ok(())
     }
 
-    /// Saves to a file. It is written beside its place first, so that a partial file never replaces a whole one. A symbolic link stays,
-    /// and the file that it leads to is replaced; devices, pipes and folders are refused.
+    /// Saves to a file. The file is written beside its place first, so that a partial file never replaces a
+    /// whole one. A symbolic link stays, and the file that it leads to is replaced. Devices, pipes and
+    /// folders are refused.
     pub fn save_file(&self, path: &Path) -> Result<(), SnapshotError> {
         let path = &place_of(path)?;
         let mut part = path.as_os_str().to_owned();
         part.push(".part");
         let written = File::create(&part).map_err(SnapshotError::from).and_then(|file| {
             self.save(BufWriter::new(&file))?;
-            // What is not on the disk yet may be lost, and the new name be there: an empty file would be all that is left.
+            // Without this the new name might be on the disk before the content: after a power cut an empty
+            // file would be all that is left.
             file.sync_all()?;
             fs::rename(&part, path)?;
             Ok(sync_name(path)?)
@@ -144,13 +150,14 @@ impl LocalWorld {
         Ok(BufReader::with_capacity(1 << 16, File::open(path)?))
     }
 
-    /// Returns whether these first bytes of a file are those of a snapshot; eight are enough.
+    /// Returns whether these first bytes of a file are those of a snapshot. Eight bytes are enough.
     pub fn is_snapshot(beginning: &[u8]) -> bool {
         beginning.starts_with(&header::MAGIC)
     }
 }
 
-/// Returns where a file of this path is written: where a symbolic link leads to, unless that is no regular file.
+/// Returns the path that a file of this path is written to: the target of a symbolic link. Anything but a
+/// regular file there is an error.
 fn place_of(path: &Path) -> Result<PathBuf, SnapshotError> {
     match fs::metadata(path) {
         Ok(found) if found.is_file() => Ok(fs::canonicalize(path)?),

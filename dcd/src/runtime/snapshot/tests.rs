@@ -20,13 +20,14 @@ fn restored(bytes: &[u8], threads: usize) -> LocalWorld {
     LocalWorld::restore(bytes, threads).unwrap()
 }
 
-/// Parry keeps a hash map for contacts with height fields, which comes out in another order each time.
+/// Returns whether a scene has no height fields. Parry keeps a hash map for contacts with them, whose order
+/// differs each time.
 fn has_stable_bytes(scene: &Scene) -> bool {
     scene.bodies.iter().flat_map(|body| &body.colliders).all(|c| c.shape.as_heightfield().is_none())
 }
 
-/// Steps a world and one that is restored from it side by side. Equal bytes say more than equal poses: everything that a
-/// world keeps is in them, also what shows only much later.
+/// Steps a world and one that is restored from it side by side. Equal bytes say more than equal poses: they
+/// hold all that a world keeps, even what shows only much later.
 fn continues_alike(world: &mut LocalWorld, ticks: u64, bytes: bool, what: &str) {
     let first = saved(world);
     let mut again = restored(&first, 3);
@@ -43,7 +44,8 @@ fn continues_alike(world: &mut LocalWorld, ticks: u64, bytes: bool, what: &str) 
     assert!(!bytes || saved(world) == saved(&again), "{what}: they move alike and keep unlike things");
 }
 
-/// Steps a world from a checkpoint, goes back to it and steps it again: the same passes, and the same is kept in the end.
+/// Steps a world from a checkpoint, goes back to it, and steps the world again. The same must happen, and the
+/// same must be kept in the end.
 fn goes_back_alike(world: &mut LocalWorld, ticks: u64, bytes: bool, what: &str) {
     let first = saved(world);
     let checkpoint = world.checkpoint();
@@ -62,7 +64,8 @@ fn goes_back_alike(world: &mut LocalWorld, ticks: u64, bytes: bool, what: &str) 
     assert!(!bytes || saved(world) == last, "{what}: it moves alike and keeps unlike things");
 }
 
-/// Returns every kind of scene that there is: stacks, rain, elastic gas, joints, height fields, hulls, sleep, kinematic bodies.
+/// Returns scenes of every kind: stacks, rain, elastic gas, joints, height fields, hulls, sleep, kinematic
+/// bodies.
 fn zoo() -> Vec<Scene> {
     let small = |name| match name {
         "pile" => "n=150",
@@ -100,7 +103,7 @@ fn world_of(scene: &Scene, coupling: Coupling, partitioning: Partitioning) -> Lo
     LocalWorld::from_scene(scene, WorldConfig { partitioning, step, ..config }).unwrap()
 }
 
-/// Guards against a forgotten field: all scenes, couplings, cuts and moments.
+/// Guards against a forgotten field, by all scenes, couplings, cuts and moments.
 #[test]
 fn a_restored_world_goes_on_to_the_same_bits() {
     for scene in zoo() {
@@ -131,7 +134,8 @@ fn a_world_that_went_back_goes_on_to_the_same_bits() {
     }
 }
 
-/// Makes a world with bodies of every kind on a floor that is cut twice, some joined, all with contact events.
+/// Makes a world with bodies of every kind on a floor that is cut twice, some of them joined, all with
+/// contact events.
 fn busy(coupling: Coupling) -> (LocalWorld, Vec<BodyId>, Vec<JointId>) {
     let step = StepSettings::default().with_coupling(coupling);
     let cuts = Partitioning::Cuts(vec![(Axis::X, 0.0), (Axis::Z, 0.3)]);
@@ -231,7 +235,8 @@ fn what_users_changed_since_the_last_step_is_not_lost() {
     }
 }
 
-/// Rapier overlooks a contact whose forces were asked for in a step in which another contact ends: it is reminded after the step.
+/// Rapier overlooks a contact whose forces were asked for in a step in which another contact ends. It is
+/// reminded after the step.
 #[test]
 fn forces_that_were_asked_for_since_the_last_step_are_told_after_going_on() {
     for leaves in [0, 1, 2] {
@@ -255,11 +260,11 @@ fn forces_that_were_asked_for_since_the_last_step_are_told_after_going_on() {
     }
 }
 
-/// Saves two arms of multibody joints at any moment of their way across a border.
+/// Saves two arms of multibody joints in each tick of their way across a border.
 #[test]
 fn a_multibody_that_changes_region_goes_on_too() {
     for coupling in Coupling::ALL {
-        // Down a slope.
+        // Gravity acts as on a slope.
         let step =
             StepSettings { gravity: [8.0, -9.81, 0.0], ..StepSettings::default() }.with_coupling(coupling);
         let partitioning = Partitioning::Cuts(vec![(Axis::X, 0.0)]);
@@ -290,7 +295,7 @@ fn a_multibody_that_changes_region_goes_on_too() {
     }
 }
 
-/// Rapier keeps its own list of what has become of a multibody in no snapshot.
+/// Rapier keeps its own list of changes of a multibody, which no snapshot has.
 #[test]
 fn a_multibody_that_has_lost_a_body_since_the_last_step_goes_on_too() {
     let mut world = LocalWorld::new(WorldConfig::default()).unwrap();
@@ -391,8 +396,8 @@ fn blocks_that_are_swapped_or_left_out_are_noticed() {
     assert!(matches!(read(&left_out), Err(SnapshotError::Damaged(at)) if at == block as u64));
 }
 
-/// Detects changed fields by the length of a snapshot: when this fails, what is saved has changed. One new number per release is
-/// enough.
+/// Detects changed fields by the length of a snapshot: if this fails, what is saved has changed. One new
+/// number per release is enough.
 #[test]
 fn a_changed_layout_has_a_new_format_number() {
     let (mut world, ..) = busy(Coupling::Auto);

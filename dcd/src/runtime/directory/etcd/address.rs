@@ -1,25 +1,25 @@
-//! Parses where a world is kept in etcd, and how etcd is asked: `etcd://HOST:PORT[,HOST:PORT...]/NAME[?OPTION=VALUE[&...]]`, or `etcds://`
-//! over TLS.
+//! Parses the address of a world in etcd, with how etcd is reached:
+//! `etcd://HOST:PORT[,HOST:PORT...]/NAME[?OPTION=VALUE[&...]]`, or `etcds://` over TLS.
 
 use std::path::PathBuf;
 
-/// The members of an etcd cluster that are asked, the name of the world there, and what it takes to be let in.
+/// The members of an etcd cluster to ask, the name of the world there, and the credentials.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(in crate::runtime::directory) struct EtcdAddress {
-    /// Each as `host:port`.
+    /// The members, each as `host:port`.
     pub(super) members: Vec<String>,
     pub(super) name: String,
-    /// Over TLS, by these files.
+    /// The files for TLS; `None` without TLS.
     pub(super) tls: Option<TlsFiles>,
     pub(super) user: Option<User>,
 }
 
-/// The files by which etcd and this server know each other, in PEM.
+/// The files by which etcd and this server prove themselves to each other, in PEM.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct TlsFiles {
-    /// The certificates of who issued etcd's.
+    /// The certificates of the authority that issued etcd's.
     pub(super) cacert: PathBuf,
-    /// This server's certificate and its private key, where etcd asks for them.
+    /// This server's certificate and its private key, if etcd asks for them.
     pub(super) client: Option<(PathBuf, PathBuf)>,
 }
 
@@ -27,7 +27,7 @@ pub(super) struct TlsFiles {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct User {
     pub(super) name: String,
-    /// Where its password is; else in the environment.
+    /// The file with the user's password; `None`: the password is in the environment.
     pub(super) password_file: Option<PathBuf>,
 }
 
@@ -48,7 +48,7 @@ const OPEN_PASSWORD: &str = "a password is not written there, where lists of pro
      environment's DCD_ETCD_PASSWORD; and change the one that you wrote";
 
 impl EtcdAddress {
-    /// Parses an address; an error says how it is to be written.
+    /// Parses an address; an error says how to write one.
     pub(in crate::runtime::directory) fn parse(text: &str) -> Result<Self, &'static str> {
         let (place, options) = text.split_once('?').map_or((text, None), |(place, rest)| (place, Some(rest)));
         let (is_tls, rest) = match (place.strip_prefix(PLAIN), place.strip_prefix(OVER_TLS)) {
@@ -91,24 +91,24 @@ impl EtcdAddress {
         Ok(Self { members, name: name.to_owned(), tls, user })
     }
 
-    /// Returns what may be shown of an address, also of one that is wrong: no options, and nothing before an @.
+    /// Returns what may be shown of an address, even of a wrong one: no options, and nothing before an @.
     pub(in crate::runtime::directory) fn shown(text: &str) -> &str {
         let place = |text| str::split_once(text, '?').map_or(text, |(place, _)| place);
         let members = place(text).split_once("://").and_then(|(_, rest)| rest.split_once('/'));
         if members.is_some_and(|(members, _)| members.split(',').all(is_member)) {
             return place(text);
         }
-        // A password may have a ? in it.
+        // A password may contain a ?.
         place(text.rsplit_once('@').map_or(text, |(_, rest)| rest))
     }
 
-    /// Returns how URLs of members begin.
+    /// Returns the scheme of the members' URLs.
     pub(super) fn scheme(&self) -> &'static str {
         if self.tls.is_some() { "https" } else { "http" }
     }
 }
 
-/// What is left of the options.
+/// The options that are not taken yet.
 struct Options<'a>(Vec<(&'a str, &'a str)>);
 
 impl<'a> Options<'a> {
@@ -119,14 +119,14 @@ impl<'a> Options<'a> {
         pairs.collect::<Result<_, _>>().map(Self)
     }
 
-    /// Takes one out. A second of the same name is left, and wrong.
+    /// Takes an option out. A second one of the same name is left, which is an error.
     fn take(&mut self, name: &str) -> Option<&'a str> {
         let at = self.0.iter().position(|(given, _)| *given == name)?;
         Some(self.0.remove(at).1)
     }
 }
 
-/// Without its options: it is for people.
+/// Without the options, since people read it.
 impl std::fmt::Display for EtcdAddress {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let scheme = if self.tls.is_some() { OVER_TLS } else { PLAIN };
@@ -140,7 +140,7 @@ fn is_member(member: &str) -> bool {
     })
 }
 
-/// Returns whether a letter may be in a host's name, or in its address in figures: `[::1]`.
+/// Returns whether a character may be part of a host name or of a numeric address: `[::1]`.
 fn is_of_host(c: char) -> bool {
     c.is_ascii_alphanumeric() || "-._[]:".contains(c)
 }

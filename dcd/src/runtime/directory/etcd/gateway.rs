@@ -1,6 +1,8 @@
-//! Asks the members of an etcd cluster over its JSON gateway (`/v3/kv/...`), one after the other until one answers.
+//! Asks the members of an etcd cluster over its JSON gateway (`/v3/kv/...`), one after the other until one
+//! answers.
 //!
-//! Bytes are base64 there, and 64-bit numbers texts (<https://etcd.io/docs/v3.4/dev-guide/api_grpc_gateway/>).
+//! There bytes are written in base64, and 64-bit numbers as strings
+//! (<https://etcd.io/docs/v3.4/dev-guide/api_grpc_gateway/>).
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -13,69 +15,71 @@ use super::login::Login;
 use super::tls;
 use crate::cluster::directory::DirectoryError;
 
-/// How long one member may take to answer about a hold: one that hangs is passed by before the hold has run out.
+/// How long one member may take to answer about a hold: a member that hangs is skipped before the hold runs
+/// out.
 const ANSWER: Duration = Duration::from_millis(450);
-/// The same where much is read or written.
+/// The same for requests that read or write much.
 const BULK_ANSWER: Duration = Duration::from_millis(1_500);
-/// The same for a login: etcd hashes passwords slowly, so that they are not guessed. Who stands by waits for longer.
+/// The same for a login, since etcd hashes passwords slowly, so that they cannot be guessed. Standby servers
+/// wait for longer than this.
 const LOG_IN: Duration = Duration::from_millis(1_000);
-/// The same for a connection.
+/// The same for making a connection.
 const CONNECT: Duration = Duration::from_millis(250);
 /// The most bytes of an answer: more than a page of values in base64.
 const ANSWER_BYTES: u64 = 64 << 20;
-/// The most letters of an answer that is no JSON, for people.
+/// The most characters that are shown of an answer that is not JSON.
 const TEXT_CHARS: usize = 200;
-/// The most values of an answer.
+/// The most values in an answer.
 const PAGE: usize = 8;
 
-/// A way to an etcd cluster. Clones share connections and the login.
+/// A client of an etcd cluster. Clones share connections and the login.
 #[derive(Clone, Debug)]
 pub(super) struct Gateway {
     agent: ureq::Agent,
     scheme: &'static str,
     members: Vec<String>,
     login: Option<Arc<Login>>,
-    /// The member that answered last.
+    /// The index of the member that answered last.
     current: usize,
-    /// How long one may take.
+    /// How long one member may take to answer.
     answer: Duration,
 }
 
-/// Why etcd has not done what it was asked.
+/// The reason why etcd has not done what it was asked.
 #[derive(Debug)]
 pub(super) enum GatewayError {
-    /// No member answers, or the cluster has no leader now: it may be asked again.
+    /// No member answers, or the cluster has no leader now: ask again.
     Away(String),
-    /// It does not do such a thing.
+    /// etcd refuses the request.
     Refused(String),
-    /// It does not know who asks: it has not done it, and takes it from who logs in.
+    /// etcd does not know this client, and has not done it. It takes the request from a client that logs in.
     Unknown(String),
 }
 
-/// A write.
+/// A write to etcd.
 #[derive(Clone, Debug)]
 pub(super) enum Op {
     Put(Vec<u8>, Vec<u8>),
-    /// All keys from the first on, before the second.
+    /// Deletes all keys from the first on, before the second.
     Delete(Vec<u8>, Vec<u8>),
 }
 
-/// What must hold for a transaction.
+/// A condition of a transaction.
 #[derive(Clone, Debug)]
 pub(super) enum Compare {
-    /// A key was created at this revision of etcd; 0: there is no such key.
+    /// The key was created at this revision of etcd; 0: there is no such key.
     Created(Vec<u8>, i64),
-    /// It was last written at this one.
+    /// The key was last written at this revision.
     Written(Vec<u8>, i64),
-    /// It has this value; `None`: there is no such key.
+    /// The key has this value; `None`: there is no such key.
     Is(Vec<u8>, Option<Vec<u8>>),
 }
 
-/// Some of the keys of a range.
+/// The first keys of a range.
 #[derive(Debug)]
 pub(super) struct Page {
     pub(super) found: Vec<Found>,
-    /// There are more behind them.
+    /// Whether there are more keys after these.
     pub(super) more: bool,
 }
 
@@ -84,23 +88,23 @@ pub(super) struct Page {
 pub(super) struct Found {
     pub(super) key: Vec<u8>,
     pub(super) value: Vec<u8>,
-    /// Revisions of etcd at which it was created and last written.
+    /// The revisions of etcd at which the key was created and last written.
     pub(super) created: i64,
     pub(super) written: i64,
 }
 
 impl Gateway {
-    /// Reads what it takes to be let in; an error names the file.
+    /// Makes a gateway, and reads the files of credentials. An error names the file.
     pub(super) fn new(address: &EtcdAddress) -> Result<Self, DirectoryError> {
         let place = address.to_string();
         let mut config = ureq::Agent::config_builder()
             .timeout_connect(Some(CONNECT))
             .http_status_as_error(false)
-            // No member of etcd redirects; who does would be spoken to otherwise than was asked for.
+            // No member of etcd redirects. A redirect would lead to a host that the user did not name.
             .max_redirects(0)
             .proxy(None);
         if let Some(files) = &address.tls {
-            // Within that time a TLS handshake is made, too.
+            // This time includes the TLS handshake.
             config = config.timeout_connect(Some(2 * CONNECT)).tls_config(tls::config(files, &place)?);
         }
         let login = address.user.clone().map(Login::new);
@@ -117,16 +121,17 @@ impl Gateway {
         })
     }
 
-    /// Returns a way by which much may be read and written.
+    /// Returns a gateway for requests that read or write much.
     pub(super) fn for_bulk(mut self) -> Self {
         self.answer = BULK_ANSWER;
         self
     }
 
-    /// Does all of it if all conditions hold; returns whether they do.
+    /// Does all `ops` if all conditions hold; returns whether they hold.
     ///
-    /// After an error it is unknown whether it was done, or will be: a member that has not answered in time may do it later, after what
-    /// is asked then. So what is not to be done late needs a condition that does not hold any more.
+    /// After an error it is unknown whether the transaction was done, or will be: a member that did not
+    /// answer in time may do it later, after requests that follow. So whatever must not be done late needs a
+    /// condition that does not hold any more then.
     pub(super) fn transact(&mut self, conditions: &[Compare], ops: &[Op]) -> Result<bool, GatewayError> {
         let compare: Vec<_> = conditions.iter().map(Compare::json).collect();
         let success: Vec<_> = ops.iter().map(Op::json).collect();
@@ -134,7 +139,7 @@ impl Gateway {
         Ok(answer["succeeded"].as_bool().unwrap_or(false))
     }
 
-    /// Returns the value of a key, if it has one.
+    /// Returns a key with its value, if there is such a key.
     pub(super) fn read(&mut self, key: &[u8]) -> Result<Option<Found>, GatewayError> {
         let answer = self.ask("range", &json!({ "key": BASE64.encode(key) }))?;
         Ok(found(&answer)?.pop())
@@ -147,7 +152,7 @@ impl Gateway {
         Ok(Page { found: found(&answer)?, more: answer["more"].as_bool().unwrap_or(false) })
     }
 
-    /// Asks each member once, beginning with the one that answered last.
+    /// Asks each member at most once, beginning with the one that answered last.
     fn ask(&mut self, what: &str, request: &Value) -> Result<Value, GatewayError> {
         let request = request.to_string();
         let mut why = String::new();
@@ -161,18 +166,18 @@ impl Gateway {
                 }
             }
         }
-        // Whoever answers first next time is not the one that failed first now.
+        // The next call does not begin with the member that failed first in this one.
         self.current = (self.current + 1) % self.members.len();
         Err(GatewayError::Away(why))
     }
 
-    /// Returns the token of its last login.
+    /// Returns the token of the last login.
     #[cfg(test)]
     pub(super) fn token(&self) -> Option<String> {
         self.login.as_ref().and_then(|login| login.token())
     }
 
-    /// Asks one member, and logs in first where it takes that.
+    /// Asks one member, and logs in first if etcd requires that.
     fn ask_member(&self, member: &str, what: &str, request: &str) -> Result<Value, GatewayError> {
         let path = format!("kv/{what}");
         let token = self.login.as_ref().and_then(|login| login.token());
@@ -184,7 +189,7 @@ impl Gateway {
             )));
         };
         let token = match login.token() {
-            // Another clone has just got it.
+            // Another clone has just got this token.
             Some(newer) if Some(&newer) != token.as_ref() => newer,
             _ => self.log_in(member, login)?,
         };
@@ -196,13 +201,13 @@ impl Gateway {
         }
     }
 
-    /// Gets a token for a password, and keeps it.
+    /// Exchanges the password for a token, and keeps the token.
     fn log_in(&self, member: &str, login: &Login) -> Result<String, GatewayError> {
-        // A file that is just being replaced is there in a moment.
+        // A file that is being replaced just now will be there in a moment.
         let request =
             login.request().map_err(|cause| GatewayError::Away(format!("{}: {cause}", login.place())))?;
         let answer = match self.post(member, "auth/authenticate", &request, None, LOG_IN) {
-            // Users have just been turned off.
+            // Authentication has just been turned off.
             Err(GatewayError::Refused(cause)) if cause.contains("authentication is not enabled") => {
                 return Err(GatewayError::Away(cause));
             }
@@ -256,13 +261,13 @@ impl Gateway {
     }
 }
 
-/// What is said where it is asked without a token, and with one from before something about users was changed.
+/// What etcd says to a request without a token, and to one with a token from before a change of users.
 const UNKNOWN: [&str; 2] = ["user name is empty", "revision of auth store is old"];
 
 fn refusal(status: u16, text: &str) -> GatewayError {
     let with = |remedy: &str| GatewayError::Refused(format!("{text}; {remedy}"));
     match status {
-        // No leader, a leader that changes, a time-out within the cluster, too much to do.
+        // No leader, a change of leader, a time-out within the cluster, or too many requests.
         408 | 429 | 500 | 502..=504 => GatewayError::Away(text.to_owned()),
         401 => GatewayError::Unknown(text.to_owned()),
         403 => with(
@@ -281,7 +286,7 @@ fn unread() -> GatewayError {
 }
 
 impl Op {
-    /// Returns the removal of one key.
+    /// Returns the deletion of one key.
     pub(super) fn delete(key: &[u8]) -> Self {
         Self::Delete(key.to_vec(), [key, &[0]].concat())
     }
@@ -315,7 +320,7 @@ impl Compare {
     }
 }
 
-/// Reads the keys of an answer. What is 0 or empty is left out there.
+/// Reads the keys of an answer. etcd leaves out fields that are 0 or empty.
 fn found(answer: &Value) -> Result<Vec<Found>, GatewayError> {
     let bytes = |value: &Value| match value.as_str() {
         Some(text) => BASE64.decode(text.as_bytes()).map_err(|_| unread()),
@@ -358,7 +363,7 @@ mod tests {
         let answered = std::thread::spawn(move || {
             let (mut stream, _) = member.accept().unwrap();
             let (mut asked, mut part) = (Vec::new(), [0; 1 << 10]);
-            // The whole request, which ends with that of JSON.
+            // Reads the whole request, which ends with the end of its JSON.
             while !asked.ends_with(b"}") {
                 let read = stream.read(&mut part).unwrap();
                 asked.extend_from_slice(&part[..read]);

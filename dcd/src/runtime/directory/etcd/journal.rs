@@ -1,4 +1,5 @@
-//! Keeps the record of joins in etcd: whoever takes over knows which tokens were used, and which ids were given.
+//! Keeps the record of joins in etcd, so that the server that takes over knows which tokens were used, and
+//! which ids were given.
 
 use std::path::PathBuf;
 
@@ -7,7 +8,8 @@ use super::keys::{Hold, VALUE_BYTES};
 use crate::cluster::directory::DirectoryError;
 use crate::net::{Journal, NetError};
 
-/// The record of joins of a world in etcd, some lines per key. Each write is fenced, so that an id is never given twice.
+/// The record of joins of a world in etcd, some lines per key. Each write is fenced, so that no id is given
+/// twice.
 pub(in crate::runtime) struct EtcdJournal {
     hold: Hold,
     /// The number of the next key.
@@ -15,7 +17,7 @@ pub(in crate::runtime) struct EtcdJournal {
 }
 
 const FIRST: &str = "joins/";
-/// Behind all numbers.
+/// Sorts after all numbers.
 const END: &str = "joins/~";
 
 impl EtcdJournal {
@@ -29,7 +31,7 @@ impl EtcdJournal {
 
     fn put(&mut self, text: &str) -> Result<(), NetError> {
         let key = self.hold.keys().key(&Self::name(self.next));
-        // Never this number again: what has failed may be done late.
+        // This number is not used again: a write that failed may still be done late.
         self.next += 1;
         self.hold.write(&[Op::Put(key, text.as_bytes().to_vec())]).map_err(of_joins)
     }
@@ -55,7 +57,7 @@ impl Journal for EtcdJournal {
         self.put(line)
     }
 
-    /// New lines are there before the former ones are removed: who reads both reads nothing wrong.
+    /// The new lines are stored before the former ones are removed. Reading both gives nothing wrong.
     fn replace(&mut self, text: &str) -> Result<(), NetError> {
         let first = self.next;
         let mut rest = text;

@@ -1,4 +1,5 @@
-//! Reads and writes the keys of one world in etcd; a holder's writes are fenced by its own key.
+//! Reads and writes the keys of one world in etcd. Writes of the world's holder are fenced by the holder's
+//! own key.
 
 use std::time::{Duration, Instant};
 
@@ -6,9 +7,9 @@ use super::address::EtcdAddress;
 use super::gateway::{Compare, Found, Gateway, GatewayError, Op};
 use crate::cluster::directory::DirectoryError;
 
-/// How long etcd is asked again while it does not answer: an election of its own takes one or two seconds.
+/// How long etcd is asked again while it does not answer: an election of etcd takes one or two seconds.
 const TRY: Duration = Duration::from_secs(10);
-/// The pause between two such trials.
+/// The pause between two such attempts.
 const AGAIN: Duration = Duration::from_millis(20);
 /// The most bytes of a value: a transaction stays below the 1.5 MiB that etcd allows.
 pub(super) const VALUE_BYTES: usize = 512 << 10;
@@ -20,13 +21,13 @@ pub(super) struct Keys {
     address: EtcdAddress,
 }
 
-/// The same for the server that holds them. Clones write for the same holder.
+/// The keys of one world, for the server that holds it. Clones write for the same holder.
 #[derive(Clone, Debug)]
 pub(super) struct Hold {
     keys: Keys,
-    /// The holder, unlike all others.
+    /// The name of the holder, unlike all others.
     holder: String,
-    /// The revision of etcd at which its key was created.
+    /// The revision of etcd at which the holder's key was created.
     created: i64,
 }
 
@@ -35,17 +36,17 @@ impl Keys {
         Ok(Self { gateway: Gateway::new(&address)?, address })
     }
 
-    /// Returns where the world is, for people.
+    /// Returns where the world is, for people to read.
     pub(super) fn place(&self) -> String {
         self.address.to_string()
     }
 
-    /// Returns the whole key of this name.
+    /// Returns the full key of this name.
     pub(super) fn key(&self, name: &str) -> Vec<u8> {
         format!("dcd/{}/{name}", self.address.name).into_bytes()
     }
 
-    /// Returns the key that its holder writes again and again.
+    /// Returns the key that the holder renews by writing it.
     pub(super) fn holder(&self) -> Vec<u8> {
         self.key("holder")
     }
@@ -56,7 +57,7 @@ impl Keys {
         Ok(found.map(|found| found.value))
     }
 
-    /// Returns the values of all names from the first on, before the second, in order.
+    /// Returns the keys and values of all names from the first on, before the second, in order.
     pub(super) fn read_range(&mut self, from: &str, to: &str) -> Result<Vec<Found>, DirectoryError> {
         let (mut from, to, mut all) = (self.key(from), self.key(to), Vec::<Found>::new());
         loop {
@@ -70,7 +71,8 @@ impl Keys {
         }
     }
 
-    /// Writes a value where there is none yet, and returns what is there then. Asks once: a wrong address is told at once.
+    /// Writes a value unless there is one, and returns the value that is there then. Asks only once, so that
+    /// a wrong address is reported at once.
     pub(super) fn read_or_create(&mut self, name: &str, value: &[u8]) -> Result<Vec<u8>, DirectoryError> {
         let key = self.key(name);
         let create = Op::Put(key.clone(), value.to_vec());
@@ -89,14 +91,14 @@ impl Hold {
         Self { keys, holder, created }
     }
 
-    /// Returns a clone by which much may be read and written.
+    /// Returns a clone for reading or writing much.
     pub(super) fn for_bulk(&self) -> Self {
         let mut hold = self.clone();
         hold.keys.gateway = hold.keys.gateway.for_bulk();
         hold
     }
 
-    /// Returns where the world is, for people.
+    /// Returns where the world is, for people to read.
     pub(super) fn place(&self) -> String {
         self.keys.place()
     }
@@ -105,8 +107,8 @@ impl Hold {
         &mut self.keys
     }
 
-    /// Writes all at once, unless the world is another's meanwhile. Needs to fit into one transaction of etcd, and to be right when it
-    /// is done late, or twice.
+    /// Does all writes at once, unless another server holds the world by now. They must fit into one
+    /// transaction of etcd, and be right when they are done late, or twice.
     pub(super) fn write(&mut self, ops: &[Op]) -> Result<(), DirectoryError> {
         match self.transact(None, ops)? {
             true => Ok(()),
@@ -114,7 +116,8 @@ impl Hold {
         }
     }
 
-    /// Does the same only if a key has this value; returns whether it had. It has not either when etcd did it, and did not answer in time.
+    /// Does the same only if a key has this value; returns whether it had. `false` may also mean that etcd
+    /// has done the writes already, and did not answer in time.
     pub(super) fn write_if(
         &mut self,
         name: &str,
@@ -137,13 +140,14 @@ impl Hold {
         })
     }
 
-    /// Gives a sign that the holder lives.
+    /// Renews the hold: shows that the holder lives.
     pub(super) fn renew(&mut self) -> Result<(), DirectoryError> {
         let sign = Op::Put(self.keys.holder(), self.holder.clone().into_bytes());
         self.write(&[sign])
     }
 
-    /// Lets go, so that others need not wait. Asks once: who is gone is missed soon enough.
+    /// Releases the hold, so that others need not wait. Asks only once: if that fails, others soon notice the
+    /// silence.
     pub(super) fn release(&mut self) {
         let key = self.keys.holder();
         let fence = Compare::Created(key.clone(), self.created);
@@ -151,7 +155,7 @@ impl Hold {
     }
 }
 
-/// Asks until etcd answers, for some seconds. What is asked does the same when it is done twice.
+/// Asks until etcd answers, for some seconds. The request must do the same when it is done twice.
 fn patiently<T>(mut ask: impl FnMut() -> Result<T, GatewayError>) -> Result<T, GatewayError> {
     let deadline = Instant::now() + TRY;
     loop {

@@ -1,12 +1,14 @@
-//! Holds a world in etcd for one server at a time: waits until nobody else does, and renews the hold by a thread of its own.
+//! Holds a world in etcd for one server at a time: waits until no other server holds it, and renews the hold
+//! on a thread of its own.
 //!
-//! The holder writes its key three times per [`TENURE`]. Who stands by takes over when it has seen that key unchanged for
-//! [`PATIENCE`] by its own clock: it removes the key if it is still as it was, and creates its own where there is none. So clocks need
-//! not agree, only run alike; Kubernetes elects its leaders so too (client-go, `leaderelection`). etcd's own leases are not used:
-//! they last two seconds at least, are looked after twice a second, and all begin anew when etcd elects a leader.
+//! The holder writes its key three times per [`TENURE`]. A standby server takes over when it has seen that
+//! key unchanged for [`PATIENCE`] by its own clock: it removes the key if it is still as it was, and creates
+//! its own if there is none. So clocks need not agree, but only run at the same rate. Kubernetes elects its
+//! leaders in the same way (client-go, `leaderelection`). etcd's own leases are not used: they last two
+//! seconds at least, are checked twice a second, and all begin anew when etcd elects a leader.
 //!
-//! Each transaction compares the revision at which the holder's key was created: one that was deposed and does not know it yet
-//! writes nothing any more, however long it was stopped.
+//! Each transaction compares the revision at which the holder's key was created. So a holder that was deposed
+//! and does not know it yet cannot write any more, however long it was stopped.
 
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
@@ -16,27 +18,28 @@ use super::gateway::{Compare, GatewayError, Op};
 use super::keys::{Hold, Keys};
 use crate::cluster::directory::DirectoryError;
 
-/// How long the holder is the only one, from the moment at which it began to ask.
+/// How long a hold is exclusive, counted from when its renewal was requested.
 const TENURE: Duration = Duration::from_millis(1_000);
-/// How long who stands by waits for a sign of the holder, from the moment at which it has seen the last one. What it is longer than
-/// [`TENURE`] is for clocks that run unlike, and for what the holder is just doing.
+/// How long a standby server waits for a sign of the holder after the last one that it has seen. The margin
+/// over [`TENURE`] covers clocks that run at different rates, and what the holder is just doing.
 const PATIENCE: Duration = Duration::from_millis(1_500);
-/// How often who stands by looks.
+/// How often a standby server looks.
 const LOOK: Duration = Duration::from_millis(50);
-/// Who has not seen anything for so long, because it was stopped or etcd was away, begins to wait anew: perhaps the holder could
-/// not write either.
+/// A standby server that has seen nothing for this long, because it was stopped or etcd was away, begins to
+/// wait anew: perhaps the holder could not write either.
 const BLIND: Duration = Duration::from_millis(750);
 
-/// The reason for which a world is not held yet, for people.
+/// The reason why a world is not held yet, for people to read.
 pub(in crate::runtime::directory) enum Wait {
-    /// Another server holds it.
+    /// Another server holds the world.
     Held(String),
-    /// etcd does not do what it is asked: within an election, or on a slow disk.
+    /// etcd does not do what it is asked, as during an election or on a slow disk.
     Away(String),
 }
 
-/// Waits until nobody holds these keys, and holds them. `holder` says who asks, unlike all others. Meanwhile `goes_on` is told why it
-/// waits, again and again, and says whether to wait on; if not, `None` is returned.
+/// Waits until nobody holds these keys, and holds them. `holder` names this server, unlike all others. During
+/// the wait `goes_on` is told repeatedly why it waits, and decides whether to keep waiting; if not, this
+/// returns `None`.
 pub(super) fn hold(
     mut keys: Keys,
     holder: &str,
@@ -50,7 +53,7 @@ pub(super) fn hold(
         let wait = match found {
             Ok(None) => {
                 let create = Op::Put(key.clone(), holder.as_bytes().to_vec());
-                // Whose it is then is seen by reading it.
+                // Reading the key shows who holds it then.
                 match keys.gateway.transact(&[Compare::Created(key.clone(), 0)], &[create]) {
                     Ok(_) => continue,
                     Err(error) => Wait::Away(format!("it takes no writes: {error}")),
@@ -69,7 +72,7 @@ pub(super) fn hold(
                 }
             }
             Ok(Some(found)) => Wait::Held(String::from_utf8_lossy(&found.value).into_owned()),
-            // Who has never reached it has a wrong address.
+            // If etcd was never reached, its address is wrong.
             Err(GatewayError::Away(cause)) if reached => Wait::Away(format!("it is out of reach: {cause}")),
             Err(error) => return Err(keys.unreadable(&error)),
         };
@@ -80,16 +83,17 @@ pub(super) fn hold(
     }
 }
 
-/// What who stands by has seen of the holder.
+/// What a standby server has seen of the holder.
 #[derive(Default)]
 struct Vigil {
-    /// When the holder's key was last written, and since when that is known.
+    /// The revision at which the holder's key was last written, and since when that is known.
     sign: Option<(i64, Instant)>,
     looked: Option<Instant>,
 }
 
 impl Vigil {
-    /// Takes in that the key was last written at this revision of etcd; returns whether the holder has been silent for too long.
+    /// Takes in that the key was last written at this revision of etcd. Returns whether the holder has been
+    /// silent for too long.
     fn is_over(&mut self, now: Instant, written: i64) -> bool {
         let looked = self.looked.replace(now);
         let was_blind = looked.is_some_and(|looked| now.saturating_duration_since(looked) > BLIND);
@@ -105,8 +109,9 @@ impl Vigil {
     }
 }
 
-/// How long the holder says nothing after its hold has run out, before it gives up: an election of etcd takes less. Its nodes and clients
-/// hold on to it for as long as it lives, whoever has taken over.
+/// How long the holder waits for etcd after its hold has run out, before it gives up: an election of etcd
+/// takes less. Its nodes and clients keep to it for as long as it lives, even if another server has taken
+/// over.
 const RUN_OUT: Duration = Duration::from_millis(2_500);
 
 /// A hold that is renewed until this is dropped.
@@ -125,7 +130,7 @@ struct State {
     until: Instant,
     lost: Option<DirectoryError>,
     is_released: bool,
-    /// Nothing is said to etcd any more.
+    /// Nothing is sent to etcd any more.
     #[cfg(test)]
     is_abandoned: bool,
 }
@@ -149,8 +154,8 @@ impl Lease {
         Ok(Self { place, shared, thread: Some(thread) })
     }
 
-    /// Returns how long the hold lasts, at least. Waits while it has run out and is not yet known to be lost, as after a stop of
-    /// the process or within an election of etcd, but not for long.
+    /// Returns how long the hold lasts at least. If the hold has run out and is not known to be lost, as
+    /// after a stop of the process or during an election of etcd, this waits first, but not for long.
     pub(super) fn left(&self) -> Result<Duration, DirectoryError> {
         let state = self.shared.lock();
         let waits = |state: &mut State| state.lost.is_none() && state.until <= Instant::now();
@@ -213,7 +218,7 @@ impl Shared {
 
 #[cfg(test)]
 impl Lease {
-    /// Stops to renew the hold without letting go, as a process that is killed or stopped.
+    /// Stops renewing the hold without releasing it, like a process that is killed or stopped.
     pub(super) fn abandon(&mut self) {
         self.shared.lock().is_abandoned = true;
         self.end();
@@ -237,7 +242,7 @@ mod tests {
     use super::*;
     use crate::runtime::directory::etcd::EtcdAddress;
 
-    /// Answers as etcd's gateway would, by what is asked: `range` or `txn`. Ends with the test's process.
+    /// Answers like etcd's gateway, by what is asked: `range` or `txn`. Ends with the test's process.
     fn stand_in(mut answer: impl FnMut(&str) -> (u16, Value) + Send + 'static) -> SocketAddr {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let address = listener.local_addr().unwrap();
@@ -302,7 +307,7 @@ mod tests {
         let mut writes = 0;
         let address = stand_in(move |what| match what {
             "range" if writes < 20 => (200, held_by("one")),
-            // Enough: it is not asked for ever.
+            // Ends the test: etcd is not asked for ever.
             "range" => (400, json!({ "error": "nobody asks whether to wait on" })),
             _ => {
                 writes += 1;
@@ -316,7 +321,7 @@ mod tests {
         assert!(hold.unwrap().is_none(), "it was not to wait on");
     }
 
-    /// Looks as often as who stands by does, and returns after how long it takes over.
+    /// Looks as often as a standby server does, and returns the time at which it takes over.
     fn over_after(
         vigil: &mut Vigil,
         start: Instant,
@@ -348,7 +353,7 @@ mod tests {
         let start = Instant::now();
         let mut vigil = Vigil::default();
         assert!(!vigil.is_over(start, 1));
-        // Stopped for a minute.
+        // The standby server is stopped for 40 s.
         let over = over_after(&mut vigil, start, 60_000 - 20_000, |_| Some(1));
         assert_eq!(over, 41_500);
         // etcd elects a leader from 1 s to 3 s.

@@ -1,7 +1,9 @@
-//! Logs in to an etcd that has users: a password is exchanged for a token, again whenever etcd takes that no more.
+//! Logs in to an etcd that has users: exchanges a password for a token, and does so again whenever etcd
+//! refuses the token.
 //!
-//! Tokens end: those of etcd's own kind when they were not used for five minutes, or when the member that is asked was started
-//! again; others (JWT) at their time, or when anything about users was changed. Whoever is told so asks for another, and asks again.
+//! Tokens expire. Those of etcd's own kind do so when they were not used for five minutes, or when the member
+//! that is asked was restarted; others (JWT) at a set time, or when anything about users was changed. A
+//! client whose token is refused logs in and asks again.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -11,14 +13,14 @@ use tracing::warn;
 
 use super::address::User;
 
-/// Where a password is that no file has.
+/// The environment variable with the password, for users without a password file.
 const ENVIRONMENT: &str = "DCD_ETCD_PASSWORD";
 
-/// A user of etcd, and the token that it has now.
+/// A user of etcd, and the user's present token.
 pub(super) struct Login {
     user: User,
     token: Mutex<Option<String>>,
-    /// Its password is not taken any more.
+    /// Whether etcd does not take the password any more.
     is_refused: AtomicBool,
 }
 
@@ -37,8 +39,8 @@ impl Login {
         self.is_refused.store(false, Ordering::Relaxed);
     }
 
-    /// Notes that the password is refused for this reason. Returns whether etcd took one before: then its user's has been changed there, and that of
-    /// here follows, which the log asks for once.
+    /// Records that etcd refuses the password, for this reason. Returns whether etcd took a password before:
+    /// then the password was changed in etcd and must be changed here, which is logged once.
     pub(super) fn is_refused(&self, cause: &str) -> bool {
         let is_changed = self.lock().is_some();
         if is_changed && !self.is_refused.swap(true, Ordering::Relaxed) {
@@ -53,17 +55,17 @@ impl Login {
         is_changed
     }
 
-    /// Returns what etcd is to be told for a token. The password is read each time: it may have been changed.
+    /// Returns the request for a token. The password is read each time, since it may have been changed.
     pub(super) fn request(&self) -> Result<String, String> {
         Ok(json!({ "name": self.user.name, "password": self.password()? }).to_string())
     }
 
-    /// Returns the user and where its password is from, for people.
+    /// Returns the user and the place of the password, for people to read.
     pub(super) fn described(&self) -> String {
         format!("user {} with the password of {}", self.user.name, self.place())
     }
 
-    /// Returns where the password is, for people.
+    /// Returns the place of the password, for people to read.
     pub(super) fn place(&self) -> String {
         match &self.user.password_file {
             Some(file) => file.display().to_string(),
@@ -77,7 +79,7 @@ impl Login {
             None => std::env::var(ENVIRONMENT)
                 .map_err(|error| format!("{error}; set it, or write password-file=FILE behind the user"))?,
         };
-        // As an editor ends a file.
+        // Drops the line end that an editor adds.
         let password = password.strip_suffix('\n').unwrap_or(&password);
         let password = password.strip_suffix('\r').unwrap_or(password);
         if password.is_empty() {
@@ -91,7 +93,7 @@ impl Login {
     }
 }
 
-/// Without the token.
+/// Does not show the token.
 impl std::fmt::Debug for Login {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Login").field("user", &self.user).finish_non_exhaustive()

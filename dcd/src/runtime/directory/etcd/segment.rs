@@ -1,16 +1,16 @@
 //! Encodes batches of entries as segments of a log: each entry with its key, its revision and its value.
 //!
-//! A segment is written in parts that etcd takes, so it begins with its length.
+//! A segment begins with its length, since it is stored in several parts, as large as etcd takes.
 
 use crate::cluster::directory::{Key, Revision};
 
-/// An entry as of a revision; without a value it is removed.
+/// An entry at a revision; one without a value is removed.
 pub(super) type Record<'a> = (Key, Revision, Option<&'a [u8]>);
 
 const REMOVED: u8 = 0;
 const WRITTEN: u8 = 1;
 
-/// Encodes entries.
+/// Encodes entries as a segment.
 pub(super) fn encode<'a>(records: impl Iterator<Item = Record<'a>>) -> Vec<u8> {
     let mut bytes = vec![0; 8];
     for (key, revision, value) in records {
@@ -26,7 +26,7 @@ pub(super) fn encode<'a>(records: impl Iterator<Item = Record<'a>>) -> Vec<u8> {
     bytes
 }
 
-/// Decodes a segment; `None` if it is none, or not whole.
+/// Decodes a segment; `None` if the bytes are not a whole segment.
 pub(super) fn decode(bytes: &[u8]) -> Option<Vec<Record<'_>>> {
     let (length, mut rest) = bytes.split_first_chunk()?;
     if u64::from_be_bytes(*length) != bytes.len() as u64 {

@@ -1,4 +1,4 @@
-//! Tests the directory in etcd against a real one.
+//! Tests the directory against a real etcd.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -19,7 +19,7 @@ fn world(place: &str) -> EtcdWorld {
     EtcdWorld::at(EtcdAddress::parse(place).unwrap()).unwrap()
 }
 
-/// Opens a world, which waits for as long as another has it.
+/// Opens a world, waiting while another server holds it.
 fn open(place: &str, holder: &str) -> EtcdDirectory {
     world(place).open(holder, false, &mut |_| true).unwrap().unwrap()
 }
@@ -28,7 +28,7 @@ fn place_of(directory: &EtcdDirectory) -> String {
     directory.hold.place()
 }
 
-/// As a process that is killed.
+/// Ends a directory like a process that is killed.
 fn crash(mut directory: EtcdDirectory) {
     directory.is_lost = true;
     directory.lease.abandon();
@@ -46,12 +46,12 @@ fn what_etcd_does_late_changes_nothing() {
     }
     let keys = directory.hold.keys();
     let all = Op::Delete(keys.key(&segment_name(0)), keys.key(&segment_name(u64::MAX)));
-    // What was asked when each of these was the head, and is done now.
+    // Requests that were made when each of these was the head, and are done now.
     for (then, next) in heads.iter().zip(&heads[1..]) {
         let head = Op::Put(directory.hold.keys().key("head"), next.clone().unwrap());
         assert!(!directory.hold.write_if("head", then.as_deref(), &[all.clone(), head]).unwrap());
     }
-    // Etcd did it, and its answer was lost.
+    // etcd has done it, but its answer was lost.
     directory.stored = heads[2].clone();
     directory.write_head(directory.head, Vec::new()).unwrap();
     assert_eq!(directory.stored, heads[3]);
@@ -75,7 +75,8 @@ fn it_does_what_a_directory_does() {
     conformance::all(&new, &reopen);
 }
 
-/// More than a transaction of etcd takes, in bytes and in number, and a value that is more than etcd takes.
+/// Returns a batch larger than a transaction of etcd, in bytes and in number, with values larger than etcd
+/// takes.
 fn large(stamp: u8) -> Batch {
     let small = (0..3_000).map(|i| (Key::Body(BodyId::persistent(i)), Some(vec![stamp; 300])));
     let large = (3_000..3_003).map(|i| (Key::Body(BodyId::persistent(i)), Some(vec![stamp; 2_000_000])));
@@ -89,7 +90,7 @@ fn a_batch_that_is_more_than_a_transaction_takes_is_there_whole_or_not_at_all() 
     let mut directory = open(&place, "one");
     directory.commit(&large(1), &[]).unwrap();
     let before = directory.load().unwrap();
-    // It dies when all parts but the last are written.
+    // The server dies when all parts but the last are written.
     let head = directory.head;
     let keys = directory.hold.keys();
     let part = Op::Put(keys.key(&format!("{}/00000000", segment_name(head.next))), vec![7; 1_000]);
@@ -142,7 +143,7 @@ fn who_stands_by_takes_over_and_the_former_holder_is_fenced_out() {
     });
     assert!(waits.unwrap().is_none(), "a holder that lives keeps its world");
     assert!(asked.iter().all(|holder| holder == "one"));
-    // It is stopped.
+    // The holder is stopped.
     former.lease.abandon();
     let start = Instant::now();
     let mut next = open(&place, "two");
@@ -151,7 +152,7 @@ fn who_stands_by_takes_over_and_the_former_holder_is_fenced_out() {
     assert_eq!(values(&mut next), [(1, 1)]);
     let mut joins_of_next = next.journal();
     assert_eq!(joins_of_next.read().unwrap(), "first\n");
-    // It goes on, and does not know.
+    // The former holder goes on without knowing it.
     let deposed = DirectoryError::Deposed { place: place.clone() };
     assert_eq!(former.commit(&body(1, 9, true), &[]), Err(deposed));
     assert!(joins.append("second\n").is_err());
@@ -173,7 +174,7 @@ fn who_was_deposed_is_told_so_when_it_makes_sure_of_its_hold() {
     let mut keys = Keys::new(EtcdAddress::parse(&place).unwrap()).unwrap();
     let holder = keys.holder();
     let found = keys.gateway.read(&holder).unwrap().unwrap();
-    // Whoever renewed it meanwhile is looked for once more.
+    // Tries again if the holder renewed its key meanwhile.
     let mut written = found.written;
     while !keys
         .gateway
@@ -200,7 +201,7 @@ fn a_world_goes_on_while_members_of_the_cluster_are_killed_and_stopped() {
         directory.commit(&body(1, value, true), &[]).unwrap();
         directory.renew().unwrap();
     }
-    // Two of three are no majority without this one.
+    // Without this member there is no majority of three.
     etcd.signal(1, "-STOP");
     let start = Instant::now();
     let resumed = std::thread::scope(|scope| {

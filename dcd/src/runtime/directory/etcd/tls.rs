@@ -1,4 +1,5 @@
-//! Reads the files by which etcd and this server know each other over TLS, and says what is at fault where they do not.
+//! Reads the files by which etcd and this server prove themselves to each other over TLS, and explains
+//! failures.
 
 use std::io::ErrorKind;
 use std::path::Path;
@@ -13,7 +14,7 @@ use ureq::tls::{Certificate, ClientCert, PrivateKey, RootCerts, TlsConfig};
 use super::address::TlsFiles;
 use crate::cluster::directory::DirectoryError;
 
-/// Reads the files. `place`: whose they are, for people.
+/// Reads the files. `place` names their world, for people to read.
 pub(super) fn config(files: &TlsFiles, place: &str) -> Result<TlsConfig, DirectoryError> {
     let provider = Arc::new(rustls::crypto::ring::default_provider());
     let cacert = File { path: &files.cacert, option: "cacert", place };
@@ -80,7 +81,7 @@ impl File<'_> {
     }
 }
 
-/// Says that what an option of an address names cannot be used.
+/// Returns the error that what an option of an address names cannot be used.
 pub(super) fn unusable(
     what: impl std::fmt::Display,
     option: &str,
@@ -90,7 +91,7 @@ pub(super) fn unusable(
     DirectoryError::Unreadable { place: format!("{what} ({option} of {place})"), cause: cause.into() }
 }
 
-/// Puts into words why a member does not answer, with what to do where TLS is at fault.
+/// Returns why a member does not answer, in words, with a remedy where TLS is the cause.
 pub(super) fn explained(error: &ureq::Error, is_tls: bool) -> String {
     let fault = match error {
         ureq::Error::Rustls(fault) => Some(fault),
@@ -123,7 +124,7 @@ pub(super) fn explained(error: &ureq::Error, is_tls: bool) -> String {
     }
 }
 
-/// Returns whether a member says by this alert that it does not accept this server's certificate, or wants one.
+/// Returns whether this alert means that a member does not accept this server's certificate, or requires one.
 fn is_about_certificate(alert: AlertDescription) -> bool {
     use AlertDescription::{
         AccessDenied, BadCertificate, CertificateExpired, CertificateRequired, CertificateRevoked,

@@ -111,10 +111,11 @@ fn a_beginning_that_was_cut_off_is_begun_again() {
     assert!(!folder.path().join("world.redb.draft").exists());
 }
 
-/// Opens a damaged copy and returns the outcome: the older or newer of two states that were committed durably, or a refusal.
+/// Opens a damaged copy and returns the outcome: the stamp of one of the states that were committed durably,
+/// or a refusal.
 fn open_damaged(folder: &Path, content: &[u8]) -> Result<u64, DirectoryError> {
     let path = folder.join("world.redb");
-    // Another file, so that no lock of the former is left on it.
+    // A new file, so that no lock of the former one is left on it.
     let _ = std::fs::remove_file(&path);
     std::fs::write(path, content).unwrap();
     RedbDirectory::open(folder).map(|mut directory| {
@@ -147,7 +148,7 @@ fn a_file_that_is_cut_or_changed_anywhere_is_refused_or_whole() {
     for eighth in 0..64 {
         tell("cut", open_damaged(work.path(), &whole[..whole.len() * eighth / 64]));
     }
-    // Each byte of the header, and some of everything else.
+    // Each byte of the header, and some of all others.
     for place in (0..320).chain((320..whole.len()).step_by(whole.len() / 200)) {
         let mut changed = whole.clone();
         changed[place] ^= 1 << (place % 8);
@@ -162,7 +163,7 @@ fn a_file_that_is_cut_or_changed_anywhere_is_refused_or_whole() {
 const CHILD: &str = "DCD_TEST_DIRECTORY";
 const CHILD_BODIES: u32 = 300;
 
-/// The process that the next test kills; by itself it does nothing.
+/// Runs in the process that the next test kills. By itself it does nothing.
 #[test]
 #[ignore = "is started by another test"]
 fn child_writes_until_it_is_killed() {
@@ -202,7 +203,7 @@ fn a_process_killed_in_mid_write_keeps_all_durable_batches_and_none_in_part() {
         }
         assert!(matches!(RedbDirectory::open(folder.path()), Err(DirectoryError::Taken { .. })));
         child.kill().unwrap();
-        // What it printed before it died counts too.
+        // What the process printed before it died counts too.
         durable = lines.filter_map(|line| number(&line, "durable ")).last().unwrap_or(durable);
         child.wait().unwrap();
         let mut directory = RedbDirectory::open(folder.path()).unwrap();
@@ -217,7 +218,7 @@ fn a_batch_that_is_not_durable_becomes_so_within_a_second() {
     let folder = new_folder();
     let mut directory = RedbDirectory::open(folder.path()).unwrap();
     let now = directory.synced_at;
-    // However long the first commit takes to come, it is too early.
+    // Postpones the next sync, so that the first commit is too early for it, however long it takes.
     directory.synced_at = now + 3_600 * UNSYNCED;
     directory.commit(&body(1, 1, false), &[]).unwrap();
     let copied = |copy: &Path| {
@@ -258,7 +259,7 @@ fn how_long_checkpoints_take() {
     ] {
         let times = (0..20).map(|i| {
             let batch = bodies(count, i, 150, durable);
-            // The clock must not make it durable.
+            // Keeps the clock from making the batch durable.
             directory.synced_at = Instant::now();
             let start = Instant::now();
             directory.commit(&batch, &[]).unwrap();

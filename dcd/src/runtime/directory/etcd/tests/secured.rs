@@ -6,7 +6,7 @@ use std::path::Path;
 use super::cluster::{Authority, Certified};
 use super::*;
 
-/// Says why there is no world at a place.
+/// Returns the error that the world at this place cannot be opened with.
 fn why(place: &str) -> String {
     let world = EtcdWorld::at(EtcdAddress::parse(place).unwrap());
     world.and_then(|mut world| world.authority("key")).unwrap_err().to_string()
@@ -113,7 +113,7 @@ fn a_user_with_its_password_and_a_role_is_let_in_and_nobody_else() {
     let own = write(folder, "own", "of dcd\n");
     let place = etcd.place("users");
     let as_user = |user: &str, file: &str| format!("{place}?user={user}&password-file={file}");
-    // Who has a user is let in by an etcd that has none yet, and goes on when it has.
+    // An etcd without users lets a client with a user in. The client goes on when users are enabled.
     let mut directory = open(&as_user("dcd", &own), "one");
     directory.commit(&body(1, 1, true), &[]).unwrap();
     assert_eq!(directory.hold.keys().gateway.token(), None);
@@ -132,7 +132,7 @@ fn a_user_with_its_password_and_a_role_is_let_in_and_nobody_else() {
         println!("{why}");
         assert!(why.contains(remedy), "{why}");
     }
-    // A token from before is worth nothing then.
+    // The former token is refused from then on.
     write(folder, "own", "changed");
     etcd.change_password("dcd", "changed");
     directory.commit(&body(1, 3, true), &[]).unwrap();
@@ -199,7 +199,7 @@ fn a_world_is_held_and_its_former_holder_fenced_out_while_tokens_run_out() {
     former.lease.abandon();
     let mut next = open(&place, "two");
     assert_eq!(values(&mut next), [(1, value)]);
-    // By then the former holder's token is worth nothing either.
+    // By then the former holder's token is refused, too.
     let last = former.hold.keys().gateway.token();
     while former.hold.keys().gateway.token() == last {
         former.hold.keys().read("head").unwrap();
@@ -224,7 +224,7 @@ fn who_did_not_ask_for_long_logs_in_again() {
     assert!(first.is_some());
     while keys.gateway.token() == first {
         assert!(start.elapsed() < Duration::from_secs(30), "a token that nobody uses lasts for a second");
-        // To ask is to use it, so that nobody may ask whether it has run out.
+        // Each request uses the token, so none may be made for a while.
         std::thread::sleep(Duration::from_millis(2_500));
         keys.read("head").unwrap();
     }

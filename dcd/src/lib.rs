@@ -19,26 +19,30 @@
 //! # }
 //! ```
 //!
-//! - [`World`] is the interface for every role of a process: a local world, or the client, participant, server or node of a
-//!   served one.
-//! - [`manual`] explains concepts, how to choose a coupling, serving, and limits. The crate's `examples/` are programs to begin from.
-//! - [`query`] holds ray casts, shape casts, projections and overlaps, [`network`] what joins and serves worlds, [`error`] the
-//!   causes inside [`Error`].
+//! - [`World`] is the interface for every role of a process: a local world, or a client, builder,
+//!   participant, server or node of a served one.
+//! - [`manual`] explains concepts, how to choose a coupling, serving, and limits. The crate's `examples/` are
+//!   programs to start from.
+//! - [`query`] holds ray casts, shape casts, projections and overlaps. [`network`] holds what a process needs
+//!   to join and serve worlds. [`error`] holds the error types that [`Error`] wraps.
 //!
 //! | feature | gives | by default |
 //! |---|---|---|
 //! | `physics` | [`World`], scenes | yes |
-//! | `parallel` | Rapier's parallel solver inside a region: one region uses all threads, to the same bits | yes |
+//! | `parallel` | Rapier's parallel solver inside a region: one region uses all threads, with bit-identical results | yes |
 //! | `net` | served worlds: QUIC, TLS, join tokens | yes |
 //! | `models` | scenes from MJCF and URDF files | no |
-//! | `cli` | the program `dcd`; implies all above | no |
-//! | `etcd` | servers that stand by for one another, with their world in an etcd cluster | no |
-//! | `sim` | whole clusters in one thread from one seed, to test protocols under faults | no |
-//! | `profiler` | the times of Rapier's phases in [`World::profile`] | no |
-//! | `enhanced-determinism` | equal bits on unlike machines, at 3 to 10 % of the speed | no |
+//! | `view` | the viewer in the browser, `Viewer` | no |
+//! | `cli` | the program `dcd`; implies all features above and `sim` | no |
+//! | `etcd` | standby servers, with the world kept in an etcd cluster | no |
+//! | `sim` | a simulator that runs whole clusters in one thread from one seed, to test protocols under faults | no |
+//! | `validate` | panics where `World::validate` finds something after any tick; for tests | no |
+//! | `profiler` | the times of Rapier's phases, in [`World::profile`] | no |
+//! | `enhanced-determinism` | equal bits on unlike machines; costs 3 to 10 % of the speed | no |
 #![forbid(unsafe_code)]
 
-/// The version of Rapier that regions are made of: use this one, so that its builders fit.
+/// The version of Rapier that computes the regions. Use this re-export, so that the types of your builders
+/// match.
 #[cfg(feature = "physics")]
 pub use rapier3d;
 
@@ -52,8 +56,8 @@ mod view;
 #[cfg(feature = "physics")]
 mod world;
 
-// Internal modules: no promise of stability is made for them. They are public for the tests, the benches and the C API of this
-// workspace.
+// Internal modules, without any promise of stability. They are public for the tests, the benches and the C
+// API of this workspace.
 #[doc(hidden)]
 pub mod cluster;
 #[doc(hidden)]
@@ -128,8 +132,8 @@ pub use view::{ViewError, Viewer};
 #[cfg(feature = "physics")]
 pub use world::{Body, BodyChange, Error, Instead, MovableBody, Owner, RegionInfo, Role, Unsupported, World};
 
-/// Spatial queries: ray casts, shape casts, point projections and overlaps, answered at once in a local world, some ticks later
-/// in a served one.
+/// Spatial queries: ray casts, shape casts, point projections and overlaps. A local world answers at once, a
+/// served one some ticks later.
 #[cfg(feature = "physics")]
 pub mod query {
     pub use crate::physics::{BodyFilter, PointHit, Queries, RayHit, ShapeHit, WorldMotion, WorldRay};
@@ -139,7 +143,7 @@ pub mod query {
     };
 }
 
-/// Joins and serves worlds, and passes messages between programs.
+/// Settings and types to join and serve worlds, and to pass messages between programs.
 #[cfg(feature = "net")]
 pub mod network {
     #[cfg(feature = "physics")]

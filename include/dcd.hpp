@@ -1,24 +1,25 @@
-/* dcd for C++17 and later: dcd.h with handles that clean up, results in place of pointers, and views in place of pointer and
- * length. Header only; it links to the same library and needs nothing else.
+/* dcd for C++17 and later: dcd.h with handles that clean up, results in place of output pointers, and views in place of pointer and
+ * length. Header only: it links to the same library and needs nothing else.
  *
- * Names. Each function of dcd.h is here by its name without dcd_, and dcd.h documents it: what takes a world is a member of
- * dcd::World, what makes one a static member of it, the rest is free. dcd_body_create(world, &def, &id) is
- * world.body_create(def). Types are those of dcd.h without Dcd; constants keep their names, as DCD_DYNAMIC.
+ * Names. Each function of dcd.h is here by its name without dcd_, and dcd.h documents it. A function that takes a world is a member of
+ * dcd::World, a function that makes a world is a static member of it, and the rest are free functions. So
+ * dcd_body_create(world, &def, &id) is world.body_create(def). Types are those of dcd.h without Dcd. Constants keep their names, such as
+ * DCD_DYNAMIC.
  *
- * Errors. What may fail returns a Status or a Result<T>, which hold a value or a Status. Both are false when the call failed;
- * neither may be dropped. With DCD_EXCEPTIONS defined before the header, a call that fails throws dcd::Error instead, so that what
- * is returned is always good and a Status may be dropped. Programs may mix files of both kinds.
+ * Errors. A function that may fail returns a Status, or a Result<T>, which holds a value or a Status. Both are false when the call
+ * failed, and neither may be dropped. With DCD_EXCEPTIONS defined before the header, a call that fails throws dcd::Error instead. Then
+ * what is returned is always good, and a Status may be dropped. Programs may mix files of both kinds.
  *
  *     dcd::Result<dcd::World> world = dcd::World::create();
  *     if (!world) { report(world.status().code(), world.status().message()); }
  *     dcd::Status stepped = world->step();
  *
- * Lifetimes. A World destroys what it made, an Owned its one body, shape or joint; both move and do not copy. Ids are numbers:
- * they copy, compare and hash, and an id whose thing is gone gives DCD_ERR_STALE_ID. What state_view and events lend lives as
+ * Lifetimes. A World destroys the world that it made, an Owned its one body, shape or joint. Both move and do not copy. Ids are numbers:
+ * they copy, compare and hash, and an id whose thing is gone gives DCD_ERR_STALE_ID. What state_view and events lend lives as long as
  * dcd.h says.
  *
- * Threads. As in dcd.h: any thread may call any function of a world. Moving, resetting or destroying a World object is like
- * writing any other object: nobody else may use that object meanwhile.
+ * Threads. As in dcd.h, any thread may call any function of a world. Moving, resetting or destroying a World object is like writing any
+ * other object: no other thread may use that object meanwhile.
  */
 #ifndef DCD_HPP
 #define DCD_HPP
@@ -49,7 +50,7 @@
 #define DCD_NODISCARD_ [[nodiscard]]
 #endif
 
-/* Ids compare by what they name, and two of different kinds do not compare. */
+/* Ids compare by what they name. Ids of different kinds do not compare. */
 #define DCD_ID_(Id) \
     constexpr bool operator==(Id a, Id b) noexcept { return a.v == b.v; } \
     constexpr bool operator!=(Id a, Id b) noexcept { return a.v != b.v; } \
@@ -98,13 +99,13 @@ using PointHit = DcdPointHit;
 using Overlap = DcdOverlap;
 using Force = DcdForce;
 
-/* x, y, z: a direction, a size, a force. */
+/* Three numbers x, y, z: a direction, a size, a force. */
 using Vec3 = std::array<float, 3>;
-/* x, y, z in world space, metres. */
+/* Point x, y, z in world space, metres. */
 using Point = std::array<double, 3>;
 
-/* The structs that functions read or fill begin as their _INIT macro says. They add no member: an array of one is an array
- * of the other. */
+/* Structs that functions read or fill. They start with the values of their _INIT macro. They add no member to those of dcd.h, so an array
+ * of the one is an array of the other. */
 #define DCD_STRUCT_(Name, INIT) \
     struct Name : Dcd##Name { \
         Name() noexcept : Dcd##Name INIT {} \
@@ -149,19 +150,19 @@ DCD_STRUCT_(DebugDraw, DCD_DEBUG_DRAW_INIT);
 DCD_STRUCT_(ConnectionInfo, DCD_CONNECTION_INFO_INIT);
 #undef DCD_STRUCT_
 
-/* Where a body is and how it moves. */
+/* Pose and velocity of a body. */
 struct Motion {
     Pose pose;
     Velocity velocity;
 };
 
-/* Items in a row that somebody else owns: what std::span is from C++20 on, and converts to it. */
+/* Items in a row that somebody else owns, as std::span is from C++20 on. It converts to std::span. */
 template <class T> class Span {
 public:
     constexpr Span() noexcept = default;
     constexpr Span(T *items, std::size_t count) noexcept : items_(items), count_(count) {}
     template <std::size_t N> constexpr Span(T (&items)[N]) noexcept : items_(items), count_(N) {}
-    /* Whatever has data() and size(): vectors, arrays, other spans. A temporary one lives until the end of the call. */
+    /* Makes a span of what has data() and size(): vectors, arrays, other spans. A temporary one lives until the end of the call. */
     template <class C, class = std::enable_if_t<std::is_convertible_v<decltype(std::declval<C &>().data()), T *> &&
                                                 sizeof(*std::declval<C &>().data()) == sizeof(T)>>
     constexpr Span(C &&items) noexcept : items_(items.data()), count_(items.size())
@@ -180,12 +181,13 @@ private:
     std::size_t count_ = 0;
 };
 
-/* What a batch of questions found, which may each find several things. */
+/* Answers to a batch of queries, each of which may find several things. */
 template <class T> struct Found {
     std::vector<T> items;
-    /* Where the answers to question i end in `items`. */
+    /* Where the answers to query i end in `items`. */
     std::vector<std::size_t> ends;
-    /* The answers to question i; of a temporary, with which they would be gone, a copy: keep it by auto, not as a Span. */
+    /* Returns the answers to query i. Of a temporary Found, with which they would be gone, it returns a copy: keep that by auto, not as a
+     * Span. */
     Span<const T> of(std::size_t i) const & noexcept
     {
         const std::size_t begin = i == 0 ? 0 : ends[i - 1];
@@ -198,7 +200,7 @@ template <class T> struct Found {
     }
 };
 
-/* The message of the calling thread's last failed call: function, cause, remedy. */
+/* Returns the message of the calling thread's last failed call: function, cause, remedy. */
 inline std::string last_error()
 {
     std::string text(dcd_last_error(nullptr, 0), '\0');
@@ -206,11 +208,11 @@ inline std::string last_error()
     return text;
 }
 
-/* The two ways to say that a call failed have names of their own for the linker, so that a program may mix them. */
+/* Each of the two ways to report a failed call has a namespace, and so linker names, of its own, so that a program may mix them. */
 #ifdef DCD_EXCEPTIONS
 inline namespace throwing {
 
-/* A call failed; what() is its message. */
+/* Exception of a call that failed; what() is its message. */
 class Error : public std::runtime_error {
 public:
     explicit Error(DcdStatus code) : std::runtime_error(last_error()), code_(code) {}
@@ -223,10 +225,10 @@ private:
 inline namespace returning {
 #endif
 
-/* Whether a call did what it says. */
+/* Outcome of a call: whether it succeeded, and why it failed. */
 class DCD_NODISCARD_ Status {
 public:
-    /* Of what a function of dcd.h returned. */
+    /* Makes the outcome of a function of dcd.h from the status that it returned. */
     explicit Status(DcdStatus code) : code_(code)
     {
         if (code != DCD_OK) {
@@ -239,13 +241,13 @@ public:
     }
 
     explicit operator bool() const noexcept { return code_ == DCD_OK; }
-    /* DCD_OK or a DCD_ERR_… code. */
+    /* Returns DCD_OK or a DCD_ERR_… code. */
     DcdStatus code() const noexcept { return code_; }
-    /* Its name, as "DCD_ERR_NULL". */
+    /* Returns the name of the code, such as "DCD_ERR_NULL". */
     const char *name() const noexcept { return dcd_status_string(code_); }
-    /* What dcd_last_error said of it; empty of a call that did what it says. */
+    /* Returns what dcd_last_error said of the failure; empty if the call succeeded. */
     const std::string &message() const noexcept { return message_; }
-    /* Ends the program with the library's own words if the call failed. */
+    /* Ends the program with the library's own message if the call failed. */
     void expect() const
     {
         if (code_ != DCD_OK) {
@@ -259,14 +261,14 @@ private:
     std::string message_;
 };
 
-/* What a call gave, or why it gave nothing. */
+/* Value that a call returned, or why it returned none. */
 template <class T> class DCD_NODISCARD_ Result {
 public:
     Result(Status status, T value) : status_(std::move(status)), value_(std::move(value)) {}
 
     explicit operator bool() const noexcept { return bool(status_); }
     Status status() const { return status_; }
-    /* What the call gave. Ends the program with the library's own words if it failed. */
+    /* Returns the value. Ends the program with the library's own message if the call failed. */
     T &value() &
     {
         status_.expect();
@@ -283,7 +285,7 @@ public:
         return std::move(value_);
     }
     T value_or(T otherwise) && { return *this ? std::move(value_) : std::move(otherwise); }
-    /* As value(). */
+    /* Does what value() does. */
     T &operator*() & { return value(); }
     const T &operator*() const & { return value(); }
     T operator*() && { return std::move(*this).value(); }
@@ -295,7 +297,7 @@ private:
     T value_;
 };
 
-/* Every movable body after a step, as dcd_state_view lends it: item i of each belongs to ids()[i]. */
+/* State of every movable body after a step, as dcd_state_view lends it. Item i of each span belongs to ids()[i]. */
 class StateView {
 public:
     explicit StateView(const DcdStateView &view) noexcept : view_(view) {}
@@ -307,7 +309,8 @@ public:
     Span<const std::uint64_t> user_data() const noexcept { return { view_.user_data, view_.count }; }
     Span<const std::uint32_t> flags() const noexcept { return { view_.flags, view_.count }; }
     Span<const std::uint32_t> regions() const noexcept { return { view_.regions, view_.count }; }
-    /* Where to keep your own of each body, in an array of slot_count(): the same in every view that shows the body. */
+    /* Slot of each body: the index of the program's own data of it in an array of slot_count() items. It is the same in every view that
+     * shows the body. */
     Span<const std::uint32_t> slots() const noexcept { return { view_.slots, view_.count }; }
     std::size_t slot_count() const noexcept { return view_.slot_count; }
 
@@ -315,7 +318,7 @@ private:
     DcdStateView view_;
 };
 
-/* What happened in the last step, as dcd_events lends it. */
+/* Events of the last step, as dcd_events lends them. */
 class EventView {
 public:
     explicit EventView(const DcdEventView &view) noexcept : view_(view) {}
@@ -334,7 +337,7 @@ private:
     DcdEventView view_;
 };
 
-/* A world, whatever its role. Destroyed with this object. */
+/* World of any role. It is destroyed with this object. */
 class World {
 public:
     World() noexcept = default;
@@ -352,12 +355,12 @@ public:
 
     /* Takes over a world of dcd.h. */
     explicit World(DcdWorld world) noexcept : world_(world) {}
-    /* The handle for functions of dcd.h; it stays this object's. */
+    /* Returns the handle, for functions of dcd.h. It stays this object's. */
     DcdWorld handle() const noexcept { return world_; }
-    /* Gives the handle away; the world lives on. */
+    /* Gives the handle away. The world lives on. */
     DcdWorld release() noexcept { return std::exchange(world_, DcdWorld{ 0 }); }
-    /* Destroys the world now. To hear whether that went well, call dcd_world_destroy(world.release()). In a function that the library
-     * calls (of a query, a hook, the log) nothing can be destroyed: the handle is kept then, to be reset later; a destructor that runs
+    /* Destroys the world now. To learn whether that went well, call dcd_world_destroy(world.release()). In a function that the library
+     * calls (of a query, a hook, the log) nothing can be destroyed. Then the handle is kept, to be reset later. A destructor that runs
      * there leaves the world behind. */
     void reset() noexcept
     {
@@ -366,7 +369,7 @@ public:
         }
     }
 
-    /* Making one. */
+    /* Making a world. */
 
     static Result<World> create(const WorldDef &def = {})
     {
@@ -412,7 +415,7 @@ public:
             return dcd_token_create(world_, role, valid_seconds, out, cap, needed);
         });
     }
-    /* Stops a server and keeps its world; without it, the end of this object ends the world for all. */
+    /* Stops a server and keeps its world. Without it, the end of this object ends the world for all. */
     Status server_suspend() { return Status(dcd_server_suspend(world_)); }
 
     /* The world as a whole. */
@@ -422,7 +425,7 @@ public:
     {
         return got<WorldInfo>([&](WorldInfo *out) { return dcd_world_info(world_, out); });
     }
-    /* Its functions are called by any thread, several at a time, and must not throw. */
+    /* Sets the functions of `hooks`. Any thread calls them, several at a time. They must not throw. */
     Status hooks_set(const Hooks &hooks) { return Status(dcd_hooks_set(world_, &hooks)); }
     Status hooks_clear() { return Status(dcd_hooks_set(world_, nullptr)); }
     Status tasks_set(const Tasks &tasks) { return Status(dcd_tasks_set(world_, &tasks)); }
@@ -470,7 +473,7 @@ public:
         Status status(dcd_state_view(world_, &view));
         return { status, StateView(view) };
     }
-    /* The ticks to show now, and how bodies are shown at them. */
+    /* Returns the ticks to show now; view_state and view_body return how bodies are shown at them. */
     Result<ViewTime> view_time()
     {
         ViewTime time = DCD_VIEW_TIME_INIT;
@@ -483,7 +486,7 @@ public:
         Status status(dcd_view_state(world_, &time, &view));
         return { status, StateView(view) };
     }
-    /* At a time to show, or else as it is after the last step. The functions of `draw` must not throw. */
+    /* Draws the world at a time to show, or, without one, as it is after the last step. The functions of `draw` must not throw. */
     Status debug_draw(const DebugDraw &draw, const ViewTime *time = nullptr)
     {
         return Status(dcd_debug_draw(world_, time, &draw));
@@ -514,7 +517,7 @@ public:
             return dcd_stats_text(world_, out, cap, needed);
         });
     }
-    /* What does not hold in the world, one finding per line: empty as long as all is well. */
+    /* Returns what does not hold in the world, one finding per line; empty as long as all is well. */
     Result<std::string> validate() const
     {
         return text([&](char *out, std::size_t cap, std::size_t *needed) { return dcd_validate(world_, out, cap, needed); });
@@ -529,7 +532,7 @@ public:
             return dcd_regions(world_, out, cap, count);
         });
     }
-    /* Without viewpoints all of a local world is looked at. */
+    /* Sets where the world is looked at from. Without viewpoints, all of a local world is looked at. */
     Status viewpoints_set(Span<const Viewpoint> viewpoints)
     {
         return Status(dcd_viewpoints_set(world_, viewpoints.data(), viewpoints.size()));
@@ -544,7 +547,7 @@ public:
         return got<Prediction>([&](Prediction *out) { return dcd_prediction(world_, out); });
     }
     Status bandwidth_set(std::uint32_t bytes_per_second) { return Status(dcd_bandwidth_set(world_, bytes_per_second)); }
-    /* A radius of 0 is everything. */
+    /* Sets the area of interest. A radius of 0 is everything. */
     Status interest_set(const Point &centre, double radius) { return Status(dcd_interest_set(world_, centre.data(), radius)); }
     Result<std::vector<BorderInfo>> borders() const
     {
@@ -580,7 +583,7 @@ public:
     {
         return Status(dcd_send(world_, connection, bytes.data(), bytes.size(), flags));
     }
-    /* A text goes without a NUL at its end. */
+    /* Sends a text, without a NUL at its end. */
     Status send(ConnectionId connection, std::string_view text, std::uint32_t flags = 0)
     {
         return Status(dcd_send(world_, connection, text.data(), text.size(), flags));
@@ -619,7 +622,7 @@ public:
             return dcd_shape_mesh(world_, floats(vertices), vertices.size(), indices, triangles.size(), out);
         });
     }
-    /* DCD_ERR_ARGUMENT also when `heights` does not have rows * columns numbers. */
+    /* Makes terrain. Fails with DCD_ERR_ARGUMENT also when `heights` does not have rows * columns numbers. */
     Result<ShapeId> shape_heightfield(Span<const float> heights, std::size_t rows, std::size_t columns, const Vec3 &scale)
     {
         const bool fits = rows == 0 || (heights.size() % rows == 0 && heights.size() / rows == columns);
@@ -627,7 +630,7 @@ public:
             return dcd_shape_heightfield(world_, heights.data(), fits ? rows : 0, columns, scale.data(), out);
         });
     }
-    /* The ground behind a plane through its origin. */
+    /* Makes the ground behind a plane through its origin. */
     Result<ShapeId> shape_half_space(const Vec3 &normal)
     {
         return got<ShapeId>([&](ShapeId *out) { return dcd_shape_half_space(world_, normal.data(), out); });
@@ -636,12 +639,12 @@ public:
     {
         return got<ShapeId>([&](ShapeId *out) { return dcd_shape_segment(world_, a.data(), b.data(), out); });
     }
-    /* A box, cylinder, cone or hull with edges and corners of this radius, grown by it. */
+    /* Makes a rounded box, cylinder, cone or hull: grown by `border`, with edges and corners of that radius. */
     Result<ShapeId> shape_round(ShapeId shape, float border)
     {
         return got<ShapeId>([&](ShapeId *out) { return dcd_shape_round(world_, shape, border, out); });
     }
-    /* DCD_ERR_ARGUMENT also when there are not as many frames as parts. */
+    /* Makes a compound. Fails with DCD_ERR_ARGUMENT also when there are not as many frames as parts. */
     Result<ShapeId> shape_compound(Span<const ShapeId> parts, Span<const Frame> frames)
     {
         const std::size_t count = parts.size() == frames.size() ? parts.size() : 0;
@@ -653,7 +656,7 @@ public:
     {
         return got<ShapeId>([&](ShapeId *out) { return dcd_shape_scale(world_, shape, scale, out); });
     }
-    /* Of any shape, also one that collider_shape found. */
+    /* Returns the kind and measures of any shape, also one that collider_shape found. */
     Result<ShapeInfo> shape_info(ShapeId shape) const
     {
         return got<ShapeInfo>([&](ShapeInfo *out) { return dcd_shape_info(world_, shape, out); });
@@ -677,7 +680,7 @@ public:
             return dcd_shape_heights(world_, shape, out, cap, count);
         });
     }
-    /* One of the shapes that a compound is made of; where it is in the compound goes to `frame`. */
+    /* Returns one of the shapes that a compound is made of. `frame` receives where it is in the compound. */
     Result<ShapeId> shape_part(ShapeId shape, std::uint32_t part, Frame *frame = nullptr)
     {
         return got<ShapeId>([&](ShapeId *out) { return dcd_shape_part(world_, shape, part, out, frame); });
@@ -711,31 +714,31 @@ public:
         return Status(dcd_bodies_destroy(world_, bodies.data(), bodies.size()));
     }
     bool body_is_valid(BodyId body) const noexcept { return dcd_body_is_valid(world_, body); }
-    /* All bodies, fixed ones too. */
+    /* Returns all bodies, fixed ones too. */
     Result<std::vector<BodyId>> bodies() const
     {
         return listed<BodyId>([&](BodyId *out, std::size_t cap, std::size_t *count) {
             return dcd_bodies(world_, out, cap, count);
         });
     }
-    /* Where it touches others now. */
+    /* Returns the points at which a body touches others now. */
     Result<std::vector<ContactPoint>> body_contacts(BodyId body) const
     {
         return listed<ContactPoint>([&](ContactPoint *out, std::size_t cap, std::size_t *count) {
             return dcd_body_contacts(world_, body, out, cap, count);
         });
     }
-    /* Pushes what is near, once; how many bodies. */
+    /* Pushes the bodies near an explosion, once. Returns how many. */
     Result<std::size_t> explode(const Explosion &explosion)
     {
         return got<std::size_t>([&](std::size_t *out) { return dcd_explode(world_, &explosion, out); });
     }
-    /* Pushes what is in it as it does in one step: before each step; how many bodies. */
+    /* Pushes the bodies in a fluid as it does in one step: call it before each step. Returns how many. */
     Result<std::size_t> flow(const Fluid &fluid)
     {
         return got<std::size_t>([&](std::size_t *out) { return dcd_flow(world_, &fluid, out); });
     }
-    /* The movable bodies inside a sensor now. */
+    /* Returns the movable bodies inside a sensor now. */
     Result<std::vector<BodyId>> sensor_bodies(BodyId body, std::uint32_t collider = 0) const
     {
         return listed<BodyId>([&](BodyId *out, std::size_t cap, std::size_t *count) {
@@ -771,7 +774,7 @@ public:
     {
         return Status(dcd_body_set_velocity(world_, body, &velocity));
     }
-    /* Of a body of type DCD_KINEMATIC_POSE. */
+    /* Sets the kinematic target of a body of type DCD_KINEMATIC_POSE. */
     Status body_set_target(BodyId body, const Pose &pose) { return Status(dcd_body_set_target(world_, body, &pose)); }
     Result<BodyProperties> body_properties(BodyId body) const
     {
@@ -783,7 +786,7 @@ public:
     }
     Status body_wake(BodyId body) { return Status(dcd_body_wake(world_, body)); }
     Status body_sleep(BodyId body) { return Status(dcd_body_sleep(world_, body)); }
-    /* At the centre of mass. */
+    /* Applies an impulse at the centre of mass. */
     Status body_apply_impulse(BodyId body, const Vec3 &impulse)
     {
         return Status(dcd_body_apply_impulse(world_, body, impulse.data(), nullptr));
@@ -800,7 +803,7 @@ public:
     {
         return Status(dcd_body_set_force(world_, body, force.data(), torque.data()));
     }
-    /* At the centre of mass. */
+    /* Adds a force at the centre of mass. */
     Status body_add_force(BodyId body, const Vec3 &force)
     {
         return Status(dcd_body_add_force(world_, body, force.data(), nullptr));
@@ -881,7 +884,7 @@ public:
     {
         return Status(dcd_joint_set_limit(world_, joint, axis, nullptr));
     }
-    /* Lowest and highest. */
+    /* Returns the lowest and the highest position. */
     Result<std::array<float, 2>> joint_get_limit(JointId joint, DcdJointAxis axis) const
     {
         return got<std::array<float, 2>>(
@@ -896,16 +899,16 @@ public:
     {
         return Status(dcd_joint_set_softness(world_, joint, natural_frequency, damping_ratio));
     }
-    /* What its locked axes bear: newtons and newton metres. */
+    /* Sets how much the locked axes of a joint bear: newtons and newton metres. */
     Status joint_strength_set(JointId joint, float force, float torque)
     {
         return Status(dcd_joint_strength_set(world_, joint, force, torque));
     }
     Status joint_destroy(JointId joint) { return Status(dcd_joint_destroy(world_, joint)); }
 
-    /* Many at a time. Value is Pose, Velocity, Force or std::uint64_t, the user data, and says which field is meant. The items may lie
-     * within structs of your own: give the first one and the distance to the next in bytes. `each` has an entry for each body, as in
-     * dcd.h; without it the first bad one fails the call. */
+    /* Many at a time. Value says which field is meant: Pose, Velocity, Force, or std::uint64_t for the user data. The items may lie within
+     * structs of the program's own: give the first one and the distance to the next in bytes. `each` has an entry for each body, as in
+     * dcd.h. Without it the first bad body fails the call. */
 
     template <class Value>
     Status state_read(Span<const BodyId> bodies, Value *first, std::size_t stride = 0, DcdStatus *each = nullptr) const
@@ -917,13 +920,13 @@ public:
     {
         return Status(dcd_state_write(world_, bodies.data(), bodies.size(), field<Value>(), first, stride, each));
     }
-    /* DCD_FIELD_TARGET: where bodies of type DCD_KINEMATIC_POSE are after the next step. */
+    /* Sets the kinematic targets (DCD_FIELD_TARGET) of bodies of type DCD_KINEMATIC_POSE: their poses after the next step. */
     Status state_write_targets(Span<const BodyId> bodies, const Pose *first, std::size_t stride = 0, DcdStatus *each = nullptr)
     {
         return Status(dcd_state_write(world_, bodies.data(), bodies.size(), DCD_FIELD_TARGET, first, stride, each));
     }
 
-    /* Questions. Answer i is to question i. */
+    /* Queries. Answer i is to query i. */
 
     Result<std::vector<RayHit>> cast_rays(Span<const Ray> rays, const Filter &filter = {}) const
     {
@@ -931,12 +934,12 @@ public:
         Status status(dcd_cast_rays(world_, rays.data(), rays.size(), &filter, hits.data()));
         return { status, std::move(hits) };
     }
-    /* Answered later, in a served world too. */
+    /* Submits rays, which are answered later, in a served world too. */
     Result<QueryId> rays_submit(Span<const Ray> rays, const Filter &filter = {})
     {
         return got<QueryId>([&](QueryId *out) { return dcd_rays_submit(world_, rays.data(), rays.size(), &filter, out); });
     }
-    /* Nothing while the answer is not there. */
+    /* Returns the answer to submitted rays; nothing while it is not there. */
     Result<std::optional<std::vector<RayHit>>> query_poll(QueryId query)
     {
         return polled<RayHit>(query, dcd_query_poll);
@@ -966,7 +969,7 @@ public:
     {
         return polled<ShapeHit>(query, dcd_query_poll_casts);
     }
-    /* `asked` is how many were submitted. */
+    /* Returns the answer to submitted overlaps; nothing while it is not there. `asked` is how many were submitted. */
     Result<std::optional<Found<Overlap>>> query_poll_overlaps(QueryId query, std::size_t asked)
     {
         Found<Overlap> all;
@@ -984,19 +987,21 @@ public:
     {
         return found<RayHit>(rays, filter, dcd_cast_rays_all);
     }
-    /* `meet` takes a const RayHit & and returns how far the ray goes from then on, metres; see DcdRayFn. */
+    /* Calls `meet` with every body that a ray meets. It takes a const RayHit & and returns how far the ray goes from then on, metres; see
+     * DcdRayFn. */
     template <class Meet> Status cast_ray_each(const Ray &ray, Meet meet, const Filter &filter = {}) const
     {
         const auto call = [](void *context, const DcdRayHit *hit) -> float { return (*static_cast<Meet *>(context))(*hit); };
         return Status(dcd_cast_ray_each(world_, &ray, &filter, call, std::addressof(meet)));
     }
-    /* `meet` takes a const ShapeHit & and returns how much of its way the shape goes from then on; see DcdShapeCastFn. */
+    /* Calls `meet` with every body that a moving shape meets. It takes a const ShapeHit & and returns how much of its way the shape
+     * goes from then on; see DcdShapeCastFn. */
     template <class Meet> Status cast_shape_each(const ShapeCast &cast, Meet meet, const Filter &filter = {}) const
     {
         const auto call = [](void *context, const DcdShapeHit *hit) -> float { return (*static_cast<Meet *>(context))(*hit); };
         return Status(dcd_cast_shape_each(world_, &cast, &filter, call, std::addressof(meet)));
     }
-    /* `meet` takes a const Overlap & and returns whether to go on; see DcdOverlapFn. */
+    /* Calls `meet` with every body that a shape overlaps. It takes a const Overlap & and returns whether to go on; see DcdOverlapFn. */
     template <class Meet> Status overlap_shape_each(const ShapeQuery &shape, Meet meet, const Filter &filter = {}) const
     {
         return Status(dcd_overlap_shape_each(world_, &shape, &filter, meeting<Meet>, std::addressof(meet)));
@@ -1050,7 +1055,7 @@ private:
         Status status(call(&value));
         return { status, value };
     }
-    /* The answer to a query, or nothing while it is not there. */
+    /* Returns the answer to a query, or nothing while it is not there. */
     template <class T, class Call> Result<std::optional<std::vector<T>>> polled(QueryId query, Call call)
     {
         std::vector<T> items;
@@ -1065,7 +1070,7 @@ private:
         }
         return { Status(code), std::move(items) };
     }
-    /* Asks for the number, then for the items; again, when there are more by then. */
+    /* Asks for the number of items, then for the items, and again when there are more by then. */
     template <class T, class Call> static Result<std::vector<T>> listed(Call call)
     {
         std::vector<T> items;
@@ -1079,7 +1084,7 @@ private:
         items.resize(status ? count : 0);
         return { status, std::move(items) };
     }
-    /* The same for a batch of questions. */
+    /* Does the same for a batch of queries. */
     template <class T, class Question, class Call>
     Result<Found<T>> found(Span<const Question> questions, const Filter &filter, Call call) const
     {
@@ -1098,7 +1103,7 @@ private:
         all.items.resize(status ? total : 0);
         return { status, std::move(all) };
     }
-    /* Asks with room for most texts, and again with room for this one. */
+    /* Asks with room that most texts need, and again with room for this one if that is too small. */
     template <class Call> static Result<std::string> text(Call call)
     {
         std::string text(511, '\0');
@@ -1126,8 +1131,8 @@ private:
 };
 static_assert(sizeof(Vec3) == 3 * sizeof(float), "points lie in a row");
 
-/* One body, shape or joint that is destroyed with this object. It keeps the handle of its world, not the object, which may be
- * moved; when the world is gone before it, there is nothing left to do. */
+/* One body, shape or joint that is destroyed with this object. It keeps the handle of its world, not the World object, which may be moved.
+ * When the world is gone before it, there is nothing left to do. */
 template <class Id> class Owned {
 public:
     Owned() noexcept = default;
@@ -1148,9 +1153,9 @@ public:
 
     Id id() const noexcept { return id_; }
     operator Id() const noexcept { return id_; }
-    /* Gives the id away; what it names lives on. */
+    /* Gives the id away. What it names lives on. */
     Id release() noexcept { return std::exchange(id_, Id{ 0 }); }
-    /* Destroys it now, or, in a function that the library calls, not yet: as World::reset. */
+    /* Destroys what the id names now. In a function that the library calls it is not destroyed yet, as with World::reset. */
     void reset() noexcept
     {
         if (id_.v != 0 && destroy(world_, id_) != DCD_ERR_BUSY) {

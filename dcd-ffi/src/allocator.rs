@@ -1,23 +1,26 @@
-//! Allocates by functions of the program's (feature `allocator`).
+//! Allocates memory by functions of the program (feature `allocator`).
 
 use std::ffi::c_void;
 
 use crate::guard::guard;
 use crate::status::{DCD_ERR_NULL, DcdStatus, Failure};
 
-/// Returns `size` bytes, above 0, aligned to `alignment`, a power of two; null if there are none, which ends the process.
+/// Returns a block of `size` bytes, above 0, aligned to `alignment`, a power of two. Returns null if there is no memory, which ends
+/// the process.
 pub type DcdAllocateFn =
     Option<unsafe extern "C" fn(context: *mut c_void, size: usize, alignment: usize) -> *mut c_void>;
-/// Frees what DcdAllocateFn returned for this size and alignment.
+/// Frees a block that DcdAllocateFn returned for this size and alignment.
 pub type DcdFreeFn =
     Option<unsafe extern "C" fn(context: *mut c_void, block: *mut c_void, size: usize, alignment: usize)>;
 
-/// Has all that the library allocates come from these functions, from now to the end of the process: to be called before any other
-/// function of the library, once.
+/// Sets the functions by which the library allocates all of its memory, from now to the end of the process. Call it once, before
+/// any other function of the library.
 ///
-/// Any thread may call them, several at a time, also from within every call of the library. They must return normally and call nothing of
-/// the library. The library must have been built with it: cargo build -p dcd-ffi --release --features allocator.
-/// Errors: DCD_ERR_NULL (a function), DCD_ERR_BUSY when the library has allocated already, DCD_ERR_UNSUPPORTED without the feature.
+/// Any thread may call the functions, several threads at a time, also from within every call of the library. They must return
+/// normally and call nothing of the library. The library must have been built with the feature: cargo build -p dcd-ffi --release
+/// --features allocator.
+/// Errors: DCD_ERR_NULL (a function), DCD_ERR_BUSY (the library has allocated already), DCD_ERR_UNSUPPORTED (built without the
+/// feature).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_allocator_set(
     allocate: DcdAllocateFn,
@@ -32,7 +35,7 @@ pub unsafe extern "C" fn dcd_allocator_set(
     })
 }
 
-/// The program's functions.
+/// The program's functions, and the context they are called with.
 #[cfg_attr(not(feature = "allocator"), expect(dead_code, reason = "they are only checked"))]
 struct Functions {
     allocate: unsafe extern "C" fn(*mut c_void, usize, usize) -> *mut c_void,
@@ -66,7 +69,8 @@ mod by_functions {
     unsafe impl Sync for Functions {}
 
     static FUNCTIONS: OnceLock<Functions> = OnceLock::new();
-    /// Something was allocated before there were functions: it is freed where it came from, so there will be none.
+    /// Whether something was allocated before there were functions. It is freed where it came from, so no functions can be set any
+    /// more.
     static ALLOCATED: AtomicBool = AtomicBool::new(false);
 
     pub(super) fn set(functions: Functions) -> Result<(), Failure> {
@@ -84,7 +88,7 @@ mod by_functions {
         )
     }
 
-    /// The program's allocator, or the one that the library has without.
+    /// Allocates by the program's functions; without them, by the allocator that the library has otherwise.
     struct Allocator;
 
     #[cfg(not(feature = "mimalloc"))]
@@ -95,7 +99,8 @@ mod by_functions {
     #[global_allocator]
     static ALLOCATOR: Allocator = Allocator;
 
-    // SAFETY: either all blocks are of the base allocator or all of the program's functions, as `set` sees to; each keeps to the contract.
+    // SAFETY: all blocks come either from the base allocator or from the program's functions, as `set` ensures; each keeps to the
+    // contract.
     unsafe impl GlobalAlloc for Allocator {
         unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
             match FUNCTIONS.get() {
@@ -103,7 +108,7 @@ mod by_functions {
                 Some(own) => unsafe { (own.allocate)(own.context, layout.size(), layout.align()) }.cast(),
                 None => {
                     ALLOCATED.store(true, Ordering::Relaxed);
-                    // SAFETY: passed on.
+                    // SAFETY: the caller upholds the same contract.
                     unsafe { BASE.alloc(layout) }
                 }
             }
@@ -111,21 +116,22 @@ mod by_functions {
 
         unsafe fn dealloc(&self, block: *mut u8, layout: Layout) {
             match FUNCTIONS.get() {
-                // SAFETY: the block is of `allocate`.
+                // SAFETY: the block came from `allocate`.
                 Some(own) => unsafe {
                     (own.free)(own.context, block.cast(), layout.size(), layout.align());
                 },
-                // SAFETY: passed on.
+                // SAFETY: the caller upholds the same contract.
                 None => unsafe { BASE.dealloc(block, layout) },
             }
         }
 
         unsafe fn realloc(&self, block: *mut u8, layout: Layout, size: usize) -> *mut u8 {
             if FUNCTIONS.get().is_none() {
-                // SAFETY: passed on.
+                // SAFETY: the caller upholds the same contract.
                 return unsafe { BASE.realloc(block, layout, size) };
             }
-            // SAFETY: the caller gives a size that is valid with this alignment; both blocks are as large as is copied.
+            // SAFETY: the caller gives a size that is valid with this alignment, and both blocks are at least as large as what is
+            // copied.
             unsafe {
                 let moved = self.alloc(Layout::from_size_align_unchecked(size, layout.align()));
                 if !moved.is_null() {

@@ -23,27 +23,31 @@ use crate::types::{
     DcdVelocity, check_pose, check_velocity,
 };
 
-/// Creates one body, as dcd_bodies_create.
+/// Creates one body, as dcd_bodies_create does.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_body_create(
     world: DcdWorld,
     def: *const DcdBodyDef,
     out: *mut DcdBodyId,
 ) -> DcdStatus {
-    // SAFETY: passed on.
+    // SAFETY: the caller upholds the same contract.
     guard("dcd_body_create", || unsafe { create(world, def, 1, out) })
 }
 
-/// Creates `count` bodies, all or none: `defs` and `out` have `count` entries. Bodies are in the world at once; the next step
-/// moves them. Those of a client or participant are avatars, and DCD_BODY_APPEARED or DCD_BODY_REFUSED tells what became of each;
-/// those of a server or a builder are the world's own, of any kind, stay when a builder leaves, and nodes compute them from some ticks
-/// after the next dcd_step on. A builder is told as a client what became of each.
+/// Creates `count` bodies, all or none. `defs` and `out` have `count` entries; `defs` is read during the call. Bodies are in the
+/// world at once, and the next step moves them.
 ///
-/// `defs` is read during the call.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, more
-/// than DCD_MAX_ITEMS bodies, a dynamic body without mass or faster than DcdWorldInfo.speed_limit, and of an avatar for a mesh or terrain, DCD_ERR_LIMIT when the world has given 4,294,967,295
-/// ids, DCD_ERR_UNSUPPORTED for a fixed avatar, one of DCD_KINEMATIC_POSE or with thresholds of sleep, and for a node,
-/// DCD_ERR_NETWORK when its link is gone.
+/// - The bodies of a client or participant are avatars. DCD_BODY_APPEARED or DCD_BODY_REFUSED tells what became of each.
+/// - The bodies of a server or a builder are the world's own, of any kind. They stay when a builder leaves. Nodes compute them from
+///   some ticks after the next dcd_step on. A builder is told what became of each, as a client is.
+///
+/// Errors:
+/// - DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_STRUCT.
+/// - DCD_ERR_ARGUMENT: a member out of range, more than DCD_MAX_ITEMS bodies, a dynamic body without mass or faster than
+///   DcdWorldInfo.speed_limit, or an avatar of a mesh or terrain.
+/// - DCD_ERR_LIMIT: the world has given 4,294,967,295 ids.
+/// - DCD_ERR_UNSUPPORTED: a node; an avatar that is fixed, of DCD_KINEMATIC_POSE, or with thresholds of sleep.
+/// - DCD_ERR_NETWORK: the link is gone.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_bodies_create(
     world: DcdWorld,
@@ -51,7 +55,7 @@ pub unsafe extern "C" fn dcd_bodies_create(
     count: usize,
     out: *mut DcdBodyId,
 ) -> DcdStatus {
-    // SAFETY: passed on.
+    // SAFETY: the caller upholds the same contract.
     guard("dcd_bodies_create", || unsafe { create(world, defs, count, out) })
 }
 
@@ -64,7 +68,7 @@ unsafe fn create(
     out: *mut DcdBodyId,
 ) -> Result<(), Failure> {
     if count > 0 {
-        // SAFETY: at least one entry. Its size is checked before the others are looked for behind it.
+        // SAFETY: there is at least one entry. Its size is checked before the others are looked for behind it.
         unsafe { pointer::read_sized(defs, "def")? };
         pointer::check(out, "out")?;
     }
@@ -83,7 +87,7 @@ unsafe fn create(
                 .and_then(|_| shape::find(world, def.shape))
                 .map_err(|failure| Failure::new(failure.status, format!("defs[{i}]: {}", failure.message)))?;
         }
-        // Others hear at once of a client's avatars: it may have all of them, or it makes none.
+        // Others hear at once of a client's avatars, so a client that may not have all of them makes none.
         if count > 1 && world.dcd.role() != Role::Local {
             for def in defs {
                 let body = build(world, def)?;
@@ -136,7 +140,7 @@ pub(crate) struct NewBody {
 }
 
 impl DcdBodyDef {
-    /// Returns how the body is recorded to be at first, as Rapier's builder makes it.
+    /// Returns the state that is recorded of the body at first, as Rapier's builder makes it.
     fn state(&self) -> BodyState {
         let sleeping = self.flags & (DCD_BODY_ASLEEP | DCD_BODY_NO_SLEEP) == DCD_BODY_ASLEEP;
         let DcdVelocity { linear, angular } = self.velocity;
@@ -208,7 +212,7 @@ impl DcdBodyDef {
     }
 }
 
-/// Flags of a definition that say how it is at first, and that belong to its shape.
+/// Flags of a definition: those that describe its state at first, and those that belong to its shape.
 const OF_STATE: u32 = DCD_BODY_ASLEEP;
 const OF_COLLIDER: u32 = DCD_BODY_SENSOR | DCD_BODY_ANY_GROUP;
 
@@ -218,7 +222,7 @@ pub(crate) fn parse(world: &World, def: &DcdBodyDef) -> Result<NewBody, Failure>
     build(world, def)
 }
 
-/// Checks all of a definition but its shape, and returns what is recorded of such a body, if one like it was made lately.
+/// Checks all of a definition but its shape. Returns what is recorded of such a body, if one like it was made lately.
 fn check(world: &World, def: &DcdBodyDef) -> Result<Option<Arc<BodyTraits>>, Failure> {
     if def.struct_size as usize != size_of::<DcdBodyDef>() {
         return Err(Failure::new(
@@ -259,10 +263,12 @@ fn described(def: &DcdBodyDef, shape: SharedShape) -> Result<NewBody, Failure> {
     Ok(NewBody { pose: def.pose.into(), body, collider })
 }
 
-/// Destroys `count` bodies with their joints, all or none; contacts they had are told as ended after the next step.
+/// Destroys `count` bodies with their joints, all or none. Contacts that they had are reported as ended after the next step.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (the world, a body, or a body named twice), DCD_ERR_ARGUMENT for more than
-/// DCD_MAX_ITEMS, DCD_ERR_UNSUPPORTED for a body of others in a served world.
+/// Errors:
+/// - DCD_ERR_NULL, DCD_ERR_STALE_ID (the world, a body, or a body named twice).
+/// - DCD_ERR_ARGUMENT: more than DCD_MAX_ITEMS.
+/// - DCD_ERR_UNSUPPORTED: a body of others in a served world.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_bodies_destroy(
     world: DcdWorld,
@@ -275,7 +281,7 @@ pub unsafe extern "C" fn dcd_bodies_destroy(
     })
 }
 
-/// Destroys one body. As dcd_bodies_destroy.
+/// Destroys one body, as dcd_bodies_destroy does.
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_body_destroy(world: DcdWorld, body: DcdBodyId) -> DcdStatus {
     guard("dcd_body_destroy", || destroy(world, &[body]))
@@ -304,16 +310,16 @@ fn remove(world: &mut World, id: BodyId) -> Result<(), Failure> {
     Ok(world.dcd.remove(id)?)
 }
 
-/// Returns whether the id names a body of this world. False too from within a function that the library calls, and once the
-/// world answers DCD_ERR_PANIC.
+/// Returns whether the id names a body of this world. Returns false also from within a function that the library calls, and once
+/// the world answers DCD_ERR_PANIC.
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_body_is_valid(world: DcdWorld, body: DcdBodyId) -> bool {
     guard_value(false, || ask(world, |world| find(world, body)).is_ok())
 }
 
-/// Finds the body that the world numbered `index` when it was made: body i of a scene, or the i-th that was created.
+/// Finds the body that the world numbered `index` when it was made: body i of a scene, or the i-th body that was created.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID when that body is destroyed or there is none yet.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (the body is destroyed, or there is none yet).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_body_at(world: DcdWorld, index: u32, out: *mut DcdBodyId) -> DcdStatus {
     guard("dcd_body_at", || {
@@ -437,7 +443,7 @@ mod tests {
             DcdBodyDef { density: f32::NAN, ..def },
         ];
         assert!(others.iter().all(|other| made.like(other).is_none()));
-        // Kinds take turns; of more than are kept those go that were made first.
+        // Kinds take turns. Where there are more than are kept, those that were made first go.
         for (kinds, kept) in [(&others[..3], true), (&others[3..5], false)] {
             for other in kinds {
                 made.keep(other, Arc::new(other.traits(BodyKind::Dynamic, name)));

@@ -1,4 +1,4 @@
-//! Tells one C function of bugs of the library's own where they are found.
+//! Reports bugs of the library to one C function where they are found.
 
 use std::cell::Cell;
 use std::ffi::{CString, c_char, c_void};
@@ -9,19 +9,23 @@ use crate::callback::{Callback, check_outside, enter};
 use crate::guard::{guard, panic_message};
 use crate::status::DcdStatus;
 
-/// Told of a bug: what does not hold, and where in the library's source. The texts are valid during the call.
+/// Receives a report of a bug: `message` says what does not hold, `file` and `line` where in the library's source. The texts are
+/// valid during the call.
 pub type DcdBugFn = Option<
     unsafe extern "C" fn(context: *mut c_void, message: *const c_char, file: *const c_char, line: u32),
 >;
 
-/// Calls `function` where the library finds a bug of its own, an assertion that fails or a panic, on the thread and stack that it happens
-/// on, before the call that met it returns DCD_ERR_PANIC: to stop in a debugger, or to write a report with a stack trace. Without one, and
-/// after a null one, a line on stderr tells of it. When this returns, the former function is not running and will not be called
-/// again.
+/// Sets the function that is called where the library finds a bug of its own: an assertion that fails, or a panic. Use it to stop
+/// in a debugger, or to write a report with a stack trace.
 ///
-/// One function serves the whole process, also for panics of the program's own parts in Rust. Any thread may call it, several at a time. It
-/// must return normally or end the process (no longjmp, no C++ exception), and calls on worlds from within it give DCD_ERR_BUSY.
-/// Errors: DCD_ERR_BUSY from within a function that the library calls.
+/// The function runs on the thread and stack where the bug happens, before the call that met it returns DCD_ERR_PANIC. Without a
+/// function, and after a null one, the library writes a line about the bug to stderr. When this call returns, the former function
+/// is not running and will not be called again.
+///
+/// One function serves the whole process, also for panics of the program's own parts in Rust. Any thread may call it, several
+/// threads at a time. It must return normally or end the process (no longjmp, no C++ exception). Calls on worlds from within it
+/// give DCD_ERR_BUSY.
+/// Errors: DCD_ERR_BUSY (called from within a function that the library calls).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_bug_set(function: DcdBugFn, context: *mut c_void) -> DcdStatus {
     guard("dcd_bug_set", || {
@@ -33,7 +37,7 @@ pub unsafe extern "C" fn dcd_bug_set(function: DcdBugFn, context: *mut c_void) -
     })
 }
 
-/// The user's function and what it is called with.
+/// The user's function, and the context it is called with.
 struct Told {
     function: unsafe extern "C" fn(*mut c_void, *const c_char, *const c_char, u32),
     context: *mut c_void,
@@ -47,7 +51,7 @@ unsafe impl Sync for Told {}
 static TOLD: RwLock<Option<Told>> = RwLock::new(None);
 
 thread_local! {
-    /// A panic within the user's function is not told to it.
+    /// Whether this thread is in the user's function: a panic within it is not reported to it.
     static TELLING: Cell<bool> = const { Cell::new(false) };
 }
 
@@ -63,7 +67,7 @@ fn install() {
     });
 }
 
-/// Tells the user's function, if there is one.
+/// Calls the user's function. Returns false if there is none, or if this thread is within it.
 fn tell(info: &PanicHookInfo<'_>) -> bool {
     let told = TOLD.read().unwrap_or_else(PoisonError::into_inner);
     let Some(told) = told.as_ref().filter(|_| !TELLING.replace(true)) else { return false };
@@ -88,9 +92,9 @@ mod tests {
     static HEARD: Mutex<Vec<(String, String, DcdStatus)>> = Mutex::new(Vec::new());
 
     unsafe extern "C" fn note(_: *mut c_void, message: *const c_char, file: *const c_char, line: u32) {
-        // SAFETY: texts that end with NUL, during the call.
+        // SAFETY: both texts end with NUL and are valid during the call.
         let (message, file) = unsafe { (CStr::from_ptr(message), CStr::from_ptr(file)) };
-        // SAFETY: nothing is passed on.
+        // SAFETY: a null function has nothing to uphold.
         let within = unsafe { dcd_bug_set(None, std::ptr::null_mut()) };
         let message = message.to_str().unwrap().to_owned();
         if message.starts_with("on purpose") {

@@ -1,10 +1,11 @@
-//! Knows whether this thread is within a function of the user's that the library has called: then it may hold locks of ours.
+//! Tracks whether this thread is within a function of the user's that the library has called. Then it may hold locks of the
+//! library.
 
 use std::cell::Cell;
 
 use crate::status::{DCD_ERR_BUSY, Failure};
 
-/// A function of the user's that the library calls.
+/// Function of the user's that the library calls.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Callback {
     Log,
@@ -26,12 +27,12 @@ pub(crate) fn enter(callback: Callback, call: impl FnOnce()) {
     INSIDE.set(outer);
 }
 
-/// Returns which function of the user's this thread is in now.
+/// Returns which function of the user's this thread is in now, if any.
 pub(crate) fn inside() -> Option<Callback> {
     INSIDE.try_with(Cell::get).unwrap_or(None)
 }
 
-/// Fails when called from such a function.
+/// Fails when this thread is within a function of the user's.
 pub(crate) fn check_outside() -> Result<(), Failure> {
     inside().map_or(Ok(()), |callback| Err(busy(callback)))
 }

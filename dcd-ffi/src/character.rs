@@ -10,27 +10,28 @@ use crate::registry::with;
 use crate::status::{DcdStatus, Failure};
 use crate::types::DCD_KINEMATIC;
 
-/// The settings of a character. Start from DCD_CHARACTER_DEF_INIT.
+/// Settings of a character. Start from DCD_CHARACTER_DEF_INIT.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdCharacterDef {
-    /// sizeof(DcdCharacterDef).
+    /// Size of this struct: sizeof(DcdCharacterDef).
     pub struct_size: u32,
-    /// The highest step that it climbs without a jump, metres, 0 to 100; 0 to climb none.
+    /// Height of the highest step that the character climbs without a jump, metres, 0 to 100; 0: it climbs none.
     pub step_height: f32,
-    /// The free floor that there must be on a step, metres, 0 to 100.
+    /// Free floor that there must be on a step, metres, 0 to 100.
     pub step_depth: f32,
-    /// The steepest slope that it climbs, radians, 0 to pi / 2.
+    /// Steepest slope that the character climbs, radians, 0 to pi / 2.
     pub max_climb: f32,
-    /// The least steep slope that it slides down, radians, 0 to pi / 2.
+    /// Least steep slope that the character slides down, radians, 0 to pi / 2.
     pub min_slide: f32,
-    /// The height by which it is drawn down to the ground as it walks downhill, metres, 0 to 100; 0 to be in the air instead.
+    /// Height by which the character is drawn down to the ground as it walks downhill, metres, 0 to 100; 0: it is in the air
+    /// instead.
     pub snap: f32,
-    /// The gap that it keeps from all else, metres, above 0 and at most 1.
+    /// Gap that the character keeps from all else, metres, above 0 and at most 1.
     pub gap: f32,
-    /// The mass with which it pushes dynamic bodies and stands on them, kilograms, 0 to 1e9; 0 to push none.
+    /// Mass with which the character pushes dynamic bodies and stands on them, kilograms, 0 to 1e9; 0: it pushes none.
     pub mass: f32,
-    /// 0.
+    /// Reserved; must be 0.
     pub reserved: u32,
 }
 
@@ -39,15 +40,17 @@ unsafe impl Sized32 for DcdCharacterDef {
     const NAME: &'static str = "DcdCharacterDef";
 }
 
-/// Creates a body, of DCD_KINEMATIC, that is a character: it walks on what it stands on, slides along walls, climbs steps and
-/// slopes, falls, rides on what moves, and pushes what is in its way. dcd_body_set_velocity says where it wants to go: along the
-/// ground, and upwards to jump, which it can from the ground; with a gravity_scale of 0 it flies as it wants and collides all the
-/// same. dcd_body_get tells how it moves. Its shape is one that has volume; dcd_collider_add gives it others that only meet what
-/// comes.
+/// Creates a character: a body, of DCD_KINEMATIC, that walks by itself. It walks on what it stands on, slides along walls, climbs
+/// steps and slopes, falls, rides on what moves, and pushes what is in its way.
 ///
-/// In a served world it is walked by the node that computes it, also that of a client: it stops at a wall without a delay, and
-/// its client cannot put it elsewhere (dcd_body_set_pose). A client may have 32 characters and vehicles together; its characters take steps (step_height, step_depth, snap) of at most 1 m, keep a gap of at most 0.1 m, and weigh at most 10,000 kg.
-/// Errors: as dcd_bodies_create, and DCD_ERR_ARGUMENT for another body_type, a sensor, or a setting out of range.
+/// dcd_body_set_velocity says where the character wants to go: along the ground, and upwards to jump, which it can from the ground.
+/// With a gravity_scale of 0 it flies as it wants, and collides all the same. dcd_body_get tells how it moves. Its shape must have
+/// volume. dcd_collider_add gives it further shapes, which only meet what comes.
+///
+/// In a served world the node that computes the character walks it, also a client's: it stops at a wall without a delay, and its
+/// client cannot put it elsewhere (dcd_body_set_pose). A client may have 32 characters and vehicles together. Its characters take
+/// steps (step_height, step_depth, snap) of at most 1 m, keep a gap of at most 0.1 m, and weigh at most 10,000 kg.
+/// Errors: as dcd_bodies_create, and DCD_ERR_ARGUMENT (another body_type, a sensor, or a setting out of range).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_character_create(
     world: DcdWorld,

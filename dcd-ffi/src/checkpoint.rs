@@ -8,11 +8,11 @@ use crate::registry::{Kept, World, with};
 use crate::status::{DcdStatus, Failure};
 
 /// Keeps a local world in memory as it is now, to go back to: for rollback, where a game computes some ticks again with inputs that
-/// came late. `out` is the checkpoint; dcd_checkpoint_destroy frees it, dcd_world_destroy all of its world.
+/// came late. `out` receives the checkpoint. dcd_checkpoint_destroy frees it, and dcd_world_destroy frees all of its world.
 ///
-/// Little is copied here: the next step copies the regions that it changes, each on its own thread, and none that rests. A checkpoint
-/// takes as much memory as what has changed since.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED for a served world, which dcd_snapshot_save_file saves.
+/// Little is copied here. The next step copies the regions that it changes, each on its own thread, and none that rests. A
+/// checkpoint takes as much memory as what has changed since.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED (a served world, which dcd_snapshot_save_file saves).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_checkpoint_create(world: DcdWorld, out: *mut DcdCheckpointId) -> DcdStatus {
     guard("dcd_checkpoint_create", || {
@@ -27,8 +27,10 @@ pub unsafe extern "C" fn dcd_checkpoint_create(world: DcdWorld, out: *mut DcdChe
     })
 }
 
-/// Keeps the world anew as it is now, in place of what the checkpoint kept before: a game of rollback has one per tick that it may go
-/// back, and uses them in turn. Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID.
+/// Keeps the world anew as it is now, in place of what the checkpoint kept before. A game with rollback has one checkpoint per tick
+/// that it may go back, and uses them in turn.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID.
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_checkpoint_save(world: DcdWorld, checkpoint: DcdCheckpointId) -> DcdStatus {
     guard("dcd_checkpoint_save", || {
@@ -40,14 +42,17 @@ pub extern "C" fn dcd_checkpoint_save(world: DcdWorld, checkpoint: DcdCheckpoint
     })
 }
 
-/// Goes back to a checkpoint of this world, as often as wanted; from there it goes on to the same bits. All is as it was then:
-/// bodies, joints, regions, settings, dcd_state_view and dcd_events. Threads, shapes and hooks stay as they are now, and so
-/// do other checkpoints, later ones too. A recording of the world goes on from here. What was changed between the last step and the
-/// checkpoint is changed: dcd_state_view shows it so, and the material of a body that was destroyed is 0 in dcd_events.
+/// Goes back to a checkpoint of this world, as often as wanted. From there the world goes on to the same bits.
 ///
-/// Ids of bodies and joints that were given since are given again, in the same order, so that computing a tick again gives the same
-/// ones: forget those that you have.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, also for a checkpoint of another world.
+/// - What goes back. All is as it was then: bodies, joints, regions, settings, dcd_state_view and dcd_events.
+/// - What stays. Threads, shapes and hooks stay as they are now, and so do other checkpoints, later ones too. A recording of the
+///   world goes on from here.
+/// - Changes between steps. What was changed between the last step and the checkpoint is changed: dcd_state_view shows it so, and
+///   the material of a body that was destroyed is 0 in dcd_events.
+/// - Ids. Ids of bodies and joints that were given since are given again, in the same order, so that computing a tick again gives
+///   the same ones. Forget the ids that were given since.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (also for a checkpoint of another world).
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_checkpoint_restore(world: DcdWorld, checkpoint: DcdCheckpointId) -> DcdStatus {
     guard("dcd_checkpoint_restore", || {
@@ -62,7 +67,9 @@ pub extern "C" fn dcd_checkpoint_restore(world: DcdWorld, checkpoint: DcdCheckpo
     })
 }
 
-/// Destroys a checkpoint; its world stays as it is. Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (also when destroyed twice).
+/// Destroys a checkpoint; its world stays as it is.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (also when destroyed twice).
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_checkpoint_destroy(world: DcdWorld, checkpoint: DcdCheckpointId) -> DcdStatus {
     guard("dcd_checkpoint_destroy", || {

@@ -19,73 +19,76 @@ use crate::types::{
     DcdFrame,
 };
 
-/// Names all colliders of a body, in place of a collider's number.
+/// Stands for all colliders of a body, in place of a collider's number.
 pub const DCD_ALL_COLLIDERS: u32 = u32::MAX;
 
-/// The most colliders of one body.
+/// Largest number of colliders of one body.
 pub const DCD_MAX_COLLIDERS: u32 = 4096;
 
-/// In DcdBodyDef.pairs: it meets dynamic bodies if it is dynamic.
+/// In DcdBodyDef.pairs: a dynamic body meets dynamic ones.
 pub const DCD_PAIR_DYNAMIC_DYNAMIC: u32 = 1;
-/// In DcdBodyDef.pairs: kinematic if dynamic, and the other way round.
+/// In DcdBodyDef.pairs: a dynamic body meets kinematic ones, and the other way round.
 pub const DCD_PAIR_DYNAMIC_KINEMATIC: u32 = 2;
-/// In DcdBodyDef.pairs: fixed if dynamic, and the other way round.
+/// In DcdBodyDef.pairs: a dynamic body meets fixed ones, and the other way round.
 pub const DCD_PAIR_DYNAMIC_FIXED: u32 = 4;
-/// In DcdBodyDef.pairs: kinematic if kinematic.
+/// In DcdBodyDef.pairs: a kinematic body meets kinematic ones.
 pub const DCD_PAIR_KINEMATIC_KINEMATIC: u32 = 8;
-/// In DcdBodyDef.pairs: fixed if kinematic, and the other way round, as a fixed sensor that notices doors and players.
+/// In DcdBodyDef.pairs: a kinematic body meets fixed ones, and the other way round, such as a fixed sensor that notices doors and
+/// players.
 pub const DCD_PAIR_KINEMATIC_FIXED: u32 = 16;
-/// In DcdBodyDef.pairs: fixed if fixed.
+/// In DcdBodyDef.pairs: a fixed body meets fixed ones.
 pub const DCD_PAIR_FIXED_FIXED: u32 = 32;
 
-/// In DcdColliderProperties.flags: detects and does not push.
+/// In DcdColliderProperties.flags: the collider is a sensor, which detects and does not push.
 pub const DCD_COLLIDER_SENSOR: u32 = 1;
-/// In DcdColliderProperties.flags: is not there until this is taken away.
+/// In DcdColliderProperties.flags: the collider is not there until this flag is taken away.
 pub const DCD_COLLIDER_DISABLED: u32 = 2;
-/// In DcdColliderProperties.flags: one match of groups and mask is enough for two colliders that both say so; else both must match.
+/// In DcdColliderProperties.flags: two colliders that both have this flag collide when groups and mask match one way. All others
+/// must match both ways.
 pub const DCD_COLLIDER_ANY_GROUP: u32 = 4;
 
-/// The properties of one collider of a body. Start from DCD_COLLIDER_PROPERTIES_INIT, or from dcd_collider_properties.
+/// Properties of one collider of a body. Start from DCD_COLLIDER_PROPERTIES_INIT, or from dcd_collider_properties.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DcdColliderProperties {
-    /// sizeof(DcdColliderProperties).
+    /// Size of this struct: sizeof(DcdColliderProperties).
     pub struct_size: u32,
     /// DCD_COLLIDER_… bits.
     pub flags: u32,
-    /// Where it sits on the body.
+    /// Pose of the collider on the body.
     pub frame: DcdFrame,
-    /// kg/m³, 0 or more. Read later, it is 0 where the mass was given, or centre and inertia with it (by Rapier's own setters).
+    /// Density, kg/m³, 0 or more. When read later, it is 0 where the mass was given, or centre and inertia with it (by Rapier's own
+    /// setters).
     pub density: f32,
-    /// Kilograms; 0 follows from the density.
+    /// Mass, kilograms; 0: by density.
     pub mass: f32,
-    /// As in DcdBodyDef, and so all that follows.
+    /// Friction: Coulomb coefficient, 0 or more. This and all that follows is as in DcdBodyDef.
     pub friction: f32,
-    /// 0 to 1.
+    /// Restitution, 0 to 1.
     pub restitution: f32,
-    /// DCD_COMBINE_….
+    /// DCD_COMBINE_… rule for friction.
     pub friction_rule: DcdCombineRule,
-    /// DCD_COMBINE_….
+    /// DCD_COMBINE_… rule for restitution.
     pub restitution_rule: DcdCombineRule,
-    /// Metres.
+    /// Distance that the collider is kept away from others, metres.
     pub contact_skin: f32,
     /// DCD_EVENT_… bits.
     pub events: u32,
-    /// Newtons.
+    /// Force above which DCD_EVENT_FORCE reports a contact, newtons.
     pub force_threshold: f32,
-    /// As bits.
+    /// Groups that the collider belongs to, as bits.
     pub groups: u32,
-    /// As bits.
+    /// Groups that the collider meets, as bits.
     pub mask: u32,
-    /// As bits.
+    /// Groups that the collider belongs to when it comes to pushing, as bits.
     pub solver_groups: u32,
-    /// As bits.
+    /// Groups that push the collider and that it pushes, as bits.
     pub solver_mask: u32,
-    /// DCD_PAIR_… bits.
+    /// DCD_PAIR_… bits: which types of bodies the collider meets.
     pub pairs: u32,
     /// DCD_HOOK_… bits: the functions of dcd_hooks_set that are asked about it.
     pub hooks: u32,
-    /// Your own of this collider, as the number of its material; contacts and hits carry it.
+    /// User data of the collider, such as the number of its material; contacts and hits carry it.
     pub user_data: u64,
 }
 
@@ -94,7 +97,7 @@ unsafe impl Sized32 for DcdColliderProperties {
     const NAME: &'static str = "DcdColliderProperties";
 }
 
-/// Rapier's bits for DCD_HOOK_… are the same.
+/// All DCD_HOOK_… bits; Rapier's bits are the same.
 const ALL_HOOKS: u32 = 7;
 
 const RULES: [CoefficientCombineRule; 6] = [
@@ -115,7 +118,7 @@ const RECORDED_RULES: [CombineRule; 6] = [
     CombineRule::GeometricMean,
 ];
 
-/// In the order of DCD_PAIR_… bits.
+/// Rapier's types of collisions, in the order of the DCD_PAIR_… bits.
 const PAIRS: [ActiveCollisionTypes; 6] = [
     ActiveCollisionTypes::DYNAMIC_DYNAMIC,
     ActiveCollisionTypes::DYNAMIC_KINEMATIC,
@@ -192,9 +195,9 @@ impl DcdColliderProperties {
         check_bits(self.pairs, 63, "pairs")
     }
 
-    /// Builds a collider with these properties.
+    /// Returns a builder of a collider with these properties.
     pub(crate) fn builder(&self, shape: SharedShape) -> ColliderBuilder {
-        // Rapier's setters would copy the builder each: they are not inlined into this crate.
+        // Rapier's setters are not inlined into this crate, so each would copy the builder.
         let mut builder = ColliderBuilder::new(shape);
         builder.position = self.frame.pose();
         builder.friction = self.friction;
@@ -249,8 +252,8 @@ impl DcdColliderProperties {
         }
     }
 
-    /// Changes a collider from the properties `before` to these. What is as it was is not touched: of some of it Rapier knows
-    /// more than C.
+    /// Changes a collider from the properties `before` to these. What is as it was is not touched, because Rapier knows more of
+    /// some of it than C.
     fn apply(&self, before: &Self, collider: &mut Collider) {
         if self.frame != before.frame {
             collider.set_position_wrt_parent(self.frame.pose());
@@ -312,7 +315,7 @@ impl DcdColliderProperties {
 
 /// Reads the properties of one collider of a body. `collider` is its number, from 0.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a collider that is not there.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT (a collider that is not there).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_collider_properties(
     world: DcdWorld,
@@ -330,12 +333,14 @@ pub unsafe extern "C" fn dcd_collider_properties(
     })
 }
 
-/// Changes the properties of one collider of a body: read them by dcd_collider_properties, change members, and give them back. What is
-/// as it was stays as it is.
+/// Changes the properties of one collider of a body: read them by dcd_collider_properties, change members, and give them back. What
+/// is as it was stays as it is.
 ///
 /// `properties` is read during the call.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a collider that is not there or a member out of
-/// range, DCD_ERR_UNSUPPORTED in a served world but for its server and builders, which change movable bodies.
+/// Errors:
+/// - DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
+/// - DCD_ERR_ARGUMENT: a collider that is not there, or a member out of range.
+/// - DCD_ERR_UNSUPPORTED: in a served world, except for its server and builders, which change movable bodies.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_collider_set_properties(
     world: DcdWorld,
@@ -358,12 +363,14 @@ pub unsafe extern "C" fn dcd_collider_set_properties(
     })
 }
 
-/// Adds a collider to a body, as the last of its colliders; its number goes to `out`, which may be null. The contacts of the body
+/// Adds a collider to a body, as the last of its colliders. Its number goes to `out`, which may be null. The contacts of the body
 /// begin anew, without memory.
 ///
 /// `properties` is read during the call; null is DCD_COLLIDER_PROPERTIES_INIT.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world, body or shape), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range or
-/// more than DCD_MAX_COLLIDERS, DCD_ERR_UNSUPPORTED in a served world.
+/// Errors:
+/// - DCD_ERR_NULL, DCD_ERR_STALE_ID (world, body or shape), DCD_ERR_STRUCT.
+/// - DCD_ERR_ARGUMENT: a member out of range, or more than DCD_MAX_COLLIDERS.
+/// - DCD_ERR_UNSUPPORTED: in a served world.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_collider_add(
     world: DcdWorld,
@@ -399,11 +406,11 @@ pub unsafe extern "C" fn dcd_collider_add(
     })
 }
 
-/// Removes a collider from a body; the numbers of those after it move down by one. The contacts of the body begin anew, without
-/// memory.
+/// Removes a collider from a body. The numbers of the colliders after it move down by one. The contacts of the body begin anew,
+/// without memory.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a collider that is not there or is the only one,
-/// DCD_ERR_UNSUPPORTED in a served world.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT (a collider that is not there or is the only one), DCD_ERR_UNSUPPORTED
+/// (in a served world).
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_collider_remove(world: DcdWorld, body: DcdBodyId, collider: u32) -> DcdStatus {
     guard("dcd_collider_remove", || {
@@ -421,10 +428,10 @@ pub extern "C" fn dcd_collider_remove(world: DcdWorld, body: DcdBodyId, collider
     })
 }
 
-/// Gives a collider of a body another shape. The contacts of the body begin anew, without memory.
+/// Sets the shape of a collider of a body. The contacts of the body begin anew, without memory.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world, body or shape), DCD_ERR_ARGUMENT for a collider that is not there,
-/// DCD_ERR_UNSUPPORTED in a served world.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world, body or shape), DCD_ERR_ARGUMENT (a collider that is not there),
+/// DCD_ERR_UNSUPPORTED (in a served world).
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_collider_set_shape(
     world: DcdWorld,
@@ -444,13 +451,15 @@ pub extern "C" fn dcd_collider_set_shape(
     })
 }
 
-/// Sets what dcd_events tells of a body, as DcdBodyDef.events and force_threshold do when it is made: DCD_EVENT_… bits and
+/// Sets what dcd_events reports of a body, as DcdBodyDef.events and force_threshold do when it is made: DCD_EVENT_… bits and
 /// newtons. `collider` is the number of one of its colliders, from 0, or DCD_ALL_COLLIDERS.
 ///
-/// Of a contact that is there already, the end is told only if the beginning was; where none of its two colliders is to tell of it
-/// any more, with the next step.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a collider that is not there, unknown bits or a threshold below 0,
-/// DCD_ERR_UNSUPPORTED in a served world but for its server and builders, which change movable bodies.
+/// The end of a contact that is there already is reported only if its beginning was. Where neither of its two colliders is to
+/// report it any more, the end is reported with the next step.
+/// Errors:
+/// - DCD_ERR_NULL, DCD_ERR_STALE_ID.
+/// - DCD_ERR_ARGUMENT: a collider that is not there, unknown bits, or a threshold below 0.
+/// - DCD_ERR_UNSUPPORTED: in a served world, except for its server and builders, which change movable bodies.
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_body_set_events(
     world: DcdWorld,
@@ -469,11 +478,13 @@ pub extern "C" fn dcd_body_set_events(
     })
 }
 
-/// Sets how a body slides and bounces: Coulomb coefficient, 0 or more, and restitution, 0 to 1. `collider` as in
+/// Sets how a body slides and bounces: friction, a Coulomb coefficient of 0 or more, and restitution, 0 to 1. `collider` is as in
 /// dcd_body_set_events.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a collider that is not there or a coefficient out of range,
-/// DCD_ERR_UNSUPPORTED in a served world but for its server and builders, which change movable bodies.
+/// Errors:
+/// - DCD_ERR_NULL, DCD_ERR_STALE_ID.
+/// - DCD_ERR_ARGUMENT: a collider that is not there, or a coefficient out of range.
+/// - DCD_ERR_UNSUPPORTED: in a served world, except for its server and builders, which change movable bodies.
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_body_set_material(
     world: DcdWorld,
@@ -492,11 +503,13 @@ pub extern "C" fn dcd_body_set_material(
     })
 }
 
-/// Sets which groups a body belongs to and which it meets, as DcdBodyDef.groups and mask do. `collider` as in
+/// Sets which groups a body belongs to and which it meets, as DcdBodyDef.groups and mask do. `collider` is as in
 /// dcd_body_set_events.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a collider that is not there, DCD_ERR_UNSUPPORTED in a served
-/// world but for its server and builders, which change movable bodies.
+/// Errors:
+/// - DCD_ERR_NULL, DCD_ERR_STALE_ID.
+/// - DCD_ERR_ARGUMENT: a collider that is not there.
+/// - DCD_ERR_UNSUPPORTED: in a served world, except for its server and builders, which change movable bodies.
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_body_set_groups(
     world: DcdWorld,
@@ -514,7 +527,7 @@ pub extern "C" fn dcd_body_set_groups(
     })
 }
 
-/// DCD_COLLIDER_PROPERTIES_INIT.
+/// The values of DCD_COLLIDER_PROPERTIES_INIT.
 const USUAL: DcdColliderProperties = DcdColliderProperties {
     struct_size: size_of::<DcdColliderProperties>() as u32,
     flags: 0,
@@ -554,7 +567,7 @@ pub(crate) fn recorded(world: &World, body: DcdBodyId, collider: u32) -> Result<
     })
 }
 
-/// Rapier's flags for DCD_EVENT_… bits.
+/// Returns Rapier's flags for DCD_EVENT_… bits.
 fn active_events(bits: u32) -> ActiveEvents {
     let mut events = ActiveEvents::empty();
     events.set(ActiveEvents::COLLISION_EVENTS, bits & DCD_EVENT_CONTACT != 0);

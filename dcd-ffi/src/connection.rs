@@ -16,100 +16,103 @@ use crate::role::{
 use crate::status::{self, Failure};
 pub use calls::*;
 
-/// The state of a connection.
+/// State of a connection.
 pub type DcdConnectionState = u32;
 
-/// It is new, and has a link.
+/// The connection is new, and has a link.
 pub const DCD_CONNECTION_CAME: DcdConnectionState = 1;
-/// Its link broke. It is waited for: half a minute, as a rule, and as long as the world goes on for a server.
+/// The link of the connection broke. The process at the other end is waited for: half a minute, as a rule, and for a server as long
+/// as the world goes on.
 pub const DCD_CONNECTION_LOST: DcdConnectionState = 2;
-/// It has a link again.
+/// The connection has a link again.
 pub const DCD_CONNECTION_BACK: DcdConnectionState = 3;
-/// It is over, and its id is stale.
+/// The connection is over, and its id is stale.
 pub const DCD_CONNECTION_GONE: DcdConnectionState = 4;
 
-/// The cause of a connection being lost or gone.
+/// Cause for which a connection is lost or gone.
 pub type DcdCause = u32;
 
-/// It is not: it came, or is back.
+/// No cause: the connection came, or is back.
 pub const DCD_CAUSE_NONE: DcdCause = 0;
-/// It left by itself, or this process did.
+/// The other process left by itself, or this process did.
 pub const DCD_CAUSE_LEFT: DcdCause = 1;
-/// The server's program sent it away (dcd_disconnect), or this process.
+/// The server's program sent the other process away (dcd_disconnect), or this process.
 pub const DCD_CAUSE_SENT_AWAY: DcdCause = 2;
-/// Nothing is heard of it: it was killed, hangs, or is cut off.
+/// Nothing is heard of the other process: it was killed, hangs, or is cut off.
 pub const DCD_CAUSE_BROKEN: DcdCause = 3;
-/// One of the two said what it may not, or is not what the other takes it for, as a process of another version.
+/// One of the two processes said what it may not, or is not what the other takes it for, such as a process of another version.
 pub const DCD_CAUSE_REFUSED: DcdCause = 4;
 /// The world has ended.
 pub const DCD_CAUSE_WORLD_ENDED: DcdCause = 5;
-/// A newer link took its place, or another process with the same identity.
+/// A newer link took the place of this one, or another process with the same identity did.
 pub const DCD_CAUSE_REPLACED: DcdCause = 6;
-/// It reads too slowly.
+/// The other process reads too slowly.
 pub const DCD_CAUSE_SLOW: DcdCause = 7;
-/// What one of the two does for the world does not ask for it any more, as when another node leads.
+/// One of the two processes does not need the connection any more for what it does for the world, such as when another node leads.
 pub const DCD_CAUSE_UNNEEDED: DcdCause = 8;
 /// A fault of dcd ended this process's part in the world.
 pub const DCD_CAUSE_FAILED: DcdCause = 9;
 
-/// Bytes of a reason at most, NUL included.
+/// Largest size of a reason, bytes, NUL included.
 pub const DCD_MAX_REASON: usize = 256;
 
-/// A change of the state of a connection.
+/// Change of the state of a connection.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdConnectionEvent {
-    /// Which.
+    /// The connection that changed.
     pub connection: DcdConnectionId,
-    /// DCD_CONNECTION_CAME, _LOST, _BACK or _GONE.
+    /// New state: DCD_CONNECTION_CAME, DCD_CONNECTION_LOST, DCD_CONNECTION_BACK or DCD_CONNECTION_GONE.
     pub state: DcdConnectionState,
-    /// What is, or was, at the other end: DCD_ROLE_SERVER, _NODE, _CLIENT, _PARTICIPANT or _BUILDER.
+    /// Role of the process that is, or was, at the other end: DCD_ROLE_SERVER, DCD_ROLE_NODE, DCD_ROLE_CLIENT, DCD_ROLE_PARTICIPANT
+    /// or DCD_ROLE_BUILDER.
     pub role: DcdRole,
-    /// The number that the server knows it by as a node, from 1; 0 if it is none.
+    /// Number by which the server knows that process as a node, from 1; 0 if it is none.
     pub node: u32,
-    /// As a client, as DcdWorldInfo.client; 0 if it is none.
+    /// Number by which the server knows that process as a client, as DcdWorldInfo.client; 0 if it is none.
     pub client: u32,
-    /// DCD_CAUSE_...: why it is lost or gone.
+    /// DCD_CAUSE_... constant: why the connection is lost or gone.
     pub cause: DcdCause,
-    /// 0.
+    /// Reserved; always 0.
     pub reserved: u32,
-    /// The same in words, for people; empty with DCD_CAUSE_NONE. Cut to fit.
+    /// Cause in words, for people; empty with DCD_CAUSE_NONE. Cut to fit.
     pub reason: [c_char; DCD_MAX_REASON],
 }
 
-/// A connection as it is now. Start from DCD_CONNECTION_INFO_INIT.
+/// Connection as it is now. Start from DCD_CONNECTION_INFO_INIT. All numbers are up to half a second old.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdConnectionInfo {
-    /// sizeof(DcdConnectionInfo).
+    /// Size of this struct: sizeof(DcdConnectionInfo).
     pub struct_size: u32,
-    /// DCD_CONNECTION_CAME while it has the link that it came with, _LOST while it has none, _BACK while it has another.
+    /// State: DCD_CONNECTION_CAME while the connection has the link that it came with, DCD_CONNECTION_LOST while it has none,
+    /// DCD_CONNECTION_BACK while it has another.
     pub state: DcdConnectionState,
-    /// As in DcdConnectionEvent.
+    /// Role of the process at the other end, as in DcdConnectionEvent.
     pub role: DcdRole,
-    /// As in DcdConnectionEvent.
+    /// Number of that process as a node, as in DcdConnectionEvent.
     pub node: u32,
-    /// As in DcdConnectionEvent.
+    /// Number of that process as a client, as in DcdConnectionEvent.
     pub client: u32,
     /// Share of the packets sent that got lost on the way, 0 to 1.
     pub loss: f32,
-    /// There and back, milliseconds.
+    /// Round trip, milliseconds.
     pub rtt_ms: f64,
-    /// Seconds since it came.
+    /// Time since the connection came, seconds.
     pub age: f64,
-    /// Bytes received over it, without those of QUIC itself; up to half a second old, as all numbers here.
+    /// Bytes received over the connection, without those of QUIC itself.
     pub bytes_in: u64,
-    /// Bytes sent.
+    /// Bytes sent over the connection, without those of QUIC itself.
     pub bytes_out: u64,
-    /// Bytes of UDP received over it: those, and what QUIC adds, as DcdStats.udp_bytes_in.
+    /// Bytes of UDP received over the connection: those of bytes_in, and what QUIC adds, as DcdStats.udp_bytes_in.
     pub udp_bytes_in: u64,
-    /// Bytes of UDP sent.
+    /// Bytes of UDP sent over the connection: those of bytes_out, and what QUIC adds.
     pub udp_bytes_out: u64,
     /// Messages received, dcd's own and those of programs, and datagrams.
     pub messages_in: u64,
     /// Messages and datagrams sent.
     pub messages_out: u64,
-    /// Datagrams dropped at this end: the link was full, or nobody took them.
+    /// Datagrams dropped at this end, because the link was full or nobody took them.
     pub dropped: u64,
     /// Bytes that wait because the link or the other end is slow.
     pub bytes_waiting: u64,
@@ -143,7 +146,7 @@ impl DcdConnectionEvent {
         };
         let (cause, why) = why.map_or((DCD_CAUSE_NONE, ""), |why| (number(why.cause), &why.text[..]));
         let mut reason = [0; DCD_MAX_REASON];
-        // SAFETY: so many bytes of our own.
+        // SAFETY: `reason` is an array of this size.
         unsafe { status::copy_text(why, reason.as_mut_ptr(), DCD_MAX_REASON) };
         Self { connection, state, role, node, client, cause, reserved: 0, reason }
     }
@@ -192,7 +195,7 @@ impl From<&Connection> for DcdConnectionInfo {
     }
 }
 
-/// Why something cannot be done with a connection.
+/// Returns why something cannot be done with a connection.
 pub(crate) fn failure(connection: DcdConnectionId, error: dcd::Error) -> Failure {
     match error {
         dcd::Error::Connection(ConnectionError::Gone) => stale("connection", connection.v),

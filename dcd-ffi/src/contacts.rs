@@ -10,40 +10,41 @@ use crate::pointer::Room;
 use crate::registry::{World, ask, find};
 use crate::status::DcdStatus;
 
-/// A point at which two bodies touch, or are about to.
+/// Point at which two bodies touch, or are about to.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DcdContactPoint {
     /// The body made first.
     pub a: DcdBodyId,
-    /// The other one.
+    /// The other body.
     pub b: DcdBodyId,
-    /// Where, in the middle between the two surfaces, world space, metres.
+    /// Position in the middle between the two surfaces, world space, metres.
     pub point: [f64; 3],
-    /// From a to b, of length 1.
+    /// Normal from a to b, of length 1.
     pub normal: [f32; 3],
-    /// Metres between the surfaces, negative where they overlap.
+    /// Distance between the surfaces, metres, negative where they overlap.
     pub separation: f32,
-    /// The impulse along the normal on `b` in the last step, N s; without friction. Divided by dt it is the force.
+    /// Impulse along the normal on `b` in the last step, N s, without friction. Divided by dt it is the force.
     pub impulse: f32,
-    /// The number of its manifold among those of the two colliders: points of one manifold have one normal.
+    /// Number of the point's manifold among those of the two colliders: points of one manifold have one normal.
     pub manifold: u32,
-    /// Which collider of `a`, from 0.
+    /// Number of the collider of `a`, from 0.
     pub collider_a: u32,
-    /// Which collider of `b`.
+    /// Number of the collider of `b`, from 0.
     pub collider_b: u32,
-    /// The user_data of that collider of `a`, as the number of a material.
+    /// user_data of that collider of `a`, such as the number of a material.
     pub material_a: u64,
-    /// The same of `b`.
+    /// user_data of that collider of `b`, such as the number of a material.
     pub material_b: u64,
 }
 
-/// Lists the points at which a body touches others as they are after the last step, into `out`, which has `cap` entries, and their
-/// number into `count`: by pairs of colliders and manifolds. Sensors have none, dcd_events and dcd_overlap_shapes tell of them. With
-/// `cap` 0 `out` may be null, to ask for the number.
+/// Lists the points at which a body touches others as they are after the last step, by pairs of colliders and manifolds. Sensors
+/// have none; dcd_events and dcd_overlap_shapes report them.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not),
-/// DCD_ERR_UNSUPPORTED in a served world.
+/// Writes the points to `out`, which has `cap` entries, and their number to `count`. With `cap` 0, `out` may be null, to ask for
+/// the number.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (`count` is written all the same, `out` is not),
+/// DCD_ERR_UNSUPPORTED (in a served world).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_body_contacts(
     world: DcdWorld,

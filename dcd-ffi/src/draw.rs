@@ -14,35 +14,37 @@ use crate::status::{DcdStatus, Failure};
 use crate::types::DcdPose;
 use crate::view::{DcdViewTime, checked};
 
-/// What is drawn: DCD_DRAW_... bits.
+/// DCD_DRAW_... bits: what is drawn.
 pub type DcdDrawFlags = u32;
 
-/// Bodies by their shapes, in the colour of the region that owns them, greyed while they sleep; fixed ones are grey, sensors faint.
+/// Draws bodies by their shapes, in the colour of the region that owns them, greyed while they sleep. Fixed bodies are grey,
+/// sensors faint.
 pub const DCD_DRAW_SHAPES: DcdDrawFlags = 1;
-/// The boxes around movable bodies.
+/// Draws the boxes (AABBs) around movable bodies.
 pub const DCD_DRAW_AABBS: DcdDrawFlags = 2;
-/// The boxes around all that movable bodies may reach in the next three steps, by which regions predict contacts across borders.
+/// Draws the swept AABBs of movable bodies: the boxes around all that they may reach in the next three steps, by which regions
+/// predict contacts across borders.
 pub const DCD_DRAW_SWEPT_AABBS: DcdDrawFlags = 4;
-/// Centres of mass, as points.
+/// Draws centres of mass, as points.
 pub const DCD_DRAW_CENTRES_OF_MASS: DcdDrawFlags = 8;
-/// Regions, as boxes within the bounds of the world.
+/// Draws regions, as boxes within the bounds of the world.
 pub const DCD_DRAW_BORDERS: DcdDrawFlags = 16;
-/// Copies of bodies in regions that do not own them, as boxes in the colour of the region that holds them.
+/// Draws ghosts, copies of bodies in regions that do not own them, as boxes in the colour of the region that holds them.
 pub const DCD_DRAW_GHOSTS: DcdDrawFlags = 32;
-/// Contacts, as points, with their forces as lines.
+/// Draws contacts, as points, with their forces as lines.
 pub const DCD_DRAW_CONTACTS: DcdDrawFlags = 64;
-/// Joints, as lines from the one body to the joint and on to the other.
+/// Draws joints, as lines from the one body to the joint and on to the other.
 pub const DCD_DRAW_JOINTS: DcdDrawFlags = 128;
-/// Linear velocities, as lines.
+/// Draws linear velocities, as lines.
 pub const DCD_DRAW_VELOCITIES: DcdDrawFlags = 256;
-/// Avatars of clients, as points: white if they are this process's own.
+/// Draws avatars of clients, as points: white if they are this process's own.
 pub const DCD_DRAW_AVATARS: DcdDrawFlags = 512;
-/// Ids of movable bodies, as text.
+/// Draws the ids of movable bodies, as text.
 pub const DCD_DRAW_LABELS: DcdDrawFlags = 1024;
-/// All of it.
+/// Draws all of it.
 pub const DCD_DRAW_ALL: DcdDrawFlags = 2047;
 
-/// The kind of a shape that is drawn; DCD_DRAWN_BOX to DCD_DRAWN_MESH. Others may come: skip what you do not know.
+/// Kind of a shape that is drawn: DCD_DRAWN_BOX to DCD_DRAWN_MESH. Later versions may add kinds: skip unknown ones.
 pub type DcdDrawnKind = u32;
 
 /// A box; `size` is half of its edges.
@@ -55,40 +57,41 @@ pub const DCD_DRAWN_CAPSULE: DcdDrawnKind = 2;
 pub const DCD_DRAWN_CYLINDER: DcdDrawnKind = 3;
 /// A cone whose tip is at +y; size[0] is the radius of its base, size[1] half of its height.
 pub const DCD_DRAWN_CONE: DcdDrawnKind = 4;
-/// All below the plane y = 0.
+/// A half space: all below the plane y = 0.
 pub const DCD_DRAWN_HALF_SPACE: DcdDrawnKind = 5;
-/// A mesh of triangles, or of lines, which are triangles of which two corners are one.
+/// A mesh of triangles, or of lines, which are triangles of which two corners are the same.
 pub const DCD_DRAWN_MESH: DcdDrawnKind = 6;
 
-/// A shape that is drawn, about the origin of its pose. Rounded shapes are drawn as large as they are, with edges. It may grow at its end.
+/// Shape that is drawn, about the origin of its pose. Rounded shapes are drawn as large as they are, with edges. The struct may
+/// grow at its end.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdDrawnShape {
-    /// DCD_DRAWN_BOX and so on.
+    /// Kind: DCD_DRAWN_BOX and so on.
     pub kind: DcdDrawnKind,
-    /// Which mesh it is: in one world the same number is the same mesh for ever, so that what a renderer makes of it can be kept.
+    /// Number of the mesh. In one world the same number is the same mesh for ever, so a renderer can keep what it makes of it.
     pub mesh: u32,
-    /// Metres.
+    /// Sizes by kind, metres.
     pub size: [f32; 3],
-    /// 0.
+    /// Reserved; always 0.
     pub reserved: u32,
-    /// Of a mesh: x, y, z of each corner, metres.
+    /// Corners of a mesh: x, y, z of each, metres.
     pub vertices: *const f32,
-    /// How many corners.
+    /// Number of corners.
     pub vertex_count: usize,
-    /// Of a mesh: three corners of each triangle, counterclockwise from outside.
+    /// Triangles of a mesh: three corners of each, counterclockwise from outside.
     pub triangles: *const u32,
-    /// How many triangles.
+    /// Number of triangles.
     pub triangle_count: usize,
 }
 
-/// Draws a point that is `size` pixels wide, however far it is.
+/// Draws a point that is `size` pixels wide, however far away it is.
 pub type DcdDrawPointFn =
     Option<unsafe extern "C" fn(context: *mut c_void, at: *const f64, size: f32, colour: u32)>;
 /// Draws a line between two points.
 pub type DcdDrawLineFn =
     Option<unsafe extern "C" fn(context: *mut c_void, from: *const f64, to: *const f64, colour: u32)>;
-/// Draws a box along the axes of world space.
+/// Draws a box along the axes of world space, from its lowest corner to its highest.
 pub type DcdDrawBoxFn =
     Option<unsafe extern "C" fn(context: *mut c_void, min: *const f64, max: *const f64, colour: u32)>;
 /// Draws one shape of a body at its place in the world.
@@ -101,40 +104,41 @@ pub type DcdDrawShapeFn = Option<
         colour: u32,
     ),
 >;
-/// Writes a text that begins at a point and is turned to whoever looks.
+/// Draws a text that begins at a point and is turned to the viewer.
 pub type DcdDrawTextFn =
     Option<unsafe extern "C" fn(context: *mut c_void, at: *const f64, text: *const c_char, colour: u32)>;
 
-/// What is drawn, and by which functions. Start from DCD_DEBUG_DRAW_INIT.
+/// What is drawn, and the functions that draw it. Start from DCD_DEBUG_DRAW_INIT.
 ///
-/// Points are three doubles, in metres of world space; colours are 0xRRGGBBAA. What pointers lead to is valid during the call. Without
-/// draw_box or draw_shape their things are drawn by draw_line; what has no function otherwise is skipped.
+/// Points are three doubles, in metres of world space. Colours are 0xRRGGBBAA. What pointers lead to is valid during the call.
+/// Without draw_box or draw_shape, draw_line draws their things. What has no function otherwise is skipped.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdDebugDraw {
-    /// sizeof(DcdDebugDraw).
+    /// Size of this struct: sizeof(DcdDebugDraw).
     pub struct_size: u32,
     /// DCD_DRAW_... bits.
     pub flags: DcdDrawFlags,
-    /// The first argument of all functions.
+    /// First argument of all functions.
     pub context: *mut c_void,
-    /// Null: skipped.
+    /// Function that draws points. Null: points are skipped.
     pub draw_point: DcdDrawPointFn,
-    /// Null: skipped.
+    /// Function that draws lines. Null: lines are skipped.
     pub draw_line: DcdDrawLineFn,
-    /// Null: by draw_line.
+    /// Function that draws boxes. Null: draw_line draws them.
     pub draw_box: DcdDrawBoxFn,
-    /// Null: by draw_line.
+    /// Function that draws shapes. Null: draw_line draws them.
     pub draw_shape: DcdDrawShapeFn,
-    /// Null: skipped.
+    /// Function that draws texts. Null: texts are skipped.
     pub draw_text: DcdDrawTextFn,
-    /// Movable bodies with their origin outside this box, and contacts outside, are left out.
+    /// Lowest corner of the box to draw, metres. Movable bodies with their origin outside the box, and contacts outside it, are
+    /// left out.
     pub min: [f64; 3],
-    /// Its other corner.
+    /// Highest corner of the box to draw, metres.
     pub max: [f64; 3],
-    /// The length of the line of a velocity, metres per m/s.
+    /// Length of the line of a velocity, metres per m/s.
     pub velocity_scale: f32,
-    /// The length of the line of a force, metres per newton.
+    /// Length of the line of a force, metres per newton.
     pub force_scale: f32,
 }
 
@@ -143,16 +147,22 @@ unsafe impl Sized32 for DcdDebugDraw {
     const NAME: &'static str = "DcdDebugDraw";
 }
 
-/// Draws a world by calls of the functions of `draw`: in a frame, at the time that it shows (dcd_view_time), or, where `time` is null, as it
-/// is after the last dcd_step. Boxes around bodies, centres of mass, ghosts and contacts are always of the last step.
+/// Draws a world by calling the functions of `draw`. Give `time` to draw a frame at the time that it shows (dcd_view_time). With
+/// `time` null, the world is drawn as it is after the last dcd_step. Boxes around bodies, centres of mass, ghosts and contacts are
+/// always of the last step.
 ///
-/// A local world draws everything. A client or participant draws what it is told: shapes, borders, velocities, avatars, labels; a server, whose
-/// record is half a second old, joints too. The rest is known only to who computes it, and left out.
+/// A local world draws everything. A client or participant draws what it is told: shapes, borders, velocities, avatars, labels. A
+/// server, whose record is half a second old, draws joints too. The rest is known only to processes that compute it, and is left
+/// out.
 ///
-/// The functions are called by the calling thread, before this returns. They must return normally (no longjmp, no C++ exception). The
-/// world is theirs meanwhile: calls of other threads on it wait, and every call on a world from within is DCD_ERR_BUSY.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for unknown flags, a `min` that is above its `max`, NaN in them, and scales that are
-/// not finite (corners may be infinite), DCD_ERR_BUSY from within a callback, DCD_ERR_UNSUPPORTED for a node.
+/// The calling thread calls the functions, before this call returns. They must return normally (no longjmp, no C++ exception). The
+/// world is theirs meanwhile: calls of other threads on it wait, and every call on a world from within gives DCD_ERR_BUSY.
+/// Errors:
+/// - DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
+/// - DCD_ERR_ARGUMENT: unknown flags, a `min` that is above its `max`, NaN in them, or scales that are not finite. Corners may be
+///   infinite.
+/// - DCD_ERR_BUSY: called from within a callback.
+/// - DCD_ERR_UNSUPPORTED: a node.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_debug_draw(
     world: DcdWorld,
@@ -173,9 +183,10 @@ pub unsafe extern "C" fn dcd_debug_draw(
     })
 }
 
-/// Writes the world as it is after the last step to a binary glTF file (.glb), for Blender and engines: bodies as nodes named by their numbers ("b7",
-/// "c2/b0"), with their shapes in the colour of the region that owns them. What is at `path` is replaced.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_IO, DCD_ERR_LIMIT for a file above 4 GiB, DCD_ERR_UNSUPPORTED for a node.
+/// Writes the world as it is after the last step to a binary glTF file (.glb), for Blender and engines. Bodies are nodes named by
+/// their numbers ("b7", "c2/b0"), with their shapes in the colour of the region that owns them. A file at `path` is replaced.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_IO, DCD_ERR_LIMIT (a file above 4 GiB), DCD_ERR_UNSUPPORTED (a node).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_gltf_save_file(world: DcdWorld, path: *const c_char) -> DcdStatus {
     guard("dcd_gltf_save_file", || {
@@ -189,7 +200,7 @@ fn settings_of(draw: &DcdDebugDraw) -> Result<DebugDrawSettings, Failure> {
     check_bits(draw.flags, DCD_DRAW_ALL, "draw->flags")?;
     check_numbers(&[draw.velocity_scale], "draw->velocity_scale")?;
     check_numbers(&[draw.force_scale], "draw->force_scale")?;
-    // NaN is not at most anything.
+    // NaN is not at most anything, so it is refused too.
     if !(0..3).all(|i| draw.min[i] <= draw.max[i]) {
         let (min, max) = (draw.min, draw.max);
         return Err(Failure::argument(format!(
@@ -221,7 +232,7 @@ impl Renderer {
     }
 }
 
-/// Draws by lines what the user has no function for.
+/// Draws by lines what the user's renderer has no function for.
 struct Lines<'a>(&'a Renderer);
 
 impl DebugDraw for Lines<'_> {
@@ -270,7 +281,7 @@ impl DebugDraw for Renderer {
     }
 }
 
-/// Returns a shape for C; `None` for one that this version of the header has no name for.
+/// Returns a shape for C, or `None` for one that this version of the header has no name for.
 fn drawn(shape: &DebugShape<'_>) -> Option<DcdDrawnShape> {
     let plain = |kind, size| DcdDrawnShape {
         kind,

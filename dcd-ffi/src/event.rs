@@ -18,96 +18,97 @@ use crate::pinned::Pinned;
 use crate::pointer::Sized32;
 pub use calls::*;
 
-/// In DcdContact.kind: two bodies began to touch.
+/// In DcdContact.kind: the two bodies began to touch.
 pub const DCD_CONTACT_BEGAN: u32 = 0;
-/// In DcdContact.kind: they ceased to.
+/// In DcdContact.kind: the two bodies ceased to touch.
 pub const DCD_CONTACT_ENDED: u32 = 1;
 
-/// In DcdContact.flags: one of them is a sensor.
+/// In DcdContact.flags: one of the two colliders is a sensor.
 pub const DCD_CONTACT_SENSOR: u32 = 1;
 
-/// A contact event: two bodies began or ceased to touch. Told when either has DCD_EVENT_CONTACT, once per pair, whatever regions see it; in
-/// a served world, of avatars of this process.
+/// Contact event: two bodies began or ceased to touch. It is reported when either has DCD_EVENT_CONTACT, once per pair, whatever
+/// regions see it. In a served world it is reported for avatars of this process.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdContact {
-    /// The body made first: of two that which dcd_bodies lists first. It is stale when it was destroyed since.
+    /// The body made first: of the two, the one that dcd_bodies lists first. Its id is stale when it was destroyed since.
     pub a: DcdBodyId,
-    /// The other one.
+    /// The other body.
     pub b: DcdBodyId,
-    /// Your own of `a`.
+    /// User data of `a`.
     pub user_a: u64,
-    /// Your own of `b`.
+    /// User data of `b`.
     pub user_b: u64,
-    /// Where, in world space, metres; 0 for ends.
+    /// Point of the contact, world space, metres; 0 for ends.
     pub point: [f64; 3],
-    /// From a to b, of length 1; 0 for sensors and ends.
+    /// Normal from a to b, of length 1; 0 for sensors and ends.
     pub normal: [f32; 3],
-    /// At which they approached, m/s; 0 for ends.
+    /// Speed at which the bodies approached, m/s; 0 for ends.
     pub speed: f32,
-    /// DCD_CONTACT_BEGAN or DCD_CONTACT_ENDED.
+    /// Kind: DCD_CONTACT_BEGAN or DCD_CONTACT_ENDED.
     pub kind: u32,
-    /// DCD_CONTACT_… bits.
+    /// DCD_CONTACT_SENSOR bit, or 0.
     pub flags: u32,
-    /// Which collider of `a`, from 0: bodies of scenes may have several.
+    /// Number of the collider of `a`, from 0: bodies of scenes may have several.
     pub collider_a: u32,
-    /// Which collider of `b`.
+    /// Number of the collider of `b`, from 0.
     pub collider_b: u32,
-    /// The user_data of that collider of `a` (DcdBodyDef.material, DcdColliderProperties.user_data); 0 once the body is gone.
+    /// User data of that collider of `a` (DcdBodyDef.material, DcdColliderProperties.user_data); 0 once the body is gone.
     pub material_a: u64,
-    /// The same of `b`.
+    /// User data of that collider of `b`; 0 once the body is gone.
     pub material_b: u64,
 }
 
-/// A contact force event: a contact pressed harder than the force_threshold of a body with DCD_EVENT_FORCE.
+/// Contact force event: a contact pressed harder than the force_threshold of a body with DCD_EVENT_FORCE.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdContactForce {
-    /// As in DcdContact.
+    /// The body made first, as in DcdContact.
     pub a: DcdBodyId,
-    /// The other one.
+    /// The other body.
     pub b: DcdBodyId,
-    /// Your own of `a`.
+    /// User data of `a`.
     pub user_a: u64,
-    /// Your own of `b`.
+    /// User data of `b`.
     pub user_b: u64,
     /// Sum of the forces on `b`, newtons, world axes.
     pub force: [f32; 3],
-    /// Sum of their magnitudes, newtons.
+    /// Sum of the magnitudes of these forces, newtons.
     pub magnitude: f32,
-    /// Which collider of `a`, from 0.
+    /// Number of the collider of `a`, from 0.
     pub collider_a: u32,
-    /// Which collider of `b`.
+    /// Number of the collider of `b`, from 0.
     pub collider_b: u32,
-    /// As in DcdContact.
+    /// User data of that collider of `a`, as in DcdContact.
     pub material_a: u64,
-    /// As in DcdContact.
+    /// User data of that collider of `b`, as in DcdContact.
     pub material_b: u64,
 }
 
-/// A transfer: a body changed owner in the step. Putting it elsewhere by hand is not told of. In a served world: it was heard of
-/// in the step, and another region owned it than when it was heard of before. That is exact for both times, and leaves out what it went
-/// through between them; nothing is told of bodies whose owner was not known before (DCD_OWNER_BY_PLACE), of bodies outside the
-/// interest, and of regions that another node computes now.
+/// Transfer: a body changed owner in the step. That the program put it elsewhere is not reported.
+///
+/// In a served world, it was heard of in the step, and another region owned it than when it was heard of before. That is exact for
+/// both times, and leaves out what the body went through between them. Nothing is reported of bodies whose owner was not known
+/// before (DCD_OWNER_BY_PLACE), of bodies outside the interest, and of regions that another node computes now.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdTransfer {
-    /// Which body.
+    /// The body that changed owner.
     pub body: DcdBodyId,
-    /// Your own.
+    /// User data of the body.
     pub user_data: u64,
-    /// The region that owned it, as in DcdRegionInfo.
+    /// Region that owned the body, as in DcdRegionInfo.
     pub from: u32,
-    /// The region that owns it now.
+    /// Region that owns the body now.
     pub to: u32,
 }
 
-/// In DcdBodyChange.kind: a body of a served world came into it.
+/// In DcdBodyChange.kind: a body came into a served world.
 pub const DCD_BODY_APPEARED: u32 = 1;
-/// In DcdBodyChange.kind: a body of a served world is gone; its id is stale.
+/// In DcdBodyChange.kind: a body of a served world is gone, and its id is stale.
 pub const DCD_BODY_REMOVED: u32 = 2;
-/// In DcdBodyChange.kind: what was asked of an avatar, or built, is refused. If it had not appeared yet it never will, and its id is
-/// stale.
+/// In DcdBodyChange.kind: what was asked of an avatar, or built, is refused. If the body had not appeared yet, it never will, and
+/// its id is stale.
 pub const DCD_BODY_REFUSED: u32 = 3;
 
 /// In DcdBodyChange.reason: the program speaks another version of the protocol than the server.
@@ -116,104 +117,109 @@ pub const DCD_REFUSED_VERSION: u32 = 1;
 pub const DCD_REFUSED_NOT_YOURS: u32 = 2;
 /// In DcdBodyChange.reason: the avatar is not in the world.
 pub const DCD_REFUSED_UNKNOWN: u32 = 3;
-/// In DcdBodyChange.reason: an avatar with this id is waiting for its return; make another.
+/// In DcdBodyChange.reason: an avatar with this id waits for its return. Make another.
 pub const DCD_REFUSED_EXISTS: u32 = 4;
-/// In DcdBodyChange.reason: the velocity is above the limit that the server sets, or the spin above a quarter of a turn per tick.
+/// In DcdBodyChange.reason: the velocity is above the limit that the server sets, or the spin is above a quarter of a turn per
+/// tick.
 pub const DCD_REFUSED_TOO_FAST: u32 = 5;
 /// In DcdBodyChange.reason: a newer input had arrived before.
 pub const DCD_REFUSED_LATE: u32 = 6;
-/// In DcdBodyChange.reason: the shape did not arrive with the avatar, or cannot be an avatar's; or a builder's, which has neither voxels nor
-/// half-spaces.
+/// In DcdBodyChange.reason: the shape did not arrive with the avatar, or cannot be an avatar's. For a builder: the shape cannot be
+/// a builder's, which has neither voxels nor half-spaces.
 pub const DCD_REFUSED_SHAPE: u32 = 7;
 /// In DcdBodyChange.reason: too many avatars, too much asked of them at a time, or more than 1 MiB of new shapes that are not
-/// forgotten yet: use the shapes that you have. Of a builder: more than 4,096 bodies or joints of its own, 24,576 changes at once and 1,024 more
-/// each second, or 16 MiB of such shapes.
+/// forgotten yet: use the shapes that there are. For a builder: more than 4,096 bodies or joints of its own, more than 24,576
+/// changes at once and 1,024 more each second, or more than 16 MiB of such shapes.
 pub const DCD_REFUSED_TOO_MANY: u32 = 8;
-/// In DcdBodyChange.reason: the avatar would cost too much: it has more than 8 extra solver or PGS iterations, reaches farther than 100 m
-/// from its origin, begins where 64 others of this client are, or all of them together have more than 20,000 corners (200,000,
-/// and 16,384 colliders, of what a builder has built); or a body that is built takes more than 60 KiB with its shapes and what joints tie to
-/// it, or asks for contacts of fixed bodies; of a client's characters and vehicles see dcd_character_create and dcd_vehicle_create; what is built begins among 1,024 colliders at most and looks 10 m around (contact_skin, soft_ccd).
+/// In DcdBodyChange.reason: the body would cost too much.
+/// - An avatar has more than 8 extra solver or PGS iterations, reaches farther than 100 m from its origin, or begins where 64
+///   others of this client are. Or all avatars of the client together have more than 20,000 corners.
+/// - For a client's characters and vehicles see dcd_character_create and dcd_vehicle_create.
+/// - A body that is built takes more than 60 KiB with its shapes and what joints tie to it, asks for contacts of fixed bodies,
+///   begins among more than 1,024 colliders, or looks farther than 10 m around (contact_skin, soft_ccd). Or all that the builder
+///   has built has more than 200,000 corners or 16,384 colliders.
 pub const DCD_REFUSED_COSTLY: u32 = 9;
-/// In DcdBodyChange.reason: the jump is farther than the avatar could have moved since its last one, or in a second, at the limit of
-/// speed that the server sets.
+/// In DcdBodyChange.reason: the jump is farther than the avatar could have moved since its last one, or in a second, at the limit
+/// of speed that the server sets.
 pub const DCD_REFUSED_TOO_FAR: u32 = 10;
-/// In DcdBodyChange.reason: the client may not build: its token was for another role than DCD_ROLE_BUILDER.
+/// In DcdBodyChange.reason: the client may not build, because its token was for another role than DCD_ROLE_BUILDER.
 pub const DCD_REFUSED_MAY_NOT_BUILD: u32 = 11;
-/// In DcdBodyChange.reason: a builder may not do that: it leaves avatars, the kind of fixed bodies, and shapes as they are.
+/// In DcdBodyChange.reason: a builder may not do that. It leaves avatars, the kind of fixed bodies, and shapes as they are.
 pub const DCD_REFUSED_NOT_TO_BE_BUILT: u32 = 12;
 
-/// A change of a body of a served world: it appeared, is gone, or an input was refused. Bodies that were there on joining are not
-/// told of, and nothing is in a local world.
+/// Change of a body of a served world: it appeared, is gone, or an input was refused. Bodies that were there on joining are not
+/// reported. In a local world nothing is.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdBodyChange {
-    /// Which body; null when a refusal concerns none.
+    /// The body; null when a refusal concerns none.
     pub body: DcdBodyId,
-    /// Your own, or that of whoever made it.
+    /// User data of the body, from the program or from whoever made it.
     pub user_data: u64,
-    /// DCD_BODY_APPEARED, _REMOVED or _REFUSED.
+    /// Kind: DCD_BODY_APPEARED, DCD_BODY_REMOVED or DCD_BODY_REFUSED.
     pub kind: u32,
-    /// DCD_REFUSED_… of a refusal, else 0; dcd_refused_string names it.
+    /// DCD_REFUSED_… reason of a refusal, else 0; dcd_refused_string names it.
     pub reason: u32,
 }
 
-/// A joint that bore more than its strength in the step (dcd_joint_strength_set), in a local world. Whether it breaks is yours to decide:
-/// dcd_joint_destroy does so.
+/// Joint that bore more than its strength in the step (dcd_joint_strength_set), in a local world. Whether it breaks is up to the
+/// program: dcd_joint_destroy breaks it.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdJointOverload {
-    /// Which joint.
+    /// The joint.
     pub joint: DcdJointId,
-    /// Your own.
+    /// User data of the joint.
     pub user_data: u64,
-    /// The force on its locked axes, newtons.
+    /// Force on the joint's locked axes, newtons.
     pub force: f32,
-    /// The torque on its locked axes as Rapier's solver has it, newton metres: not that about the anchor, unless this is the
+    /// Torque on the joint's locked axes as Rapier's solver has it, newton metres: not that about the anchor, unless this is the
     /// body's centre of mass.
     pub torque: f32,
 }
 
-/// In DcdEventView.flags: the link to the server is gone; dcd_step says why.
+/// In DcdEventView.flags: the link to the server is gone. dcd_step says why.
 pub const DCD_EVENTS_LOST: u32 = 1;
 
-/// The events of the last step. Start from DCD_EVENT_VIEW_INIT. Arrays are null when their count is 0.
+/// Events of the last step. Start from DCD_EVENT_VIEW_INIT. Arrays are null when their count is 0.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdEventView {
-    /// sizeof(DcdEventView).
+    /// Size of this struct: sizeof(DcdEventView).
     pub struct_size: u32,
     /// DCD_EVENTS_… bits.
     pub flags: u32,
-    /// After which step.
+    /// Number of the step in which the events happened.
     pub tick: u64,
-    /// Contacts that began or ended, by bodies.
+    /// Contacts that began or ended, in order of their bodies.
     pub contacts: *const DcdContact,
-    /// How many.
+    /// Number of entries in `contacts`.
     pub contact_count: usize,
-    /// Contacts that pressed hard, by bodies.
+    /// Contacts that pressed hard, in order of their bodies.
     pub forces: *const DcdContactForce,
-    /// How many.
+    /// Number of entries in `forces`.
     pub force_count: usize,
-    /// Bodies that changed owner, or were heard to; in a served world in the order in which that was heard, of more than 4096 the
-    /// newest.
+    /// Bodies that changed owner. In a served world, those that were heard to, in the order in which this was heard; if there are
+    /// more than 4096, the newest.
     pub transfers: *const DcdTransfer,
-    /// How many.
+    /// Number of entries in `transfers`.
     pub transfer_count: usize,
     /// Bodies of a served world that came and went, and refusals.
     pub changes: *const DcdBodyChange,
-    /// How many.
+    /// Number of entries in `changes`.
     pub change_count: usize,
-    /// What became of a served world's connections, in order; of more than 4096 the newest.
+    /// Changes of a served world's connections, in order; if there are more than 4096, the newest.
     pub connections: *const DcdConnectionEvent,
-    /// How many.
+    /// Number of entries in `connections`.
     pub connection_count: usize,
-    /// What programs of other processes sent to this one, in the order in which it came. Their bytes live as long as the array.
+    /// Messages that programs of other processes sent to this one, in the order in which they came. Their bytes live as long as the
+    /// array.
     pub messages: *const DcdMessage,
-    /// How many.
+    /// Number of entries in `messages`.
     pub message_count: usize,
-    /// Joints that bore more than their strength, by age.
+    /// Joints that bore more than their strength, oldest first.
     pub overloads: *const DcdJointOverload,
-    /// How many.
+    /// Number of entries in `overloads`.
     pub overload_count: usize,
 }
 
@@ -227,23 +233,23 @@ unsafe impl Sized32 for DcdEventView {
 pub(crate) struct EventBuffers {
     sets: [EventArrays; 2],
     newest: usize,
-    /// Holds what was taken away since the last step.
+    /// What was taken away since the last step.
     departed: Departed,
-    /// Holds what was taken away before it, of which its events speak.
+    /// What was taken away before the last step. The events of that step speak of it.
     told: Departed,
 }
 
-/// What the user gave to what was taken away between two steps: its contacts end in the second.
+/// User data of what was taken away between two steps. Its contacts end in the second step.
 #[derive(Clone, Default)]
 struct Departed {
-    /// User data of bodies that were destroyed: in the order in which they were, and by id once events are taken down.
+    /// User data of bodies that were destroyed: at first in the order in which they were, and by id once the events are written.
     bodies: Vec<(BodyId, u64)>,
     /// User data of the colliders, as they were numbered, of bodies that lost some.
     colliders: HashMap<BodyId, Vec<u64>>,
 }
 
 impl Departed {
-    /// Returns the user data of a body that was destroyed, once they are in order.
+    /// Returns the user data of a body that was destroyed. The bodies must be sorted by id.
     fn user_data(&self, id: BodyId) -> Option<u64> {
         let place = self.bodies.binary_search_by_key(&id, |(body, _)| *body).ok()?;
         Some(self.bodies[place].1)
@@ -281,8 +287,8 @@ impl EventBuffers {
         self.departed.bodies.push((id, user_data));
     }
 
-    /// Notes that a body is about to lose a collider, by which those after it get other numbers. Later losses are of numbers that no contact
-    /// has had.
+    /// Notes that a body is about to lose a collider, by which the colliders after it get other numbers. Later losses concern
+    /// numbers that no contact has had.
     pub(crate) fn loses_collider(&mut self, world: &Dcd, id: BodyId) {
         let data = || (0..world.collider_count(id)).map(|collider| material(world, id, collider)).collect();
         self.departed.colliders.entry(id).or_insert_with(data);
@@ -305,7 +311,7 @@ impl EventBuffers {
         self.departed.clear();
     }
 
-    /// Takes down what happened in the step just done.
+    /// Writes down what happened in the step just done.
     pub(crate) fn fill(&mut self, world: &Dcd, mark: Mark) {
         std::mem::swap(&mut self.told, &mut self.departed);
         self.departed.clear();
@@ -320,7 +326,7 @@ impl EventBuffers {
         let (arrays, told, since) = (&mut self.sets[self.newest], &self.told, &self.departed);
         let events = world.events();
         let departed = |id: BodyId| told.user_data(id).or_else(|| since.user_data(id));
-        // Colliders of bodies that have lost some since they were numbered like this.
+        // Returns the colliders, as they were numbered, of a body that has lost some.
         let former = |of: &Departed, body: BodyId, collider: u16| {
             let colliders = of.colliders.get(&body).filter(|_| world.contains(body))?;
             colliders.get(usize::from(collider)).copied()

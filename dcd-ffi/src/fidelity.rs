@@ -1,4 +1,4 @@
-//! Says how much of a world is computed in full and where it is looked at from, and reads what that saves and costs.
+//! Sets how much of a world is computed in full and where it is looked at from, and reads what that saves and costs.
 
 use dcd::{Fidelity, Viewpoint};
 
@@ -8,54 +8,55 @@ use crate::pointer::{self, Out, Sized32, check_point};
 use crate::registry::{ask, with};
 use crate::status::{DcdStatus, Failure};
 
-/// How much of a world is computed in full: regions that nobody looks at may be stepped once per two or four steps.
+/// Fidelity: how much of a world is computed in full. Regions that nobody looks at may be stepped once per two or four steps.
 pub type DcdFidelity = u32;
 
-/// What the scene says, else DCD_FIDELITY_OFF.
+/// The scene's fidelity, else DCD_FIDELITY_OFF.
 pub const DCD_FIDELITY_DEFAULT: DcdFidelity = 0;
-/// All of it, in every step.
+/// All of the world is computed in full, in every step.
 pub const DCD_FIDELITY_OFF: DcdFidelity = 1;
-/// DCD_FIDELITY_TOLERANCE of 0.33 m/s.
+/// As DCD_FIDELITY_TOLERANCE of 0.33 m/s.
 pub const DCD_FIDELITY_AUTO: DcdFidelity = 2;
-/// What is looked at in full, all else as seldom as keeps the mean error of a body's velocity per step below
-/// DcdWorldDef.fidelity_limit, m/s. The same on every machine, with any number of threads.
+/// What is looked at is computed in full. All else is computed as seldom as keeps the mean error of a body's velocity per step
+/// below DcdWorldDef.fidelity_limit, m/s. The result is the same on every machine, with any number of threads.
 pub const DCD_FIDELITY_TOLERANCE: DcdFidelity = 3;
-/// As much as fits into DcdWorldDef.fidelity_limit, milliseconds a step, what is looked at before all else. It depends on the time that
-/// steps take, so no two runs are the same; a recording keeps what was chosen (dcd_record).
+/// As much is computed in full as fits into DcdWorldDef.fidelity_limit, milliseconds per step, what is looked at before all else.
+/// It depends on the time that steps take, so no two runs are the same; a recording keeps what was chosen (dcd_record).
 pub const DCD_FIDELITY_BUDGET: DcdFidelity = 4;
 
-/// A place that a world is looked at from.
+/// Viewpoint: a place that a world is looked at from.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdViewpoint {
-    /// World space, metres.
+    /// Position, world space, metres.
     pub at: [f64; 3],
-    /// How far is looked, metres, 0 or more: regions within it are computed in full.
+    /// Distance that is looked, metres, 0 or more: regions within it are computed in full.
     pub radius: f64,
 }
 
-/// What fidelity saved and what it cost, as far as is known. Start from DCD_FIDELITY_REPORT_INIT. It may grow at its end.
+/// Report of what fidelity saved and what it cost, as far as is known. Start from DCD_FIDELITY_REPORT_INIT. The struct may grow at
+/// its end.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdFidelityReport {
-    /// sizeof(DcdFidelityReport).
+    /// Size of this struct: sizeof(DcdFidelityReport).
     pub struct_size: u32,
-    /// The mean error of a body's velocity per step against a model four times as fine, m/s, by audits of the last steps; 0
-    /// before the first, and where all is computed in full.
+    /// Mean error of a body's velocity per step against a model four times as fine, m/s, by audits of the last steps; 0 before the
+    /// first audit, and where all is computed in full.
     pub error: f32,
-    /// The lower end of its 95 % confidence interval, m/s.
+    /// Lower end of the 95 % confidence interval of `error`, m/s.
     pub low95: f32,
-    /// The upper end; infinite before two audits, and 0 where all is computed in full.
+    /// Upper end of the 95 % confidence interval of `error`, m/s; infinite before two audits, and 0 where all is computed in full.
     pub high95: f32,
-    /// The time of regions' steps over what they would have taken had each been stepped in every step, as reckoned.
+    /// Time of regions' steps over the time that they would have taken had each been stepped in every step, as reckoned.
     pub share_of_full_time: f64,
-    /// Audits so far.
+    /// Number of audits so far.
     pub audits: u64,
-    /// Steps that took longer than the budget, since the first second.
+    /// Number of steps that took longer than the budget, since the first second.
     pub overruns: u64,
-    /// Regions that are stepped in every step, in every second one, and in every fourth.
+    /// Numbers of regions that are stepped in every step, in every second one, and in every fourth.
     pub levels: [u32; 3],
-    /// 0.
+    /// Reserved; always 0.
     pub reserved: u32,
 }
 
@@ -64,7 +65,7 @@ unsafe impl Sized32 for DcdFidelityReport {
     const NAME: &'static str = "DcdFidelityReport";
 }
 
-/// Returns what a definition asks for, if it asks; `limit` is checked with it.
+/// Returns what a definition asks for, if it asks. `limit` is checked with it.
 pub(crate) fn asked(fidelity: DcdFidelity, limit: f32) -> Result<Option<Fidelity>, Failure> {
     let takes_limit = matches!(fidelity, DCD_FIDELITY_TOLERANCE | DCD_FIDELITY_BUDGET);
     let is_fit = if takes_limit { limit > 0.0 && pointer::is_in_range(limit) } else { limit == 0.0 };
@@ -83,17 +84,21 @@ pub(crate) fn asked(fidelity: DcdFidelity, limit: f32) -> Result<Option<Fidelity
     }
 }
 
-/// Sets where a world is looked at from, in place of what was set before: regions farther than what is seen from there are
-/// stepped less often, as DcdWorldDef.fidelity allows. Without viewpoints, as at first, all of a local world is looked at. Call it as often as viewers
-/// move. A world that is served from it (DcdServerDef.source) keeps its fidelity and viewpoints, and is looked at by its clients, too
-/// (dcd_interest_set).
+/// Sets where a world is looked at from, in place of what was set before. Regions farther away than what is seen from there are
+/// stepped less often, as DcdWorldDef.fidelity allows. Call it as often as viewers move.
 ///
-/// Of a served world its server may say so, too: it counts some ticks later, on all nodes from the same tick on, and is kept when the server stops.
-/// Without viewpoints only clients look.
+/// - Local world. Without viewpoints, as at first, all of it is looked at.
+/// - Server. The viewpoints count some ticks later, on all nodes from the same tick on, and are kept when the server stops. Without
+///   viewpoints only clients look.
+/// - Source of a server. A world that is served from it (DcdServerDef.source) keeps its fidelity and viewpoints, and is looked at
+///   by its clients, too (dcd_interest_set).
 ///
-/// `viewpoints` points to `count` of them, read during the call; it may be null when there are none.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a place out of range or a radius that is negative or NaN,
-/// DCD_ERR_UNSUPPORTED for a node or a client; DCD_ERR_NETWORK once a served world has ended.
+/// `viewpoints` points to `count` of them, read during the call. It may be null when there are none.
+/// Errors:
+/// - DCD_ERR_NULL, DCD_ERR_STALE_ID.
+/// - DCD_ERR_ARGUMENT: a place out of range, or a radius that is negative or NaN.
+/// - DCD_ERR_UNSUPPORTED: a node or a client.
+/// - DCD_ERR_NETWORK: the served world has ended.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_viewpoints_set(
     world: DcdWorld,
@@ -116,8 +121,9 @@ pub unsafe extern "C" fn dcd_viewpoints_set(
     })
 }
 
-/// Reads what fidelity saves and costs. Where all is computed in full, share_of_full_time is 1 and the rest says nothing. The server of a world says
-/// what it was told last, every 60 steps; nodes and clients do not know, and say the same as where all is computed in full.
+/// Reads what fidelity saves and costs. Where all is computed in full, share_of_full_time is 1 and the rest says nothing. The
+/// server of a world says what it was told last, every 60 steps. Nodes and clients do not know, and say the same as where all is
+/// computed in full.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
 #[unsafe(no_mangle)]

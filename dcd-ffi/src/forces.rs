@@ -10,23 +10,23 @@ use crate::pointer::{
 use crate::registry::{ask, find, with};
 use crate::status::{DcdStatus, Failure};
 
-/// An explosion. Start from DCD_EXPLOSION_INIT and give its centre. It may grow at its end.
+/// Explosion. Start from DCD_EXPLOSION_INIT and give its centre. The struct may grow at its end.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdExplosion {
-    /// sizeof(DcdExplosion).
+    /// Size of this struct: sizeof(DcdExplosion).
     pub struct_size: u32,
-    /// Only colliders that are in one of these groups; 0xFFFFFFFF for all.
+    /// Groups of which a collider must be in one to be pushed, as bits; 0xFFFFFFFF for all.
     pub mask: u32,
-    /// Where, metres.
+    /// Centre of the explosion, world space, metres.
     pub centre: [f64; 3],
-    /// Up to where it has its full strength, metres, 0 or more: to the nearest point of a collider.
+    /// Distance up to which the explosion has its full strength, metres, 0 or more; to the nearest point of a collider.
     pub radius: f32,
-    /// How far beyond it weakens, linearly down to nothing, metres, 0 or more.
+    /// Distance beyond `radius` in which the explosion weakens, linearly down to nothing, metres, 0 or more.
     pub falloff: f32,
-    /// The impulse per area of the silhouette that a collider shows it, N s/m²; negative draws bodies in.
+    /// Impulse per area of the silhouette that a collider shows to the explosion, N s/m²; negative draws bodies in.
     pub impulse: f32,
-    /// 0.
+    /// Reserved; must be 0.
     pub reserved: u32,
 }
 
@@ -35,31 +35,32 @@ unsafe impl Sized32 for DcdExplosion {
     const NAME: &'static str = "DcdExplosion";
 }
 
-/// A fluid, water or air, in a box. Start from DCD_FLUID_INIT. It may grow at its end.
+/// Fluid, water or air, in a box. Start from DCD_FLUID_INIT. The struct may grow at its end.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdFluid {
-    /// sizeof(DcdFluid).
+    /// Size of this struct: sizeof(DcdFluid).
     pub struct_size: u32,
-    /// Only colliders that are in one of these groups; 0xFFFFFFFF for all.
+    /// Groups of which a collider must be in one to be pushed, as bits; 0xFFFFFFFF for all.
     pub mask: u32,
-    /// Lowest corner of where it is, metres; may be infinite.
+    /// Lowest corner of the box that the fluid is in, metres; may be infinite.
     pub min: [f64; 3],
-    /// Highest corner.
+    /// Highest corner of the box that the fluid is in, metres; may be infinite.
     pub max: [f64; 3],
-    /// How high it stands, metres from the origin against gravity (along +y without gravity); infinite where it fills its box.
+    /// Height at which the fluid stands, metres from the origin against gravity (along +y without gravity); infinite where it fills
+    /// its box.
     pub surface: f64,
-    /// kg/m³, 0 or more.
+    /// Density, kg/m³, 0 or more.
     pub density: f32,
-    /// How it flows, or the wind blows, m/s.
+    /// Velocity at which the fluid flows, or the wind blows, m/s.
     pub velocity: [f32; 3],
-    /// The coefficient c of drag, 0 or more: 0.5 for balls, 1 for boxes.
+    /// Coefficient c of drag, 0 or more: 0.5 for balls, 1 for boxes.
     pub drag: f32,
-    /// How fast motion and spin die down besides, of a body as heavy as what it displaces, 1/s, 0 or more.
+    /// Rate at which motion and spin die down besides, for a body as heavy as what it displaces, 1/s, 0 or more.
     pub damping: f32,
-    /// The coefficient l of dynamic lift, 0 or more: 1 for plates, 0 for none.
+    /// Coefficient l of dynamic lift, 0 or more: 1 for plates, 0 for none.
     pub lift: f32,
-    /// 0.
+    /// Reserved; must be 0.
     pub reserved: u32,
 }
 
@@ -68,13 +69,18 @@ unsafe impl Sized32 for DcdFluid {
     const NAME: &'static str = "DcdFluid";
 }
 
-/// Pushes all dynamic bodies near a place away from it, once and at once, and wakes them; writes their number into `pushed`, which may be null.
-/// Each of their colliders near it that is no sensor is pushed at its nearest point, away from the centre, by its silhouette: of two
-/// bodies of one size the lighter flies off faster. Walls give no shelter: cast rays to know of them. No body becomes faster by it than the world's speed limit.
+/// Pushes all dynamic bodies near a place away from it, once and at once, and wakes them. Writes their number to `pushed`, which
+/// may be null.
+///
+/// Each of their colliders near the place that is no sensor is pushed at its nearest point, away from the centre, by its
+/// silhouette: of two bodies of one size the lighter flies off faster. Walls give no shelter: cast rays to know of them. No body
+/// becomes faster by it than the world's speed limit.
 ///
 /// `explosion` is read during the call.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range (then nothing is pushed),
-/// DCD_ERR_UNSUPPORTED in a served world: its server finds bodies by dcd_overlap_shapes_submit and pushes them.
+/// Errors:
+/// - DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
+/// - DCD_ERR_ARGUMENT: a member out of range. Then nothing is pushed.
+/// - DCD_ERR_UNSUPPORTED: in a served world. Its server finds bodies by dcd_overlap_shapes_submit and pushes them.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_explode(
     world: DcdWorld,
@@ -105,19 +111,26 @@ pub unsafe extern "C" fn dcd_explode(
     })
 }
 
-/// Pushes the dynamic bodies that are in a fluid as it does in one step, and wakes them: call it before each dcd_step, for each lake and each
-/// wind. Writes their number into `pushed`, which may be null.
+/// Pushes the dynamic bodies that are in a fluid as the fluid does in one step, and wakes them. Call it before each dcd_step, for
+/// each lake and each wind. Writes the number of bodies to `pushed`, which may be null.
 ///
-/// What is in it is each collider that is no sensor and whose box (AABB) touches that of the fluid, and of that what lies below the surface. It is lifted by the weight of the fluid that it
-/// displaces, at the centre of that volume, and dragged, at the centre of mass, by 1/2 density drag A v², by the silhouette A against the motion v through the fluid. Each face that is turned to it, with a shadow A, is pressed by
-/// 1/2 density lift A v² against its normal, of which counts what is across the flow: sails and leaves are lifted. Besides, motion and spin
-/// die down by `damping` times the mass displaced over the body's own. Neither ever turns a motion about. Lift comes at once and weight over the
-/// step, so that between two steps what floats at rest has a velocity of up to half of gravity times dt downwards, and does not move. Terrain and open meshes displace nothing
-/// and are left alone; of round shapes the border does not count, as it does not for their mass.
+/// The fluid acts on each collider that is no sensor and whose box (AABB) touches the box of the fluid, by the part of it below the
+/// surface:
+/// - Buoyancy. The weight of the fluid that it displaces lifts it, at the centre of that volume.
+/// - Drag. 1/2 density drag A v² acts at the centre of mass, by the silhouette A against the motion v through the fluid.
+/// - Dynamic lift. Each face that is turned to the motion, with a shadow A, is pressed by 1/2 density lift A v² against its normal;
+///   of this, what is across the flow counts. It lifts sails and leaves.
+/// - Damping. Motion and spin die down by `damping` times the mass displaced over the body's own.
+///
+/// Neither drag nor damping ever turns a motion about. Buoyancy comes at once and weight over the step. So between two steps what
+/// floats at rest has a velocity of up to half of gravity times dt downwards, and does not move. Terrain and open meshes displace
+/// nothing and are left alone. The border of rounded shapes does not count, as it does not for their mass.
 ///
 /// `fluid` is read during the call.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range or a min above its max (then nothing is
-/// pushed), DCD_ERR_UNSUPPORTED in a served world: its server finds bodies by dcd_overlap_boxes_submit and pushes them.
+/// Errors:
+/// - DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
+/// - DCD_ERR_ARGUMENT: a member out of range, or a min above its max. Then nothing is pushed.
+/// - DCD_ERR_UNSUPPORTED: in a served world. Its server finds bodies by dcd_overlap_boxes_submit and pushes them.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_flow(world: DcdWorld, fluid: *const DcdFluid, pushed: *mut usize) -> DcdStatus {
     guard("dcd_flow", || {
@@ -154,13 +167,19 @@ pub unsafe extern "C" fn dcd_flow(world: DcdWorld, fluid: *const DcdFluid, pushe
     })
 }
 
-/// Lists the movable bodies that overlap a sensor as the world is now, by age, into `out`, which has `cap` entries, and their number into `count`:
-/// asleep or not, whichever region they are in, also when they were made or moved since the last step. `collider` says which one of `body` is
-/// the sensor, from 0. Groups and masks of both count; other sensors and fixed bodies are not listed, and no events need be asked for. With `cap` 0 `out` may be null, to ask for the
-/// number. Who comes and goes is told by dcd_events.
+/// Lists the movable bodies that overlap a sensor, oldest first, as the world is now: asleep or not, whichever region they are in,
+/// also when they were made or moved since the last step.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a collider that is not there or is no sensor, DCD_ERR_SMALL_BUFFER (then
-/// `count` is written all the same and `out` is not), DCD_ERR_UNSUPPORTED in a served world.
+/// `collider` says which collider of `body` is the sensor, from 0. Groups and masks of both colliders count. Other sensors and
+/// fixed bodies are not listed, and no events need be asked for. dcd_events reports which bodies come and go.
+///
+/// Writes the ids to `out`, which has `cap` entries, and their number to `count`. With `cap` 0, `out` may be null, to ask for the
+/// number.
+/// Errors:
+/// - DCD_ERR_NULL, DCD_ERR_STALE_ID.
+/// - DCD_ERR_ARGUMENT: a collider that is not there or is no sensor.
+/// - DCD_ERR_SMALL_BUFFER: `count` is written all the same, `out` is not.
+/// - DCD_ERR_UNSUPPORTED: in a served world.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_sensor_bodies(
     world: DcdWorld,

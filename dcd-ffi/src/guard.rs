@@ -5,9 +5,9 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use crate::status::{DCD_ERR_PANIC, DCD_OK, DcdStatus, Failure, remember};
 
-/// Runs the body of an entry point: a failure becomes its status and the thread's last error, a panic DCD_ERR_PANIC.
+/// Runs the body of an entry point. A failure becomes its status and the thread's last error, a panic DCD_ERR_PANIC.
 ///
-/// Unwind safety: state that a panic could leave half changed lies in a world, whose lock is poisoned by it.
+/// Unwind safety: state that a panic could leave half changed lies in a world, whose lock the panic poisons.
 pub(crate) fn guard(function: &'static str, body: impl FnOnce() -> Result<(), Failure>) -> DcdStatus {
     match catch_unwind(AssertUnwindSafe(body)) {
         Ok(Ok(())) => DCD_OK,
@@ -29,7 +29,7 @@ fn panicked(payload: Box<dyn Any + Send>) -> Failure {
     Failure::new(DCD_ERR_PANIC, format!("a bug in dcd ({message}); destroy the world, and report this"))
 }
 
-/// The same for the few functions that return something else; `fallback` stands for failure.
+/// Runs the body of one of the few functions that return something else. `fallback` stands for failure.
 pub(crate) fn guard_value<R>(fallback: R, body: impl FnOnce() -> R) -> R {
     catch_unwind(AssertUnwindSafe(body)).unwrap_or(fallback)
 }

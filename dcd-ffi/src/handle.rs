@@ -9,7 +9,7 @@ use dcd::space::{BodyId, JointId};
 use crate::ids::{DcdBodyId, DcdCheckpointId, DcdConnectionId, DcdJointId, DcdQueryId, DcdShapeId};
 use crate::status::{DCD_ERR_NULL, DCD_ERR_STALE_ID, Failure};
 
-/// Things by index and generation: the generation grows when a place is used again.
+/// Things by index and generation. The generation grows when a place is used again.
 #[derive(Debug)]
 pub(crate) struct Slots<T> {
     entries: Vec<Entry<T>>,
@@ -27,7 +27,7 @@ impl<T> Slots<T> {
         Self { entries: Vec::new(), free: Vec::new() }
     }
 
-    /// Adds a thing. Its handle is never 0 and never given again.
+    /// Adds a thing and returns its handle, which is never 0 and never given again.
     pub(crate) fn insert(&mut self, value: T) -> u64 {
         let place = self.free.pop().unwrap_or_else(|| {
             self.entries.push(Entry { generation: 0, value: None });
@@ -51,7 +51,7 @@ impl<T> Slots<T> {
         let place = self.place(handle)?;
         let entry = &mut self.entries[place];
         let value = entry.value.take()?;
-        // A place whose generations are used up is given up.
+        // A place whose generations are used up is not used again.
         if let Some(next) = entry.generation.checked_add(1) {
             entry.generation = next;
             self.free.push(place as u32);
@@ -66,11 +66,11 @@ impl<T> Slots<T> {
     }
 }
 
-/// The handles of shapes that were looked up, so that each shape has one.
+/// Handles of shapes that were looked up, so that each shape has one.
 #[derive(Debug, Default)]
 pub(crate) struct LookedUp {
     slots: BTreeMap<ShapeHash, u64>,
-    /// Which shape each of them is of.
+    /// The shape that each handle is of.
     shapes: BTreeMap<u64, ShapeHash>,
 }
 
@@ -84,25 +84,24 @@ impl LookedUp {
         self.shapes.insert(slot, shape);
     }
 
-    /// A handle is about to go stale.
+    /// Forgets a handle that is about to go stale.
     pub(crate) fn forget(&mut self, slot: u64) {
         self.shapes.remove(&slot).map(|shape| self.slots.remove(&shape));
     }
 }
 
-/// The number that the handles of one world are mixed with, so that another world does not know them.
+/// Number with which the handles of one world are mixed, so that another world does not know them.
 ///
-/// A body's id has 64 bits and all may be in use: the upper half names a client, 0 in a local world. The mark is added to
-/// that half without carry. In another world the handle then names a body of a client that is not there, always if that
-/// world is local; marks are far apart, and clients are numbered from 1, so the same holds for a served world but for
-/// chance.
+/// A body's id has 64 bits, and all may be in use: the upper half names a client, 0 in a local world. The mark is added to that
+/// half without carry. In another world the handle then names a body of a client that is not there. In a local world that always
+/// holds. Marks are far apart, and clients are numbered from 1, so the same holds for a served world, but for chance.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Mark(u32);
 
 impl Mark {
-    /// The mark of the `count`-th world of this process.
+    /// Returns the mark of the `count`-th world of this process.
     pub(crate) fn new(count: u32) -> Self {
-        // Fibonacci hashing: an odd factor, so that no two of 2³² counts share a mark.
+        // Fibonacci hashing: the factor is odd, so no two of 2³² counts share a mark.
         Self(count.wrapping_mul(0x9E37_79B9))
     }
 
@@ -110,7 +109,7 @@ impl Mark {
         bits ^ (u64::from(self.0) << 32)
     }
 
-    /// Not 0: the index of a body is never `u32::MAX`, so its lower half is not 0.
+    /// Returns the handle of a body. It is not 0: the index of a body is never `u32::MAX`, so its lower half is not 0.
     pub(crate) fn body(self, id: BodyId) -> DcdBodyId {
         DcdBodyId { v: self.mix(id.bits() + 1) }
     }
@@ -129,7 +128,7 @@ impl Mark {
         bits.checked_sub(1).map(JointId).ok_or_else(|| stale("joint", joint.v))
     }
 
-    /// Connections are numbered from 1.
+    /// Returns the handle of a connection. Connections are numbered from 1.
     pub(crate) fn connection(self, id: ConnectionId) -> DcdConnectionId {
         DcdConnectionId { v: self.mix(id.0) }
     }

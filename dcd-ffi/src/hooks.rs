@@ -1,4 +1,4 @@
-//! Asks functions of the user's about contacts while a world steps: which pairs meet, and how contacts are solved.
+//! Calls functions of the user's about contacts while a world steps: which pairs meet, and how contacts are solved.
 
 use std::ffi::c_void;
 use std::sync::Arc;
@@ -17,19 +17,21 @@ use crate::types::{DcdPose, DcdVelocity};
 
 /// In DcdBodyDef.hooks and DcdColliderProperties.hooks: DcdHooks.filter is asked about contacts of the collider.
 pub const DCD_HOOK_FILTER: u32 = 1;
-/// In DcdBodyDef.hooks and DcdColliderProperties.hooks: DcdHooks.detect is asked about what it detects as a sensor, or is detected by.
+/// In DcdBodyDef.hooks and DcdColliderProperties.hooks: DcdHooks.detect is asked about what the collider detects as a sensor, or is
+/// detected by.
 pub const DCD_HOOK_DETECT: u32 = 2;
-/// In DcdBodyDef.hooks and DcdColliderProperties.hooks: DcdHooks.modify is asked about its contacts before they are solved.
+/// In DcdBodyDef.hooks and DcdColliderProperties.hooks: DcdHooks.modify is asked about contacts of the collider before they are
+/// solved.
 pub const DCD_HOOK_MODIFY: u32 = 4;
 
-/// Says what becomes of a pair: the answer of DcdHooks.filter.
+/// Answer of DcdHooks.filter: what becomes of a pair.
 pub type DcdPairAnswer = u32;
 
-/// They touch and push each other, as without hooks.
+/// The two colliders touch and push each other, as without hooks.
 pub const DCD_MEET_PUSH: DcdPairAnswer = 0;
-/// They touch, which dcd_events tells, and do not push.
+/// The two colliders touch, which dcd_events reports, and do not push.
 pub const DCD_MEET_TOUCH: DcdPairAnswer = 1;
-/// They pass through each other, and nothing is told.
+/// The two colliders pass through each other, and nothing is reported.
 pub const DCD_MEET_NOT: DcdPairAnswer = 2;
 
 /// Two colliders that a hook is asked about.
@@ -38,50 +40,50 @@ pub const DCD_MEET_NOT: DcdPairAnswer = 2;
 pub struct DcdHookedPair {
     /// The body made first.
     pub a: DcdBodyId,
-    /// The other one.
+    /// The other body.
     pub b: DcdBodyId,
-    /// Your own of `a`.
+    /// User data of `a`.
     pub user_a: u64,
-    /// Your own of `b`.
+    /// User data of `b`.
     pub user_b: u64,
-    /// The user_data of the collider of `a`, as the number of a material.
+    /// user_data of the collider of `a`, such as the number of a material.
     pub material_a: u64,
-    /// The same of `b`.
+    /// user_data of the collider of `b`, such as the number of a material.
     pub material_b: u64,
-    /// Which collider of `a`, from 0.
+    /// Number of the collider of `a`, from 0.
     pub collider_a: u32,
-    /// Which collider of `b`.
+    /// Number of the collider of `b`, from 0.
     pub collider_b: u32,
-    /// The pose of `a`.
+    /// Pose of `a`.
     pub pose_a: DcdPose,
-    /// The pose of `b`.
+    /// Pose of `b`.
     pub pose_b: DcdPose,
-    /// The velocity of `a`.
+    /// Velocity of `a`.
     pub velocity_a: DcdVelocity,
-    /// The velocity of `b`.
+    /// Velocity of `b`.
     pub velocity_b: DcdVelocity,
 }
 
-/// A contact that is about to be solved, of one manifold: several points with one normal.
+/// Contact that is about to be solved, of one manifold: several points with one normal.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdHookedContact {
-    /// From a to b, of length 1; to be read.
+    /// Normal from a to b, of length 1. To be read only.
     pub normal: [f32; 3],
-    /// The least separation of its points, metres, negative where they overlap; to be read.
+    /// Least separation of the contact's points, metres, negative where they overlap. To be read only.
     pub separation: f32,
-    /// How many points it has; to be read.
+    /// Number of the contact's points. To be read only.
     pub points: u32,
-    /// 1; 0 takes the contact out of this step: they touch and do not push.
+    /// 1 at first. 0 takes the contact out of this step: the colliders touch and do not push.
     pub enabled: u32,
-    /// Coulomb coefficient, 0 or more.
+    /// Friction: Coulomb coefficient, 0 or more.
     pub friction: f32,
-    /// 0 to 1.
+    /// Restitution, 0 to 1.
     pub restitution: f32,
-    /// The velocity of the surface of `a` against that of `b`, world axes, m/s: so a conveyor belt `a` carries `b` along; of a belt that is `b`,
-    /// give the negative. 0 at first.
+    /// Velocity of the surface of `a` against that of `b`, world axes, m/s; 0 at first. So a conveyor belt `a` carries `b` along.
+    /// For a belt that is `b`, give the negative.
     pub surface_velocity: [f32; 3],
-    /// A number of yours that the manifold keeps while it lasts; 0 at first, and where bodies come to another region.
+    /// Number of the program's own that the manifold keeps while it lasts; 0 at first, and where bodies come to another region.
     pub memory: u32,
 }
 
@@ -90,7 +92,7 @@ pub type DcdFilterFn =
     Option<unsafe extern "C" fn(context: *mut c_void, pair: *const DcdHookedPair) -> DcdPairAnswer>;
 /// Returns whether a sensor detects another collider.
 pub type DcdDetectFn = Option<unsafe extern "C" fn(context: *mut c_void, pair: *const DcdHookedPair) -> bool>;
-/// Changes a contact.
+/// Changes a contact before it is solved.
 pub type DcdModifyFn = Option<
     unsafe extern "C" fn(context: *mut c_void, pair: *const DcdHookedPair, contact: *mut DcdHookedContact),
 >;
@@ -99,17 +101,17 @@ pub type DcdModifyFn = Option<
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdHooks {
-    /// sizeof(DcdHooks).
+    /// Size of this struct: sizeof(DcdHooks).
     pub struct_size: u32,
-    /// 0.
+    /// Reserved; must be 0.
     pub reserved: u32,
-    /// The first argument of all functions.
+    /// First argument of all functions.
     pub context: *mut c_void,
-    /// Asked about colliders that touch, of which one has DCD_HOOK_FILTER. Null: they push.
+    /// Function that is asked about two colliders that touch, of which one has DCD_HOOK_FILTER. Null: they push.
     pub filter: DcdFilterFn,
-    /// Asked about sensors and what is in them, of which one has DCD_HOOK_DETECT. Null: they detect.
+    /// Function that is asked about a sensor and what is in it, of which one has DCD_HOOK_DETECT. Null: the sensor detects it.
     pub detect: DcdDetectFn,
-    /// Asked about contacts of colliders, of which one has DCD_HOOK_MODIFY. Null: they stay.
+    /// Function that is asked about a contact of two colliders, of which one has DCD_HOOK_MODIFY. Null: the contact stays as it is.
     pub modify: DcdModifyFn,
 }
 
@@ -118,18 +120,21 @@ unsafe impl Sized32 for DcdHooks {
     const NAME: &'static str = "DcdHooks";
 }
 
-/// Sets the functions that a local world asks about contacts from the next dcd_step on; null removes them. `hooks` is read during the call; the
-/// functions and `context` must be there until others are set or the world is destroyed.
+/// Sets the functions that a local world asks about contacts from the next dcd_step on; a null `hooks` removes them. `hooks` is
+/// read during the call. The functions and `context` must be there until others are set or the world is destroyed.
 ///
-/// They are called from within dcd_step (or the step that dcd_step_begin began), by any thread of the library and by several at the same time, in
-/// no order that is promised. They must return normally (no longjmp, no C++ exception), guard what they share, and call no function on a
-/// world: each is DCD_ERR_BUSY. What pointers lead to is valid during the call. Every region that holds both bodies asks about its
-/// own copies, so that the answer must depend on the pair and on what you changed between steps, on nothing else: else regions disagree,
-/// and the result depends on how the world is cut. A pair may be asked about in every step, or only when it begins to be near, for as long
-/// as it rests.
+/// - Callers. The functions are called from within dcd_step (or the step that dcd_step_begin began), by any thread of the library
+///   and by several at the same time, in no order that is promised. What pointers lead to is valid during the call.
+/// - Duties. They must return normally (no longjmp, no C++ exception), guard what they share, and call no function on a world: each
+///   gives DCD_ERR_BUSY.
+/// - Regions. Every region that holds both bodies asks about its own copies. So the answer must depend on the pair and on what the
+///   program changed between steps, and on nothing else. Otherwise regions disagree, and the result depends on how the world is
+///   cut.
+/// - Resting pairs. A pair may be asked about in every step, or only when it begins to be near, for as long as it rests.
+/// - Saving. The functions are not saved with the world. A recording goes on, and has what they answered: a replay does not call
+///   them.
 ///
-/// They are not saved with the world. A recording goes on, and has what they answered: a replay does not call them.
-/// Errors: DCD_ERR_NULL (world), DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT, DCD_ERR_UNSUPPORTED in a served world.
+/// Errors: DCD_ERR_NULL (world), DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT, DCD_ERR_UNSUPPORTED (in a served world).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_hooks_set(world: DcdWorld, hooks: *const DcdHooks) -> DcdStatus {
     guard("dcd_hooks_set", || {
@@ -153,14 +158,13 @@ struct Asked {
     mark: Mark,
 }
 
-// SAFETY: nothing here is written; that the user's functions may be called by any thread with their context is what dcd_hooks_set asks
-// of them.
+// SAFETY: nothing here is written. dcd_hooks_set asks for functions that any thread may call with their context.
 unsafe impl Send for Asked {}
 // SAFETY: as above.
 unsafe impl Sync for Asked {}
 
 impl Asked {
-    /// Returns the pair for C, and whether it is the other way round.
+    /// Returns the pair for C, and whether its two sides are swapped.
     fn pair(&self, pair: &HookedPair<'_>) -> (DcdHookedPair, bool) {
         let swapped = pair.second < pair.first;
         let (a, b) = if swapped { (1, 0) } else { (0, 1) };
@@ -198,7 +202,7 @@ impl ContactHooks for Asked {
     fn filter_contact_pair(&self, pair: &HookedPair<'_>) -> Option<SolverFlags> {
         let Some(filter) = self.hooks.filter else { return Some(SolverFlags::COMPUTE_RIGID_IMPULSES) };
         let ((pair, _), mut answer) = (self.pair(pair), DCD_MEET_PUSH);
-        // SAFETY: the user's function, called as the header says; what it is pointed to outlives the call.
+        // SAFETY: the user's function, called as the header says; what its pointers lead to outlives the call.
         enter(Callback::Hook, || answer = unsafe { filter(self.hooks.context, &pair) });
         match answer {
             DCD_MEET_NOT => None,
@@ -239,7 +243,7 @@ impl ContactHooks for Asked {
         if contact.enabled == 0 {
             manifold.solver_contacts.clear();
         }
-        // What Rapier could not compute with stays as it was.
+        // Numbers with which Rapier could not compute are left as they were.
         if contact.friction.is_finite() && contact.friction >= 0.0 {
             *manifold.friction = contact.friction;
         }

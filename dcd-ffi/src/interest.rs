@@ -8,23 +8,29 @@ use crate::pointer::{self, check_point};
 use crate::registry::with;
 use crate::status::{DcdStatus, Failure};
 
-/// Sets the area of interest of a client or participant, what it hears of from now on: bodies whose origin is within `radius`
-/// metres of `centre` (world space), its own avatars, and bodies whose origin is within 8 m of these. A long body whose origin is
-/// farther off may touch an avatar, and only the contact is told of (dcd_events): give a radius that has the origins of such
-/// bodies in it. It saves bytes and time where the world is large, more where you join with one
-/// (DcdClientDef.interest_radius). A radius of 0 or less, or of infinity, is everything, as at
-/// first; `centre` may be null then. Call it as often as you like: as long as the centre stays within a twentieth of the radius
-/// of where it was said last, nothing is sent.
+/// Sets the area of interest of a client or participant: what it hears of from now on. These are bodies whose origin is within
+/// `radius` metres of `centre` (world space), its own avatars, and bodies whose origin is within 8 m of these. Some bodies a little
+/// beyond the radius are told of too.
 ///
-/// Bodies outside stay valid, at the place and velocity where they were heard of last, with DCD_STATE_OUTSIDE in
-/// DcdStateView.flags and DcdBodyInfo.outside; that they are removed or touch your avatars is told all the same, and that they
-/// appear, unless you joined with an interest. What
-/// leaves is told so; what comes in, by its own motion or as the interest moves over it, is told within a few steps, also when
-/// it rests by then, and counts as outside until it is. Some bodies a little beyond the radius are told of too.
+/// - Everything. A radius of 0 or less, or of infinity, is everything, as at first. `centre` may be null then.
+/// - Savings. An interest saves bytes and time where the world is large, and more where the client joins with one
+///   (DcdClientDef.interest_radius).
+/// - Long bodies. A long body whose origin is farther off may touch an avatar, and only the contact is reported (dcd_events). Give
+///   a radius that has the origins of such bodies in it.
+/// - Moving it. Call it as often as needed: as long as the centre stays within a twentieth of the radius of where it was said last,
+///   nothing is sent.
+/// - Bodies outside. They stay valid, at the place and velocity where they were heard of last, with DCD_STATE_OUTSIDE in
+///   DcdStateView.flags and with DcdBodyInfo.outside. That they are removed or touch avatars of this process is reported all the
+///   same. So is that they appear, unless the client joined with an interest.
+/// - Leaving and entering. What leaves the area is told so. What comes in, by its own motion or as the interest moves over it, is
+///   told within a few steps, also when it rests by then. It counts as outside until then.
 ///
 /// A local world shows everything all the same. The interest lasts until it is set again or the world is destroyed.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a centre that is out of range or a radius that is NaN,
-/// DCD_ERR_NETWORK when the link is gone, DCD_ERR_UNSUPPORTED for a server or a node.
+/// Errors:
+/// - DCD_ERR_NULL, DCD_ERR_STALE_ID.
+/// - DCD_ERR_ARGUMENT: a centre that is out of range, or a radius that is NaN.
+/// - DCD_ERR_NETWORK: the link is gone.
+/// - DCD_ERR_UNSUPPORTED: a server or a node.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_interest_set(world: DcdWorld, centre: *const f64, radius: f64) -> DcdStatus {
     guard("dcd_interest_set", || {
@@ -42,14 +48,16 @@ pub unsafe extern "C" fn dcd_interest_set(world: DcdWorld, centre: *const f64, r
     })
 }
 
-/// Limits what a client or participant is sent of bodies, in bytes per second with all headers but IP's; 0: as many as the link carries, as
-/// at first. Of more bodies than there is room for, those are told first that are most wrong here, as seen from your avatars, and for
-/// longest; what is not told for a while is shown going on as it did, for two seconds at most (dcd_view_time). Below some
-/// 2,000 bytes per second little is told but that time goes on. For players at home 16,000 (128 kbit/s) suits some hundred moving bodies near
-/// them; `dcd client --bandwidth` says what the bytes of a world are for.
+/// Limits what a client or participant is sent of bodies, in bytes per second with all headers but IP's; 0: as many as the link
+/// carries, as at first.
+///
+/// Where there is not room for all bodies, those are told first that are most wrong here, as seen from the process's avatars, and
+/// for longest. What is not told for a while is shown going on as it did, for two seconds at most (dcd_view_time). Below some 2,000
+/// bytes per second little is told but that time goes on. For players at home 16,000 (128 kbit/s) suits some hundred moving bodies
+/// near them. `dcd client --bandwidth` says what the bytes of a world are for.
 ///
 /// A local world knows all. The limit lasts until it is set again or the world is destroyed.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_NETWORK when the link is gone, DCD_ERR_UNSUPPORTED for a server or a node.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_NETWORK (the link is gone), DCD_ERR_UNSUPPORTED (a server or a node).
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_bandwidth_set(world: DcdWorld, bytes_per_second: u32) -> DcdStatus {
     guard("dcd_bandwidth_set", || {

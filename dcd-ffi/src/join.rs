@@ -16,64 +16,66 @@ use crate::registry::{self, ask};
 use crate::status::{DCD_ERR_NETWORK, DCD_ERR_NULL, DCD_ERR_TIMEOUT, DcdStatus, Failure};
 use crate::world;
 
-/// The definition of a client that joins a served world. Start from DCD_CLIENT_DEF_INIT and give at least server and token.
+/// Definition of a client that joins a served world. Start from DCD_CLIENT_DEF_INIT and give at least `server` and `token`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdClientDef {
-    /// sizeof(DcdClientDef).
+    /// Size of this struct: sizeof(DcdClientDef).
     pub struct_size: u32,
-    /// Milliseconds to wait for the server and the world; 0 is 10,000.
+    /// Time to wait for the server and the world, milliseconds; 0: 10,000.
     pub timeout_ms: u32,
-    /// Where the server is: "host:port", "192.0.2.1:port" or "[2001:db8::1]:port". Where servers stand by for one another
-    /// (`dcd serve --directory`) those of all, separated by commas without spaces: the one that answers is the server, now and later on.
+    /// Address of the server: "host:port", "192.0.2.1:port" or "[2001:db8::1]:port". Where servers stand by for one another (`dcd
+    /// serve --directory`), the addresses of all, separated by commas without spaces: the one that answers is the server, now and
+    /// later on.
     pub server: *const c_char,
-    /// What `dcd token --role client` (or `builder`) or dcd_token_create gave; joining uses it up.
+    /// Token that `dcd token --role client` (or `builder`) or dcd_token_create gave. Joining uses it up.
     pub token: *const c_char,
-    /// A file that keeps who you are, or null. It is written on joining; who joins with it again gets the avatars back that
-    /// were left behind. It holds a secret.
+    /// Path of a file that keeps the client's identity, or null. Joining writes the file. A client that joins with it again gets
+    /// back the avatars that were left behind. The file holds a secret.
     pub identity_path: *const c_char,
-    /// Your own; dcd_world_info gives it back.
+    /// User data of the world; dcd_world_info gives it back.
     pub user_data: u64,
-    /// The centre of the area of interest to begin with, metres of world space.
+    /// Centre of the first area of interest, world space, metres.
     pub interest_centre: [f64; 3],
-    /// Its radius, metres. You are told the bodies in it, the scenery that reaches into it, and the shapes and joints of those; later what
-    /// comes there, or where dcd_interest_set moves it to, appears (DCD_BODY_APPEARED). 0: you are told the whole world, whatever
-    /// your interest is later on.
+    /// Radius of the first area of interest, metres. The client is told the bodies in the area, the scenery that reaches into it,
+    /// and the shapes and joints of those. What comes there later, or where dcd_interest_set moves the area to, appears
+    /// (DCD_BODY_APPEARED). 0: the client is told the whole world, whatever its interest is later on.
     pub interest_radius: f64,
-    /// Milliseconds that the server may be out of reach later on, before dcd_step gives up; 0 is 30,000.
+    /// Time that the server may be out of reach later on before dcd_step gives up, milliseconds; 0: 30,000.
     pub give_up_ms: u32,
-    /// 0.
+    /// Reserved; must be 0.
     pub reserved: u32,
 }
 
-/// The definition of a participant that joins a served world. Start from DCD_PARTICIPANT_DEF_INIT and give at least server and token.
+/// Definition of a participant that joins a served world. Start from DCD_PARTICIPANT_DEF_INIT and give at least `server` and
+/// `token`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdParticipantDef {
-    /// sizeof(DcdParticipantDef).
+    /// Size of this struct: sizeof(DcdParticipantDef).
     pub struct_size: u32,
-    /// As in DcdClientDef.
+    /// Time to wait for the server and the world, milliseconds, as in DcdClientDef.
     pub timeout_ms: u32,
-    /// As in DcdClientDef.
+    /// Address of the server, as in DcdClientDef.
     pub server: *const c_char,
-    /// What `dcd token --role participant` or dcd_token_create gave; joining uses it up.
+    /// Token that `dcd token --role participant` or dcd_token_create gave. Joining uses it up.
     pub token: *const c_char,
-    /// As in DcdClientDef.
+    /// Path of the identity file, as in DcdClientDef.
     pub identity_path: *const c_char,
-    /// Your own; dcd_world_info gives it back.
+    /// User data of the world; dcd_world_info gives it back.
     pub user_data: u64,
-    /// Threads that compute its share, 1 to 1024; 0 is one per core.
+    /// Number of threads that compute the participant's share of the world, 1 to 1024; 0: one per core.
     pub threads: u32,
-    /// As in DcdClientDef.
+    /// Time that the server may be out of reach later on, milliseconds, as in DcdClientDef.
     pub give_up_ms: u32,
-    /// As in DcdClientDef.
+    /// Centre of the first area of interest, metres, as in DcdClientDef.
     pub interest_centre: [f64; 3],
-    /// As in DcdClientDef.
+    /// Radius of the first area of interest, metres, as in DcdClientDef.
     pub interest_radius: f64,
-    /// A file to record to all that its share of the world is given, and a digest of each region after each tick, for `dcd replay`; or
-    /// null.
+    /// Path of a file to record to, for `dcd replay`, or null. The recording holds all that the participant's share of the world is
+    /// given, and a digest of each region after each tick.
     pub record_path: *const c_char,
-    /// As in DcdServerDef, of the participant's node.
+    /// Address at which the participant's node answers with its metrics, or null, as in DcdServerDef.
     pub metrics: *const c_char,
 }
 
@@ -86,31 +88,40 @@ unsafe impl Sized32 for DcdParticipantDef {
     const NAME: &'static str = "DcdParticipantDef";
 }
 
-/// Joins a world that a server holds and nodes compute, as a client, and waits until the server has told the
-/// whole world, or what is near of it, as it is on its record: up to half a second old (two seconds more where its server has just gone on with a stored world), of tick 0, and without who computes what, until the first states
-/// have come from the nodes. It need not have nodes yet: the world stands still until it has.
+/// Joins a world as a client. A server holds the world, and nodes compute it. The call waits until the server has told the whole
+/// world, or what is near of it.
 ///
-/// The handle is used like that of a local world; what differs:
-/// - dcd_body_create makes an avatar, a dynamic or kinematic body of your own. Its id is valid at once and the body stands
-///   where you put it; DCD_BODY_APPEARED tells that it is in the world, DCD_BODY_REFUSED that it is not to be, and then its
-///   id is stale.
-/// - dcd_body_set_velocity sets the speed of an avatar, dcd_body_set_pose lets it jump; the next dcd_step sends this input. The
-///   server may set a limit to speed and refuse by DCD_BODY_REFUSED.
-/// - dcd_step takes in what has come since the last, and returns at once: call it as often as dt says. A server that is out of
-///   reach is dialled again for half a minute (DcdClientDef.give_up_ms): meanwhile the world goes on as long as nodes compute it, avatars can be
-///   moved, and those that are created or destroyed are so once the server is back. After that, or when the world has ended,
-///   it returns DCD_ERR_NETWORK, each time; the world can be read still, and must be destroyed.
-/// - The bodies that are there on joining are not told of: list them once by dcd_bodies, and follow dcd_events from then on.
-/// - Bodies are where they were when last heard of, some ticks ago; bodies of others can only be read. Contacts are told of
-///   your own avatars, if they ask for them.
-/// - What a client cannot do returns DCD_ERR_UNSUPPORTED: joints, forces and impulses, sleep, dcd_borders, dcd_state_hash, and
-///   queries but for those that are submitted (dcd_rays_submit, dcd_shape_casts_submit, dcd_overlap_shapes_submit and the like).
-/// - dcd_world_destroy leaves in order. Avatars leave with you and come back when you join with the same identity file.
+/// The server tells the world as it is on its record: up to half a second old (two seconds more where the server has just gone on
+/// with a stored world). Until the first states have come from the nodes, the world is at tick 0, and who computes what is not
+/// known. The world need not have nodes yet: it stands still until it has.
+///
+/// The handle is used like that of a local world, with these differences:
+/// - Avatars. dcd_body_create makes an avatar, a dynamic or kinematic body of the client's own. Its id is valid at once, and the
+///   body stands where the client put it. DCD_BODY_APPEARED tells that it is in the world. DCD_BODY_REFUSED tells that it is not to
+///   be, and then its id is stale.
+/// - Input. dcd_body_set_velocity sets the speed of an avatar, and dcd_body_set_pose lets it jump. The next dcd_step sends this
+///   input. The server may set a limit to speed, and refuse by DCD_BODY_REFUSED.
+/// - Steps. dcd_step takes in what has come since the last, and returns at once: call it as often as dt says.
+/// - Lost server. A server that is out of reach is dialled again for half a minute (DcdClientDef.give_up_ms). Meanwhile the world
+///   goes on as long as nodes compute it, and avatars can be moved. Avatars that are created or destroyed meanwhile are so once the
+///   server is back. After that time, or when the world has ended, each dcd_step returns DCD_ERR_NETWORK. The world can still be
+///   read, and must be destroyed.
+/// - Events. The bodies that are there on joining are not reported: list them once by dcd_bodies, and follow dcd_events from then
+///   on. Contacts are reported of the client's own avatars, if these ask for them.
+/// - Bodies. They are where they were when last heard of, some ticks ago. Bodies of others can only be read.
+/// - Unsupported. Joints, forces and impulses, sleep, dcd_borders, dcd_state_hash and queries return DCD_ERR_UNSUPPORTED, except
+///   for queries that are submitted (dcd_rays_submit, dcd_shape_casts_submit, dcd_overlap_shapes_submit and the like).
+/// - Leaving. dcd_world_destroy leaves in order. The avatars leave with the client, and come back when it joins with the same
+///   identity file.
 ///
 /// `def` and its texts are read during the call. The library keeps threads of its own until the world is destroyed.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a malformed address or token or a token for another role,
-/// DCD_ERR_TIMEOUT when nobody answers, DCD_ERR_NETWORK when the server refuses (a used or expired token, another version) or
-/// cannot be reached, DCD_ERR_IO for the identity file, DCD_ERR_LIMIT without threads.
+/// Errors:
+/// - DCD_ERR_NULL, DCD_ERR_STRUCT.
+/// - DCD_ERR_ARGUMENT: a malformed address or token, or a token for another role.
+/// - DCD_ERR_TIMEOUT: nobody answers.
+/// - DCD_ERR_NETWORK: the server refuses (a used or expired token, another version) or cannot be reached.
+/// - DCD_ERR_IO: the identity file.
+/// - DCD_ERR_LIMIT: no threads.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_client_connect(def: *const DcdClientDef, out: *mut DcdWorld) -> DcdStatus {
     guard("dcd_client_connect", || {
@@ -126,11 +137,11 @@ pub unsafe extern "C" fn dcd_client_connect(def: *const DcdClientDef, out: *mut 
     })
 }
 
-/// Joins as a participant: a client as dcd_client_connect makes it, whose process also computes a share of the world.
+/// Joins a world as a participant: a client, as dcd_client_connect makes it, whose process also computes a share of the world.
 ///
-/// The share is computed by threads of the library, whether or not you call dcd_step. dcd_world_destroy first hands it
-/// to the other nodes, which may take some seconds; a process that ends without it is found dead and replaced.
-/// Errors: as dcd_client_connect, and DCD_ERR_ARGUMENT for threads out of range.
+/// Threads of the library compute the share, whether or not the program calls dcd_step. dcd_world_destroy first hands the share to
+/// the other nodes, which may take some seconds. A process that ends without it is found dead and replaced.
+/// Errors: as dcd_client_connect, and DCD_ERR_ARGUMENT (threads out of range).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_participant_join(
     def: *const DcdParticipantDef,
@@ -150,12 +161,15 @@ pub unsafe extern "C" fn dcd_participant_join(
     })
 }
 
-/// Lists the avatars that this process hosts: those it made, in the world or on their way, and those that an earlier stay
-/// left behind. These are in the world on joining, and then no DCD_BODY_APPEARED tells of them, or come back soon after it
-/// (DCD_BODY_APPEARED) where who computed them had not let go of them yet. Into `out`, which has `cap` entries, and their number
-/// into `count`; with `cap` 0 `out` may be null, to ask for the number. Oldest first. None in a local world.
+/// Lists the avatars that this process hosts, oldest first: those that it made, in the world or on their way, and those that an
+/// earlier stay left behind. A local world has none.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not).
+/// Avatars of an earlier stay are in the world on joining, and then no DCD_BODY_APPEARED tells of them. Where the process that
+/// computed them had not let go of them yet, they come back soon after joining (DCD_BODY_APPEARED).
+///
+/// Writes the ids to `out`, which has `cap` entries, and their number to `count`. With `cap` 0, `out` may be null, to ask for the
+/// number.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (`count` is written all the same, `out` is not).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_own_avatars(
     world: DcdWorld,
@@ -173,7 +187,7 @@ pub unsafe extern "C" fn dcd_own_avatars(
     })
 }
 
-/// The checked members that all definitions of who joins share.
+/// Checked members that the definitions of all processes that join share.
 pub(crate) struct Entry {
     server: String,
     token: String,
@@ -196,7 +210,7 @@ impl Entry {
         timeout_ms: u32,
         user_data: u64,
     ) -> Result<Self, Failure> {
-        // SAFETY: passed on.
+        // SAFETY: the caller upholds the same contract.
         unsafe {
             Ok(Self {
                 server: given(server, "server", "the server's host:port, as \"192.0.2.7:7420\"")?,
@@ -216,32 +230,32 @@ impl Entry {
         }
     }
 
-    /// Gives up once the server is out of reach for so long, unless it is 0.
+    /// Sets how long the server may be out of reach before this process gives up, unless it is 0.
     pub(crate) fn patient(self, give_up_ms: u32) -> Self {
         let give_up = (give_up_ms > 0).then(|| Duration::from_millis(give_up_ms.into()));
         Self { give_up, ..self }
     }
 
-    /// Records what is computed here, unless the path is null.
+    /// Sets the file to which what is computed here is recorded, unless the path is null.
     ///
     /// # Safety
     /// The text is null or NUL-terminated.
     pub(crate) unsafe fn recorded(self, path: *const c_char) -> Result<Self, Failure> {
-        // SAFETY: passed on.
+        // SAFETY: the caller upholds the same contract.
         let path = unsafe { pointer::optional(path, "record_path")? };
         Ok(Self { record: path.map(PathBuf::from), ..self })
     }
 
-    /// Answers with metrics at this address, unless it is null.
+    /// Sets the address at which metrics are answered, unless it is null.
     ///
     /// # Safety
     /// The text is null or NUL-terminated.
     pub(crate) unsafe fn measured(self, metrics: *const c_char) -> Result<Self, Failure> {
-        // SAFETY: passed on.
+        // SAFETY: the caller upholds the same contract.
         Ok(Self { metrics: unsafe { pointer::optional_address(metrics, "metrics")? }, ..self })
     }
 
-    /// Joins with an area of interest, unless the radius is 0.
+    /// Sets the area of interest to join with, unless the radius is 0.
     fn near(self, centre: &[f64; 3], radius_m: f64) -> Result<Self, Failure> {
         let range = 0.0..=WORLD_REACH_M;
         if !range.contains(&radius_m) {
@@ -254,7 +268,7 @@ impl Entry {
         Ok(Self { interest: (radius_m > 0.0).then_some(area), ..self })
     }
 
-    /// Looks up the servers' names. Of several some may not be found now, as the machine may be gone.
+    /// Looks up the servers' names. Some of several may not be found now, as their machines may be gone.
     fn servers(&self) -> Result<Vec<Vec<SocketAddr>>, Failure> {
         let (mut servers, mut unfound) = (Vec::new(), None);
         for name in self.server.split(',') {
@@ -275,7 +289,7 @@ impl Entry {
         Ok(servers)
     }
 
-    /// Tries each address that the servers' names stand for until one answers.
+    /// Tries each address behind the servers' names until one answers.
     pub(crate) fn enter(
         self,
         threads: usize,
@@ -302,7 +316,7 @@ impl Entry {
                 ..usual
             };
             match join(&config).map_err(Failure::from) {
-                // Nobody answers there.
+                // Nobody answers at this address.
                 Err(failure) if failure.status == DCD_ERR_TIMEOUT && left > 1 => {}
                 result => {
                     out.write(registry::add(result?, self.user_data));
@@ -314,7 +328,7 @@ impl Entry {
     }
 }
 
-/// A text that must be there.
+/// Reads a text that must be given.
 ///
 /// # Safety
 /// It is null or NUL-terminated.
@@ -322,11 +336,11 @@ unsafe fn given(text: *const c_char, name: &str, what: &str) -> Result<String, F
     if text.is_null() {
         return Err(Failure::new(DCD_ERR_NULL, format!("{name} is null; give {what}")));
     }
-    // SAFETY: passed on.
+    // SAFETY: the caller upholds the same contract.
     unsafe { Ok(pointer::text(text, name)?.to_owned()) }
 }
 
-/// The addresses behind "host:port".
+/// Returns the addresses behind "host:port".
 fn resolve(server: &str) -> Result<Vec<SocketAddr>, Failure> {
     if server.contains("://") {
         let message = format!("server is \"{server}\"; give host:port, without what ends in ://");

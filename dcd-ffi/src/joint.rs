@@ -12,155 +12,158 @@ use crate::status::Failure;
 use crate::types::DcdFrame;
 pub use calls::*;
 
-/// The type of a joint: what it lets free. Each type has axes of its own, which `limit` and `motor` of DcdJointDef are for.
+/// Type of a joint: what it lets free. Each type has axes of its own, to which `limit` and `motor` of DcdJointDef apply.
 pub type DcdJointType = u32;
 
-/// Nothing: the frames stay together. It has no axis of its own.
+/// Lets nothing free: the frames stay together. It has no axis of its own.
 pub const DCD_JOINT_FIXED: DcdJointType = 0;
-/// Turning about the frames' x axis, as hinges and wheels: DCD_AXIS_TURN_X.
+/// Lets the bodies turn about the frames' x axis, as hinges and wheels do. Its axis is DCD_AXIS_TURN_X.
 pub const DCD_JOINT_REVOLUTE: DcdJointType = 1;
-/// Sliding along the frames' x axis, as lifts and pistons: DCD_AXIS_X.
+/// Lets the bodies slide along the frames' x axis, as lifts and pistons do. Its axis is DCD_AXIS_X.
 pub const DCD_JOINT_PRISMATIC: DcdJointType = 2;
-/// Turning about every axis, as shoulders: DCD_AXIS_TURN_X, _TURN_Y and _TURN_Z, each with the same limit and motor.
+/// Lets the bodies turn about every axis, as shoulders do. Its axes are DCD_AXIS_TURN_X, DCD_AXIS_TURN_Y and DCD_AXIS_TURN_Z, each
+/// with the same limit and motor.
 pub const DCD_JOINT_SPHERICAL: DcdJointType = 3;
-/// Everything, up to a distance of the frames' origins: a limit of DCD_AXIS_X from 0 to that length, which it needs.
+/// Lets everything free up to a distance of the frames' origins. It needs a limit of DCD_AXIS_X from 0 to that length.
 pub const DCD_JOINT_ROPE: DcdJointType = 4;
-/// Everything; a spring pulls the frames' origins to a distance: a motor of DCD_AXIS_X, which it needs. Its position is the
-/// length at rest; take DCD_MOTOR_FORCE to give stiffness in N/m.
+/// Lets everything free; a spring pulls the frames' origins to a distance. It needs a motor of DCD_AXIS_X, whose position is the
+/// length at rest. Take DCD_MOTOR_FORCE to give stiffness in N/m.
 pub const DCD_JOINT_SPRING: DcdJointType = 5;
-/// What DcdJointDef.locked does not lock. It has no axes of its own: dcd_joint_set_limit and dcd_joint_set_motor take any.
+/// Lets free what DcdJointDef.locked does not lock. It has no axes of its own: dcd_joint_set_limit and dcd_joint_set_motor take
+/// any.
 pub const DCD_JOINT_GENERIC: DcdJointType = 6;
 
-/// An axis of a joint's frame on body `a`: along it, or about it. As a bit it is 1 << axis, which DCD_LOCK_… are.
+/// Axis of a joint's frame on body `a`: along it, or about it. As a bit it is 1 << axis, as DCD_LOCK_… bits are.
 pub type DcdJointAxis = u32;
 
-/// Along x: metres, m/s, newtons.
+/// Movement along x: metres, m/s, newtons.
 pub const DCD_AXIS_X: DcdJointAxis = 0;
-/// Along y.
+/// Movement along y: metres, m/s, newtons.
 pub const DCD_AXIS_Y: DcdJointAxis = 1;
-/// Along z.
+/// Movement along z: metres, m/s, newtons.
 pub const DCD_AXIS_Z: DcdJointAxis = 2;
-/// About x: radians, rad/s, newton metres.
+/// Turning about x: radians, rad/s, newton metres.
 pub const DCD_AXIS_TURN_X: DcdJointAxis = 3;
-/// About y.
+/// Turning about y: radians, rad/s, newton metres.
 pub const DCD_AXIS_TURN_Y: DcdJointAxis = 4;
-/// About z.
+/// Turning about z: radians, rad/s, newton metres.
 pub const DCD_AXIS_TURN_Z: DcdJointAxis = 5;
 
-/// In DcdJointDef.flags: `limit` counts. In DcdJointInfo.flags: it has some limit.
+/// In DcdJointDef.flags: `limit` counts. In DcdJointInfo.flags: the joint has some limit.
 pub const DCD_JOINT_LIMIT: u32 = 1;
-/// In DcdJointDef.flags: `motor` runs. In DcdJointInfo.flags: it has some motor.
+/// In DcdJointDef.flags: `motor` runs. In DcdJointInfo.flags: the joint has some motor.
 pub const DCD_JOINT_MOTOR: u32 = 2;
 /// In DcdJointDef.flags: the two bodies collide with one another too.
 pub const DCD_JOINT_COLLIDE: u32 = 4;
-/// In DcdJointDef.flags: it does nothing until dcd_joint_set_flags takes this away.
+/// In DcdJointDef.flags: the joint does nothing until dcd_joint_set_flags takes this flag away.
 pub const DCD_JOINT_DISABLED: u32 = 8;
 
-/// The model of a motor: whether stiffness and damping are per unit of mass.
+/// Model of a motor: whether stiffness and damping are per unit of mass.
 pub type DcdMotorModel = u32;
 
-/// Per unit of mass, so that heavy and light bodies move alike: stiffness in 1/s², damping in 1/s.
+/// Stiffness and damping are per unit of mass, so that heavy and light bodies move alike: stiffness in 1/s², damping in 1/s.
 pub const DCD_MOTOR_ACCELERATION: DcdMotorModel = 0;
-/// Not per unit of mass: stiffness in N/m or N m/rad, damping in N s/m or N m s/rad.
+/// Stiffness and damping are not per unit of mass: stiffness in N/m or N m/rad, damping in N s/m or N m s/rad.
 pub const DCD_MOTOR_FORCE: DcdMotorModel = 1;
 
-/// A motor of an axis: stiffness * (position - where it is) + damping * (velocity - how fast it moves), at most max_force. Start
-/// from DCD_JOINT_MOTOR_INIT, which holds the axis still by any force. For a speed give `velocity`; for a servo `position`,
+/// Motor of an axis. It applies stiffness * (position - where it is) + damping * (velocity - how fast it moves), at most max_force.
+/// Start from DCD_JOINT_MOTOR_INIT, which holds the axis still by any force. For a speed give `velocity`; for a servo `position`,
 /// `stiffness` and `damping`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DcdJointMotor {
-    /// Where to, metres or radians.
+    /// Position that the motor drives to, metres or radians.
     pub position: f32,
-    /// How fast, m/s or rad/s.
+    /// Velocity that the motor drives at, m/s or rad/s.
     pub velocity: f32,
-    /// 0 or more; 0 heeds the velocity alone.
+    /// Stiffness, 0 or more; 0 heeds the velocity alone.
     pub stiffness: f32,
-    /// 0 or more.
+    /// Damping, 0 or more.
     pub damping: f32,
-    /// Most force or torque, newtons or newton metres: finite, 0 or more.
+    /// Largest force or torque, newtons or newton metres; finite, 0 or more.
     pub max_force: f32,
-    /// DCD_MOTOR_ACCELERATION or DCD_MOTOR_FORCE.
+    /// Model: DCD_MOTOR_ACCELERATION or DCD_MOTOR_FORCE.
     pub model: DcdMotorModel,
 }
 
-/// The definition of a joint. Start from DCD_JOINT_DEF_INIT and give `a` and `b`.
+/// Definition of a joint. Start from DCD_JOINT_DEF_INIT and give `a` and `b`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdJointDef {
-    /// sizeof(DcdJointDef).
+    /// Size of this struct: sizeof(DcdJointDef).
     pub struct_size: u32,
-    /// DCD_JOINT_FIXED to DCD_JOINT_GENERIC.
+    /// Type: DCD_JOINT_FIXED to DCD_JOINT_GENERIC.
     pub joint_type: DcdJointType,
     /// First body.
     pub a: DcdBodyId,
-    /// Second body, another one.
+    /// Second body, another one than `a`.
     pub b: DcdBodyId,
-    /// Where the joint sits on `a`; it brings the two frames together.
+    /// Frame of the joint on `a`. The joint brings the two frames together.
     pub frame_a: DcdFrame,
-    /// Where it sits on `b`.
+    /// Frame of the joint on `b`.
     pub frame_b: DcdFrame,
-    /// Lowest and highest position of `b` seen from `a` along or about the type's own axes, with DCD_JOINT_LIMIT. -INFINITY and
-    /// INFINITY leave a side open.
+    /// Lowest and highest position of `b` seen from `a` along or about the type's own axes, metres or radians, with
+    /// DCD_JOINT_LIMIT. -INFINITY and INFINITY leave a side open.
     pub limit: [f32; 2],
-    /// Drives the type's own axes, with DCD_JOINT_MOTOR.
+    /// Motor that drives the type's own axes, with DCD_JOINT_MOTOR.
     pub motor: DcdJointMotor,
-    /// DCD_JOINT_LIMIT, _MOTOR, _COLLIDE, _DISABLED bits.
+    /// DCD_JOINT_LIMIT, DCD_JOINT_MOTOR, DCD_JOINT_COLLIDE and DCD_JOINT_DISABLED bits.
     pub flags: u32,
-    /// Of DCD_JOINT_GENERIC: axes that it does not let free, as bits 1 << DCD_AXIS_…; else 0.
+    /// Axes that a DCD_JOINT_GENERIC does not let free, as bits 1 << DCD_AXIS_…; for other types 0.
     pub locked: u32,
-    /// Of DCD_JOINT_GENERIC: free axes that count as one, as bits: two or three along, whose position is their common distance,
-    /// and two about, whose position is the angle between the third axes, as of a cone. They have one limit, and those along
-    /// have one motor. Else 0.
+    /// Free axes of a DCD_JOINT_GENERIC that count as one, as bits; for other types 0. Two or three axes along may be coupled:
+    /// their position is their common distance. Two axes about may be coupled: their position is the angle between the third axes,
+    /// as of a cone. Coupled axes have one limit, and those along have one motor.
     pub coupled: u32,
-    /// How stiffly it holds what it locks and limits: hertz, above 0. Less than 1 / dt is soft.
+    /// Natural frequency with which the joint holds what it locks and limits, hertz, above 0: how stiff it is. Less than 1 / dt is
+    /// soft.
     pub natural_frequency: f32,
-    /// How fast an error of it calms down, 0 or more; 1 is without swinging.
+    /// Damping ratio, 0 or more: how fast an error of the joint calms down; 1 is without swinging.
     pub damping_ratio: f32,
-    /// 0.
+    /// Reserved; must be 0.
     pub reserved: u32,
-    /// Your own; dcd_joint_info gives it back.
+    /// User data of the joint; dcd_joint_info gives it back.
     pub user_data: u64,
 }
 
-/// The state of a joint. Start from DCD_JOINT_INFO_INIT.
+/// State of a joint. Start from DCD_JOINT_INFO_INIT.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdJointInfo {
-    /// sizeof(DcdJointInfo).
+    /// Size of this struct: sizeof(DcdJointInfo).
     pub struct_size: u32,
-    /// By what it lets free: one made generic may be a hinge, and a rope with a motor is a spring.
+    /// Type, by what the joint lets free: one made generic may be a hinge, and a rope with a motor is a spring.
     pub joint_type: DcdJointType,
     /// First body.
     pub a: DcdBodyId,
     /// Second body.
     pub b: DcdBodyId,
-    /// Your own.
+    /// User data of the joint.
     pub user_data: u64,
-    /// Where it sits on `a`.
+    /// Frame of the joint on `a`.
     pub frame_a: DcdFrame,
-    /// Where it sits on `b`.
+    /// Frame of the joint on `b`.
     pub frame_b: DcdFrame,
     /// frame_b seen from frame_a, as the bodies are now.
     pub offset: DcdFrame,
-    /// Angle of a revolute joint, -π to π; way of a prismatic one; distance of a rope or spring; else 0.
+    /// Position: angle of a revolute joint, -π to π; way of a prismatic one; distance of a rope or spring; else 0.
     pub position: f32,
-    /// Force that held the axes along x, y and z of frame_a that it locks, in the last step, newtons. Rapier mixes what it solves, so
-    /// take it for an estimate, as of what should break the joint.
+    /// Force in the last step that held the axes along x, y and z of frame_a that the joint locks, newtons. Rapier mixes what it
+    /// solves, so take it for an estimate, such as of what should break the joint.
     pub force: [f32; 3],
-    /// As in DcdJointDef.
+    /// Natural frequency, hertz, as in DcdJointDef.
     pub natural_frequency: f32,
-    /// As in DcdJointDef.
+    /// Damping ratio, as in DcdJointDef.
     pub damping_ratio: f32,
-    /// DCD_JOINT_LIMIT, _MOTOR, _COLLIDE, _DISABLED bits.
+    /// DCD_JOINT_LIMIT, DCD_JOINT_MOTOR, DCD_JOINT_COLLIDE and DCD_JOINT_DISABLED bits.
     pub flags: u32,
     /// Axes that are not free, as bits 1 << DCD_AXIS_….
     pub locked: u32,
-    /// Axes that count as one.
+    /// Axes that count as one, as bits 1 << DCD_AXIS_….
     pub coupled: u32,
-    /// Axes with a limit.
+    /// Axes with a limit, as bits 1 << DCD_AXIS_….
     pub limited: u32,
-    /// Axes with a motor.
+    /// Axes with a motor, as bits 1 << DCD_AXIS_….
     pub driven: u32,
 }
 
@@ -177,7 +180,7 @@ fn axes(bits: u8) -> JointAxesMask {
     JointAxesMask::from_bits_truncate(bits)
 }
 
-/// Returns what a type locks, couples and has as its own axes.
+/// Returns which axes a type locks, which it couples, and which are its own.
 fn layout(joint_type: DcdJointType) -> Option<(JointAxesMask, JointAxesMask, &'static [JointAxis])> {
     let (none, along) = (JointAxesMask::empty(), JointAxesMask::LIN_AXES);
     Some(match joint_type {
@@ -193,7 +196,7 @@ fn layout(joint_type: DcdJointType) -> Option<(JointAxesMask, JointAxesMask, &'s
     })
 }
 
-/// The type whose axes these are.
+/// Returns the type that locks and couples these axes.
 fn type_of(record: &JointRecord) -> DcdJointType {
     let (locked, coupled) = (axes(record.locked_axes), axes(record.coupled_axes));
     if coupled == JointAxesMask::LIN_AXES && locked.is_empty() {
@@ -261,7 +264,7 @@ fn parse(def: &DcdJointDef) -> Result<GenericJoint, Failure> {
     Ok(joint)
 }
 
-/// Checks that Rapier can couple these axes: along two or three, about two.
+/// Checks that Rapier can couple these axes: two or three along, or two about.
 fn check_coupled(locked: JointAxesMask, coupled: JointAxesMask) -> Result<(), Failure> {
     let count = |axes: JointAxesMask| (coupled & axes).bits().count_ones();
     let fits = count(JointAxesMask::LIN_AXES) != 1 && matches!(count(JointAxesMask::ANG_AXES), 0 | 2);
@@ -273,7 +276,7 @@ fn check_coupled(locked: JointAxesMask, coupled: JointAxesMask) -> Result<(), Fa
     ))
 }
 
-/// The axis that is meant: of coupled ones, the first, which stands for them.
+/// Returns the axis that is meant. Of coupled axes, the first stands for them.
 fn free_axis(record: &JointRecord, axis: DcdJointAxis) -> Result<JointAxis, Failure> {
     const ALL: [JointAxis; 6] = [
         JointAxis::LinX,
@@ -300,7 +303,7 @@ fn free_axis(record: &JointRecord, axis: DcdJointAxis) -> Result<JointAxis, Fail
     Ok(alike.iter().copied().find(|&axis| coupled.contains(axis.into())).unwrap_or(axis))
 }
 
-/// A limit as Rapier has it, whose numbers are finite.
+/// Returns a limit as Rapier has it, with finite numbers.
 fn check_limit(axis: JointAxis, coupled: JointAxesMask, [low, high]: [f32; 2]) -> Result<[f32; 2], Failure> {
     let fits = |end: f32, open: f32| is_in_range(end) || end == open;
     if !(fits(low, f32::NEG_INFINITY) && fits(high, f32::INFINITY) && low <= high) {
@@ -349,7 +352,7 @@ fn softness(natural_frequency: f32, damping_ratio: f32) -> Result<SpringCoeffici
     Ok(SpringCoefficients::new(natural_frequency, damping_ratio))
 }
 
-/// `None` when one of its bodies is not there, which cannot be.
+/// Returns `None` when one of the joint's bodies is not there, which cannot be.
 fn describe(world: &World, record: &JointRecord) -> Option<DcdJointInfo> {
     let frame = |pose: dcd::protocol::Pose| DcdFrame { p: pose.translation, q: pose.rotation };
     let placed = |body, frame: dcd::protocol::Pose| {
@@ -374,7 +377,7 @@ fn describe(world: &World, record: &JointRecord) -> Option<DcdJointInfo> {
             q: [turn.i as f32, turn.j as f32, turn.k as f32, turn.w as f32],
         },
         position: match joint_type {
-            // The same for a quaternion and its negative.
+            // A quaternion and its negative give the same angle.
             DCD_JOINT_REVOLUTE => 2.0 * (turn.i * turn.w.signum()).atan2(turn.w.abs()) as f32,
             DCD_JOINT_PRISMATIC => way.x as f32,
             DCD_JOINT_ROPE | DCD_JOINT_SPRING => way.norm() as f32,

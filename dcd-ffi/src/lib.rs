@@ -1,12 +1,12 @@
-//! Exposes dcd as a C API. Its documentation is `include/dcd.h`, which is generated from this crate: `cargo test -p dcd-ffi`
-//! fails when the two differ, `UPDATE=1 cargo test -p dcd-ffi --test header` writes the header anew.
+//! Exposes dcd as a C API. Its documentation is `include/dcd.h`, which cbindgen generates from this crate. `cargo test -p dcd-ffi`
+//! fails when the two differ; `UPDATE=1 cargo test -p dcd-ffi --test header` writes the header anew.
 //!
-//! Every entry point runs inside [`guard`](guard::guard): panics become `DCD_ERR_PANIC`, failures a status and a message.
-//! Pointers are checked in `pointer`, handles in `handle`, worlds found in `registry`; [`dcd::World`] says what a process can do in its
-//! role. All unsafe code of the project is here.
-// The comments of this crate become those of the C header, where brackets are only brackets.
+//! Every entry point runs inside [`guard`](guard::guard), which turns panics into `DCD_ERR_PANIC` and failures into a status and a
+//! message. `pointer` checks pointers, `handle` checks handles, and `registry` finds worlds. [`dcd::World`] says what a process can
+//! do in its role. All unsafe code of the project is here.
+// The comments of this crate become those of the C header, where brackets are plain text.
 #![allow(rustdoc::broken_intra_doc_links, rustdoc::private_intra_doc_links)]
-// What a caller must keep to is said once, in the head of the header, and per function in its documentation there.
+// The head of the header and the documentation of each function there say, once, what callers must keep to.
 #![allow(clippy::missing_safety_doc)]
 
 #[cfg(panic = "abort")]
@@ -22,7 +22,8 @@ mod pinned;
 mod pointer;
 mod registry;
 
-// In the order in which the header presents them, which `rustfmt` keeps within groups only.
+// Modules are in the order in which the header presents them. `rustfmt` sorts modules within a group, so each has a group of its
+// own where it must.
 pub mod ids;
 pub mod library;
 pub mod limits;

@@ -13,40 +13,42 @@ use crate::callback::{Callback, check_outside, enter, inside};
 use crate::guard::guard;
 use crate::status::{DCD_ERR_UNSUPPORTED, DcdStatus, Failure};
 
-/// The severity of a log line; DCD_LOG_OFF to DCD_LOG_TRACE.
+/// Severity of a log line: DCD_LOG_OFF to DCD_LOG_TRACE.
 pub type DcdLogLevel = u32;
 
-/// Nothing.
+/// Logs nothing.
 pub const DCD_LOG_OFF: DcdLogLevel = 0;
-/// Something failed.
+/// Logs failures: something failed.
 pub const DCD_LOG_ERROR: DcdLogLevel = 1;
-/// Something is not as it should be.
+/// Logs warnings: something is not as it should be.
 pub const DCD_LOG_WARN: DcdLogLevel = 2;
-/// Logs the milestones: who joins and leaves, views, failures of nodes.
+/// Logs milestones: processes that join and leave, views, failures of nodes.
 pub const DCD_LOG_INFO: DcdLogLevel = 3;
 /// Logs every step of joins and view changes, and every failed call.
 pub const DCD_LOG_DEBUG: DcdLogLevel = 4;
-/// Everything.
+/// Logs everything.
 pub const DCD_LOG_TRACE: DcdLogLevel = 5;
 
-/// Receives log lines: `user` as given, the level, `length` bytes of UTF-8 that end without NUL and are valid during the
-/// call. Any thread may call it, several at a time. It must return normally (no longjmp, no C++ exception), and calls on
+/// Receives a log line. `user` is the pointer given to dcd_log_set. `message` has `length` bytes of UTF-8 without a NUL at the end,
+/// valid during the call.
+///
+/// Any thread may call the function, several threads at a time. It must return normally (no longjmp, no C++ exception). Calls on
 /// worlds from within it give DCD_ERR_BUSY.
 pub type DcdLogFn = Option<
     unsafe extern "C" fn(user: *mut c_void, level: DcdLogLevel, message: *const c_char, length: usize),
 >;
 
-/// Sends log lines up to the level `most` to `function`, with `user` as its first argument; a null function turns the log
-/// off. When this returns, the former function is not running and will not be called again.
+/// Sends log lines up to the level `most` to `function`, with `user` as its first argument. A null function turns the log off. When
+/// this call returns, the former function is not running and will not be called again.
 ///
-/// One function serves the whole process. Errors: DCD_ERR_ARGUMENT for an unknown level, DCD_ERR_BUSY from within the
-/// callback.
+/// One function serves the whole process.
+/// Errors: DCD_ERR_ARGUMENT (an unknown level), DCD_ERR_BUSY (called from within the function).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_log_set(function: DcdLogFn, user: *mut c_void, most: DcdLogLevel) -> DcdStatus {
     guard("dcd_log_set", || set(function, user, most))
 }
 
-/// The user's function and what it is called with.
+/// The user's function, and the pointer it is called with.
 struct Sink {
     function: unsafe extern "C" fn(*mut c_void, DcdLogLevel, *const c_char, usize),
     user: *mut c_void,
@@ -60,7 +62,7 @@ unsafe impl Sync for Sink {}
 static SINK: RwLock<Option<Sink>> = RwLock::new(None);
 static MOST: AtomicU32 = AtomicU32::new(DCD_LOG_OFF);
 
-/// Replaces the user's function; when this returns, the old one neither runs nor will.
+/// Replaces the user's function. When this returns, the former function is not running and will not be called again.
 pub(crate) fn set(function: DcdLogFn, user: *mut c_void, most: DcdLogLevel) -> Result<(), Failure> {
     check_outside()?;
     if most > DCD_LOG_TRACE {
@@ -79,7 +81,7 @@ pub(crate) fn set(function: DcdLogFn, user: *mut c_void, most: DcdLogLevel) -> R
     Ok(())
 }
 
-/// Formats events and hands them over. Spans carry nothing that an event of dcd does not say itself.
+/// Formats events and hands them to the user's function. Spans carry nothing that an event of dcd does not say itself.
 struct Forward;
 
 impl Subscriber for Forward {

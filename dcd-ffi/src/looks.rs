@@ -13,24 +13,24 @@ use crate::shape_info::frame_of;
 use crate::status::{DcdStatus, Failure};
 use crate::types::DcdFrame;
 
-/// How large and heavy a body is. Start from DCD_BODY_EXTENT_INIT.
+/// Size and mass of a body. Start from DCD_BODY_EXTENT_INIT.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DcdBodyExtent {
-    /// sizeof(DcdBodyExtent).
+    /// Size of this struct: sizeof(DcdBodyExtent).
     pub struct_size: u32,
-    /// Kilograms; 0 for a fixed body.
+    /// Mass, kilograms; 0 for a fixed body.
     pub mass: f32,
-    /// The lowest corner of the smallest box along the axes of world space that holds its colliders, metres; infinite for a
+    /// Lowest corner of the smallest box along the axes of world space that holds the body's colliders, metres; infinite for a
     /// half-space.
     pub min: [f64; 3],
-    /// The highest corner.
+    /// Highest corner of that box, metres.
     pub max: [f64; 3],
-    /// Its centre of mass, from its origin, along its own axes, metres.
+    /// Centre of mass, from the body's origin, along its own axes, metres.
     pub centre: [f32; 3],
-    /// Its moments of inertia about its principal axes through that centre, kg m²; 0 for a fixed body.
+    /// Moments of inertia about the principal axes through the centre of mass, kg m²; 0 for a fixed body.
     pub inertia: [f32; 3],
-    /// The rotation from its own axes to the principal ones: unit quaternion x, y, z, w.
+    /// Rotation from the body's own axes to the principal ones: unit quaternion x, y, z, w.
     pub axes: [f32; 4],
 }
 
@@ -39,12 +39,13 @@ unsafe impl Sized32 for DcdBodyExtent {
     const NAME: &'static str = "DcdBodyExtent";
 }
 
-/// Lists all bodies into `out`, which has `cap` entries, and their number into `count`: fixed ones too, in the order in which they were
-/// made; in a served world those that this process has heard of: first those of the scene and the server's program, then avatars,
-/// client by client, then what builders have built. With `cap` 0 `out` may be null, to ask for the number.
+/// Lists all bodies, fixed ones too, in the order in which they were made. In a served world these are the bodies that this process
+/// has heard of: first those of the scene and the server's program, then avatars, client by client, then what builders have built.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not),
-/// DCD_ERR_UNSUPPORTED for a node.
+/// Writes the ids to `out`, which has `cap` entries, and their number to `count`. With `cap` 0, `out` may be null, to ask for the
+/// number.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (`count` is written all the same, `out` is not),
+/// DCD_ERR_UNSUPPORTED (a node).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_bodies(
     world: DcdWorld,
@@ -62,10 +63,10 @@ pub unsafe extern "C" fn dcd_bodies(
     })
 }
 
-/// Reads how large and heavy a body is as it is now. It follows from its shapes and properties, so that in a served world it is known of every
-/// body that this process has heard of. It takes some microseconds, of a body of many vertices more.
+/// Reads how large and heavy a body is as it is now. This follows from its shapes and properties, so in a served world it is known
+/// of every body that this process has heard of. The call takes some microseconds, and more for a body of many vertices.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED for a node.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED (a node).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_body_extent(
     world: DcdWorld,
@@ -91,12 +92,12 @@ pub unsafe extern "C" fn dcd_body_extent(
     })
 }
 
-/// Finds the shape of one collider of a body, of any body that this process knows. `collider` is its number, from 0;
-/// dcd_collider_properties says where it sits on the body.
+/// Finds the shape of one collider of any body that this process knows. `collider` is its number, from 0. dcd_collider_properties
+/// says where it sits on the body.
 ///
-/// Equal shapes have one handle, so that what a renderer makes of it can be kept by it; that of the shape function with which you made
-/// it is another. It need not be destroyed; once it is, this gives a new one.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a collider that is not there, DCD_ERR_UNSUPPORTED for a node.
+/// Equal shapes have one handle, so a renderer can keep what it makes of a shape by its handle. The handle from the shape function
+/// that made the shape is another one. The handle need not be destroyed. Once it is, the call gives a new one.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT (a collider that is not there), DCD_ERR_UNSUPPORTED (a node).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_collider_shape(
     world: DcdWorld,
@@ -118,10 +119,10 @@ pub unsafe extern "C" fn dcd_collider_shape(
     })
 }
 
-/// Finds one of the shapes that a compound is made of, from 0 on, as dcd_collider_shape does, and where it is in the compound.
-/// `frame` may be null.
+/// Finds one of the shapes that a compound is made of, by its number `part`, from 0, as dcd_collider_shape does. `frame` receives
+/// where it is in the compound, and may be null.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_ARGUMENT for a part that is not there.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_ARGUMENT (a part that is not there).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_shape_part(
     world: DcdWorld,
@@ -149,7 +150,7 @@ pub unsafe extern "C" fn dcd_shape_part(
     })
 }
 
-/// Returns the one handle of a shape.
+/// Returns the one handle that a shape has.
 fn named(
     world: &mut World,
     hash: ShapeHash,

@@ -14,37 +14,37 @@ use crate::pinned::Pinned;
 use crate::role::DcdRole;
 pub use calls::*;
 
-/// In dcd_send's flags and DcdMessage.flags: a datagram, which may be lost or overtaken.
+/// In the flags of dcd_send and DcdMessage.flags: the message is a datagram, which may be lost or overtaken.
 pub const DCD_SEND_UNRELIABLE: u32 = 1;
 
-/// Bytes of a message at most.
+/// Largest size of a message, bytes.
 pub const DCD_MAX_MESSAGE: usize = 32_768;
-/// Bytes of one with DCD_SEND_UNRELIABLE at most.
+/// Largest size of a message with DCD_SEND_UNRELIABLE, bytes.
 pub const DCD_MAX_DATAGRAM: usize = 1_024;
 
 const _: () = assert!(DCD_MAX_MESSAGE == PROGRAM_MESSAGE_BYTES && DCD_MAX_DATAGRAM == PROGRAM_DATAGRAM_BYTES);
 
-/// A message that the program at the other end of a connection sent by dcd_send.
+/// Message that the program at the other end of a connection sent by dcd_send.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdMessage {
-    /// Over which connection; to answer by.
+    /// Connection over which the message came. Answer by it.
     pub connection: DcdConnectionId,
-    /// The bytes, as they were sent, at an address for any type; null when there are none.
+    /// Bytes of the message, as they were sent, at an address for any type; null when there are none.
     pub data: *const c_void,
-    /// How many.
+    /// Number of bytes.
     pub size: usize,
-    /// What the sender is, as in DcdConnectionEvent.
+    /// Role of the sender, as in DcdConnectionEvent.
     pub role: DcdRole,
-    /// As in DcdConnectionEvent.
+    /// Number of the sender as a node, as in DcdConnectionEvent.
     pub node: u32,
-    /// As in DcdConnectionEvent.
+    /// Number of the sender as a client, as in DcdConnectionEvent.
     pub client: u32,
     /// DCD_SEND_… bits.
     pub flags: u32,
 }
 
-// SAFETY: a plain value; whoever follows its pointer keeps to how long the bytes live, in any thread.
+// SAFETY: a plain value. Whoever follows its pointer, in any thread, keeps to how long the bytes live.
 unsafe impl Send for DcdMessage {}
 // SAFETY: as above.
 unsafe impl Sync for DcdMessage {}
@@ -53,7 +53,7 @@ unsafe impl Sync for DcdMessage {}
 #[derive(Default)]
 pub(crate) struct Messages {
     pub list: Pinned<DcdMessage>,
-    /// Words, so that all begin at an address for any type.
+    /// Bytes of all messages, as words, so that each begins at an address for any type.
     words: Pinned<u64>,
 }
 
@@ -61,7 +61,7 @@ impl Messages {
     pub(crate) fn refill(&mut self, messages: &[ProgramMessage], mark: Mark) {
         const WORD: usize = size_of::<u64>();
         let count = messages.iter().map(|message| message.bytes.len().div_ceil(WORD)).sum();
-        // No more than `count`, which keeps them where they are.
+        // No more than `count` words, so that they stay where they are.
         let words = self.words.refill(count);
         self.list.refill(messages.len()).extend(messages.iter().map(|message| {
             let (role, node, client) = names(message.who);

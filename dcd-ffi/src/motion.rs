@@ -11,38 +11,38 @@ use crate::registry::{World, ask, find, missing, with};
 use crate::status::{DcdStatus, Failure};
 use crate::types::{DCD_NO_REGION, DcdBodyType, DcdPose, DcdVelocity, check_pose, check_velocity};
 
-/// The state of a body besides pose and velocity. Start from DCD_BODY_INFO_INIT.
+/// State of a body besides pose and velocity. Start from DCD_BODY_INFO_INIT.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdBodyInfo {
-    /// sizeof(DcdBodyInfo).
+    /// Size of this struct: sizeof(DcdBodyInfo).
     pub struct_size: u32,
-    /// DCD_FIXED, DCD_DYNAMIC, DCD_KINEMATIC or DCD_KINEMATIC_POSE.
+    /// Type: DCD_FIXED, DCD_DYNAMIC, DCD_KINEMATIC or DCD_KINEMATIC_POSE.
     pub body_type: DcdBodyType,
-    /// Your own.
+    /// User data of the body.
     pub user_data: u64,
-    /// Its centre of mass, world space, metres; in a served world its origin.
+    /// Centre of mass, world space, metres; in a served world the body's origin.
     pub centre: [f64; 3],
-    /// Kilograms; 0 for a fixed body, and in a served world, where it is not told.
+    /// Mass, kilograms; 0 for a fixed body, and in a served world, where it is not told.
     pub mass: f32,
-    /// The region that owns it, as in DcdRegionInfo; DCD_NO_REGION for a fixed body and an avatar that has
-    /// not appeared yet. In a served world as DcdOwner.region.
+    /// Region that owns the body, as in DcdRegionInfo; DCD_NO_REGION for a fixed body and for an avatar that has not appeared yet.
+    /// In a served world as DcdOwner.region.
     pub region: u32,
-    /// The force that dcd_body_set_force and dcd_body_add_force put on it, newtons.
+    /// Force that dcd_body_set_force and dcd_body_add_force put on the body, newtons.
     pub force: [f32; 3],
-    /// The torque, newton metres.
+    /// Torque that dcd_body_set_force and dcd_body_add_force put on the body, newton metres.
     pub torque: [f32; 3],
-    /// Number of its colliders.
+    /// Number of the body's colliders.
     pub colliders: u32,
-    /// Whether it sleeps: it costs nothing until something wakes it.
+    /// Whether the body sleeps: it costs nothing until something wakes it.
     pub sleeping: bool,
-    /// Whether your interest does not reach it (dcd_interest_set): what is told here is what was last heard of it.
+    /// Whether this process's interest does not reach the body (dcd_interest_set). Then this is what was last heard of it.
     pub outside: bool,
-    /// 0.
+    /// Reserved; always 0.
     pub reserved: [u8; 2],
 }
 
-// SAFETY: begins with `struct_size`; it is only written, so that any bits in its bools do no harm.
+// SAFETY: begins with `struct_size`; it is only written, so any bits in its bools do no harm.
 unsafe impl Sized32 for DcdBodyInfo {
     const NAME: &'static str = "DcdBodyInfo";
 }
@@ -78,9 +78,8 @@ pub unsafe extern "C" fn dcd_body_info(world: DcdWorld, body: DcdBodyId, out: *m
     })
 }
 
-/// Reads the pose and velocity of a body. `pose` or `velocity` may be null. For many bodies see dcd_state_view and
-/// dcd_state_read. A client or participant reads what it was last told, every DcdServerDef.state_every steps; to draw see
-/// dcd_view_body.
+/// Reads the pose and velocity of a body. `pose` or `velocity` may be null. For many bodies use dcd_state_view and dcd_state_read.
+/// A client or participant reads what it was last told, every DcdServerDef.state_every steps; to draw, use dcd_view_body.
 ///
 /// Errors: DCD_ERR_NULL (world, body), DCD_ERR_STALE_ID.
 #[unsafe(no_mangle)]
@@ -112,10 +111,10 @@ pub unsafe extern "C" fn dcd_body_get(
     })
 }
 
-/// Interpolates between two poses, for drawing between steps: `t` = 0 is `from`, 1 is `to`. Positions go straight, rotations by SLERP
-/// the shorter way. `from`, `to` and `out` may be the same. Needs no world; may run beside any other call.
+/// Interpolates between two poses, for drawing between steps: `t` = 0 is `from`, 1 is `to`. Positions go straight, rotations by
+/// SLERP the shorter way. `from`, `to` and `out` may be the same. The call needs no world, and may run beside any other call.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_ARGUMENT for a `t` that is not finite, a pose out of range or a q that is not of length 1.
+/// Errors: DCD_ERR_NULL, DCD_ERR_ARGUMENT (a `t` that is not finite, a pose out of range, or a q that is not of length 1).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_pose_interpolate(
     from: *const DcdPose,
@@ -144,13 +143,17 @@ pub unsafe extern "C" fn dcd_pose_interpolate(
     })
 }
 
-/// Teleports a body to a pose, whatever is there, and wakes it. A fixed body of a local world may be moved so too. A client
-/// or participant moves its own avatars but characters, a server all but fixed bodies; the next dcd_step asks for it. In a local
-/// world the body keeps its velocity; in a served one it gets that which this process last heard of (dcd_body_get), up to half a second
-/// old, or that which is set in the same step.
+/// Teleports a body to a pose, whatever is there, and wakes it.
 ///
-/// Errors: DCD_ERR_UNSUPPORTED for a body that this process may not move, DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a
-/// pose out of range or whose q is not of length 1.
+/// - In a local world any body may be moved, also a fixed one. The body keeps its velocity.
+/// - A client or participant moves its own avatars except characters. A server moves all but fixed bodies; a builder does so with
+///   the world's own. The next dcd_step asks for it. The body gets the velocity that this process last heard of (dcd_body_get), up
+///   to half a second old, or the one that is set in the same step.
+///
+/// Errors:
+/// - DCD_ERR_NULL, DCD_ERR_STALE_ID.
+/// - DCD_ERR_ARGUMENT: a pose out of range, or whose q is not of length 1.
+/// - DCD_ERR_UNSUPPORTED: a body that this process may not move.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_body_set_pose(
     world: DcdWorld,
@@ -168,10 +171,13 @@ pub unsafe extern "C" fn dcd_body_set_pose(
 }
 
 /// Sets the velocity of a dynamic or kinematic body, and wakes it. A client or participant drives its own avatars, a server all
-/// bodies; the next dcd_step asks for it.
+/// bodies, and a builder those of the world's own. In a served world the next dcd_step asks for it.
 ///
-/// Errors: DCD_ERR_UNSUPPORTED for a body that this process may not drive, DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for
-/// numbers out of range, a dynamic body above DcdWorldInfo.speed_limit, a fixed body or one that follows poses.
+/// Errors:
+/// - DCD_ERR_NULL, DCD_ERR_STALE_ID.
+/// - DCD_ERR_ARGUMENT: numbers out of range, a dynamic body above DcdWorldInfo.speed_limit, a fixed body, or one that follows
+///   poses.
+/// - DCD_ERR_UNSUPPORTED: a body that this process may not drive.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_body_set_velocity(
     world: DcdWorld,
@@ -188,11 +194,14 @@ pub unsafe extern "C" fn dcd_body_set_velocity(
     })
 }
 
-/// Sets the kinematic target of a body of type DCD_KINEMATIC_POSE: the pose that it has after the next step. What it touches feels the
-/// speed that this takes. It stays there until it gets another. For many bodies see dcd_state_write.
+/// Sets the kinematic target of a body of type DCD_KINEMATIC_POSE: the pose that it has after the next step. What it touches feels
+/// the speed that this takes. The body stays there until it gets another target. For many bodies use dcd_state_write.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for another type, a pose out of range or whose q is not of length 1, or
-/// so far off that it would be faster than DCD_MAX_NUMBER; DCD_ERR_UNSUPPORTED in a served world.
+/// Errors:
+/// - DCD_ERR_NULL, DCD_ERR_STALE_ID.
+/// - DCD_ERR_ARGUMENT: another type; a pose out of range, whose q is not of length 1, or so far off that the body would be faster
+///   than DCD_MAX_NUMBER.
+/// - DCD_ERR_UNSUPPORTED: in a served world.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_body_set_target(
     world: DcdWorld,
@@ -211,7 +220,8 @@ pub unsafe extern "C" fn dcd_body_set_target(
 
 /// Wakes a body. Bodies wake by themselves when something that moves touches them.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED in a served world but for its server and builders, which wake movable bodies.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED (in a served world, except for its server and builders, which wake
+/// movable bodies).
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_body_wake(world: DcdWorld, body: DcdBodyId) -> DcdStatus {
     guard("dcd_body_wake", || {
@@ -224,7 +234,7 @@ pub extern "C" fn dcd_body_wake(world: DcdWorld, body: DcdBodyId) -> DcdStatus {
 
 /// Puts a body to sleep: it stops, and costs nothing until something wakes it.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED in a served world.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED (in a served world).
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_body_sleep(world: DcdWorld, body: DcdBodyId) -> DcdStatus {
     guard("dcd_body_sleep", || {

@@ -1,7 +1,7 @@
 //! Lends arrays that C may go on reading after they were filled anew.
 
-/// An array lent to C. Growing it keeps the old memory, so that a late reader reads old numbers, never freed memory; the
-/// sizes are powers of two, so what is kept is never more than what is in use.
+/// Array lent to C. When it grows, it keeps the old memory, so that a late reader reads old numbers, never freed memory. Sizes are
+/// powers of two, so what is kept is never more than what is in use.
 #[derive(Debug)]
 pub(crate) struct Pinned<T> {
     live: Vec<T>,
@@ -15,7 +15,7 @@ impl<T> Default for Pinned<T> {
 }
 
 impl<T> Pinned<T> {
-    /// Empties the array and makes room; pushing up to `count` items does not move it.
+    /// Empties the array and makes room. Pushing up to `count` items does not move it.
     pub(crate) fn refill(&mut self, count: usize) -> &mut Vec<T> {
         self.live.clear();
         if self.live.capacity() < count {
@@ -32,7 +32,7 @@ impl<T> Pinned<T> {
         self.live.len()
     }
 
-    /// For C: null when there is nothing.
+    /// Returns the address for C: null when there is nothing.
     pub(crate) fn as_ptr(&self) -> *const T {
         if self.live.is_empty() { std::ptr::null() } else { self.live.as_ptr() }
     }
@@ -48,7 +48,7 @@ mod tests {
         array.refill(3).extend([1, 2, 3]);
         let early = array.as_ptr();
         array.refill(1000).extend(0..1000);
-        // SAFETY: `Pinned` keeps the memory it grew out of; that it does is what this test is about.
+        // SAFETY: `Pinned` keeps the memory that it grew out of, which is what this test is about.
         assert_eq!(unsafe { std::slice::from_raw_parts(early, 3) }.len(), 3);
         assert_eq!((array.len(), array.retired.len()), (1000, 1));
         array.refill(1024);

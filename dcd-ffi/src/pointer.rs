@@ -6,7 +6,7 @@ use std::net::SocketAddr;
 use crate::limits::{DCD_MAX_COORDINATE, DCD_MAX_ITEMS, DCD_MAX_NUMBER};
 use crate::status::{DCD_ERR_NULL, DCD_ERR_STRUCT, Failure};
 
-/// A struct that begins with its own size, so that it can grow under old programs.
+/// Struct that begins with its own size, so that it can grow under old programs.
 ///
 /// # Safety
 /// The first member is a `u32` named `struct_size`, and any bit pattern is a valid value.
@@ -30,7 +30,7 @@ impl<T> Out<T> {
     /// # Safety
     /// As [`Out::new`].
     pub(crate) unsafe fn optional(pointer: *mut T, name: &str) -> Result<Option<Self>, Failure> {
-        // SAFETY: passed on.
+        // SAFETY: the caller upholds the same contract.
         if pointer.is_null() { Ok(None) } else { unsafe { Self::new(pointer, name).map(Some) } }
     }
 
@@ -44,7 +44,7 @@ impl<T: Sized32> Out<T> {
     /// # Safety
     /// As [`Out::new`], and `struct_size` is initialised.
     pub(crate) unsafe fn sized(pointer: *mut T, name: &str) -> Result<Self, Failure> {
-        // SAFETY: passed on.
+        // SAFETY: the caller upholds the same contract.
         unsafe { check_size(pointer, name)? };
         Ok(Self(pointer))
     }
@@ -61,7 +61,7 @@ pub(crate) unsafe fn read<T: Copy>(pointer: *const T, name: &str) -> Result<T, F
 /// # Safety
 /// The pointer is null or valid for reading one `T`, or as much of it as its `struct_size` says.
 pub(crate) unsafe fn read_sized<T: Sized32>(pointer: *const T, name: &str) -> Result<T, Failure> {
-    // SAFETY: passed on; with the right size all of `T` is there.
+    // SAFETY: the caller upholds the same; with the right size all of `T` is there.
     unsafe {
         check_size(pointer, name)?;
         Ok(pointer.read())
@@ -89,23 +89,23 @@ pub(crate) unsafe fn text<'a>(pointer: *const c_char, name: &str) -> Result<&'a 
     bytes.to_str().map_err(|_| Failure::argument(format!("{name} is not UTF-8; convert it first")))
 }
 
-/// A text that need not be there.
+/// Reads a text that may be null.
 ///
 /// # Safety
 /// As for [`text`].
 pub(crate) unsafe fn optional<'a>(pointer: *const c_char, name: &str) -> Result<Option<&'a str>, Failure> {
-    // SAFETY: passed on.
+    // SAFETY: the caller upholds the same contract.
     if pointer.is_null() { Ok(None) } else { unsafe { text(pointer, name).map(Some) } }
 }
 
-/// Reads where to listen.
+/// Reads an address to listen at.
 pub(crate) fn address(text: &str, name: &str) -> Result<SocketAddr, Failure> {
     text.parse().map_err(|_| {
         Failure::argument(format!("{name} is \"{text}\"; give an address and a port, as \"0.0.0.0:7420\""))
     })
 }
 
-/// Reads where to listen, if anywhere.
+/// Reads an address to listen at, if one is given.
 ///
 /// # Safety
 /// As for [`text`].
@@ -113,7 +113,7 @@ pub(crate) unsafe fn optional_address(
     pointer: *const c_char,
     name: &str,
 ) -> Result<Option<SocketAddr>, Failure> {
-    // SAFETY: passed on.
+    // SAFETY: the caller upholds the same contract.
     unsafe { optional(pointer, name)? }.map(|text| address(text, name)).transpose()
 }
 
@@ -135,7 +135,7 @@ impl<T> Room<T> {
         count: *mut usize,
         [name, count_name]: [&'static str; 2],
     ) -> Result<Self, Failure> {
-        // SAFETY: passed on.
+        // SAFETY: the caller upholds the same contract.
         let count = unsafe { Out::new(count, count_name)? };
         if cap > 0 {
             check(out, name)?;
@@ -143,12 +143,12 @@ impl<T> Room<T> {
         Ok(Self { out, cap, count, name })
     }
 
-    /// Writes how many there are, and all of them if they fit. Who gives no memory asks for their number.
+    /// Writes how many items there are, and all of them if they fit. A caller that gives no memory asks for their number.
     pub(crate) fn fill(self, items: impl ExactSizeIterator<Item = T>) -> Result<(), Failure> {
         self.give(items).map(drop)
     }
 
-    /// As [`Room::fill`]; returns whether the caller has all of them now, and did not ask for their number alone.
+    /// Does what [`Room::fill`] does. Returns whether the caller has all items now, and did not ask for their number alone.
     pub(crate) fn give(self, items: impl ExactSizeIterator<Item = T>) -> Result<bool, Failure> {
         let (there, Self { out, cap, count, name }) = (items.len(), self);
         count.write(there);
@@ -177,7 +177,7 @@ pub(crate) fn check<T>(pointer: *const T, name: &str) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Out of the way of calls that are right, as all that only says what is wrong.
+/// Makes the failure of a bad pointer, out of the way of calls that are right, as all functions that only say what is wrong.
 #[cold]
 fn bad_pointer(is_null: bool, name: &str, alignment: usize) -> Failure {
     if is_null {
@@ -195,7 +195,8 @@ pub(crate) fn check_count(count: usize, name: &str) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Counts of more than half of what there can be are negative numbers that the caller took for a size.
+/// Makes the failure of a count out of bounds. A count of more than half of what there can be is a negative number that the caller
+/// took for a size.
 #[cold]
 fn too_many(count: usize, name: &str) -> Failure {
     Failure::argument(match isize::try_from(count) {
@@ -221,12 +222,12 @@ pub(crate) fn check_numbers(numbers: &[f32], name: &str) -> Result<(), Failure> 
     }
 }
 
-/// Returns whether a number is one that stays finite in a step; NaN is not.
+/// Returns whether a number stays finite in a step. NaN does not.
 pub(crate) fn is_in_range(number: f32) -> bool {
     number.abs() <= DCD_MAX_NUMBER
 }
 
-/// Checks that a number is one that stays finite in a step, and not below 0.
+/// Checks that a number stays finite in a step, and is not below 0.
 pub(crate) fn check_not_negative(value: f32, name: &str) -> Result<(), Failure> {
     if is_in_range(value) && value >= 0.0 {
         return Ok(());
@@ -252,7 +253,7 @@ pub(crate) fn check_reserved(reserved: u32) -> Result<(), Failure> {
 
 /// Checks that a point of world space is within range.
 pub(crate) fn check_point(point: &[f64; 3], name: &str) -> Result<(), Failure> {
-    // NaN is not at most anything.
+    // NaN is not at most anything, so it is refused too.
     if point.iter().all(|v| v.abs() <= DCD_MAX_COORDINATE) {
         return Ok(());
     }
@@ -265,9 +266,9 @@ pub(crate) fn check_point(point: &[f64; 3], name: &str) -> Result<(), Failure> {
 /// The pointer is null or its first four bytes are initialised.
 unsafe fn check_size<T: Sized32>(pointer: *const T, name: &str) -> Result<(), Failure> {
     check(pointer, name)?;
-    // SAFETY: `Sized32` begins with this number.
+    // SAFETY: a `Sized32` begins with this number.
     let given = unsafe { pointer.cast::<u32>().read() };
-    // When a struct grows, its earlier sizes are accepted here and the rest filled from its defaults.
+    // When a struct grows, its earlier sizes are accepted here, and the rest is filled from its defaults.
     if given as usize == size_of::<T>() {
         return Ok(());
     }

@@ -6,40 +6,42 @@ use crate::pointer::{Out, Sized32};
 use crate::registry::ask;
 use crate::status::DcdStatus;
 
-/// What the last step took, in seconds, and what was computed in it: sums over all regions, which compute side by side, so that times may be more
-/// than DcdStats.last_step. Start from DCD_PROFILE_INIT. It may grow at its end.
+/// Time that the last step took, in seconds by phase, and what was computed in it. These are sums over all regions, which compute
+/// side by side, so times may be more than DcdStats.last_step. Start from DCD_PROFILE_INIT. The struct may grow at its end.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DcdProfile {
-    /// sizeof(DcdProfile).
+    /// Size of this struct: sizeof(DcdProfile).
     pub struct_size: u32,
-    /// 0.
+    /// Reserved; always 0.
     pub reserved: u32,
-    /// Steps of Rapier, all phases.
+    /// Time of Rapier's steps, all phases, seconds.
     pub rapier: f64,
-    /// Finding pairs whose boxes touch. This and the next four are 0 in a library that was built without the feature `profiler`.
+    /// Time of finding pairs whose boxes touch, seconds; 0, as the next four are, in a library that was built without the feature
+    /// `profiler`.
     pub broad_phase: f64,
-    /// Finding contacts.
+    /// Time of finding contacts, seconds.
     pub narrow_phase: f64,
-    /// Keeping islands, and putting bodies to sleep.
+    /// Time of keeping islands, and of putting bodies to sleep, seconds.
     pub islands: f64,
-    /// Solving contacts and joints, and moving bodies.
+    /// Time of solving contacts and joints, and of moving bodies, seconds.
     pub solver: f64,
-    /// Sweeping fast bodies.
+    /// Time of sweeping fast bodies, seconds.
     pub ccd: f64,
-    /// Exchange of messages between regions: wall time.
+    /// Time of exchanging messages between regions, seconds: wall time.
     pub border: f64,
-    /// Pairs of colliders near enough for contacts; those that regions share count in each, as in all that follows.
+    /// Number of pairs of colliders near enough for contacts. Pairs that regions share count in each, as in all that follows.
     pub contact_pairs: u64,
-    /// Points of contact that were solved.
+    /// Number of points of contact that were solved.
     pub contacts: u64,
-    /// Bodies that were awake.
+    /// Number of bodies that were awake.
     pub awake: u64,
-    /// Joints, awake or not.
+    /// Number of joints, awake or not.
     pub joints: u64,
-    /// Islands that are awake now: groups of bodies that touch or are tied.
+    /// Number of islands that are awake now: groups of bodies that touch or are tied.
     pub islands_awake: u64,
-    /// Memory that bodies, colliders, contacts and joints take, roughly, bytes: not that of shapes, nor what is kept for the next step.
+    /// Memory that bodies, colliders, contacts and joints take, roughly, bytes. That of shapes, and of what is kept for the next
+    /// step, does not count.
     pub memory: u64,
 }
 
@@ -48,10 +50,13 @@ unsafe impl Sized32 for DcdProfile {
     const NAME: &'static str = "DcdProfile";
 }
 
-/// Reads what the last dcd_step of a local world took by phase, 0 before the first and of regions that rested, and what there is now.
+/// Reads what the last dcd_step of a local world took by phase, and what there is now. Times are 0 before the first step, and for
+/// regions that rested.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED in a served world, of which dcd_stats tells the wall time of taking in
-/// what came and the bytes of the network.
+/// Errors:
+/// - DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
+/// - DCD_ERR_UNSUPPORTED: in a served world. There dcd_stats has the wall time of taking in what came, and the bytes of the
+///   network.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_profile(world: DcdWorld, out: *mut DcdProfile) -> DcdStatus {
     guard("dcd_profile", || {

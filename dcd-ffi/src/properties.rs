@@ -16,49 +16,49 @@ use crate::types::{
     DCD_FIXED, DCD_KINEMATIC, DCD_KINEMATIC_POSE, DcdBodyType,
 };
 
-/// The properties of a body, but for those of its colliders: the members of DcdBodyDef, to be read and changed later. Start from
+/// Properties of a body, except those of its colliders: the members of DcdBodyDef, to be read and changed later. Start from
 /// DCD_BODY_PROPERTIES_INIT and dcd_body_properties.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DcdBodyProperties {
-    /// sizeof(DcdBodyProperties).
+    /// Size of this struct: sizeof(DcdBodyProperties).
     pub struct_size: u32,
-    /// DCD_FIXED, DCD_DYNAMIC, DCD_KINEMATIC or DCD_KINEMATIC_POSE.
+    /// Type: DCD_FIXED, DCD_DYNAMIC, DCD_KINEMATIC or DCD_KINEMATIC_POSE.
     pub body_type: DcdBodyType,
-    /// DCD_BODY_CCD, _NO_SLEEP, _DISABLED, _FAST_SPIN and _NO_GYRO bits.
+    /// DCD_BODY_CCD, DCD_BODY_NO_SLEEP, DCD_BODY_DISABLED, DCD_BODY_FAST_SPIN and DCD_BODY_NO_GYRO bits.
     pub flags: u32,
-    /// DCD_LOCK_… bits.
+    /// DCD_LOCK_… bits: axes of the world that a dynamic body does not follow.
     pub locked: u32,
-    /// As in DcdBodyDef, and so all that follows.
+    /// Dominance, -128 to 127. This and all that follows is as in DcdBodyDef.
     pub dominance: i32,
-    /// 1/s.
+    /// Damping of movement, 1/s.
     pub linear_damping: f32,
-    /// 1/s.
+    /// Damping of turning, 1/s.
     pub angular_damping: f32,
     /// Factor on gravity.
     pub gravity_scale: f32,
-    /// Metres.
+    /// Distance ahead at which the body looks for what it may meet, metres.
     pub soft_ccd: f32,
-    /// m/s.
+    /// Speed below which the body may fall asleep, m/s.
     pub sleep_linear: f32,
-    /// rad/s.
+    /// Spin below which the body may fall asleep, rad/s.
     pub sleep_angular: f32,
-    /// Seconds.
+    /// Time that the body must have been so slow before it falls asleep, seconds.
     pub sleep_after: f32,
-    /// Kilograms.
+    /// Mass besides that of the shapes, kilograms.
     pub extra_mass: f32,
-    /// Metres.
+    /// Centre of the extra mass, from the body's origin, metres.
     pub extra_centre: [f32; 3],
-    /// kg m², about the body's x, y and z; of a part of a model (MJCF, URDF) about the part's principal axes, which may be turned on the
-    /// body, and which stay until its extra_mass is 0.
+    /// Moments of inertia of the extra mass about the body's x, y and z, kg m². For a part of a model (MJCF, URDF) they are about
+    /// the part's principal axes, which may be turned on the body, and which stay until its extra_mass is 0.
     pub extra_inertia: [f32; 3],
-    /// Iterations of the solver.
+    /// Number of solver iterations more than others have.
     pub extra_solver_iterations: u32,
-    /// Iterations within each of them.
+    /// Number of additional iterations within each solver iteration.
     pub extra_pgs_iterations: u32,
-    /// 0.
+    /// Reserved; must be 0.
     pub reserved: u32,
-    /// Your own.
+    /// User data of the body.
     pub user_data: u64,
 }
 
@@ -67,7 +67,7 @@ unsafe impl Sized32 for DcdBodyProperties {
     const NAME: &'static str = "DcdBodyProperties";
 }
 
-/// Most additional iterations of a solver for one body.
+/// Largest number of additional solver iterations for one body.
 const MAX_ITERATIONS: u32 = 1000;
 
 impl DcdBodyProperties {
@@ -83,7 +83,7 @@ impl DcdBodyProperties {
                 (inverse(record.inv_mass), record.local_com, inertia)
             }
         };
-        // What a body that never sleeps would have if it did.
+        // Thresholds that a body which never sleeps would have if it did.
         let threshold = |known: f32, usual: f32| if can_sleep { known } else { usual };
         Self {
             struct_size: size_of::<Self>() as u32,
@@ -158,9 +158,9 @@ impl DcdBodyProperties {
         Ok(())
     }
 
-    /// Builds a body with these properties; the thresholds of its sleep Rapier's builder does not know.
+    /// Returns a builder of a body with these properties, except the thresholds of its sleep, which Rapier's builder does not know.
     pub(crate) fn builder(&self) -> Result<RigidBodyBuilder, Failure> {
-        // Rapier's setters would copy the builder each: they are not inlined into this crate.
+        // Rapier's setters are not inlined into this crate, so each would copy the builder.
         let mut builder = RigidBodyBuilder::new(kind_of(self.body_type)?);
         builder.linear_damping = self.linear_damping;
         builder.angular_damping = self.angular_damping;
@@ -185,8 +185,8 @@ impl DcdBodyProperties {
         })
     }
 
-    /// Returns what is recorded of a body with these properties, but for its kind, its colliders and its user data. The same as of what
-    /// [`DcdBodyProperties::builder`] builds.
+    /// Returns what is recorded of a body with these properties, of this kind and with these colliders; its user data is apart. It
+    /// is the same as what is recorded of what [`DcdBodyProperties::builder`] builds.
     pub(crate) fn traits(&self, kind: BodyKind, colliders: Vec<ColliderRecord>) -> BodyTraits {
         let never = self.has(DCD_BODY_NO_SLEEP);
         BodyTraits {
@@ -222,8 +222,8 @@ impl DcdBodyProperties {
         }
     }
 
-    /// Changes a body from the properties `before` to these. What is as it was is not touched: of some of it Rapier knows
-    /// more than C.
+    /// Changes a body from the properties `before` to these. What is as it was is not touched, because Rapier knows more of some of
+    /// it than C.
     pub(crate) fn apply(&self, before: &Self, body: &mut RigidBody) {
         if self.body_type != before.body_type
             && let Ok(kind) = kind_of(self.body_type)
@@ -273,7 +273,7 @@ impl DcdBodyProperties {
         }
     }
 
-    /// How slow for how long it must be to fall asleep.
+    /// Returns the thresholds of sleep: how slow the body must be, and for how long.
     pub(crate) fn sleep(&self) -> [f32; 3] {
         [self.sleep_linear, self.sleep_angular, self.sleep_after]
     }
@@ -294,14 +294,14 @@ impl DcdBodyProperties {
         LockedAxes::from_bits_truncate(self.locked as u8)
     }
 
-    /// Its extra mass, if more than a number is given; `frame` turns the body's axes to those of its inertia.
+    /// Returns the extra mass, if it is more than a number. `frame` turns the body's axes to those of its inertia.
     fn extra_properties(&self, frame: Rotation) -> Option<MassProperties> {
         let given = (self.extra_centre, self.extra_inertia) != ([0.0; 3], [0.0; 3]);
         let [centre, inertia] = [self.extra_centre, self.extra_inertia].map(Vector::from_array);
         given.then(|| MassProperties::with_principal_inertia_frame(centre, self.extra_mass, inertia, frame))
     }
 
-    /// Returns an error if a body becomes dynamic, or loses its extra mass, that has no other.
+    /// Returns an error if a body that has no other mass becomes dynamic, or loses its extra mass.
     fn check_mass(&self, before: &Self, traits: &BodyTraits) -> Result<(), Failure> {
         let weighs = traits.colliders.iter().filter(|collider| collider.enabled).any(|own| match own.mass {
             ColliderMass::Density(value) | ColliderMass::Mass(value) => value > 0.0,
@@ -316,7 +316,8 @@ impl DcdBodyProperties {
     }
 }
 
-/// The rotation from a body's axes to those of the inertia of its extra mass: those of a model's parts are not its own.
+/// Returns the rotation from a body's axes to those of the inertia of its extra mass: the parts of a model have axes other than the
+/// body's own.
 fn principal_frame(body: &RigidBody) -> Rotation {
     match body.mass_properties().additional_local_mprops.as_deref() {
         Some(RigidBodyAdditionalMassProps::MassProps(extra)) => extra.principal_inertia_local_frame,
@@ -376,12 +377,15 @@ pub unsafe extern "C" fn dcd_body_properties(
 }
 
 /// Changes the properties of a body: read them by dcd_body_properties, change members, and give them back. What is as it was stays
-/// as it is; if anything but user_data was changed, the body wakes. A body that becomes fixed, or movable, loses the memory
-/// of its contacts.
+/// as it is. If anything but user_data was changed, the body wakes. A body that becomes fixed, or movable, loses the memory of its
+/// contacts.
 ///
 /// `properties` is read during the call.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, to fix a link of a
-/// multibody, or where a dynamic body would have no mass; DCD_ERR_UNSUPPORTED in a served world but for its server and builders, which change movable bodies and let them be movable.
+/// Errors:
+/// - DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
+/// - DCD_ERR_ARGUMENT: a member out of range, a link of a multibody that would be fixed, or a dynamic body that would have no mass.
+/// - DCD_ERR_UNSUPPORTED: in a served world, except for its server and builders, which change movable bodies and let them be
+///   movable.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_body_set_properties(
     world: DcdWorld,

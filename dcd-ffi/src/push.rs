@@ -10,12 +10,14 @@ use crate::pointer::{self, check_point, is_in_range};
 use crate::registry::{self, World, with};
 use crate::status::{DCD_ERR_UNSUPPORTED, DcdStatus, Failure};
 
-/// Applies an impulse to a dynamic body, and wakes it: `impulse` in N s, world axes, at `point` in world space, metres; a null `point`
-/// is the centre of mass.
+/// Applies an impulse to a dynamic body, and wakes it. `impulse` is in N s, world axes, and acts at `point` in world space, metres;
+/// a null `point` is the centre of mass.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a body that is not dynamic, or that would be
-/// faster than DCD_MAX_NUMBER; forces and impulses themselves may be larger. DCD_ERR_UNSUPPORTED for clients,
-/// participants and nodes.
+/// Errors:
+/// - DCD_ERR_NULL, DCD_ERR_STALE_ID.
+/// - DCD_ERR_ARGUMENT: a body that is not dynamic, or that would be faster than DCD_MAX_NUMBER. Forces and impulses themselves may
+///   be larger.
+/// - DCD_ERR_UNSUPPORTED: clients that may not build, participants and nodes.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_body_apply_impulse(
     world: DcdWorld,
@@ -36,7 +38,8 @@ pub unsafe extern "C" fn dcd_body_apply_impulse(
     })
 }
 
-/// Applies an angular impulse to a dynamic body, and wakes it: `impulse` in N m s, world axes. Errors: as dcd_body_apply_impulse.
+/// Applies an angular impulse to a dynamic body, and wakes it. `impulse` is in N m s, world axes. Errors: as
+/// dcd_body_apply_impulse.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_body_apply_torque_impulse(
     world: DcdWorld,
@@ -54,8 +57,9 @@ pub unsafe extern "C" fn dcd_body_apply_torque_impulse(
     })
 }
 
-/// Sets the force and torque on a dynamic body in every step from now on, and wakes it: `force` in N at its centre of mass and `torque`
-/// in N m, world axes; null is none. Set both to none to stop. A later call replaces what an earlier one set.
+/// Sets the force and torque on a dynamic body in every step from now on, and wakes it. `force` is in N and acts at the centre of
+/// mass; `torque` is in N m. Both are in world axes, and null is none. Set both to none to stop. A later call replaces what an
+/// earlier one set.
 ///
 /// Errors: as dcd_body_apply_impulse.
 #[unsafe(no_mangle)]
@@ -79,11 +83,12 @@ pub unsafe extern "C" fn dcd_body_set_force(
     })
 }
 
-/// Adds a force to that of dcd_body_set_force: `force` in N, world axes, at `point` in world space, metres; a null `point` is the centre
-/// of mass. Its torque is computed now and stays when the body moves on: for a thruster, set no force and add those of all
-/// thrusters before each step.
+/// Adds a force to that of dcd_body_set_force. `force` is in N, world axes, and acts at `point` in world space, metres; a null
+/// `point` is the centre of mass. Its torque is computed now, and stays when the body moves on. For a thruster, set no force and
+/// add those of all thrusters before each step.
 ///
-/// Errors: as dcd_body_apply_impulse, and DCD_ERR_UNSUPPORTED for servers and builders too, which set the whole force (dcd_body_set_force).
+/// Errors: as dcd_body_apply_impulse, and DCD_ERR_UNSUPPORTED also for servers and builders, which set the whole force
+/// (dcd_body_set_force).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_body_add_force(
     world: DcdWorld,
@@ -124,12 +129,13 @@ unsafe fn read_point(point: *const f64) -> Result<Option<[f64; 3]>, Failure> {
     if point.is_null() {
         return Ok(None);
     }
-    // SAFETY: passed on.
+    // SAFETY: the caller upholds the same contract.
     let point = unsafe { pointer::read(point.cast::<[f64; 3]>(), "point")? };
     check_point(&point, "point").map(|()| Some(point))
 }
 
-/// Returns how a push at a point turns a body about the centre of mass, which is the same in every region, whatever its origin (anchor).
+/// Returns the angular part of a push at a point, about the centre of mass. It is the same in every region, whatever its origin
+/// (anchor).
 fn turn_of(world: &World, id: BodyId, push: Vector, point: Option<[f64; 3]>) -> Vector {
     match (point, world.dcd.centre_of_mass(id)) {
         (Some(point), Some(centre)) => {
@@ -153,7 +159,7 @@ pub(crate) fn check_dynamic(world: &World, id: BodyId) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Checks that a body keeps a speed in range when it is pushed so for `seconds`; impulses last one.
+/// Checks that a body keeps a speed in range when it is pushed so for `seconds`; an impulse counts as one second.
 fn check_kick(world: &World, id: BodyId, push: Vector, turn: Vector, seconds: f32) -> Result<(), Failure> {
     let Some(velocity) = world.dcd.velocity_after(id, push * seconds, turn * seconds) else { return Ok(()) };
     if velocity.linear.iter().chain(&velocity.angular).all(|v| is_in_range(*v)) {

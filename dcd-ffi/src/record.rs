@@ -9,12 +9,13 @@ use crate::pointer;
 use crate::registry::with;
 use crate::status::{DCD_ERR_IO, DcdStatus, Failure};
 
-/// Begins to record a local world to a file: a snapshot of it as it is now, what is done to it from now on, and a digest of each region
-/// after each step. `dcd replay FILE` computes it again from that, bit for bit, `dcd diff` finds where two recordings differ. A thread
-/// of the library writes the file; what a crash loses is the last tenth of a second. A recording that was going on ends. Nodes and
-/// participants are recorded from their beginning, and servers too: `record_path` of DcdServerDef, DcdNodeDef and DcdParticipantDef.
+/// Begins to record a local world to a file. The recording holds a snapshot of the world as it is now, what is done to it from now
+/// on, and a digest of each region after each step. From that, `dcd replay FILE` computes the world again, bit for bit, and `dcd
+/// diff` finds where two recordings differ.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_IO, DCD_ERR_UNSUPPORTED in a served world.
+/// A thread of the library writes the file. A crash loses the last tenth of a second. A recording that was going on ends. Servers,
+/// nodes and participants are recorded from their beginning, by `record_path` of DcdServerDef, DcdNodeDef and DcdParticipantDef.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_IO, DCD_ERR_UNSUPPORTED (in a served world).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_record(world: DcdWorld, path: *const c_char) -> DcdStatus {
     guard("dcd_record", || {
@@ -24,10 +25,12 @@ pub unsafe extern "C" fn dcd_record(world: DcdWorld, path: *const c_char) -> Dcd
     })
 }
 
-/// Begins to record a local world in memory, and keeps at least the last `seconds` of it by the clock on the wall, about twice as much at most, for "what happened just
-/// now?": dcd_record_keep writes it. Each stretch of so many seconds begins with a snapshot. A recording that was going on ends.
+/// Begins to record a local world in memory, for "what happened just now?". It keeps at least the last `seconds` of the world by
+/// the clock on the wall, about twice as much at most; dcd_record_keep writes them. Each stretch of so many seconds begins with a
+/// snapshot. A recording that was going on ends.
 ///
-/// Errors: DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for `seconds` that are not above 0 and up to 86,400, DCD_ERR_UNSUPPORTED in a served world.
+/// Errors: DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT (`seconds` that are not above 0 and up to 86,400), DCD_ERR_UNSUPPORTED (in a served
+/// world).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_record_last(world: DcdWorld, seconds: f32) -> DcdStatus {
     guard("dcd_record_last", || {
@@ -40,10 +43,11 @@ pub unsafe extern "C" fn dcd_record_last(world: DcdWorld, seconds: f32) -> DcdSt
     })
 }
 
-/// Writes to a file what dcd_record_last has kept, and goes on recording. A file that is there is replaced once the new one is whole.
+/// Writes to a file what dcd_record_last has kept, and goes on recording. A file that is there is replaced once the new one is
+/// whole.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_IO, DCD_ERR_ARGUMENT if nothing is recorded in memory, DCD_ERR_UNSUPPORTED in a
-/// served world.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_IO, DCD_ERR_ARGUMENT (nothing is recorded in memory), DCD_ERR_UNSUPPORTED (in a
+/// served world).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_record_keep(world: DcdWorld, path: *const c_char) -> DcdStatus {
     guard("dcd_record_keep", || {
@@ -53,9 +57,10 @@ pub unsafe extern "C" fn dcd_record_keep(world: DcdWorld, path: *const c_char) -
     })
 }
 
-/// Ends the recording of a local world, and waits until it is written. Does nothing where nothing is recorded, and in a served world.
+/// Ends the recording of a local world, and waits until it is written. It does nothing where nothing is recorded, and in a served
+/// world.
 ///
-/// Errors: DCD_ERR_STALE_ID, DCD_ERR_IO if anything of it could not be written: the file ends there.
+/// Errors: DCD_ERR_STALE_ID, DCD_ERR_IO (a part of the recording could not be written: the file ends there).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_record_stop(world: DcdWorld) -> DcdStatus {
     guard("dcd_record_stop", || with(world, |world| Ok(world.dcd.stop_recording()?)))

@@ -1,24 +1,24 @@
-//! Declares the roles of a process as C sees them.
+//! Declares the roles of a process for C.
 
 use dcd::Role;
 
-/// The role of a process in a world.
+/// Role of a process in a world.
 pub type DcdRole = u32;
 
-/// Computes all of it.
+/// Local: the process computes all of the world.
 pub const DCD_ROLE_LOCAL: DcdRole = 0;
-/// Hosts avatars in it; others compute it.
+/// Client: hosts avatars in the world, which others compute.
 pub const DCD_ROLE_CLIENT: DcdRole = 1;
-/// Hosts avatars in it, and computes a share of it.
+/// Participant: hosts avatars in the world, and computes a share of it.
 pub const DCD_ROLE_PARTICIPANT: DcdRole = 2;
-/// Holds it: decides who computes what, and lets others in.
+/// Server: holds the world, decides which process computes what, and lets others in.
 pub const DCD_ROLE_SERVER: DcdRole = 3;
-/// Computes a share of it.
+/// Node: computes a share of the world.
 pub const DCD_ROLE_NODE: DcdRole = 4;
-/// Hosts avatars in it as a client, and may change what is the world's own as the server's program does.
+/// Builder: a client that hosts avatars and may also change what is the world's own, as the server's program does.
 pub const DCD_ROLE_BUILDER: DcdRole = 5;
 
-/// The number of a role.
+/// Returns the number of a role.
 pub(crate) fn number_of(role: Role) -> DcdRole {
     match role {
         Role::Local => DCD_ROLE_LOCAL,

@@ -19,114 +19,126 @@ use crate::role::{DCD_ROLE_BUILDER, DCD_ROLE_CLIENT, DCD_ROLE_NODE, DCD_ROLE_PAR
 use crate::status::{DCD_ERR_NULL, DCD_ERR_UNSUPPORTED, DcdStatus, Failure};
 use crate::world::{self, DcdWorldDef, Opened};
 
-/// In DcdServerDef.flags: begin anew, and forget a world that the data folder holds.
+/// In DcdServerDef.flags: the server begins anew, and forgets a world that the data folder holds.
 pub const DCD_SERVER_FRESH: u32 = 1;
-/// In DcdServerDef.flags: as fast as the nodes can, rather than in real time.
+/// In DcdServerDef.flags: the world advances as fast as the nodes can, rather than in real time.
 pub const DCD_SERVER_UNPACED: u32 = 2;
 
-/// The settings by which nodes form groups and keep in step. Start from DCD_GROUP_DEF_INIT.
+/// Settings by which nodes form groups and keep in step. Start from DCD_GROUP_DEF_INIT.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdGroupDef {
-    /// sizeof(DcdGroupDef).
+    /// Size of this struct: sizeof(DcdGroupDef).
     pub struct_size: u32,
-    /// Nodes run ahead of one another by at most so many ticks, and extrapolate, 0 to 60; 0: lockstep. Else the
-    /// coupling must be DCD_COUPLING_OWNER.
+    /// Largest number of ticks by which nodes run ahead of one another, and extrapolate, 0 to 60; 0: lockstep. Above 0 the coupling
+    /// must be DCD_COUPLING_OWNER.
     pub lag_ticks: u32,
-    /// Nodes share a group whose round trips are below this, milliseconds; 0: all that reach each other share one.
+    /// Round trip below which nodes share a group, milliseconds; 0: all nodes that reach each other share one.
     pub near_ms: f32,
-    /// Members above this round trip are voted out of their group, milliseconds; above near_ms, and 0 where that is 0.
+    /// Round trip above which members are voted out of their group, milliseconds; above near_ms, and 0 where that is 0.
     pub far_ms: f32,
-    /// How far a body may be from its place in the group that is authoritative for it, metres, above 0.
+    /// Largest distance of a body from its place in the group that is authoritative for it, metres, above 0.
     pub agree: f32,
-    /// Nodes in a group at most, 1 to 1024.
+    /// Largest number of nodes in a group, 1 to 1024.
     pub size: u32,
 }
 
-/// The definition of a server. Start from DCD_SERVER_DEF_INIT and give at least `data_path` and one of `scene` and `source`.
+/// Definition of a server. Start from DCD_SERVER_DEF_INIT and give at least `data_path` and one of `scene` and `source`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdServerDef {
-    /// sizeof(DcdServerDef).
+    /// Size of this struct: sizeof(DcdServerDef).
     pub struct_size: u32,
-    /// Nodes to wait for before the first tick, 1 to 1024.
+    /// Number of nodes to wait for before the first tick, 1 to 1024.
     pub nodes: u32,
-    /// A scene of the library, or the path of a scene file, as in dcd_world_open_scene; null with `source`.
+    /// Name of a scene of the library, or path of a scene file, as in dcd_world_open_scene; null with `source`.
     pub scene: *const c_char,
     /// Texts "name=value" that change parameters of the scene, or null.
     pub params: *const *const c_char,
-    /// How many.
+    /// Number of texts in `params`.
     pub param_count: usize,
-    /// How the world is cut and coupled, or null; what counts of it is what counts in dcd_world_open_scene.
+    /// Cut and coupling of the world, or null. The same members count as in dcd_world_open_scene.
     pub world: *const DcdWorldDef,
-    /// A local world to serve as it is now, with its cut and settings; else null (v is 0). It is copied and stays yours. Bodies
-    /// keep their user data, and have other handles in the worlds that join. `scene`, `params` and `world` are null then.
+    /// Local world to serve as it is now, with its cut and settings; else null (v is 0). It is copied and stays the program's.
+    /// Bodies keep their user data, and have other handles in the worlds that join. With it, `scene`, `params` and `world` are
+    /// null.
     pub source: DcdWorld,
     /// How nodes form groups, or null for DCD_GROUP_DEF_INIT.
     pub groups: *const DcdGroupDef,
-    /// Where to listen, as "127.0.0.1:7420", "0.0.0.0:7420" or "[::]:7420"; port 0 takes any free one (dcd_address).
+    /// Address to listen at, such as "127.0.0.1:7420", "0.0.0.0:7420" or "[::]:7420"; port 0 takes any free one (dcd_address).
     pub listen: *const c_char,
-    /// A folder, made if need be, that keeps the server's keys, which tokens were used, and the world: a server that died
-    /// goes on with it when one is made in the same way. One server a folder.
+    /// Path of a folder, made if need be, that keeps the server's keys, the list of used tokens, and the world. A server that died
+    /// goes on with the world when one is made in the same way. Each server has a folder of its own.
     pub data_path: *const c_char,
-    /// Ends the world after this tick; 0: when it is destroyed.
+    /// Tick after which the world ends; 0: it ends when it is destroyed.
     pub last_tick: u64,
-    /// The fastest that clients may move their avatars, m/s, above 0 and up to 100,000.
+    /// Largest speed at which clients may move their avatars, m/s, above 0 and up to 100,000.
     pub avatar_speed: f32,
     /// DCD_SERVER_... bits.
     pub flags: u32,
-    /// Your own; dcd_world_info gives it back.
+    /// User data of the world; dcd_world_info gives it back.
     pub user_data: u64,
-    /// Steps from one state of a moving body that clients are told to the next, 1 to 30: they show the steps between by interpolation
-    /// (dcd_view_time). 1 tells each step, in up to three times the bytes of 3.
+    /// Number of steps from one state of a moving body that clients are told to the next, 1 to 30. Clients show the steps between
+    /// by interpolation (dcd_view_time). 1 tells each step, in up to three times the bytes of 3.
     pub state_every: u32,
-    /// The share of participants, 0 to 1, whose regions the node that leads computes once more, to compare: one that computes otherwise is sent
-    /// away. Who is drawn is not told. Needs a node that is no participant, with as many more regions to compute, and lockstep. 0: none.
+    /// Share of participants, 0 to 1, whose regions the leading node computes once more, to compare; 0: none. A participant that
+    /// computes otherwise is sent away. Which ones are drawn is not told. It needs lockstep, and a node that is no participant and
+    /// computes as many more regions.
     pub verify: f32,
-    /// Where the server answers over HTTP with its metrics (/metrics, in Prometheus' text format) and whether it is well (/healthz, /readyz), as
-    /// "127.0.0.1:9420"; port 0 takes any free one (dcd_metrics_address). Whoever reaches it may read that. Null: nowhere, and nothing is measured.
+    /// Address at which the server answers over HTTP with its metrics (/metrics, in Prometheus' text format) and whether it is well
+    /// (/healthz, /readyz), such as "127.0.0.1:9420"; port 0 takes any free one (dcd_metrics_address). Whoever reaches it may read
+    /// them. Null: nowhere, and nothing is measured.
     pub metrics: *const c_char,
-    /// Keeps the world in etcd instead of in the folder: "etcd://HOST:PORT[,HOST:PORT...]/NAME", in a library that is built with its feature etcd.
-    /// Servers with the same one, scene and settings stand by for one another: dcd_server_create waits until none of the others serves. Over TLS it is
-    /// "etcds://HOST:PORT/NAME?cacert=FILE", with "&cert=FILE&key=FILE" where etcd asks for certificates, and "&user=NAME&password-file=FILE" where it has
-    /// users; without a file the password is in the environment (`DCD_ETCD_PASSWORD`). Null: in the folder.
+    /// Place in etcd that keeps the world instead of the folder: "etcd://HOST:PORT[,HOST:PORT...]/NAME", in a library that is built
+    /// with its feature etcd. Null: the folder keeps the world.
+    ///
+    /// Servers with the same place, scene and settings stand by for one another: dcd_server_create waits until none of the others
+    /// serves.
+    ///
+    /// Over TLS the place is "etcds://HOST:PORT/NAME?cacert=FILE", with "&cert=FILE&key=FILE" where etcd asks for certificates, and
+    /// "&user=NAME&password-file=FILE" where it has users. Without a file the password is in the environment (`DCD_ETCD_PASSWORD`).
     pub directory: *const c_char,
-    /// A file to record to all that the server is given, for `dcd replay`; or null. One that holds something is refused: it may say what went wrong before.
+    /// Path of a file to record to, for `dcd replay`, or null. The recording holds all that the server is given. A file that holds
+    /// something is refused: it may say what went wrong before.
     pub record_path: *const c_char,
-    /// Seconds that the avatars of a client which left wait for its return (DcdClientDef.identity_path) before they are removed, above 0 and up to
-    /// 31,536,000.
+    /// Time that the avatars of a client that left wait for its return (DcdClientDef.identity_path) before they are removed,
+    /// seconds, above 0 and up to 31,536,000.
     pub avatar_expiry: f32,
-    /// 0.
+    /// Reserved; must be 0.
     pub reserved: u32,
 }
 
-/// The definition of a node that joins a served world. Start from DCD_NODE_DEF_INIT and give at least server and token.
+/// Definition of a node that joins a served world. Start from DCD_NODE_DEF_INIT and give at least `server` and `token`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdNodeDef {
-    /// sizeof(DcdNodeDef).
+    /// Size of this struct: sizeof(DcdNodeDef).
     pub struct_size: u32,
-    /// As in DcdClientDef.
+    /// Time to wait for the server and the world, milliseconds, as in DcdClientDef.
     pub timeout_ms: u32,
-    /// As in DcdClientDef.
+    /// Address of the server, as in DcdClientDef.
     pub server: *const c_char,
-    /// What dcd_token_create or `dcd token --role node` gave; joining uses it up. A used one does where identity_path has its file already.
+    /// Token that dcd_token_create or `dcd token --role node` gave. Joining uses it up. A used token will do where the file of
+    /// identity_path exists already.
     pub token: *const c_char,
-    /// As in DcdClientDef.
+    /// Path of the identity file, as in DcdClientDef.
     pub identity_path: *const c_char,
-    /// Where other nodes reach this one, as "192.0.2.7:7421", or null: any free port of the interface towards the server.
+    /// Address at which other nodes reach this one, such as "192.0.2.7:7421", or null: any free port of the interface towards the
+    /// server.
     pub listen: *const c_char,
-    /// Your own; dcd_world_info gives it back.
+    /// User data of the world; dcd_world_info gives it back.
     pub user_data: u64,
-    /// Threads that compute its share, 1 to 1024; 0 is one per core.
+    /// Number of threads that compute the node's share of the world, 1 to 1024; 0: one per core.
     pub threads: u32,
-    /// Milliseconds that the server may be out of reach later on, before the node gives up; 0: it waits without end, and computes on.
+    /// Time that the server may be out of reach later on before the node gives up, milliseconds; 0: the node waits without end, and
+    /// computes on.
     pub give_up_ms: u32,
-    /// A file to record to all that the node is given, and a digest of each region after each tick, for `dcd replay`; or null. As in DcdServerDef.
+    /// Path of a file to record to, for `dcd replay`, or null, as in DcdServerDef. The recording holds all that the node is given,
+    /// and a digest of each region after each tick.
     pub record_path: *const c_char,
-    /// As in DcdServerDef, of the node.
+    /// Address at which the node answers with its metrics, or null, as in DcdServerDef.
     pub metrics: *const c_char,
-    /// The address to give to other nodes and clients, where it is not the one listened on, as behind a NAT; or null.
+    /// Address to give to other nodes and clients, where it is not the one listened at, as behind a NAT; or null.
     pub advertise: *const c_char,
 }
 
@@ -143,23 +155,30 @@ unsafe impl Sized32 for DcdNodeDef {
     const NAME: &'static str = "DcdNodeDef";
 }
 
-/// Creates a server: it holds a world, decides which node computes what, and lets clients in. It computes nothing itself; the
+/// Creates a server, which holds a world, decides which node computes what, and lets clients in. It computes nothing itself: the
 /// world begins with the nodes that join it (dcd_node_join, dcd_participant_join, or `dcd node` on other machines).
 ///
-/// It works on threads of the library, whether or not you call dcd_step, which says whether all is well, and takes in what came
-/// for your program: of dcd_events, connections and messages. Your program may change the world by the handle: make, move and
-/// destroy bodies, and tie new ones (dcd_bodies_create, dcd_joint_create); what it did since the last dcd_step is sent with the next,
-/// is on record before anybody hears of it, and is computed alike by all nodes. Bodies are read from the record: as nodes last told,
-/// at most half a second ago; to see them move, join the world, also from the same process. What is submitted (dcd_rays_submit and the like)
-/// the nodes answer, after what your program did before; dcd_events tells of the contacts of all bodies that ask for them, but for
-/// some while nodes join or leave. dcd_world_destroy ends the world for all, and so does `dcd end`; after dcd_server_suspend, or a process
-/// that ends without, one that is made in the same way goes on with it. The folder keeps its keys (authority.pem), the list of
-/// used tokens (joins.log), locks, and the world (world.redb).
+/// The server works on threads of the library, whether or not the program calls dcd_step. dcd_step says whether all is well, and
+/// takes in what came for the program.
+/// - Changing the world. The program may make, move and destroy bodies by the handle, and tie new ones (dcd_bodies_create,
+///   dcd_joint_create). What it did since the last dcd_step is sent with the next, is on record before anybody hears of it, and is
+///   computed alike by all nodes.
+/// - Reading bodies. Bodies are read from the record: as nodes last told, at most half a second ago. To see them move, join the
+///   world, also from the same process.
+/// - Queries. The nodes answer what is submitted (dcd_rays_submit and the like), after what the program did before.
+/// - Events. dcd_events reports connections, messages, and the contacts of all bodies that ask for them, but for some while nodes
+///   join or leave.
+/// - Ending. dcd_world_destroy ends the world for all, and so does `dcd end`. After dcd_server_suspend, or when the process ends
+///   without dcd_world_destroy, a server that is made in the same way goes on with the world.
+/// - Folder. It keeps the server's keys (authority.pem), the list of used tokens (joins.log), locks, and the world (world.redb).
 ///
 /// `def` and what it points to are read during the call.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, an unknown scene, or a stored world that
-/// is another one, DCD_ERR_IO for the scene's file and the folder, also while another server uses it, DCD_ERR_NETWORK when
-/// an address cannot be listened on, DCD_ERR_LIMIT without threads.
+/// Errors:
+/// - DCD_ERR_NULL, DCD_ERR_STRUCT.
+/// - DCD_ERR_ARGUMENT: a member out of range, an unknown scene, or a stored world that is another one.
+/// - DCD_ERR_IO: the scene's file or the folder, also while another server uses the folder.
+/// - DCD_ERR_NETWORK: an address cannot be listened at.
+/// - DCD_ERR_LIMIT: no threads.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_server_create(def: *const DcdServerDef, out: *mut DcdWorld) -> DcdStatus {
     guard("dcd_server_create", || {
@@ -239,7 +258,7 @@ pub unsafe extern "C" fn dcd_server_create(def: *const DcdServerDef, out: *mut D
         let server = match opened {
             Some(Opened { scene, config: world, .. }) => Dcd::serve(&scene, &world, config)?,
             None => {
-                // While the server stands by, others go on with the source.
+                // The source is copied first, so that other calls use it while the server stands by.
                 let serve = with(def.source, |source| Ok(source.dcd.copy_to_serve()?))?;
                 serve(config)?
             }
@@ -249,22 +268,27 @@ pub unsafe extern "C" fn dcd_server_create(def: *const DcdServerDef, out: *mut D
     })
 }
 
-/// Stops a server without ending its world: what is known of it is written to the data folder, nodes compute on and, as clients
-/// do, dial a server that is made in the same way, for half a minute. From here on dcd_step fails with DCD_ERR_NETWORK;
+/// Stops a server without ending its world. What is known of the world is written to the data folder. Nodes compute on. Like
+/// clients, they dial a server that is made in the same way, for half a minute. From here on dcd_step fails with DCD_ERR_NETWORK;
 /// dcd_world_destroy frees the handle.
 ///
-/// Errors: DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED for a world that is not a server.
+/// Errors: DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED (the world is not a server).
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_server_suspend(world: DcdWorld) -> DcdStatus {
     guard("dcd_server_suspend", || with(world, |world| Ok(world.dcd.suspend()?)))
 }
 
 /// Mints a token that lets one process join this server as `role`: DCD_ROLE_CLIENT, DCD_ROLE_BUILDER, DCD_ROLE_PARTICIPANT or
-/// DCD_ROLE_NODE. A builder joins by dcd_client_connect, and may change what is the world's own. The token can be used once, within `valid_seconds` (1 to 31,536,000). Written to `buf` of `cap` bytes with a NUL; `needed` receives the
-/// size with NUL. With `cap` 0 `buf` may be null, to ask for the size: 512 bytes are always enough, and asking mints none.
+/// DCD_ROLE_NODE. A builder joins by dcd_client_connect, and may change what is the world's own. The token can be used once, within
+/// `valid_seconds` (1 to 31,536,000).
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for another role or time, DCD_ERR_SMALL_BUFFER, DCD_ERR_IO for the
-/// server's folder, DCD_ERR_UNSUPPORTED for a world that is not a server.
+/// Writes the token to `buf` of `cap` bytes with a NUL, and its size with NUL to `needed`. With `cap` 0, `buf` may be null, to ask
+/// for the size: 512 bytes are always enough, and asking mints none.
+/// Errors:
+/// - DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER.
+/// - DCD_ERR_ARGUMENT: another role or time.
+/// - DCD_ERR_IO: the server's folder.
+/// - DCD_ERR_UNSUPPORTED: the world is not a server.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_token_create(
     world: DcdWorld,
@@ -301,11 +325,11 @@ pub unsafe extern "C" fn dcd_token_create(
     })
 }
 
-/// Writes the address at which a server or a node listens, as "127.0.0.1:7420": into `buf` of `cap` bytes with a NUL; `needed`
-/// receives the size with NUL. With `cap` 0 `buf` may be null, to ask for the size.
+/// Writes the address at which a server or a node listens, such as "127.0.0.1:7420", to `buf` of `cap` bytes with a NUL, and its
+/// size with NUL to `needed`. With `cap` 0, `buf` may be null, to ask for the size.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `needed` is written all the same and `buf` is not),
-/// DCD_ERR_UNSUPPORTED for a world of another role.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (`needed` is written all the same, `buf` is not),
+/// DCD_ERR_UNSUPPORTED (a world of another role).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_address(
     world: DcdWorld,
@@ -320,11 +344,11 @@ pub unsafe extern "C" fn dcd_address(
     })
 }
 
-/// Writes the address at which a server, a node or a participant answers with its metrics, as "127.0.0.1:9420": into `buf` of `cap` bytes with a NUL;
-/// `needed` receives the size with NUL. With `cap` 0 `buf` may be null, to ask for the size.
+/// Writes the address at which a server, a node or a participant answers with its metrics, such as "127.0.0.1:9420", to `buf` of
+/// `cap` bytes with a NUL, and its size with NUL to `needed`. With `cap` 0, `buf` may be null, to ask for the size.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `needed` is written all the same and `buf` is not),
-/// DCD_ERR_UNSUPPORTED for a world that was not told to (`metrics` of its definition).
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (`needed` is written all the same, `buf` is not),
+/// DCD_ERR_UNSUPPORTED (`metrics` of the world's definition was null).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_metrics_address(
     world: DcdWorld,
@@ -343,13 +367,16 @@ pub unsafe extern "C" fn dcd_metrics_address(
     })
 }
 
-/// Joins as a node: this process computes a share of the world, on threads of the library, whether or not you call dcd_step,
-/// which does what it does for a server. Returns once the server has let it in; the share comes when the server gives it one.
-/// While the server is out of reach the node computes on, and waits for it without end.
+/// Joins a world as a node: this process computes a share of the world. The call returns once the server has let the node in. The
+/// share comes when the server gives it one.
 ///
-/// The handle serves the calls that a server's does, but for tokens and dcd_disconnect; to see the world too, use dcd_participant_join.
-/// dcd_world_destroy first hands the share to other nodes, which may take some seconds.
-/// Errors: as dcd_participant_join, and DCD_ERR_ARGUMENT for a malformed `listen` or `advertise`.
+/// The node works on threads of the library, whether or not the program calls dcd_step, which does what it does for a server. While
+/// the server is out of reach the node computes on, and waits for it without end (DcdNodeDef.give_up_ms).
+///
+/// The handle serves dcd_step, dcd_poll, dcd_events, dcd_stats, connections and messages as a server's does. It has no bodies, no
+/// tokens and no dcd_disconnect: to see the world too, use dcd_participant_join. dcd_world_destroy first hands the share to other
+/// nodes, which may take some seconds.
+/// Errors: as dcd_participant_join, and DCD_ERR_ARGUMENT (a malformed `listen` or `advertise`).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_node_join(def: *const DcdNodeDef, out: *mut DcdWorld) -> DcdStatus {
     guard("dcd_node_join", || {
@@ -370,10 +397,10 @@ pub unsafe extern "C" fn dcd_node_join(def: *const DcdNodeDef, out: *mut DcdWorl
     })
 }
 
-/// Seconds.
+/// One year, seconds.
 const A_YEAR: f32 = 31_536_000.0;
 
-/// A token is shorter, NUL included.
+/// Room for any token, NUL included.
 const TOKEN_ROOM: usize = 512;
 
 fn fill_text(room: Room<c_char>, text: &str) -> Result<(), Failure> {

@@ -9,46 +9,47 @@ use crate::pointer::{self, Out, Sized32, check_not_negative, check_numbers, chec
 use crate::registry::{ask, with};
 use crate::status::{DcdStatus, Failure};
 
-/// How a world is stepped. Start from DCD_SETTINGS_INIT and dcd_settings. It may grow at its end.
+/// Settings by which a world is stepped. Start from DCD_SETTINGS_INIT and dcd_settings. The struct may grow at its end.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DcdSettings {
-    /// sizeof(DcdSettings).
+    /// Size of this struct: sizeof(DcdSettings).
     pub struct_size: u32,
-    /// Iterations of the solver per step, 1 to 1000.
+    /// Number of solver iterations per step, 1 to 1000.
     pub solver_iterations: u32,
-    /// m/s².
+    /// Gravity, m/s².
     pub gravity: [f32; 3],
-    /// Length of a step in seconds, above 0.
+    /// Length of a step, seconds, above 0.
     pub dt: f32,
-    /// Units of length per metre, above 0: 100 if your numbers are centimetres. It scales the tolerances of the solver, the
-    /// thresholds of sleep and `max_correction`; gravity, `speed_limit`, densities and all else are numbers of your units.
+    /// Units of length per metre, above 0: 100 if the program's numbers are centimetres. It scales the tolerances of the solver,
+    /// the thresholds of sleep, and `max_correction`. Gravity, `speed_limit`, densities and all else are numbers in the program's
+    /// units.
     pub length_unit: f32,
-    /// DcdWorldDef.speed_limit: m/s, above 0, up to DCD_MAX_NUMBER.
+    /// Largest speed of a dynamic body (DcdWorldDef.speed_limit), m/s, above 0, up to DCD_MAX_NUMBER.
     pub speed_limit: f32,
     /// Natural frequency of contacts, 1/s, 0 or more: higher is stiffer.
     pub contact_frequency: f32,
     /// Damping ratio of contacts, 0 or more: higher takes overlaps away more slowly.
     pub contact_damping: f32,
-    /// The same of contacts with fixed bodies.
+    /// Natural frequency of contacts with fixed bodies, 1/s, 0 or more.
     pub static_frequency: f32,
-    /// The same of contacts with fixed bodies.
+    /// Damping ratio of contacts with fixed bodies, 0 or more.
     pub static_damping: f32,
-    /// m/s, 0 or more: faster than so no overlap is taken away.
+    /// Largest speed at which overlaps are taken away, m/s, 0 or more.
     pub max_correction: f32,
-    /// Metres of overlap that are left as they are, 0 or more.
+    /// Overlap that is left as it is, metres, 0 or more.
     pub allowed_overlap: f32,
-    /// Metres ahead at which contacts are looked for, 0 or more.
+    /// Distance ahead at which contacts are looked for, metres, 0 or more.
     pub contact_margin: f32,
-    /// The part of the last step's impulses that the next begins with, 0 to 1.
+    /// Part of the last step's impulses with which the next begins (warm start), 0 to 1.
     pub warm_start: f32,
-    /// Iterations within each iteration of the solver, 1 to 1000.
+    /// Number of iterations within each solver iteration, 1 to 1000.
     pub internal_iterations: u32,
-    /// The most substeps by which bodies with DCD_BODY_CCD are swept in a step, 0 to 1000.
+    /// Largest number of substeps by which bodies with DCD_BODY_CCD are swept in a step, 0 to 1000.
     pub ccd_substeps: u32,
     /// Disagreement of copies that DCD_COUPLING_AUTO tolerates, m/s, above 0.
     pub tolerance: f32,
-    /// 0.
+    /// Reserved; must be 0.
     pub reserved: u32,
 }
 
@@ -57,7 +58,7 @@ unsafe impl Sized32 for DcdSettings {
     const NAME: &'static str = "DcdSettings";
 }
 
-/// Checks the fastest that dynamic bodies are to move; `or` says what else may be given.
+/// Checks the largest speed of dynamic bodies. `or` says what else may be given.
 pub(crate) fn check_speed_limit(limit: f32, or: &str) -> Result<(), Failure> {
     if limit > 0.0 && limit <= DCD_MAX_NUMBER {
         return Ok(());
@@ -67,7 +68,7 @@ pub(crate) fn check_speed_limit(limit: f32, or: &str) -> Result<(), Failure> {
     )))
 }
 
-/// The most iterations and substeps.
+/// Largest number of iterations and substeps.
 const MOST: u32 = 1000;
 
 impl DcdSettings {
@@ -95,7 +96,7 @@ impl DcdSettings {
         }
     }
 
-    /// Checks what the world itself does not: the rest is refused there.
+    /// Checks what the world itself does not check. The world refuses the rest.
     fn check(&self) -> Result<(), Failure> {
         check_reserved(self.reserved)?;
         check_numbers(&self.gravity, "gravity")?;
@@ -150,9 +151,9 @@ impl DcdSettings {
     }
 }
 
-/// Reads how a world is stepped; a node is told by its server.
+/// Reads how a world is stepped. A node takes its settings from its server and cannot tell them.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED for a node.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED (a node).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_settings(world: DcdWorld, out: *mut DcdSettings) -> DcdStatus {
     guard("dcd_settings", || {
@@ -165,14 +166,17 @@ pub unsafe extern "C" fn dcd_settings(world: DcdWorld, out: *mut DcdSettings) ->
     })
 }
 
-/// Changes how a world is stepped, from the next dcd_step on: read it by dcd_settings, change members, and give it back. Bodies that sleep are
-/// woken if gravity changes. It is saved with the world. A served world keeps the settings with which its server was made, and is stepped
-/// by Rapier's own parameters: of a world that is to be a server's source, change only gravity, dt, solver_iterations, tolerance and
-/// speed_limit.
+/// Changes how a world is stepped, from the next dcd_step on: read the settings by dcd_settings, change members, and give them
+/// back. Bodies that sleep are woken if gravity changes. The settings are saved with the world.
+///
+/// A served world keeps the settings with which its server was made, and is stepped by Rapier's own parameters. In a world that is
+/// to be a server's source, change only gravity, dt, solver_iterations, tolerance and speed_limit.
 ///
 /// `settings` is read during the call.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range (then nothing is changed),
-/// DCD_ERR_UNSUPPORTED in a served world.
+/// Errors:
+/// - DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.
+/// - DCD_ERR_ARGUMENT: a member out of range. Then nothing is changed.
+/// - DCD_ERR_UNSUPPORTED: in a served world.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_settings_set(world: DcdWorld, settings: *const DcdSettings) -> DcdStatus {
     guard("dcd_settings_set", || {
@@ -186,9 +190,9 @@ pub unsafe extern "C" fn dcd_settings_set(world: DcdWorld, settings: *const DcdS
     })
 }
 
-/// Changes gravity, m/s², as dcd_settings_set does.
+/// Changes gravity, m/s², as dcd_settings_set does. `gravity` has three floats.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers out of range, DCD_ERR_UNSUPPORTED in a served world.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT (numbers out of range), DCD_ERR_UNSUPPORTED (in a served world).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_gravity_set(world: DcdWorld, gravity: *const f32) -> DcdStatus {
     guard("dcd_gravity_set", || {

@@ -17,7 +17,7 @@ use crate::registry::{World, with};
 use crate::status::{DcdStatus, Failure};
 use crate::types::DcdFrame;
 
-/// Least size of a shape, metres: what is smaller has no mass to speak of in single precision.
+/// Least size of a shape, metres. A smaller shape has no mass to speak of in single precision.
 pub const DCD_MIN_SIZE: f32 = 1.0e-4;
 
 const _: () = assert!(DCD_MIN_SIZE == SHAPE_LEAST_M && DCD_MAX_NUMBER == SHAPE_REACH_M);
@@ -31,19 +31,20 @@ fn add(world: DcdWorld, shape: SharedShape, out: Out<DcdShapeId>) -> Result<(), 
     })
 }
 
-/// The shape as a world will hold it, or why none can; better said here than when a body is made with it.
+/// Returns the shape as a world will hold it, or why no world can hold it: it is better refused here than when a body is made with
+/// it.
 fn checked(shape: &SharedShape) -> Result<SharedShape, Failure> {
     let mut library = ShapeLibrary::default();
     let name = library.intern(shape)?;
     Ok(library.shape(name)?)
 }
 
-/// The shape behind a handle.
+/// Returns the shape behind a handle.
 pub(crate) fn find(world: &World, shape: DcdShapeId) -> Result<&SharedShape, Failure> {
     among(&world.shapes, world.mark, shape)
 }
 
-/// The same, for who changes the world itself meanwhile.
+/// Returns the shape behind a handle, for callers that change the world itself meanwhile.
 pub(crate) fn among(
     shapes: &Slots<SharedShape>,
     mark: Mark,
@@ -70,11 +71,11 @@ unsafe fn points(xyz: *const f32, count: usize, name: &str) -> Result<Vec<Vector
     Ok(points.iter().map(|&point| Vector::from_array(point)).collect())
 }
 
-/// Makes a box around its origin. `half` has half its edges along x, y, z: metres, at least DCD_MIN_SIZE.
+/// Makes a box around its origin. `half` holds half of its edges along x, y, z, metres, at least DCD_MIN_SIZE.
 ///
-/// This and the other shape functions copy what they read, and write the new handle to `out`. A shape belongs to its world;
-/// bodies keep what they need of it, so it may be destroyed before them.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for a size out of range.
+/// This and the other shape functions copy what they read, and write the new handle to `out`. A shape belongs to its world. Bodies
+/// keep what they need of it, so it may be destroyed before them.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT (a size out of range).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_shape_box(world: DcdWorld, half: *const f32, out: *mut DcdShapeId) -> DcdStatus {
     guard("dcd_shape_box", || {
@@ -86,7 +87,7 @@ pub unsafe extern "C" fn dcd_shape_box(world: DcdWorld, half: *const f32, out: *
     })
 }
 
-/// Makes a ball around its origin. Errors: as dcd_shape_box.
+/// Makes a ball of `radius` metres around its origin. Errors: as dcd_shape_box.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_shape_sphere(world: DcdWorld, radius: f32, out: *mut DcdShapeId) -> DcdStatus {
     guard("dcd_shape_sphere", || {
@@ -97,7 +98,7 @@ pub unsafe extern "C" fn dcd_shape_sphere(world: DcdWorld, radius: f32, out: *mu
     })
 }
 
-/// Makes a capsule along y: a cylinder of 2 × `half_height` with a half ball of `radius` at either end. Errors: as
+/// Makes a capsule along y: a cylinder of height 2 × `half_height` with a half ball of `radius` at either end, metres. Errors: as
 /// dcd_shape_box.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_shape_capsule(
@@ -114,7 +115,7 @@ pub unsafe extern "C" fn dcd_shape_capsule(
     })
 }
 
-/// Makes a cylinder along y, from -half_height to half_height. Errors: as dcd_shape_box.
+/// Makes a cylinder of `radius` along y, from -half_height to half_height, metres. Errors: as dcd_shape_box.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_shape_cylinder(
     world: DcdWorld,
@@ -130,7 +131,7 @@ pub unsafe extern "C" fn dcd_shape_cylinder(
     })
 }
 
-/// Makes a cone along y: its base of `radius` at -half_height, its tip at half_height. Errors: as dcd_shape_box.
+/// Makes a cone along y, with its base of `radius` at -half_height and its tip at half_height, metres. Errors: as dcd_shape_box.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_shape_cone(
     world: DcdWorld,
@@ -146,10 +147,10 @@ pub unsafe extern "C" fn dcd_shape_cone(
     })
 }
 
-/// Makes the convex hull of `count` points (x, y, z, x, y, z …: 3 × count floats, metres), at least 4, not all in a plane, which reach over
-/// DCD_MIN_SIZE along each axis.
+/// Makes the convex hull of `count` points. `xyz` holds 3 × count floats (x, y, z, x, y, z …), metres. There must be at least 4
+/// points, not all in a plane, that reach over DCD_MIN_SIZE along each axis.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for points out of range or that span no volume.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT (points out of range or that span no volume).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_shape_hull(
     world: DcdWorld,
@@ -167,12 +168,13 @@ pub unsafe extern "C" fn dcd_shape_hull(
     })
 }
 
-/// Makes a mesh of `triangle_count` triangles, each three indices below `vertex_count`, counter-clockwise seen from outside;
-/// 3 × vertex_count floats, 3 × triangle_count indices. Triangles without area are left out. A mesh is hollow, and has mass by density only
-/// if it is closed: use it for fixed bodies, or give them DcdBodyDef.mass.
+/// Makes a mesh of `triangle_count` triangles. `xyz` holds 3 × vertex_count floats, metres. `indices` holds 3 × triangle_count
+/// indices: each triangle has three indices below `vertex_count`, counter-clockwise seen from outside. Triangles without area are
+/// left out.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for vertices out of range, no triangle with
-/// an area, or an index past the vertices.
+/// A mesh is hollow, and has mass by density only if it is closed: use it for fixed bodies, or give them DcdBodyDef.mass.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT (vertices out of range, no triangle with an area, or an index
+/// past the vertices).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_shape_mesh(
     world: DcdWorld,
@@ -203,12 +205,12 @@ pub unsafe extern "C" fn dcd_shape_mesh(
     })
 }
 
-/// Makes terrain in the x-z plane around its origin: `rows` heights along z times `columns` along x, metres, at
-/// heights[row + column * rows]. `scale` stretches it: the whole is scale[0] by scale[2] metres, and heights are times
+/// Makes terrain in the x-z plane around its origin. `heights` holds `rows` heights along z times `columns` along x, metres, at
+/// heights[row + column * rows]. `scale` stretches the terrain: the whole is scale[0] by scale[2] metres, and heights are times
 /// scale[1]. Use it for fixed bodies: it has no mass by density.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for fewer than 2 rows or columns, heights out
-/// of range, or a scale below DCD_MIN_SIZE.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT (fewer than 2 rows or columns, heights out of range, or a scale
+/// below DCD_MIN_SIZE).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_shape_heightfield(
     world: DcdWorld,
@@ -242,10 +244,10 @@ pub unsafe extern "C" fn dcd_shape_heightfield(
     })
 }
 
-/// Makes a half space: all behind the plane through its origin that `normal` points away from, without end; of any length above 0. It is
-/// ground for fixed bodies, in which nothing falls through: it has no mass and no edge.
+/// Makes a half space: all behind the plane through its origin from which `normal` points away, without end. `normal` has any
+/// length above 0. Use it as ground for fixed bodies, in which nothing falls through: it has no mass and no edge.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for a normal out of range or without length.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT (a normal out of range or without length).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_shape_half_space(
     world: DcdWorld,
@@ -266,9 +268,11 @@ pub unsafe extern "C" fn dcd_shape_half_space(
     })
 }
 
-/// Makes a line from `a` to `b`: a wire, an edge. It has no mass by density: use it for fixed bodies, or give them DcdBodyDef.mass.
+/// Makes a line from `a` to `b`, three floats each, metres: a wire, an edge. It has no mass by density: use it for fixed bodies, or
+/// give them DcdBodyDef.mass.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT for points out of range, or nearer to one another than DCD_MIN_SIZE.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world), DCD_ERR_ARGUMENT (points out of range, or nearer to one another than
+/// DCD_MIN_SIZE).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_shape_segment(
     world: DcdWorld,
@@ -293,12 +297,12 @@ pub unsafe extern "C" fn dcd_shape_segment(
     })
 }
 
-/// Makes a box, cylinder, cone or hull round: grown by `border` metres on all sides, with edges and corners of that radius (DcdShapeInfo.border).
-/// What rolls over its edges goes smoothly, and hulls touch at more than a corner.
+/// Makes a rounded box, cylinder, cone or hull: another shape grown by `border` metres on all sides, with edges and corners of that
+/// radius (DcdShapeInfo.border). Rounded shapes roll smoothly over their edges, and rounded hulls touch at more than a corner.
 ///
 /// The other shape may be destroyed afterwards.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_ARGUMENT for a border below DCD_MIN_SIZE or out of range, or another kind
-/// of shape, also one that is round already.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_ARGUMENT (a border below DCD_MIN_SIZE or out of range, or
+/// another kind of shape, also one that is round already).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_shape_round(
     world: DcdWorld,
@@ -338,11 +342,11 @@ fn rounded(shape: &SharedShape, border_radius: f32) -> Result<SharedShape, Failu
     })
 }
 
-/// Makes one shape of `count` others, part i at frames[i]. Parts must be simple: no mesh, terrain or compound.
+/// Makes a compound: one shape of `count` others, part i at frames[i]. Parts must be simple: no mesh, terrain or compound.
 ///
 /// `parts` and `frames` have `count` entries, at least one. The parts may be destroyed afterwards.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or a part), DCD_ERR_ARGUMENT for no part, a part that is not simple or a
-/// frame that is not finite or no rotation.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or a part), DCD_ERR_ARGUMENT (no part, a part that is not simple, or a frame that
+/// is not finite or no rotation).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_shape_compound(
     world: DcdWorld,
@@ -382,19 +386,21 @@ pub unsafe extern "C" fn dcd_shape_compound(
     })
 }
 
-/// Returns whether a compound may have the shape.
+/// Returns whether the shape may be part of a compound.
 fn is_simple(shape: &SharedShape) -> bool {
     use ShapeType::{Compound, HeightField, Polyline, TriMesh, Voxels};
     !matches!(shape.shape_type(), Compound | HeightField | Polyline | TriMesh | Voxels)
 }
 
-/// Makes a shape that is another one stretched along its own axes by `scale` (three factors above 0): one mesh or hull in many sizes. What is
-/// round stays so where the factors let it, else it becomes a hull (of a sphere some hundred points). Parts of a compound that are turned
-/// can only be stretched alike along all axes. A border (DcdShapeInfo.border) keeps its thickness.
+/// Makes a shape that is another one stretched along its own axes by `scale` (three factors above 0): one mesh or hull in many
+/// sizes.
+///
+/// Round shapes stay round where the factors let them; otherwise they become a hull (of a sphere some hundred points). Parts of a
+/// compound that are turned can only be stretched alike along all axes. A border (DcdShapeInfo.border) keeps its thickness.
 ///
 /// `scale` is read during the call. The other shape may be destroyed afterwards.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_ARGUMENT for a factor that is not above 0 or makes the shape too small or
-/// too large, or a compound that cannot be stretched so.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_ARGUMENT (a factor that is not above 0 or makes the shape too
+/// small or too large, or a compound that cannot be stretched so).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_shape_scale(
     world: DcdWorld,
@@ -418,7 +424,7 @@ pub unsafe extern "C" fn dcd_shape_scale(
     })
 }
 
-/// How finely round shapes are cut when they become hulls, along each of two angles.
+/// Number of steps along each of two angles in which round shapes are cut when they become hulls.
 const ROUND: u32 = 16;
 
 fn scaled(shape: &dyn Shape, scale: Vector) -> Result<SharedShape, Failure> {

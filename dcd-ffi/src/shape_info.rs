@@ -12,7 +12,7 @@ use crate::shape;
 use crate::status::DcdStatus;
 use crate::types::DcdFrame;
 
-/// The kind of a shape. Others may come: take what you do not know by its vertices and triangles.
+/// Kind of a shape. Later versions may add kinds: read shapes of unknown kinds by their vertices and triangles.
 pub type DcdShapeKind = u32;
 
 /// A box; `size` is half of its edges.
@@ -29,42 +29,42 @@ pub const DCD_SHAPE_CONE: DcdShapeKind = 4;
 pub const DCD_SHAPE_HULL: DcdShapeKind = 5;
 /// A mesh: vertices and triangles.
 pub const DCD_SHAPE_MESH: DcdShapeKind = 6;
-/// Terrain: `rows` x `columns` heights, stretched by `size`, and vertices and triangles of its surface.
+/// Terrain: `rows` x `columns` heights, stretched by `size`, and the vertices and triangles of its surface.
 pub const DCD_SHAPE_HEIGHTFIELD: DcdShapeKind = 7;
-/// Several shapes: `parts` of them.
+/// A compound: several shapes, `parts` of them.
 pub const DCD_SHAPE_COMPOUND: DcdShapeKind = 8;
-/// All below the plane y = 0.
+/// A half space: all below the plane y = 0.
 pub const DCD_SHAPE_HALF_SPACE: DcdShapeKind = 9;
-/// Lines between vertices: triangles of which two corners are one.
+/// Lines between vertices, as triangles of which two corners are the same.
 pub const DCD_SHAPE_LINES: DcdShapeKind = 10;
-/// Filled cells of a grid, of edges `size`: vertices and triangles of their surface.
+/// Voxels: filled cells of a grid, with edges `size`, and the vertices and triangles of their surface.
 pub const DCD_SHAPE_VOXELS: DcdShapeKind = 11;
 
-/// What a shape is. Start from DCD_SHAPE_INFO_INIT.
+/// Kind and measures of a shape. Start from DCD_SHAPE_INFO_INIT.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DcdShapeInfo {
-    /// sizeof(DcdShapeInfo).
+    /// Size of this struct: sizeof(DcdShapeInfo).
     pub struct_size: u32,
-    /// DCD_SHAPE_BOX and so on.
+    /// Kind: DCD_SHAPE_BOX and so on.
     pub kind: DcdShapeKind,
-    /// Metres; 0 of a kind that has none.
+    /// Sizes by kind, metres; 0 for a kind that has none.
     pub size: [f32; 3],
-    /// Metres by which it is rounded: it reaches so far beyond its size or its vertices.
+    /// Border by which the shape is rounded, metres: it reaches so far beyond its size or its vertices.
     pub border: f32,
-    /// Where all this is, from the shape's origin: elsewhere only of capsules and half-spaces that lie otherwise.
+    /// Pose of all this, from the shape's origin. It is elsewhere only for capsules and half-spaces that lie otherwise.
     pub frame: DcdFrame,
-    /// How many vertices dcd_shape_vertices reads; 0 of boxes, balls, capsules, cylinders, cones, half-spaces and compounds.
+    /// Number of vertices that dcd_shape_vertices reads; 0 for boxes, balls, capsules, cylinders, cones, half-spaces and compounds.
     pub vertex_count: u32,
-    /// How many triangles dcd_shape_triangles reads.
+    /// Number of triangles that dcd_shape_triangles reads.
     pub triangle_count: u32,
-    /// Of terrain: heights along z.
+    /// Number of heights along z, for terrain.
     pub rows: u32,
-    /// Of terrain: heights along x.
+    /// Number of heights along x, for terrain.
     pub columns: u32,
-    /// Of a compound: how many shapes dcd_shape_part has.
+    /// Number of shapes that dcd_shape_part finds, for a compound.
     pub parts: u32,
-    /// 0.
+    /// Reserved; always 0.
     pub reserved: u32,
 }
 
@@ -72,7 +72,7 @@ pub struct DcdShapeInfo {
 unsafe impl Sized32 for DcdShapeInfo {
     const NAME: &'static str = "DcdShapeInfo";
 }
-/// Reads what a shape is, one that you made or found.
+/// Reads the kind and measures of a shape that the program made or found.
 ///
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_STRUCT.
 #[unsafe(no_mangle)]
@@ -91,11 +91,10 @@ pub unsafe extern "C" fn dcd_shape_info(
     })
 }
 
-/// Reads the vertices of a hull, mesh, terrain, lines or voxels, 3 x `cap` floats at most, and their number into `count`. With `cap` 0 `xyz` may be
-/// null, to ask for the number.
+/// Reads the vertices of a hull, mesh, terrain, lines or voxels into `xyz`, which has 3 x `cap` floats, and their number into
+/// `count`. With `cap` 0, `xyz` may be null, to ask for the number.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `xyz` is
-/// not).
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_SMALL_BUFFER (`count` is written all the same, `xyz` is not).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_shape_vertices(
     world: DcdWorld,
@@ -111,8 +110,9 @@ pub unsafe extern "C" fn dcd_shape_vertices(
     })
 }
 
-/// Reads the triangles of a hull, mesh, terrain, lines or voxels, 3 x `cap` indices of vertices at most, and their number into `count`:
-/// counterclockwise seen from outside. With `cap` 0 `indices` may be null, to ask for the number.
+/// Reads the triangles of a hull, mesh, terrain, lines or voxels into `indices`, which has room for 3 x `cap` indices of vertices,
+/// and their number into `count`. Triangles are counterclockwise seen from outside. With `cap` 0, `indices` may be null, to ask for
+/// the number.
 ///
 /// Errors: as dcd_shape_vertices.
 #[unsafe(no_mangle)]
@@ -130,11 +130,11 @@ pub unsafe extern "C" fn dcd_shape_triangles(
     })
 }
 
-/// Reads the heights of terrain as dcd_shape_heightfield takes them, `cap` at most, and their number into `count`: 0 of other
-/// shapes. With `cap` 0 `heights` may be null, to ask for the number.
+/// Reads the heights of terrain into `heights`, which has `cap` entries, as dcd_shape_heightfield takes them, and their number into
+/// `count`: 0 for other shapes. With `cap` 0, `heights` may be null, to ask for the number.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_SMALL_BUFFER (then `count` is written all the same and
-/// `heights` is not).
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or shape), DCD_ERR_SMALL_BUFFER (`count` is written all the same, `heights` is
+/// not).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_shape_heights(
     world: DcdWorld,
@@ -218,12 +218,12 @@ fn kind_of(shape: &SharedShape) -> (DcdShapeKind, [f32; 3], f32) {
         TypedShape::HalfSpace(_) => (DCD_SHAPE_HALF_SPACE, [0.0; 3], 0.0),
         TypedShape::Segment(_) | TypedShape::Polyline(_) => (DCD_SHAPE_LINES, [0.0; 3], 0.0),
         TypedShape::Voxels(s) => (DCD_SHAPE_VOXELS, s.voxel_size().to_array(), 0.0),
-        // Worlds hold no others.
+        // Worlds hold no other shapes.
         _ => (DCD_SHAPE_MESH, [0.0; 3], 0.0),
     }
 }
 
-/// Returns the same triangles, of which those side by side share their vertices.
+/// Returns the same triangles with vertices that triangles side by side share.
 fn welded((vertices, triangles): &(Vec<Vector>, Vec<[u32; 3]>)) -> (Vec<Vector>, Vec<[u32; 3]>) {
     let (mut places, mut shared) = (BTreeMap::new(), Vec::new());
     let mut place = |corner: u32| {

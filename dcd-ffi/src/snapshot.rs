@@ -13,16 +13,20 @@ use crate::pointer::{self, Room};
 use crate::registry::with;
 use crate::status::{DCD_ERR_ARGUMENT, DCD_ERR_IO, DCD_ERR_VERSION, DcdStatus, Failure};
 
-/// Saves a snapshot of a world: bodies, joints, contacts, regions, settings. A local world goes on from there to the same bits, in this
-/// program or another one of the same build. Handles of shapes, views and your user_data of the world are not part of it.
+/// Saves a snapshot of a world: bodies, joints, contacts, regions, settings. A local world goes on from there to the same bits, in
+/// this program or another one of the same build. Handles of shapes, views, and the user_data of the world are not part of it.
 ///
-/// A server saves the world as it is after one tick, for which its nodes stop for some ticks: as a local world, avatars too, without
-/// contacts. What its program did since its last dcd_step is not in it. It waits for half a minute at most.
+/// A server saves the world as it is after one tick, for which its nodes stop for some ticks. The snapshot is that of a local
+/// world, avatars too, without contacts. What the server's program did since its last dcd_step is not in it. The call waits for
+/// half a minute at most.
 ///
-/// The bytes go to `buf` of `cap` bytes, and their number to `needed`. `buf` may be null with `cap` 0, to ask for the number, which
-/// costs as much as saving; while nothing changes it stays the same. A served world changes: save it to a file.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `needed` is written all the same and `buf` is not),
-/// DCD_ERR_TIMEOUT when nodes do not answer their server, DCD_ERR_UNSUPPORTED for a client, participant or node.
+/// Writes the bytes to `buf` of `cap` bytes, and their number to `needed`. With `cap` 0, `buf` may be null, to ask for the number,
+/// which costs as much as saving. While nothing changes the number stays the same. A served world changes: save it to a file.
+/// Errors:
+/// - DCD_ERR_NULL, DCD_ERR_STALE_ID.
+/// - DCD_ERR_SMALL_BUFFER: `needed` is written all the same, `buf` is not.
+/// - DCD_ERR_TIMEOUT: nodes do not answer their server.
+/// - DCD_ERR_UNSUPPORTED: a client, participant or node.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_snapshot_save(
     world: DcdWorld,
@@ -41,11 +45,13 @@ pub unsafe extern "C" fn dcd_snapshot_save(
     })
 }
 
-/// Saves a world to a file, as dcd_snapshot_save; `dcd run` goes on with such a file, and writes them by --save. A file that is
-/// there is replaced once the new one is whole.
+/// Saves a world to a file, as dcd_snapshot_save does. `dcd run` goes on with such a file, and writes them by --save. A file that
+/// is there is replaced once the new one is whole.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_IO, DCD_ERR_TIMEOUT when nodes do not answer their server, DCD_ERR_UNSUPPORTED
-/// for a client, participant or node.
+/// Errors:
+/// - DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_IO.
+/// - DCD_ERR_TIMEOUT: nodes do not answer their server.
+/// - DCD_ERR_UNSUPPORTED: a client, participant or node.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_snapshot_save_file(world: DcdWorld, path: *const c_char) -> DcdStatus {
     guard("dcd_snapshot_save_file", || {
@@ -55,22 +61,24 @@ pub unsafe extern "C" fn dcd_snapshot_save_file(world: DcdWorld, path: *const c_
     })
 }
 
-/// Restores a snapshot of `size` bytes into a world: into the one that it was saved from, to go back, or into
-/// any other, which loses what it held. Threads and shapes stay those of this world; all else is as saved, gravity and
-/// regions too.
+/// Restores a snapshot of `size` bytes into a world: into the one that it was saved from, to go back, or into any other, which
+/// loses what it held. Threads and shapes stay those of this world. All else is as saved, gravity and regions too.
 ///
-/// Ids of bodies and joints that this world gave are valid if the saved world has them, else stale; those given
-/// later are new. dcd_body_at finds bodies by number, and dcd_state_view and dcd_events are as after the last step before saving, but
-/// for the user_data of bodies that were destroyed, which is 0.
+/// - Ids. Ids of bodies and joints that this world gave are valid if the saved world has them, else stale. Ids that are given later
+///   are new. dcd_body_at finds bodies by number.
+/// - Views. dcd_state_view and dcd_events are as after the last step before saving, except for the user_data of bodies that were
+///   destroyed, which is 0.
+/// - Server. Its world goes on with the bodies and joints of the snapshot, for all nodes and clients. Its ticks and regions go on,
+///   and tick length and gravity must be the same. What its program did since its last dcd_step is dropped. Avatars are their
+///   clients': those that are in both go where they were, and none comes or goes.
 ///
-/// A server's world goes on with the bodies and joints of the snapshot, for all nodes and clients; its ticks and regions go on, and
-/// tick length and gravity must be the same. What its program did since its last dcd_step is dropped. Avatars are their
-/// clients': those that are in both go where they were, and none comes or goes.
-///
-/// `data` is read during the call. After an error the world is as it was. Damage is found; malice is not: load nothing that you
-/// do not trust.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for bytes that are no snapshot or damaged, DCD_ERR_VERSION for one of
-/// another build of the library, DCD_ERR_UNSUPPORTED for a client, participant or node.
+/// `data` is read during the call. After an error the world is as it was. Damage is found; malice is not: load nothing that is not
+/// trusted.
+/// Errors:
+/// - DCD_ERR_NULL, DCD_ERR_STALE_ID.
+/// - DCD_ERR_ARGUMENT: bytes that are no snapshot, or damaged.
+/// - DCD_ERR_VERSION: a snapshot of another build of the library.
+/// - DCD_ERR_UNSUPPORTED: a client, participant or node.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_snapshot_load(world: DcdWorld, data: *const c_void, size: usize) -> DcdStatus {
     guard("dcd_snapshot_load", || {
@@ -84,9 +92,9 @@ pub unsafe extern "C" fn dcd_snapshot_load(world: DcdWorld, data: *const c_void,
     })
 }
 
-/// Restores a snapshot from a file into a world, as dcd_snapshot_load.
+/// Restores a snapshot from a file into a world, as dcd_snapshot_load does.
 ///
-/// Errors: as dcd_snapshot_load, and DCD_ERR_IO when the file cannot be read.
+/// Errors: as dcd_snapshot_load, and DCD_ERR_IO (the file cannot be read).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_snapshot_load_file(world: DcdWorld, path: *const c_char) -> DcdStatus {
     guard("dcd_snapshot_load_file", || {
@@ -114,7 +122,7 @@ fn load<R: Read>(world: DcdWorld, open: impl FnOnce() -> Result<R, SnapshotError
                 world.events.forget();
                 world.show();
             }
-            // What a server heard with its last step it has told.
+            // A server has already reported what it heard with its last step.
             _ => world.show_states(),
         }
         Ok(())

@@ -15,62 +15,65 @@ use slots::BodySlots;
 
 /// In DcdStateView.flags: the body sleeps.
 pub const DCD_STATE_SLEEPING: u32 = 1;
-/// In DcdStateView.flags: your interest does not reach the body (dcd_interest_set); the state is that last heard of.
+/// In DcdStateView.flags: this process's interest does not reach the body (dcd_interest_set). The state is that last heard of.
 pub const DCD_STATE_OUTSIDE: u32 = 2;
 
-/// The field of a body that dcd_state_read and dcd_state_write copy.
+/// Field of a body that dcd_state_read and dcd_state_write copy.
 pub type DcdField = u32;
 
-/// A DcdPose.
+/// The pose: a DcdPose.
 pub const DCD_FIELD_POSE: DcdField = 0;
-/// A DcdVelocity.
+/// The velocity: a DcdVelocity.
 pub const DCD_FIELD_VELOCITY: DcdField = 1;
-/// A uint64_t.
+/// The user data: a uint64_t.
 pub const DCD_FIELD_USER_DATA: DcdField = 2;
-/// A DcdForce, as dcd_body_set_force sets it.
+/// The force and torque: a DcdForce, as dcd_body_set_force sets it.
 pub const DCD_FIELD_FORCE: DcdField = 3;
-/// A DcdPose, as dcd_body_set_target takes it; to be written only.
+/// The kinematic target: a DcdPose, as dcd_body_set_target takes it. It can only be written.
 pub const DCD_FIELD_TARGET: DcdField = 4;
 
-/// The force and torque on a body in every step, in world axes.
+/// Force and torque on a body in every step, in world axes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DcdForce {
-    /// At the centre of mass, newtons.
+    /// Force at the centre of mass, newtons.
     pub force: [f32; 3],
-    /// Newton metres.
+    /// Torque, newton metres.
     pub torque: [f32; 3],
 }
 
-/// The state of every movable body after a step: entry i of each array belongs to ids[i], in an order that only changes where bodies are
-/// made or destroyed. Start from DCD_STATE_VIEW_INIT. The arrays are null when `count` is 0.
+/// State of every movable body after a step. Entry i of each array belongs to ids[i]. The order only changes where bodies are made
+/// or destroyed. Start from DCD_STATE_VIEW_INIT. The arrays are null when `count` is 0.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdStateView {
-    /// sizeof(DcdStateView).
+    /// Size of this struct: sizeof(DcdStateView).
     pub struct_size: u32,
-    /// Above every slot of every view up to now: the length that an array of yours by slot needs.
+    /// Length that an array of the program's own, indexed by slot, needs: above every slot of every view up to now.
     pub slot_count: u32,
-    /// After which step.
+    /// Number of the step after which the bodies were in this state.
     pub tick: u64,
     /// Length of each array.
     pub count: usize,
-    /// Which bodies.
+    /// Ids of the bodies.
     pub ids: *const DcdBodyId,
-    /// Where they are.
+    /// Poses of the bodies.
     pub poses: *const DcdPose,
-    /// How they move.
+    /// Velocities of the bodies.
     pub velocities: *const DcdVelocity,
-    /// Your own.
+    /// User data of the bodies.
     pub user_data: *const u64,
-    /// DCD_STATE_… bits.
+    /// DCD_STATE_… bits of the bodies.
     pub flags: *const u32,
-    /// Their owners, as in DcdRegionInfo; of a server, which is told no owners, the regions that they lie in.
+    /// Regions that own the bodies, as in DcdRegionInfo. For a server, which is told no owners, the regions that they lie in.
     pub regions: *const u32,
-    /// Where you may keep your own of the bodies, in an array beside: a body has its slot, below `slot_count`, in every view of its
-    /// world (dcd_state_view and dcd_view_state alike) for as long as views show it, whatever its place in them. Low slots are given
-    /// first. A slot that becomes free in a view is given anew in a later one, so none is of two bodies in two successive views; who
-    /// leaves views out, or calls dcd_checkpoint_restore, compares ids.
+    /// Slots of the bodies: indices below `slot_count`, by which the program may keep its own data of each body in an array beside
+    /// these.
+    ///
+    /// A body has the same slot in every view of its world (dcd_state_view and dcd_view_state alike) for as long as views show it,
+    /// whatever its place in them. Low slots are given first. A slot that becomes free in a view is given anew in a later one, so
+    /// no slot belongs to two bodies in two successive views. A program that leaves views out, or calls dcd_checkpoint_restore,
+    /// must compare ids.
     pub slots: *const u32,
 }
 
@@ -79,15 +82,15 @@ unsafe impl Sized32 for DcdStateView {
     const NAME: &'static str = "DcdStateView";
 }
 
-/// The arrays that are lent to C, and the slots of the bodies in them.
+/// Arrays that are lent to C, and the slots of the bodies in them.
 #[derive(Default)]
 pub(crate) struct StateBuffers {
-    /// Two in turn for dcd_state_view, so that one may be read while the next step fills the other.
+    /// Two sets in turn for dcd_state_view, so that one may be read while the next step fills the other.
     sets: [StateArrays; 2],
     newest: usize,
-    /// Whether anybody ever asked; nobody pays who does not.
+    /// Whether the program ever asked for a view. Until then no step fills the arrays.
     wanted: bool,
-    /// What dcd_view_state lends.
+    /// Arrays that dcd_view_state lends.
     shown: StateArrays,
     slots: BodySlots,
 }
@@ -105,7 +108,7 @@ struct StateArrays {
 }
 
 impl StateArrays {
-    /// Takes down bodies, which come in id order.
+    /// Writes bodies, which come in id order, into the arrays.
     fn fill(
         &mut self,
         world: &Dcd,
@@ -113,7 +116,7 @@ impl StateArrays {
         body_slots: &mut BodySlots,
         bodies: impl Iterator<Item = MovableBody>,
     ) {
-        // Who has them counted already need not be asked for all of them once more.
+        // An iterator that knows its exact count spares counting all bodies once more.
         let count = match bodies.size_hint() {
             (least, Some(most)) if least == most => least,
             _ => world.movable_count(),
@@ -126,7 +129,7 @@ impl StateArrays {
         let flags = self.flags.refill(count);
         let regions = self.regions.refill(count);
         let slots = self.slots.refill(count);
-        // No more than `count`, which keeps the arrays where they are.
+        // No more than `count` items, so that the arrays stay where they are.
         bodies.take(count).for_each(|row| {
             ids.push(mark.body(row.id));
             poses.push(row.pose.into());
@@ -166,7 +169,7 @@ impl StateBuffers {
     }
 
     fn view(&mut self, world: &Dcd, mark: Mark) -> DcdStateView {
-        // Before the first step there is no "after the last step", so it shows what was made up to now.
+        // Before the first step there is no state "after the last step", so the view shows what was made up to now.
         if !self.wanted || world.tick().0 == 0 {
             self.wanted = true;
             self.fill_newest(world, mark);
@@ -178,7 +181,7 @@ impl StateBuffers {
         self.sets[self.newest].fill(world, mark, &mut self.slots, world.movable_bodies());
     }
 
-    /// Takes down the bodies as they are shown, and lends them.
+    /// Writes the bodies as they are shown into the arrays, and lends them.
     pub(crate) fn show(&mut self, world: &Dcd, mark: Mark, time: &ViewTime) -> DcdStateView {
         self.shown.fill(world, mark, &mut self.slots, world.movable_bodies_at(time));
         self.shown.lend(self.slots.count())

@@ -15,38 +15,40 @@ use crate::status::DcdStatus;
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdStats {
-    /// sizeof(DcdStats).
+    /// Size of this struct: sizeof(DcdStats).
     pub struct_size: u32,
-    /// Regions that the world is cut into.
+    /// Number of regions that the world is cut into.
     pub regions: u32,
-    /// Steps done; the newest heard of in a served world.
+    /// Number of steps done; in a served world, the newest step heard of.
     pub ticks: u64,
-    /// Movable bodies.
+    /// Number of movable bodies.
     pub bodies: u64,
-    /// Ghosts: copies of bodies in regions that do not own them; 0 in a served world, as the next two.
+    /// Number of ghosts: copies of bodies in regions that do not own them; 0 in a served world.
     pub replicas: u64,
-    /// Bodies that changed owner in a step, ever.
+    /// Number of times that a body changed owner in a step, ever; 0 in a served world.
     pub transfers: u64,
-    /// Copies set aside because their numbers were not finite; 0 unless something is wrong.
+    /// Number of copies set aside because their numbers were not finite; 0 unless something is wrong, and in a served world.
     pub quarantined: u64,
-    /// Messages with states of bodies received, ever; 0 in a local world.
+    /// Number of messages with states of bodies received, ever; 0 in a local world.
     pub updates: u64,
-    /// Bytes received, without those of QUIC itself; 0 in a local world, as the next four. A tenth of a second old.
+    /// Bytes received, without those of QUIC itself; 0 in a local world. A tenth of a second old.
     pub bytes_in: u64,
-    /// Bytes sent.
+    /// Bytes sent, without those of QUIC itself; 0 in a local world.
     pub bytes_out: u64,
-    /// Bytes of UDP received: those, and what QUIC adds. What a link is charged for, but for 28 (IPv6: 48) bytes of headers per packet.
+    /// Bytes of UDP received: those of bytes_in, and what QUIC adds; 0 in a local world. It is what a link is charged for, but for
+    /// 28 (IPv6: 48) bytes of headers per packet.
     pub udp_bytes_in: u64,
-    /// Bytes of UDP sent.
+    /// Bytes of UDP sent: those of bytes_out, and what QUIC adds; 0 in a local world.
     pub udp_bytes_out: u64,
-    /// Time to the slowest peer and back, seconds.
+    /// Round trip to the slowest peer, seconds; 0 in a local world.
     pub rtt: f64,
-    /// Wall time of the last step, seconds; of taking in what had come, in a served world.
+    /// Wall time of the last step, seconds; in a served world, of taking in what had come.
     pub last_step: f64,
-    /// How far copies of a body in different regions were from agreement at the worst border in the last step, summed over
-    /// its exchanges, m/s: an estimate of the error that borders make. 0 with DCD_COUPLING_OWNER and _PROXY, and in a served world.
+    /// Disagreement at the worst border in the last step: how far copies of a body in different regions were from agreement, summed
+    /// over its exchanges, m/s. It is an estimate of the error that borders make. 0 with DCD_COUPLING_OWNER and DCD_COUPLING_PROXY,
+    /// and in a served world.
     pub disagreement: f32,
-    /// Exchanges between regions in the last step, at the border that took most; 0 in a world of one region and in a
+    /// Number of exchanges between regions in the last step, at the border that took most; 0 in a world of one region and in a
     /// served one.
     pub exchanges: u32,
 }
@@ -89,10 +91,10 @@ pub unsafe extern "C" fn dcd_stats(world: DcdWorld, out: *mut DcdStats) -> DcdSt
     })
 }
 
-/// Writes the counters as text for people, one per line, NUL-terminated, into `buf` of `cap` bytes; `needed` receives the
-/// size with NUL. `buf` may be null with `cap` 0, to ask for the size.
+/// Writes the counters as text for people, one per line, to `buf` of `cap` bytes with a NUL, and its size with NUL to `needed`.
+/// With `cap` 0, `buf` may be null, to ask for the size.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `needed` is written all the same and `buf` is not).
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (`needed` is written all the same, `buf` is not).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_stats_text(
     world: DcdWorld,
@@ -111,12 +113,14 @@ pub unsafe extern "C" fn dcd_stats_text(
     })
 }
 
-/// Checks what must hold in a local world between two steps, for tests and reports of bugs: that each body has one owner, that owners and
-/// regions agree on who holds what, that parts of masses add up, that numbers are finite. Writes what does not, one finding per line,
-/// NUL-terminated, into `buf` of `cap` bytes; `needed` receives the size with NUL: 1 as long as all is well, and in a served world, which has
-/// nothing to check here. `buf` may be null with `cap` 0, to ask for the size. It costs a look at every body.
+/// Checks what must hold in a local world between two steps, for tests and reports of bugs: that each body has one owner, that
+/// owners and regions agree on who holds what, that parts of masses add up, and that numbers are finite. It costs a look at every
+/// body.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `needed` is written all the same and `buf` is not).
+/// Writes what does not hold, one finding per line, to `buf` of `cap` bytes with a NUL, and the size with NUL to `needed`. The size
+/// is 1 as long as all is well, and in a served world, which has nothing to check here. With `cap` 0, `buf` may be null, to ask for
+/// the size.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (`needed` is written all the same, `buf` is not).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_validate(
     world: DcdWorld,
@@ -135,10 +139,10 @@ pub unsafe extern "C" fn dcd_validate(
     })
 }
 
-/// Hashes the pose and velocity of every movable body to one number: equal worlds, equal numbers, whatever the number of
+/// Hashes the pose and velocity of every movable body to one number. Equal worlds have equal numbers, whatever the number of
 /// threads.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED in a served world.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_UNSUPPORTED (in a served world).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_state_hash(world: DcdWorld, out: *mut u64) -> DcdStatus {
     guard("dcd_state_hash", || {

@@ -12,40 +12,43 @@ use dcd::runtime::{ConnectionError, ProcessError, SnapshotError, WorldError};
 use dcd::scene::SceneError;
 use dcd::{Instead, Unsupported};
 
-/// The result of a call: DCD_OK, or one of the negative DCD_ERR_ codes. A code never changes its number.
+/// Result of a call: DCD_OK, or one of the negative DCD_ERR_ codes. A code never changes its number.
 pub type DcdStatus = i32;
 
-/// Done.
+/// The call succeeded.
 pub const DCD_OK: DcdStatus = 0;
 /// A pointer or a handle that must be given is null.
 pub const DCD_ERR_NULL: DcdStatus = -1;
-/// A handle names nothing here: what it named was destroyed, or belongs to another world.
+/// A handle is stale: what it named was destroyed, or belongs to another world.
 pub const DCD_ERR_STALE_ID: DcdStatus = -2;
-/// A struct_size is not that of this library's struct; start from the DCD_…_INIT macro.
+/// A struct_size is not that of this library's struct. Start from the DCD_…_INIT macro.
 pub const DCD_ERR_STRUCT: DcdStatus = -3;
 /// A value is out of range: NaN, a negative size, an unknown constant, a count above DCD_MAX_ITEMS.
 pub const DCD_ERR_ARGUMENT: DcdStatus = -4;
-/// The caller's memory is too small; the size needed was written. Who asks for the size, by null with room for 0, gets it with DCD_OK.
+/// The caller's memory is too small. The size needed was written. A call that asks for the size, by null with room for 0, returns
+/// DCD_OK.
 pub const DCD_ERR_SMALL_BUFFER: DcdStatus = -5;
-/// Not now: called from within a function that the library calls (see Threads), where worlds may not be used, while a step that was begun is
-/// not waited for, or for messages while too many wait to be sent.
+/// The call cannot be done now: it comes from within a function that the library calls (see Threads), where worlds may not be used;
+/// or a step that was begun is not waited for; or, for messages, too many wait to be sent.
 pub const DCD_ERR_BUSY: DcdStatus = -6;
 /// Nobody answered in time.
 pub const DCD_ERR_TIMEOUT: DcdStatus = -8;
 /// The server refuses, or the link to it is gone.
 pub const DCD_ERR_NETWORK: DcdStatus = -9;
-/// The header that the program was compiled with does not fit the library it runs with, or a snapshot is of another build.
+/// Versions do not fit: the header that the program was compiled with and the library it runs with, or the build that wrote a
+/// snapshot and this one.
 pub const DCD_ERR_VERSION: DcdStatus = -10;
 /// The library has a bug. The world that was called can only be destroyed; other worlds go on.
 pub const DCD_ERR_PANIC: DcdStatus = -11;
-/// The role of this world (see DcdWorldInfo) cannot do this; the message names the role.
+/// The role of this world (DcdWorldInfo.role) cannot do this. The message names the role.
 pub const DCD_ERR_UNSUPPORTED: DcdStatus = -12;
 /// A file cannot be read or written.
 pub const DCD_ERR_IO: DcdStatus = -13;
-/// The system or the world has no more: threads, ids.
+/// The system or the world has no more of something: threads, ids.
 pub const DCD_ERR_LIMIT: DcdStatus = -14;
 
-/// Why a call failed. Boxed: what a call returns then is one word, and not four that are copied from place to place though it went well.
+/// Why a call failed. It is boxed, so that a call returns one word. Otherwise four words would be copied from place to place even
+/// though the call went well.
 #[derive(Debug)]
 pub(crate) struct Failure(Box<Why>);
 
@@ -143,7 +146,7 @@ impl From<Unsupported> for Failure {
                 "whoever runs the server can: its program by dcd_token_create, or `dcd token` beside it"
             }
             Instead::SayInterest => "it is seen where its area of interest is (dcd_interest_set)",
-            // The others name no function.
+            // The other texts name no function.
             instead => &instead.to_string(),
         };
         Self::new(DCD_ERR_UNSUPPORTED, format!("a {role} cannot {what}: {in_c}"))
@@ -177,7 +180,7 @@ impl From<WorldError> for Failure {
             | WorldError::OtherWorld
             | WorldError::NoCollider { .. } => DCD_ERR_ARGUMENT,
         };
-        // Those that DcdWorldDef calls otherwise.
+        // DcdWorldDef names these members without their unit.
         let mut message = error.to_string();
         for (name, unit) in [("dt", "_s"), ("tolerance", "_m_s"), ("speed_limit", "_m_s")] {
             message = message.replace(&format!("{name}{unit} is"), &format!("{name} is"));
@@ -277,11 +280,11 @@ thread_local! {
 /// Keeps the message of this thread's last failure.
 pub(crate) fn remember(function: &str, failure: &Failure) {
     let message = format!("{function}: {}", failure.message);
-    // A thread that is ending has no thread-locals any more; its message has no reader either.
+    // A thread that is ending has no thread-locals any more, and nobody reads its message.
     let _ = LAST.try_with(|last| *last.borrow_mut() = message);
 }
 
-/// The message of this thread's last failure.
+/// Returns the message of this thread's last failure.
 pub(crate) fn last() -> String {
     LAST.try_with(|last| last.borrow().clone()).unwrap_or_default()
 }
@@ -306,7 +309,7 @@ pub(crate) fn name(status: DcdStatus) -> &'static CStr {
     }
 }
 
-/// Copies as much of `text` as fits, cut between characters, and ends it with NUL. Returns the length of the whole.
+/// Copies as much of `text` as fits, cut between characters, and ends it with NUL. Returns the length of the whole text.
 ///
 /// # Safety
 /// `buf` is null or points to `cap` writable bytes.

@@ -8,32 +8,35 @@ use crate::ids::DcdWorld;
 use crate::registry::{World, cell, with};
 use crate::status::DcdStatus;
 
-/// As dcd_step_wait's timeout: until the step is done, however long it takes.
+/// Timeout of dcd_step_wait that waits until the step is done, however long it takes.
 pub const DCD_FOREVER: u64 = u64::MAX;
 
-/// Advances the world by one step of its own length, DcdWorldInfo.dt; call it as often as your clock says. The length is the
-/// world's and not an argument, since every process that computes the world must use the same.
+/// Advances the world by one step of its own length, DcdWorldInfo.dt. Call it as often as the program's clock says. The length is
+/// the world's and not an argument, since every process that computes the world must use the same.
 ///
-/// A served world advances by itself: there the call sends what was asked of avatars, takes in what has come since the last
-/// call, and returns without waiting for anything.
+/// A served world advances by itself. There the call sends what was asked of avatars, takes in what has come since the last call,
+/// and returns without waiting for anything.
 ///
-/// What dcd_state_view lent two steps ago is overwritten. Other calls on the world wait until the step is done; views lent
-/// before may be read meanwhile.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_BUSY, DCD_ERR_PANIC, DCD_ERR_NETWORK once the link to the server is gone or
-/// the world has ended (the last state stays readable, and what came before the loss is in dcd_events), DCD_ERR_IO once a server
-/// could not write its folder, and has stopped, or once its world has ended and its recording is not whole. Each later step says
-/// so again; what is known can still be read.
+/// The arrays that dcd_state_view lent two steps ago are overwritten. Other calls on the world wait until the step is done; views
+/// lent before may be read meanwhile.
+/// Errors:
+/// - DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_BUSY, DCD_ERR_PANIC.
+/// - DCD_ERR_NETWORK: the link to the server is gone, or the world has ended. The last state stays readable, and what came before
+///   the loss is in dcd_events.
+/// - DCD_ERR_IO: a server could not write its folder, and has stopped; or its world has ended and its recording is not whole.
+///
+/// After DCD_ERR_NETWORK or DCD_ERR_IO each later step says so again, and what is known can still be read.
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_step(world: DcdWorld) -> DcdStatus {
     guard("dcd_step", || with(world, World::step))
 }
 
-/// Begins what dcd_step does, on a thread of the library, and returns at once; dcd_step_wait says what became of it. Meanwhile
-/// draw what dcd_state_view lent, which stays as it is until the step after this one. Every other call on the world waits until
-/// the step is done, and then sees what it made.
+/// Begins what dcd_step does, on a thread of the library, and returns at once. dcd_step_wait says what became of it. Meanwhile the
+/// program may draw what dcd_state_view lent, which stays as it is until the step after this one. Every other call on the world
+/// waits until the step is done, and then sees its result.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_BUSY when a step was begun and dcd_step_wait has not told of it yet,
-/// DCD_ERR_LIMIT without a thread.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_BUSY (a step was begun and dcd_step_wait has not told of it yet), DCD_ERR_LIMIT
+/// (no thread).
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_step_begin(world: DcdWorld) -> DcdStatus {
     guard("dcd_step_begin", || cell(world)?.begin().unwrap_or_else(|| Err(stale("world", world.v))))
@@ -42,7 +45,7 @@ pub extern "C" fn dcd_step_begin(world: DcdWorld) -> DcdStatus {
 /// Waits until the step that dcd_step_begin began is done, but not longer than `timeout_ns` nanoseconds: 0 only looks, DCD_FOREVER
 /// has no limit. Returns what dcd_step would have, once for each step that was begun.
 ///
-/// Errors: DCD_ERR_TIMEOUT while it is not done, DCD_ERR_ARGUMENT when none was begun, and those of dcd_step.
+/// Errors: those of dcd_step, DCD_ERR_TIMEOUT (the step is not done), DCD_ERR_ARGUMENT (no step was begun).
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_step_wait(world: DcdWorld, timeout_ns: u64) -> DcdStatus {
     guard("dcd_step_wait", || {

@@ -1,4 +1,4 @@
-//! Sets how much joints bear before dcd_events tells of them.
+//! Sets how much joints bear before dcd_events reports them.
 
 use crate::guard::guard;
 use crate::handle::stale;
@@ -6,14 +6,15 @@ use crate::ids::{DcdJointId, DcdWorld};
 use crate::registry::with;
 use crate::status::{DcdStatus, Failure};
 
-/// Sets how much the locked axes of a joint bear: newtons and newton metres, 0 or more, INFINITY for any load, as at first. After each dcd_step in
-/// which it bears more, DcdEventView.overloads tells of it; it stays as it is until you destroy it. It is saved with the world.
+/// Sets how much the locked axes of a joint bear: `force` in newtons and `torque` in newton metres, 0 or more; INFINITY for any
+/// load, as at first. After each dcd_step in which the joint bears more, DcdEventView.overloads reports it. The joint stays as it
+/// is until the program destroys it. The strength is saved with the world.
 ///
-/// The load is that of the whole joint, however many regions share it. It is the solver's: of its last iteration, without the forces of limits and
-/// motors. A load that lasts shows; of a blow, only what its last iteration had left to bear. Its torque is
-/// not that about the anchor, unless this is the body's centre of mass: go by the force.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or joint), DCD_ERR_ARGUMENT for numbers below 0 or NaN, DCD_ERR_UNSUPPORTED in a
-/// served world.
+/// The load is that of the whole joint, however many regions share it. It is that of the solver's last iteration, without the
+/// forces of limits and motors. A load that lasts shows. Of a blow, only what the last iteration had left to bear shows. The torque
+/// is not that about the anchor, unless this is the body's centre of mass: go by the force.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or joint), DCD_ERR_ARGUMENT (numbers below 0 or NaN), DCD_ERR_UNSUPPORTED (in a
+/// served world).
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_joint_strength_set(
     world: DcdWorld,

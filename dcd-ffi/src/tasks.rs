@@ -1,4 +1,4 @@
-//! Has the program's own threads, its job system, compute a world.
+//! Lets the program's own threads, its job system, compute a world.
 
 use std::ffi::c_void;
 use std::sync::Arc;
@@ -12,29 +12,30 @@ use crate::pointer::{self, Sized32, check_reserved};
 use crate::registry::with;
 use crate::status::{DCD_ERR_NULL, DcdStatus, Failure};
 
-/// A task of the library: to be called once, on any thread, with the `task` that came with it. It returns when the step needs it no more.
+/// Task of the library. The program calls it once, on any thread, with the `task` that came with it. It returns when the step needs
+/// it no more.
 pub type DcdTaskFn = unsafe extern "C" fn(task: *mut c_void);
 
-/// Starts `run(task)` on a thread of the program's and returns at once, with anything by which to know it again. A job system that has no
-/// thread free may begin it later, or within DcdFinishFn: then it has nothing to do.
+/// Starts `run(task)` on a thread of the program's and returns at once. The result is anything by which DcdFinishFn knows the task
+/// again. A job system that has no thread free may begin the task later, or within DcdFinishFn: then the task has nothing to do.
 pub type DcdEnqueueFn =
     Option<unsafe extern "C" fn(context: *mut c_void, run: DcdTaskFn, task: *mut c_void) -> *mut c_void>;
-/// Returns when the task that DcdEnqueueFn gave this for has returned; begins it if it was not begun.
+/// Waits until the task for which DcdEnqueueFn returned `started` has returned. Begins the task if it was not begun.
 pub type DcdFinishFn = Option<unsafe extern "C" fn(context: *mut c_void, started: *mut c_void)>;
 
-/// The program's job system. Start from DCD_TASKS_INIT.
+/// Job system of the program. Start from DCD_TASKS_INIT.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdTasks {
-    /// sizeof(DcdTasks).
+    /// Size of this struct: sizeof(DcdTasks).
     pub struct_size: u32,
-    /// 0.
+    /// Reserved; must be 0.
     pub reserved: u32,
-    /// The first argument of both functions.
+    /// First argument of both functions.
     pub context: *mut c_void,
-    /// Starts a task.
+    /// Function that starts a task.
     pub enqueue: DcdEnqueueFn,
-    /// Waits for one.
+    /// Function that waits for a task.
     pub finish: DcdFinishFn,
 }
 
@@ -43,21 +44,26 @@ unsafe impl Sized32 for DcdTasks {
     const NAME: &'static str = "DcdTasks";
 }
 
-/// Has the program's own threads compute a local world from the next dcd_step on, instead of threads of the library's, which end; null
-/// goes back to these. `tasks` is read during the call; its functions and `context` must be there until others are set or the world is
-/// destroyed.
+/// Sets the job system whose threads compute a local world from the next dcd_step on, instead of threads of the library's, which
+/// end. A null `tasks` goes back to the library's threads. `tasks` is read during the call. Its functions and `context` must be
+/// there until others are set or the world is destroyed.
 ///
-/// A step that is worth it (some hundred awake bodies) starts DcdWorldDef.threads tasks and waits a tenth of a millisecond for them to begin.
-/// Those that have share the work; with none the calling thread does it alone, so that no step waits for a thread that is busy
-/// elsewhere. The calling thread waits meanwhile: it is best none of the job system's own. Every task is finished before dcd_step returns, those
-/// that came too late too. The same holds for a call with many queries. The result does not depend on any of it.
+/// - Sharing. A step that is worth it (some hundred awake bodies) starts DcdWorldDef.threads tasks and waits a tenth of a
+///   millisecond for them to begin. Tasks that have begun share the work. If none has, the calling thread does it alone, so that no
+///   step waits for a thread that is busy elsewhere. The same holds for a call with many queries.
+/// - Waiting. The calling thread waits meanwhile: it is best none of the job system's own. Every task is finished before dcd_step
+///   returns, those that came too late too.
+/// - Results. They do not depend on any of it.
+/// - Callers. The functions are called by the thread that calls dcd_step, by one of the library's after dcd_step_begin, and by each
+///   thread that asks many queries: by several threads at a time where several ask.
+/// - Duties. The functions must return normally (no longjmp, no C++ exception). Calls on worlds from within them give DCD_ERR_BUSY,
+///   so a thread that helps others while it waits must not take on a job that calls the library.
 ///
-/// Both functions are called by the thread that calls dcd_step, by one of the library's after dcd_step_begin, and by each thread that asks
-/// many queries, by several at a time where several ask. They must return normally (no longjmp, no C++ exception), and calls on worlds from
-/// within them give DCD_ERR_BUSY: so a thread that helps others while it waits must not take on a job that calls the library.
-/// They are not saved with the world.
-/// Errors: DCD_ERR_NULL (world, a function), DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT, DCD_ERR_LIMIT when the system gives no
-/// threads to go back to, DCD_ERR_UNSUPPORTED in a served world.
+/// The functions are not saved with the world.
+/// Errors:
+/// - DCD_ERR_NULL (world, a function), DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT.
+/// - DCD_ERR_LIMIT: the system gives no threads to go back to.
+/// - DCD_ERR_UNSUPPORTED: in a served world.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_tasks_set(world: DcdWorld, tasks: *const DcdTasks) -> DcdStatus {
     guard("dcd_tasks_set", || {
@@ -101,17 +107,17 @@ impl Program {
     }
 }
 
-/// What a task does.
+/// The work of a task.
 type Work<'a> = &'a (dyn Fn() + Sync);
 
 unsafe extern "C" fn run(task: *mut c_void) {
-    // SAFETY: `task` is what `Program::run` gave for it, which waits for its end.
+    // SAFETY: `task` is what `Program::run` gave for it, which waits for the task's end.
     let work = unsafe { &*task.cast::<Work<'_>>() };
-    // A panic of what is computed there comes out where the step waits.
+    // A panic of this work comes out where the step waits.
     guard_value((), work);
 }
 
-/// Tasks that were started; dropping it waits for them, after a panic too.
+/// Tasks that were started. Dropping it waits for them, after a panic too.
 struct Started<'a> {
     program: &'a Program,
     all: Vec<*mut c_void>,

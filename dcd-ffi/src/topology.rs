@@ -10,51 +10,52 @@ use crate::registry::{ask, find};
 use crate::status::{DcdStatus, Failure};
 use crate::types::DCD_NO_REGION;
 
-/// A region: a box of the world whose bodies one Rapier world computes. Outer faces lie at infinity.
+/// Region: a box of the world whose bodies one Rapier world computes. Outer faces lie at infinity.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdRegionInfo {
-    /// Its number in the tree of regions; numbers need not be dense.
+    /// Number of the region in the tree of regions. Numbers need not be dense.
     pub region: u32,
-    /// Bodies that it owns; in a served world, of those that are known, by what dcd_body_owner says.
+    /// Number of bodies that the region owns. In a served world, of those that are known, by what dcd_body_owner says.
     pub bodies: u32,
-    /// Ghosts that it holds: copies of bodies that its neighbours own; 0 in a served world.
+    /// Number of ghosts that the region holds, copies of bodies that its neighbours own; 0 in a served world.
     pub replicas: u32,
-    /// The node that computes it, as the server numbers nodes from 1, as last told: it may have changed hands some milliseconds
-    /// ago. DCD_NO_NODE in a local world, and while nobody computes.
+    /// Number of the node that computes the region, as the server numbers nodes from 1, as last told: the region may have changed
+    /// hands some milliseconds ago. DCD_NO_NODE in a local world, and while nobody computes it.
     pub node: u32,
-    /// Lowest corner, inside, metres.
+    /// Lowest corner, which is inside the region, metres.
     pub min: [f64; 3],
-    /// Highest corner, outside, metres.
+    /// Highest corner, which is outside the region, metres.
     pub max: [f64; 3],
 }
 
-/// As the node of a region or an owner where there is none.
+/// Number of the node of a region or an owner where there is none.
 pub const DCD_NO_NODE: u32 = u32::MAX;
 
 /// In DcdOwner.flags: this process computes the region that owns the body.
 pub const DCD_OWNER_HERE: u32 = 1;
-/// In DcdOwner.flags: nobody has told yet who owns the body, which may not have moved since this process joined. The region is
-/// the one that it is in: its owner but for moments at borders, and while islands or joints tie it to one in another.
+/// In DcdOwner.flags: nobody has told yet who owns the body, which may not have moved since this process joined. The region is the
+/// one that the body is in. That is its owner except for moments at borders, and while islands or joints tie the body to one in
+/// another region.
 pub const DCD_OWNER_BY_PLACE: u32 = 4;
 /// In DcdOwner.flags: what this world shows of the body was heard from others, and is some milliseconds old.
 pub const DCD_OWNER_HEARD: u32 = 2;
 
-/// The owner of a body: the region with authority over it. Start from DCD_OWNER_INIT.
+/// Owner of a body: the region with authority over it. Start from DCD_OWNER_INIT.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdOwner {
-    /// sizeof(DcdOwner).
+    /// Size of this struct: sizeof(DcdOwner).
     pub struct_size: u32,
-    /// Its region, as in DcdRegionInfo; DCD_NO_REGION for a fixed body, which every region near it has, and for an avatar that
-    /// has not appeared yet. In a served world, the one that owned the body when it was last heard of: exactly, unless
-    /// DCD_OWNER_BY_PLACE is set.
+    /// Region that owns the body, as in DcdRegionInfo. DCD_NO_REGION for a fixed body, which every region near it has, and for an
+    /// avatar that has not appeared yet. In a served world, the region that owned the body when it was last heard of: exactly,
+    /// unless DCD_OWNER_BY_PLACE is set.
     pub region: u32,
-    /// The node that computes the region, as DcdRegionInfo.node.
+    /// Number of the node that computes the region, as DcdRegionInfo.node.
     pub node: u32,
-    /// Regions that hold the body, its owner included; 0 in a served world, where it is not told.
+    /// Number of regions that hold the body, its owner included; 0 in a served world, where it is not told.
     pub holders: u32,
-    /// DCD_OWNER_… bits. In a participant both may be set.
+    /// DCD_OWNER_… bits. In a participant, DCD_OWNER_HERE and DCD_OWNER_HEARD may both be set.
     pub flags: u32,
 }
 
@@ -63,30 +64,33 @@ unsafe impl Sized32 for DcdOwner {
     const NAME: &'static str = "DcdOwner";
 }
 
-/// A border between two regions.
+/// Border between two regions.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdBorderInfo {
-    /// The region of the lower number, as in DcdRegionInfo.
+    /// Region of the lower number, as in DcdRegionInfo.
     pub a: u32,
-    /// The other.
+    /// Region of the higher number.
     pub b: u32,
-    /// Movable bodies that both hold, whoever owns them.
+    /// Number of movable bodies that both regions hold, whoever owns them.
     pub bodies: u32,
-    /// How often the two come to consensus in the next step; with DCD_COUPLING_AUTO as often as the border came to need.
+    /// Number of exchanges by which the two regions come to consensus in the next step; with DCD_COUPLING_AUTO as many as the
+    /// border came to need.
     pub exchanges: u32,
-    /// Contact hops across the border within which bodies live in both regions, at the side where it is more; 0 with
-    /// DCD_COUPLING_OWNER and _PROXY.
+    /// Number of contact hops across the border within which bodies live in both regions, at the side where it is more; 0 with
+    /// DCD_COUPLING_OWNER and DCD_COUPLING_PROXY.
     pub depth: u32,
-    /// How far the copies of a body were from agreement here in the last step, summed over its exchanges, m/s; an estimate of
-    /// the error that the border makes. 0 with DCD_COUPLING_OWNER and _PROXY.
+    /// Disagreement here in the last step: how far the copies of a body were from agreement, summed over the step's exchanges, m/s.
+    /// It is an estimate of the error that the border makes. 0 with DCD_COUPLING_OWNER and DCD_COUPLING_PROXY.
     pub disagreement: f32,
 }
 
-/// Lists the regions into `out`, which has `cap` entries, and their number into `count`. With `cap` 0 `out` may be null, to
-/// ask for the number. A server and a node list none: dcd_world_info has their number. In a served world that follows its load they change as it runs: ask again now and then.
+/// Lists the regions. Writes them to `out`, which has `cap` entries, and their number to `count`. With `cap` 0, `out` may be null,
+/// to ask for the number.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not).
+/// A server and a node list none: dcd_world_info has their number. In a served world that follows its load, regions change as it
+/// runs: ask again now and then.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (`count` is written all the same, `out` is not).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_regions(
     world: DcdWorld,
@@ -110,11 +114,13 @@ pub unsafe extern "C" fn dcd_regions(
     })
 }
 
-/// Lists the borders into `out`, which has `cap` entries, and their number into `count`, in order of (a, b): of each two
-/// regions that have a face in common or hold the same body. With `cap` 0 `out` may be null, to ask for the number.
+/// Lists the borders, in order of (a, b): one for each two regions that have a face in common or hold the same body. Writes them to
+/// `out`, which has `cap` entries, and their number to `count`. With `cap` 0, `out` may be null, to ask for the number.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not),
-/// DCD_ERR_UNSUPPORTED in a served world, whatever the role: ask a local one of the same cut and coupling.
+/// Errors:
+/// - DCD_ERR_NULL, DCD_ERR_STALE_ID.
+/// - DCD_ERR_SMALL_BUFFER: `count` is written all the same, `out` is not.
+/// - DCD_ERR_UNSUPPORTED: in a served world, whatever the role. Ask a local one of the same cut and coupling.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_borders(
     world: DcdWorld,
@@ -141,9 +147,10 @@ fn borders(world: &Dcd) -> Result<Vec<DcdBorderInfo>, Failure> {
     Ok(world.borders()?.into_iter().map(info).collect())
 }
 
-/// Reads who owns a body: nobody, if it is fixed (DCD_NO_REGION, DCD_NO_NODE, without DCD_OWNER_HERE).
+/// Reads who owns a body. Nobody owns a fixed body (DCD_NO_REGION, DCD_NO_NODE, without DCD_OWNER_HERE). A server is told no owner:
+/// DCD_NO_REGION.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED for a node. A server is told no owner: DCD_NO_REGION.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED (a node).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_body_owner(world: DcdWorld, body: DcdBodyId, out: *mut DcdOwner) -> DcdStatus {
     guard("dcd_body_owner", || {

@@ -6,33 +6,33 @@ use rapier3d::prelude as rapier;
 use crate::pointer::{check_numbers, check_point, is_in_range};
 use crate::status::Failure;
 
-/// A pose in world space: position and rotation.
+/// Pose in world space: position and rotation.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DcdPose {
     /// Position of the body's origin, metres.
     pub p: [f64; 3],
-    /// Unit quaternion x, y, z, w (to 0.001).
+    /// Rotation: unit quaternion x, y, z, w (to 0.001).
     pub q: [f32; 4],
 }
 
-/// The velocity of a body, in world axes.
+/// Velocity of a body, in world axes.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DcdVelocity {
-    /// Of the centre of mass, m/s.
+    /// Velocity of the centre of mass, m/s.
     pub linear: [f32; 3],
-    /// rad/s.
+    /// Angular velocity, rad/s.
     pub angular: [f32; 3],
 }
 
-/// A pose relative to a body or a shape: position and rotation.
+/// Pose relative to a body or a shape: position and rotation.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DcdFrame {
-    /// Metres.
+    /// Position, metres.
     pub p: [f32; 3],
-    /// Unit quaternion x, y, z, w (to 0.001).
+    /// Rotation: unit quaternion x, y, z, w (to 0.001).
     pub q: [f32; 4],
 }
 
@@ -61,7 +61,7 @@ impl From<DcdVelocity> for Velocity {
 }
 
 impl DcdFrame {
-    /// Checks that it is a position and a rotation.
+    /// Checks that the frame is a position and a rotation.
     pub(crate) fn check(&self, name: &str) -> Result<(), Failure> {
         let turns = (WorldPose { translation: [0.0; 3], rotation: self.q }).is_valid();
         if turns && self.p.iter().all(|&v| is_in_range(v)) {
@@ -76,38 +76,41 @@ impl DcdFrame {
     }
 }
 
-/// The type of a body: how it moves.
+/// Type of a body: how it moves.
 pub type DcdBodyType = u32;
 
-/// Never. Ground and walls.
+/// The body never moves: ground and walls.
 pub const DCD_FIXED: DcdBodyType = 0;
-/// By forces.
+/// The body moves by forces.
 pub const DCD_DYNAMIC: DcdBodyType = 1;
-/// At the velocity that you give, whatever it meets. Doors and lifts.
+/// The body moves at the velocity that the program gives it, whatever it meets: doors and lifts.
 pub const DCD_KINEMATIC: DcdBodyType = 2;
-/// To the pose that you give by dcd_body_set_target, whatever it meets. Animated limbs. Not in a served world.
+/// The body moves to the pose that dcd_body_set_target gives it, whatever it meets: animated limbs. Not in a served world.
 pub const DCD_KINEMATIC_POSE: DcdBodyType = 3;
 
-/// In DcdBodyDef.flags: never jumps through moving bodies either, at some cost. Through fixed ones no body does.
+/// In DcdBodyDef.flags: the body does not jump through moving bodies either (continuous collision detection), at some cost. No body
+/// jumps through fixed ones.
 pub const DCD_BODY_CCD: u32 = 1;
-/// In DcdBodyDef.flags: detects and does not push.
+/// In DcdBodyDef.flags: the body is a sensor, which detects and does not push.
 pub const DCD_BODY_SENSOR: u32 = 2;
-/// In DcdBodyDef.flags: does not fall asleep by itself.
+/// In DcdBodyDef.flags: the body does not fall asleep by itself.
 pub const DCD_BODY_NO_SLEEP: u32 = 4;
-/// In DcdBodyDef.flags: sleeps until something wakes it.
+/// In DcdBodyDef.flags: the body sleeps at first, until something wakes it.
 pub const DCD_BODY_ASLEEP: u32 = 8;
-/// In DcdBodyDef.flags: is not there until dcd_body_set_properties takes this away; it keeps its place, its joints wait.
+/// In DcdBodyDef.flags: the body is not there until dcd_body_set_properties takes this flag away. It keeps its place, and its
+/// joints wait.
 pub const DCD_BODY_DISABLED: u32 = 16;
-/// In DcdBodyDef.flags: may turn by more than a quarter turn per step, as wheels and propellers.
+/// In DcdBodyDef.flags: the body may turn by more than a quarter turn per step, as wheels and propellers do.
 pub const DCD_BODY_FAST_SPIN: u32 = 32;
-/// In DcdBodyDef.flags: its spin is not changed by its own inertia, as that of a thrown book is.
+/// In DcdBodyDef.flags: the body's own inertia does not change its spin, as it does that of a thrown book.
 pub const DCD_BODY_NO_GYRO: u32 = 64;
-/// In DcdBodyDef.flags: one match of groups and mask is enough for two bodies that both say so; else both must match.
+/// In DcdBodyDef.flags: two bodies that both have this flag collide when groups and mask match one way. All others must match both
+/// ways.
 pub const DCD_BODY_ANY_GROUP: u32 = 128;
 
-/// In DcdBodyDef.events: dcd_events tells of contacts that begin and end.
+/// In DcdBodyDef.events: dcd_events reports contacts of the body that begin and end.
 pub const DCD_EVENT_CONTACT: u32 = 1;
-/// In DcdBodyDef.events: dcd_events tells of contacts that press harder than force_threshold.
+/// In DcdBodyDef.events: dcd_events reports contacts of the body that press harder than force_threshold.
 pub const DCD_EVENT_FORCE: u32 = 2;
 
 /// In DcdBodyDef.locked: no movement along x.
@@ -123,23 +126,23 @@ pub const DCD_LOCK_TURN_Y: u32 = 16;
 /// In DcdBodyDef.locked: no turning about z.
 pub const DCD_LOCK_TURN_Z: u32 = 32;
 
-/// The rule by which the coefficients of two colliders in contact become one; of two rules the one with the higher number counts.
+/// Rule by which the coefficients of two colliders in contact become one. Of two rules, the one with the higher number counts.
 pub type DcdCombineRule = u32;
 
-/// (a + b) / 2.
+/// Average: (a + b) / 2.
 pub const DCD_COMBINE_AVERAGE: DcdCombineRule = 0;
-/// The smaller: ice makes everything slippery.
+/// Minimum: ice makes everything slippery.
 pub const DCD_COMBINE_MIN: DcdCombineRule = 1;
-/// a * b.
+/// Product: a * b.
 pub const DCD_COMBINE_MULTIPLY: DcdCombineRule = 2;
-/// The larger: rubber makes everything stick.
+/// Maximum: rubber makes everything stick.
 pub const DCD_COMBINE_MAX: DcdCombineRule = 3;
-/// a + b, at most 1.
+/// Sum: a + b, at most 1.
 pub const DCD_COMBINE_SUM: DcdCombineRule = 4;
-/// The square root of a * b.
+/// Geometric mean: the square root of a * b.
 pub const DCD_COMBINE_GEOMETRIC_MEAN: DcdCombineRule = 5;
 
-/// As DcdBodyInfo.region of a fixed body, which has no owner.
+/// DcdBodyInfo.region of a fixed body, which has no owner.
 pub const DCD_NO_REGION: u32 = u32::MAX;
 
 pub(crate) fn check_pose(pose: &DcdPose) -> Result<(), Failure> {

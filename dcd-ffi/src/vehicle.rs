@@ -10,56 +10,56 @@ use crate::registry::{find, with};
 use crate::status::{DcdStatus, Failure};
 use crate::types::DCD_DYNAMIC;
 
-/// A wheel of a vehicle. Points and directions are relative to the chassis. Start from DCD_WHEEL_INIT: of a car of a tonne, forward along
-/// x, upward along y, neither driven nor steered.
+/// Wheel of a vehicle. Points and directions are relative to the chassis. Start from DCD_WHEEL_INIT: a wheel of a car of a tonne,
+/// forward along x, upward along y, neither driven nor steered.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DcdWheel {
-    /// The place where its suspension begins, metres, within 100 of the chassis.
+    /// Point where the suspension begins, metres, within 100 of the chassis.
     pub at: [f32; 3],
-    /// The direction in which its suspension points, of length 1.
+    /// Direction in which the suspension points, of length 1.
     pub down: [f32; 3],
-    /// Its axle, of length 1: it rolls forward in the direction of axle x down.
+    /// Direction of the axle, of length 1: the wheel rolls forward in the direction of axle x down.
     pub axle: [f32; 3],
-    /// The length of its suspension without a load, metres, 0 to 100.
+    /// Length of the suspension without a load, metres, 0 to 100.
     pub rest_length: f32,
-    /// The way by which the suspension is pressed from there at most, metres, 0 to 100.
+    /// Largest way by which the suspension is pressed from rest_length, metres, 0 to 100.
     pub travel: f32,
-    /// Its radius, metres, above 0 and at most 100.
+    /// Radius of the wheel, metres, above 0 and at most 100.
     pub radius: f32,
-    /// The stiffness of its suspension per kilogram of the chassis, 1/s², 0 to 1e9.
+    /// Stiffness of the suspension per kilogram of the chassis, 1/s², 0 to 1e9.
     pub stiffness: f32,
-    /// The damping of its suspension as it is pressed, per kilogram of the chassis, 1/s, 0 to 1e9.
+    /// Damping of the suspension as it is pressed, per kilogram of the chassis, 1/s, 0 to 1e9.
     pub compression: f32,
-    /// The damping of its suspension as it is released, per kilogram of the chassis, 1/s, 0 to 1e9.
+    /// Damping of the suspension as it is released, per kilogram of the chassis, 1/s, 0 to 1e9.
     pub relaxation: f32,
-    /// The greatest force of its suspension, newtons, 0 to 1e9.
+    /// Largest force of the suspension, newtons, 0 to 1e9.
     pub max_force: f32,
-    /// Its grip, 0 to 1000: across, and along twice as much, it holds up to this many times the force that its suspension bears.
+    /// Grip, 0 to 1000: across, the wheel holds up to this many times the force that its suspension bears; along, twice as much.
     pub grip: f32,
-    /// The part of a sideways slip that it takes, 0 to 1: with 1 a fifth in each substep.
+    /// Part of a sideways slip that the wheel takes, 0 to 1; with 1 it takes a fifth in each substep.
     pub side_grip: f32,
-    /// The force of the engine on it at full throttle, newtons, 0 to 1e9.
+    /// Force of the engine on the wheel at full throttle, newtons, 0 to 1e9.
     pub engine_force: f32,
-    /// The force of its brake, newtons, 0 to 1e9.
+    /// Force of the wheel's brake, newtons, 0 to 1e9.
     pub brake_force: f32,
-    /// The angle by which it turns when steered, radians, -pi / 2 to pi / 2; above 0 to the left.
+    /// Angle by which the wheel turns when steered, radians, -pi / 2 to pi / 2; above 0 to the left.
     pub steering: f32,
 }
 
-/// The settings of a vehicle. Start from DCD_VEHICLE_DEF_INIT: a car of 3.2 x 1.6 m and about a tonne, driven behind, steered in front.
+/// Settings of a vehicle. Start from DCD_VEHICLE_DEF_INIT: a car of 3.2 x 1.6 m and about a tonne, driven behind, steered in front.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdVehicleDef {
-    /// sizeof(DcdVehicleDef).
+    /// Size of this struct: sizeof(DcdVehicleDef).
     pub struct_size: u32,
-    /// The number of wheels, 1 to 32; 0 for the four of that car.
+    /// Number of wheels, 1 to 32; 0: the four of that car.
     pub wheel_count: u32,
-    /// The wheels; null with a wheel_count of 0. They are copied.
+    /// Wheels, which are copied; null with a wheel_count of 0.
     pub wheels: *const DcdWheel,
-    /// The speed above which its engine does not speed it up, m/s, above 0 and at most 10000.
+    /// Speed above which the engine does not speed the vehicle up, m/s, above 0 and at most 10000.
     pub top_speed: f32,
-    /// 0.
+    /// Reserved; must be 0.
     pub reserved: u32,
 }
 
@@ -68,25 +68,30 @@ unsafe impl Sized32 for DcdVehicleDef {
     const NAME: &'static str = "DcdVehicleDef";
 }
 
-/// The controls of a vehicle.
+/// Controls of a vehicle.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DcdDrive {
-    /// The part of the engine's force, -1 (backward) to 1.
+    /// Part of the engine's force, -1 (backward) to 1.
     pub throttle: f32,
-    /// The part of the brakes' force, 0 to 1; with throttle it has no effect on wheels that are driven.
+    /// Part of the brakes' force, 0 to 1. With throttle it has no effect on wheels that are driven.
     pub brake: f32,
-    /// The part of the wheels' steering angle, -1 to 1.
+    /// Part of the wheels' steering angle, -1 to 1.
     pub steering: f32,
 }
 
-/// Creates a body, of DCD_DYNAMIC, that is a vehicle: its chassis stands on wheels, each a ray along its suspension to the nearest
-/// collider that the chassis may collide with. dcd_vehicle_drive says what its driver does. What it stands on feels nothing of it.
+/// Creates a vehicle: a body, of DCD_DYNAMIC, that is a chassis on wheels. Each wheel is a ray along its suspension to the nearest
+/// collider that the chassis may collide with. dcd_vehicle_drive says what its driver does. What the vehicle stands on feels
+/// nothing of it.
 ///
-/// In a served world it is driven by the node that computes it, also that of a client, without a delay between wheels and ground. A
-/// client's is bounded: 8 wheels within 10 m, a top_speed of at most the world's avatar_speed, suspensions that together speed it up by at
-/// most 200 m/s² (stiffness x travel) and are damped by at most 60 1/s. One above 1e9 kg, or at more than 1e5 m/s, has no wheels.
-/// Errors: as dcd_bodies_create, and DCD_ERR_ARGUMENT for another body_type or a setting out of range.
+/// In a served world the node that computes the vehicle drives it, also a client's, without a delay between wheels and ground. A
+/// client's vehicle is bounded:
+/// - It has at most 8 wheels, within 10 m.
+/// - Its top_speed is at most the world's avatar_speed.
+/// - Its suspensions together speed it up by at most 200 m/s² (stiffness x travel), and are damped by at most 60 1/s.
+///
+/// A vehicle above 1e9 kg, or at more than 1e5 m/s, has no wheels.
+/// Errors: as dcd_bodies_create, and DCD_ERR_ARGUMENT (another body_type or a setting out of range).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_vehicle_create(
     world: DcdWorld,
@@ -128,11 +133,14 @@ pub unsafe extern "C" fn dcd_vehicle_create(
     })
 }
 
-/// Says what the driver of a vehicle does from now on, and wakes it: an avatar of this process, or any of a local world or a server.
-/// In a served world the next dcd_step asks for it.
+/// Sets what the driver of a vehicle does from now on, and wakes the vehicle. A client or participant drives its own avatars; a
+/// local world or a server drives any vehicle, and a builder those of the world's own. In a served world the next dcd_step asks for
+/// it.
 ///
-/// Errors: DCD_ERR_UNSUPPORTED for a body that this process may not drive, DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for
-/// numbers out of range or a body that is no vehicle.
+/// Errors:
+/// - DCD_ERR_NULL, DCD_ERR_STALE_ID.
+/// - DCD_ERR_ARGUMENT: numbers out of range, or a body that is no vehicle.
+/// - DCD_ERR_UNSUPPORTED: a body that this process may not drive.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_vehicle_drive(
     world: DcdWorld,

@@ -10,27 +10,27 @@ use crate::state::DcdStateView;
 use crate::status::{DcdStatus, Failure};
 use crate::types::{DcdPose, DcdVelocity};
 
-/// The ticks to show now. A fraction is a time between two ticks: 7.5 is halfway from the world after step 7 to that after step 8. Start
-/// from DCD_VIEW_TIME_INIT.
+/// Ticks to show now. A fraction is a time between two ticks: 7.5 is halfway from the world after step 7 to that after step 8.
+/// Start from DCD_VIEW_TIME_INIT.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdViewTime {
-    /// sizeof(DcdViewTime).
+    /// Size of this struct: sizeof(DcdViewTime).
     pub struct_size: u32,
-    /// 0.
+    /// Reserved; must be 0.
     pub reserved: u32,
-    /// The tick that the world is at, as far as known: for what must not lag, as an own avatar. What moves is extrapolated.
+    /// Tick that the world is at, as far as known. Use it for what must not lag, such as an own avatar. What moves is extrapolated.
     pub now: f64,
-    /// The tick whose states have come by now, a little ago: for all else. It goes forward evenly, unless ticks are counted anew: where a
-    /// guess is withdrawn, or the world goes back to a save.
+    /// Tick whose states have come by now, a little ago. Use it for all else. It goes forward evenly, unless ticks are counted
+    /// anew: where a guess is withdrawn, or the world goes back to a save.
     pub shown: f64,
-    /// The tick that applies what an own avatar is asked now, where a client predicts (dcd_prediction_set): own avatars are shown at it,
-    /// with what they touch. Otherwise the same as `now`.
+    /// Tick that applies what an own avatar is asked now, where a client predicts (dcd_prediction_set). Own avatars, with what they
+    /// touch, are shown at it. Otherwise it is the same as `now`.
     pub predicted: f64,
-    /// The bound on the error of `now` that comes from clocks, seconds; below 0 until it is known, where no network is between,
+    /// Bound on the error of `now` that comes from clocks, seconds. It is below 0 until it is known, where no network is between,
     /// and in a participant, which counts the way of what it is told as nothing.
     pub clock_error: f64,
-    /// The time from an input to the first state that shows it, seconds: the median of the last ones. Below 0 before the first.
+    /// Time from an input to the first state that shows it, seconds: the median of the last ones. It is below 0 before the first.
     pub input_delay: f64,
 }
 
@@ -39,13 +39,16 @@ unsafe impl Sized32 for DcdViewTime {
     const NAME: &'static str = "DcdViewTime";
 }
 
-/// Returns the ticks to show now. Call it once per frame, from whatever thread.
+/// Returns the ticks to show now. Call it once per frame, from any thread.
 ///
-/// In a served world states come some times per second, late, unevenly, and not all of them: `shown` is as little behind the world as
-/// that allows, and goes forward evenly. From the first call on a client pings the node that tells it of the world, and keeps the
-/// states that it was told last. In a local world `shown` goes from one step to the next as time goes by since the last dcd_step, and
-/// from the first call on steps keep how awake bodies were before, some 50 ns each. A server shows its world as it was heard of last.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED for a node.
+/// - Served world. States come some times per second, late, unevenly, and not all of them. `shown` is as little behind the world as
+///   that allows, and goes forward evenly. From the first call on, a client pings the node that tells it of the world, and keeps
+///   the states that it was told last.
+/// - Local world. `shown` goes from one step to the next as time goes by since the last dcd_step. From the first call on, steps
+///   keep how awake bodies were before, some 50 ns each.
+/// - Server. It shows its world as it was heard of last.
+///
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED (a node).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_view_time(world: DcdWorld, out: *mut DcdViewTime) -> DcdStatus {
     guard("dcd_view_time", || {
@@ -68,13 +71,13 @@ pub unsafe extern "C" fn dcd_view_time(world: DcdWorld, out: *mut DcdViewTime) -
     })
 }
 
-/// Reads how a body is shown at a tick: where it is, and how it moves. `pose` or `velocity` may be null.
+/// Reads how a body is shown at a tick: its pose and velocity. `pose` or `velocity` may be null.
 ///
-/// Between known states positions follow cubic Hermite splines, or two straight lines where the velocities tell of an impact; rotations
-/// follow SLERP. Beyond the last state the body goes on and comes to a stop within a quarter of a second. Where a later state
-/// contradicts what was shown at the last dcd_view_time, the difference melts away within 0.2 s, and 0.1 s more per metre (above 3 m it
-/// jumps). Before the first dcd_view_time, and for a server, it is what dcd_body_get returns.
-/// Errors: DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a tick that is no finite number.
+/// Between known states, positions follow cubic Hermite splines, or two straight lines where the velocities tell of an impact;
+/// rotations follow SLERP. Beyond the last state the body goes on, and comes to a stop within a quarter of a second. Where a later
+/// state contradicts what was shown at the last dcd_view_time, the difference melts away within 0.2 s, and 0.1 s more per metre;
+/// above 3 m the body jumps. Before the first dcd_view_time, and for a server, the result is that of dcd_body_get.
+/// Errors: DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT (a tick that is no finite number).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_view_body(
     world: DcdWorld,
@@ -98,14 +101,14 @@ pub unsafe extern "C" fn dcd_view_body(
     })
 }
 
-/// Lends every movable body as it is shown, as dcd_state_view lends them as they are: own avatars, with what they touch, at
-/// time->predicted, all others at time->shown; what comes near goes from the one to the other within a second. Set both to
-/// the same where an own avatar is to be shown with the others. `tick` of the view is that of the newest state.
+/// Lends every movable body as it is shown, as dcd_state_view lends them as they are. Own avatars, with what they touch, are shown
+/// at time->predicted, all others at time->shown. What comes near goes from the one to the other within a second. Set both to the
+/// same where an own avatar is to be shown with the others. `tick` of the view is that of the newest state.
 ///
-/// The arrays are the library's: do not write or free them. They keep their content until the next dcd_view_state of this world; the
-/// memory stays readable until the world is destroyed.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for ticks that are no finite numbers, DCD_ERR_UNSUPPORTED
-/// for a node.
+/// The arrays are the library's: do not write or free them. They keep their content until the next dcd_view_state of this world.
+/// The memory stays readable until the world is destroyed.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT (ticks that are no finite numbers), DCD_ERR_UNSUPPORTED
+/// (a node).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_view_state(
     world: DcdWorld,
@@ -123,12 +126,12 @@ pub unsafe extern "C" fn dcd_view_state(
     })
 }
 
-/// Returns a time to show that a program gives.
+/// Returns a time to show that a program gives, checked.
 ///
 /// # Safety
 /// As [`pointer::read_sized`].
 pub(crate) unsafe fn checked(time: *const DcdViewTime) -> Result<ViewTime, Failure> {
-    // SAFETY: passed on.
+    // SAFETY: the caller upholds the same contract.
     let time = unsafe { pointer::read_sized(time, "time")? };
     check_reserved(time.reserved)?;
     [time.now, time.shown, time.predicted].into_iter().try_for_each(check_tick)?;

@@ -15,120 +15,125 @@ use crate::role::{DcdRole, number_of};
 use crate::settings::check_speed_limit;
 use crate::status::{DcdStatus, Failure};
 
-/// The coupling: how regions come to consensus on the bodies that they share.
+/// Coupling: how regions come to consensus on the bodies that they share.
 pub type DcdCoupling = u32;
 
-/// What the scene says, else DCD_COUPLING_AUTO.
+/// The scene's coupling, else DCD_COUPLING_AUTO.
 pub const DCD_COUPLING_DEFAULT: DcdCoupling = 0;
-/// Copies of a neighbour's bodies push and are not pushed. It gains energy and drops stacks: to compare with.
+/// Ghosts of a neighbour's bodies push and are not pushed. The world gains energy and drops stacks: use it to compare with.
 pub const DCD_COUPLING_PROXY: DcdCoupling = 1;
-/// Copies are overwritten by their owner after each step. The cheapest; momentum is not conserved across a border.
+/// The owner overwrites ghosts after each step. It is the cheapest coupling. Momentum is not conserved across a border.
 pub const DCD_COUPLING_OWNER: DcdCoupling = 2;
-/// Bodies near a border live in both regions, each copy with a part of the mass (mass splitting), and take the mean velocity of all
-/// copies (consensus).
+/// Bodies near a border live in both regions. Each copy has a part of the mass (mass splitting), and all copies take their mean
+/// velocity (consensus).
 pub const DCD_COUPLING_OVERLAP: DcdCoupling = 3;
-/// As DCD_COUPLING_OVERLAP, and a small group of bodies that touch one another moves whole to one region.
+/// As DCD_COUPLING_OVERLAP, and a small island (a group of bodies that touch one another) moves whole to one region.
 pub const DCD_COUPLING_ISLAND: DcdCoupling = 4;
-/// As DCD_COUPLING_ISLAND, with as many exchanges at each border as its copies' disagreement asks for.
+/// As DCD_COUPLING_ISLAND, with as many exchanges at each border as the disagreement of its copies asks for.
 pub const DCD_COUPLING_AUTO: DcdCoupling = 5;
 
-/// The accuracy that DCD_COUPLING_AUTO is asked for.
+/// Accuracy that is asked of DCD_COUPLING_AUTO.
 pub type DcdPreset = u32;
 
-/// What the scene says, else DCD_PRESET_GAME.
+/// The scene's preset, else DCD_PRESET_GAME.
 pub const DCD_PRESET_DEFAULT: DcdPreset = 0;
-/// Speed first: 2 exchanges at most, islands of up to 256 bodies whole, 0.1 m/s.
+/// Speed first: at most 2 exchanges, islands of up to 256 bodies whole, a tolerance of 0.1 m/s.
 pub const DCD_PRESET_DRAFT: DcdPreset = 1;
-/// What games want: 4 exchanges at most, every island whole, 0.03 m/s.
+/// For games: at most 4 exchanges, every island whole, a tolerance of 0.03 m/s.
 pub const DCD_PRESET_GAME: DcdPreset = 2;
-/// Accuracy first: 4 exchanges at most, 3 hops deep, every island whole, 0.01 m/s.
+/// Accuracy first: at most 4 exchanges, a depth of 3 hops, every island whole, a tolerance of 0.01 m/s.
 pub const DCD_PRESET_PRECISE: DcdPreset = 3;
 
 /// In DcdWorldDef.axes: planes across x may cut the world into regions.
 pub const DCD_CUT_X: u32 = 1;
-/// Planes across y.
+/// In DcdWorldDef.axes: planes across y may cut the world into regions.
 pub const DCD_CUT_Y: u32 = 2;
-/// Planes across z.
+/// In DcdWorldDef.axes: planes across z may cut the world into regions.
 pub const DCD_CUT_Z: u32 = 4;
 
-/// The definition of a local world. Start from DCD_WORLD_DEF_INIT.
+/// Definition of a local world. Start from DCD_WORLD_DEF_INIT.
 ///
-/// How a world is cut. `regions` of them are made by halving: of the box from `min` to `max` the largest part is halved across its
-/// longest edge, until there are enough. Across that along which gravity pulls most it is not, unless nothing else is left to halve: a level
-/// cut goes through all that lies on the ground. `axes` says otherwise. dcd_regions lists what came of it. Cuts near which nothing lies cost
-/// nothing, so place the box around what moves.
+/// The world is cut into `regions` regions by halving. The largest part of the box from `min` to `max` is halved across its longest
+/// edge, until there are enough parts. The axis along which gravity pulls most is not cut, unless nothing else is left to halve: a
+/// level cut goes through all that lies on the ground. `axes` says otherwise. dcd_regions lists the result. Cuts near which nothing
+/// lies cost nothing, so place the box around what moves.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdWorldDef {
-    /// sizeof(DcdWorldDef).
+    /// Size of this struct: sizeof(DcdWorldDef).
     pub struct_size: u32,
-    /// Threads that compute the world, in as many regions as it has, 1 to 1024; 0 is one per core. 1 computes in the thread
-    /// that calls dcd_step, which does for few awake bodies anyhow. The result does not depend on it.
+    /// Number of threads that compute the world, however many regions it has, 1 to 1024; 0: one per core. With 1, the thread that
+    /// calls dcd_step computes, as it does anyhow while few bodies are awake. The result does not depend on it.
     pub threads: u32,
-    /// Regions that the world is cut into, 1 to 256; 0 is as many as the scene asks for, else 1, which is exact and has all
-    /// threads; more only where the bodies of a scene lie too far apart for the f32 of one region.
+    /// Number of regions that the world is cut into, 1 to 256; 0: as many as the scene asks for, else 1, and more only where the
+    /// bodies of a scene lie too far apart for the f32 of one region. One region is exact, and uses all threads.
     pub regions: u32,
-    /// Iterations of the solver per step, 1 to 1000. More makes tall stacks stiffer and costs time.
+    /// Number of solver iterations per step, 1 to 1000. More iterations make tall stacks stiffer and cost time.
     pub solver_iterations: u32,
-    /// m/s².
+    /// Gravity, m/s².
     pub gravity: [f32; 3],
-    /// Length of a step in seconds, above 0. It belongs to the world: all processes of a cluster share it.
+    /// Length of a step, seconds, above 0. It belongs to the world: all processes of a cluster share it.
     pub dt: f32,
-    /// Lowest corner of the box that is cut into regions, metres. Bodies may leave it: outer regions reach to infinity.
+    /// Lowest corner of the box that is cut into regions, metres. Bodies may leave the box: outer regions reach to infinity.
     pub min: [f64; 3],
-    /// Highest corner, above the lowest along each axis.
+    /// Highest corner of the box that is cut into regions, metres, above the lowest along each axis.
     pub max: [f64; 3],
-    /// Your own; dcd_world_info gives it back.
+    /// User data of the world; dcd_world_info gives it back.
     pub user_data: u64,
-    /// DCD_COUPLING_...: how regions come to consensus. It says nothing in a world of one region.
+    /// DCD_COUPLING_... constant: how regions come to consensus. It has no effect in a world of one region.
     pub coupling: DcdCoupling,
-    /// DCD_PRESET_...: what stands for DCD_COUPLING_AUTO and the four numbers below; with another coupling it must be 0.
+    /// DCD_PRESET_... constant: stands for DCD_COUPLING_AUTO and for exchanges, depth, island_limit and tolerance. With another
+    /// coupling it must be 0.
     pub preset: DcdPreset,
-    /// Exchanges between regions per step, 1 to 64; with DCD_COUPLING_AUTO the most that a border may take. 0 is what suits
-    /// the coupling, as in the next three.
+    /// Number of exchanges between regions per step, 1 to 64; with DCD_COUPLING_AUTO the most that a border may take. 0: what suits
+    /// the coupling.
     pub exchanges: u32,
-    /// Contact hops across a border within which bodies live in both regions, 1 to 16.
+    /// Number of contact hops across a border within which bodies live in both regions, 1 to 16; 0: what suits the coupling.
     pub depth: u32,
-    /// The most bodies of a group that moves whole to one region, to 65534.
+    /// Largest number of bodies of an island that moves whole to one region, up to 65534; 0: what suits the coupling.
     pub island_limit: u32,
-    /// The disagreement of copies that DCD_COUPLING_AUTO tolerates, m/s, above 0.
+    /// Disagreement of copies that DCD_COUPLING_AUTO tolerates, m/s, above 0; 0: what suits the coupling.
     pub tolerance: f32,
-    /// DCD_CUT_... bits: the axes across which `regions` are cut; 0 is all but that of gravity. With `regions` 0 it must be 0.
+    /// DCD_CUT_... bits: the axes across which `regions` are cut; 0: all but that of gravity. With `regions` 0 it must be 0.
     pub axes: u32,
-    /// The fastest that a dynamic body moves, m/s, up to DCD_MAX_NUMBER; 0 is what the scene says, else 400. What forces and contacts make
-    /// faster is cut to it; a body that is made or set to be faster is refused. dcd_settings_set changes it.
+    /// Largest speed of a dynamic body, m/s, up to DCD_MAX_NUMBER; 0: what the scene says, else 400. The speed of a body that
+    /// forces and contacts make faster is cut to it. A body that is made or set to be faster is refused. dcd_settings_set changes
+    /// it.
     pub speed_limit: f32,
-    /// DCD_FIDELITY_...: how much of the world is computed in full; dcd_viewpoints_set says where it is looked at from. It goes with the
-    /// couplings that share mass: not with DCD_COUPLING_OWNER and _PROXY.
+    /// DCD_FIDELITY_... constant: how much of the world is computed in full. dcd_viewpoints_set says where the world is looked at
+    /// from. It goes with the couplings that share mass: not with DCD_COUPLING_OWNER and DCD_COUPLING_PROXY.
     pub fidelity: DcdFidelity,
-    /// With DCD_FIDELITY_TOLERANCE m/s, with DCD_FIDELITY_BUDGET milliseconds, above 0; else 0.
+    /// Limit for `fidelity`, above 0: m/s with DCD_FIDELITY_TOLERANCE, milliseconds with DCD_FIDELITY_BUDGET. With all others it
+    /// is 0.
     pub fidelity_limit: f32,
 }
 
-/// The role, tick and settings of a world. Start from DCD_WORLD_INFO_INIT.
+/// Role, tick and settings of a world. Start from DCD_WORLD_INFO_INIT.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdWorldInfo {
-    /// sizeof(DcdWorldInfo).
+    /// Size of this struct: sizeof(DcdWorldInfo).
     pub struct_size: u32,
-    /// DCD_ROLE_LOCAL, _CLIENT, _BUILDER, _PARTICIPANT, _SERVER or _NODE.
+    /// Role of this process: DCD_ROLE_LOCAL, DCD_ROLE_CLIENT, DCD_ROLE_BUILDER, DCD_ROLE_PARTICIPANT, DCD_ROLE_SERVER or
+    /// DCD_ROLE_NODE.
     pub role: DcdRole,
-    /// Steps since the world began. In a served world the newest heard of: it lags by some milliseconds while bodies move, and
-    /// comes every 30 steps, then every 5 s while all rest (dcd_view_time tells the tick meanwhile); at the server every 30, and by up to 12 steps more.
+    /// Number of steps since the world began; in a served world, the newest step heard of. There it lags by some milliseconds while
+    /// bodies move. While all bodies rest it comes every 30 steps, then every 5 s (dcd_view_time tells the tick meanwhile). At the
+    /// server it comes every 30 steps, and lags by up to 12 steps more.
     pub tick: u64,
-    /// Your own.
+    /// User data that the program gave the world.
     pub user_data: u64,
-    /// Regions the world is cut into; those that this process computes, for a node.
+    /// Number of regions that the world is cut into; for a node, of those that this process computes.
     pub regions: u32,
     /// Length of a step, seconds; 0 for a node, which takes it from its server, as gravity.
     pub dt: f32,
-    /// m/s².
+    /// Gravity, m/s²; 0 for a node.
     pub gravity: [f32; 3],
-    /// The number that the server knows this client, builder or participant by, from 1; 0 for all others.
+    /// Number by which the server knows this client, builder or participant, from 1; 0 for all others.
     pub client: u32,
-    /// The fastest that a dynamic body moves, m/s, as dcd_settings_set left it; 0 for a node.
+    /// Largest speed of a dynamic body, m/s, as dcd_settings_set left it; 0 for a node.
     pub speed_limit: f32,
-    /// 0.
+    /// Reserved; always 0.
     pub reserved: u32,
 }
 
@@ -141,7 +146,7 @@ unsafe impl Sized32 for DcdWorldInfo {
     const NAME: &'static str = "DcdWorldInfo";
 }
 
-/// Returns how many threads a process that joins is to use.
+/// Returns how many threads a process that joins will use.
 pub(crate) fn asked_threads(asked: u32) -> Result<usize, Failure> {
     if asked > 1024 {
         return Err(Failure::argument(format!("threads is {asked}; give 1 to 1024, or 0")));
@@ -157,7 +162,7 @@ pub(crate) fn threads(asked: u32) -> usize {
     }
 }
 
-/// Returns which of all is meant: numbers are in their order from 1, and 0 is none.
+/// Returns the item that a number means. Items are numbered in their order from 1, and 0 is none.
 fn nth<T: Copy>(all: &[T], number: u32, name: &str, prefix: &str) -> Result<Option<T>, Failure> {
     match (number as usize).checked_sub(1) {
         None => Ok(None),
@@ -167,7 +172,7 @@ fn nth<T: Copy>(all: &[T], number: u32, name: &str, prefix: &str) -> Result<Opti
     }
 }
 
-/// Returns what a definition asks of the coupling; the numbers' ranges are checked with all others.
+/// Returns what a definition asks of the coupling. The ranges of its numbers are checked with all others.
 fn choice(def: &DcdWorldDef) -> Result<CouplingChoice, Failure> {
     let coupling = nth(&Coupling::ALL, def.coupling, "coupling", "DCD_COUPLING_")?;
     let method = match (coupling, nth(&Preset::ALL, def.preset, "preset", "DCD_PRESET_")?) {
@@ -188,7 +193,7 @@ fn choice(def: &DcdWorldDef) -> Result<CouplingChoice, Failure> {
         exchanges: asked(def.exchanges),
         depth: asked(def.depth),
         island_limit: asked(def.island_limit),
-        // -0.0 is 0 too; NaN is refused by the world.
+        // -0.0 is 0 too. The world refuses NaN.
         tolerance_m_s: (def.tolerance != 0.0).then_some(def.tolerance),
     })
 }
@@ -219,7 +224,7 @@ fn limited(step: StepSettings, def: &DcdWorldDef) -> Result<StepSettings, Failur
 /// Creates an empty local world, which this process computes alone. Destroy it with dcd_world_destroy.
 ///
 /// `def` is read during the call. `out` receives the handle.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, DCD_ERR_LIMIT without threads.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STRUCT, DCD_ERR_ARGUMENT (a member out of range), DCD_ERR_LIMIT (no threads).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_world_create(def: *const DcdWorldDef, out: *mut DcdWorld) -> DcdStatus {
     guard("dcd_world_create", || {
@@ -247,14 +252,16 @@ pub unsafe extern "C" fn dcd_world_create(def: *const DcdWorldDef, out: *mut Dcd
     })
 }
 
-/// Creates a local world from a scene: a scene of the library ("tower", "pile", "chain" …) or a file, whose
-/// name ends in .toml, .xml, .mjcf or .urdf. Body i of the scene is dcd_body_at(world, i).
+/// Creates a local world from a scene: a scene of the library ("tower", "pile", "chain" …) or a file whose name ends in .toml,
+/// .xml, .mjcf or .urdf. Body i of the scene is dcd_body_at(world, i).
 ///
-/// `params` points to `param_count` texts "name=value" that change parameters of the scene, as "n=100"; it may be null when
-/// there are none. Of `def` only threads, regions, user_data and what follows it count, the scene says the rest; null is
-/// DCD_WORLD_DEF_INIT. Everything is read during the call.
-/// Errors: as dcd_world_create; DCD_ERR_ARGUMENT for an unknown scene or parameter or a wrong file, with the line;
-/// DCD_ERR_IO when the file cannot be read.
+/// `params` points to `param_count` texts "name=value" that change parameters of the scene, such as "n=100". It may be null when
+/// there are none. Of `def`, only threads, regions, user_data and the members after user_data count; the scene says the rest. A
+/// null `def` is DCD_WORLD_DEF_INIT. Everything is read during the call.
+/// Errors:
+/// - As dcd_world_create.
+/// - DCD_ERR_ARGUMENT: an unknown scene or parameter, or a wrong file; the message names the line.
+/// - DCD_ERR_IO: the file cannot be read.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_world_open_scene(
     name_or_path: *const c_char,
@@ -279,7 +286,7 @@ pub(crate) struct Opened {
     pub user_data: u64,
 }
 
-/// Opens a scene by what dcd_world_open_scene is given.
+/// Opens a scene by the arguments of dcd_world_open_scene.
 ///
 /// # Safety
 /// Each pointer is null or valid for reading; texts end with NUL and nobody writes them meanwhile.
@@ -289,7 +296,7 @@ pub(crate) unsafe fn open(
     param_count: usize,
     def: *const DcdWorldDef,
 ) -> Result<Opened, Failure> {
-    // SAFETY: passed on.
+    // SAFETY: the caller upholds the same contract.
     let (name, params) = unsafe {
         let texts = pointer::slice(params, param_count, "params")?;
         let texts: Vec<&str> =
@@ -310,10 +317,10 @@ pub(crate) unsafe fn open(
     Ok(Opened { scene, config, user_data: def.user_data })
 }
 
-/// Destroys a local world with everything in it, or leaves a served one, whose avatars wait for your return. Its handles
-/// become stale, and what dcd_state_view and dcd_events lent is freed.
+/// Destroys a local world with everything in it, or leaves a served one, where the avatars of this process wait for its return. The
+/// world's handles become stale, and what dcd_state_view and dcd_events lent is freed.
 ///
-/// A call that runs on the world in another thread is waited for; calls that wait behind it find the world gone.
+/// The call waits for a call that runs on the world in another thread. Calls that wait behind it find the world gone.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (also when destroyed twice), DCD_ERR_BUSY.
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_world_destroy(world: DcdWorld) -> DcdStatus {
@@ -324,7 +331,7 @@ pub extern "C" fn dcd_world_destroy(world: DcdWorld) -> DcdStatus {
     })
 }
 
-/// Returns whether the handle names a world. Never waits.
+/// Returns whether the handle names a world. It never waits.
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_world_is_valid(world: DcdWorld) -> bool {
     guard_value(false, || registry::contains(world))

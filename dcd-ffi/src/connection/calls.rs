@@ -11,12 +11,12 @@ use crate::pointer::{self, Out, Room};
 use crate::registry::{ask, with};
 use crate::status::{DCD_ERR_TIMEOUT, DcdStatus, Failure};
 
-/// Lists the connections of a world into `out`, which has `cap` entries, the oldest first, and their number into `count`. With
-/// `cap` 0 `out` may be null, to ask for the number. A server has one with each node, client and participant; others have one
-/// with their server, and those with nodes and clients that their share of the world, or their avatars, ask for. A local world
-/// has none.
+/// Lists the connections of a world, oldest first. Writes the ids to `out`, which has `cap` entries, and their number to `count`.
+/// With `cap` 0, `out` may be null, to ask for the number.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not).
+/// A server has a connection with each node, client and participant. Others have one with their server, and those with nodes and
+/// clients that their share of the world, or their avatars, ask for. A local world has none.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (`count` is written all the same, `out` is not).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_connections(
     world: DcdWorld,
@@ -37,7 +37,7 @@ pub unsafe extern "C" fn dcd_connections(
 
 /// Reads the state and figures of a connection.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, also once it is gone, DCD_ERR_STRUCT.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (also once the connection is gone), DCD_ERR_STRUCT.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_connection_info(
     world: DcdWorld,
@@ -56,13 +56,13 @@ pub unsafe extern "C" fn dcd_connection_info(
     })
 }
 
-/// Disconnects a process from a server's world. It is told `reason`, a text shorter than DCD_MAX_REASON, or null for none; a node's
-/// regions are handed over first, a client's avatars wait for its return, which takes a new token. Returns at once;
-/// DCD_CONNECTION_GONE tells when it is gone, and there its dcd_step says DCD_ERR_NETWORK with the reason.
+/// Disconnects a process from a server's world, and returns at once. The process is told `reason`, a text shorter than
+/// DCD_MAX_REASON, or null for none. A node's regions are handed over first. A client's avatars wait for its return, which takes a
+/// new token. DCD_CONNECTION_GONE tells when the process is gone. There its dcd_step returns DCD_ERR_NETWORK with the reason.
 ///
 /// To leave a world, call dcd_world_destroy.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a reason that is too long, DCD_ERR_UNSUPPORTED for a world that
-/// is not a server.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT (a reason that is too long), DCD_ERR_UNSUPPORTED (the world is not a
+/// server).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_disconnect(
     world: DcdWorld,
@@ -89,12 +89,12 @@ pub unsafe extern "C" fn dcd_disconnect(
     })
 }
 
-/// Waits until something has come that the next dcd_step would take in: states and events of a client's world, messages,
-/// changes of connections, the end of the world; not longer than `timeout_ms` milliseconds, and not at all in a local world.
-/// Once the world has ended or the server is given up it returns at once: dcd_step says why. Other calls on the world do not wait
-/// for this one.
+/// Waits until something has come that the next dcd_step would take in, but not longer than `timeout_ms` milliseconds: states and
+/// events of a client's world, messages, changes of connections, or the end of the world. In a local world it does not wait at all.
+/// Once the world has ended or the server is given up, it returns at once, and dcd_step says why. Other calls on the world do not
+/// wait for this one.
 ///
-/// Errors: DCD_ERR_TIMEOUT when nothing has come, DCD_ERR_NULL, DCD_ERR_STALE_ID.
+/// Errors: DCD_ERR_TIMEOUT (nothing has come), DCD_ERR_NULL, DCD_ERR_STALE_ID.
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_poll(world: DcdWorld, timeout_ms: u32) -> DcdStatus {
     guard("dcd_poll", || {

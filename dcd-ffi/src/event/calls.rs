@@ -7,8 +7,8 @@ use crate::pointer::Out;
 use crate::registry::with;
 use crate::status::DcdStatus;
 
-/// Lends the events of the last step; nothing before the first. Poll it once a step: a step without a look loses its
-/// events, and the messages that came.
+/// Lends the events of the last step; nothing before the first. Call it once per step: a step without it loses its events, and the
+/// messages that came.
 ///
 /// The arrays are the library's, and live as those of dcd_state_view do.
 /// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT.

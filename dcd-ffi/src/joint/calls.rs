@@ -13,13 +13,18 @@ use crate::registry::{self, World, ask, with};
 use crate::status::{DcdStatus, Failure};
 use crate::types::DcdFrame;
 
-/// Creates a joint between two bodies of a local world, or of a server's own: those that it made since its last dcd_step, or one of
-/// them and a fixed one. Clients that may not build, and nodes, have no joints (DCD_ERR_UNSUPPORTED); a server and builders may drive and destroy any. What
-/// joints tie together is owned and moved whole by one region, so keep it small against a region.
+/// Creates a joint between two bodies and wakes both. The joint is gone when either body is destroyed.
 ///
-/// `def` is read during the call. Both bodies wake. The joint is gone when either body is destroyed.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or a body), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for a member out of range, a
-/// limit or motor of a joint without an axis of its own, or twice the same body.
+/// In a local world the two may be any bodies. A server, or a builder, ties bodies of its own: those that it made since its last
+/// dcd_step, or one of them and a fixed one. Servers and builders may drive and destroy any joint. Clients that may not build, and
+/// nodes, have no joints (DCD_ERR_UNSUPPORTED).
+///
+/// One region owns what joints tie together, and it moves whole, so keep it small against a region.
+///
+/// `def` is read during the call.
+/// Errors:
+/// - DCD_ERR_NULL, DCD_ERR_STALE_ID (world or a body), DCD_ERR_STRUCT.
+/// - DCD_ERR_ARGUMENT: a member out of range, a limit or motor of a joint without an axis of its own, or twice the same body.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_joint_create(
     world: DcdWorld,
@@ -61,8 +66,8 @@ pub extern "C" fn dcd_joint_destroy(world: DcdWorld, joint: DcdJointId) -> DcdSt
     })
 }
 
-/// Returns whether the id names a joint of this world. False too from within a function that the library calls, and once the
-/// world answers DCD_ERR_PANIC.
+/// Returns whether the id names a joint of this world. Returns false also from within a function that the library calls, and once
+/// the world answers DCD_ERR_PANIC.
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_joint_is_valid(world: DcdWorld, joint: DcdJointId) -> bool {
     guard_value(false, || ask(world, |world| find(world, joint)).is_ok())
@@ -88,12 +93,12 @@ pub unsafe extern "C" fn dcd_joint_info(
     })
 }
 
-/// Limits one axis of a joint, and wakes its bodies: `limit` points to the lowest and the highest position, metres or radians;
-/// -INFINITY and INFINITY leave a side open. Null takes the limit away. Coupled axes have one limit, a rope's is DCD_AXIS_X;
-/// where it is a distance its lowest is 0.
+/// Sets the limit of one axis of a joint, and wakes its bodies. `limit` points to the lowest and the highest position, metres or
+/// radians; -INFINITY and INFINITY leave a side open. A null `limit` takes the limit away. Coupled axes have one limit, and that of
+/// a rope is DCD_AXIS_X. Where the position is a distance, its lowest is 0.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers out of range, a lowest above the highest, or an axis that
-/// is locked or none.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT (numbers out of range, a lowest above the highest, or an axis that is
+/// locked or none).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_joint_set_limit(
     world: DcdWorld,
@@ -120,11 +125,11 @@ pub unsafe extern "C" fn dcd_joint_set_limit(
     })
 }
 
-/// Sets the motor of one axis of a joint, and wakes its bodies. Null stops the motor: the axis is free again. Coupled axes have
-/// one motor, a spring's is DCD_AXIS_X.
+/// Sets the motor of one axis of a joint, and wakes its bodies. A null `motor` stops the motor: the axis is free again. Coupled
+/// axes have one motor, and that of a spring is DCD_AXIS_X.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers out of range, an unknown model, an axis that is locked or
-/// none, or coupled axes about which it would turn.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT (numbers out of range, an unknown model, an axis that is locked or
+/// none, or coupled axes about which it would turn).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_joint_set_motor(
     world: DcdWorld,
@@ -153,10 +158,10 @@ pub unsafe extern "C" fn dcd_joint_set_motor(
     })
 }
 
-/// Reads the limit of one axis: lowest and highest into `out`, which has two entries; -INFINITY to INFINITY where there is
-/// none.
+/// Reads the limit of one axis of a joint, lowest and highest, into `out`, which has two entries: -INFINITY to INFINITY where there
+/// is none.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for an axis that is locked or none.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT (an axis that is locked or none).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_joint_get_limit(
     world: DcdWorld,
@@ -182,9 +187,9 @@ pub unsafe extern "C" fn dcd_joint_get_limit(
     })
 }
 
-/// Reads the motor of one axis; all is 0 where none runs.
+/// Reads the motor of one axis of a joint; all is 0 where none runs.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for an axis that is locked or none.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT (an axis that is locked or none).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_joint_get_motor(
     world: DcdWorld,
@@ -217,9 +222,9 @@ pub unsafe extern "C" fn dcd_joint_get_motor(
     })
 }
 
-/// Moves a joint on its bodies, and wakes them: where it sits on `a` and on `b`. A null frame stays as it is.
+/// Sets where a joint sits on `a` and on `b`, and wakes its bodies. A null frame stays as it is.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for a frame that is not finite or no rotation.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT (a frame that is not finite or no rotation).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_joint_set_frames(
     world: DcdWorld,
@@ -250,10 +255,10 @@ pub unsafe extern "C" fn dcd_joint_set_frames(
     })
 }
 
-/// Sets whether a joint acts and whether its bodies collide with one another, and wakes them: DCD_JOINT_COLLIDE and
+/// Sets whether a joint acts and whether its bodies collide with one another, and wakes them. `flags` has DCD_JOINT_COLLIDE and
 /// DCD_JOINT_DISABLED bits.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for other bits.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT (other bits).
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_joint_set_flags(world: DcdWorld, joint: DcdJointId, flags: u32) -> DcdStatus {
     guard("dcd_joint_set_flags", || {
@@ -273,7 +278,7 @@ pub extern "C" fn dcd_joint_set_flags(world: DcdWorld, joint: DcdJointId, flags:
 
 /// Sets how stiffly a joint holds what it locks and limits, as in DcdJointDef, and wakes its bodies.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for numbers out of range.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT (numbers out of range).
 #[unsafe(no_mangle)]
 pub extern "C" fn dcd_joint_set_softness(
     world: DcdWorld,
@@ -290,10 +295,10 @@ pub extern "C" fn dcd_joint_set_softness(
     })
 }
 
-/// Lists the joints of a body into `out`, which has `cap` entries, and their number into `count`. With `cap` 0 `out` may be
-/// null, to ask for the number. Oldest first.
+/// Lists the joints of a body, oldest first. Writes the ids to `out`, which has `cap` entries, and their number to `count`. With
+/// `cap` 0, `out` may be null, to ask for the number.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (then `count` is written all the same and `out` is not).
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_SMALL_BUFFER (`count` is written all the same, `out` is not).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_body_joints(
     world: DcdWorld,
@@ -314,7 +319,7 @@ pub unsafe extern "C" fn dcd_body_joints(
     })
 }
 
-/// The joint behind a handle.
+/// Returns the joint behind a handle.
 fn find(world: &World, joint: DcdJointId) -> Result<JointRecord, Failure> {
     world.dcd.ties_bodies()?;
     let id: JointId = world.mark.joint_id(joint)?;

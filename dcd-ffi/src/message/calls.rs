@@ -12,21 +12,25 @@ use crate::pointer;
 use crate::registry::with;
 use crate::status::{DcdStatus, Failure};
 
-/// Sends `size` bytes to the program at the other end of a connection, where they are among the messages of dcd_events after
-/// its next dcd_step. A server's program speaks with that of every node, client and participant, and those with the server's only:
+/// Sends `size` bytes to the program at the other end of a connection. There they are among the messages of dcd_events after its
+/// next dcd_step. A server's program speaks with that of every node, client and participant. Those speak with the server's only:
 /// what one client has to say to another passes through the server's program.
 ///
-/// A message, with `flags` 0, arrives once and in order, as long as the link lasts; it has DCD_MAX_MESSAGE bytes at most. With
-/// DCD_SEND_UNRELIABLE it is a datagram of DCD_MAX_DATAGRAM bytes at most, which may be lost or overtaken, and never waits.
-/// Messages on their way when a link breaks (DCD_CONNECTION_LOST) are lost.
-///
-/// The world never waits for messages. A program that makes no steps takes none: then up to 128 KiB wait there and as much
-/// here, counting 64 bytes more for each, and then the call is DCD_ERR_BUSY. Of datagrams the newest are dropped where 64 KiB
-/// wait, and counted (DcdConnectionInfo.dropped).
+/// - Messages. With `flags` 0 a message arrives once and in order, as long as the link lasts. It has at most DCD_MAX_MESSAGE bytes.
+/// - Datagrams. With DCD_SEND_UNRELIABLE it is a datagram of at most DCD_MAX_DATAGRAM bytes, which may be lost or overtaken, and
+///   never waits.
+/// - Broken links. Messages on their way when a link breaks (DCD_CONNECTION_LOST) are lost.
+/// - Slow readers. The world never waits for messages, and a program that makes no steps takes none. Then up to 128 KiB wait there
+///   and as much here, counting 64 bytes more for each message. Beyond that the call gives DCD_ERR_BUSY.
+/// - Dropped datagrams. Where 64 KiB of datagrams wait, the newest are dropped, and counted (DcdConnectionInfo.dropped).
 ///
 /// The call copies the bytes and returns at once. `data` may be null when `size` is 0.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for too many bytes or unknown flags, DCD_ERR_BUSY when too much waits
-/// already, DCD_ERR_NETWORK while the connection is lost, DCD_ERR_UNSUPPORTED in a local world, and when neither end is a server.
+/// Errors:
+/// - DCD_ERR_NULL, DCD_ERR_STALE_ID.
+/// - DCD_ERR_ARGUMENT: too many bytes, or unknown flags.
+/// - DCD_ERR_BUSY: too much waits already.
+/// - DCD_ERR_NETWORK: the connection is lost.
+/// - DCD_ERR_UNSUPPORTED: in a local world, and when neither end is a server.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_send(
     world: DcdWorld,

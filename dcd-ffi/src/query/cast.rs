@@ -13,64 +13,64 @@ use crate::shape;
 use crate::status::{DcdStatus, Failure};
 use crate::types::{DcdPose, check_pose};
 
-/// A shape that moves straight, and may turn on the way. Start from DCD_SHAPE_CAST_INIT and give shape and motion.
+/// Shape that moves straight, and may turn on the way. Start from DCD_SHAPE_CAST_INIT and give `shape` and `motion`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdShapeCast {
-    /// Of the same world. It cannot be a mesh or terrain.
+    /// Shape that moves, of the same world. It cannot be a mesh or terrain.
     pub shape: DcdShapeId,
-    /// Where it starts.
+    /// Pose at which the shape starts.
     pub pose: DcdPose,
-    /// How far its origin moves, metres.
+    /// Way of the shape's origin, metres.
     pub motion: [f32; 3],
-    /// By how much it turns on the way: about this axis of the world, by its length in radians. 0 is cheaper.
+    /// Turn of the shape on the way: about this axis of the world, by its length in radians. 0 is cheaper.
     pub turn: [f32; 3],
-    /// Metres from a body at which it counts as there, 0 or more; 0 if it turns.
+    /// Distance from a body at which the shape counts as there, metres, 0 or more; 0 if it turns.
     pub margin: f32,
-    /// Groups that it meets; 0xFFFFFFFF for all.
+    /// Groups that the shape meets, as bits; 0xFFFFFFFF for all.
     pub mask: u32,
-    /// A body that it passes through; null for none.
+    /// Body that the shape passes through; null for none.
     pub exclude: DcdBodyId,
     /// DCD_QUERY_LEAVE or 0.
     pub flags: u32,
-    /// 0.
+    /// Reserved; must be 0.
     pub reserved: u32,
 }
 
-/// The first body that a moving shape met.
+/// First body that a moving shape met.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DcdShapeHit {
-    /// Which; null when the shape met nothing, and then all else is 0.
+    /// The body; null when the shape met nothing, and then all else is 0.
     pub body: DcdBodyId,
-    /// Its user data.
+    /// User data of the body.
     pub user_data: u64,
-    /// Where on the body, world space, metres.
+    /// Point on the body, world space, metres.
     pub point: [f64; 3],
-    /// Outward of the body there, of length 1.
+    /// Normal of the body there, outward, of length 1.
     pub normal: [f32; 3],
-    /// How much of its way the shape came, 0 to 1.
+    /// Part of its way that the shape came, 0 to 1.
     pub fraction: f32,
-    /// Where on the shape, in its own space, metres.
+    /// Point on the shape, in its own space, metres.
     pub point_on_shape: [f32; 3],
-    /// Outward of the shape there, in its own space.
+    /// Normal of the shape there, outward, in its own space.
     pub normal_on_shape: [f32; 3],
-    /// Which collider of the body, from 0.
+    /// Number of the collider of the body, from 0.
     pub collider: u32,
-    /// As in DcdRayHit.
+    /// Number of the triangle of a mesh or terrain, or of the part of a compound; else 0.
     pub subshape: u32,
     /// DCD_HIT_INSIDE or 0.
     pub flags: u32,
-    /// 0.
+    /// Reserved; always 0.
     pub reserved: u32,
-    /// The user_data of that collider, as the number of a material.
+    /// user_data of that collider, such as the number of a material.
     pub material: u64,
 }
 
 /// Finds the first body that each of `count` moving shapes meets; hits[i] belongs to casts[i].
 ///
 /// `casts` and `filter` are read during the call; `hits` has `count` entries.
-/// Errors: as dcd_cast_rays; DCD_ERR_STALE_ID also for a shape, DCD_ERR_ARGUMENT also for a mesh or terrain.
+/// Errors: as dcd_cast_rays, DCD_ERR_STALE_ID also for a shape, DCD_ERR_ARGUMENT also for a mesh or terrain.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_cast_shapes(
     world: DcdWorld,
@@ -109,7 +109,7 @@ const NO_SHAPE_HIT: DcdShapeHit = DcdShapeHit {
     material: 0,
 };
 
-/// A shape to ask with.
+/// Returns the shape with which a query asks.
 pub(super) fn solid(world: &World, shape: DcdShapeId) -> Result<&SharedShape, Failure> {
     let shape = shape::find(world, shape)?;
     if shape.as_trimesh().is_some() || shape.as_heightfield().is_some() {
@@ -118,7 +118,7 @@ pub(super) fn solid(world: &World, shape: DcdShapeId) -> Result<&SharedShape, Fa
     Ok(shape)
 }
 
-/// The cast, of a call whose queries all meet these groups; its shape has no name yet.
+/// Returns the cast of a call whose queries all meet these groups. Its shape has no name yet.
 pub(super) fn question(world: &World, mask: u32, cast: &DcdShapeCast) -> Result<CastQuery, Failure> {
     check_pose(&cast.pose)?;
     check_numbers(&cast.motion, "motion")?;

@@ -9,32 +9,33 @@ use dcd::protocol::{FilterRecord, PartFilter};
 use dcd::space::BodyId;
 use rapier3d::prelude::QueryFilterFlags;
 
-/// In DcdFilter.flags: overlooks fixed bodies.
+/// In DcdFilter.flags: the queries overlook fixed bodies.
 pub const DCD_FILTER_NO_FIXED: u32 = 1;
-/// In DcdFilter.flags: overlooks kinematic bodies.
+/// In DcdFilter.flags: the queries overlook kinematic bodies.
 pub const DCD_FILTER_NO_KINEMATIC: u32 = 2;
-/// In DcdFilter.flags: overlooks dynamic bodies.
+/// In DcdFilter.flags: the queries overlook dynamic bodies.
 pub const DCD_FILTER_NO_DYNAMIC: u32 = 4;
-/// In DcdFilter.flags: overlooks sensors.
+/// In DcdFilter.flags: the queries overlook sensors.
 pub const DCD_FILTER_NO_SENSORS: u32 = 8;
-/// In DcdFilter.flags: overlooks all but sensors.
+/// In DcdFilter.flags: the queries overlook all but sensors.
 pub const DCD_FILTER_NO_SOLIDS: u32 = 16;
 
-/// A filter: what all queries of a call overlook. Start from DCD_FILTER_INIT, which overlooks nothing.
+/// Filter: what all queries of a call overlook. Start from DCD_FILTER_INIT, which overlooks nothing.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdFilter {
-    /// sizeof(DcdFilter).
+    /// Size of this struct: sizeof(DcdFilter).
     pub struct_size: u32,
     /// DCD_FILTER_… bits.
     pub flags: u32,
-    /// Groups that the queries belong to: colliders whose mask meets none of them are overlooked. 0 asks no collider's mask.
+    /// Groups that the queries belong to, as bits. Colliders whose mask meets none of them are overlooked. 0 asks no collider's
+    /// mask.
     pub groups: u32,
-    /// Groups that the queries meet; 0xFFFFFFFF for all.
+    /// Groups that the queries meet, as bits; 0xFFFFFFFF for all.
     pub mask: u32,
-    /// Bodies that are overlooked; null when there are none.
+    /// Ids of the bodies that are overlooked; null when there are none.
     pub exclude: *const DcdBodyId,
-    /// How many.
+    /// Number of entries in `exclude`.
     pub exclude_count: usize,
 }
 
@@ -43,13 +44,14 @@ unsafe impl Sized32 for DcdFilter {
     const NAME: &'static str = "DcdFilter";
 }
 
-/// In flags of a ray or a point: bodies are hollow. A ray that starts inside of one meets its surface from within, and the
-/// place nearest to a point inside of one is on its surface.
+/// In the flags of DcdRay and DcdPointQuery: bodies are hollow. A ray that starts inside a body meets its surface from within. The
+/// place nearest to a point inside a body is on its surface.
 pub const DCD_QUERY_HOLLOW: u32 = 1;
 /// In DcdShapeCast.flags: what the shape overlaps at the start stops it only if it moves farther in.
 pub const DCD_QUERY_LEAVE: u32 = 2;
 
-/// In flags of a hit: it began there. The shape overlaps the body at the start, the point lies inside of it.
+/// In the flags of DcdShapeHit and DcdPointHit: the hit began there. The shape overlaps the body at the start, or the point lies
+/// inside the body.
 pub const DCD_HIT_INSIDE: u32 = 1;
 
 mod ray;
@@ -74,7 +76,7 @@ pub use submit::*;
 
 const NOBODY: DcdBodyId = DcdBodyId { v: 0 };
 
-/// The checked inputs that all queries have.
+/// Checked inputs that all queries have.
 struct Batch<'a, Q> {
     queries: &'a [Q],
     name: &'static str,
@@ -82,7 +84,7 @@ struct Batch<'a, Q> {
     exclude: &'a [DcdBodyId],
 }
 
-/// A world to ask, and what all queries of a call overlook.
+/// World to ask, and what all queries of a call overlook.
 struct Asked<'a> {
     world: &'a World,
     queries: Queries<'a>,
@@ -99,7 +101,7 @@ impl<'a, Q> Batch<'a, Q> {
         name: &'static str,
         filter: *const DcdFilter,
     ) -> Result<Self, Failure> {
-        // SAFETY: passed on.
+        // SAFETY: the caller upholds the same contract.
         unsafe {
             let queries = pointer::slice(queries, count, name)?;
             if filter.is_null() {
@@ -123,12 +125,12 @@ impl<'a, Q> Batch<'a, Q> {
         Ok(FilterRecord { flags, groups, exclude: self.excluded(world)? })
     }
 
-    /// Groups that all queries meet.
+    /// Returns the groups that all queries meet.
     fn mask(&self) -> u32 {
         self.filter.map_or(u32::MAX, |filter| filter.mask)
     }
 
-    /// Bodies that all queries overlook, in order.
+    /// Returns the bodies that all queries overlook, in order.
     fn excluded(&self, world: &World) -> Result<Vec<BodyId>, Failure> {
         let found = self.exclude.iter().map(|&body| registry::find(world, body));
         let mut exclude = found.collect::<Result<Vec<_>, _>>()?;
@@ -137,7 +139,7 @@ impl<'a, Q> Batch<'a, Q> {
         Ok(exclude)
     }
 
-    /// Looks at every query, and says which one is wrong if one is.
+    /// Calls `look` with every query. An error says which query is wrong.
     fn numbered<R>(&self, look: impl FnMut(&Q) -> Result<R, Failure>) -> Result<Vec<R>, Failure> {
         self.first_wrong(self.queries.iter().map(look))
     }
@@ -153,7 +155,7 @@ impl<'a, Q> Batch<'a, Q> {
         numbered.map(|(i, looked)| looked.map_err(|failure| wrong(i, failure))).collect()
     }
 
-    /// Answers every query, many of them on the world's threads, and says which one is wrong if one is.
+    /// Answers every query, many of them on the world's threads. An error says which query is wrong.
     fn answers<R: Send>(
         &self,
         world: &World,
@@ -166,7 +168,7 @@ impl<'a, Q> Batch<'a, Q> {
         self.first_wrong(asked.queries.ask_about(self.queries, |query| answer(&asked, query)))
     }
 
-    /// One answer a query, to `hits`.
+    /// Writes one answer per query to `hits`.
     ///
     /// # Safety
     /// `hits` has an entry for each query.
@@ -192,7 +194,7 @@ impl<'a, Q> Batch<'a, Q> {
         })
     }
 
-    /// A list of answers a query, all of them to `room`, and where each list ends to `ends`.
+    /// Writes a list of answers per query: all lists to `room`, and where each ends to `ends`.
     ///
     /// # Safety
     /// `ends` has an entry for each query.
@@ -221,7 +223,7 @@ impl<'a, Q> Batch<'a, Q> {
     }
 }
 
-/// Writes where each of several lists of these lengths ends, one behind the other.
+/// Writes where each of several lists of these lengths ends, if they lie one behind the other.
 ///
 /// # Safety
 /// `ends` is valid for writing an entry for each list.

@@ -4,7 +4,7 @@ use dcd::protocol::QueryResult;
 
 use crate::handle::Slots;
 
-/// The open queries of a world.
+/// Open queries of a world.
 pub(crate) struct OpenQueries {
     pub slots: Slots<Submitted>,
     pub count: usize,
@@ -17,7 +17,7 @@ impl OpenQueries {
     }
 }
 
-/// Queries that are submitted together.
+/// Queries that were submitted together.
 pub(crate) struct Submitted {
     pub kind: Kind,
     pub cost: usize,
@@ -31,9 +31,9 @@ pub(crate) enum Kind {
     Overlaps,
 }
 
-/// The answer, or how to ask for it.
+/// The answer to submitted queries, or how to ask for it.
 pub(crate) enum Answer {
-    /// Under this number, by those who compute the world.
+    /// The processes that compute the world answer under this number.
     Awaited(u64),
     Here(QueryResult),
 }

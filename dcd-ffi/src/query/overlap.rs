@@ -15,57 +15,58 @@ use crate::registry::World;
 use crate::status::{DcdStatus, Failure};
 use crate::types::{DcdPose, check_pose};
 
-/// A shape at a pose, to find what overlaps it. Start from DCD_SHAPE_QUERY_INIT and give a shape.
+/// Shape at a pose, to find what overlaps it. Start from DCD_SHAPE_QUERY_INIT and give a shape.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdShapeQuery {
-    /// Of the same world. It cannot be a mesh or terrain.
+    /// The shape, of the same world. It cannot be a mesh or terrain.
     pub shape: DcdShapeId,
-    /// Where.
+    /// Pose of the shape.
     pub pose: DcdPose,
-    /// A body that is overlooked; null for none.
+    /// Body that is overlooked; null for none.
     pub exclude: DcdBodyId,
-    /// Groups that it meets; 0xFFFFFFFF for all.
+    /// Groups that the shape meets, as bits; 0xFFFFFFFF for all.
     pub mask: u32,
-    /// 0.
+    /// Reserved; must be 0.
     pub reserved: u32,
 }
 
-/// A box along the axes of the world (AABB). Corners may be infinite. Start from DCD_BOX_QUERY_INIT and give them.
+/// Box along the axes of the world (AABB), to find what overlaps it. Corners may be infinite. Start from DCD_BOX_QUERY_INIT and
+/// give them.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdBoxQuery {
     /// Lowest corner, metres.
     pub min: [f64; 3],
-    /// Highest corner.
+    /// Highest corner, metres.
     pub max: [f64; 3],
-    /// A body that is overlooked; null for none.
+    /// Body that is overlooked; null for none.
     pub exclude: DcdBodyId,
-    /// Groups that it meets; 0xFFFFFFFF for all.
+    /// Groups that the box meets, as bits; 0xFFFFFFFF for all.
     pub mask: u32,
-    /// 0.
+    /// Reserved; must be 0.
     pub reserved: u32,
 }
 
-/// A body that overlaps something.
+/// Body that overlaps a shape, a point or a box.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DcdOverlap {
-    /// Which.
+    /// The body.
     pub body: DcdBodyId,
-    /// Its user data.
+    /// User data of the body.
     pub user_data: u64,
-    /// Which collider of it, from 0.
+    /// Number of the collider of the body, from 0.
     pub collider: u32,
-    /// 0.
+    /// Reserved; always 0.
     pub reserved: u32,
-    /// The user_data of that collider, as the number of a material.
+    /// user_data of that collider, such as the number of a material.
     pub material: u64,
 }
 
-/// Finds every body that each of `count` shapes overlaps, by age. Outputs as of dcd_cast_rays_all.
+/// Finds every body that each of `count` shapes overlaps, oldest first. The outputs are as of dcd_cast_rays_all.
 ///
-/// Errors: as dcd_cast_rays_all; DCD_ERR_STALE_ID also for a shape, DCD_ERR_ARGUMENT also for a mesh or terrain.
+/// Errors: as dcd_cast_rays_all, DCD_ERR_STALE_ID also for a shape, DCD_ERR_ARGUMENT also for a mesh or terrain.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_overlap_shapes(
     world: DcdWorld,
@@ -83,7 +84,7 @@ pub unsafe extern "C" fn dcd_overlap_shapes(
     })
 }
 
-/// Finds every body that each of `count` points lies in, by age. Outputs as of dcd_cast_rays_all.
+/// Finds every body that each of `count` points lies in, oldest first. The outputs are as of dcd_cast_rays_all.
 ///
 /// Errors: as dcd_cast_rays_all.
 #[unsafe(no_mangle)]
@@ -103,10 +104,10 @@ pub unsafe extern "C" fn dcd_overlap_points(
     })
 }
 
-/// Finds every body whose AABB, its own box along the axes of the world, touches each of `count` boxes, by age: what may overlap it, at
-/// little cost. Outputs as of dcd_cast_rays_all.
+/// Finds every body whose AABB (its own box along the axes of the world) touches each of `count` boxes, oldest first. These are the
+/// bodies that may overlap the box, found at little cost. The outputs are as of dcd_cast_rays_all.
 ///
-/// Errors: as dcd_cast_rays_all; DCD_ERR_ARGUMENT also for a box whose min is above its max.
+/// Errors: as dcd_cast_rays_all, DCD_ERR_ARGUMENT also for a box whose min is above its max.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_overlap_boxes(
     world: DcdWorld,
@@ -124,19 +125,19 @@ pub unsafe extern "C" fn dcd_overlap_boxes(
     })
 }
 
-/// A query that names a place.
+/// Query that names a place.
 pub(super) trait Somewhere {
-    /// What an array of them is called, and one of them.
+    /// What an array of such queries is called, and what one of them is.
     const NAME: &'static str;
     const ONE: &'static str;
 
-    /// The place; its shape has no name yet.
+    /// Returns the place. Its shape has no name yet.
     fn place(&self) -> Result<Place, Failure>;
 
-    /// The shape there, if it has one.
+    /// Returns the shape at the place, if the query has one.
     fn shape<'a>(&self, world: &'a World) -> Result<Option<&'a SharedShape>, Failure>;
 
-    /// Groups that it meets, and who is overlooked.
+    /// Returns the groups that the query meets, and the body that it overlooks.
     fn whom(&self) -> (u32, DcdBodyId);
 }
 
@@ -200,7 +201,7 @@ impl Somewhere for DcdBoxQuery {
     }
 }
 
-/// The place and whom to look for there, of a call whose queries all meet these groups.
+/// Returns the place and the filter of a query, of a call whose queries all meet these groups.
 pub(super) fn question(world: &World, mask: u32, query: &impl Somewhere) -> Result<OverlapQuery, Failure> {
     let (place, (own, exclude)) = (query.place()?, query.whom());
     Ok(OverlapQuery { place, filter: part_filter(world, mask, own, exclude)? })
@@ -216,7 +217,7 @@ unsafe fn overlaps<Q: Somewhere + Sync>(
     (found, cap): (*mut DcdOverlap, usize),
     (ends, total): (*mut usize, *mut usize),
 ) -> Result<(), Failure> {
-    // SAFETY: passed on.
+    // SAFETY: the caller upholds the same contract.
     unsafe {
         let batch = Batch::new(queries, count, Q::NAME, filter)?;
         let room = Room::new(found, cap, total, ["found", "total"])?;

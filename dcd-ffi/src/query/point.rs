@@ -7,43 +7,43 @@ use crate::material::material;
 use crate::pointer::{check_bits, check_point, check_reserved};
 use crate::status::DcdStatus;
 
-/// A point. Start from DCD_POINT_QUERY_INIT.
+/// Point, to find the place nearest to it, or the bodies that it lies in. Start from DCD_POINT_QUERY_INIT.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdPointQuery {
-    /// World space, metres.
+    /// The point, world space, metres.
     pub point: [f64; 3],
-    /// Of dcd_project_points: how far a place may be, metres, 0 or more; INFINITY is allowed.
+    /// Largest distance of a place, for dcd_project_points, metres, 0 or more; INFINITY is allowed.
     pub max_distance: f32,
-    /// Groups that it meets; 0xFFFFFFFF for all.
+    /// Groups that the point meets, as bits; 0xFFFFFFFF for all.
     pub mask: u32,
-    /// A body that is overlooked; null for none.
+    /// Body that is overlooked; null for none.
     pub exclude: DcdBodyId,
-    /// Of dcd_project_points: DCD_QUERY_HOLLOW or 0; else 0.
+    /// DCD_QUERY_HOLLOW or 0, for dcd_project_points; else 0.
     pub flags: u32,
-    /// 0.
+    /// Reserved; must be 0.
     pub reserved: u32,
 }
 
-/// The place of a body nearest to a point.
+/// Place of a body nearest to a point.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DcdPointHit {
-    /// Whose; null when there is none near enough, and then all else is 0.
+    /// The body; null when none is near enough, and then all else is 0.
     pub body: DcdBodyId,
-    /// Its user data.
+    /// User data of the body.
     pub user_data: u64,
-    /// Where, world space, metres.
+    /// The place, world space, metres.
     pub point: [f64; 3],
-    /// From the point that was asked about, metres.
+    /// Distance from the point that was asked about, metres.
     pub distance: f32,
-    /// Which collider of the body, from 0.
+    /// Number of the collider of the body, from 0.
     pub collider: u32,
     /// DCD_HIT_INSIDE or 0.
     pub flags: u32,
-    /// 0.
+    /// Reserved; always 0.
     pub reserved: u32,
-    /// The user_data of that collider, as the number of a material.
+    /// user_data of that collider, such as the number of a material.
     pub material: u64,
 }
 

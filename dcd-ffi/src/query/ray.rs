@@ -11,58 +11,59 @@ use crate::pointer::{Room, check_bits, check_numbers, check_point};
 use crate::registry::World;
 use crate::status::{DcdStatus, Failure};
 
-/// A ray. Start from DCD_RAY_INIT and give a direction.
+/// Ray. Start from DCD_RAY_INIT and give a direction.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct DcdRay {
-    /// Where it starts, world space, metres.
+    /// Point where the ray starts, world space, metres.
     pub origin: [f64; 3],
-    /// Where it goes, of any length above 0.
+    /// Direction of the ray, of any length above 0.
     pub direction: [f32; 3],
-    /// How far, metres, above 0; INFINITY is allowed.
+    /// Length of the ray, metres, above 0; INFINITY is allowed.
     pub max_distance: f32,
-    /// A body that it passes through, as the one that looks; null for none.
+    /// Body that the ray passes through, such as the one that looks; null for none.
     pub exclude: DcdBodyId,
-    /// Groups that it meets, as in DcdBodyDef.groups; 0xFFFFFFFF for all.
+    /// Groups that the ray meets, as bits, as in DcdBodyDef.groups; 0xFFFFFFFF for all.
     pub mask: u32,
     /// DCD_QUERY_HOLLOW or 0.
     pub flags: u32,
 }
 
-/// A body that a ray met.
+/// Body that a ray met.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DcdRayHit {
-    /// Which; null when the ray met nothing, and then all else is 0.
+    /// The body; null when the ray met nothing, and then all else is 0.
     pub body: DcdBodyId,
-    /// Its user data.
+    /// User data of the body.
     pub user_data: u64,
-    /// Where, world space, metres.
+    /// Point where the ray met the body, world space, metres.
     pub point: [f64; 3],
-    /// Outward, of length 1; 0 when the ray starts inside the body.
+    /// Normal of the body there, outward, of length 1; 0 when the ray starts inside the body.
     pub normal: [f32; 3],
-    /// From the origin, metres.
+    /// Distance of that point from the origin, metres.
     pub distance: f32,
-    /// Which collider of the body, from 0.
+    /// Number of the collider of the body, from 0.
     pub collider: u32,
-    /// Which triangle of a mesh or terrain, which part of a compound; else 0.
+    /// Number of the triangle of a mesh or terrain, or of the part of a compound; else 0.
     pub subshape: u32,
-    /// The user_data of that collider, as the number of a material.
+    /// user_data of that collider, such as the number of a material.
     pub material: u64,
 }
 
 /// Finds the first body that each of `count` rays meets; hits[i] belongs to rays[i]. Sensors count as bodies, unless `filter`
-/// overlooks them; a null filter overlooks nothing.
+/// overlooks them. A null filter overlooks nothing.
 ///
-/// This and the other queries see bodies where they are now, also those made or moved since the last step. Several threads may ask one world
-/// at the same time, and a hundred and more of one call are spread over DcdWorldDef.threads. They are answered only where the whole world
-/// is: in a served world they are DCD_ERR_UNSUPPORTED, and dcd_rays_submit, dcd_shape_casts_submit and dcd_overlap_shapes_submit, _points_
-/// and _boxes_ ask instead.
+/// This and the other queries see bodies where they are now, also those made or moved since the last step. Several threads may ask
+/// one world at the same time. A hundred and more queries of one call are spread over DcdWorldDef.threads. Queries are answered
+/// only where the whole world is. In a served world they give DCD_ERR_UNSUPPORTED; ask there by dcd_rays_submit,
+/// dcd_shape_casts_submit, dcd_overlap_shapes_submit, dcd_overlap_points_submit and dcd_overlap_boxes_submit.
 ///
 /// `rays` and `filter` are read during the call; `hits` has `count` entries.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world, or a body to exclude), DCD_ERR_STRUCT, DCD_ERR_ARGUMENT for numbers that are not
-/// finite, a direction of length 0, a distance that is not above 0, unknown bits, or more than DCD_MAX_ITEMS,
-/// DCD_ERR_UNSUPPORTED.
+/// Errors:
+/// - DCD_ERR_NULL, DCD_ERR_STALE_ID (world, or a body to exclude), DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED.
+/// - DCD_ERR_ARGUMENT: numbers that are not finite, a direction of length 0, a distance that is not above 0, unknown bits, or more
+///   than DCD_MAX_ITEMS.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_cast_rays(
     world: DcdWorld,
@@ -85,11 +86,12 @@ pub unsafe extern "C" fn dcd_cast_rays(
     })
 }
 
-/// Finds every body that each of `count` rays meets, a collider of it once, the nearest first. The hits of all rays go to `hits`, which
-/// has `cap` entries, and their number to `total`; those of rays[i] end before hits[ends[i]] and begin where those of the ray
-/// before end. `ends` has `count` entries. With `cap` 0 `hits` may be null, to ask for the number.
+/// Finds every body that each of `count` rays meets, the nearest first. Each collider of a body counts once.
 ///
-/// Errors: as dcd_cast_rays, and DCD_ERR_SMALL_BUFFER (then `total` is written all the same, and nothing else).
+/// The hits of all rays go to `hits`, which has `cap` entries, and their number to `total`. The hits of rays[i] end before
+/// hits[ends[i]] and begin where those of the ray before end. `ends` has `count` entries. With `cap` 0, `hits` may be null, to ask
+/// for the number.
+/// Errors: as dcd_cast_rays, and DCD_ERR_SMALL_BUFFER (`total` is written all the same, and nothing else).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_cast_rays_all(
     world: DcdWorld,
@@ -128,7 +130,7 @@ const NO_RAY_HIT: DcdRayHit = DcdRayHit {
     material: 0,
 };
 
-/// The ray, of a call whose queries all meet these groups.
+/// Returns the ray of a call whose queries all meet these groups.
 pub(super) fn question(world: &World, mask: u32, ray: &DcdRay) -> Result<RayQuery, Failure> {
     check_point(&ray.origin, "origin")?;
     check_numbers(&ray.direction, "direction")?;

@@ -1,4 +1,4 @@
-//! Submits queries whose answers come later: in a served world the nodes that own the bodies give them.
+//! Submits queries whose answers come later. In a served world the nodes that own the bodies give them.
 
 use dcd::physics::ShapeLibrary;
 use dcd::protocol::{
@@ -21,23 +21,23 @@ use crate::query::open::{Answer, Kind, Submitted};
 use crate::registry::{World, with};
 use crate::status::{DCD_ERR_BUSY, DCD_ERR_LIMIT, DcdStatus, Failure};
 
-/// The most that one submission may cost, and the most bodies of its filter. A ray costs 1, a shape that is cast or overlaps
-/// DCD_SHAPE_COST, a point or a box 1; overlaps that are submitted together cost DCD_OVERLAPS_COST at least.
+/// Largest cost of one submission, and largest number of bodies of its filter. A ray costs 1, a shape that is cast or overlaps
+/// DCD_SHAPE_COST, a point or a box 1. Overlaps that are submitted together cost DCD_OVERLAPS_COST at least.
 pub const DCD_MAX_SUBMITTED_COST: usize = 1024;
-/// The cost of a submitted shape.
+/// Cost of a submitted shape.
 pub const DCD_SHAPE_COST: usize = 8;
-/// The least cost of overlaps that are submitted together.
+/// Least cost of overlaps that are submitted together.
 pub const DCD_OVERLAPS_COST: usize = 64;
-/// The most queries that a world may have open: submitted, and neither fetched nor cancelled.
+/// Largest number of queries that a world may have open: submitted, and neither fetched nor cancelled.
 pub const DCD_MAX_OPEN_QUERIES: usize = 64;
-/// The most that all open queries of a world may cost.
+/// Largest cost of all open queries of a world together.
 pub const DCD_MAX_OPEN_COST: usize = 4096;
-/// The most that the overlaps of one submission may find.
+/// Largest number of bodies that the overlaps of one submission may find.
 pub const DCD_MAX_SUBMITTED_OVERLAPS: usize = 4096;
-/// The longest turn of a submitted cast, radians.
+/// Longest turn of a submitted cast, radians.
 pub const DCD_MAX_SUBMITTED_TURN: f32 = 64.0;
 
-/// The largest size of a shape that a submitted cast turns, and the farthest point of it from its origin, metres.
+/// Largest size of a shape that a submitted cast turns, and of the distance of its farthest point from its origin, metres.
 pub const DCD_MAX_TURNING_SIZE: f32 = 100.0;
 
 const _: () = assert!(
@@ -51,15 +51,23 @@ const _: () = assert!(
         && DCD_MAX_TURNING_SIZE == MAX_TURNING_M
 );
 
-/// Submits `count` rays, to find what each meets first; dcd_query_poll fetches the answer. As dcd_cast_rays, and in a served world too: a
-/// client, a participant or the server's program asks the nodes, each answers for the bodies that it owns, as they are after one and the same step, and
-/// the nearest counts. That takes some steps, longer while nodes join or leave. In a local world the answer is there at once. What a server's
-/// program did since its last dcd_step is there for its question: that is sent with the next one then.
+/// Submits `count` rays, to find what each meets first; dcd_query_poll fetches the answer. It is as dcd_cast_rays, and works in a
+/// served world too.
 ///
-/// `rays` and `filter` are read during the call. `out` receives the id of the query, which is open until it is fetched or cancelled.
-/// Errors: as dcd_cast_rays; DCD_ERR_ARGUMENT also for more than DCD_MAX_SUBMITTED_COST, and for what is longer than 64 KiB on its
-/// way, shapes and filter included, as so many rays are with as many bodies in the filter; DCD_ERR_BUSY with DCD_MAX_OPEN_QUERIES or
-/// DCD_MAX_OPEN_COST open, DCD_ERR_NETWORK when the link is gone, DCD_ERR_UNSUPPORTED for a node.
+/// - Served world. A client, a participant or the server's program asks the nodes. Each node answers for the bodies that it owns,
+///   as they are after one and the same step, and the nearest counts. That takes some steps, and longer while nodes join or leave.
+/// - Local world. The answer is there at once.
+/// - Server. What its program did since its last dcd_step is there for the query, which is then sent with the next dcd_step.
+///
+/// `rays` and `filter` are read during the call. `out` receives the id of the query, which is open until it is fetched or
+/// cancelled.
+/// Errors:
+/// - As dcd_cast_rays.
+/// - DCD_ERR_ARGUMENT also: more than DCD_MAX_SUBMITTED_COST, or more than 64 KiB on its way, shapes and filter included, as so
+///   many rays take with as many bodies in the filter.
+/// - DCD_ERR_BUSY: DCD_MAX_OPEN_QUERIES or DCD_MAX_OPEN_COST are open.
+/// - DCD_ERR_NETWORK: the link is gone.
+/// - DCD_ERR_UNSUPPORTED: a node.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_rays_submit(
     world: DcdWorld,
@@ -77,11 +85,13 @@ pub unsafe extern "C" fn dcd_rays_submit(
     })
 }
 
-/// Submits `count` shape casts, to find what each meets first; dcd_query_poll_casts fetches the answer. As dcd_cast_shapes, where and when
-/// dcd_rays_submit answers. The shapes travel along, and may be destroyed after the call.
+/// Submits `count` shape casts, to find what each meets first; dcd_query_poll_casts fetches the answer. It is as dcd_cast_shapes,
+/// where and when dcd_rays_submit answers. The shapes travel along, and may be destroyed after the call.
 ///
-/// Errors: as dcd_rays_submit; DCD_ERR_STALE_ID also for a shape, DCD_ERR_ARGUMENT also for a mesh or terrain, a turn longer than
-/// DCD_MAX_SUBMITTED_TURN, of a shape larger than DCD_MAX_TURNING_SIZE, and a turn with DCD_QUERY_LEAVE.
+/// Errors:
+/// - As dcd_rays_submit, DCD_ERR_STALE_ID also for a shape.
+/// - DCD_ERR_ARGUMENT also: a mesh or terrain, a turn longer than DCD_MAX_SUBMITTED_TURN, a turn of a shape larger than
+///   DCD_MAX_TURNING_SIZE, or a turn with DCD_QUERY_LEAVE.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_shape_casts_submit(
     world: DcdWorld,
@@ -114,10 +124,10 @@ fn submitted_cast(world: &World, mask: u32, cast: &DcdShapeCast) -> Result<CastQ
     cast::question(world, mask, cast)
 }
 
-/// Submits `count` shapes, to find every body that each overlaps; dcd_query_poll_overlaps fetches the answer. As dcd_overlap_shapes,
-/// where and when dcd_rays_submit answers. The shapes travel along, and may be destroyed after the call.
+/// Submits `count` shapes, to find every body that each overlaps; dcd_query_poll_overlaps fetches the answer. It is as
+/// dcd_overlap_shapes, where and when dcd_rays_submit answers. The shapes travel along, and may be destroyed after the call.
 ///
-/// Errors: as dcd_rays_submit; DCD_ERR_STALE_ID also for a shape, DCD_ERR_ARGUMENT also for a mesh or terrain.
+/// Errors: as dcd_rays_submit, DCD_ERR_STALE_ID also for a shape, DCD_ERR_ARGUMENT also for a mesh or terrain.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_overlap_shapes_submit(
     world: DcdWorld,
@@ -130,8 +140,8 @@ pub unsafe extern "C" fn dcd_overlap_shapes_submit(
     guard("dcd_overlap_shapes_submit", || unsafe { submit_overlaps(world, shapes, count, filter, out) })
 }
 
-/// Submits `count` points, to find every body that each lies in; dcd_query_poll_overlaps fetches the answer. As dcd_overlap_points,
-/// where and when dcd_rays_submit answers.
+/// Submits `count` points, to find every body that each lies in; dcd_query_poll_overlaps fetches the answer. It is as
+/// dcd_overlap_points, where and when dcd_rays_submit answers.
 ///
 /// Errors: as dcd_rays_submit.
 #[unsafe(no_mangle)]
@@ -146,10 +156,10 @@ pub unsafe extern "C" fn dcd_overlap_points_submit(
     guard("dcd_overlap_points_submit", || unsafe { submit_overlaps(world, points, count, filter, out) })
 }
 
-/// Submits `count` boxes, to find every body whose AABB touches each; dcd_query_poll_overlaps fetches the answer. As
+/// Submits `count` boxes, to find every body whose AABB touches each; dcd_query_poll_overlaps fetches the answer. It is as
 /// dcd_overlap_boxes, where and when dcd_rays_submit answers.
 ///
-/// Errors: as dcd_rays_submit; DCD_ERR_ARGUMENT also for a box whose min is above its max.
+/// Errors: as dcd_rays_submit, DCD_ERR_ARGUMENT also for a box whose min is above its max.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_overlap_boxes_submit(
     world: DcdWorld,
@@ -171,7 +181,7 @@ unsafe fn submit_overlaps<Q: Somewhere>(
     filter: *const DcdFilter,
     out: *mut DcdQueryId,
 ) -> Result<(), Failure> {
-    // SAFETY: passed on.
+    // SAFETY: the caller upholds the same contract.
     let (batch, out) = unsafe { (Batch::new(queries, count, Q::NAME, filter)?, Out::new(out, "out")?) };
     submit(world, &batch, Kind::Overlaps, out, |world, shapes| {
         let named = |query: &Q| {
@@ -186,13 +196,16 @@ unsafe fn submit_overlaps<Q: Somewhere>(
     })
 }
 
-/// Fetches the answer to submitted rays, without waiting: hits[i] belongs to rays[i], null where the ray met nothing, and
-/// `count` receives their number. `hits` has `cap` entries; with `cap` 0 it may be null, to ask for the number, and the query stays
-/// open unless that is 0. Once it is fetched the query is closed and its id stale.
+/// Fetches the answer to submitted rays, without waiting: hits[i] belongs to rays[i], null where the ray met nothing, and `count`
+/// receives their number. `hits` has `cap` entries. With `cap` 0, `hits` may be null, to ask for the number, and the query stays
+/// open unless that is 0. Once the answer is fetched, the query is closed and its id is stale.
 ///
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID (world or query), DCD_ERR_ARGUMENT for a query that is not of rays, DCD_ERR_BUSY while
-/// the answer is not there: nothing is written, and the query stays open; DCD_ERR_SMALL_BUFFER (then `count` is written all the
-/// same, and the query stays open), DCD_ERR_NETWORK when the link is gone.
+/// Errors:
+/// - DCD_ERR_NULL, DCD_ERR_STALE_ID (world or query).
+/// - DCD_ERR_ARGUMENT: a query that is not of rays.
+/// - DCD_ERR_BUSY: the answer is not there yet. Nothing is written, and the query stays open.
+/// - DCD_ERR_SMALL_BUFFER: `count` is written all the same, and the query stays open.
+/// - DCD_ERR_NETWORK: the link is gone.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_query_poll(
     world: DcdWorld,
@@ -211,7 +224,7 @@ pub unsafe extern "C" fn dcd_query_poll(
     })
 }
 
-/// Fetches the answer to submitted casts: hits[i] belongs to casts[i]. For the rest as dcd_query_poll.
+/// Fetches the answer to submitted casts: hits[i] belongs to casts[i]. All else is as in dcd_query_poll.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_query_poll_casts(
     world: DcdWorld,
@@ -230,10 +243,10 @@ pub unsafe extern "C" fn dcd_query_poll_casts(
     })
 }
 
-/// Fetches the answer to submitted overlaps: outputs as of dcd_overlap_shapes, `ends` with an entry for each that was submitted.
-/// For the rest as dcd_query_poll, with `found` for `hits`, and for `count` `total`.
+/// Fetches the answer to submitted overlaps. The outputs are as of dcd_overlap_shapes, and `ends` has an entry for each query that
+/// was submitted. All else is as in dcd_query_poll, with `found` for `hits` and `total` for `count`.
 ///
-/// Errors: as dcd_query_poll, and DCD_ERR_LIMIT when more than DCD_MAX_SUBMITTED_OVERLAPS were found; then the query is closed.
+/// Errors: as dcd_query_poll, and DCD_ERR_LIMIT (more than DCD_MAX_SUBMITTED_OVERLAPS were found; then the query is closed).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_query_poll_overlaps(
     world: DcdWorld,
@@ -294,7 +307,7 @@ fn submit<Q>(
         world.dcd.sees("ask by rays, shapes and points")?;
         let mut shapes = ShapeLibrary::default();
         let (filter, asked) = (batch.filter(world)?, ask(world, &mut shapes)?);
-        // Its number is the client's to give.
+        // The client gives the query its number.
         let question = Query { number: 0, filter, shapes: shapes.records(), parts: asked };
         check(&question)?;
         let (cost, open) = (question.cost(), &world.queries);
@@ -344,7 +357,7 @@ fn too_much() -> Failure {
     )
 }
 
-/// Gives the answer away, and closes the query once all of it is given.
+/// Gives the answer to the caller, and closes the query once all of it is given.
 fn fetch(
     world: DcdWorld,
     query: DcdQueryId,
@@ -385,7 +398,7 @@ impl Kind {
     }
 }
 
-/// The place of an open query.
+/// Returns the place of an open query.
 fn slot(world: &World, query: DcdQueryId) -> Result<u64, Failure> {
     let slot = world.mark.query_slot(query)?;
     world.queries.slots.get(slot).map(|_| slot).ok_or_else(|| stale("query", query.v))

@@ -19,20 +19,21 @@ use crate::ids::DcdWorld;
 use crate::registry::ask;
 use crate::status::{DCD_ERR_NULL, DcdStatus, Failure};
 
-/// Called with a body that a ray met; `hit` is valid during the call. Returns how far the ray goes from now on, metres: INFINITY for as far as
-/// it did, hit->distance to be called for nearer bodies only, 0 to end.
+/// Receives a body that a ray met; `hit` is valid during the call. Returns how far the ray goes from now on, metres: INFINITY for
+/// as far as it did, hit->distance to be called for nearer bodies only, 0 to end.
 ///
-/// It is called on the thread that asks, must return normally (no longjmp, no C++ exception), and calls on worlds from within it give
-/// DCD_ERR_BUSY.
+/// The thread that asks calls the function. It must return normally (no longjmp, no C++ exception). Calls on worlds from within it
+/// give DCD_ERR_BUSY.
 pub type DcdRayFn = Option<unsafe extern "C" fn(context: *mut c_void, hit: *const DcdRayHit) -> f32>;
-/// Called with a body that a moving shape met. Returns how much of its way the shape goes from now on: 1 for as much as it did, hit->fraction
-/// to be called for bodies that it meets earlier only, 0 to end. As DcdRayFn else.
+/// Receives a body that a moving shape met; `hit` is valid during the call. Returns how much of its way the shape goes from now on:
+/// 1 for as much as it did, hit->fraction to be called for bodies that it meets earlier only, 0 to end. All else is as in DcdRayFn.
 pub type DcdShapeCastFn = Option<unsafe extern "C" fn(context: *mut c_void, hit: *const DcdShapeHit) -> f32>;
-/// Called with a body that was found; `found` is valid during the call. Returns whether to go on. As DcdRayFn else.
+/// Receives a body that was found; `found` is valid during the call. Returns whether to go on. All else is as in DcdRayFn.
 pub type DcdOverlapFn = Option<unsafe extern "C" fn(context: *mut c_void, found: *const DcdOverlap) -> bool>;
 
-/// Calls `function` with every body that one ray meets, a collider of it once, in no order that is promised, until it has enough: for a
-/// question that dcd_cast_rays does not ask, such as what is thickest on the way, or the first body that a rule of yours lets count.
+/// Calls `function` with every body that one ray meets, until it has enough. Each collider of a body counts once. The order is not
+/// promised. Use it for a question that dcd_cast_rays does not ask, such as what is thickest on the way, or the first body that a
+/// rule of the program's lets count.
 ///
 /// `ray` and `filter` are read during the call. Errors: as dcd_cast_rays.
 #[unsafe(no_mangle)]
@@ -61,10 +62,10 @@ pub unsafe extern "C" fn dcd_cast_ray_each(
     })
 }
 
-/// Calls `function` with every body that one shape meets which moves straight, a collider of it once, in no order that is promised, until it
-/// has enough: for a way on which a rule of yours says what stops the shape.
+/// Calls `function` with every body that one shape meets which moves straight, until it has enough. Each collider of a body counts
+/// once. The order is not promised. Use it for a way on which a rule of the program's says what stops the shape.
 ///
-/// `cast` and `filter` are read during the call. Errors: as dcd_cast_shapes; DCD_ERR_ARGUMENT also for a cast that turns.
+/// `cast` and `filter` are read during the call. Errors: as dcd_cast_shapes, DCD_ERR_ARGUMENT also for a cast that turns.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_cast_shape_each(
     world: DcdWorld,
@@ -95,8 +96,8 @@ pub unsafe extern "C" fn dcd_cast_shape_each(
     })
 }
 
-/// Calls `function` with every body that a shape overlaps, a collider of it once, in no order that is promised, until it has enough: to know
-/// whether a place is free, one is.
+/// Calls `function` with every body that a shape overlaps, until it has enough. Each collider of a body counts once. The order is
+/// not promised. To know whether a place is free, one body is enough.
 ///
 /// `shape` and `filter` are read during the call. Errors: as dcd_overlap_shapes.
 #[unsafe(no_mangle)]
@@ -111,7 +112,7 @@ pub unsafe extern "C" fn dcd_overlap_shape_each(
     guard("dcd_overlap_shape_each", || unsafe { each_overlap(world, shape, filter, function, context) })
 }
 
-/// Calls `function` with every body whose AABB touches a box, as dcd_overlap_boxes, until it has enough.
+/// Calls `function` with every body whose AABB touches a box, as dcd_overlap_boxes finds them, until it has enough.
 ///
 /// `box` and `filter` are read during the call. Errors: as dcd_overlap_boxes.
 #[unsafe(no_mangle)]
@@ -141,7 +142,7 @@ unsafe fn each_overlap<Q: Somewhere>(
     context: *mut c_void,
 ) -> Result<(), Failure> {
     let function = function.ok_or_else(no_function)?;
-    // SAFETY: passed on.
+    // SAFETY: the caller upholds the same contract.
     let batch = unsafe { Batch::new(place, 1, Q::ONE, filter)? };
     ask(world, |world| {
         let asked = batch.ask(world)?;
@@ -167,7 +168,7 @@ mod tests {
     use crate::query::NOBODY;
     use crate::registry;
 
-    /// A world of one sphere of two metres.
+    /// Makes a world of one sphere of two metres.
     fn world() -> DcdWorld {
         use rapier3d::prelude::{ColliderBuilder, RigidBodyBuilder};
         let mut world = dcd::World::new(dcd::WorldConfig::default()).unwrap();
@@ -253,7 +254,7 @@ mod tests {
             let status =
                 unsafe { crate::motion::dcd_body_get(world, body, &raw mut pose, std::ptr::null_mut()) };
             assert_eq!((status, pose.q[3]), (crate::status::DCD_OK, 1.0));
-            // Whom it took too long is gone.
+            // The receiver is gone if the asking thread waited for too long.
             let _ = tell.send(());
         });
         assert!(asking.was_read.load(Ordering::Acquire), "it took its turn after the query");

@@ -11,23 +11,23 @@ use std::time::{Duration, Instant};
 use super::World;
 use crate::status::{DCD_ERR_BUSY, DCD_ERR_LIMIT, DCD_ERR_PANIC, DCD_ERR_TIMEOUT, Failure};
 
-/// A world that calls take turns on, but for those that only ask.
+/// World that calls take turns on, except those that only read.
 pub(crate) struct Cell {
-    /// `None` once it is destroyed, for calls that waited meanwhile.
+    /// The world; `None` once it is destroyed, for calls that waited meanwhile.
     world: RwLock<Option<World>>,
     background: Mutex<Background>,
-    /// A step that was begun is not done: looked at by every call, so it has a place of its own.
+    /// Whether a step that was begun is not done. Every call looks at it, so it has a place of its own.
     stepping: AtomicBool,
-    /// Rung when a step in the background is done.
+    /// Notified when a step in the background is done.
     done: Condvar,
 }
 
 #[derive(Default)]
 struct Background {
     thread: Option<(Sender<()>, JoinHandle<()>)>,
-    /// What became of the step that was begun, until it is asked for.
+    /// Outcome of the step that was begun, until it is asked for.
     outcome: Option<Result<(), Failure>>,
-    /// The world is being destroyed.
+    /// Whether the world is being destroyed.
     closed: bool,
 }
 
@@ -53,7 +53,7 @@ impl Cell {
         }
     }
 
-    /// The same for what changes nothing, at the same time as others of its kind.
+    /// Calls `work` with the world as [`Cell::with`] does, but for reading only and at the same time as other readers.
     pub(crate) fn ask<R>(
         &self,
         work: impl FnOnce(&World) -> Result<R, Failure>,
@@ -69,7 +69,7 @@ impl Cell {
         asked.map_or_else(|panic| self.poison(panic), Some)
     }
 
-    /// Panics on, as who changes the world would: a lock is not poisoned by those who only read.
+    /// Passes a panic on and poisons the lock, as a call that changes the world would: readers alone do not poison a lock.
     #[cold]
     fn poison(&self, panic: Box<dyn Any + Send>) -> ! {
         let _poisoned = self.world.write();
@@ -83,7 +83,7 @@ impl Cell {
         }
     }
 
-    /// Begins a step in the background. `None` if the world is destroyed.
+    /// Begins a step in the background. Returns `None` if the world is destroyed.
     pub(crate) fn begin(self: &Arc<Self>) -> Option<Result<(), Failure>> {
         let mut background = self.background();
         if background.closed {
@@ -108,12 +108,12 @@ impl Cell {
         }
         self.stepping.store(true, Ordering::Release);
         let (orders, _) = background.thread.as_ref()?;
-        // It lives as long as its thread is kept here.
+        // The thread lives as long as it is kept here, so it takes the order.
         let _ = orders.send(());
         Some(Ok(()))
     }
 
-    /// What became of the step that was begun, once it is done; no later than after `timeout`.
+    /// Returns the outcome of the step that was begun, once it is done, but no later than after `timeout`.
     pub(crate) fn wait(&self, timeout: Option<Duration>) -> Result<(), Failure> {
         let deadline = timeout.and_then(|timeout| Instant::now().checked_add(timeout));
         let mut background = self.background();
@@ -132,7 +132,7 @@ impl Cell {
         background.outcome.take().unwrap_or_else(none)
     }
 
-    /// Takes the world out, after every call that runs on it, and ends its thread.
+    /// Removes the world, after every call that runs on it, and ends its thread.
     pub(crate) fn close(&self) -> Option<World> {
         let mut background = self.settled();
         background.closed = true;
@@ -140,7 +140,7 @@ impl Cell {
         drop(background);
         if let Some((orders, thread)) = thread {
             drop(orders);
-            // It has nothing to do, and panics nowhere.
+            // The thread has nothing to do, and panics nowhere.
             let _ = thread.join();
         }
         // A poisoned world is destroyed like any other.
@@ -159,7 +159,7 @@ impl Cell {
         self.done.wait_while(self.background(), stepping).unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// The thread's work: a step an order.
+    /// Does the thread's work: a step per order.
     fn serve(&self, orders: &Receiver<()>) {
         while orders.recv().is_ok() {
             let step = || match self.world.write() {

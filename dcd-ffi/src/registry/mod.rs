@@ -19,13 +19,13 @@ use crate::state::StateBuffers;
 use crate::status::Failure;
 use cell::Cell;
 
-/// A world with what C needs besides.
+/// World with what C needs besides.
 pub(crate) struct World {
     pub mark: Mark,
     pub dcd: Dcd,
     pub shapes: Slots<SharedShape>,
     pub looked_up: LookedUp,
-    /// Keeps how bodies were made last.
+    /// How bodies were made last.
     pub made: Made,
     pub states: StateBuffers,
     pub events: EventBuffers,
@@ -34,7 +34,7 @@ pub(crate) struct World {
     pub user_data: u64,
 }
 
-/// A world that is kept in memory, with what C needs to show its events again.
+/// World that is kept in memory, with what C needs to show its events again.
 pub(crate) struct Kept {
     pub world: Checkpoint,
     pub events: KeptEvents,
@@ -48,13 +48,13 @@ impl World {
         Ok(stepped?)
     }
 
-    /// Takes down state and events of the last step for those who look.
+    /// Writes down the state and events of the last step, if they are looked at.
     pub(crate) fn show(&mut self) {
         self.events.fill(&self.dcd, self.mark);
         self.show_states();
     }
 
-    /// Takes down the state alone.
+    /// Writes down the state alone.
     pub(crate) fn show_states(&mut self) {
         self.states.after_step(&self.dcd, self.mark);
     }
@@ -67,7 +67,7 @@ fn worlds() -> MutexGuard<'static, Slots<Arc<Cell>>> {
     WORLDS.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// The place of a world; for calls that do not take turns on it.
+/// Returns the cell of a world, for calls that do not take turns on it.
 pub(crate) fn cell(world: DcdWorld) -> Result<Arc<Cell>, Failure> {
     check_outside()?;
     not_null(world.v, "world")?;
@@ -82,7 +82,7 @@ pub(crate) fn with<R>(
     in_cell(world, |cell| cell.with(work))
 }
 
-/// Calls `work` with the world to look at, after every other call that changes it and beside those that do not.
+/// Calls `work` with the world, to be read only, after every other call that changes it and beside those that do not.
 pub(crate) fn ask<R>(world: DcdWorld, work: impl FnOnce(&World) -> Result<R, Failure>) -> Result<R, Failure> {
     in_cell(world, |cell| cell.ask(work))
 }
@@ -97,7 +97,7 @@ fn in_cell<R>(world: DcdWorld, work: impl FnOnce(&Cell) -> Option<Result<R, Fail
             drop(known);
             let found = cell(world)?;
             last.replace(Some((world.v, found)));
-            // No call is made within another on this thread, so nobody replaces it meanwhile.
+            // No call is made within another on this thread, so nobody replaces the cell meanwhile.
             known = last.borrow();
         }
         Ok(known.as_ref().zip(work.take()).and_then(|((_, cell), work)| work(cell)))
@@ -111,7 +111,7 @@ fn in_cell<R>(world: DcdWorld, work: impl FnOnce(&Cell) -> Option<Result<R, Fail
 }
 
 thread_local! {
-    /// The world that this thread last called, so that it is not looked for again: handles are never given twice. Once it is
+    /// The world that this thread called last, so that it is not looked up again: handles are never given twice. Once the world is
     /// destroyed, nothing is left in its cell.
     static LAST: RefCell<Option<(u64, Arc<Cell>)>> = const { RefCell::new(None) };
 }
@@ -136,7 +136,7 @@ pub(crate) fn add(dcd: Dcd, user_data: u64) -> DcdWorld {
     handle
 }
 
-/// Takes a world out; calls that wait for it find it gone.
+/// Removes a world. Calls that wait for it find it gone.
 pub(crate) fn remove(world: DcdWorld) -> Result<(), Failure> {
     check_outside()?;
     not_null(world.v, "world")?;
@@ -150,13 +150,13 @@ pub(crate) fn contains(world: DcdWorld) -> bool {
     worlds().get(world.v).is_some()
 }
 
-/// The body behind a handle.
+/// Returns the body behind a handle.
 pub(crate) fn find(world: &World, body: DcdBodyId) -> Result<BodyId, Failure> {
     let id = world.mark.body_id(body)?;
     if world.dcd.contains(id) { Ok(id) } else { Err(missing(world, body)) }
 }
 
-/// Why a handle names no body: its world shows none, or it is stale.
+/// Returns why a handle names no body: its world shows none, or it is stale.
 #[cold]
 pub(crate) fn missing(world: &World, body: DcdBodyId) -> Failure {
     world.dcd.sees("see the bodies of its world").err().map_or_else(|| stale("body", body.v), Failure::from)

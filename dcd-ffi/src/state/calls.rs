@@ -16,14 +16,15 @@ use crate::registry::{self, World, ask, with};
 use crate::status::{DCD_OK, DcdStatus, Failure, remember};
 use crate::types::{DcdPose, DcdVelocity};
 
-/// Lends the state of every movable body as arrays, without copying: as it was after the last step. What was made or changed
-/// since shows after the next one; before the first step (and in the first call of all) it shows the present. A client or participant is
-/// told states every DcdServerDef.state_every steps: to draw the steps between see dcd_view_state.
+/// Lends the state of every movable body as arrays, without copying, as it was after the last step. What was made or changed since
+/// shows after the next one. Before the first step, and in the first call of all, the view shows the present. A client or
+/// participant is told states every DcdServerDef.state_every steps; to draw the steps between, use dcd_view_state.
 ///
-/// The arrays are the library's: do not write or free them. They keep their content until the step after next begins; then
-/// they are overwritten, and the memory stays readable until the world is destroyed. So another thread may read them while
-/// this one makes one step. To go back (dcd_checkpoint_restore, dcd_snapshot_load) counts as a step; before the first step every call overwrites them. The first call makes every later dcd_step fill the arrays, some 30 ns a body.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED for a node.
+/// The arrays are the library's: do not write or free them. They keep their content until the step after next begins. Then they are
+/// overwritten, and the memory stays readable until the world is destroyed. So another thread may read them while this one makes
+/// one step. To go back (dcd_checkpoint_restore, dcd_snapshot_load) counts as a step. Before the first step every call overwrites
+/// the arrays. The first call makes every later dcd_step fill the arrays, some 30 ns per body.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_STRUCT, DCD_ERR_UNSUPPORTED (a node).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_state_view(world: DcdWorld, out: *mut DcdStateView) -> DcdStatus {
     guard("dcd_state_view", || {
@@ -37,13 +38,13 @@ pub unsafe extern "C" fn dcd_state_view(world: DcdWorld, out: *mut DcdStateView)
     })
 }
 
-/// Copies one field of `count` bodies into your memory, as it is now: that of bodies[i] goes to
-/// (char *)dst + i * stride. `stride` in bytes is at least the field's size; 0 is exactly that. `dst` needs no alignment.
+/// Copies one field of `count` bodies, as it is now, into the program's memory. The field of bodies[i] goes to (char *)dst + i *
+/// stride. `stride`, in bytes, is at least the field's size; 0 is exactly that. `dst` needs no alignment.
 ///
-/// With `each` null the first bad body fails the call and nothing is written. Else `each` has `count` entries that receive
-/// DCD_OK or what is wrong with that body, only good bodies are written, and the call is DCD_OK; dcd_last_error() tells of the
-/// last bad one.
-/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT for an unknown field, a short stride, or more than DCD_MAX_ITEMS.
+/// With `each` null, the first bad body fails the call and nothing is written. Otherwise `each` has `count` entries that receive
+/// DCD_OK or what is wrong with that body. Then only good bodies are written, and the call returns DCD_OK; dcd_last_error() tells
+/// of the last bad one.
+/// Errors: DCD_ERR_NULL, DCD_ERR_STALE_ID, DCD_ERR_ARGUMENT (an unknown field, a short stride, or more than DCD_MAX_ITEMS).
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_state_read(
     world: DcdWorld,
@@ -73,7 +74,7 @@ pub unsafe extern "C" fn dcd_state_read(
                         let state = dcd.record(id)?.state;
                         Some(DcdForce { force: state.force, torque: state.torque })
                     }),
-                    // That of bodies that are gone is known for a while.
+                    // The user data of bodies that are gone is known for a while.
                     _ => bulk.read(world, dst, each, |id| {
                         Some(dcd.user_data(id).filter(|_| dcd.contains(id))? as u64)
                     }),
@@ -83,12 +84,12 @@ pub unsafe extern "C" fn dcd_state_read(
     })
 }
 
-/// Sets one field of `count` bodies from your memory, laid out as for dcd_state_read. It does what dcd_body_set_pose,
+/// Sets one field of `count` bodies from the program's memory, laid out as for dcd_state_read. It does what dcd_body_set_pose,
 /// dcd_body_set_velocity, dcd_body_set_force and dcd_body_set_target do.
 ///
-/// With `each` null the first bad body or value fails the call; the bodies before it are changed already, unless the id was
-/// bad: ids are checked first. Else `each` has `count` entries that receive DCD_OK or what is wrong with that body, and the
-/// call is DCD_OK.
+/// With `each` null, the first bad body or value fails the call. The bodies before it are changed already, unless an id was bad:
+/// ids are checked first. Otherwise `each` has `count` entries that receive DCD_OK or what is wrong with that body, and the call
+/// returns DCD_OK.
 /// Errors: as dcd_state_read, and those of the single calls.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn dcd_state_write(
@@ -139,7 +140,7 @@ fn apply(world: &mut World, body: DcdBodyId, value: Value) -> Result<(), Failure
     }
 }
 
-/// One field of one body.
+/// Value of one field of one body.
 #[derive(Clone, Copy)]
 enum Value {
     Pose(DcdPose),
@@ -166,7 +167,7 @@ impl Value {
     }
 }
 
-/// The checked arguments of a strided call.
+/// Checked arguments of a call with strides.
 struct Bulk<'a> {
     bodies: &'a [DcdBodyId],
     stride: usize,
@@ -217,7 +218,7 @@ impl<'a> Bulk<'a> {
         self.bodies.iter().try_for_each(|&body| registry::find(world, body).map(drop))
     }
 
-    /// Writes what `value` says of each body.
+    /// Writes what `value` returns for each body.
     ///
     /// # Safety
     /// `dst` has `stride` bytes for each body, no less than a `T`; `each` is null or has an entry for each.

@@ -8,13 +8,13 @@ use dcd::BodyId;
 /// The slots of the bodies of one world, in all of its views.
 #[derive(Default)]
 pub(super) struct BodySlots {
-    /// The bodies of the last view with their slots, in id order.
+    /// Bodies of the last view with their slots, in id order.
     last: Vec<(BodyId, u32)>,
-    /// Those of the last view that the view under way has passed by.
+    /// How many bodies of the last view the view under way has passed by.
     passed: usize,
-    /// The bodies of the view under way up to now.
+    /// Bodies of the view under way up to now.
     view: Vec<(BodyId, u32)>,
-    /// Slots that no body has, the lowest first: that keeps the user's array short.
+    /// Slots that no body has. The lowest is given first, which keeps the program's array short.
     free: BinaryHeap<Reverse<u32>>,
     /// Slots that become free with the view under way, which gives none of them anew.
     freed: Vec<u32>,
@@ -22,7 +22,7 @@ pub(super) struct BodySlots {
 }
 
 impl BodySlots {
-    /// Returns the slot of the next body of a view; they come in id order.
+    /// Returns the slot of the next body of a view. Bodies come in id order.
     pub(super) fn next(&mut self, id: BodyId) -> u32 {
         debug_assert!(self.view.last().is_none_or(|(former, _)| *former < id), "{id} comes out of order");
         while let Some(&(gone, slot)) = self.last.get(self.passed)
@@ -42,7 +42,7 @@ impl BodySlots {
         slot
     }
 
-    /// Ends a view: slots of bodies that it does not show are free from now on.
+    /// Ends a view: the slots of bodies that it does not show are free from now on.
     pub(super) fn end_view(&mut self) {
         self.freed.extend(self.last.drain(..).skip(self.passed).map(|(_, slot)| slot));
         self.passed = 0;
@@ -50,7 +50,7 @@ impl BodySlots {
         std::mem::swap(&mut self.last, &mut self.view);
     }
 
-    /// Returns how many slots there are, free ones too; it never shrinks.
+    /// Returns how many slots there are, free ones too. The number never shrinks.
     pub(super) fn count(&self) -> u32 {
         self.count
     }

@@ -213,9 +213,9 @@ fn layouts() -> Vec<Layout> {
 }
 
 const MACROS: &str = "
-/* What each struct starts from. */
+/* Default values of each struct. */
 
-/* One region, a thread per core, Earth's gravity, 60 steps a second, a box of 128 m around the origin, up to 400 m/s. */
+/* One region, a thread per core, Earth's gravity, 60 steps per second, a box of 128 m around the origin, up to 400 m/s. */
 #define DCD_WORLD_DEF_INIT \\
     { (uint32_t)sizeof(DcdWorldDef), 0, 0, 4, { 0.0f, -9.81f, 0.0f }, 1.0f / 60.0f, \\
       { -64.0, -64.0, -64.0 }, { 64.0, 64.0, 64.0 }, 0, 0, 0, 0, 0, 0, 0.0f, 0, 0.0f, 0, 0.0f }
@@ -264,7 +264,7 @@ const MACROS: &str = "
       { { 0.0f, 0.0f, 0.0f }, { 0.0f, 0.0f, 0.0f, 1.0f } }, { 0.0f, 0.0f }, DCD_JOINT_MOTOR_INIT, \\
       0, 0, 0, 1.0e6f, 1.0f, 0, 0 }
 
-/* Nothing is overlooked. */
+/* A filter that every body passes. */
 #define DCD_FILTER_INIT { (uint32_t)sizeof(DcdFilter), 0, 0, 0xFFFFFFFFu, NULL, 0 }
 #define DCD_RAY_INIT { { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f }, 1.0e6f, { 0 }, 0xFFFFFFFFu, 0 }
 #define DCD_SHAPE_CAST_INIT \\
@@ -275,7 +275,7 @@ const MACROS: &str = "
     { { 0 }, { { 0.0, 0.0, 0.0 }, { 0.0f, 0.0f, 0.0f, 1.0f } }, { 0 }, 0xFFFFFFFFu, 0 }
 #define DCD_BOX_QUERY_INIT { { 0.0, 0.0, 0.0 }, { 0.0, 0.0, 0.0 }, { 0 }, 0xFFFFFFFFu, 0 }
 
-/* Shapes, everywhere: by no function yet. */
+/* Draws shapes, without a bound in space; set its functions. */
 #define DCD_DEBUG_DRAW_INIT \\
     { (uint32_t)sizeof(DcdDebugDraw), DCD_DRAW_SHAPES, NULL, NULL, NULL, NULL, NULL, NULL, \\
       { -1.0e300, -1.0e300, -1.0e300 }, { 1.0e300, 1.0e300, 1.0e300 }, 0.1f, 1.0e-4f }
@@ -312,7 +312,7 @@ const MACROS: &str = "
     { (uint32_t)sizeof(DcdFidelityReport), 0.0f, 0.0f, 0.0f, 0.0, 0, 0, { 0, 0, 0 }, 0 }
 #define DCD_PROFILE_INIT \\
     { (uint32_t)sizeof(DcdProfile), 0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0, 0, 0, 0, 0, 0 }
-/* No function is asked. */
+/* No hooks: set those that the library is to call. */
 #define DCD_HOOKS_INIT { (uint32_t)sizeof(DcdHooks), 0, NULL, NULL, NULL, NULL }
 #define DCD_TASKS_INIT { (uint32_t)sizeof(DcdTasks), 0, NULL, NULL, NULL }
 #define DCD_BODY_EXTENT_INIT \\

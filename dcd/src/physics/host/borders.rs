@@ -1,4 +1,5 @@
-//! Reports the borders between regions to an observer: bodies that both hold, exchanges per tick, overlap depth, disagreement.
+//! Reports the borders between regions to an observer: bodies that both hold, exchanges per tick, overlap
+//! depth, disagreement.
 
 use std::collections::BTreeMap;
 
@@ -9,30 +10,30 @@ use crate::physics::coupling::swept_bounds;
 use crate::physics::region::Region;
 use crate::space::{BodyId, Bounds, Cell, RegionId, RegionSet};
 
-/// The border of two regions.
+/// The border of two regions of a local world, as [`World::borders`](crate::World::borders) returns it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct BorderView {
-    /// The region of the lower id.
+    /// The region with the lower id.
     pub a: RegionId,
-    /// The other.
+    /// The other region.
     pub b: RegionId,
-    /// Movable bodies that both hold, whoever owns them.
+    /// The number of movable bodies that both regions hold, whoever owns them.
     pub bodies: usize,
-    /// Exchanges per tick, as of the next tick; with [`Coupling::Auto`](crate::physics::Coupling::Auto) as many as the border
-    /// came to need.
+    /// The number of exchanges per tick, from the next tick on; with
+    /// [`Coupling::Auto`](crate::physics::Coupling::Auto) as many as the border came to need.
     pub exchanges: usize,
-    /// Contact hops across the border within which bodies live in both, at the side where it is more; 0 with couplings
-    /// that go by distance.
+    /// The number of contact hops across the border within which bodies live in both regions, on the side
+    /// where it is larger; 0 with couplings that go by distance.
     pub depth: usize,
-    /// How far copies of bodies that both hold were from their means in the last tick, summed over its exchanges, m/s; 0 with
-    /// couplings without consensus.
+    /// The deviation of the copies of shared bodies from their means in the last tick, summed over its
+    /// exchanges, m/s; 0 with couplings without consensus.
     pub disagreement_m_s: f32,
 }
 
 impl RegionHost {
-    /// Returns the borders between regions computed here, in order of (a, b): one for each two whose cells have a face in common,
-    /// or that hold the same body.
+    /// Returns the borders between regions computed here, in order of (a, b): one for each two regions whose
+    /// cells have a face in common, or that hold the same body.
     pub fn borders(&self) -> Vec<BorderView> {
         let mut shared = self.bodies_shared();
         for (at, a) in self.regions().enumerate() {
@@ -58,8 +59,8 @@ impl RegionHost {
         shared.into_iter().filter_map(view).collect()
     }
 
-    /// Returns how many regions hold a body, as its owner knows; of an immovable body, or one owned elsewhere, how many regions
-    /// here do.
+    /// Returns how many regions hold a body, as its owner knows. For an immovable body, or one owned
+    /// elsewhere, counts the regions here.
     pub fn holders(&self, id: BodyId) -> usize {
         match self.owned(id) {
             Some((region, handle)) => 1 + region.slot(handle).holders.len(),
@@ -67,14 +68,15 @@ impl RegionHost {
         }
     }
 
-    /// Returns the ghosts here: every copy of a movable body in a region that does not own it, with that region and Rapier's handle
-    /// there.
+    /// Returns the ghosts here: every copy of a movable body in a region that does not own it, with that
+    /// region and Rapier's handle there.
     pub fn ghosts(&self) -> impl Iterator<Item = (BodyId, &Region, RigidBodyHandle)> {
         self.regions()
             .flat_map(|region| region.replicas().iter().map(move |copy| (copy.id, region, copy.handle)))
     }
 
-    /// Returns the swept AABB of a movable body as a region holds it: the box around all that it may reach in the next three ticks.
+    /// Returns the swept AABB of a movable body as a region holds it: the box around all that it may reach in
+    /// the next three ticks.
     pub(crate) fn swept_bounds(&self, region: &Region, handle: RigidBodyHandle) -> Bounds {
         swept_bounds(region, handle, self.settings.dt_s)
     }

@@ -1,4 +1,5 @@
-//! Applies a user's changes to every copy of a body or joint alike: in place, by kinematic target or by teleport.
+//! Applies a user's changes to every copy of a body or joint alike: in place, by kinematic target or by
+//! teleport.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -16,8 +17,8 @@ use crate::protocol::{
 use crate::space::{BodyId, JointId};
 
 impl RegionHost {
-    /// Sets how the world is stepped from the next tick on, and wakes what sleeps if gravity is another. The host must compute every
-    /// region. How regions are coupled, all but the tolerance, stays as it is.
+    /// Sets how the world is stepped from the next tick on, and wakes what sleeps if gravity is another. The
+    /// host must compute every region. The coupling, its exchanges, depth and island limit stay as they are.
     pub fn set_settings(&mut self, settings: StepSettings) {
         let StepSettings { coupling, exchanges, depth, island_limit, .. } = self.settings;
         let former = self.settings.gravity;
@@ -35,9 +36,10 @@ impl RegionHost {
         }
     }
 
-    /// Lets a user change a body: in place, but one that comes to be or ceases to be immovable is placed anew, and so is one that does
-    /// not move and was put elsewhere. Returns what [`RegionHost::change_copies`] would. A change that is refused leaves the body what it was
-    /// and where it was.
+    /// Lets a user change a body in place. A body that becomes or ceases to be immovable is placed anew; so
+    /// is an immovable body that was moved, and an untied one that was moved to where another region
+    /// computes. Returns what [`RegionHost::change_copies`] would. A change that is refused leaves the body
+    /// what and where it was.
     pub fn update<R>(
         &mut self,
         id: BodyId,
@@ -48,7 +50,7 @@ impl RegionHost {
         let from = self.place_of_movable(id);
         let result = self.change_copies(id, change);
         let after = self.places_of_immovable(id);
-        // Each region has its own space: the first one's is that of [`RegionHost::region_pose`].
+        // Each region has its own space. The first one's is that of [`RegionHost::region_pose`].
         let moved = if after == before { None } else { after.first().copied() };
         self.settle(was, moved)?;
         if let (Some(from), Some(to)) = (from, self.place_of_movable(id)) {
@@ -57,12 +59,13 @@ impl RegionHost {
         Ok(result)
     }
 
-    /// Returns where a movable body is by its owner's copy, if that is here, in world space.
+    /// Returns the pose in world space of the owner's copy of a movable body, if that is here.
     fn place_of_movable(&self, id: BodyId) -> Option<WorldPose> {
         self.owned(id).map(|(region, handle)| region.world_pose(handle))
     }
 
-    /// Returns where an immovable body is in each region that holds it, in world space.
+    /// Returns the pose of an immovable body in each region that holds it, in world space; nothing for other
+    /// bodies.
     fn places_of_immovable(&self, id: BodyId) -> Vec<WorldPose> {
         if self.statics.body(id).is_none() {
             return Vec::new();
@@ -70,9 +73,9 @@ impl RegionHost {
         self.regions().filter_map(|region| Some(region.world_pose(region.handle_of(id)?))).collect()
     }
 
-    /// Applies a change to every copy of a body held here, so that owner and replicas stay alike. Returns what the
-    /// change returned for the owner's copy, or for the first other copy when the owner is elsewhere. What does not move stays where it
-    /// is, and no body becomes movable or immovable by it.
+    /// Applies a change to every copy of a body held here, so that owner and ghosts stay alike. Returns what
+    /// `change` returned for the owner's copy, or for the first other copy if the owner is elsewhere. What is
+    /// recorded of an immovable body keeps its place, and no body becomes movable or immovable by this.
     pub(crate) fn change_copies<R>(
         &mut self,
         id: BodyId,
@@ -95,9 +98,9 @@ impl RegionHost {
         result
     }
 
-    /// Does what the user of a body asks for by an input, in every copy held here.
+    /// Does what an input asks of a body, in every copy held here.
     pub fn obey(&mut self, input: &Input) {
-        // Most inputs are no jumps.
+        // Looked up only for a jump, as most inputs are no jumps.
         let jump = || input.jump_of(&self.record(input.body)?.traits);
         if let Some(pose) = input.pose.and_then(|_| jump()) {
             self.move_copies(input.body, pose);
@@ -108,8 +111,8 @@ impl RegionHost {
         };
     }
 
-    /// Sets the velocity of a body, in every copy held here, and wakes it: of a character, the velocity that it wants. Returns
-    /// whether it is held.
+    /// Sets the velocity of a body, in every copy held here, and wakes it. For a character this is the
+    /// velocity that it wants. Returns whether the body is held here.
     pub fn steer(&mut self, id: BodyId, velocity: &Velocity) -> bool {
         let mut walks = false;
         for place in self.places_of(id) {
@@ -124,7 +127,8 @@ impl RegionHost {
         .is_some()
     }
 
-    /// Sets what the driver of a vehicle does, in every copy held here, and wakes it. Returns whether it is held and a vehicle.
+    /// Sets what the driver of a vehicle does, in every copy held here, and wakes it. Returns whether the
+    /// body is held here and a vehicle.
     pub fn drive(&mut self, id: BodyId, drive: &Drive) -> bool {
         let mut drives = false;
         for place in self.places_of(id) {
@@ -133,14 +137,14 @@ impl RegionHost {
         drives && self.change_copies(id, |body| body.wake_up(true)).is_some()
     }
 
-    /// Pushes a dynamic body, in every copy held here, and wakes it. Returns whether it is held.
+    /// Pushes a dynamic body, in every copy held here, and wakes it. Returns whether the body is held here.
     pub fn push(&mut self, push: &Push) -> bool {
         let linear = Vector::from_array(push.linear);
         let mut held = false;
         for place in self.places_of(push.body) {
             let region = &mut self.sides[place].region;
             let Some(handle) = region.handle_of(push.body) else { continue };
-            // Of each copy from its own centre: on nodes that is all there is of some.
+            // From the centre of each copy itself: on nodes, the owner's copy may be elsewhere.
             let centre = centre_in(region, handle);
             let arm = push.point.map_or(Vector::ZERO, |point| {
                 Vector::from_array(std::array::from_fn(|i| (point[i] - centre[i]) as f32))
@@ -162,17 +166,18 @@ impl RegionHost {
         held
     }
 
-    /// Returns the centre of mass of a body, in world space, by its owner's copy, or another where that is elsewhere.
+    /// Returns the centre of mass of a body, in world space, from its owner's copy, or from another one if
+    /// that is elsewhere.
     pub fn centre_of_mass(&self, id: BodyId) -> Option<[f64; 3]> {
         let held = || self.regions().find_map(|region| Some((region, region.handle_of(id)?)));
         let (region, handle) = self.owned(id).or_else(held)?;
         Some(centre_in(region, handle))
     }
 
-    /// Applies a change to one collider of a body, in every copy held here; `index` counts them in order of insertion.
-    /// Returns what [`RegionHost::change_copies`] would. Bodies whose shape changed, and immovable ones whose place did, are placed
-    /// anew: Rapier 0.36.1 does not forget all contacts of a compound that becomes something else. Where a shape is refused, nothing
-    /// changes.
+    /// Applies a change to one collider of a body, in every copy held here. `index` counts colliders in order
+    /// of insertion. Returns what [`RegionHost::change_copies`] would. A body whose shape changed is placed
+    /// anew, and so is an immovable one whose collider was moved: Rapier 0.36.1 does not forget all contacts
+    /// of a compound that becomes something else. If a shape is refused, nothing changes.
     pub fn update_collider<R>(
         &mut self,
         id: BodyId,
@@ -189,7 +194,7 @@ impl RegionHost {
             let Some(returned) = region.update_collider(handle, index, &mut self.shapes, &mut change) else {
                 return Ok(None);
             };
-            // All of them refuse the same.
+            // All copies refuse the same.
             let returned = returned?;
             reach_m = reach_m.max(region.slot(handle).reach_m);
             if role == Ownership::Owner || result.is_none() {
@@ -220,7 +225,7 @@ impl RegionHost {
         Ok(result)
     }
 
-    /// Applies a change to every copy of a joint held here.
+    /// Applies a change to every copy of a joint held here. Returns whether there is one.
     pub fn update_joint(&mut self, id: JointId, mut change: impl FnMut(&mut GenericJoint)) -> bool {
         let mut found = false;
         for Side { region, .. } in &mut self.sides {
@@ -238,12 +243,14 @@ impl RegionHost {
         found
     }
 
-    /// Returns the position and velocity of a link of a multibody, if its region is computed here and has stepped.
+    /// Returns the position and velocity of a link of a multibody, if its region is computed here and has
+    /// stepped.
     pub fn link_motion(&self, id: JointId) -> Option<LinkMotion> {
         self.regions().find_map(|region| region.link_motion(id))
     }
 
-    /// Sets the velocity of a link of a multibody, by degree of freedom. Returns whether there is such a joint.
+    /// Sets the velocity of a link of a multibody, by degree of freedom. Returns whether there is such a
+    /// joint.
     pub fn set_link_velocity(&mut self, id: JointId, velocity: [f32; 6]) -> bool {
         let mut found = false;
         for Side { region, .. } in &mut self.sides {
@@ -257,8 +264,8 @@ impl RegionHost {
         self.regions().find_map(|region| region.joint_record(id))
     }
 
-    /// Returns the whole records of a body's joints, by id; those of an immovable body lie in many regions, each of which has
-    /// those of its own bodies.
+    /// Returns the whole records of a body's joints, by id. The joints of an immovable body lie in many
+    /// regions, each of which has those of its own bodies.
     pub fn all_joints_of(&self, id: BodyId) -> BTreeMap<JointId, JointRecord> {
         let regions = self.places_of(id).map(|place| &self.sides[place].region);
         let holders = regions.filter_map(|region| Some((region, region.handle_of(id)?)));
@@ -266,9 +273,10 @@ impl RegionHost {
         joints.map(|joint| (joint.id, joint)).collect()
     }
 
-    /// Returns the load on the locked axes of a joint, as of the last step: newtons along the three axes of its frame, newton
-    /// metres about them. Summed over the regions here that bear a part of it: of copies that only follow, the load is not the joint's. Rapier makes what it solves orthogonal first, so the numbers
-    /// of several axes are mixed.
+    /// Returns the load on the locked axes of a joint in the last step: newtons along the three axes of its
+    /// frame, newton metres about them. It is summed over the regions here that bear a part of it; copies
+    /// that only follow do not have the joint's load. Rapier first makes what it solves orthogonal, so the
+    /// numbers of several axes are mixed.
     pub fn joint_load(&self, id: JointId) -> Option<[f32; 6]> {
         let loads = self.regions().filter_map(|region| {
             let load = region.joint_load(id)?;
@@ -278,8 +286,8 @@ impl RegionHost {
         loads.reduce(|sum, load| std::array::from_fn(|axis| sum[axis] + load[axis]))
     }
 
-    /// Sets the kinematic target of a position-based kinematic body: the pose that it has at the end of the next tick. Returns
-    /// whether any region here holds it.
+    /// Sets the kinematic target of a position-based kinematic body: its pose at the end of the next tick.
+    /// Returns whether any region here holds the body.
     pub fn send_to(&mut self, id: BodyId, pose: WorldPose) -> Result<bool, HostError> {
         if !pose.is_valid() {
             return Err(HostError::NotFinite(id));
@@ -304,12 +312,12 @@ impl RegionHost {
             && body.next_position() != body.position()
             && !body.is_sleeping();
         let target = is_sent.then(|| convert::world_from_region(owner.anchor(), body.next_position()));
-        // What is not finite is set aside by the next step.
+        // The next step quarantines what is not finite.
         target.filter(WorldPose::is_valid)
     }
 
-    /// Sets the kinematic targets of the first copies of new bodies. A record does not hold a target that was set before any
-    /// step, so it is taken from the owner's copy.
+    /// Sets the kinematic targets of the first ghosts of new bodies. A record does not hold a target that was
+    /// set before any step, so the target is taken from the owner's copy.
     pub(super) fn target_newcomers(&mut self, fresh: &[BodyId]) {
         for &id in fresh {
             if let Some(to) = self.target_of(id) {
@@ -324,7 +332,8 @@ impl RegionHost {
         }
     }
 
-    /// Returns the mass of a movable body held here, in kilograms: the whole mass even where it is split among regions.
+    /// Returns the mass of a movable body held here, in kilograms: the whole mass even where it is split
+    /// among regions.
     pub fn mass_kg(&self, id: BodyId) -> Option<f32> {
         let of = |region: &Region, handle: RigidBodyHandle| {
             region.physics().bodies[handle].mass() * region.share_of(handle) as f32
@@ -333,7 +342,7 @@ impl RegionHost {
         self.owned(id).map(|(region, handle)| of(region, handle)).or_else(here)
     }
 
-    /// Converts a pose in world space to the space of the region that owns a body, or of one that holds it.
+    /// Converts a pose from world space to the space of the region that owns a body, or of one that holds it.
     pub fn region_pose(&self, id: BodyId, pose: &WorldPose) -> Option<Pose> {
         let holds = |region: &&Region| region.handle_of(id).is_some();
         let owner = self.owned(id).map(|(region, _)| region);
@@ -341,8 +350,9 @@ impl RegionHost {
         Some(convert::region_from_world(region.anchor(), pose))
     }
 
-    /// Moves a body to a pose, in every copy; one that comes to lie in another region than before, or far from where it was computed, is
-    /// placed anew.
+    /// Moves a body to a pose in world space, in every copy. An immovable body is placed anew. So is an
+    /// untied one that comes to another cell, or far off in the same one, if its owner does not compute that
+    /// cell. Returns whether the body is held here.
     pub fn teleport(&mut self, id: BodyId, pose: WorldPose) -> Result<bool, HostError> {
         if !pose.is_valid() {
             return Err(HostError::NotFinite(id));
@@ -368,8 +378,9 @@ impl RegionHost {
         Ok(self.move_copies(id, pose))
     }
 
-    /// Returns whether who is put elsewhere leaves what it touched, so that it is computed where it comes to lie: in another region, or so far off
-    /// in the same one that the island for which another region computes it is not there.
+    /// Returns whether a body that is put elsewhere leaves what it touched, so that it should be computed
+    /// where it comes to lie. That is so in another cell, and far off in the same one: the island for which
+    /// another region computes the body is not there.
     fn is_jump(&self, from: &WorldPose, to: &WorldPose) -> bool {
         let [before, after] = [from, to].map(|pose| self.partition.rank_at(pose.translation));
         let way = (0..3).map(|i| to.translation[i] - from.translation[i]);
@@ -377,9 +388,9 @@ impl RegionHost {
         before != after || way_m > f64::from(HUB_REACH_M)
     }
 
-    /// Places a body anew that a user has put elsewhere, with what it meets there.
+    /// Places anew a body that a user has put elsewhere, with what it meets there.
     fn arrive(&mut self, id: BodyId, from: &WorldPose, to: &WorldPose) -> Result<(), HostError> {
-        // What is not finite is set aside by the next step.
+        // The next step quarantines what is not finite.
         if !to.is_valid() || !self.is_jump(from, to) {
             return Ok(());
         }
@@ -395,8 +406,8 @@ impl RegionHost {
         Ok(())
     }
 
-    /// Sets pose (relative to its region) and velocity of the owner's copy alone, and wakes nothing: a fault on purpose, to see that it is
-    /// found. Returns whether the body is owned here.
+    /// Sets pose (in region space) and velocity of the owner's copy alone, and wakes nothing: a deliberate
+    /// fault, to see that it is found. Returns whether the body is owned here.
     pub(crate) fn disturb(&mut self, id: BodyId, pose: Pose, linvel: Vector, angvel: Vector) -> bool {
         let Some(home) = self.owner_index.home(id) else { return false };
         let Some(place) = self.place_of[home.rank] else { return false };
@@ -408,8 +419,8 @@ impl RegionHost {
         true
     }
 
-    /// Moves every copy held here to a pose; the next exchange hands the body over, if it left its region. Returns whether any
-    /// region here holds it.
+    /// Moves every copy held here to a pose. The next exchange hands the body over if it left its region.
+    /// Returns whether any region here holds it.
     pub fn move_copies(&mut self, id: BodyId, pose: WorldPose) -> bool {
         let mut held = false;
         for place in self.places_of(id) {
@@ -424,7 +435,7 @@ impl RegionHost {
     }
 }
 
-/// Returns the centre of mass of a copy, in world space, also right after it was moved.
+/// Returns the centre of mass of a copy, in world space, even right after the copy was moved.
 fn centre_in(region: &Region, handle: RigidBodyHandle) -> [f64; 3] {
     let (body, pose) = (&region.physics().bodies[handle], region.motion(handle).0);
     let arm = (*body.rotation() * body.local_center_of_mass()).to_array();
@@ -478,7 +489,7 @@ mod tests {
         host.note_arrivals();
         assert_eq!(host.owned(id).map(|(region, _)| region.rank()), Some(rank));
         host.remove(id);
-        // An exchange that is not this region's.
+        // An exchange in which this region takes no part.
         host.note_arrivals();
         assert!(host.owned(id).is_none() && host.transfers() == transfers + 1);
     }

@@ -1,4 +1,5 @@
-//! Goes back to a former tick: with all that the regions were then, or, for who predicts, with bodies put into other states.
+//! Goes back to an earlier tick: with all that the regions held then or, for clients that predict, with
+//! bodies put into other states.
 
 use super::threads::Threads;
 use super::{HostError, RegionHost};
@@ -10,7 +11,8 @@ use crate::protocol::BodyState;
 use crate::space::BodyId;
 use crate::space::Tick;
 
-/// What a host held between two ticks. The Rapier worlds in it are shared with the host until that changes them.
+/// What a host held between two ticks. Its Rapier worlds are shared with the host until the host changes
+/// them.
 pub(crate) struct Checkpoint(RegionHost);
 
 impl Checkpoint {
@@ -27,7 +29,7 @@ impl Checkpoint {
 }
 
 impl RegionHost {
-    /// Returns what it holds now, after a whole tick.
+    /// Returns a checkpoint of what the host holds now, after a whole tick.
     pub(crate) fn checkpoint(&mut self) -> Checkpoint {
         self.sides.iter_mut().for_each(|side| side.region.share());
         let mut kept = self.clone();
@@ -36,7 +38,7 @@ impl RegionHost {
         Checkpoint(kept)
     }
 
-    /// Goes back to what it held, and keeps its threads and hooks.
+    /// Goes back to what a checkpoint holds, and keeps the present threads and hooks.
     pub(crate) fn restore(&mut self, to: &Checkpoint) -> Result<(), HostError> {
         let mut host = to.0.clone();
         host.serve_as(self)?;
@@ -44,8 +46,8 @@ impl RegionHost {
         Ok(())
     }
 
-    /// Puts bodies held here into the states that they have after a tick, as if they had come into them by themselves, and goes on from
-    /// that tick.
+    /// Puts bodies held here into the states that they have after a tick, as if they had reached them by
+    /// themselves, and goes on from that tick.
     #[cfg(feature = "net")]
     pub(crate) fn put<'a>(&mut self, tick: Tick, states: impl Iterator<Item = (BodyId, &'a BodyState)>) {
         self.tick = tick;
@@ -79,7 +81,7 @@ mod tests {
         host.owned_bodies().map(|(id, region, handle)| (id, region.body_state(handle))).collect()
     }
 
-    /// Piles, chains and balls that bounce: what contacts remember counts.
+    /// Piles, chains and bouncing balls: what contacts remember counts.
     #[test]
     fn ticks_computed_again_from_a_checkpoint_are_the_same_to_the_bit() {
         for scene in ["pile", "chain", "sweep"] {

@@ -1,51 +1,52 @@
-//! Names why bodies, joints and regions are not held.
+//! Defines the error of bodies, joints and regions that a process cannot hold.
 
 use crate::physics::shapes::ShapeError;
 use crate::space::{BodyId, JointId, TreeError};
 
-/// An error of a [`RegionHost`](super::RegionHost).
+/// The error of a process that computes regions ([`RegionHost`](super::RegionHost)): a body, joint or region
+/// cannot be as asked.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum HostError {
-    /// A shape cannot be held.
+    /// A shape cannot be recorded or built.
     #[error(transparent)]
     Shape(#[from] ShapeError),
-    /// The distribution tree cannot be changed so.
+    /// The distribution tree cannot be changed as asked.
     #[error(transparent)]
     Tree(#[from] TreeError),
-    /// The operating system gives no threads.
+    /// The operating system cannot start so many threads.
     #[error("cannot start {threads} threads: {cause}; ask for fewer")]
     Threads {
-        /// How many were asked for.
+        /// The number of threads asked for.
         threads: usize,
         /// The system's reason.
         cause: rayon::ThreadPoolBuildError,
     },
-    /// The id is taken.
+    /// The world has a body of this id already.
     #[error("{0} is in the world already; every body has one id")]
     Taken(BodyId),
-    /// A joint ties a body that is not there.
+    /// A joint ties a body that is not in the world.
     #[error("joint {joint} ties {body}, which is not in the world; insert both bodies first")]
     Untied {
-        /// Which joint.
+        /// The joint.
         joint: JointId,
-        /// Which body.
+        /// The body.
         body: BodyId,
     },
     /// A joint ties a body to itself.
     #[error("joint {joint} ties {body} to itself; a joint needs two bodies")]
     Itself {
-        /// Which joint.
+        /// The joint.
         joint: JointId,
-        /// Which body.
+        /// The body.
         body: BodyId,
     },
-    /// Rapier cannot have the joint in a multibody.
+    /// Rapier cannot hold the joint in a multibody.
     #[error("multibody joint {joint} to {body}: {cause}")]
     MultibodyJoint {
-        /// Which joint.
+        /// The joint.
         joint: JointId,
-        /// Its second body.
+        /// The joint's second body.
         body: BodyId,
         /// What is wrong, and what to do.
         cause: &'static str,

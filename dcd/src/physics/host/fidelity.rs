@@ -1,4 +1,5 @@
-//! Steps regions as a governor chooses, here or at the leader of a group, and audits what they compute.
+//! Steps regions at the rates that a governor chooses, here or at the leader of a group, and audits what they
+//! compute.
 
 use std::collections::BTreeMap;
 
@@ -14,10 +15,11 @@ use crate::physics::coupling::{Clock, Side};
 use crate::physics::region::Region;
 use crate::space::{RegionId, RegionSet, Viewpoint, drawn};
 
-/// Loads out of proportion are looked for every so many ticks.
+/// Ticks between two searches for loads out of proportion.
 const REFINE_TICKS: u64 = 16;
 
-/// Bodies that are drawn for an audit, of which the first is audited that does not fly alone; what that costs, in bodies stepped once.
+/// How many bodies are drawn for an audit, of which the first that does not fly alone is audited. `DRAWING`
+/// is what that costs, in bodies stepped once.
 const DRAWS: usize = 32;
 const DRAWING: f64 = 10.0;
 /// The cost of looking at an awake body, in bodies stepped once.
@@ -33,18 +35,19 @@ impl Clone for Audits {
     }
 }
 
-/// An audit under way, of a region in this place.
+/// An audit under way, of the region at this place in the host.
 struct Auditing {
     place: usize,
-    /// Of so many ticks' step.
+    /// The number of ticks of the audited step.
     span: u8,
-    /// `None` where it is one of all: see [`RegionHost::audit_all`].
+    /// `None` for one of the audits of all islands: see [`RegionHost::audit_all`].
     share: Option<Share>,
-    /// `None` where all that was drawn flies alone, or what does not cannot be audited.
+    /// `None` if all bodies that were drawn fly alone, or if the first that does not cannot be audited.
     audit: Option<Audit>,
 }
 
-/// The part of a region's bodies that do not fly alone, as drawn, and what an audit costs, in bodies stepped once.
+/// The part of a region's bodies that do not fly alone, as drawn, and the cost of an audit, in bodies stepped
+/// once.
 #[derive(Clone, Copy)]
 struct Share {
     held: f32,
@@ -73,12 +76,12 @@ impl RegionHost {
         self.governor.as_ref().map_or(Fidelity::Off, Governor::fidelity)
     }
 
-    /// Returns what that saves and costs; `None` where all is computed in full.
+    /// Returns what the fidelity saves and costs; `None` where all is computed in full.
     pub fn fidelity_report(&self) -> Option<FidelityReport> {
         self.governor.as_ref().map(Governor::report)
     }
 
-    /// Sets where the world is looked at from; without any viewpoint all of it is.
+    /// Sets the viewpoints from which the world is looked at. Without any, all of it is looked at.
     pub fn set_viewpoints(&mut self, viewpoints: Vec<Viewpoint>) {
         if let Some(governor) = &mut self.governor {
             governor.look(match viewpoints.is_empty() {
@@ -88,24 +91,26 @@ impl RegionHost {
         }
     }
 
-    /// Returns where the world is looked at from; none where all of it is.
+    /// Returns the viewpoints from which the world is looked at; none if all of it is.
     #[cfg(feature = "net")]
     pub(crate) fn viewpoints(&self) -> &[Viewpoint] {
         self.governor.as_ref().map_or(&[], Governor::viewpoints)
     }
 
-    /// Returns the pace of each region in the last tick, where that followed the time that steps take: no other run chooses the same.
+    /// Returns the pace of each region in the last tick, if paces follow the time that steps take: no other
+    /// run chooses the same.
     pub(crate) fn timed_paces(&self) -> Option<&BTreeMap<RegionId, Pace>> {
         let governor = self.governor.as_ref()?;
         matches!(governor.fidelity(), Fidelity::Budget { .. }).then(|| governor.paces())
     }
 
-    /// Steps regions at the pace that it is told from now on, and no more by the time that steps take. Returns whether it can.
+    /// Steps regions at the given paces from now on, and no longer by the time that steps take. Returns
+    /// whether it can.
     pub(crate) fn follow_paces(&mut self, paces: BTreeMap<RegionId, Pace>) -> bool {
         self.governor.as_mut().is_some_and(|governor| governor.follow(paces))
     }
 
-    /// Counts so much time for each of the last steps of all regions.
+    /// Counts `took` for each of the last steps of all regions.
     #[cfg(test)]
     pub(crate) fn count_time(&mut self, took: std::time::Duration) {
         for side in &mut self.sides {
@@ -121,7 +126,8 @@ impl RegionHost {
         }
     }
 
-    /// Audits every island in every tick, beside those by which levels are chosen: see [`RegionHost::true_error_m_s`].
+    /// Audits every island in every tick, besides the audits by which levels are chosen: see
+    /// [`RegionHost::true_error_m_s`].
     #[doc(hidden)]
     pub fn audit_all(&mut self) {
         if let Some(governor) = &mut self.governor {
@@ -129,13 +135,13 @@ impl RegionHost {
         }
     }
 
-    /// Returns the mean error of all bodies in all ticks in which all were audited, m/s.
+    /// Returns the mean error of all bodies, m/s, in all ticks in which all were audited.
     #[doc(hidden)]
     pub fn true_error_m_s(&self) -> Option<f64> {
         self.governor.as_ref()?.true_error_m_s()
     }
 
-    /// Chooses which regions stay behind in the tick that begins in a world of this process.
+    /// Chooses which regions stay behind in the tick that begins, for a world of this process alone.
     pub(super) fn govern(&mut self) {
         if self.governor.is_none() {
             return;
@@ -155,7 +161,8 @@ impl RegionHost {
         }
     }
 
-    /// Has the tick that begins step all regions but those that are to stay behind, here and elsewhere, and audits what is to be audited.
+    /// Makes the tick that begins step all regions but those that stay behind, here and elsewhere, and begins
+    /// the scheduled audit.
     pub(crate) fn keep(&mut self, schedule: &Schedule) {
         // In turn, so that no tick takes much longer than another.
         let due = |side: &&mut Side| (self.tick.0 + side.region.rank() as u64).is_multiple_of(REFINE_TICKS);
@@ -167,7 +174,7 @@ impl RegionHost {
         self.behind_most = schedule.behind_most.min(COARSEST - 1);
         for side in &mut self.sides {
             let stays = self.behind.contains(side.region.rank());
-            // What rests is the same at any time.
+            // A region at rest is the same at any time.
             let owed = if side.is_idle() && !stays { 0 } else { side.clock.owed };
             (side.clock.span, side.clock.owed) = if stays { (0, owed + 1) } else { (owed + 1, 0) };
             if self.is_scheduled && !stays {
@@ -186,7 +193,8 @@ impl RegionHost {
         }
     }
 
-    /// Has regions that are said to stay behind for longer than any may catch up, here and at all others alike.
+    /// Lets regions catch up that the schedule keeps behind for longer than any may be, here and at all
+    /// others alike.
     fn disbelieve(&mut self) {
         self.late.resize(self.partition.len(), 0);
         for (rank, late) in self.late.iter_mut().enumerate() {
@@ -197,18 +205,19 @@ impl RegionHost {
         }
     }
 
-    /// Has others say from now on which regions stay behind in each tick: see [`RegionHost::keep`].
+    /// Leaves it to others from now on which regions stay behind in each tick: see [`RegionHost::keep`].
     pub(crate) fn follow_schedules(&mut self) {
         self.is_scheduled = true;
     }
 
-    /// Returns whether a region computed here stays behind in the tick under way, or did in the last.
+    /// Returns whether a region computed here stays behind in the tick under way, or stayed behind in the
+    /// last one.
     pub(crate) fn stays_behind(&self, region: &Region) -> bool {
         self.behind.contains(region.rank())
     }
 
-    /// Takes all regions for present: what they owe is not caught up. Where membership changes nobody knows what regions of others owe, and those that
-    /// share bodies are at one time already.
+    /// Takes all regions for present: they do not catch up the ticks that they owe. When membership changes,
+    /// nobody knows what regions of others owe, and those that share bodies are at one time already.
     pub(super) fn forgive(&mut self) {
         (self.behind, self.audited) = (RegionSet::EMPTY, None);
         self.behind_most = 0;
@@ -231,7 +240,7 @@ impl RegionHost {
                 awaited: side.is_awaited(),
                 bound: side.bound_to(),
                 awake: region.physics().islands.num_active_bodies() as u32,
-                // What rests is not stepped: the time that its last steps took is not spent.
+                // A region at rest is not stepped, so it does not spend the time of its last steps.
                 step_ms: if rests { 0.0 } else { (region.mean_step_us() * 1e-3 / longer) as f32 },
                 signals: region.signals(),
                 took_ms,
@@ -242,18 +251,19 @@ impl RegionHost {
         self.sides.iter().map(state).collect()
     }
 
-    /// Returns the regions that stay behind in the tick under way, or did in the last, by rank.
+    /// Returns the regions that stay behind in the tick under way, or stayed behind in the last one, by rank.
     pub(super) fn left_behind(&self) -> RegionSet {
         match self.is_scheduled {
             true => self.behind,
-            // As saved, and by the ranks that they have now.
+            // By the saved clocks, and by the ranks that the regions have now.
             false => {
                 self.sides.iter().filter(|side| side.is_behind()).map(|side| side.region.rank()).collect()
             }
         }
     }
 
-    /// Returns how long a region's step in the last tick took, and as many steps of one tick each would have taken, as reckoned, milliseconds.
+    /// Returns how long a region's step in the last tick took, and the estimate for as many steps of one tick
+    /// each, milliseconds.
     fn spent_ms(&self, side: &Side) -> [f32; 2] {
         if !side.steps_now() {
             return [0.0; 2];
@@ -264,8 +274,8 @@ impl RegionHost {
         [took_ms as f32, (took_ms * f64::from(clock.span) / longer) as f32]
     }
 
-    /// Draws bodies of the region in this place, and begins to audit the island of the first that does not fly alone: what flies alone is right,
-    /// and how much of all that is, the draws tell.
+    /// Draws bodies of the region at this place, and begins to audit the island of the first that does not
+    /// fly alone. What flies alone is computed right; the draws tell which part of all bodies that is.
     fn sample(&self, place: usize, pick: Pick) -> Option<Auditing> {
         let side = &self.sides[place];
         let awake: Vec<_> = side.region.physics().islands.active_bodies().collect();
@@ -281,14 +291,14 @@ impl RegionHost {
             .collect();
         let held: Vec<_> = drawn.into_iter().filter(|&body| side.region.may_collide(body)).collect();
         let audit = held.first().and_then(|&body| self.audit(place, body));
-        // To gather the awake bodies and to draw costs something, whatever comes of it.
+        // Gathering the awake bodies and drawing cost something, whatever comes of them.
         let drawing = DRAWING + awake.len() as f64 * GATHERING;
         let cost = drawing + audit.as_ref().map_or(0.0, Audit::work);
         let share = Share { held: held.len() as f32 / DRAWS as f32, cost: cost as f32 };
         Some(Auditing { place, span: side.clock.span, share: Some(share), audit })
     }
 
-    /// Begins to audit all islands of the region in this place.
+    /// Begins to audit all islands of the region at this place.
     fn audits(&self, place: usize) -> Vec<Auditing> {
         let side = &self.sides[place];
         let mut begun: Vec<Auditing> = Vec::new();
@@ -311,7 +321,7 @@ impl RegionHost {
         begun
     }
 
-    /// Begins to audit the island of an awake body of the region in this place.
+    /// Begins to audit the island of an awake body of the region at this place.
     fn audit(&self, place: usize, seed: RigidBodyHandle) -> Option<Audit> {
         let Side { region, clock, .. } = &self.sides[place];
         let parameters = region.refined(IntegrationParameters {
@@ -331,7 +341,7 @@ impl RegionHost {
             let error_m_s = audit.and_then(|audit| audit.finish(region));
             match share {
                 Some(Share { held, cost }) => {
-                    // What cannot be audited is not drawn again.
+                    // If a drawn body cannot be audited, no other is drawn.
                     let error_m_s = if held == 0.0 { Some(0.0) } else { error_m_s.map(|error| held * error) };
                     self.audited = Some((region.id(), Audited { error_m_s, cost }));
                 }
@@ -435,7 +445,7 @@ mod tests {
         }
     }
 
-    /// A leader may say what it likes: also that regions which share bodies are at unequal times.
+    /// A leader may say what it likes, even that regions which share bodies are at unequal times.
     #[test]
     fn whatever_is_said_to_stay_behind_no_body_is_lost_and_no_region_is_late_by_more_than_three_ticks() {
         for (name, seed) in [("terrain", 1), ("ragdolls", 2), ("gas", 3), ("heap", 4)] {

@@ -1,4 +1,5 @@
-//! Finds islands of the whole world that are too large to move whole, so that planes of the tree can keep out of them.
+//! Finds islands of the whole world that are too large to move whole, so that planes of the tree can keep out
+//! of them.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -10,22 +11,23 @@ use crate::physics::region::{Ownership, Region};
 use crate::protocol::BodyKind;
 use crate::space::{BodyId, Bounds, Burden, PlaceGroups, RegionId};
 
-/// The islands with more bodies than a limit: bodies that touch or are tied, awake or asleep, in whatever regions.
+/// The islands with more bodies than a limit: bodies that touch or are tied, awake or asleep, in whatever
+/// regions.
 #[derive(Debug, Default)]
 pub(super) struct Giants {
     /// The AABB of each, in world space.
     pub boxes: Vec<Bounds>,
-    /// The island that a body is part of.
+    /// By body: its island's place in `boxes`.
     members: BTreeMap<BodyId, usize>,
-    /// Its sleeping bodies, in id order: they are no work, and lie where planes keep out.
+    /// Their sleeping bodies, in id order: they are no load, and lie where planes keep out.
     pub asleep: Vec<Burden>,
 }
 
-/// The large islands of a host as they were found last: where nothing has changed since, nothing is looked at.
+/// The large islands of a host as they were last found. While nothing has changed since, nothing is searched.
 #[derive(Clone, Debug, Default)]
 pub(super) struct KnownGiants {
     limit: usize,
-    /// What the regions were then.
+    /// The revisions of the regions then.
     revisions: Vec<(RegionId, u64)>,
     found: Arc<Giants>,
 }
@@ -41,7 +43,7 @@ impl KnownGiants {
         Arc::clone(&self.found)
     }
 
-    /// Forgets them, as regions come or go.
+    /// Forgets the islands, since regions come or go.
     pub(super) fn forget(&mut self) {
         *self = Self::default();
     }
@@ -141,7 +143,7 @@ mod tests {
         pub(super) static SEARCHES: Cell<usize> = const { Cell::new(0) };
     }
 
-    /// 300 boxes side by side and tied to one another that are asleep, across a border or beside it.
+    /// Makes a host with 300 sleeping boxes side by side, tied to one another, across a border or beside it.
     fn row(cut: f64) -> RegionHost {
         let tree = DistributionTree::cut_by(Bounds::around([0.0; 3], [200.0; 3]), &[(Axis::X, cut)]).unwrap();
         let partition = Partition::new(tree, None);
@@ -168,7 +170,7 @@ mod tests {
         host
     }
 
-    /// Returns how many bodies are part of large islands, and whether these were looked for.
+    /// Returns how many bodies are part of large islands, and whether a search was made.
     fn look(host: &mut RegionHost) -> (usize, bool) {
         let before = SEARCHES.get();
         let found = host.burdens(Load::Counts);

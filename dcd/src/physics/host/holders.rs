@@ -1,17 +1,19 @@
-//! Finds the regions that hold a body, without a look into each region of the world: its owner knows them.
+//! Finds the regions that hold a body without a look into each region of the world: the body's owner knows
+//! them.
 
 use super::RegionHost;
 use crate::space::{BodyId, RegionSet};
 
 impl RegionHost {
-    /// Returns where in `sides` the regions are that may hold a body, ascending. To be asked between two ticks.
+    /// Returns the places in `sides` of the regions that may hold a body, ascending. To be called between two
+    /// ticks.
     pub(super) fn places_of(&self, id: BodyId) -> impl Iterator<Item = usize> + use<> {
         let count = self.sides.len();
         let places = self.holders_of(id).unwrap_or(RegionSet::ALL);
         places.iter().take_while(move |&place| place < count)
     }
 
-    /// Returns whether any region here holds a body, or would if it were near.
+    /// Returns whether a body is held here. An immovable body counts even if no region here is near it.
     pub(super) fn held(&self, id: BodyId) -> bool {
         if self.statics.body(id).is_some() {
             return true;
@@ -25,7 +27,8 @@ impl RegionHost {
         held
     }
 
-    /// Returns the regions that may hold a movable body, as its owner knows them: by rank, which is their place where all are here.
+    /// Returns the regions that may hold a movable body, as its owner knows them, by rank. Where all regions
+    /// are computed here, a rank is a place in `sides`. `None` if the owner may not know.
     fn holders_of(&self, id: BodyId) -> Option<RegionSet> {
         if self.sides.len() == 1 || !self.owners_know_holders() {
             return None;
@@ -40,8 +43,8 @@ impl RegionHost {
         Some(holders)
     }
 
-    /// Returns whether the holders of each body are those that its owner knows, as [`RegionHost::validate`] checks. A region that has ticks to
-    /// catch up may hold what its owner has taken back.
+    /// Returns whether owners know all holders of their bodies, as [`RegionHost::validate`] checks. A region
+    /// that has ticks to catch up may hold a body that its owner has taken back.
     fn owners_know_holders(&self) -> bool {
         self.sides.len() == self.partition.len() && self.governor.is_none() && !self.holders_unsure
     }
@@ -69,7 +72,7 @@ mod tests {
             let (body, ball) = (RigidBodyBuilder::dynamic().gravity_scale(0.0), ColliderBuilder::ball(0.5));
             host.shapes_mut().describe(id, WorldPose::at(at), &body.build(), &[ball]).unwrap()
         };
-        // Two that touch over the planes at 0 have their ghosts there.
+        // Two bodies that touch across the planes at 0 have ghosts there.
         let bodies =
             [(alone, [7.0; 3]), (shared, [-0.2, 7.0, 7.0]), (BodyId::persistent(3), [0.6, 7.0, 7.0])];
         let bodies = bodies.map(|(id, at)| record(&mut host, id, at)).to_vec();

@@ -1,5 +1,5 @@
-//! Steps the regions that one process computes, tick by tick, and exchanges their messages: all of them in a local world, some of
-//! them on a node.
+//! Steps the regions that one process computes, tick by tick, and exchanges their messages. In a local world
+//! these are all regions, on a node some of them.
 
 mod borders;
 mod change;
@@ -59,9 +59,9 @@ pub struct RegionHost {
     settings: StepSettings,
     shapes: ShapeLibrary,
     statics: Statics,
-    /// The regions computed here with their sides of borders, in rank order.
+    /// The regions computed here, each with its side of its borders, in rank order.
     sides: Vec<Side>,
-    /// By rank: where in `sides`.
+    /// By rank: the region's place in `sides`; none for a region computed elsewhere.
     place_of: Vec<Option<usize>>,
     owner_index: OwnerIndex,
     #[serde(skip)]
@@ -76,37 +76,41 @@ pub struct RegionHost {
     balancer: Option<repartition::Balancer>,
     #[serde(skip)]
     giants: giants::KnownGiants,
-    /// Whether all regions meet in the next tick, not only neighbours; and whether they do in every tick.
+    /// Whether all regions meet in the next tick, not only neighbours. `meets_always`: whether they do in
+    /// every tick.
     meets: bool,
     meets_always: bool,
     /// Whether all that the world begins with has been placed as one scene.
     is_placed: bool,
-    /// Whether all regions know which cells are near theirs, as the tree is.
+    /// Whether all regions know which cells of the present tree are near theirs.
     #[serde(skip)]
     settled: bool,
-    /// Whether owners may not know who holds their bodies, since membership has changed.
+    /// Whether owners may not know who holds their bodies, because membership has changed.
     #[serde(skip)]
     holders_unsure: bool,
-    /// Chooses the rates at which regions are stepped, where not all is computed in full.
+    /// Chooses the rates at which regions are stepped; none where all is computed in full.
     governor: Option<Governor>,
-    /// Whether others choose them; the regions that stay behind in the tick under way, by rank, and what is audited in it.
+    /// Whether the leader of a group chooses which regions stay behind, not this process.
     #[serde(skip)]
     is_scheduled: bool,
+    /// The regions that stay behind in the tick under way, by rank.
     #[serde(skip)]
     behind: RegionSet,
-    /// By rank: for how many ticks each has stayed behind, where others choose.
+    /// By rank: for how many ticks the region has stayed behind, where the leader chooses.
     #[serde(skip)]
     late: Vec<u8>,
-    /// By how many ticks any region may be behind after the tick that follows the one under way, as was told.
+    /// The most ticks that any region may be behind after the tick that follows the one under way, as the
+    /// schedule says.
     #[serde(skip)]
     behind_most: u8,
+    /// The audits of the tick under way.
     #[serde(skip)]
     auditing: fidelity::Audits,
-    /// What the last audit found, if it was of the last tick.
+    /// What the last audit found, and in which region, if it was in the last tick.
     #[serde(skip)]
     audited: Option<(RegionId, Audited)>,
     tick: Tick,
-    /// Rounds of the tick to come, and how many of them are done.
+    /// Rounds of the tick to come; `round` is how many of them are done.
     rounds: usize,
     round: usize,
     /// Rounds of the last tick.
@@ -115,7 +119,7 @@ pub struct RegionHost {
     #[serde(skip)]
     exchange_time: Duration,
     transfers: u64,
-    /// Of the last step, and of insertions since.
+    /// The handovers of the last step, and of insertions since.
     handovers: Vec<Handover>,
 }
 
@@ -179,22 +183,23 @@ impl RegionHost {
         }
     }
 
-    /// Sets the number of threads that step it; 1 uses the calling thread, as a world of few bodies does anyhow. Results do not
-    /// depend on it. With the feature `parallel` a single region uses all of them, several regions divide them; without, each
-    /// region uses one.
+    /// Sets the number of threads that step the regions here; 1 uses the calling thread, as a world of few
+    /// bodies always does. Results do not depend on it. With the feature `parallel` a single region uses all
+    /// threads, and several regions divide them. Without it, each region uses one.
     pub fn set_threads(&mut self, threads: usize) -> Result<(), HostError> {
         let tasks = self.threads.tasks().cloned();
         self.threads = Threads::new(threads, self.sides.len(), tasks)?;
         Ok(())
     }
 
-    /// Has the program's own threads step it from now on, as many as were set; `None`: threads of its own again.
+    /// Makes the program's own threads step the regions here from now on, as many as were set. `None` goes
+    /// back to threads of the host's own.
     pub(crate) fn set_tasks(&mut self, tasks: Option<Arc<dyn Tasks>>) -> Result<(), HostError> {
         self.threads = Threads::new(self.threads.count(), self.sides.len(), tasks)?;
         Ok(())
     }
 
-    /// Returns the number of threads that step it.
+    /// Returns the number of threads that step the regions here.
     pub fn threads(&self) -> usize {
         self.threads.count()
     }
@@ -211,7 +216,8 @@ impl RegionHost {
         self.threads.suit(self.sides.len())
     }
 
-    /// Does the work for each of many small things, on all threads if they are worth waking; results are in the order of the things.
+    /// Does the work for each of many small things, on all threads if they are worth waking. Returns the
+    /// results in the order of the things.
     pub(in crate::physics) fn spread<T: Sync, R: Send>(
         &self,
         things: &[T],
@@ -238,7 +244,8 @@ impl RegionHost {
         &mut self.shapes
     }
 
-    /// Computes the first half of a round: every region that is due steps, and writes the messages to its neighbours.
+    /// Computes the first half of a round: every region that is due takes a substep and writes the messages
+    /// to its neighbours.
     pub fn compute(&mut self) {
         self.on_threads(Self::compute_here);
     }
@@ -303,7 +310,7 @@ impl RegionHost {
             let awake = |side: &Side| side.region.physics().islands.num_active_bodies();
             let all_awake =
                 |sides: &[(bool, &mut Side)]| sides.iter().map(|(_, side)| awake(side)).sum::<usize>();
-            // What it says to others all threads find out, unless others have as much to do meanwhile.
+            // All threads gather what the region tells others, unless these have enough to do meanwhile.
             let is_alone = by_all.len() == 1 && all_awake(&others) * WORTH_WAITING < all_awake(&by_all);
             for (_, side) in &mut by_all {
                 self.threads.together(|| {
@@ -337,20 +344,22 @@ impl RegionHost {
         }
     }
 
-    /// Has all regions exchange messages in the next tick, not only neighbours. All processes that compute a part of the world must
-    /// do so before the same tick: what is inserted, and what comes to lie elsewhere at once, may concern any region.
+    /// Makes all regions exchange messages in the next tick, not only neighbours. All processes that compute
+    /// a part of the world must call this before the same tick, since a body that is inserted, or put
+    /// elsewhere at once, may concern any region.
     pub fn meet_all(&mut self) {
         self.is_placed = false;
         self.meets = true;
     }
 
-    /// Has all regions exchange messages in every tick, for processes that do not take in messages in the tick in which they were
-    /// written.
+    /// Makes all regions exchange messages in every tick, for processes that do not take in messages in the
+    /// tick in which they were written.
     pub fn meet_always(&mut self) {
         self.meets_always = true;
     }
 
-    /// Chooses the neighbours of every region here for the tick to come, or has all meet.
+    /// Chooses the neighbours of every region here for the tick to come; with `all`, every region meets all
+    /// others.
     fn meet(&mut self, all: bool) {
         let (regions, behind) = (self.partition.len(), self.left_behind());
         let settles = self.meets && !std::mem::replace(&mut self.settled, true);
@@ -389,8 +398,8 @@ impl RegionHost {
         })
     }
 
-    /// Returns the regions computed elsewhere with which regions here exchange messages in the present round, in id order. Theirs do
-    /// so with those here.
+    /// Returns the regions computed elsewhere with which regions here exchange messages in the present round,
+    /// in id order. Those regions exchange messages with the ones here, too.
     pub fn neighbours(&self) -> Vec<RegionId> {
         let settings = self.settings;
         let moment = Moment::new(
@@ -413,12 +422,12 @@ impl RegionHost {
         letters.filter(|(rank, _)| self.place_of[*rank].is_none()).map(|(_, message)| message)
     }
 
-    /// Accepts a message of a region computed elsewhere; the next exchange applies it.
+    /// Accepts a message of a region computed elsewhere. The next exchange applies it.
     pub fn accept(&mut self, message: BorderMessage) {
         self.incoming.push(message);
     }
 
-    /// Applies the messages accepted so far, and sends none: no tick ends with it.
+    /// Applies the messages accepted so far, and sends none. No tick ends with it.
     pub fn drain(&mut self) -> Result<(), HostError> {
         let tick = self.tick;
         self.sides.iter_mut().for_each(|side| side.outbox.clear(tick));
@@ -467,7 +476,8 @@ impl RegionHost {
                     inboxes[place].push(message);
                 }
             }
-            // Ids are in rank order; what one region said in several ticks stays in order.
+            // Ids are in rank order. The sort is stable: what one region said in several ticks stays in
+            // order.
             inboxes.iter_mut().for_each(|inbox| inbox.sort_by_key(|message| message.from));
             let inbox_of = |region: &Region| &inboxes[place_of[region.rank()].expect("hosted here")];
             let is_due = |side: &Side| {
@@ -506,7 +516,7 @@ impl RegionHost {
             self.partition.len(),
             "a node's exchange needs its neighbours' messages"
         );
-        // One entry per tick: between its halves the threads stay awake.
+        // The teams are entered once per tick, so that the threads stay awake between its halves.
         self.on_threads(Self::step_all)
     }
 
@@ -528,14 +538,15 @@ impl RegionHost {
             self.exchange_here()?;
         }
         self.conclude();
-        // Stable: a body that went twice has its ways in order.
+        // The sort is stable: the handovers of a body that went twice stay in order.
         self.handovers.sort_by_key(|handover| handover.body);
         self.end_tick();
         self.set_rounds(self.rounds_wanted());
         Ok(())
     }
 
-    /// Has bodies announced that their user sped up since the last step, where they fly into other regions at once.
+    /// Marks bodies to be announced that their user sped up since the last step and that fly into other
+    /// regions at once.
     fn expect_launched(&mut self) {
         let settings = self.settings;
         let moment = Moment::new(&self.partition, &settings, self.tick, self.rounds, 0, self.coarsest());
@@ -573,7 +584,7 @@ impl RegionHost {
         self.tick = tick;
     }
 
-    /// Returns the settings by which it is stepped.
+    /// Returns the settings by which the world is stepped.
     pub fn settings(&self) -> &StepSettings {
         &self.settings
     }
@@ -605,7 +616,8 @@ impl RegionHost {
         self.transfers
     }
 
-    /// Returns the handovers of bodies from regions here to others in the last [`RegionHost::step`], in id order.
+    /// Returns the handovers of bodies from regions here to others in the last [`RegionHost::step`], in id
+    /// order.
     pub fn handovers(&self) -> &[Handover] {
         &self.handovers
     }
@@ -622,7 +634,7 @@ impl RegionHost {
         self.statics.body(id)
     }
 
-    /// Returns the whole record of a body: as its owner has it, if that is here, else as a replica has it.
+    /// Returns the whole record of a body, as its owner has it if the owner is here, else as a ghost has it.
     pub fn record(&self, id: BodyId) -> Option<BodyRecord> {
         if let Some(body) = self.statics.body(id) {
             return Some(body.clone());
@@ -669,7 +681,7 @@ impl RegionHost {
         self.regions().flat_map(Region::awake_joints)
     }
 
-    /// Returns every movable body held here, owned or replica, in id order.
+    /// Returns every movable body held here, owned or ghost, in id order.
     pub fn held_bodies(&self) -> BTreeSet<BodyId> {
         let held = self.regions().flat_map(Region::bodies);
         held.map(|(id, ..)| id).filter(|&id| self.statics.body(id).is_none()).collect()
@@ -711,7 +723,8 @@ impl RegionHost {
         }
         for side in &mut self.sides {
             let rank = side.region.rank();
-            // Once: what arrived may be gone when the region, at rest, has not looked at its letters since.
+            // Each arrival is taken once: a region at rest does not look at its letters, and what arrived may
+            // be gone by now.
             for link in side.border.take_arrived() {
                 self.transfers += 1;
                 self.owner_index.set(link.id, Home { rank, handle: link.handle });

@@ -15,7 +15,8 @@ use crate::physics::{articulation, convert, joints};
 use crate::protocol::{BodyKind, BodyRecord, BodyTraits, JointRecord, ShapeHash, Vehicle, WorldPose};
 use crate::space::{BodyId, JointId, RegionId, RegionSet, Tick};
 
-/// Why a kinematic body carries no multibody. Seen with Rapier 0.36.1: what is put on such a root falls through it.
+/// The reason why no kinematic body carries a multibody. Seen with Rapier 0.36.1: what is put on such a root
+/// falls through it.
 pub(super) const KINEMATIC_ROOT: &str = "its first body is kinematic, which Rapier neither moves nor lets anything touch in a multibody; \
      tie a dynamic first body to the kinematic one by an impulse joint";
 
@@ -35,18 +36,19 @@ impl RegionHost {
         self.index();
     }
 
-    /// Inserts bodies and the joints among them into the regions where they belong, as far as these are computed here: a small
-    /// group of tied bodies into the region where most of it lies, a multibody into that of its lowest body, an immovable body
-    /// wherever it reaches. Replicas come with the exchange after [`RegionHost::announce`]; [`RegionHost::step`] sees to that
-    /// before it steps, once for all that was inserted. Nothing is inserted when anything is refused.
+    /// Inserts bodies and the joints among them into the regions where they belong, as far as these are
+    /// computed here. A small group of tied bodies goes to the region where most of it lies, a multibody to
+    /// that of its lowest body, an immovable body wherever it reaches. Ghosts come with the exchange after
+    /// [`RegionHost::announce`]. [`RegionHost::step`] sees to that before it steps, once for all that was
+    /// inserted. If anything is refused, nothing is inserted.
     pub fn insert(&mut self, mut bodies: Vec<BodyRecord>, joints: &[JointRecord]) -> Result<(), HostError> {
-        // Nobody has found contacts of what is new, whoever says so.
+        // Nobody has found contacts of new bodies yet, whatever their records say.
         bodies.iter_mut().for_each(|body| body.state.contact_offset = None);
         self.insert_saved(bodies, joints)
     }
 
-    /// Inserts bodies and joints in the same way; bodies that come into a region in which nothing else moves find their contacts as they lay when
-    /// these were found elsewhere.
+    /// Inserts bodies and joints in the same way, but from records of a saved world. Bodies that come into a
+    /// region in which nothing else moves find their contacts as they lay when these were found elsewhere.
     pub(crate) fn insert_saved(
         &mut self,
         mut bodies: Vec<BodyRecord>,
@@ -60,15 +62,15 @@ impl RegionHost {
             return Err(HostError::Taken(taken.id));
         }
         self.check(&bodies, joints)?;
-        // Of a world that was saved it is not known of all.
+        // A saved world knows only of some bodies how they lay.
         if bodies.iter().any(placement::lies) {
             placement::note_standing(&mut bodies, joints);
         }
         self.insert_checked(bodies, joints)
     }
 
-    /// Removes bodies and inserts them anew, as these records say, with all of their joints. When anything is refused, nothing is
-    /// removed.
+    /// Removes bodies and inserts them anew from these records, with all of their joints. If anything is
+    /// refused, nothing is removed.
     pub(super) fn reinsert(
         &mut self,
         mut bodies: Vec<BodyRecord>,
@@ -91,7 +93,7 @@ impl RegionHost {
         if self.held(body.id) {
             return Err(HostError::Taken(body.id));
         }
-        // Whether its shapes are known shows before it is inserted.
+        // The insertion itself finds out whether its shapes are known.
         check_state(&body)?;
         self.insert_alone(body)
     }
@@ -105,12 +107,12 @@ impl RegionHost {
             && bodies.len() == 1
             && let Some(body) = bodies.pop()
         {
-            // Many come one by one: what a list costs is spared.
+            // Many bodies come one by one, and are spared the cost of a list.
             return self.insert_alone(body);
         }
         let placement = Placement::of(&bodies, joints, &self.shapes, &self.settings)?;
         let owners = placement.owners(&bodies, &self.partition);
-        // A scene comes at once, and nothing touches it but itself.
+        // A scene comes at once, so its bodies touch only one another.
         let scene = self.tick == Tick(0) && bodies.len() > 1;
         let whole = if scene { placement.whole(&bodies, &owners) } else { vec![false; bodies.len()] };
         let is_all = scene && self.owned_count() == 0;
@@ -119,9 +121,10 @@ impl RegionHost {
         Ok(())
     }
 
-    /// Returns where kinematic bodies go in the next step, of those that are where these records say. A record holds no target.
+    /// Returns where kinematic bodies go in the next step, for those that are where these records say. A
+    /// record holds no target.
     pub(super) fn targets_of(&self, bodies: &[BodyRecord]) -> Vec<(BodyId, WorldPose)> {
-        // What is put elsewhere goes nowhere from there.
+        // A body that is put elsewhere does not go on to its target.
         let stays = |body: &&BodyRecord| {
             body.traits.kind == BodyKind::KinematicPosition
                 && self.record(body.id).is_some_and(|known| known.state.pose == body.state.pose)
@@ -141,7 +144,7 @@ impl RegionHost {
         for place in places {
             held |= self.sides[place].region.remove(id);
         }
-        // Joints wait for it where it never was.
+        // Joints may wait for it in regions that never held it.
         for Side { region, .. } in &mut self.sides {
             region.forget_ties(id);
         }
@@ -149,8 +152,9 @@ impl RegionHost {
         held
     }
 
-    /// Forgets the shapes that no body has any more, now and then: terrain that is dug, or debris, would fill memory, checkpoints and saves.
-    /// Only where all regions are computed here no message names a shape that is in no body.
+    /// Forgets the shapes that no body has any more, now and then. Otherwise dug terrain and debris would
+    /// fill memory, checkpoints and saves. This is done only where all regions are computed here: then no
+    /// message names a shape that no body has.
     pub(crate) fn forget_unused_shapes(&mut self) {
         if !self.shapes.has_grown(self.owned_count()) || self.sides.len() != self.partition.len() {
             return;
@@ -159,7 +163,7 @@ impl RegionHost {
         self.shapes.keep(used);
     }
 
-    /// Forgets those of these shapes that nothing here has.
+    /// Forgets those of these shapes that no body here has.
     pub(crate) fn forget_shapes(&mut self, gone: &BTreeSet<ShapeHash>) {
         if !gone.is_empty() {
             let used = self.used_shapes();
@@ -173,8 +177,8 @@ impl RegionHost {
         all.flat_map(|traits| &traits.colliders).map(|collider| collider.shape).collect()
     }
 
-    /// Inserts a joint between two bodies of the world, and wakes them. Their assemblies become one: if these lie in different regions, both
-    /// are placed anew, which costs them the warm starting of one step.
+    /// Inserts a joint between two bodies of the world, and wakes them. Their assemblies become one. If these
+    /// lie in different regions, both are placed anew, which costs them the warm start of one step.
     pub fn tie(&mut self, joint: JointRecord) -> Result<(), HostError> {
         let JointRecord { id, a, b, .. } = joint;
         if a == b {
@@ -186,14 +190,14 @@ impl RegionHost {
         } else {
             self.tie_over_regions(joint)?;
         }
-        // As Rapier's world does; what comes with its joints may go on sleeping.
+        // As Rapier's world does. Bodies that come with their joints may go on sleeping.
         for end in [a, b].into_iter().filter(|&end| self.statics.body(end).is_none()).collect::<Vec<_>>() {
             self.change_copies(end, |body| body.wake_up(true));
         }
         Ok(())
     }
 
-    /// Inserts a joint, whose assemblies may lie in different regions.
+    /// Inserts a joint between bodies whose assemblies may lie in different regions.
     fn tie_over_regions(&mut self, joint: JointRecord) -> Result<(), HostError> {
         let (mut bodies, mut ties) = (BTreeMap::new(), BTreeMap::new());
         for body in [joint.a, joint.b] {
@@ -209,7 +213,8 @@ impl RegionHost {
         self.reinsert(bodies.into_values().collect(), &ties.into_values().collect::<Vec<_>>())
     }
 
-    /// Checks that Rapier can have these joints in multibodies, beside those that are there and tie none of these bodies.
+    /// Checks that Rapier can have these joints in multibodies, beside the present joints that tie none of
+    /// these bodies.
     fn check_links(&self, joints: &[JointRecord], bodies: &[BodyRecord]) -> Result<(), HostError> {
         let mut parents = BTreeMap::new();
         for joint in joints.iter().filter(|joint| joint.link.is_some()) {
@@ -241,7 +246,8 @@ impl RegionHost {
         Ok(())
     }
 
-    /// Returns the parent of a link in its multibody, if neither it nor the parent is among these bodies, in id order.
+    /// Returns the parent of a link in its multibody, unless one of the two is among the bodies `but`, which
+    /// are in id order.
     fn parent_of(&self, id: BodyId, but: &[BodyRecord]) -> Option<BodyId> {
         let stays = |end: BodyId| but.binary_search_by_key(&end, |body| body.id).is_err();
         if !stays(id) {
@@ -262,7 +268,8 @@ impl RegionHost {
         held
     }
 
-    /// Checks bodies, in id order, that are not held here or will be removed before they are inserted, and their joints.
+    /// Checks bodies and their joints. The bodies are in id order, and either not held here or to be removed
+    /// before they are inserted.
     fn check(&self, bodies: &[BodyRecord], joints: &[JointRecord]) -> Result<(), HostError> {
         for body in bodies {
             check_state(body)?;
@@ -306,13 +313,13 @@ impl RegionHost {
         }
     }
 
-    /// Inserts one checked body: it belongs to where it is.
+    /// Inserts one checked body. It belongs to the region where it is.
     fn insert_alone(&mut self, body: BodyRecord) -> Result<(), HostError> {
         if body.traits.kind == BodyKind::Fixed {
             return self.insert_placed(vec![body], &[usize::MAX], &[false], &[]);
         }
         let place = self.place_of[self.partition.rank_at(body.state.pose.translation)];
-        // One like it has made room for it.
+        // A body like it has made room for it.
         if place.is_none_or(|place| self.sides[place].region.newest_like(&body).is_none()) {
             self.make_room(&body)?;
         }
@@ -322,8 +329,8 @@ impl RegionHost {
         Ok(self.insert_owned(place, body, false)?)
     }
 
-    /// Inserts bodies in id order, as one Rapier world would be filled; `owners` are ranks, `whole` are bodies whose island lies
-    /// in one region.
+    /// Inserts bodies in id order, as one Rapier world would be filled. `owners` are ranks; `whole` says of
+    /// each body whether its island lies in one region.
     pub(super) fn insert_placed(
         &mut self,
         bodies: Vec<BodyRecord>,
@@ -342,8 +349,9 @@ impl RegionHost {
             true => placement::standing(&bodies, owners, &self.shapes)?,
             false => vec![false; bodies.len()],
         };
-        // Region by region: what Rapier allocates for the bodies of one world then lies together. Filled in turns, two
-        // worlds share cache lines, which cost a tenth of the step (40,000 free boxes in two regions).
+        // Region by region, so that what Rapier allocates for the bodies of one world lies together. Filled
+        // in turns, two worlds share cache lines, which cost a tenth of the step (40,000 free boxes in two
+        // regions).
         for place in 0..self.sides.len() {
             let region = &mut self.sides[place].region;
             let movable = |body: &BodyRecord| body.traits.kind != BodyKind::Fixed;
@@ -353,7 +361,7 @@ impl RegionHost {
             let stands = bodies.iter().zip(owners).zip(&standing).filter(|((_, owner), _)| **owner == rank);
             let stands: Vec<_> = stands.filter(|(_, stands)| **stands).map(|((body, _), _)| body).collect();
             let warms = !stands.is_empty() && !region.holds_movable();
-            // What has yet to come to rest would lose its bounces in steps that are thrown away.
+            // Bodies that have yet to come to rest come later: in silent steps they would lose their bounces.
             for late in [false, true] {
                 let all = bodies.iter().zip(owners).zip(whole).zip(&standing);
                 for (((body, &owner), &whole), stands) in all {
@@ -388,7 +396,8 @@ impl RegionHost {
         Ok(())
     }
 
-    /// Has bodies that were inserted into a region in which no others can move find their contacts as they lay when these were found elsewhere.
+    /// Makes bodies that were inserted into a region in which no others can move find their contacts as they
+    /// lay when these were found elsewhere.
     fn warm_up(&mut self, place: usize, standing: &[&BodyRecord]) {
         let StepSettings { coupling, exchanges, dt_s, solver_iterations, integration, .. } = self.settings;
         let steps = coupling.first_steps(exchanges);
@@ -407,7 +416,7 @@ impl RegionHost {
         threads::alone(&mut self.sides, move |sides| sides[place].region.warm_up(tick, &parameters, &lay));
     }
 
-    /// Widens the halo for a movable body. Where it is wide enough, checkpoints go on sharing the partition.
+    /// Widens the halo for a movable body. If it is wide enough, checkpoints go on sharing the partition.
     fn make_room(&mut self, body: &BodyRecord) -> Result<(), ShapeError> {
         let reach_m = reach_of_record(body, &self.shapes)?;
         if self.partition.is_widened_by(reach_m) {
@@ -462,8 +471,8 @@ impl RegionHost {
         }
     }
 
-    /// Returns the whole records of those of these bodies that are held here, for another process: with how they lay when their contacts were
-    /// found, as far as it is known.
+    /// Returns the whole records of those of these bodies that are held here, for another process: with how
+    /// they lay when their contacts were found, as far as that is known.
     pub(crate) fn records(&self, ids: &[BodyId]) -> Vec<BodyRecord> {
         let offsets: BTreeMap<_, _> =
             self.regions().flat_map(|region| region.contact_offsets(self.tick, ids)).collect();
@@ -490,7 +499,7 @@ pub(super) fn check_state(body: &BodyRecord) -> Result<(), HostError> {
     Err(HostError::NotFinite(body.id))
 }
 
-/// Gives a region that owns no body yet an origin that suits those that are to come.
+/// Gives a region that owns no body yet a floating origin that suits the bodies to come.
 fn settle_origin<'a>(region: &mut Region, own: impl Iterator<Item = &'a BodyRecord>) {
     let mut places = own.map(|body| body.state.pose.translation).peekable();
     if places.peek().is_some()

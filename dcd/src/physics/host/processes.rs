@@ -1,4 +1,5 @@
-//! Stands in for processes that compute the regions of a world together, in tests: hosts that exchange their messages in memory.
+//! Simulates, in tests, processes that compute the regions of a world together: hosts that exchange their
+//! messages in memory.
 
 use super::RegionHost;
 use crate::physics::coupling::Side;
@@ -12,12 +13,12 @@ use crate::space::{BodyId, DistributionTree, RegionId, TreeChange};
 pub(crate) struct Processes(pub(crate) Vec<RegionHost>);
 
 impl Processes {
-    /// Deals the regions of a world to so many processes in turn.
+    /// Deals the regions of a world to `count` processes in turn.
     pub(crate) fn of(scene: &Scene, settings: StepSettings, regions: usize, count: usize) -> Self {
         Self::cut(scene, settings, DistributionTree::halved(scene.bounds, regions).unwrap(), count)
     }
 
-    /// Deals the leaves of a tree to so many processes in turn.
+    /// Deals the leaves of a tree to `count` processes in turn.
     pub(crate) fn cut(scene: &Scene, settings: StepSettings, tree: DistributionTree, count: usize) -> Self {
         let leaves: Vec<_> = tree.leaves().collect();
         let host = |i: usize| {
@@ -65,7 +66,8 @@ impl Processes {
         self.0.iter_mut().for_each(RegionHost::end_tick);
     }
 
-    /// Changes the tree everywhere; a new region is computed by the process of this place, if there are so many.
+    /// Changes the tree everywhere. The process at place `newborn`, modulo their number, computes new
+    /// regions.
     pub(crate) fn repartition(&mut self, changes: &[TreeChange], newborn: usize) {
         let newborn = newborn % self.0.len();
         for (place, host) in self.0.iter_mut().enumerate() {
@@ -93,7 +95,7 @@ mod tests {
     use super::*;
     use crate::space::{Axis, Bounds};
 
-    /// Nothing is exchanged between the word of a user and the tick: who is fast waits for one.
+    /// Processes exchange nothing between what a user does and the tick: a fast body waits for one tick.
     #[test]
     fn what_is_set_off_or_inserted_by_processes_passes_nothing_beyond_a_border() {
         for (plate, inserted) in [

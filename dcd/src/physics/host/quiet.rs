@@ -1,4 +1,4 @@
-//! Tests that a tick of many regions costs what moves in it, not what there is of them.
+//! Tests that the cost of a tick of many regions depends on what moves in it, not on how much there is.
 
 use rapier3d::prelude::*;
 
@@ -19,7 +19,7 @@ fn described(host: &mut RegionHost, id: u32, at: [f64; 3]) -> BodyRecord {
     host.shapes_mut().describe(id, WorldPose::at(at), &body.build(), &[collider]).unwrap()
 }
 
-/// A box asleep in each of many regions, and some regions without one.
+/// Makes a host with a sleeping box in each of many regions, and some regions without one.
 fn asleep(coupling: Coupling) -> RegionHost {
     let bounds = Bounds::new([-400.0, -1.0, -400.0], [400.0, 50.0, 400.0]);
     let partition = Partition::new(DistributionTree::halved(bounds, REGIONS).unwrap(), None);
@@ -39,7 +39,8 @@ fn asleep(coupling: Coupling) -> RegionHost {
     host
 }
 
-/// Steps a host, and returns how often it looked at what others' bodies reach, at all borders of a region, and at all cells.
+/// Steps a host, and returns how often it looked at what others' bodies reach, at all borders of a region,
+/// and at all cells.
 fn step(host: &mut RegionHost) -> [usize; 3] {
     let before = looks();
     host.step().unwrap();
@@ -55,14 +56,14 @@ fn a_tick_of_many_regions_looks_at_those_in_which_something_moves() {
         for _ in 0..9 {
             assert_eq!(step(&mut host), [0, 0, 0], "{coupling:?}: nothing moves");
         }
-        // One that comes, and one that is put elsewhere, change no cell.
+        // A body that comes, and one that is put elsewhere, change no cell.
         let newcomer = described(&mut host, 100, [30.0, 5.0, 30.0]);
         host.insert(vec![newcomer], &[]).unwrap();
         let [_, _, cells] = step(&mut host);
         assert_eq!(cells, 0, "{coupling:?}");
         host.teleport(BodyId::persistent(1), WorldPose::at([-30.0, 9.0, 30.0])).unwrap();
         assert_eq!(step(&mut host)[2], 0, "{coupling:?}");
-        // Some that fly over borders.
+        // Bodies that fly over borders.
         for id in 1..6 {
             host.steer(BodyId::persistent(id), &Velocity { linear: [40.0, 3.0, 9.0], ..Velocity::default() });
         }
@@ -72,7 +73,7 @@ fn a_tick_of_many_regions_looks_at_those_in_which_something_moves() {
             reached = reached.max(looks);
         }
         assert!(reached < 40 * REGIONS, "{coupling:?}: {reached} looks");
-        // A plane that moves does.
+        // A plane that moves changes cells.
         let (axis, at) = host.partition().tree().cut_of(RegionId(0)).unwrap();
         assert!(axis != Axis::Y);
         host.repartition(&[TreeChange::Move { vertex: RegionId(0), at: at + 1.0 }], true).unwrap();
@@ -80,7 +81,7 @@ fn a_tick_of_many_regions_looks_at_those_in_which_something_moves() {
     }
 }
 
-/// Bricks in three courses, cut through: no island is in one region whole.
+/// Makes a host with bricks in three courses, cut so that no island lies whole in one region.
 fn cut_wall(exchanges: usize) -> RegionHost {
     let bounds = Bounds::new([-4.0, -1.0, -2.0], [4.0, 6.0, 2.0]);
     let partition = Partition::new(DistributionTree::halved(bounds, 4).unwrap(), None);
@@ -97,7 +98,8 @@ fn cut_wall(exchanges: usize) -> RegionHost {
     host
 }
 
-/// To the bit with one exchange per tick. With more, a region that is woken by what another says in the first rests in the others.
+/// The same to the bit with one exchange per tick. With more, a region that is woken by what another one says
+/// in the first exchange rests in the others.
 #[test]
 fn regions_rest_that_share_bodies_asleep_and_one_that_is_pushed_wakes_the_others_as_ever() {
     for exchanges in [1, 2] {

@@ -1,4 +1,5 @@
-//! Places all bodies of a host anew, when it is settled which regions it computes: at the beginning of a world, and when membership changes.
+//! Places all bodies of a host anew, once it is settled which regions the host computes: when a world begins,
+//! and when membership changes.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -13,15 +14,16 @@ use crate::protocol::{BodyKind, BodyRecord, JointRecord};
 use crate::space::{BodyId, DistributionTree, RegionId, Tick};
 
 impl RegionHost {
-    /// Places all that a world of several regions begins with as one scene, in whatever parts and order it came: it then has the bits of a
-    /// world that was given all at once, or that is sent to nodes.
+    /// Places all bodies with which a world of several regions begins as one scene, in whatever parts and
+    /// order they came. The world then has the bits of one that was given all at once, or that is sent to
+    /// nodes.
     pub(crate) fn place_beginning(&mut self) -> Result<(), HostError> {
         if self.tick != Tick(0) || self.is_placed || self.partition.len() == 1 {
             return Ok(());
         }
         let bodies: Vec<_> = self.owned_bodies().map(|(id, ..)| id).collect();
         let bodies: Vec<_> = bodies.into_iter().filter_map(|id| self.record(id)).collect();
-        // What is not finite the step sets aside.
+        // The next step quarantines what is not finite.
         if bodies.iter().any(|body| check_state(body).is_err()) {
             return Ok(());
         }
@@ -30,20 +32,22 @@ impl RegionHost {
         let targets = self.targets_of(&bodies);
         let (tree, regions) = (self.partition.tree().clone(), self.partition.leaves().to_vec());
         regions.iter().for_each(|&region| self.remove_region(region));
-        // Where each belongs follows from all.
+        // The regions given here do not count: placement chooses them by all bodies.
         let placed = bodies.into_iter().map(|body| (regions[0], body)).collect();
         self.rebuild(&tree, &regions, placed, &joints, &[])?;
         self.drop_unconfirmed();
         self.send_all(targets)
     }
 
-    /// Sets the tree and the regions that are computed here, as when membership changes. Kept regions keep their bodies; `placed`
-    /// bodies (with their regions, which may be elsewhere) supersede what is held of them; `dropped` ones go. All regions forget
-    /// which others hold replicas, so every shared body must be announced again by the exchange that follows: [`RegionHost::announce`],
-    /// [`RegionHost::exchange`], [`RegionHost::drop_unconfirmed`].
+    /// Sets the tree and the regions that are computed here, as when membership changes. Kept regions keep
+    /// their bodies. `placed` bodies, each with its region, which may be elsewhere, replace what is held of
+    /// them; `dropped` bodies go. All regions forget which others hold ghosts, so the exchange that follows
+    /// must announce every shared body again: [`RegionHost::announce`], [`RegionHost::exchange`],
+    /// [`RegionHost::drop_unconfirmed`].
     ///
     /// # Panics
-    /// When a region is kept and the tree has other leaves than before: members of one view change their trees alike.
+    /// If a region is kept and the tree has other leaves than before: members of one view change their trees
+    /// alike.
     pub fn rebuild(
         &mut self,
         tree: &DistributionTree,
@@ -85,7 +89,8 @@ impl RegionHost {
             }
         }
         self.threads.suit(self.sides.len())?;
-        // New regions get immovable bodies in the same pass, so that all is inserted in id order, as in a new world.
+        // New regions get immovable bodies in the same pass, so that all is inserted in id order, as in a new
+        // world.
         placed.extend(self.statics.bodies().map(|body| (RegionId(0), body.clone())));
         placed.sort_by_key(|(_, body)| body.id);
         let mut owners: Vec<_> =
@@ -103,7 +108,7 @@ impl RegionHost {
             }
         } else {
             owners = placement.together(owners);
-            // The server records what joints are, and of bodies alone where they are.
+            // The server records where bodies are, but not the motion of joints, which follows from that.
             articulation::set_motions(&mut joints, |id| {
                 let place = bodies.binary_search_by_key(&id, |body| body.id).ok()?;
                 Some(&bodies[place].state)
@@ -113,7 +118,7 @@ impl RegionHost {
         self.insert_placed(bodies, &owners, &whole, &joints)
     }
 
-    /// Takes over a tree: with the same leaves as before, or without a region here.
+    /// Takes over a tree that has the same leaves as before, or any tree if no region is computed here.
     fn replant(&mut self, tree: &DistributionTree) -> Result<(), HostError> {
         if tree == self.partition.tree() {
             return Ok(());
@@ -126,7 +131,8 @@ impl RegionHost {
         self.refit(tree.clone())
     }
 
-    /// Announces bodies inserted since the last step to the regions that must hold them; the next exchange carries it.
+    /// Announces bodies inserted since the last step to the regions that must hold them. The next exchange
+    /// carries the announcements.
     pub fn announce(&mut self) {
         self.meet_all();
         self.meet(true);
@@ -134,13 +140,14 @@ impl RegionHost {
         let moment = Moment::new(&self.partition, &settings, self.tick, self.rounds, 0, self.coarsest());
         let all = self.sides.iter_mut().collect();
         self.threads.share_out(all, |side| settings.coupling.announce(side, moment));
-        // A region that rested in the tick before may have been stirred since: it must act on what it announces itself.
+        // A region that rested in the tick before may have been stirred since: it must act on its own
+        // announcements.
         for side in self.sides.iter_mut().filter(|side| !side.is_idle()) {
             side.region.begin_tick(false);
         }
     }
 
-    /// Removes replicas that no owner has announced since [`RegionHost::rebuild`].
+    /// Removes ghosts that no owner has announced since [`RegionHost::rebuild`].
     pub fn drop_unconfirmed(&mut self) {
         for Side { region, .. } in &mut self.sides {
             for link in region.replicas().to_vec() {

@@ -1,5 +1,6 @@
-//! Balances the load while the world runs: moves planes of the distribution tree, splits and merges regions. Whatever changes,
-//! bodies change owners as if they had crossed a border by themselves; a region is given up only when nothing is left in it.
+//! Balances the load while the world runs: moves planes of the distribution tree, splits and merges regions.
+//! Bodies then change owners as if they had crossed a border by themselves. A region is given up only when
+//! nothing is left in it.
 
 use std::sync::Arc;
 
@@ -18,24 +19,26 @@ use crate::space::{
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Balancer {
     settings: Balance,
-    /// The most bodies of an island that stays whole, as the user has it.
+    /// The most bodies of an island that stays whole, as the user set it.
     island_limit: usize,
-    /// Whether the tree stays as it is, and all else is done.
+    /// Whether the tree stays as it is, while all else is done.
     #[serde(skip)]
     holds_cut: bool,
 }
 
-/// The most bodies of an island that stays whole while the tree follows the load, however much there is to do.
+/// The most bodies of an island that stays whole while the tree follows the load, however much there is to
+/// do.
 const BALANCED_ISLAND: usize = 256;
-/// Islands of at most so many bodies stay whole all the same.
+/// Load balancing leaves islands of at most this many bodies whole.
 const LEAST_ISLAND: usize = 16;
-/// An island that stays whole is at most this part of what a region has to do: more could not be balanced.
+/// An island that stays whole has at most one in this many of a mean region's awake bodies: a larger one
+/// could not be balanced.
 const ISLAND_SHARE: usize = 4;
 
 impl RegionHost {
-    /// Turns load balancing on with these settings, or off with `None`. The host must compute every region. With load balancing,
-    /// islands are cut that have more than 256 bodies, or more than both 16 and a quarter of a mean region's awake bodies: whole in
-    /// one region, they would be its load.
+    /// Turns load balancing on with these settings, or off with `None`. The host must compute every region.
+    /// With load balancing, islands are split that have more than 256 bodies, or more than both 16 and a
+    /// quarter of a mean region's awake bodies. Whole in one region, they would be its load.
     pub fn set_balance(&mut self, settings: Option<Balance>) {
         assert_eq!(self.sides.len(), self.partition.len(), "balance needs all regions in one process");
         let island_limit = self.balancer.as_ref().map_or(self.settings.island_limit, |old| old.island_limit);
@@ -46,18 +49,20 @@ impl RegionHost {
         }
     }
 
-    /// Leaves the tree as it is from now on, for a replay: how it follows the load is recorded. Islands are limited, and bodies woken, as before.
+    /// Leaves the tree as it is from now on, for a replay: the recording has how the tree followed the load.
+    /// Islands are limited, and bodies woken, as before.
     pub(crate) fn hold_cut(&mut self) {
         self.balancer.iter_mut().for_each(|balancer| balancer.holds_cut = true);
     }
 
-    /// Returns the settings as they were asked for: those by which it is stepped, but for the limit of islands that load balancing sets.
+    /// Returns the settings as the user asked for them. They are those by which the world is stepped, except
+    /// for the island limit, which load balancing sets.
     pub(crate) fn asked_settings(&self) -> StepSettings {
         let island_limit = self.balancer.as_ref().map_or(self.settings.island_limit, |own| own.island_limit);
         StepSettings { island_limit, ..self.settings }
     }
 
-    /// Limits the islands that stay whole to such as leave their region in balance.
+    /// Limits the islands that stay whole to those that leave their region in balance.
     fn limit_islands(&mut self, island_limit: usize) {
         let awake: usize = self.regions().map(Region::awake_count).sum();
         let share = awake / self.sides.len() / ISLAND_SHARE;
@@ -69,8 +74,8 @@ impl RegionHost {
         self.balancer.as_ref().map(|balancer| &balancer.settings)
     }
 
-    /// Rebalances the tree between two ticks, when it is due: moves planes, splits or merges regions. Returns the regions that
-    /// have new ids, as (old, new).
+    /// Rebalances the tree between two ticks, when it is due: moves planes, splits or merges regions. Returns
+    /// the regions that have new ids, as (old, new).
     pub fn rebalance(&mut self) -> Result<Vec<(RegionId, RegionId)>, HostError> {
         let Some(&Balancer { settings, island_limit, holds_cut }) = self.balancer.as_ref() else {
             return Ok(Vec::new());
@@ -96,28 +101,31 @@ impl RegionHost {
         Ok(renamed)
     }
 
-    /// Wakes bodies that sleep far outside their region's cell, so that they move to where they belong; and those of which a region has
-    /// a ghost that is being emptied, since of what sleeps ghosts stay where they are.
+    /// Wakes bodies that sleep far outside their region's cell, so that they move to where they belong. Also
+    /// wakes those of which a region that is being emptied holds a ghost, since ghosts of sleeping bodies
+    /// stay where they are.
     pub fn wake_left_behind(&mut self) {
         let yielding = self.partition.tree().yielding();
         let leaving = yielding.filter_map(|(_, regions)| self.partition.rank_of(regions.leaving)).collect();
         self.sides.iter_mut().for_each(|side| side.region.wake_left_behind(leaving));
     }
 
-    /// Returns the merges that can be completed, as far as it is known here: nothing is left in the region that is given up.
+    /// Returns the merges that can be completed, as far as is known here: those that give up an empty region.
     fn mergeable(&self) -> Vec<TreeChange> {
         let yielding = self.partition.tree().yielding();
         let empty = yielding.filter(|(_, regions)| self.is_vacant(regions.leaving));
         empty.map(|(vertex, _)| TreeChange::Merge { vertex }).collect()
     }
 
-    /// Returns whether a region computed here holds nothing that can move, and owes no word of contacts that ended.
+    /// Returns whether a region computed here holds nothing that can move, and has reported all contacts that
+    /// ended.
     pub fn is_vacant(&self, region: RegionId) -> bool {
         let here = self.partition.rank_of(region).and_then(|rank| self.region_at(rank));
         here.is_some_and(|region| !region.holds_movable() && !region.owes_word())
     }
 
-    /// Returns the load of a region computed here, in the units of the balance. A step of one at a lower rate is one of several ticks.
+    /// Returns the load of a region computed here, in the units of the balance. The time of a step at a lower
+    /// rate is divided among its ticks.
     pub fn load_of(&self, region: &Region, load: Load) -> f64 {
         let rate = || self.place_of[region.rank()].map_or(1, |place| self.sides[place].clock.rate);
         match load {
@@ -126,8 +134,9 @@ impl RegionHost {
         }
     }
 
-    /// Returns every awake body computed here with its part of its region's load, and the sleeping bodies of islands that are too
-    /// large to move whole; and boxes around those islands. Couplings that move no islands pay the cost of a cut at every border.
+    /// Returns every awake body computed here with its part of its region's load, the sleeping bodies of
+    /// islands that are too large to move whole, and boxes around those islands. Couplings that move no
+    /// islands have none of these: they pay the cost of a cut at every border.
     pub fn burdens(&mut self, load: Load) -> (Vec<Burden>, Vec<Bounds>) {
         let giants = match self.settings.coupling.moves_islands() {
             true => self.giants.find(&self.sides, self.settings.island_limit.max(BALANCED_ISLAND)),
@@ -147,9 +156,10 @@ impl RegionHost {
         (burdens, giants.boxes.clone())
     }
 
-    /// Changes the tree between two ticks, all of this or none: every process that computes a part of the world does so with the
-    /// same changes. `newborn_here`: new regions are computed here. A region that is given up must hold nothing
-    /// ([`RegionHost::is_vacant`]). Returns the regions that have new ids, as (old, new).
+    /// Changes the tree between two ticks: makes all of these changes or none. Every process that computes a
+    /// part of the world must make the same changes. With `newborn_here`, new regions are computed here. A
+    /// region that is given up must hold nothing ([`RegionHost::is_vacant`]). Returns the regions that have
+    /// new ids, as (old, new).
     pub fn repartition(
         &mut self,
         changes: &[TreeChange],
@@ -180,10 +190,10 @@ impl RegionHost {
         Ok(renamed)
     }
 
-    /// Returns whether these changes would give up a region here that holds something.
+    /// Returns whether these changes would give up a region here that holds anything movable.
     pub(crate) fn gives_up_bodies(&self, changes: &[TreeChange]) -> bool {
         let mut tree = self.partition.tree().clone();
-        // Under the names that regions have by then.
+        // By the ids that regions have at that point.
         let mut full: Vec<_> =
             self.regions().filter(|region| region.holds_movable()).map(Region::id).collect();
         for change in changes {
@@ -200,7 +210,8 @@ impl RegionHost {
         false
     }
 
-    /// Adopts a tree that has other leaves: one region has a new name, as (old, new), and one may be new here.
+    /// Adopts a tree that has other leaves: one region has another id, as (old, new), and one may be new
+    /// here.
     fn adopt(
         &mut self,
         tree: DistributionTree,
@@ -218,7 +229,7 @@ impl RegionHost {
         self.late.clear();
         self.sides.sort_by_key(|side| side.region.rank());
         self.place_of = vec![None; self.partition.len()];
-        // A region that is born elsewhere knows nothing of others' substeps: all begin again alike.
+        // A region that is new elsewhere does not know others' substeps, so all begin again alike.
         let steps = self.settings.coupling.first_steps(self.settings.exchanges);
         self.sides.iter_mut().for_each(|side| side.border.pace.restart(steps));
         if let Some(id) = newborn {
@@ -231,7 +242,8 @@ impl RegionHost {
         Ok(())
     }
 
-    /// Adopts a tree with the same leaves whose planes have moved: gives every region its cell, with the immovable bodies there.
+    /// Adopts a tree with the same leaves whose planes have moved: gives every region its cell, with the
+    /// immovable bodies there.
     pub(crate) fn refit(&mut self, tree: DistributionTree) -> Result<(), HostError> {
         Arc::make_mut(&mut self.partition).set_tree(tree);
         self.settled = false;
@@ -240,7 +252,7 @@ impl RegionHost {
             let cell = *self.partition.cell(region.rank());
             if *region.cell() != cell {
                 region.set_cell(cell);
-                // Bodies that sleep or are disabled too are looked at anew.
+                // Sleeping and disabled bodies are checked anew, too.
                 border.overlook(region.own_resting());
                 self.statics.recover(region, &self.shapes)?;
             }
@@ -260,8 +272,8 @@ mod tests {
     use crate::scene::{Params, Scene};
     use crate::space::Axis;
 
-    /// 600 boxes in courses of ten by ten, each on four others, so that all touch: 10.5 m wide, around the origin. Beside it
-    /// stand twenty small stacks, four of them on the left.
+    /// 600 boxes in courses of ten by ten, each on four others, so that all touch: 10.5 m wide, around the
+    /// origin. Beside it stand twenty small stacks, four of them on the left.
     fn heap_and_stacks() -> Scene {
         let mut scene = Scene::empty("heap and stacks");
         scene.push_fixed_box([0.0, -0.5, 0.0], [80.0, 0.5, 20.0], &ColliderBuilder::ball(1.0).friction(0.7));
@@ -335,7 +347,7 @@ mod tests {
                         let axis = part.longest_axis();
                         let at = part.centre()[axis.index()];
                         changes.push(TreeChange::Split { leaf, axis, at });
-                        // The second one goes elsewhere as a whole.
+                        // The second region is handed over as a whole.
                         if tick == 80 {
                             changes.push(TreeChange::Yield { vertex: leaf, heir: leaf.children().1 });
                             handed_over = Some(leaf);

@@ -1,5 +1,5 @@
-//! Removes bodies that cannot be changed in place and inserts them anew with their joints: other colliders, or fixed to movable
-//! and back.
+//! Removes bodies that cannot be changed in place and inserts them anew with their joints: those that get
+//! other colliders, and those that go from fixed to movable or back.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -13,8 +13,9 @@ use crate::protocol::{BodyKind, BodyRecord, BodyTraits, WorldPose};
 use crate::space::BodyId;
 
 impl RegionHost {
-    /// Settles what a user has changed in every copy of a body, which `was` this before: its type, its mass, and where an
-    /// immovable body is, if it was `moved`. What is refused is taken back: contacts of the body begin anew then.
+    /// Settles a change that a user has made in every copy of a body, which `was` this before: its type, its
+    /// mass, and the place of an immovable body, if it was `moved`. A change that is refused is taken back;
+    /// contacts of the body then begin anew.
     pub(super) fn settle(&mut self, was: BodyRecord, moved: Option<WorldPose>) -> Result<(), HostError> {
         let settled = self.check_mass(was.id, &was.traits).and_then(|()| self.place_changed(was.id, moved));
         if settled.is_err() {
@@ -23,7 +24,7 @@ impl RegionHost {
                 record::set_traits(body, &was.traits);
                 body.user_data = was.user_data;
             });
-            // Where something that is tied to it is not finite, it stays where the change has put it.
+            // If something that is tied to it is not finite, it stays where the change has put it.
             let _ = self.replace(was);
         }
         settled
@@ -39,8 +40,8 @@ impl RegionHost {
         Ok(())
     }
 
-    /// Places a body anew that can move from now on and has an owner, or cannot and has none; or an immovable one that was moved. A link of
-    /// a multibody keeps its type.
+    /// Places anew a body that has become movable or immovable, or an immovable one that was moved. Refuses
+    /// to change the type of a link of a multibody.
     fn place_changed(&mut self, id: BodyId, moved: Option<WorldPose>) -> Result<(), HostError> {
         let known = self.statics.body(id);
         let copy = self
@@ -54,7 +55,7 @@ impl RegionHost {
         }
         let mut record = region.body_record(handle);
         if let Some(known) = known {
-            // A copy is where its region space has it, which is coarser.
+            // The pose of a copy is coarser, being in region space.
             record.state.pose = moved.unwrap_or(known.state.pose);
         }
         (record.state.sleeping, record.state.still_s) = (false, 0.0);
@@ -86,8 +87,8 @@ impl RegionHost {
         Ok(true)
     }
 
-    /// Removes a body and all that joints tie to it, and inserts them anew with the body as recorded; contacts of all these begin
-    /// anew.
+    /// Removes a body and all that joints tie to it, and inserts them anew with the body as recorded.
+    /// Contacts of all of these begin anew.
     pub(super) fn replace(&mut self, body: BodyRecord) -> Result<(), HostError> {
         let (mut bodies, mut ties) = (BTreeMap::new(), BTreeMap::new());
         for joint in self.all_joints_of(body.id).into_values() {
@@ -99,8 +100,8 @@ impl RegionHost {
         self.reinsert(bodies.into_values().collect(), &ties.into_values().collect::<Vec<_>>())
     }
 
-    /// Refuses any type but dynamic for a link of a multibody, as Rapier would end the program in its next step, and kinematic ones for its
-    /// root.
+    /// Refuses any type but dynamic for a link of a multibody, as Rapier would end the program in its next
+    /// step. Refuses kinematic types for the root of one.
     pub(in crate::physics) fn check_kind(&self, id: BodyId, kind: BodyKind) -> Result<(), HostError> {
         if kind == BodyKind::Dynamic {
             return Ok(());

@@ -1,10 +1,11 @@
-//! Sets how many rounds of substep and exchange a tick has: as many as the region with most substeps takes. A region with fewer
-//! substeps steps only in some of the rounds.
+//! Sets how many rounds of substep and exchange a tick has: as many as the region with the most substeps
+//! takes. A region with fewer substeps steps only in some of the rounds.
 
 use super::{RegionHost, Side};
 
 impl RegionHost {
-    /// Returns the most substeps that any region computed here wants in the next tick; known once a tick has been completed.
+    /// Returns the most substeps that any region computed here wants in the next tick; known once a tick has
+    /// been completed.
     pub fn rounds_wanted(&self) -> usize {
         self.sides.iter().map(Side::steps_next).max().unwrap_or(1)
     }
@@ -12,16 +13,16 @@ impl RegionHost {
     /// Sets the rounds of the next tick: the most that any region of the world wants.
     ///
     /// # Panics
-    /// Within a tick, or when there are none.
+    /// Within a tick, or if `rounds` is 0.
     pub fn set_rounds(&mut self, rounds: usize) {
         assert_eq!(self.round, 0, "a tick has the rounds that it began with");
         assert!(rounds > 0, "a tick has at least one round");
         self.rounds = rounds;
     }
 
-    /// Returns how far the copies of a body were from their mean in the last tick at the worst border, summed over its exchanges,
-    /// in m/s: the error estimate that [`Coupling::Auto`](crate::physics::Coupling::Auto) steers by. 0 with couplings without
-    /// consensus.
+    /// Returns the disagreement at the worst border in the last tick, in m/s: how far the copies of a body
+    /// were from their mean, summed over the exchanges. [`Coupling::Auto`](crate::physics::Coupling::Auto)
+    /// steers by this error estimate. 0 with couplings without consensus.
     pub fn disagreement_m_s(&self) -> f32 {
         let all = self.sides.iter().map(|side| side.border.pace.disagreement_m_s());
         // Finite, so that it can be sent, whatever a copy has come to.
@@ -33,7 +34,8 @@ impl RegionHost {
         self.rounds
     }
 
-    /// Returns the exchanges of the last tick, at the border that took most; 0 before the first and in a world of one region.
+    /// Returns the exchanges of the last tick, at the border that took most; 0 before the first and in a
+    /// world of one region.
     pub fn exchanges_done(&self) -> usize {
         if self.partition.len() == 1 { 0 } else { self.rounds_done }
     }

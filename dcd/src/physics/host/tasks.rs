@@ -1,4 +1,5 @@
-//! Steps a world on threads of the program's own: invites them for one step, forms teams of those that come, and lets them go.
+//! Steps a world on threads of the program's own: invites them for one step, forms teams of those that come,
+//! and lets them go.
 
 use std::num::NonZero;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -8,7 +9,8 @@ use std::time::{Duration, Instant};
 
 use rayon::{ThreadBuilder, ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 
-/// The program's own way to compute on several threads, for [`World::set_tasks`](crate::World::set_tasks): its job system.
+/// The program's own way to compute on several threads, such as its job system, for
+/// [`World::set_tasks`](crate::World::set_tasks).
 ///
 /// ```
 /// /// A thread per task.
@@ -26,19 +28,20 @@ use rayon::{ThreadBuilder, ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 /// }
 /// ```
 pub trait Tasks: Send + Sync {
-    /// Starts `task` as many times as `count` says, each on a thread of its own if one is free, calls `meanwhile` on the calling thread,
-    /// and returns when all have returned. A task that is started late, or on the calling thread, returns at once.
+    /// Starts `task` `count` times, each on a thread of its own if one is free, calls `meanwhile` once on the
+    /// calling thread, and returns when all of them have returned. A task that starts late, or on the calling
+    /// thread, returns at once.
     fn run(&self, count: usize, task: &(dyn Fn() + Sync), meanwhile: &mut dyn FnMut());
 }
 
-/// How long a step waits for tasks to begin: some times what it takes to wake a thread.
+/// How long a step waits for tasks to begin: several times as long as it takes to wake a thread.
 const PATIENCE: Duration = Duration::from_micros(100);
 
 /// A place in a pool, for the thread that will be its worker.
 type Seat = ThreadBuilder;
 
-/// Calls `work` with pools of the threads of as many tasks as have begun soon enough: `sizes` says how many of so many go into each
-/// pool. None if none has.
+/// Calls `work` with pools of the threads of those tasks that have begun soon enough, without pools if none
+/// has. `sizes` returns the sizes of the pools for a number of threads.
 pub(super) fn gather<R>(
     tasks: &dyn Tasks,
     count: usize,
@@ -49,7 +52,7 @@ pub(super) fn gather<R>(
     let (mut work, mut done) = (Some(work), None);
     let mut meanwhile = || {
         let pools = match NonZero::new(door.wait()) {
-            // No pool, no threads: the caller can do without.
+            // If no pool can be built there are no threads: the caller can do without.
             Some(came) => door.seat(&sizes(came)).unwrap_or_default(),
             None => Vec::new(),
         };
@@ -65,7 +68,7 @@ struct Door {
     caller: std::thread::ThreadId,
     expected: usize,
     came: AtomicUsize,
-    /// Whom to hand seats to; `None` once it is closed.
+    /// Where to send seats, one for each waiting task; `None` once the door is closed.
     waiting: Mutex<Option<Vec<Sender<Seat>>>>,
 }
 
@@ -79,9 +82,9 @@ impl Door {
         }
     }
 
-    /// A task: takes a seat and works there until its pool is dropped.
+    /// Runs a task: takes a seat and works there until its pool is dropped.
     fn enter(&self) {
-        // A worker of one of rayon's pools cannot be that of another.
+        // A worker of one of rayon's pools cannot be a worker of another one.
         if std::thread::current().id() == self.caller || rayon::current_thread_index().is_some() {
             return;
         }
@@ -99,7 +102,7 @@ impl Door {
         Some(seat)
     }
 
-    /// Waits until all have come, no longer than is worth it, and returns how many have.
+    /// Waits until all expected tasks have come, but no longer than [`PATIENCE`]. Returns how many have come.
     fn wait(&self) -> usize {
         let start = Instant::now();
         while self.came.load(Ordering::Acquire) < self.expected && start.elapsed() < PATIENCE {
@@ -108,7 +111,7 @@ impl Door {
         self.came.load(Ordering::Acquire)
     }
 
-    /// Forms pools of these sizes out of those that wait.
+    /// Forms pools of these sizes from the threads that wait.
     fn seat(&self, sizes: &[usize]) -> Result<Vec<ThreadPool>, ThreadPoolBuildError> {
         let mut waiting = self.waiting.lock().unwrap_or_else(PoisonError::into_inner);
         let waiting = waiting.as_mut().expect("it is closed later");
@@ -124,7 +127,7 @@ impl Door {
         sizes.iter().map(pool).collect()
     }
 
-    /// Sends away who has no seat, and who comes from now on.
+    /// Sends away the tasks that have no seat, and those that come from now on.
     fn close(&self) {
         *self.waiting.lock().unwrap_or_else(PoisonError::into_inner) = None;
     }
@@ -134,7 +137,7 @@ impl Door {
 mod tests {
     use super::*;
 
-    /// Starts tasks on threads that are named so, and one on the calling thread.
+    /// Starts tasks on threads named `own`, and one more on the calling thread.
     struct Named;
 
     impl Tasks for Named {
@@ -149,7 +152,7 @@ mod tests {
         }
     }
 
-    /// Starts tasks when it is too late.
+    /// Starts tasks too late.
     struct Late;
 
     impl Tasks for Late {

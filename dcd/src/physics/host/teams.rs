@@ -1,4 +1,5 @@
-//! Chooses the threads that do the work of a tick: the calling one, or teams, and which regions all of them step together.
+//! Chooses the threads that do the work of a tick, the calling one or teams, and which regions all of them
+//! step together.
 
 use std::time::Instant;
 
@@ -12,7 +13,7 @@ impl RegionHost {
         self.threads.are_teams() && awake.take(WORTH_WAKING).count() == WORTH_WAKING
     }
 
-    /// Does the work of a tick on the threads on which it takes least time.
+    /// Does the work of a tick on the threads that take the least time.
     pub(super) fn on_threads<R: Send>(&mut self, work: impl FnOnce(&mut Self) -> R + Send) -> R {
         if !self.is_busy() {
             return work(self);
@@ -28,7 +29,7 @@ impl RegionHost {
         if own.tasks().is_none() {
             return own.enter(|| work(self));
         }
-        // Who comes for a step forms one team where regions are best stepped one by one.
+        // The threads that come for a step form one team where regions are best stepped one by one.
         let teams = if self.one_by_one().is_empty() { self.sides.len() } else { 1 };
         own.gathered(teams, |gathered| {
             self.threads = gathered.clone();

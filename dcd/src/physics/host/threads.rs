@@ -1,8 +1,9 @@
 //! Steps regions on threads: teams of workers for many bodies, the calling thread for few.
 //!
-//! A team is a rayon pool that steps one region at a time, with Rapier's own parallel solver on all of the team's threads
-//! (feature `parallel`). Teams are pools apart since a step of Rapier waits, without taking other work, for what it hands to its
-//! pool: in a pool that it shared with other regions, all threads could come to wait like that, with none left to work.
+//! A team is a rayon pool that steps one region at a time, with Rapier's own parallel solver on all of the
+//! team's threads (feature `parallel`). Each team has a pool of its own, because a step of Rapier waits,
+//! without taking other work, for what it hands to its pool. In a pool that several regions shared, all
+//! threads could come to wait like that, with none left to work.
 
 use std::num::NonZero;
 use std::sync::{Arc, Mutex};
@@ -11,11 +12,12 @@ use std::time::Duration;
 use super::HostError;
 use super::tasks::{self, Tasks};
 
-/// Fewer awake bodies than this are stepped by the calling thread: waking a worker takes 15 to 30 µs, which they are worth
-/// less than. Rapier shares out bodies by 256.
+/// Fewer awake bodies than this are stepped by the calling thread. They are worth less than waking a worker,
+/// which takes 15 to 30 µs. Rapier shares out bodies by 256.
 pub(super) const WORTH_WAKING: usize = 256;
 
-/// Fewer small things than this, a microsecond or more each, are done by the calling thread, for the same reason.
+/// Fewer small things than this, a microsecond or more each, are done by the calling thread, for the same
+/// reason.
 const WORTH_SPREADING: usize = 128;
 
 /// The worker threads, in teams. Results do not depend on them.
@@ -23,9 +25,9 @@ const WORTH_SPREADING: usize = 128;
 pub(super) struct Threads {
     count: usize,
     teams: Arc<[rayon::ThreadPool]>,
-    /// As many threads as in all teams, for a region that has more to do than all others.
+    /// As many threads as all teams have, for a region that has more to do than all others.
     all: Option<Arc<rayon::ThreadPool>>,
-    /// Where threads come from when there is work; then there are no teams between.
+    /// Where threads come from when there is work. With these, there are no teams between ticks.
     tasks: Option<Arc<dyn Tasks>>,
 }
 
@@ -36,7 +38,7 @@ impl Default for Threads {
 }
 
 impl Threads {
-    /// Starts so many threads for so many regions; none for one thread, or where the program has its own.
+    /// Starts `count` threads for so many regions; none if `count` is 1, or if the program has its own.
     pub(super) fn new(
         count: usize,
         regions: usize,
@@ -47,13 +49,13 @@ impl Threads {
         Ok(threads)
     }
 
-    /// Returns where the program has threads of its own come from.
+    /// Returns where threads come from, if the program has its own.
     pub(super) fn tasks(&self) -> Option<&Arc<dyn Tasks>> {
         self.tasks.as_ref()
     }
 
-    /// Does the work on what threads there are for so many regions: where the program has its own, on those that come. One region with
-    /// more to do than all others has all of them.
+    /// Does the work on the threads that there are for so many regions. If the program has its own threads,
+    /// these are the ones that come. For one region they form one team.
     pub(super) fn gathered<R>(&self, regions: usize, work: impl FnOnce(Self) -> R) -> R {
         let Some(tasks) = self.tasks.as_deref().filter(|_| !team_sizes(self.count, regions).is_empty())
         else {
@@ -104,7 +106,7 @@ impl Threads {
         }
     }
 
-    /// Does the work on all threads together, which Rapier's parallel solver then shares out among them.
+    /// Does the work on all threads together. Rapier's parallel solver then shares it out among them.
     pub(super) fn together<R: Send>(&self, work: impl FnOnce() -> R + Send) -> R {
         match &self.all {
             Some(all) => all.install(work),
@@ -137,8 +139,8 @@ impl Threads {
         self.teams.first().is_some_and(|first| first.current_thread_index().is_some())
     }
 
-    /// Does the same work on all of these: each team takes the next one when it is done with the last. Outside of the teams, the
-    /// calling thread does all of it.
+    /// Does the same work on all of these: each team takes the next one when it is done with its last.
+    /// Outside the teams, the calling thread does all of it.
     pub(super) fn share_out<T: Send>(&self, all: Vec<&mut T>, work: impl Fn(&mut T) + Sync) {
         let teams = if self.are_entered() { &self.teams[..self.teams.len().min(all.len())] } else { &[] };
         let queue = Mutex::new(all.into_iter());
@@ -152,23 +154,27 @@ impl Threads {
     }
 }
 
-/// The part of a step of Rapier that one thread does while the others wait, about: sixteen threads step ten thousand boxes that rest on one
-/// another six to nine times as fast as one, and the same in flight three to five times (suite `cores` of the benchmarks).
+/// About the part of a Rapier step that one thread does while the others wait. Sixteen threads step ten
+/// thousand boxes that rest on one another six to nine times as fast as one, and the same boxes in flight
+/// three to five times (suite `cores` of the benchmarks).
 const SERIAL: f64 = 0.15;
 
-/// About the part of a step that it takes to find out what regions say to others of it, where many bodies lie near borders: an eighth.
+/// Gathering what a region tells others takes about one part in this many of its step, an eighth, where many
+/// bodies lie near borders.
 pub(super) const WORTH_WAITING: usize = 8;
 
-/// Regions are stepped one by one only where a tick is to take less than this part of what it would take otherwise.
+/// Regions are stepped one by one only if the tick then takes less than this part of what it would take
+/// otherwise.
 const WORTH_GATHERING: f64 = 0.85;
 
-/// Returns how many times as fast as one thread so many step a region (Amdahl 1967).
+/// Returns the speed-up of a region's step by this many threads over one (Amdahl 1967).
 fn speed_up(threads: f64) -> f64 {
     1.0 / (SERIAL + (1.0 - SERIAL) / threads.max(1.0))
 }
 
-/// Returns the places of the regions that are best stepped one after the other, each by all threads, before the teams share out the others; by
-/// how many bodies are awake in each. Where one region has most of the work its team would long be at it when all others are done.
+/// Returns the places of the regions that are best stepped one after the other, each by all threads, before
+/// the teams share out the others. `awake` is how many bodies are awake in each region. If one region has
+/// most of the work, its team would be at it long after all others are done.
 pub(super) fn one_by_one(awake: &[usize], threads: usize) -> Vec<usize> {
     let teams = team_sizes(threads, awake.len()).len();
     if teams < 2 || !cfg!(feature = "parallel") {
@@ -179,7 +185,7 @@ pub(super) fn one_by_one(awake: &[usize], threads: usize) -> Vec<usize> {
     places.sort_by_key(|&place| std::cmp::Reverse(awake[place]));
     let heaviest_first: Vec<_> = places.iter().map(|&place| awake[place] as f64).collect();
     let worth_all = places.iter().take_while(|&&place| awake[place] >= 4 * WORTH_WAKING).count();
-    // Bodies that one thread would step meanwhile.
+    // The time of a tick, in bodies that one thread would step in it.
     let takes = |first: usize| {
         let (by_all, by_teams) = heaviest_first.split_at(first);
         let shared_out = by_teams.iter().sum::<f64>() / by_teams.len().clamp(1, teams) as f64;
@@ -191,26 +197,27 @@ pub(super) fn one_by_one(awake: &[usize], threads: usize) -> Vec<usize> {
     places
 }
 
-/// Ticks that are looked at together; the shortest counts, since others may have been interrupted.
+/// Ticks that are looked at together. The shortest counts, since others may have been interrupted.
 const LOOK: u32 = 4;
-/// Ticks between two trials at least, and at most.
+/// The least and the most ticks between two trials.
 const PAUSES: [u32; 2] = [16, 1024];
 
-/// Finds out by trial whether the teams are faster than the calling thread alone, now and then anew. On cores that others use
-/// too they may be slower by far: a thread that is kept from its share of a step keeps all of them waiting. Pile and flying
-/// cubes of 1,000 took 30 and 90 times as long on two cores with 14 processes at work.
+/// A trial, made anew now and then, of whether the teams are faster than the calling thread alone. On cores
+/// that others use too they may be slower by far: a thread that is kept from its share of a step keeps all of
+/// them waiting. A pile and flying cubes, 1,000 bodies each, took 30 and 90 times as long on two cores with
+/// 14 processes at work.
 #[derive(Clone, Debug)]
 pub(super) struct Trial {
     by_teams: bool,
-    /// The other way is being tried.
+    /// Whether the other way is being tried.
     is_on: bool,
-    /// Ticks of this look so far, and the shortest of them.
+    /// Ticks of this look so far; `shortest` is the shortest of them.
     looked: u32,
     shortest: Duration,
-    /// The last look at the way in use, and at the other one.
+    /// What the last look at the way in use found; `other`: what the last look at the other way found.
     present: Duration,
     other: Duration,
-    /// Ticks since the last trial, and how long to wait for one that promises something.
+    /// Ticks since the last trial; `pause` is how long to wait for a trial that promises something.
     since: u32,
     pause: u32,
 }
@@ -231,12 +238,12 @@ impl Default for Trial {
 }
 
 impl Trial {
-    /// Returns whether the next tick is the teams'.
+    /// Returns whether the teams do the next tick.
     pub(super) fn is_for_teams(&self) -> bool {
         self.by_teams != self.is_on
     }
 
-    /// Notes how long such a tick took.
+    /// Notes how long that tick took.
     pub(super) fn note(&mut self, took: Duration) {
         self.shortest = self.shortest.min(took);
         self.looked += 1;
@@ -277,20 +284,22 @@ fn with_all(teams: &[rayon::ThreadPool], work: &(impl Fn() + Sync)) {
     }
 }
 
-/// Returns the sizes of the teams: as many teams as regions, if there are as many threads, all of about the same size.
+/// Returns the sizes of the teams: as many teams as regions, or as threads if these are fewer, all of about
+/// the same size. One thread forms none.
 fn team_sizes(threads: usize, regions: usize) -> Vec<usize> {
     let teams = if threads < 2 { 0 } else { threads.min(regions) };
     if cfg!(feature = "parallel") {
         (0..teams).map(|team| threads / teams + usize::from(team < threads % teams)).collect()
     } else {
-        // Nothing in a region is shared out then.
+        // Without it, no work within a region is shared out.
         if teams < 2 { Vec::new() } else { vec![1; teams] }
     }
 }
 
-/// Does the work on the calling thread alone. Rapier's parallel solver spreads over the pool that it is called in, or over rayon's
-/// global one; so the calling thread becomes a pool of one as long as this lasts, which takes 1.5 µs. A thread that is
-/// one already stays it, and one of a larger pool, which cannot leave that, waits for a thread that is.
+/// Does the work on the calling thread alone. Rapier's parallel solver spreads over the pool in which it is
+/// called, or over rayon's global one. So the calling thread becomes a pool of one while this lasts, which
+/// takes 1.5 µs. A thread that already is a pool of one stays it. A thread of a larger pool cannot leave
+/// that, and waits for another thread that is a pool of one.
 #[cfg(feature = "parallel")]
 pub(super) fn alone<T: Send + 'static>(state: &mut Vec<T>, work: impl FnOnce(&mut [T]) + Send + 'static) {
     use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -304,7 +313,7 @@ pub(super) fn alone<T: Send + 'static>(state: &mut Vec<T>, work: impl FnOnce(&mu
     let (done, outcome) = mpsc::channel();
     let job = move || {
         let result = catch_unwind(AssertUnwindSafe(|| work(&mut moved)));
-        // Nobody leaves before this has come.
+        // The caller does not leave before this has come.
         let _ = done.send((moved, result));
     };
     if is_in_pool {
@@ -334,12 +343,13 @@ fn as_pool_of_one(job: impl FnOnce() + Send + 'static) {
     });
     let pool = pool.build().expect("no thread is started for it");
     pool.spawn(job);
-    // What was spawned is done all the same; a thread's loop ends when nothing is left to do in a pool that was dropped.
+    // What was spawned is still done: a worker's loop ends when its pool has been dropped and nothing is left
+    // to do.
     drop(pool);
     seat.expect("a pool of one thread asks for one").run();
 }
 
-/// Begins the job on a thread that belongs to the calling one.
+/// Begins the job on a helper thread that belongs to the calling one.
 #[cfg(feature = "parallel")]
 fn beside(job: impl FnOnce() + Send + 'static) {
     thread_local! {
@@ -395,7 +405,7 @@ mod tests {
 
     #[test]
     fn a_trial_finds_the_faster_way_soon_and_follows_when_that_changes() {
-        // Milliseconds by teams and alone; how many ticks of a thousand are the teams'.
+        // Takes milliseconds per tick by teams and alone. Returns how many ticks of a thousand the teams do.
         let ticks_of_teams = |trial: &mut Trial, by_teams: u64, alone: u64| {
             let ticks = (0..1000).filter(|_| {
                 let is_for_teams = trial.is_for_teams();
@@ -431,7 +441,7 @@ mod tests {
         for (count, regions) in [(1, 1), (2, 1), (3, 2)] {
             let threads = Threads::new(count, regions, None).unwrap();
             let things: Vec<_> = (0..4 * WORTH_SPREADING).collect();
-            // One thing for each thread to wait at: all are in at the same time, or this hangs.
+            // Each thread waits at one thing: all are in at the same time, or this hangs.
             let all_are_in = std::sync::Barrier::new(count);
             let part = things.len() / count;
             let marked = |&thing: &usize| {

@@ -1,4 +1,5 @@
-//! Checks the invariants of all regions between two ticks, as Box2D's `b2Validate` functions do for one world.
+//! Checks the invariants of all regions between two ticks, as Box2D's `b2Validate` functions do for one
+//! world.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -6,19 +7,20 @@ use super::RegionHost;
 use crate::physics::region::{BodyRef, Ownership};
 use crate::space::{BodyId, RegionId, RegionSet};
 
-/// A violated invariant between two ticks: a fault of dcd, or a peer's.
+/// A violated invariant between two ticks: a fault of dcd or of a peer
+/// ([`World::validate`](crate::World::validate)).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, thiserror::Error)]
 #[non_exhaustive]
 pub enum Inconsistency {
-    /// A body has not exactly one owner.
+    /// A body does not have exactly one owner.
     #[error("{body} has {owners} owners instead of one")]
     Owners {
         /// Which body.
         body: BodyId,
-        /// How many regions own it.
+        /// The number of regions that own it.
         owners: usize,
     },
-    /// The owner index leads elsewhere than to the owner.
+    /// The owner index does not lead to the owner.
     #[error("the index of owners does not lead to {body} in {region}")]
     Index {
         /// Which body.
@@ -26,7 +28,7 @@ pub enum Inconsistency {
         /// The region that owns it.
         region: RegionId,
     },
-    /// An owner believes that a region holds a replica, which it does not.
+    /// The owner of a body believes that a region holds a ghost of it, which the region does not.
     #[error("{region} does not hold {body}, though its owner believes so")]
     NoReplica {
         /// Which body.
@@ -34,7 +36,7 @@ pub enum Inconsistency {
         /// The region that should hold it.
         region: RegionId,
     },
-    /// A region holds a replica, and its owner does not know.
+    /// A region holds a ghost of which the owner does not know.
     #[error("{region} holds {body}, and its owner does not know")]
     UnknownReplica {
         /// Which body.
@@ -42,21 +44,21 @@ pub enum Inconsistency {
         /// The region that holds it.
         region: RegionId,
     },
-    /// The copies of a body that share its mass do not add up to it.
+    /// The parts of a body's mass in its copies do not add up to one.
     #[error("the parts of the mass of {body} do not add up to one: see the copy in {region}")]
     Mass {
         /// Which body.
         body: BodyId,
-        /// The region whose part is not what the owner's copy says.
+        /// The region whose part is not the one that the owner's copy states.
         region: RegionId,
     },
-    /// A region's lists of shared bodies and replicas are not those of its bodies, each once and in id order.
+    /// A region's lists of shared bodies and ghosts do not list its bodies, each once and in id order.
     #[error("the lists of shared bodies and replicas in {region} are not those of its bodies in id order")]
     Lists {
         /// The region.
         region: RegionId,
     },
-    /// A body's place or motion is not a number, or infinite.
+    /// A body's pose or velocity is NaN or infinite.
     #[error("the state of {body} in {region} is not finite")]
     NotFinite {
         /// Which body.
@@ -67,9 +69,10 @@ pub enum Inconsistency {
 }
 
 impl RegionHost {
-    /// Returns the violated invariants of the regions computed here, in order; none as long as all is well. Call it between two
-    /// ticks. The holders of bodies are checked only where this process has all regions. Contacts of the same pair in two regions are not compared: copies may
-    /// differ by the error of the coupling.
+    /// Returns the violated invariants of the regions computed here, in order; none as long as all is well.
+    /// Call it between two ticks. The holders of bodies are checked only if this process computes all
+    /// regions. Contacts of the same pair in two regions are not compared: copies may differ by the error of
+    /// the coupling.
     pub fn validate(&self) -> Vec<Inconsistency> {
         let mut found = Vec::new();
         let mut owners: BTreeMap<BodyId, Vec<(usize, RegionSet)>> = BTreeMap::new();
@@ -125,7 +128,7 @@ impl RegionHost {
                 found.extend(unknown.map(|region| Inconsistency::UnknownReplica { body, region }));
             }
             for (&body, copies) in &parts {
-                // All that have a part know of each other, so that n copies have the n-th part each.
+                // All copies that have a part know of each other, so that each of n copies has the n-th part.
                 let among = |of: usize| copies.iter().find(|&&(rank, _)| rank == of).map(|&(_, among)| among);
                 for &(rank, all) in copies.iter().filter(|(rank, all)| all.contains(*rank)) {
                     if all.iter().any(|other| other != rank && among(other) != Some(all)) {
@@ -153,7 +156,8 @@ mod tests {
     const OWNER: usize = 0;
     const HOLDER: usize = 1;
 
-    /// A tower on the border of two regions, of which `break_it` breaks something about a box that both hold.
+    /// Returns what is found in a tower on the border of two regions, after `break_it` has broken something
+    /// about a box that both hold.
     fn found(break_it: impl FnOnce(&mut RegionHost, BodyId, [RigidBodyHandle; 2])) -> Vec<Inconsistency> {
         let scene = Scene::named("tower", &Params::default()).unwrap();
         let settings = StepSettings::default().with_coupling(Coupling::Overlap);

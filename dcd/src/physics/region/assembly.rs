@@ -1,4 +1,5 @@
-//! Groups bodies tied by joints into assemblies, by union-find. An assembly is owned by one region, and moves whole.
+//! Groups bodies tied by joints into assemblies, by union-find. An assembly is owned by one region, and moves
+//! whole.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -14,24 +15,25 @@ use crate::space::{BodyId, Groups};
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(in crate::physics) struct Assembly {
     pub members: Vec<BodyRef>,
-    /// Whether it has a multibody: then it is never shared.
+    /// Whether it contains a multibody; such an assembly is never shared.
     pub articulated: bool,
 }
 
 /// The assemblies of a region, and which of them must be found anew.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct Assemblies {
-    /// In no order; those that are gone are empty until their places are used again.
+    /// In no order. Assemblies that are gone are empty until their places are used again.
     pub all: Vec<Assembly>,
-    /// Places of those that are gone.
+    /// Places of assemblies that are gone.
     free: Vec<u32>,
-    /// Assemblies, and bodies of none, whose joints have changed since. A world of one region has no use for assemblies, and finds none.
+    /// The assemblies, and in `retied` the bodies of none, whose joints have changed since the last update. A
+    /// world of one region has no use for assemblies, and finds none.
     stale: BTreeSet<u32>,
     retied: BTreeMap<BodyId, RigidBodyHandle>,
 }
 
 impl Region {
-    /// Notes that a body has a joint more or less: it may belong to another assembly.
+    /// Notes that a body has gained or lost a joint, and may belong to another assembly.
     pub(super) fn note_retied(&mut self, handle: RigidBodyHandle) {
         let slot = self.slot(handle);
         match slot.assembly {
@@ -49,7 +51,7 @@ impl Region {
         self.assemblies.retied.remove(&id);
     }
 
-    /// Finds anew which bodies joints tie together, where joints came or went: what is tied to none of their bodies is not looked at.
+    /// Finds assemblies anew where joints came or went. Only bodies that are tied to theirs are looked at.
     pub(in crate::physics) fn update_assemblies(&mut self) {
         let Assemblies { all, free, stale, retied } = &mut self.assemblies;
         let (retied, places) = (std::mem::take(retied), std::mem::take(stale));
@@ -74,7 +76,8 @@ impl Region {
             for joint in self.slot(link.handle).joints.iter().filter_map(|joint| self.joints.get(joint)) {
                 match [joint.record.a, joint.record.b].map(|end| movable(self, end)) {
                     [Some(a), Some(b)] => ties.push((a, b)),
-                    // A body tied to something immovable is an assembly of one: its joint must travel with it.
+                    // A body tied to something immovable is an assembly of one: its joint must travel with
+                    // it.
                     _ => ties.push((link, link)),
                 }
             }
@@ -123,7 +126,7 @@ mod tests {
     use crate::runtime::{LocalWorld, Partitioning, WorldConfig};
     use crate::space::BodyId;
 
-    /// Returns with which others each body travels, by the lowest id among them.
+    /// Returns the assembly of each body, named by the lowest id in it.
     fn groups(host: &RegionHost) -> BTreeMap<BodyId, BodyId> {
         let mut groups = BTreeMap::new();
         for region in host.regions() {
@@ -203,7 +206,7 @@ mod tests {
         let few = looks(&mut world, &|world| world.remove_joint(first).unwrap());
         assert!(few < ROPES, "{few} looks for a joint less");
         assert!(!together(&world, one[0], other[2]) && together(&world, other[0], other[2]));
-        // What is tied to something immovable is a group of its own, and none once it is gone.
+        // A body tied to something immovable is a group of its own, and once it is gone there is none.
         world.remove(one[1]).unwrap();
         tie(one[0], post)(&mut world);
         world.step().unwrap();

@@ -1,4 +1,5 @@
-//! Finds the bodies of a region that do not sleep at the price of these, not of all.
+//! Finds the bodies of a region that do not sleep, at a cost that depends on their number alone, not on that
+//! of all bodies.
 
 use std::collections::BTreeSet;
 
@@ -8,8 +9,9 @@ use super::{Ownership, Region};
 use crate::space::JointId;
 
 impl Region {
-    /// Returns the bodies that do not sleep, in no order and some more than once. Rapier's list of active ones has neither what was
-    /// inserted or woken since its last step nor what it does not step: what is disabled does not sleep.
+    /// Returns the bodies that do not sleep, in no order and some more than once. Rapier's list of active
+    /// bodies lacks those that were inserted or woken since its last step. It also lacks those that Rapier
+    /// does not step: a disabled body does not sleep.
     pub(in crate::physics) fn awake(&self) -> impl Iterator<Item = RigidBodyHandle> {
         let stepped = self.world.islands.active_bodies();
         let others = self.touched.iter().chain(&self.roused).chain(self.unstepped.values());
@@ -25,7 +27,7 @@ impl Region {
         self.awake().filter_map(|handle| self.slot_at(handle)).flat_map(|slot| slot.joints.iter().copied())
     }
 
-    /// Returns those of them that it owns, each once.
+    /// Returns the region's own bodies that do not sleep, each once.
     pub(super) fn own_awake(&self) -> Vec<RigidBodyHandle> {
         let owned = |handle: &RigidBodyHandle| {
             self.slot_at(*handle).is_some_and(|slot| slot.role == Ownership::Owner)
@@ -36,8 +38,8 @@ impl Region {
         awake
     }
 
-    /// Notes that a body may have woken, or may have become one that Rapier does not step: one that it disables in a step does not sleep
-    /// after that.
+    /// Notes that a body may have woken, or may have become one that Rapier does not step. A body that Rapier
+    /// disables in a step does not sleep after that.
     pub(super) fn note_awake(&mut self, handle: RigidBodyHandle, was_asleep: bool) {
         let Some(body) = self.world.bodies.get(handle) else { return };
         if was_asleep && !body.is_sleeping() {
@@ -52,7 +54,8 @@ impl Region {
         }
     }
 
-    /// Begins a step, after which Rapier has all on its list that it steps.
+    /// Empties the lists of touched and woken bodies when a step begins: after it, Rapier's list has all that
+    /// it steps.
     pub(super) fn hand_awake_over(&mut self) {
         for place in 0..self.touched.len() {
             self.note_awake(self.touched[place], false);
@@ -61,7 +64,7 @@ impl Region {
         self.roused.clear();
     }
 
-    /// Notes that a body has been put to sleep, which may lie among bodies that are awake.
+    /// Notes a body with joints that has been put to sleep, perhaps among bodies that are awake.
     pub(super) fn note_laid(&mut self, handle: RigidBodyHandle) {
         let is_tied = self.slot_at(handle).is_some_and(|slot| !slot.joints.is_empty());
         if is_tied && self.world.bodies[handle].is_sleeping() {
@@ -69,8 +72,9 @@ impl Region {
         }
     }
 
-    /// Has Rapier choose anew in this step which joints it solves, if a body sleeps, or slept before the last step, that it has among those that
-    /// are awake. Seen with Rapier 0.36.1: whom it wakes there by itself, as by a contact, has no joints until another choice is made.
+    /// Makes Rapier choose anew in this step which joints it solves, if its list of active bodies has one
+    /// that sleeps, or that slept before the last step. Seen with Rapier 0.36.1: a body that Rapier itself
+    /// wakes there, as by a contact, has no joints until another choice is made.
     pub(super) fn choose_joints(&mut self) {
         if self.laid.is_empty() {
             return;
@@ -79,7 +83,7 @@ impl Region {
         laid.sort_unstable_by_key(|handle| handle.into_raw_parts());
         laid.dedup();
         for &handle in &laid {
-            // To be able to change one counts as a change.
+            // A mutable reference counts as a change.
             self.world.bodies.get_mut(handle);
         }
         let is_laid = |handle: RigidBodyHandle| {
@@ -90,7 +94,7 @@ impl Region {
         self.laid = active.filter(|&handle| is_laid(handle) && sleeps(handle)).collect();
     }
 
-    /// Finds those that are not on Rapier's list, after the region was restored from a snapshot.
+    /// Finds the awake bodies that are not on Rapier's list, after the region was restored from a snapshot.
     pub(in crate::physics) fn find_awake(&mut self) {
         let stepped: BTreeSet<_> =
             self.world.islands.active_bodies().map(RigidBodyHandle::into_raw_parts).collect();
@@ -108,7 +112,8 @@ thread_local! {
 
 #[cfg(test)]
 impl Region {
-    /// Returns how many bodies this thread has looked at up to now to find those that do or do not sleep, and how many contacts.
+    /// Returns how many bodies this thread has looked at so far to find those that sleep or not, and how many
+    /// contacts.
     pub(crate) fn looks() -> (usize, usize) {
         (LOOKS.get(), PAIRS.get())
     }
@@ -124,7 +129,7 @@ mod tests {
     use crate::protocol::{Velocity, WorldPose};
     use crate::space::{Axis, BodyId, Bounds, DistributionTree, RegionSet};
 
-    /// So many boxes on either side of a border, asleep on one floor.
+    /// Makes a host with `count` boxes on each side of a border, asleep on one floor.
     fn sleepers(count: u32) -> RegionHost {
         let bounds = Bounds::around([0.0; 3], [100.0, 20.0, 20.0]);
         let tree = DistributionTree::cut_by(bounds, &[(Axis::X, 0.0)]).unwrap();
@@ -150,7 +155,7 @@ mod tests {
         host
     }
 
-    /// Does something, and returns how many bodies and contacts were looked at for it.
+    /// Does some work, and returns how many bodies and contacts were looked at for it.
     fn looks_of<R>(work: impl FnOnce() -> R) -> (usize, usize) {
         let before = Region::looks();
         work();
@@ -168,7 +173,7 @@ mod tests {
         host.step().unwrap();
         let (bodies, contacts) = looks_of(|| assert_eq!(activity(&host), 2.0, "a box, and the floor"));
         assert!(bodies <= 2 && contacts <= 2, "{bodies} bodies, {contacts} contacts");
-        // What an emptied region or a plane leaves behind is looked for.
+        // Bodies that an emptied region or a moved plane leaves behind are looked for.
         let region = &mut host.regions().next().unwrap().clone();
         assert!(looks_of(|| region.wake_left_behind(RegionSet::only(1))).0 >= 50);
         region.set_cell(*region.cell());

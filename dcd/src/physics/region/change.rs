@@ -16,7 +16,7 @@ impl Region {
         self.world.gravity = Vector::from_array(gravity);
     }
 
-    /// Notes that a body is not, or may not be, what and where it was in the last step.
+    /// Notes that a body may have changed or moved since the last step.
     pub(in crate::physics) fn touch(&mut self, handle: RigidBodyHandle) {
         self.moved.take();
         self.revision += 1;
@@ -25,7 +25,9 @@ impl Region {
         }
     }
 
-    /// Notes the same, where nothing else has changed since queries `found` what was moved before.
+    /// Does the same as [`Region::touch`], but keeps `found`, the moved colliders that queries have
+    /// collected, and updates this body's among them. Nothing else may have changed since they were
+    /// collected.
     pub(super) fn touch_only(&mut self, handle: RigidBodyHandle, mut found: OnceLock<Box<Moved>>) {
         self.touch(handle);
         if let Some(found) = found.get_mut() {
@@ -35,8 +37,9 @@ impl Region {
         self.moved = found;
     }
 
-    /// Lets a user change the body in place, whole even where it is shared; reads its traits anew, and lets the coupling
-    /// check it soon. Queries find a body that stays where it is as before: they ask Rapier for all but its place.
+    /// Lets a user change the body in place, whole even if its mass is split. Reads its traits anew, and lets
+    /// the coupling check it soon. A body that keeps its pose and stays enabled or disabled is not collected
+    /// anew for queries, which ask Rapier for everything else.
     pub(in crate::physics) fn change<R>(
         &mut self,
         handle: RigidBodyHandle,
@@ -69,10 +72,11 @@ impl Region {
         result
     }
 
-    /// Does the same, but does not have queries look for the body anew.
+    /// Makes the change itself, on the whole body, without noting for queries that the body may have moved.
     fn change_unseen<R>(&mut self, handle: RigidBodyHandle, change: impl FnOnce(&mut RigidBody) -> R) -> R {
         self.unrefine(handle);
-        // A dynamic body that is kinematic in Rapier is a ghost of the proxy coupling, which its user must not see.
+        // Under the proxy coupling a ghost of a dynamic body is kinematic in Rapier. Its user must not see
+        // that.
         let ghost = self.world.bodies[handle].body_type();
         let is_ghost = self.slot(handle).traits.kind == BodyKind::Dynamic && ghost != RigidBodyType::Dynamic;
         if is_ghost {
@@ -107,8 +111,9 @@ impl Region {
         }
     }
 
-    /// Changes one collider of a body, and its record with it. `None` if the body has no such collider. A shape that cannot
-    /// travel is refused, and so is the loss of all mass: the collider stays as it is.
+    /// Changes one collider of a body, and its record with it. Returns `None` if the body has no such
+    /// collider. Refuses a shape that cannot be sent, and the loss of all mass; the collider then stays as it
+    /// is.
     pub(in crate::physics) fn update_collider<R>(
         &mut self,
         handle: RigidBodyHandle,
@@ -124,7 +129,7 @@ impl Region {
             let PhysicsWorld { bodies, colliders, .. } = &mut *region.world;
             let (body, own) = (&mut bodies[handle], &mut colliders[collider]);
             let old = &slot.traits.colliders[index];
-            // What is refused must not have happened.
+            // Change a copy: a change that is refused must leave no trace.
             let mut changed = own.clone();
             changed.set_contact_force_event_threshold(old.force_event_threshold_n);
             let result = change(&mut changed);
@@ -136,7 +141,7 @@ impl Region {
             if let Some(now) = changed.position_wrt_parent().filter(|&now| Some(now) != place) {
                 new.pose = convert::pose_record(now);
             }
-            // Rapier's colliders of a disabled body do not tell whether their user wants them.
+            // While its body is disabled, Rapier's collider does not tell whether its user enabled it.
             if !body.is_enabled() && changed.is_enabled() == own.is_enabled() {
                 new.enabled = old.enabled;
             }

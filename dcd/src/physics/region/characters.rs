@@ -1,8 +1,9 @@
-//! Walks the characters of a region, before each tick: what a character wants becomes the velocity at which it can move, by
-//! Rapier's character controller, and what is in its way is pushed.
+//! Moves the characters of a region before each tick. Rapier's character controller turns the velocity that a
+//! character wants into one at which it can move, and what is in its way is pushed.
 //!
-//! Every region that holds a character walks its copy, and pushes its own copies of what it meets: all copies of a body are pushed
-//! alike, as by a user. Where the copies of a character differ, its owner's counts, as for all kinematic bodies.
+//! Every region that holds a character moves its copy, and pushes its own copies of what that meets. So all
+//! copies of a body are pushed alike, as by a user. Where the copies of a character differ, its owner's
+//! counts, as for all kinematic bodies.
 
 use rapier3d::control::{CharacterAutostep, CharacterLength, KinematicCharacterController};
 use rapier3d::prelude::*;
@@ -13,23 +14,26 @@ use crate::physics::convert;
 use crate::protocol::{Character, Gait};
 use crate::space::BodyId;
 
-/// No character walks, jumps or falls faster, m/s: Parry's casts are for ways of some kilometres at most.
+/// The fastest that a character walks, jumps or falls, m/s. Parry's casts are for ways of some kilometres at
+/// most.
 const FASTEST_M_S: f32 = 1_000.0;
 
-/// What a character stands on is looked for as if it fell so fast, m/s.
+/// The speed at which a character that stands is assumed to fall, m/s, so that what it stands on is looked
+/// for.
 const ABOUT_TO_FALL_M_S: f32 = 1.0;
 
-/// By no more than this is a body that a character stands on sped up by its weight in a tick, m/s.
+/// The most by which a character's weight speeds up a body that it stands on, m/s per tick.
 const MOST_BY_WEIGHT_M_S: f32 = 1.0;
 
-/// The part of its gap to the ground by which a character that stands is drawn down in a tick.
+/// The part of its gap to the ground by which a standing character is drawn down per tick.
 const HOLD: f32 = 0.5;
 
 /// A character held by a region.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Walking {
     gait: Gait,
-    /// Whether the region has been stepped since it came: only then do queries find what came with it.
+    /// Whether the region has been stepped since the character came. Only then do queries find what came with
+    /// it.
     settled: bool,
 }
 
@@ -39,12 +43,14 @@ impl Walking {
     }
 }
 
-/// One tick's walk.
+/// The walk of a character in one tick.
 struct Walk {
     velocity: Vector,
-    /// The velocity with which it comes upon what it meets: it wants to go on so, and falls.
+    /// The velocity with which the character pushes what it meets: that at which it wants to go on, and
+    /// falls.
     force_m_s: Vector,
-    /// What a tick of falling would add, and the ground takes: by it the ground feels the weight.
+    /// The speed that a tick of falling would add and that the ground takes, by which the ground feels the
+    /// weight.
     weight_m_s: f32,
     rise_m_s: f32,
     grounded: bool,
@@ -64,28 +70,29 @@ struct Met {
     collider: ColliderHandle,
     /// In region space.
     point: Vector,
-    /// Out of the collider.
+    /// The normal, out of the collider.
     normal: Vector,
 }
 
-/// What a character touches before a tick.
+/// The surroundings that a character touches before a tick.
 #[derive(Default)]
 struct Around {
-    /// The velocity of what it stands on.
+    /// The velocity of what the character stands on.
     carried: Vector,
     pressing: Vec<Pressing>,
 }
 
 /// Something next to a character that does not give way.
 struct Pressing {
-    /// Towards the character.
+    /// The normal, towards the character.
     normal: Vector,
     velocity: Vector,
     overlap_m: f32,
 }
 
 impl Around {
-    /// Returns the way of a character that is to move by this in a tick, and is carried and shoved besides.
+    /// Returns the displacement of a character in a tick: its `own`, plus that by which it is carried and
+    /// shoved.
     fn borne_by(&self, own: Vector, dt_s: f32) -> Vector {
         let mut way = own + self.carried * dt_s;
         for pressing in &self.pressing {
@@ -99,21 +106,21 @@ impl Around {
 }
 
 impl Region {
-    /// Returns how a body walks, if it is a character.
+    /// Returns the gait of a body, if it is a character.
     pub(super) fn gait(&self, handle: RigidBodyHandle) -> Option<Gait> {
         let slot = self.slot(handle);
         slot.traits.character?;
         self.characters.get(&slot.id).map(|walking| walking.gait)
     }
 
-    /// Sets how a character held here walks.
+    /// Sets the gait of a character held here.
     pub(in crate::physics) fn set_gait(&mut self, id: BodyId, gait: Option<Gait>) {
         if let (Some(walking), Some(gait)) = (self.characters.get_mut(&id), gait) {
             walking.gait = gait;
         }
     }
 
-    /// Has all characters stand still for a tick, after which queries find what is around them again.
+    /// Makes all characters stand still for a tick, since queries find what is around them only after a step.
     pub(super) fn unsettle_characters(&mut self) {
         self.characters.values_mut().for_each(|walking| walking.settled = false);
     }
@@ -125,8 +132,9 @@ impl Region {
         true
     }
 
-    /// Returns where a body that moves at this velocity may be about to go, m/s: a character that stands at something or on it may
-    /// walk on, or fall, in the next tick.
+    /// Returns the velocity with which a body may be about to go on, m/s, where its own is `velocity`. A
+    /// character that is stopped by something, or stands on it, may walk on or fall in the next tick: it gets
+    /// the larger of what it has and what it wants, per axis.
     pub(in crate::physics) fn heading(&self, handle: RigidBodyHandle, velocity: Vector) -> Vector {
         let Some(gait) = self.gait(handle) else { return velocity };
         let up = self.up();
@@ -137,7 +145,8 @@ impl Region {
         Vector::new(larger(asked.x, velocity.x), larger(asked.y, velocity.y), larger(asked.z, velocity.z))
     }
 
-    /// Gives all characters held here their velocity for a tick of this length, in id order, and pushes what they meet.
+    /// Gives all characters held here their velocity for a tick of this length, in id order, and pushes what
+    /// they meet.
     pub(super) fn walk(&mut self, dt_s: f32) {
         let ids: Vec<_> = self.characters.keys().copied().collect();
         for id in ids {
@@ -163,7 +172,7 @@ impl Region {
         (-self.world.gravity).try_normalize().unwrap_or(Vector::Y)
     }
 
-    /// Returns a character's next walk; none if it is disabled.
+    /// Returns a character's next walk; none if it is disabled or has no enabled solid collider.
     fn walk_of(
         &self,
         handle: RigidBodyHandle,
@@ -185,7 +194,8 @@ impl Region {
             let start = if gait.grounded { wanted.dot(up).max(0.0) } else { gait.rise_m_s };
             (start - fall_m_s).clamp(-FASTEST_M_S, FASTEST_M_S)
         };
-        // What stands is held to what it stands on: the controller lifts it a little with each contact.
+        // A standing character is held to the ground, since the controller lifts it a little with each
+        // contact.
         let stands = !flies && gait.grounded && rise_m_s <= 0.0;
         let hold_m_s = if stands { HOLD * character.gap_m / dt_s } else { 0.0 };
         let asked_m_s = rise_m_s - hold_m_s;
@@ -193,7 +203,8 @@ impl Region {
             .exclude_rigid_body(handle)
             .exclude_sensors()
             .groups(part.collision_groups());
-        // The controller does not see which bodies are kinematic: at the gap from one that moves it would be stuck at times.
+        // The controller must not see which bodies are kinematic: at the gap from one that moves it would at
+        // times be stuck.
         let nobody = RigidBodySet::new();
         let queries = QueryPipeline { bodies: &nobody, ..world.query_pipeline_with_filter(filter) };
         let around = self.around(&queries, part.shape(), &place, character.gap_m, stands.then_some(up));
@@ -210,7 +221,7 @@ impl Region {
         let force_m_s = wanted - up * wanted.dot(up) + up * rise_m_s;
         let rose_m_s = (moved.translation - around.carried * dt_s).dot(up) / dt_s;
         let is_held = rose_m_s.abs() < 0.5 * asked_m_s.abs() || rose_m_s * asked_m_s < 0.0;
-        // On what is too steep to stand on it falls as fast as it slides.
+        // On ground that is too steep to stand on, it falls as fast as it slides.
         let flat = character.min_slide_rad.cos() - 1e-3;
         let floors = || met.iter().map(|met| met.normal.dot(up)).filter(|&rise| rise > 0.0);
         let is_steep = floors().next().is_some() && floors().all(|rise| rise < flat);
@@ -226,7 +237,7 @@ impl Region {
         Some(Walk { velocity: moved.translation / dt_s, force_m_s, weight_m_s, rise_m_s, grounded, met })
     }
 
-    /// Looks at what a character touches; `stands` is the direction upwards if it stands on something.
+    /// Finds what a character touches. `stands` is the direction upwards if it stands on something.
     fn around(
         &self,
         queries: &QueryPipeline<'_>,
@@ -258,7 +269,8 @@ impl Region {
         around
     }
 
-    /// Pushes a dynamic body that a character met: by an inelastic hit, so far as the character is faster, or by its weight.
+    /// Pushes a dynamic body that a character met: by an inelastic hit where the character is faster, or by
+    /// its weight where that is more.
     fn push_met(&mut self, met: &Met, character: &Character, walk: &Walk) {
         let Some(handle) = self.world.colliders.get(met.collider).and_then(Collider::parent) else { return };
         let (body, into) = (&self.world.bodies[handle], -met.normal);
@@ -274,8 +286,8 @@ impl Region {
             return;
         }
         let hit = faster_m_s / (lightness + character.mass_kg.recip());
-        // It stands on what slopes less than by half. A light body need not take all of the weight: nothing that falls away from
-        // below a character is thrown down by it.
+        // It stands on what slopes less than by half. A light body need not take all of the weight, so that a
+        // character does not throw down what falls away from below it.
         let stands = met.normal.dot(self.up()) > 0.5;
         let weight = if stands { character.mass_kg * walk.weight_m_s } else { 0.0 };
         let impulse = hit.max(weight.min(MOST_BY_WEIGHT_M_S / lightness)) / share;

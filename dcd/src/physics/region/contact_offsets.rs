@@ -1,6 +1,7 @@
-//! Carries contacts of what rests over to another process: tells how the bodies of a region lay when their contacts were found, by which records
-//! of them are made; and has bodies that were made from such records, in a region where nothing else moves yet, find their contacts so, and
-//! bear their loads before they move.
+//! Carries the contacts of resting bodies over to another process. The sender tells how the bodies of a
+//! region lay when their contacts were found, and records of the bodies include that. The receiver makes
+//! bodies from such records in a region where nothing else moves yet. It finds their contacts as they lay
+//! then, and lets them bear their loads before they move.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -12,18 +13,23 @@ use crate::physics::contact_listener::TouchListener;
 use crate::protocol::{Check, ContactOffset};
 use crate::space::{BodyId, Tick, mixed};
 
-/// Of more bodies that press on each other no more is known than where they are.
+/// The most bodies that press on each other for which contact offsets are told. Of a larger group only the
+/// present poses are known.
 const LARGEST: usize = 256;
-/// Steps in which contacts that have been found come to bear their loads: towers of 100:1 sway by 9 cm/s after four, by 2 cm/s after eight, as in
-/// one world, and by 1 cm/s after sixteen; of thirty-two nothing is gained.
+/// The most silent steps in which contacts that have been found come to bear their loads. Towers of 100:1
+/// sway by 9 cm/s after four, by 2 cm/s after eight, as in one world, and by 1 cm/s after sixteen. Thirty-two
+/// gain nothing.
 const SILENT_STEPS: usize = 16;
-/// Of many bodies fewer, so that nobody waits for long: so many bodies are stepped in all.
+/// The most bodies that are stepped in all silent steps together. Many bodies get fewer steps, so that nobody
+/// waits for long.
 const SILENT_WORK: usize = 32_000;
-/// Of any number so many: the first ones solve contacts as deep as they were found, the others take that out again.
+/// The fewest silent steps, for any number of bodies. The first ones solve contacts as deep as they were
+/// found, the others take that out again.
 const FEWEST_STEPS: usize = 4;
 
 impl Region {
-    /// Returns how those of these bodies that are owned here, and what presses on them, lay when their contacts were found, as far as it is known.
+    /// Returns how those of these bodies that are owned here, and the bodies that press on them, lay when
+    /// their contacts were found, as far as that is known.
     pub(in crate::physics) fn contact_offsets(
         &self,
         tick: Tick,
@@ -47,9 +53,9 @@ impl Region {
         offsets
     }
 
-    /// Finds the contacts of bodies that have been inserted where they `lay`, and solves them some times, so that they are warm: all that moves is
-    /// put back each time. Who lay where it is is put aside a little, as exactly flush faces lose contacts. Who is told of contacts is told that they
-    /// began.
+    /// Finds the contacts of inserted bodies where these `lay`, and solves them in silent steps, so that they
+    /// are warm: after each of the steps all that moves is put back. A body that lay where it is now is put
+    /// aside a little, since exactly flush faces lose contacts. Contacts that begin are reported as events.
     pub(in crate::physics) fn warm_up(
         &mut self,
         tick: Tick,
@@ -61,7 +67,7 @@ impl Region {
         let bodies = self.world.bodies.iter().filter(moves);
         let kept: Vec<_> = bodies.map(|(handle, body)| (handle, body.clone())).collect();
         for &(handle, pose) in lay {
-            // It is not put back, and touches nothing.
+            // A disabled body is not put back, and touches nothing.
             if !self.world.bodies[handle].is_enabled() {
                 continue;
             }
@@ -87,7 +93,8 @@ impl Region {
         self.events.make_tellable();
     }
 
-    /// Has a body that is moved by its positions go on at its speed for a step: records hold no target, and without one it would stop.
+    /// Makes a position-based kinematic body go on at its speed for a step. Records hold no target, and
+    /// without one it would stop.
     fn carry_on(&mut self, handle: RigidBodyHandle, was: &RigidBody, dt_s: f32) {
         let moves = was.linvel() != Vector::ZERO || was.angvel() != Vector::ZERO;
         if was.body_type() == RigidBodyType::KinematicPositionBased && moves {
@@ -96,7 +103,7 @@ impl Region {
         }
     }
 
-    /// Puts a body back to where and how it was. One that has been woken stays awake.
+    /// Puts a body back to where and how it was. A body that has been woken stays awake.
     fn put_back(&mut self, handle: RigidBodyHandle, was: &RigidBody) {
         let body = &mut self.world.bodies[handle];
         body.set_position(*was.position(), false);
@@ -115,7 +122,8 @@ impl Region {
         }
     }
 
-    /// Returns a dynamic body and all that press on it, directly or one by way of another, in id order.
+    /// Returns a dynamic body and all dynamic bodies that press on it, directly or through others, in id
+    /// order.
     fn pressing_on(&self, first: RigidBodyHandle, seen: &mut BTreeSet<(u32, u32)>) -> Vec<BodyRef> {
         let (mut members, mut open) = (Vec::new(), vec![first]);
         seen.insert(first.into_raw_parts());
@@ -132,7 +140,8 @@ impl Region {
         members
     }
 
-    /// Returns whether a body may stand here by itself: the region alone says where it is, and nothing ties it.
+    /// Returns whether a body may stand here by itself: this region alone says where it is, and no joint ties
+    /// it.
     fn stands(&self, handle: RigidBodyHandle) -> bool {
         let slot = self.slot(handle);
         slot.role == Ownership::Owner
@@ -152,7 +161,8 @@ impl Region {
     }
 }
 
-/// Returns in how many silent steps contacts of so many bodies come to bear their loads, once they are found.
+/// Returns in how many silent steps the contacts of so many bodies come to bear their loads, once they are
+/// found.
 fn silent_steps(bodies: usize) -> usize {
     (SILENT_WORK / bodies.max(1)).clamp(FEWEST_STEPS, SILENT_STEPS)
 }
@@ -167,7 +177,8 @@ mod tests {
     use crate::scene::{Params, Scene};
     use crate::space::{Bounds, DistributionTree};
 
-    /// Has another process compute the only region of a world, from such records of its bodies.
+    /// Makes another process compute the only region of a world, from its bodies' records as `record` changes
+    /// them.
     fn handed_over(host: &RegionHost, record: impl Fn(BodyRecord) -> BodyRecord) -> RegionHost {
         handed_over_at(host, host.tick(), record)
     }
@@ -191,8 +202,9 @@ mod tests {
         next
     }
 
-    /// Returns the largest speed of a body against what carries it at this speed from two and a half seconds on, in m/s, for each stretch of 200
-    /// ticks, after each of which another process goes on, from such records, or the same one.
+    /// Returns the largest speed of a body against what carries it at `speed_m_s`, from two and a half
+    /// seconds on, in m/s, for each stretch of 200 ticks. Before each stretch but the first another process
+    /// takes over, from records as `record` changes them; without `record` the same process goes on.
     fn ride(
         scene: &Scene,
         speed_m_s: f32,
@@ -272,7 +284,7 @@ mod tests {
         goes_on_as_in_one_world("pyramid", &Params::new().with("base", 8).with("gap", 0));
     }
 
-    /// As where their process has died. Heavier towers lean farther each time.
+    /// As after the death of their process. Heavier towers lean farther each time.
     #[test]
     fn light_towers_are_not_shaken_where_nobody_knows_how_they_lay() {
         let scene = Scene::named("tower", &Params::new().with("sleep", 0)).unwrap();
@@ -284,7 +296,8 @@ mod tests {
         assert!(worst_m_s > 1.0, "{worst_m_s} m/s: Rapier has learnt better");
     }
 
-    /// A world of one region with a floor and these balls and boxes of 1 m, by place, speed upwards and restitution.
+    /// Makes a world of one region with a floor and bodies of 1 m, given by place, upward speed and
+    /// restitution: balls if the restitution is above 0, else boxes.
     fn world_of(bodies: &[([f64; 3], f32, f32)]) -> RegionHost {
         let tree = DistributionTree::halved(Bounds::around([0.0; 3], [50.0; 3]), 1).unwrap();
         let leaves: Vec<_> = tree.leaves().collect();
@@ -326,7 +339,7 @@ mod tests {
         assert_eq!(told(&next), (1, 0), "forces are told of steps that count");
         (0..2).for_each(|_| next.step().unwrap());
         assert_eq!(told(&next), (1, 2));
-        // With the mean of its restitution and the floor's.
+        // The mean of its restitution and the floor's counts.
         assert!(rise(&next, 2) > 3.3 && rise(&next, 1).abs() < 0.01, "{} m/s", rise(&next, 2));
     }
 
@@ -338,7 +351,7 @@ mod tests {
         assert!(rise(&host) < -4.5, "{} m/s: it has yet to bounce", rise(&host));
         let mut next = handed_over(&host, |body| body);
         (0..2).for_each(|_| next.step().unwrap());
-        // With half of the floor's restitution.
+        // Half of the floor's restitution counts.
         assert!(rise(&next) > 2.0, "{} m/s", rise(&next));
     }
 
@@ -361,7 +374,8 @@ mod tests {
         assert_eq!([0, 1].map(|of| bodies[of].state.contact_offset.is_some()), [true, false]);
     }
 
-    /// As where the server was started again and places anew what the region has: nobody has stepped since its joints went.
+    /// As after a restart of the server, which places the region's bodies anew: no step was made since its
+    /// joints went.
     #[test]
     fn silent_steps_come_upon_no_joint_of_bodies_that_went() {
         let mut host = world_of(&[
@@ -466,7 +480,7 @@ mod tests {
             (0..60).for_each(|_| host.step().unwrap());
             let aside = |mut body: BodyRecord| {
                 let offset = ContactOffset { moved_m: [0.04, 0.0, 0.0], ..ContactOffset::default() };
-                // Who is next to them has none.
+                // The body next to them has no offset.
                 body.state.contact_offset = (body.id != BodyId::persistent(3)).then_some(offset);
                 body
             };

@@ -7,8 +7,8 @@ use super::{Ownership, Region, Slot};
 use crate::space::RegionSet;
 
 impl Region {
-    /// Visits every movable body that is near enough to touch this one or to overlap it as a sensor, or that is tied to it; some may
-    /// come twice.
+    /// Visits every movable body that is near enough to touch this one or to overlap it as a sensor, or that
+    /// joints tie to it. Some may come twice.
     pub(in crate::physics) fn for_each_neighbour(
         &self,
         handle: RigidBodyHandle,
@@ -23,8 +23,8 @@ impl Region {
         }
     }
 
-    /// Visits every movable body that is near enough to touch this one or is tied to it, with whether it does touch it (true for
-    /// joints); some may come twice.
+    /// Visits every movable body that is near enough to touch this one or that joints tie to it, with whether
+    /// it does touch it (true for joints). Some may come twice.
     pub(in crate::physics) fn for_each_contact(
         &self,
         handle: RigidBodyHandle,
@@ -34,18 +34,20 @@ impl Region {
         self.for_each_pair(handle, |other, pair| visit(other, touches(pair)));
     }
 
-    /// Returns whether the contacts here of a body with another one, or with what is fixed, are those that moved the body: in the region that leads
-    /// it, if that holds the other one, else in that which tells of them.
+    /// Returns whether this region's contacts of a body with another one, or with what is fixed, are those
+    /// that moved the body. They are those of the region that leads the body if that holds the other one, and
+    /// otherwise those of the region that reports them ([`Region::teller`]).
     pub(in crate::physics) fn solves(&self, handle: RigidBodyHandle, other: Option<RigidBodyHandle>) -> bool {
         let Some(slot) = self.slot_at(handle) else { return false };
         let other = other.and_then(|other| self.slot_at(other));
-        // Who led may have dropped the body since.
+        // The leading region may have dropped the body since.
         let leader = slot.led_by.filter(|&rank| self.holders_of_both(slot, other).contains(rank));
         leader.or_else(|| self.teller(slot, other)) == Some(self.rank)
     }
 
-    /// Returns the region that tells of what happens between a body and another one, or what is fixed: the owner of the first, if that holds the
-    /// other, or of the other, if that holds the first, else the lowest that holds both. `None` for what does not move.
+    /// Returns the rank of the region that reports what happens between a body and another one, or what is
+    /// fixed: the owner of the first if it holds the other, else the owner of the other if it holds the
+    /// first, else the lowest rank that holds both. `None` for an immovable body.
     pub(super) fn teller(&self, slot: &Slot, other: Option<&Slot>) -> Option<usize> {
         let both = self.holders_of_both(slot, other);
         let owner = self.owner_of(slot)?;
@@ -57,7 +59,8 @@ impl Region {
         other.map_or(RegionSet::ALL, |other| self.holders_of(other)).intersection(self.holders_of(slot))
     }
 
-    /// Returns the regions that hold a body, as far as this one knows: of copies in couplings without consensus it does not.
+    /// Returns the regions that hold a body, as far as this one knows; all regions if it does not know, as of
+    /// a ghost in couplings without consensus.
     fn holders_of(&self, slot: &Slot) -> RegionSet {
         match self.owner_of(slot) {
             None => RegionSet::ALL,
@@ -74,7 +77,8 @@ impl Region {
         }
     }
 
-    /// Visits the same bodies as [`Region::for_each_contact`], with the pair of colliders unless a joint ties the two.
+    /// Visits the same bodies as [`Region::for_each_contact`], with the pair of colliders unless a joint ties
+    /// the two.
     pub(in crate::physics) fn for_each_pair(
         &self,
         handle: RigidBodyHandle,
@@ -107,7 +111,7 @@ impl Region {
         !self.slot(handle).joints.is_empty() || self.world.bodies[handle].colliders().iter().any(touches)
     }
 
-    /// Returns whether anything is near enough to a body to touch it, or tied to it.
+    /// Returns whether anything is near enough to a body to touch it, or a joint ties it.
     pub(in crate::physics) fn may_collide(&self, handle: RigidBodyHandle) -> bool {
         let is_near = |&collider: &ColliderHandle| {
             self.world.narrow_phase.contact_pairs_with(collider).next().is_some()
@@ -115,8 +119,9 @@ impl Region {
         !self.slot(handle).joints.is_empty() || self.world.bodies[handle].colliders().iter().any(is_near)
     }
 
-    /// Returns whether a body can be computed apart from the region, with what it touches: it is no link of a multibody, does not walk or
-    /// drive by itself, and has all of its mass here.
+    /// Returns whether a body can be audited, that is, computed apart from the region with what it touches.
+    /// It must be no link of a multibody nor tied to one, no character or vehicle, and have all of its mass
+    /// here.
     pub(in crate::physics) fn is_auditable(&self, handle: RigidBodyHandle) -> bool {
         let slot = self.slot(handle);
         let is_driven = slot.traits.character.is_some() || slot.traits.vehicle.is_some();

@@ -14,8 +14,8 @@ use crate::protocol::{BodyRecord, JointRecord};
 use crate::space::{BodyId, Epoch, RegionSet};
 
 impl Region {
-    /// Inserts a body that is not held here yet, with this ownership. It comes by value: each copy of what it shares with others that is made and
-    /// dropped on the way costs two locked exchanges.
+    /// Inserts a body that is not held here yet, with this ownership. Takes the body by value: each clone of
+    /// its shared parts that is made and dropped on the way would cost two atomic operations.
     pub(in crate::physics) fn insert(
         &mut self,
         body: BodyRecord,
@@ -49,7 +49,7 @@ impl Region {
         }
         if body.traits.extra_mass.is_some() || body.traits.colliders.iter().any(|collider| !collider.enabled)
         {
-            // Rapier leaves out the one and counts the others until it steps.
+            // Until it steps, Rapier leaves out the extra mass and counts disabled colliders.
             let PhysicsWorld { bodies, colliders, .. } = &mut *self.world;
             bodies[handle].recompute_mass_properties_from_colliders(colliders);
         }
@@ -108,7 +108,8 @@ impl Region {
         Ok(handle)
     }
 
-    /// Returns one of the bodies inserted last as this region's own that shares what it is with this one: both reach equally far.
+    /// Returns one of this region's newest own bodies that shares its traits with this one: both reach
+    /// equally far.
     pub(in crate::physics) fn newest_like(&self, body: &BodyRecord) -> Option<&Slot> {
         let newest = self.fresh.iter().rev().take(record::LIKE).filter_map(|link| self.slot_at(link.handle));
         newest.into_iter().find(|slot| Arc::ptr_eq(&slot.traits, &body.traits))
@@ -120,13 +121,13 @@ impl Region {
         if self.slot(handle).assembly.is_some() {
             self.note_retied(handle);
         }
-        // Most have none, and need not be asked for.
+        // Most bodies have no joints, and need no search.
         if !self.slot(handle).joints.is_empty() || !self.waiting.is_empty() {
             let joints: Vec<_> = self.joints_of(handle).collect();
             for joint in &joints {
                 self.remove_joint(joint.id);
             }
-            // Joints whose other end is still held here wait for it.
+            // A joint whose other body is still held here waits for this one.
             joints.iter().for_each(|joint| self.insert_joint(joint));
         }
         self.forget_retied(id);
@@ -141,7 +142,7 @@ impl Region {
         true
     }
 
-    /// Changes who owns a body that is held here, and who else holds it.
+    /// Sets the owner, the other holders and the epoch of a body that is held here.
     pub(in crate::physics) fn set_role(
         &mut self,
         handle: RigidBodyHandle,
@@ -159,7 +160,7 @@ impl Region {
         self.relink(handle);
     }
 
-    /// Changes which other regions hold a body.
+    /// Sets which other regions hold a body.
     pub(in crate::physics) fn set_holders(&mut self, handle: RigidBodyHandle, holders: RegionSet) {
         self.touch(handle);
         let slot = self.slot_mut(handle);
@@ -171,8 +172,8 @@ impl Region {
         }
     }
 
-    /// Forgets who holds what, after membership has changed: the holders of this region's bodies, and whether its own replicas are
-    /// still valid, must be announced again.
+    /// Forgets who holds what, after membership has changed. The holders of this region's bodies must be
+    /// announced again, and so must the ghosts here, which may no longer be valid.
     pub(in crate::physics) fn forget_holders(&mut self) {
         self.fresh.clear();
         self.targets.reset();
@@ -197,7 +198,7 @@ impl Region {
         self.shared.clear();
     }
 
-    /// Returns whether a body that is held elsewhere, too, is in the list where it belongs.
+    /// Returns whether a body that other regions hold too is in the list where it belongs.
     fn is_listed(&self, link: BodyRef) -> bool {
         let slot = self.slot(link.handle);
         let list = match slot.role {
@@ -209,7 +210,7 @@ impl Region {
         place.is_ok_and(|place| list[place].handle == link.handle)
     }
 
-    /// Puts a body on the list of its ownership: shared or replica.
+    /// Puts a body on the list of its ownership: shared bodies or ghosts.
     pub(in crate::physics) fn list(&mut self, link: BodyRef) {
         let slot = self.slot(link.handle);
         let list = match slot.role {
@@ -255,7 +256,7 @@ mod tests {
             assert!(region.remove(BodyId::persistent(gone)));
         }
         insert(&mut region, 1);
-        // Body 1 is another one in Rapier, perhaps at the former one's place.
+        // Body 1 is a new one in Rapier, perhaps in the former one's slot.
         let fresh: Vec<_> = region.take_fresh().iter().map(|link| link.id).collect();
         assert_eq!(fresh, [2, 1].map(BodyId::persistent));
         assert!(region.take_fresh().is_empty());

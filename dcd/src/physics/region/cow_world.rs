@@ -1,7 +1,8 @@
-//! Holds the Rapier world of a region, which checkpoints share with it until one of them changes it: copy on write.
+//! Holds the Rapier world of a region by copy on write: checkpoints share the world until the region changes
+//! it.
 //!
-//! To make a checkpoint costs nothing then, to go back to one neither. What is changed afterwards is copied first, by the step that
-//! changes it and so on that region's thread; a region that rests is never copied.
+//! Making a checkpoint and going back to one cost nothing then. A shared world is copied before it is first
+//! changed, by the step that changes it and so on that region's thread. A region at rest is never copied.
 
 use std::mem;
 use std::ops::{Deref, DerefMut};
@@ -10,15 +11,16 @@ use std::sync::Arc;
 use rapier3d::prelude::*;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// A Rapier world that may be shared. Reading it costs a branch; the first change of a shared one copies it.
+/// A Rapier world that may be shared. Reading it costs a branch. The first change copies it if others share
+/// it.
 pub(super) enum CowWorld {
     Own(Box<PhysicsWorld>),
-    /// Without its workspace, which is this region's own; one that has gone back begins with a new one, since Rapier's workspace
-    /// remembers by counters that go back too.
+    /// A shared world, and this region's own workspace. A region that has gone back to a checkpoint begins
+    /// with a new workspace, because Rapier's workspace remembers by counters that go back too.
     Shared(Arc<PhysicsWorld>, Option<Box<Workspace>>),
 }
 
-/// What Rapier keeps from step to step for its memory alone: no snapshot has it either.
+/// The pipelines that Rapier keeps from step to step only for their memory. Snapshots leave them out too.
 pub(super) struct Workspace(PhysicsPipeline, CollisionPipeline, CCDSolver);
 
 impl CowWorld {
@@ -26,7 +28,7 @@ impl CowWorld {
         Self::Own(Box::new(world))
     }
 
-    /// Makes the next [`Clone::clone`] share the world.
+    /// Makes the next [`Clone::clone`] share the world instead of copying it.
     pub(super) fn share(&mut self) {
         if let Self::Own(world) = self {
             let workspace = Workspace(
@@ -39,7 +41,7 @@ impl CowWorld {
         }
     }
 
-    /// Makes it this region's own, by a copy if others share it.
+    /// Makes the world this region's own, by a copy if others share it.
     #[cold]
     fn own(&mut self) {
         if let Self::Shared(shared, workspace) = self {
@@ -100,7 +102,7 @@ impl<'de> Deserialize<'de> for CowWorld {
     }
 }
 
-/// Copies all that a snapshot has, and what Rapier has noted for its next step.
+/// Copies all that a snapshot includes, and what Rapier has noted for its next step.
 fn copy(world: &PhysicsWorld) -> PhysicsWorld {
     PhysicsWorld {
         gravity: world.gravity,

@@ -1,5 +1,5 @@
-//! Moves a region's floating origin (anchor) towards its bodies, so that f32 keeps its millimetres wherever they go. Where they
-//! stay within a kilometre of the anchor, as in any small world, it stays too.
+//! Moves a region's floating origin (the anchor) towards its bodies, so that f32 resolves millimetres
+//! wherever they go. While they stay within a kilometre of the anchor, as in any small world, it stays too.
 
 use rapier3d::prelude::*;
 
@@ -8,14 +8,15 @@ use crate::physics::convert;
 use crate::protocol::WorldPose;
 use crate::space::{Bounds, Tick};
 
-/// The anchor is checked once in so many ticks: at 1,000 m/s a body goes a kilometre meanwhile.
+/// Ticks between two checks of the anchor: at 1,000 m/s a body goes a kilometre meanwhile.
 const EVERY_TICKS: u64 = 64;
-/// Bodies farther from the anchor than this may move it: f32 resolves 0.06 mm here.
+/// Bodies farther from the anchor than this may move it, metres: f32 resolves 0.06 mm here.
 const FAR_M: f64 = 1024.0;
 
 impl Region {
-    /// Moves the anchor to the middle of the region's own awake bodies when that brings all of them much nearer to it. Must be called
-    /// before the first step of a tick, which is for so many ticks.
+    /// Moves the anchor to the middle of the region's own awake bodies when that brings all of them much
+    /// nearer to it. Must be called before the first step of a tick. `span` is the number of ticks of that
+    /// step.
     pub(in crate::physics) fn shift_origin(&mut self, tick: Tick, span: u8) {
         if tick.0 % EVERY_TICKS >= u64::from(span) {
             return;
@@ -30,7 +31,7 @@ impl Region {
     }
 }
 
-/// Returns an anchor nearer to these places, in world space, if the present one is far from them.
+/// Returns an anchor much nearer to these places, in world space, if the present one is far from them.
 pub(in crate::physics) fn better_anchor(
     anchor: [f64; 3],
     places: impl Iterator<Item = [f64; 3]>,
@@ -45,8 +46,9 @@ pub(in crate::physics) fn better_anchor(
     (far_m > FAR_M && reach_m(better) < 0.5 * far_m).then_some(better)
 }
 
-/// Moves the origin of a half-space along its plane to near the region's anchor, if it is far from there: otherwise the points
-/// where it is touched would be rounded as the distance is. `pose` is its body's.
+/// Moves the origin of a half-space along its plane to near the region's anchor, if it is far from there.
+/// Otherwise the points where the plane is touched would be rounded as that distance is. `pose` is its
+/// body's.
 pub(super) fn fetch_plane(collider: &mut Collider, pose: &WorldPose, anchor: [f64; 3]) {
     let Some(plane) = collider.shape().as_halfspace() else { return };
     let local = collider.position_wrt_parent().copied().unwrap_or(Pose::IDENTITY);

@@ -1,15 +1,17 @@
-//! Hashes ids of bodies for a map in which ids that follow one another lie side by side. A program makes and destroys bodies in runs,
-//! and border messages name them in order: of a run, one look-up in the map waits for memory, and not every one.
+//! Hashes body ids for a map in which consecutive ids lie side by side. Programs create and destroy bodies in
+//! runs of ids, and border messages list them in order: per run only one look-up in the map waits for memory.
 
 use std::hash::{BuildHasher, Hasher};
 
 use foldhash::quality::{FoldHasher, RandomState};
 
-/// So many ids lie together. A power of two, no more than a map of the standard library compares at once.
+/// How many consecutive ids lie together. A power of two, at most the number of slots that a map of the
+/// standard library compares at once.
 const RUN: u64 = 16;
 
-/// Builds the hashers of one map, with a seed of its own: peers choose ids, and must not choose which of them share a place.
-/// The faster hasher of the same crate gives runs that follow one another few different high bits, with some seeds.
+/// Builds the hashers of one map, with a seed of its own: peers choose ids, and must not be able to choose
+/// which ids share a slot. With some seeds the faster hasher of the same crate gives consecutive runs few
+/// different high bits.
 #[derive(Clone, Default)]
 pub(super) struct IdHash(RandomState);
 
@@ -38,7 +40,7 @@ impl Hasher for IdHasher {
         self.run.write(bytes);
     }
 
-    /// The low bits of a hash choose the place in the map. By the high ones those of one run are told apart there.
+    /// The low bits of a hash choose the slot in the map. The high bits tell the ids of one run apart there.
     #[inline]
     fn finish(&self) -> u64 {
         ((self.run.finish() & !(RUN - 1)) | self.place) ^ self.place.rotate_right(RUN.trailing_zeros())
@@ -63,7 +65,7 @@ mod tests {
             places.insert(low(&hashes[0]));
             tags.extend(hashes.iter().map(|hash| hash >> 57));
         }
-        // Each bound is missed by chance once in millions of seeds.
+        // Each bound fails by chance once in millions of seeds.
         assert!(places.len() > 55, "runs share {} places of 4,096", places.len());
         assert!(tags.len() > 100, "{} of 128 tags are used", tags.len());
     }

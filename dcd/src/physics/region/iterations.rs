@@ -1,12 +1,12 @@
-//! Notes how long the solver iterations were by which Rapier solved each body last: the impulses that it keeps for joints are those of
-//! one of them. They are shorter where bodies have additional ones.
+//! Records the length of the solver iterations by which Rapier last solved each body, since the impulses that
+//! it keeps for joints are those of one iteration. Iterations are shorter where bodies have additional ones.
 
 use rapier3d::prelude::*;
 
 use super::Region;
 use crate::space::PlaceGroups;
 
-/// Returns the length of each of the iterations that a step has, some of them additional, in seconds.
+/// Returns the length of each iteration of a step that has `additional` iterations more, in seconds.
 pub(super) fn iteration_s(parameters: &IntegrationParameters, additional: usize) -> f32 {
     parameters.dt / (parameters.num_solver_iterations + additional) as f32
 }
@@ -18,8 +18,8 @@ impl Region {
         noted.copied().unwrap_or_else(|| iteration_s(&self.world.integration_parameters, 0))
     }
 
-    /// Notes the length of the iterations of the step that has just been made, for the bodies that are awake after it: all that it solved.
-    /// `before_s` is that of the step before.
+    /// Notes the length of the iterations of the step that was just made, for the bodies that are awake after
+    /// it: these are all that it solved. `before_s` is the length in the step before.
     pub(super) fn note_iterations(&mut self, before_s: f32) {
         if self.joints.is_empty() {
             return;
@@ -37,9 +37,9 @@ impl Region {
         }
     }
 
-    /// Returns how many additional iterations the awake bodies had in the step that has just been made, in Rapier's order; `None` if none
-    /// had any. Rapier gives all bodies that touch or are tied the most that any of them asks for; where there is a multibody, all of the
-    /// region.
+    /// Returns how many additional iterations each awake body had in the step that was just made, in Rapier's
+    /// order; `None` if none had any. Rapier gives all bodies that touch or are tied the most that any of
+    /// them asks for. In a region with a multibody it gives that to all bodies.
     fn additional_iterations(&self) -> Option<Vec<usize>> {
         let world = self.physics();
         let asked = |handle: RigidBodyHandle| world.bodies[handle].additional_solver_iterations();
@@ -60,10 +60,11 @@ impl Region {
         Some(had)
     }
 
-    /// Groups the dynamic ones of these bodies that touch or that impulse joints tie, by their places. What sleeps is not looked at.
+    /// Groups those of these bodies that Rapier solves together, by their places: dynamic ones that touch or
+    /// that impulse joints tie. Sleeping bodies are not looked at.
     fn solved_together(&self, awake: &[RigidBodyHandle]) -> PlaceGroups {
         let world = self.physics();
-        // One more than its place, by Rapier's index; 0: it is not solved.
+        // By Rapier's index: the body's place plus one; 0 if it is not solved.
         let mut places = vec![0_u32; self.slots.len()];
         for (place, &handle) in (1..).zip(awake) {
             let body = &world.bodies[handle];

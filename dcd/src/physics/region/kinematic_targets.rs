@@ -1,6 +1,6 @@
-//! Moves kinematic bodies to their user's targets by the end of the tick, in equal parts over its substeps. Rapier alone would
-//! have them there after the first substep and still in the others, so that bodies they touch would feel a multiple of their
-//! speed.
+//! Moves kinematic bodies to their user's targets by the end of the tick, in equal parts over its substeps.
+//! Rapier alone would move them there in the first substep and stop them in the others, so that the bodies
+//! they touch would feel a multiple of their speed.
 
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -11,11 +11,11 @@ use crate::protocol::BodyKind;
 /// The kinematic bodies of a region, their targets, and how many substeps of the tick are done.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct KinematicTargets {
-    /// Bodies that are kinematic by position, in the order of insertion into the region. Those that are forgotten stay until the next tick
-    /// begins: to take each out at once would take as long as there are others.
+    /// Bodies that are kinematic by position, in order of insertion into the region. A forgotten body stays
+    /// here until the next tick begins: taking each out at once would take time in proportion to the others.
     bodies: Vec<Noted>,
-    /// By Rapier's body index: the number by which it is noted as kinematic, by position or by velocity, 0 if it is not; and how
-    /// many are.
+    /// By Rapier's body index: the number by which the body is noted as kinematic, by position or by
+    /// velocity; 0 if it is not. `count` is how many are.
     kinematic: Vec<u32>,
     count: usize,
     /// The number that was given last.
@@ -24,7 +24,7 @@ pub(super) struct KinematicTargets {
     done: usize,
 }
 
-/// A body that is kinematic, and the number by which it was noted: it is forgotten once its index has another.
+/// A kinematic body, and the number by which it was noted. It is forgotten once its index has another number.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Noted {
     handle: RigidBodyHandle,
@@ -40,7 +40,7 @@ impl KinematicTargets {
             if self.kinematic.len() <= index {
                 self.kinematic.resize(index + 1, 0);
             }
-            // A number that is given again is forgotten long since: lists are cleared in every tick.
+            // When a number is given again it has long been forgotten: lists are cleared in every tick.
             self.last = self.last.wrapping_add(1).max(1);
             self.kinematic[index] = self.last;
             self.count += 1;
@@ -63,7 +63,7 @@ impl KinematicTargets {
         }
     }
 
-    /// Returns whether a body is what it was noted as.
+    /// Returns whether a body is still what it was noted as.
     fn holds(&self, noted: Noted) -> bool {
         #[cfg(test)]
         tests::LOOKS.set(tests::LOOKS.get() + 1);
@@ -75,7 +75,7 @@ impl KinematicTargets {
         self.done == 0
     }
 
-    /// Gives up the tick under way.
+    /// Gives up the tick under way: the next substep begins one.
     pub(super) fn reset(&mut self) {
         (self.done, self.targets) = (0, Vec::new());
     }
@@ -106,7 +106,8 @@ pub(super) fn approach(region: &mut Region, steps: usize) {
     region.targets = targets;
 }
 
-/// Returns the pose after one of `parts` equal parts of the way: the centre of mass in a straight line, as Rapier takes it.
+/// Returns the pose after one of `parts` equal parts of the way. The centre of mass moves in a straight line,
+/// as in Rapier.
 fn part_of_way(body: &RigidBody, target: &Pose, parts: usize) -> Pose {
     if parts == 1 {
         return *target;
@@ -126,7 +127,7 @@ mod tests {
     use crate::runtime::{LocalWorld, WorldConfig};
 
     thread_local! {
-        /// How often a body was looked at, whether it is kinematic still.
+        /// How often a body was checked for being kinematic still.
         pub(super) static LOOKS: Cell<usize> = const { Cell::new(0) };
     }
 
@@ -145,7 +146,7 @@ mod tests {
         for &id in &doors[1..] {
             world.remove(id).unwrap();
         }
-        // One more takes the place of one that is gone, in Rapier too; another is noted twice.
+        // A new body takes the place of one that is gone, in Rapier too; another one is noted twice.
         let last = door(&mut world, 1);
         for kind in [RigidBodyType::Dynamic, RigidBodyType::KinematicPositionBased] {
             world.update(doors[0], |body| body.set_body_type(kind, true)).unwrap();

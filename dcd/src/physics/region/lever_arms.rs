@@ -1,6 +1,7 @@
-//! Finds how bodies lay when Rapier last found the contacts between them. It keeps the lever arms of contacts as they were then, until
-//! the bodies have moved against each other by some centimetres, and tall stacks under load stand by that. Where their contacts are found
-//! anew, in another region, they must be found as the bodies lay then, or the stack leans farther each time and falls.
+//! Finds how bodies lay when Rapier last found the contacts between them. Rapier keeps the lever arms of
+//! contacts as they were then, until the bodies have moved against each other by some centimetres, and tall
+//! stacks under load depend on that. Where another region finds the contacts anew, it must find them as the
+//! bodies lay then, or the stack leans farther each time and falls.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BinaryHeap};
@@ -11,30 +12,33 @@ use rapier3d::prelude::*;
 use super::{BodyRef, Region};
 use crate::space::{Tick, mixed};
 
-/// Where a body lay farther away than this from where it is, in metres, or was turned by more, in radians, the island stays as it is.
+/// The farthest that a body may have lain from where it is, in metres, and have been turned, in radians.
+/// Beyond that the island stays as it is.
 const FARTHEST_M: f32 = 0.5;
 const FARTHEST_RAD: f32 = 0.25;
-/// Where two bodies that press on each other move against each other by more than this, in m/s, they do not rest on one another, and nothing is
-/// gained.
+/// Two bodies that press on each other and move against each other by more than this, in m/s, do not rest on
+/// one another, and nothing is gained.
 const LIVELY_M_S: f32 = 0.5;
-/// Each body is put aside by up to this part of its lever arms, since contacts of faces that lie exactly on one another lose corners to
-/// rounding: two pairs of cubes in five one corner, if they are off by a ten-millionth; one in a thousand, if by up to a thousandth.
+/// The part of its reach by which each body is put aside at most, since contacts of faces that lie exactly on
+/// one another lose corners to rounding. Two pairs of cubes in five lose a corner if they are off by a
+/// ten-millionth, one pair in a thousand if they are off by up to a thousandth.
 const ASIDE: f32 = 3e-4;
-/// How often bodies are put aside another way where contacts are lost all the same.
+/// How many ways of putting bodies aside are tried where contacts are lost all the same.
 const ATTEMPTS: u64 = 4;
-/// Steps by which a rotation is fitted to lever arms: an angle of a tenth is right to rounding after three.
+/// The steps by which a rotation is fitted to lever arms. An angle of a tenth is right to rounding after
+/// three.
 const FIT_STEPS: usize = 3;
 
-/// The bodies of an island, then what carries them, and which of them press on each other.
+/// The bodies of an island, then those that carry it, and which of them press on each other.
 #[derive(Default)]
 struct Stack {
     bodies: Vec<RigidBodyHandle>,
-    /// How many of these are the island's.
+    /// How many of `bodies` belong to the island.
     members: usize,
-    /// By the raw parts of a body's handle: its place in `bodies`.
+    /// The place in `bodies` of each body, by the raw parts of its handle.
     places: BTreeMap<(u32, u32), usize>,
     pressing: Vec<Pressing>,
-    /// By place: the pairs that it belongs to.
+    /// By place: the indices in `pressing` of the pairs to which the body belongs.
     pairs: Vec<Vec<usize>>,
 }
 
@@ -44,11 +48,11 @@ struct Pressing {
     ends: [usize; 2],
     colliders: [ColliderHandle; 2],
     impulse_ns: f32,
-    /// How many contacts they have, each at another place; 0 where these come from several manifolds.
+    /// The number of contacts, each at another place; 0 if they come from several manifolds.
     contacts: usize,
     rotations: [Rotation; 2],
-    /// From the centre of mass of the first to that of the second; from the region's origin where the first is fixed, and to it where the
-    /// second is.
+    /// The way from the centre of mass of the first to that of the second. For a fixed body, the region's
+    /// origin takes the place of its centre.
     apart: Vector,
 }
 
@@ -59,12 +63,12 @@ struct Placed {
     centre: Vector,
 }
 
-/// Pairs of which one body is placed, the heaviest first: impulses are not negative, so that their bits are in their order. Of equal ones the
-/// first counts.
+/// Pairs of which one body is placed, the heaviest first. Impulses are not negative, so their bits are in
+/// their order. Of equal pairs the first comes first.
 type Open = BinaryHeap<(u32, Reverse<usize>)>;
 
 impl Stack {
-    /// Enters a body, unless it is there. Returns its place.
+    /// Adds a body, unless it is there. Returns its place.
     fn enter(&mut self, body: RigidBodyHandle) -> usize {
         let place = *self.places.entry(body.into_raw_parts()).or_insert(self.bodies.len());
         if place == self.bodies.len() {
@@ -81,8 +85,8 @@ impl Stack {
         self.pressing.push(pressing);
     }
 
-    /// Returns where all lay, by place: what carries lies as it does, and each of the others as its heaviest contact with what is placed
-    /// has it. `lies` tells how a body lies now.
+    /// Returns where all bodies lay, by place. Carriers lie as they do now. Each other body lies as its
+    /// heaviest contact with a placed body has it. `lies` returns how a body lies now.
     fn lay(&self, lies: impl Fn(RigidBodyHandle) -> Placed) -> Vec<Placed> {
         let mut placed = vec![None; self.bodies.len()];
         let mut open = BinaryHeap::new();
@@ -101,7 +105,7 @@ impl Stack {
         placed.into_iter().flatten().collect()
     }
 
-    /// Places whatever presses, directly or over others, on what is placed.
+    /// Places whatever presses, directly or through others, on a placed body.
     fn spread(&self, placed: &mut [Option<Placed>], open: &mut Open) {
         while let Some((_, Reverse(pair))) = open.pop() {
             let Pressing { ends, apart, rotations, .. } = &self.pressing[pair];
@@ -123,8 +127,8 @@ impl Stack {
 }
 
 impl Region {
-    /// Returns how the bodies of an island lay, one against the other and on what carries them, when the contacts between them were found;
-    /// nothing where that is not known for all.
+    /// Returns how the bodies of an island lay, one against the other and on what carries them, when the
+    /// contacts between them were found; nothing unless that is known for all.
     pub(in crate::physics) fn contact_poses(
         &self,
         island: &[BodyRef],
@@ -146,8 +150,8 @@ impl Region {
         lay
     }
 
-    /// Finds what presses on the bodies of an island; `None` where one of them is tied, bodies bounce off each other, or something belongs to
-    /// another island.
+    /// Finds what presses on the bodies of an island. Returns `None` if one of them is not dynamic or is
+    /// tied, if bodies bounce off each other, or if one that presses belongs to another island.
     fn stack(&self, island: &[BodyRef]) -> Option<Stack> {
         let mut stack = Stack::default();
         for link in island {
@@ -174,7 +178,7 @@ impl Region {
                     if is_strange || (speed(first) - speed(second)).length() > LIVELY_M_S {
                         return None;
                     }
-                    // Of two members the first collider's sees the pair.
+                    // The pair of two members is entered once, from its first collider.
                     if pair.collider1 == collider || place >= stack.members {
                         let ends = [stack.enter(first), stack.enter(second)];
                         stack.press(self.pressing(pair, ends, [first, second])?);
@@ -195,7 +199,7 @@ impl Region {
         let (mut arms, mut apart) = ([Vec::new(), Vec::new()], None);
         let is_fixed = bodies.map(|body| self.world.bodies[body].is_fixed());
         for manifold in pair.solver_manifolds() {
-            // Who dominates is computed as if it were fixed.
+            // A body that dominates is computed as if it were fixed.
             if manifold.data.relative_dominance != 0 && is_fixed == [false, false] {
                 return None;
             }
@@ -219,14 +223,15 @@ impl Region {
         Some(Pressing { ends, colliders, impulse_ns, contacts, rotations, apart: apart? })
     }
 
-    /// Returns how a body lies. The lever arms of what is fixed begin at the origin.
+    /// Returns how a body lies now. The lever arms of a fixed body begin at the origin.
     fn lies(&self, handle: RigidBodyHandle) -> Placed {
         let body = &self.world.bodies[handle];
         let centre = if body.is_fixed() { Vector::ZERO } else { body.center_of_mass() };
         Placed { rotation: *body.rotation(), centre }
     }
 
-    /// Returns the poses of the bodies that can move, each put aside a little; `None` where one is too far from where it is.
+    /// Returns the poses of the island's bodies, each put aside a little; `None` if one is too far from where
+    /// it is.
     fn put_aside(&self, stack: &Stack, placed: &[Placed], seed: u64) -> Option<Vec<(RigidBodyHandle, Pose)>> {
         let mut lay = Vec::new();
         for (&handle, one) in stack.bodies.iter().zip(placed).take(stack.members) {
@@ -235,7 +240,7 @@ impl Region {
             let aside = self.aside(handle, seed);
             let pose = Pose::from_parts(one.centre + aside - one.rotation * centre, one.rotation);
             let (moved_m, turned_rad) = apart(body.position(), &pose);
-            // Not so where it is not a number, either.
+            // Negated, so that a NaN is refused too.
             if !(moved_m <= FARTHEST_M && turned_rad <= FARTHEST_RAD) {
                 return None;
             }
@@ -244,7 +249,7 @@ impl Region {
         Some(lay)
     }
 
-    /// Returns how far a body is put aside, another way each time, so that it does not go ever farther.
+    /// Returns how far a body is put aside: another way for each `seed`, so that it does not go ever farther.
     pub(super) fn aside(&self, handle: RigidBodyHandle, seed: u64) -> Vector {
         let slot = self.slot(handle);
         let seed = mixed(seed ^ slot.id.bits());
@@ -253,7 +258,8 @@ impl Region {
         Vector::new(axis(0), axis(1), axis(2)) * (ASIDE * slot.reach_m.min(1.0))
     }
 
-    /// Returns whether two bodies have as many contacts, each at another place, where they lay as they have now.
+    /// Returns whether two bodies have at least as many contacts, each at another place, where they lay as
+    /// they have now.
     fn keeps_contacts(&self, stack: &Stack, pressing: &Pressing, lay: &[(RigidBodyHandle, Pose)]) -> bool {
         if pressing.contacts == 0 {
             return true;
@@ -282,7 +288,8 @@ impl Region {
     }
 }
 
-/// Returns how many of these points are at different places, by a hundredth of how far they reach.
+/// Returns how many of these points are at different places: farther apart than a hundredth of how far the
+/// points reach.
 fn distinct(points: impl Iterator<Item = Vector>) -> usize {
     let points: Vec<_> = points.collect();
     let reach = points.iter().map(|point| point.length()).fold(0.0, f32::max);
@@ -297,8 +304,8 @@ fn apart(from: &Pose, to: &Pose) -> (f32, f32) {
     ((to.translation - from.translation).length(), angle)
 }
 
-/// Returns the rotation next to a first guess that turns the first of each pair of vectors into the second, by least squares. What these do
-/// not determine, such as a turn around their only direction, is left as guessed.
+/// Returns the rotation next to a first guess that turns the first of each pair of vectors into the second,
+/// by least squares. What the pairs leave open, such as a turn around their only direction, stays as guessed.
 fn fitted(guess: Rotation, arms: &[(Vector, Vector)]) -> Rotation {
     let mut rotation = guess;
     for _ in 0..FIT_STEPS {
@@ -334,8 +341,8 @@ mod tests {
     use crate::scene::{Params, Scene};
     use crate::space::{Axis, Bounds, DistributionTree};
 
-    /// Returns the largest speed of a body against what carries it over borders at 6 m/s, from two and a half seconds on, in m/s, and whether
-    /// the last region owns all in the end.
+    /// Returns the largest speed of a body against what carries it over borders at 6 m/s, from two and a half
+    /// seconds on, in m/s. Also returns whether the last region owns all bodies in the end.
     fn ride(scene: &Scene, borders_m: &[f64], seconds: usize) -> (f32, bool) {
         let mut scene = scene.clone();
         let speed = Vector::new(6.0, 0.0, 0.0);
@@ -388,8 +395,8 @@ mod tests {
         rides_as_in_one_world("pyramid", &Params::new().with("base", 8).with("gap", 0));
     }
 
-    /// Returns how many of 2,000 pairs of cubes, one on the other, have contacts at fewer than four corners, where they are turned by up to so
-    /// much, in radians, and aside by up to so much, in metres.
+    /// Returns how many of 2,000 pairs of cubes, one on the other, have contacts at fewer than four corners,
+    /// if they are turned by up to `turn_rad` radians and put aside by up to `aside_m` metres.
     fn without_a_corner(turn_rad: f32, aside_m: f32) -> usize {
         let cube = Cuboid::new(Vector::splat(0.5));
         let mut seed = 1;
@@ -411,7 +418,7 @@ mod tests {
         lose
     }
 
-    /// Shows why bodies are put aside: where this fails, parry has learnt better.
+    /// Shows why bodies are put aside. If this fails, Parry has improved.
     #[test]
     fn faces_that_are_nearly_flush_lose_contacts_unless_they_are_put_aside() {
         let flush = without_a_corner(1e-7, 0.0);

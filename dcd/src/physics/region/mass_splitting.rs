@@ -1,5 +1,6 @@
-//! Splits the mass of a body among its copies in several regions: each copy that is not a ghost has a part of the mass and of the
-//! user's force, and is pushed by a force that makes up for missing neighbours at the edge of an overlap.
+//! Splits the mass of a body among its copies in several regions. Each copy that counts has a part of the
+//! mass and of the user's force. It is also pushed by a force that makes up for missing neighbours at the
+//! edge of an overlap.
 
 use rapier3d::dynamics::RigidBodyAdditionalMassProps;
 use rapier3d::prelude::*;
@@ -10,24 +11,27 @@ use crate::physics::record;
 use crate::protocol::{BodyKind, BodyTraits, ColliderMass, ExtraMass, MassRecord};
 use crate::space::RegionSet;
 
-/// A remembered force may grow by this factor per step; more is an impact, and no load to be evened out.
+/// The factor by which a remembered force may grow per step. More is an impact, not a load to be evened out.
 const IMPACT: f32 = 4.0;
-/// The memory of forces follows in this part of a tick, however many exchanges the tick has. Contact forces of shorter steps
-/// are rougher, and copies that answer to them at once drive each other apart: four exchanges squeezed boxes out from under a
-/// hundred courses and felled towers of 100:1, eight those of 10:1, all of which two held.
+/// The part of a tick in which the memory of forces follows, however many exchanges the tick has. Contact
+/// forces of shorter steps are rougher, and copies that answer them at once drive each other apart. Four
+/// exchanges squeezed boxes out from under a hundred courses and felled towers of 100:1, eight felled those
+/// of 10:1; two held all of these.
 const FORCE_MEMORY_TICKS: f32 = 0.5;
-/// By how much at most the memory of torques follows in an exchange. With more than two exchanges per tick it must follow still
-/// more slowly than that of forces: by the square it held with up to sixteen; in proportion, it fell with eight.
+/// The most by which the memory of torques follows in an exchange. With more than two exchanges per tick it
+/// must follow still more slowly than that of forces. Slowed by the square, it held with up to sixteen
+/// exchanges; in proportion, it fell with eight.
 const TORQUE_MEMORY: f32 = 0.3;
 
 /// The split of one body's mass and user's force among regions, and the forces on the copy here.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(in crate::physics) struct MassSplit {
-    /// The regions whose copies have a part of the mass; without this one, the copy here is a ghost.
+    /// The regions whose copies have a part of the mass. If this region is not among them, the copy here is a
+    /// ghost that only follows.
     pub among: RegionSet,
-    /// Into how many parts the mass is split, of which the copy here has one.
+    /// The number of parts into which the mass is split, of which the copy here has one.
     parts: usize,
-    /// Rapier has quarantined the copy here, as its numbers were no longer finite.
+    /// Whether Rapier has quarantined the copy here, because its numbers were no longer finite.
     broken: bool,
     /// The user's force and torque on the whole body.
     user_force: Vector,
@@ -43,7 +47,7 @@ pub(in crate::physics) struct MassSplit {
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Start {
     linear: Vector,
-    /// As gyroscopic forces alone would have it at the end.
+    /// The angular velocity as gyroscopic forces alone would have it at the end.
     angular: Vector,
     elapsed_s: f32,
 }
@@ -62,12 +66,14 @@ impl MassSplit {
         }
     }
 
-    /// Returns whether the mass is split among several copies; else the owner's copy has all of it, and the others are ghosts.
+    /// Returns whether the mass is split among several copies. If not, the owner's copy counts alone, and the
+    /// others are ghosts that follow.
     pub(in crate::physics) fn is_split(&self) -> bool {
         self.among.len() > 1
     }
 
-    /// Returns the linear velocity with which the copy began the steps since the last exchange; none before the first.
+    /// Returns the linear velocity with which the copy began the steps since the last exchange; none before
+    /// the first.
     pub(in crate::physics) fn began_with(&self) -> Option<Vector> {
         self.start.map(|start| start.linear)
     }
@@ -89,7 +95,8 @@ impl Region {
         self.slot_mut(handle).mass_split.as_deref_mut()
     }
 
-    /// Begins a mass split for a copy that has come to be held here whole, or is announced anew: all force on it is its user's.
+    /// Begins a mass split for a copy that has come to be held here whole, or is announced anew. All force on
+    /// it is its user's.
     pub(in crate::physics) fn begin_mass_split(&mut self, handle: RigidBodyHandle) {
         let rank = self.rank;
         let whole = MassSplit::whole(&self.world.bodies[handle], rank);
@@ -98,7 +105,8 @@ impl Region {
         (mass_split.user_force, mass_split.user_torque) = (force, torque);
     }
 
-    /// Splits the mass of a body among these regions: from now on the copy here has its part of the mass and of joints' forces.
+    /// Splits the mass of a body among these regions. From now on the copy here has its part of the mass and
+    /// of joints' forces.
     pub(in crate::physics) fn split_mass_among(&mut self, handle: RigidBodyHandle, among: RegionSet) {
         if self.mass_split(handle).is_none() {
             let whole = MassSplit::whole(&self.world.bodies[handle], self.rank);
@@ -115,7 +123,8 @@ impl Region {
         }
     }
 
-    /// Ends the mass split of a body that this region alone holds from now on: it has all of its mass and only its user's force.
+    /// Ends the mass split of a body that this region alone holds from now on. It has all of its mass and
+    /// only its user's force.
     pub(in crate::physics) fn undivide(&mut self, handle: RigidBodyHandle) {
         self.split_mass_among(handle, RegionSet::only(self.rank));
         self.push(handle, Vector::ZERO, Vector::ZERO);
@@ -123,14 +132,16 @@ impl Region {
         self.slot_mut(handle).mass_split = None;
     }
 
-    /// Sets the force and torque that even out the edges of the overlap on a copy here, in N and N m, from the next step on.
+    /// Sets the force and torque on a copy here that even out the edges of the overlap, in N and N m, from
+    /// the next step on.
     pub(in crate::physics) fn push(&mut self, handle: RigidBodyHandle, push: Vector, twist: Vector) {
         if let Some(mass_split) = self.mass_split_mut(handle) {
             (mass_split.push, mass_split.twist) = (push, twist);
         }
     }
 
-    /// Prepares a copy for a step: applies the forces on it, and notes its velocities if it is the first since the last exchange.
+    /// Prepares a copy for a step: applies the forces on it. In the first step since the last exchange, also
+    /// notes its velocities.
     pub(in crate::physics) fn prepare_copy(&mut self, handle: RigidBodyHandle, dt_s: f32) {
         let body = &self.world.bodies[handle];
         if !body.is_dynamic() || body.is_sleeping() {
@@ -143,14 +154,15 @@ impl Region {
         self.press(handle);
     }
 
-    /// Ends the steps since the last exchange: the next ones are measured from the copy's velocities then.
+    /// Ends the steps since the last exchange. The next ones are measured from the copy's velocities at their
+    /// beginning.
     pub(in crate::physics) fn restart_copy(&mut self, handle: RigidBodyHandle) {
         if let Some(mass_split) = self.mass_split_mut(handle) {
             mass_split.start = None;
         }
     }
 
-    /// Enables a copy that Rapier has quarantined, to be written.
+    /// Enables a copy that Rapier has quarantined, so that it can be written.
     pub(in crate::physics) fn mend_copy(&mut self, handle: RigidBodyHandle) {
         if self.mass_split_mut(handle).is_some_and(|mass_split| std::mem::take(&mut mass_split.broken)) {
             self.world_mut().bodies[handle].set_enabled(true);
@@ -159,7 +171,8 @@ impl Region {
         }
     }
 
-    /// Gives up a body whose copies Rapier has all quarantined: it stays disabled until its user enables it.
+    /// Gives up a body of which Rapier has quarantined all copies: it stays disabled until its user enables
+    /// it.
     pub(in crate::physics) fn give_up_copies(&mut self, handle: RigidBodyHandle) {
         if let Some(mass_split) = self.mass_split_mut(handle) {
             (mass_split.user_force, mass_split.user_torque) = (Vector::ZERO, Vector::ZERO);
@@ -167,7 +180,8 @@ impl Region {
         self.read_disabled(handle);
     }
 
-    /// Notes that Rapier has quarantined a copy that was no longer finite. Where regions share the body, the other copies decide.
+    /// Notes that Rapier has quarantined a copy that was no longer finite. If several regions hold the body,
+    /// the other copies decide.
     pub(super) fn set_aside(&mut self, handle: RigidBodyHandle) {
         let Some(slot) = self.slot_at(handle) else { return };
         self.quarantined.push(slot.id);
@@ -178,15 +192,16 @@ impl Region {
         }
     }
 
-    /// Reads the traits of a body that Rapier has disabled, without what only the fidelity of its region gave it.
+    /// Reads the traits of a body that Rapier has disabled, without what only [`Region::refine`] gave it.
     fn read_disabled(&mut self, handle: RigidBodyHandle) {
         self.unrefine(handle);
         self.refresh(handle);
         self.tie_anew(handle);
     }
 
-    /// Returns the smoothed force and torque of contacts and joints on a copy: measured since the last exchange as what moved it
-    /// besides gravity and the forces applied here, and low-pass filtered from the values `before`.
+    /// Returns the smoothed force and torque of contacts and joints on a copy. They are measured since the
+    /// last exchange, as what moved the copy besides gravity and the forces applied here, and low-pass
+    /// filtered from the values `before`.
     pub(in crate::physics) fn strain(
         &self,
         handle: RigidBodyHandle,
@@ -221,14 +236,16 @@ impl Region {
         self.mass_split(handle).map(|mass_split| (mass_split.user_force, mass_split.user_torque))
     }
 
-    /// Returns into how many parts the mass of a body held here is split: Rapier's body in each region that counts has one of them.
+    /// Returns the number of parts into which the mass of a body held here is split. Rapier's body in each
+    /// region that counts has one of them.
     pub fn share_of(&self, handle: RigidBodyHandle) -> usize {
         self.slot_at(handle)
             .and_then(|slot| slot.mass_split.as_deref())
             .map_or(1, |mass_split| mass_split.parts)
     }
 
-    /// Returns whether the copy of a body here has a part of the mass; a ghost has none and only follows the copies that do.
+    /// Returns whether the copy of a body here counts: whether it is one of those among which the mass is
+    /// split. Any other copy is a ghost that only follows them.
     pub(in crate::physics) fn counts(&self, handle: RigidBodyHandle) -> bool {
         let mass_split = self.slot_at(handle).and_then(|slot| slot.mass_split.as_deref());
         mass_split.is_none_or(|mass_split| mass_split.among.contains(self.rank))
@@ -253,7 +270,8 @@ impl Region {
         body.add_torque(torque, false);
     }
 
-    /// Lets a user see and change the body whole: with all of its mass and only the user's forces. Reads its traits anew.
+    /// Lets a user see and change the body whole: with all of its mass and only the user's forces. Reads its
+    /// traits anew.
     pub(super) fn change_whole<R>(
         &mut self,
         handle: RigidBodyHandle,
@@ -271,8 +289,8 @@ impl Region {
             return result;
         };
         let before = self.lift(handle);
-        // To change colliders would wake the body, which its user may only look at, or have put to sleep. So all of the mass
-        // is set as the body's mass besides its colliders.
+        // Changing colliders would wake the body, though its user may only look at it, or have put it to
+        // sleep. So all of the mass is set as extra mass of the body, and its colliders count for none.
         let all = all_of(self.world.bodies[handle].mass_properties().local_mprops, parts);
         let body = &mut self.world_mut().bodies[handle];
         if parts > 1 {
@@ -334,7 +352,7 @@ impl Region {
         (mass_split.user_force, mass_split.user_torque) = (force, torque);
         (mass_split.push, mass_split.twist) = before;
         mass_split.parts = parts;
-        // What the user did is no contact's doing.
+        // The user's change must not be taken for a contact force.
         (mass_split.start, mass_split.broken) = (None, false);
         self.press(handle);
     }

@@ -1,9 +1,9 @@
-//! Keeps a second BVH for queries, of colliders that are not where Rapier's broad phase has them: their bodies were inserted, moved
-//! or changed since the last step.
+//! Keeps a second BVH for queries, of the colliders that are not where Rapier's broad phase has them because
+//! their bodies were inserted, moved or changed since the last step.
 //!
-//! Rapier takes such changes in when it steps. Queries must not wait for that, and must not do it either: a tree that is brought
-//! up to date early orders pairs otherwise, so that a query would change the bits of what follows. So queries have a tree of
-//! their own for these colliders, made at the first query.
+//! Rapier takes in such changes when it steps. Queries must not wait for that, nor cause it: a tree that is
+//! brought up to date early orders pairs otherwise, so that a query would change the bits of what follows. So
+//! queries have a tree of their own for these colliders, made at the first query.
 
 use std::collections::HashMap;
 
@@ -19,18 +19,19 @@ use crate::space::Bounds;
 pub(in crate::physics) struct Moved {
     pub(in crate::physics) bvh: Bvh,
     pub(in crate::physics) colliders: ColliderSet,
-    /// By Rapier's index of the copy.
+    /// The original of each copy, by Rapier's index of the copy.
     originals: HashMap<u32, ColliderHandle>,
     copies: HashMap<ColliderHandle, ColliderHandle>,
     /// Rapier's indices of the bodies, ascending.
     bodies: Vec<u32>,
-    /// A box around all colliders of the region, in world space, these and those that stayed; none if there are none. Each ray asks all regions
-    /// for it.
+    /// A box around all colliders of the region, moved or not, in world space; none if there are none. Each
+    /// ray asks all regions for it.
     pub(in crate::physics) extent: Option<Bounds>,
 }
 
 impl Moved {
-    /// Collects the colliders of bodies that were `touched` since the last step, and of shared bodies that the coupling moved.
+    /// Collects the colliders of bodies that were `touched` since the last step, and of shared bodies that
+    /// the coupling moved.
     pub(in crate::physics) fn of(region: &Region, touched: &[RigidBodyHandle]) -> Self {
         let world = region.physics();
         let shared = region.shared.iter().map(|link| link.handle).filter(|&handle| strayed(world, handle));
@@ -43,7 +44,7 @@ impl Moved {
         moved
     }
 
-    /// Adds the colliders of a body; or moves, adds and removes what is here of it already.
+    /// Adds the colliders of a body, or updates those that are here already.
     pub(super) fn add(&mut self, region: &Region, handle: RigidBodyHandle) {
         let role = region.role_of(handle).map(|(_, role)| role);
         let (Some(Ownership::Owner | Ownership::Immovable), Some(body)) =
@@ -60,7 +61,7 @@ impl Moved {
         for (&original, record) in body.colliders().iter().zip(wanted) {
             let collider = &region.physics().colliders[original];
             let place = place(body, collider);
-            // Wider, as in Rapier's own tree: shapes may touch by rounding where their boxes do not.
+            // Loosened, as in Rapier's own tree: shapes may touch by rounding where their boxes do not.
             let aabb = collider.shape().compute_aabb(&place).loosened(0.01);
             if body.is_enabled() && record.enabled && aabb.mins.is_finite() && aabb.maxs.is_finite() {
                 let copy = self.copy(original, collider);
@@ -72,7 +73,7 @@ impl Moved {
         }
     }
 
-    /// Measures the extent of the region, after all that was added.
+    /// Computes the extent of the region, once all colliders are added.
     pub(super) fn measure(&mut self, region: &Region) {
         let trees = [region.physics().query_pipeline().bvh, &self.bvh];
         let boxes = trees.into_iter().filter(|bvh| !bvh.is_empty());
@@ -88,18 +89,18 @@ impl Moved {
         })
     }
 
-    /// Returns whether a body is among them, and not to be looked for in Rapier's own tree.
+    /// Returns whether a body's colliders are in this tree, and not to be looked for in Rapier's own.
     pub(in crate::physics) fn holds(&self, body: RigidBodyHandle) -> bool {
         self.bodies.binary_search(&body.into_raw_parts().0).is_ok()
     }
 
-    /// Returns Rapier's own collider, of which this one is a copy.
+    /// Returns Rapier's own collider of which this one is a copy.
     pub(in crate::physics) fn original(&self, copy: ColliderHandle) -> ColliderHandle {
         self.originals[&copy.into_raw_parts().0]
     }
 }
 
-/// Returns whether a body has been put elsewhere than its colliders are.
+/// Returns whether a body has been moved since its colliders were placed.
 fn strayed(world: &PhysicsWorld, handle: RigidBodyHandle) -> bool {
     let body = &world.bodies[handle];
     body.colliders().iter().any(|&collider| {
@@ -148,7 +149,7 @@ mod tests {
             host.update(agent, |body| body.set_gravity_scale(0.5, true)).unwrap();
             assert_eq!(copies(&host), 0);
         }
-        // One that is put elsewhere, twice; one that is no longer there; and one that comes.
+        // A body that is put elsewhere, twice; one that is no longer there; and one that comes.
         for x in [-9.0, -7.0] {
             host.teleport(agents[3], WorldPose::at([x, 0.0, 0.0])).unwrap();
             host.push(&Push::impulse(agents[3], [0.0, 0.0, 1.0]));

@@ -1,5 +1,5 @@
-//! Changes a region's cell, rank and origin (anchor), finds which immovable bodies it must hold, and measures its load: what
-//! changes as the tree follows the load, and the floating origin the bodies.
+//! Changes a region's cell, rank and floating origin (the anchor), as the tree follows the load and the
+//! anchor follows the bodies. Finds which immovable bodies the region must hold, and measures its load.
 
 use std::time::Duration;
 
@@ -11,14 +11,14 @@ use crate::physics::partition::HUB_REACH_M;
 use crate::physics::rank_remap::RankRemap;
 use crate::space::{BodyId, Bounds, Cell, RegionSet};
 
-/// A sleeping body may lie so far outside the cell without being woken.
+/// How far outside the cell a sleeping body may lie without being woken, metres.
 const LEFT_BEHIND_M: f64 = 2.0 * HUB_REACH_M as f64;
 
-/// How much the last tick counts in the mean time of a tick.
+/// The weight of the last tick in the mean time of a tick.
 const TIME_MEMORY: f64 = 0.1;
 
 impl Region {
-    /// Sets the cell, after a plane has moved: the coupling checks all bodies here anew.
+    /// Sets the cell after a plane has moved. The coupling then checks all bodies here anew.
     pub(in crate::physics) fn set_cell(&mut self, cell: Cell) {
         self.cell = cell;
         self.passed_over = true;
@@ -26,7 +26,7 @@ impl Region {
         self.due.fill(0);
     }
 
-    /// Translates all ranks; its own id may have changed too.
+    /// Translates all ranks after a rank remap. The region's own id may have changed too.
     pub(in crate::physics) fn remap_ranks(&mut self, ranks: &RankRemap) {
         self.rank = ranks.rank(self.rank);
         self.id = ranks.leaves[self.rank];
@@ -43,19 +43,20 @@ impl Region {
         }
     }
 
-    /// Returns whether it holds anything that can move.
+    /// Returns whether the region holds anything that can move.
     pub(in crate::physics) fn holds_movable(&self) -> bool {
         self.slots.iter().flatten().any(|slot| slot.role != Ownership::Immovable)
     }
 
-    /// Returns whether it has still to report that contacts ended.
+    /// Returns whether the region has yet to report that contacts ended.
     pub(in crate::physics) fn owes_word(&self) -> bool {
         self.listener.owes_word()
     }
 
-    /// Wakes bodies that sleep far outside the cell, once after a plane has passed over them, so that they move to their region. Those
-    /// that lie nearer stay this region's, unless a region that is being emptied holds them too; so do islands that lie in this one by
-    /// a part that is large enough.
+    /// Wakes sleeping bodies that should move to another region. These are the bodies far outside the cell,
+    /// once after a plane has passed over them or while this region is being emptied, and those that a region
+    /// in `leaving`, which is being emptied, holds too. Other bodies nearer to the cell stay here. So do
+    /// islands of which a large enough part lies in this region.
     pub(in crate::physics) fn wake_left_behind(&mut self, leaving: RegionSet) {
         let was_passed_over = std::mem::take(&mut self.passed_over) || leaving.contains(self.rank);
         if !was_passed_over && leaving.is_empty() {
@@ -71,7 +72,7 @@ impl Region {
         }
     }
 
-    /// Returns its own bodies that do not move by themselves, in id order: they sleep, or are disabled.
+    /// Returns the region's own bodies that sleep or are disabled, in id order.
     pub(in crate::physics) fn own_resting(&self) -> Vec<RigidBodyHandle> {
         let owned = self.slots.iter().flatten().filter(|slot| slot.role == Ownership::Owner);
         let mut resting: Vec<_> =
@@ -86,8 +87,8 @@ impl Region {
         resting.into_iter().map(|link| link.handle).collect()
     }
 
-    /// Returns the load as a count: its own bodies that are awake, and their contacts. Copies of others' bodies are left out, since
-    /// their number depends on where planes are: planes that moved by them would swing.
+    /// Returns the load as a count: the region's own awake bodies, and their contacts. Ghosts are left out:
+    /// their number depends on where planes are, so planes that were moved by it would swing.
     pub(in crate::physics) fn activity(&self) -> f64 {
         let counts = |handle: RigidBodyHandle| {
             let owned = self.slot_at(handle).is_some_and(|slot| slot.role == Ownership::Owner);
@@ -110,7 +111,7 @@ impl Region {
         (bodies + colliders.map(contacts).sum::<usize>()) as f64
     }
 
-    /// Returns the centres of its own awake bodies, in world space.
+    /// Returns the centres of mass of the region's own awake bodies, in world space.
     pub(in crate::physics) fn awake_places(&self) -> impl Iterator<Item = (BodyId, [f64; 3])> {
         self.world.islands.active_bodies().filter_map(|handle| match self.role_of(handle) {
             Some((id, Ownership::Owner)) => Some((id, self.centre_of(handle))),
@@ -123,7 +124,7 @@ impl Region {
         convert::world_point(self.anchor, self.world.bodies[handle].center_of_mass())
     }
 
-    /// Adds up the wall time of a round; `first` begins a tick.
+    /// Adds the wall time of a round to that of its tick; `first` begins a tick.
     pub(in crate::physics) fn count_time(&mut self, took: Duration, first: bool) {
         let took_us = took.as_secs_f64() * 1e6;
         if first {
@@ -133,15 +134,16 @@ impl Region {
         self.step_us += took_us;
     }
 
-    /// Returns the smoothed wall time of its ticks, microseconds.
+    /// Returns the smoothed wall time of the region's ticks, microseconds.
     pub(in crate::physics) fn mean_step_us(&self) -> f64 {
         self.mean_step_us
     }
 
-    /// Moves the region's origin (anchor): what is held here stays where it is in world space.
+    /// Moves the region's floating origin (the anchor). What is held here stays where it is in world space.
     pub(in crate::physics) fn set_anchor(&mut self, anchor: [f64; 3]) {
         let from = std::mem::replace(&mut self.anchor, anchor);
-        // Exact: anchors lie on a grid that f32 represents, as long as they are within its reach of each other.
+        // Exact: anchors lie on a grid, and f32 represents the way from one to the other unless it is too
+        // far.
         let shift = convert::region_point(anchor, from);
         let moved = |pose: &Pose| Pose::from_parts(pose.translation + shift, pose.rotation);
         for (_, body) in self.world_mut().bodies.iter_mut() {
@@ -168,14 +170,14 @@ impl Region {
                 }
             }
         }
-        // Until the next step Rapier has all colliders where they were relative to the former anchor.
+        // Until the next step, Rapier's colliders stay where they were relative to the former anchor.
         for link in self.links() {
             self.touch(link.handle);
         }
     }
 
-    /// Returns whether a ball around the origin of a body that holds its colliders lies in the covered box by a margin, metres. This is said
-    /// sooner than what its AABB is.
+    /// Returns whether the covered box contains a ball around a body's origin with all its colliders in it,
+    /// with a margin in metres. This is quicker to tell than whether it contains the AABB.
     pub(in crate::physics) fn surely_covers(&self, handle: RigidBodyHandle, margin_m: f64) -> bool {
         let body = &self.world.bodies[handle];
         let reach_m = self.slot(handle).reach_m + body.local_center_of_mass().length();
@@ -183,8 +185,8 @@ impl Region {
         self.covered.contains(&Bounds::around(origin, [f64::from(reach_m) + margin_m; 3]))
     }
 
-    /// Widens the covered box, whose immovable bodies must be held here, if it does not contain this one: returns the box in which
-    /// to look for them then.
+    /// Widens the covered box, whose immovable bodies must be held here, to contain `bounds`. Returns the box
+    /// in which to look for immovable bodies then, or `None` if `bounds` was covered already.
     pub(in crate::physics) fn widen_cover(&mut self, bounds: &Bounds) -> Option<Bounds> {
         if self.covered.contains(bounds) {
             return None;
@@ -193,7 +195,8 @@ impl Region {
         Some(self.covered)
     }
 
-    /// Computes the covered box anew, after the cell has changed: immovable bodies in it are to be held here from now on.
+    /// Computes the covered box anew, after the cell has changed, and returns it. From now on immovable
+    /// bodies in it must be held here.
     pub(in crate::physics) fn renew_cover(&mut self) -> Bounds {
         let here = Bounds { min: self.cell.min, max: self.cell.max };
         let movable = self.slots.iter().flatten().filter(|slot| slot.role != Ownership::Immovable);

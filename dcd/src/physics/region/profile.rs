@@ -1,45 +1,51 @@
-//! Counts what the last tick of a region took: time by phase, and what was computed.
+//! Measures the last tick of a region: time by phase, and what was computed.
 
 use std::time::Duration;
 
 use rapier3d::counters::Counters;
 use rapier3d::prelude::*;
 
-/// What the last step took, as [`World::profile`](crate::World::profile) tells: times and numbers are sums over all regions and substeps; regions
-/// compute side by side, so that times may be more than those of the step.
+/// The times of the phases of the last step, and what was computed in it
+/// ([`World::profile`](crate::World::profile)). Times are sums over all regions and substeps, numbers over
+/// all regions. Regions compute side by side, so that times may add up to more than the time of the step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Profile {
-    /// Rapier's steps, all phases.
+    /// Rapier's steps, with all phases.
     pub rapier: Duration,
-    /// Finding pairs whose boxes touch; as the next four, 0 without the feature `profiler`.
+    /// The broad phase: finding pairs of colliders whose boxes touch. This and the next four are 0 without
+    /// the feature `profiler`.
     pub broad_phase: Duration,
-    /// Finding contacts.
+    /// The narrow phase: finding contacts.
     pub narrow_phase: Duration,
-    /// Keeping islands, and putting bodies to sleep.
+    /// Maintaining islands, and putting bodies to sleep.
     pub islands: Duration,
     /// Solving contacts and joints, and moving bodies.
     pub solver: Duration,
-    /// Sweeping fast bodies.
+    /// Continuous collision detection: sweeping fast bodies.
     pub ccd: Duration,
-    /// Exchange of messages between regions: wall time.
+    /// The exchange of messages between regions, wall time.
     pub border: Duration,
-    /// Pairs of colliders that are near enough for contacts, in the last substep; those that regions share count in each.
+    /// The number of pairs of colliders near enough for contacts, in the last substep. Pairs that regions
+    /// share count in each region.
     pub contact_pairs: usize,
-    /// Points of contact that were solved, in the last substep.
+    /// The number of contact points that were solved in the last substep.
     pub contacts: usize,
-    /// Bodies that were awake, in the last substep; those that regions share count in each.
+    /// The number of awake bodies in the last substep. Bodies that regions share count in each region.
     pub awake: usize,
-    /// Joints that are solved by impulses, awake or not; those that regions share count in each.
+    /// The number of impulse joints, awake or not. Joints that regions share count in each region.
     pub joints: usize,
-    /// Islands that are awake now: groups of bodies that touch or are tied; one that regions share counts in each.
+    /// The number of awake islands (groups of bodies that touch or are tied) now. An island that regions
+    /// share counts in each region.
     pub islands_awake: usize,
-    /// Memory that bodies, colliders, contacts and joints take, roughly, bytes: not that of shapes, nor what is kept for the next step.
+    /// The approximate memory of bodies, colliders, contacts and joints, bytes; without that of shapes, and
+    /// of what is kept for the next step.
     pub memory_bytes: usize,
 }
 
 impl Profile {
-    /// Adds a substep of Rapier that took so long.
+    /// Adds a substep of Rapier: how long it took, its counters, and the numbers of awake bodies and of
+    /// joints.
     pub(super) fn note(&mut self, took: Duration, counters: &Counters, awake: usize, joints: usize) {
         self.rapier += took;
         self.broad_phase += counters.cd.broad_phase_time.time() + counters.cd.final_broad_phase_time.time();
@@ -52,7 +58,7 @@ impl Profile {
         (self.awake, self.joints) = (awake, joints);
     }
 
-    /// Adds what a world has now.
+    /// Adds what the world has now: awake islands, and memory.
     pub(super) fn with(self, world: &PhysicsWorld) -> Self {
         let island = |handle| world.islands.persistent_island_of(&world.bodies, handle);
         let mut islands: Vec<_> = world.islands.active_bodies().filter_map(island).collect();
@@ -61,7 +67,7 @@ impl Profile {
         Self { islands_awake: islands.len(), memory_bytes: memory_bytes(world), ..self }
     }
 
-    /// Adds up two regions.
+    /// Returns the sum of the profiles of two regions.
     pub(in crate::physics) fn and(self, other: &Self) -> Self {
         Self {
             rapier: self.rapier + other.rapier,
@@ -81,10 +87,12 @@ impl Profile {
     }
 }
 
-/// Estimates what a world takes by what it has, which `tests/tests/steady_state.rs` holds against an allocator that counts.
+/// Estimates the memory of a world, in bytes, from the numbers of its bodies, colliders, pairs and joints.
+/// `tests/tests/steady_state.rs` compares it with an allocator that counts.
 fn memory_bytes(world: &PhysicsWorld) -> usize {
-    // Beside Rapier's own records: places in its broad phase, islands and graphs, what a region keeps of each, and of a pair the manifolds and
-    // what the solver keeps of them. As counted in a world of balls on 2026-11-27: 1,935 bytes per ball, 1,865 per pair.
+    // Besides Rapier's own records: places in its broad phase, islands and graphs, and what a region keeps of
+    // each; for a pair, the manifolds and what the solver keeps of them. As counted in a world of balls on
+    // 2026-11-27: 1,935 bytes per ball, 1,865 per pair.
     const BODY: usize = size_of::<RigidBody>() + 900;
     const COLLIDER: usize = size_of::<Collider>() + 300;
     const PAIR: usize = size_of::<ContactPair>() + 1600;

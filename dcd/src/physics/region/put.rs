@@ -1,4 +1,4 @@
-//! Puts bodies into other states than they came into by themselves, as who predicts is told them.
+//! Puts bodies into given states, as clients need that predict a world and are told otherwise.
 
 use rapier3d::prelude::*;
 
@@ -8,7 +8,7 @@ use crate::protocol::BodyState;
 use crate::space::BodyId;
 
 impl Region {
-    /// Puts a body held here into another state, as if it had come into that by itself.
+    /// Puts a body held here into a state, as if it had reached that state by itself.
     pub(in crate::physics) fn put(&mut self, id: BodyId, state: &BodyState) {
         let Some(handle) = self.handle_of(id) else { return };
         let pose = convert::region_from_world(self.anchor, &state.pose);
@@ -27,7 +27,8 @@ impl Region {
         self.set_drive(id, state.drive);
     }
 
-    /// Has the broad phase find bodies that were put elsewhere since the last step: controllers look there before the next one.
+    /// Updates the broad phase for bodies that were put elsewhere since the last step, since controllers
+    /// query it before the next one.
     pub(in crate::physics) fn find_moved(&mut self) {
         let touched = self.touched.clone();
         let PhysicsWorld { bodies, colliders, broad_phase, integration_parameters, .. } = self.world_mut();

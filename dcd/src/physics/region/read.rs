@@ -8,14 +8,14 @@ use crate::protocol::{BodyRecord, BodyState, BodyTraits, SharedState, Velocity, 
 use crate::space::{BodyId, Bounds, Epoch};
 
 impl Region {
-    /// Returns the length of the substep in which the contacts of a body were solved last, in seconds: impulses that Rapier
-    /// keeps for it are of that step, be it long ago.
+    /// Returns the length of the substep in which the contacts of a body were last solved, in seconds.
+    /// Rapier's impulses of the body are those of that substep, however long ago it was.
     pub(in crate::physics) fn solved_dt_s(&self, handle: RigidBodyHandle) -> f32 {
         let noted = self.solved_dt_s.get(handle.into_raw_parts().0 as usize);
         noted.copied().unwrap_or(self.world.integration_parameters.dt)
     }
 
-    /// Returns the body of a collider that is held here, and its index there.
+    /// Returns the body of a collider held here, and the collider's index in that body.
     pub(in crate::physics) fn collider_name(&self, collider: ColliderHandle) -> Option<(BodyId, u16)> {
         self.listener.name_of(collider)
     }
@@ -51,7 +51,7 @@ impl Region {
         }
     }
 
-    /// Returns what is fixed of a body held here.
+    /// Returns the traits of a body held here: all of it that no step changes.
     pub(crate) fn traits_of(&self, handle: RigidBodyHandle) -> &BodyTraits {
         &self.slot(handle).traits
     }
@@ -72,7 +72,7 @@ impl Region {
         state
     }
 
-    /// Returns the state of a body that its owner sends to the holders.
+    /// Returns the state of a body that its owner sends to the other holders.
     pub fn shared_state(&self, handle: RigidBodyHandle) -> SharedState {
         let (slot, body) = (self.slot(handle), &self.world.bodies[handle]);
         SharedState {
@@ -85,13 +85,13 @@ impl Region {
         }
     }
 
-    /// Returns a box around the origin of a body, in world space.
+    /// Returns a cube in world space around the origin of a body, `half_m` metres to each side.
     pub(in crate::physics) fn world_box(&self, handle: RigidBodyHandle, half_m: f64) -> Bounds {
         let centre = convert::world_point(self.anchor, self.world.bodies[handle].translation());
         Bounds::around(centre, [half_m; 3])
     }
 
-    /// Returns a box of region space in world space.
+    /// Converts a box from region space to world space.
     pub(in crate::physics) fn box_in_world(&self, aabb: Aabb) -> Bounds {
         let point = |point| convert::world_point(self.anchor, point);
         Bounds { min: point(aabb.mins), max: point(aabb.maxs) }

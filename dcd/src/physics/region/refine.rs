@@ -1,27 +1,30 @@
-//! Computes loads out of proportion finer: bodies that bear or pull at much heavier ones have more solver iterations, and what they touch and
-//! are tied to has as many; and contacts are stiffer in the region, since what a soft one gives way grows with the load.
+//! Computes loads out of proportion more finely. Bodies that bear or pull at much heavier ones get more
+//! solver iterations, and so does what they touch and are tied to. Contacts in the whole region are stiffer,
+//! since a soft contact gives way in proportion to its load.
 
 use rapier3d::prelude::*;
 
 use super::{Ownership, Region};
 use crate::fidelity::Signals;
 
-/// A contact or a joint of bodies of which one is so many times as heavy as the other takes more iterations.
+/// The mass ratio of two bodies that touch or are tied beyond which both take more iterations.
 const RATIO: f32 = 30.0;
-/// So many more.
+/// The least number of additional iterations that such a body takes.
 const EXTRA: usize = 16;
-/// Contacts of a region with such bodies have so many times the natural frequency, and sag by the square of that less. With Rapier's 30 Hz and 4
-/// iterations of 1/60 s it is 0.3 of the frequency of the iterations; they shake from half of it on.
+/// Contacts of a region with such bodies have this many times the natural frequency, and sag by the square of
+/// that less. With Rapier's 30 Hz and 4 iterations of 1/60 s their frequency is 0.3 of that of the
+/// iterations; contacts shake from half of it on.
 const STIFFER: f32 = 2.4;
-/// In a step of several ticks bodies meet what they would come to touch within it, up to so far away, metres: otherwise they would be found
-/// inside of one another after it.
+/// How far away a body foresees contacts in a step of several ticks, metres. Otherwise bodies would be found
+/// inside one another after the step.
 const FORESEEN_M: f32 = 1.0;
-/// The spin that tells is the one that so many of the bodies exceed.
+/// The spin that counts is the one that one in this many bodies exceeds.
 const SPINNING: usize = 10;
 
 impl Region {
-    /// Gives more iterations to the awake bodies that touch, or are tied to, bodies much heavier or lighter, and takes them from those that
-    /// no longer do; what their user gave them they keep.
+    /// Gives more iterations to the awake bodies that touch, or are tied to, much heavier or lighter ones,
+    /// and takes them from those that no longer do. Bodies keep the iterations that their user gave them.
+    /// Renews the signals.
     pub(in crate::physics) fn refine(&mut self) {
         let awake: Vec<_> = self.world.islands.active_bodies().collect();
         self.strained = false;
@@ -36,12 +39,12 @@ impl Region {
         self.signals = self.look();
     }
 
-    /// Returns what the last look found.
+    /// Returns the signals that the last [`Region::refine`] found.
     pub(in crate::physics) fn signals(&self) -> Signals {
         self.signals
     }
 
-    /// Has awake bodies meet in time what they touch in a step of so many ticks.
+    /// Makes awake bodies foresee what they would come to touch in a step of so many ticks.
     pub(in crate::physics) fn foresee(&mut self, ticks: u8) {
         let least_m = if ticks > 1 { FORESEEN_M } else { 0.0 };
         let awake: Vec<_> = self.world.islands.active_bodies().collect();
@@ -74,7 +77,8 @@ impl Region {
         Signals { overlap_m: overlap_m / count as f32, spin_rad_s: *spin_rad_s }
     }
 
-    /// Gives a body the iterations that its user gave it, to be seen by its user; [`Region::refine`] gives it more again.
+    /// Resets a body to the iterations that its user gave it, so that the user sees these; [`Region::refine`]
+    /// gives it more again.
     pub(in crate::physics) fn unrefine(&mut self, handle: RigidBodyHandle) {
         let (own, own_m) = (self.own_iterations(handle), self.slot(handle).traits.soft_ccd_m);
         let body = &self.world.bodies[handle];
@@ -85,7 +89,8 @@ impl Region {
         }
     }
 
-    /// Returns the solver's parameters for this region.
+    /// Returns the solver's parameters for this region, with stiffer contacts if it has loads out of
+    /// proportion.
     pub(in crate::physics) fn refined(&self, parameters: IntegrationParameters) -> IntegrationParameters {
         if !self.strained {
             return parameters;
@@ -107,11 +112,12 @@ impl Region {
 
     fn is_strained(&self, handle: RigidBodyHandle) -> bool {
         let bodies = &self.world.bodies;
-        // Rapier would solve all that touches a multibody with as many, at the price of all of them.
+        // Rapier would solve all that touches a multibody with as many iterations, and all of it would cost
+        // more.
         if !bodies[handle].is_dynamic() || self.is_articulated(handle) {
             return false;
         }
-        // Of the whole bodies: of what regions share, each copy has a part of the mass.
+        // Masses of whole bodies: each copy of a split body has only a part.
         let mass_kg = |handle: RigidBodyHandle| bodies[handle].mass() * self.share_of(handle) as f32;
         let mut is_strained = false;
         self.for_each_contact(handle, |other, touches| {

@@ -1,4 +1,5 @@
-//! Defines the slot of a body in a region: ownership, holders, epoch and all other state that Rapier does not keep.
+//! Defines the slot of a body in a region: ownership, holders, epoch and all other state that Rapier does not
+//! keep.
 
 use std::sync::Arc;
 
@@ -13,11 +14,11 @@ use crate::space::{BodyId, Epoch, JointId, RegionSet};
 /// The ownership of a body, as a region that holds it knows it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Ownership {
-    /// The body never moves; every region near it holds it and none sends it.
+    /// The body never moves. Every region near it holds it, and no region sends it.
     Immovable,
-    /// This region owns the body: it is authoritative for it.
+    /// This region owns the body: its copy is authoritative.
     Owner,
-    /// The region of this rank owns the body; this one holds a replica.
+    /// The region of this rank owns the body; this region holds a ghost.
     Replica {
         /// Rank of the owner.
         owner: usize,
@@ -31,38 +32,39 @@ pub(in crate::physics) struct BodyRef {
     pub handle: RigidBodyHandle,
 }
 
-/// The state of one body held by a region, besides Rapier's.
+/// What a region keeps of one body that it holds, besides Rapier's state.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(in crate::physics) struct Slot {
     pub id: BodyId,
     pub epoch: Epoch,
     pub role: Ownership,
-    /// The other regions that hold it; kept by the owner, and by replicas in couplings with consensus.
+    /// The other regions that hold the body. The owner keeps this set; in couplings with consensus each ghost
+    /// does too.
     pub holders: RegionSet,
     pub traits: Arc<BodyTraits>,
-    /// Radius of a ball around the centre of mass that holds all colliders, in metres.
+    /// Radius of a ball around the centre of mass that contains all colliders, in metres.
     pub reach_m: f32,
-    /// Bounds of its hulls, from which its AABB is computed.
+    /// Bounds of the body's hulls, from which its AABB is computed.
     pub outline: Outline,
-    /// The joints it hangs on, in order of insertion.
+    /// The joints that tie the body, in order of insertion.
     pub joints: Vec<JointId>,
-    /// Index into the region's assemblies, if joints tie it to others.
+    /// Index into the region's assemblies, if joints tie the body.
     pub assembly: Option<u32>,
-    /// Rank of the leading region, whose copy all that hold the body followed in the last exchange; none while its mass is split, or one
-    /// region alone holds it.
+    /// Rank of the leading region, whose copy all holders of the body followed in the last exchange; none
+    /// while its mass is split, or while one region alone holds it.
     pub led_by: Option<usize>,
-    /// Owner: whether the holders know that it sleeps.
+    /// At the owner: whether the other holders know that the body sleeps.
     pub told_asleep: bool,
-    /// Replica: where the owner's copy fell asleep.
+    /// At a ghost: where the owner's copy fell asleep, in region space.
     pub asleep_at: Option<Pose>,
-    /// Replica: whether its owner has announced it since membership changed last.
+    /// At a ghost: whether the owner has announced the body since membership changed last.
     pub confirmed: bool,
-    /// How its mass and its user's force are split, while several regions hold it.
+    /// How the body's mass and its user's force are split, while several regions hold it.
     pub mass_split: Option<Box<MassSplit>>,
-    /// Whether its island was small enough to be computed whole, when it last came near a border.
+    /// Whether the body's island was small enough to be computed whole when it last came near a border.
     pub whole: bool,
-    /// Ticks for which its island's size has said otherwise than `whole`.
+    /// Ticks for which the size of the island has contradicted `whole`.
     pub doubt: u16,
-    /// Owner: the first and the last tick in which it was due to move to another region.
+    /// At the owner: the first and the last tick in which the body was due to move to another region.
     pub away: (u32, u32),
 }

@@ -56,9 +56,9 @@ impl Region {
         self.stepped = self.revision;
     }
 
-    /// Notes the length of the substep in which the contacts of awake bodies have been solved. Sleeping bodies keep their impulses,
-    /// of a substep that may have been longer or shorter than the present one. Rapier lets bodies fall asleep before it solves:
-    /// a body that is awake after a step has been solved in it.
+    /// Notes the length of the substep in which the contacts of awake bodies have just been solved. Sleeping
+    /// bodies keep the impulses of a substep that may have been longer or shorter. Rapier lets bodies fall
+    /// asleep before it solves, so a body that is awake after a step has been solved in it.
     pub(in crate::physics) fn note_solved(&mut self, dt_before_s: f32) {
         let dt_s = self.world.integration_parameters.dt;
         if self.solved_dt_s.is_empty() && dt_s == dt_before_s {
@@ -70,7 +70,7 @@ impl Region {
         }
     }
 
-    /// Keeps the contact forces that this region is to report.
+    /// Keeps, of the contact forces from index `from` on, those that this region is to report.
     pub(in crate::physics) fn answer_for_forces(&mut self, from: usize) {
         let mut forces = std::mem::take(&mut self.events.forces);
         let heard = forces.split_off(from);
@@ -78,8 +78,9 @@ impl Region {
         self.events.forces = forces;
     }
 
-    /// Returns whether this region tells of a force between two bodies, of which the first has the lower id. Where each copy has all of the
-    /// mass, one of those that hold both does; where masses are split, all regions whose copies have a part.
+    /// Returns whether this region reports a force between two bodies, of which `a` has the lower id. Where
+    /// each copy has all of the mass, one of the regions that hold both reports it. Where masses are split,
+    /// all regions do whose copies have a part.
     pub(in crate::physics) fn answers_for(&self, a: BodyId, b: BodyId) -> bool {
         let [a, b] = [a, b].map(|id| self.handle_of(id));
         let splits = |copy: Option<_>| {

@@ -1,9 +1,9 @@
-//! Keeps the joints of a region, and inserts them into and removes them from Rapier. A joint whose ends several regions hold is
-//! solved in each of them: the forces of its motors and springs are split among these regions, as masses are. Locks and limits
-//! of an axis need no splitting.
+//! Keeps the joints of a region, and inserts them into Rapier and removes them from it. A joint whose bodies
+//! several regions hold is solved in each of them. The forces of its motors and springs are split among these
+//! regions, as masses are; locks and limits of an axis need no splitting.
 //!
-//! Joints are inserted into and removed from Rapier when its step begins, not before: until then it would keep note of them
-//! where no snapshot includes it.
+//! Joints are inserted into Rapier and removed from it only when its step begins. Until then Rapier would
+//! keep note of the change where no snapshot includes it.
 
 use rapier3d::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -24,7 +24,7 @@ pub(super) struct HeldJoint {
     parts: usize,
 }
 
-/// Which of Rapier's solvers has a joint.
+/// The solver of Rapier that has a joint, with the joint's handle there.
 #[derive(Clone, Copy, Serialize, Deserialize)]
 enum Solver {
     Impulses(ImpulseJointHandle),
@@ -34,17 +34,19 @@ enum Solver {
 /// The changes of joints to be applied to Rapier when the next step begins.
 #[derive(Clone, Default, Serialize, Deserialize)]
 pub(super) struct JointNews {
-    /// In order of insertion.
+    /// The joints to be inserted, in order of insertion.
     tied: Vec<JointId>,
-    /// Whether those that are `tied` are known to have nothing to move, or a disabled end: they wait until a body changes in that.
+    /// Whether all joints in `tied` are known to have nothing to move, or a disabled end. They wait until a
+    /// body changes in that.
     #[serde(skip)]
     waits: bool,
     untied: Vec<Solver>,
     /// Removed bodies.
     gone: Vec<RigidBodyHandle>,
-    /// Joints changed in place: Rapier knows of the changes, but keeps them in no snapshot.
+    /// Joints changed in place. Rapier knows of the changes, but no snapshot of it includes them.
     changed: Vec<ImpulseJointHandle>,
-    /// Bodies to be woken, whose joints were changed or removed. Rapier's own list of these has no order.
+    /// Bodies to be woken because their joints were changed or removed. Rapier's own list of these has no
+    /// order.
     woken: Vec<RigidBodyHandle>,
 }
 
@@ -59,7 +61,8 @@ impl Region {
             }
         }
         for handle in news.gone.drain(..) {
-            // Of its joints nothing is left but the body's node in the joint graph. Multibodies have no body without a joint.
+            // Nothing is left of the body's joints but its node in the joint graph. A multibody has no body
+            // without a joint.
             self.world_mut().impulse_joints.remove_joints_attached_to_rigid_body(handle);
         }
         for handle in news.woken.drain(..) {
@@ -83,7 +86,8 @@ impl Region {
                     None => {
                         let mut joint = joints::joint_of(&held.record);
                         joints::share_out(&mut joint, &held.record, held.parts);
-                        // The set's own insertion lets sleepers sleep; the world's wakes them.
+                        // Inserted into the set itself, a joint lets sleepers sleep; inserted by the world,
+                        // it would wake them.
                         Some(Solver::Impulses(self.world_mut().impulse_joints.insert(a, b, joint, false)))
                     }
                 };
@@ -103,19 +107,20 @@ impl Region {
         self.joint_news = news;
     }
 
-    /// Has the next step insert a joint into Rapier.
+    /// Marks a joint to be inserted into Rapier by the next step.
     fn await_solver(&mut self, id: JointId) {
         self.joint_news.tied.push(id);
         self.joint_news.waits = false;
     }
 
-    /// Has the next step look whether joints that wait can be solved: a body was enabled, or is of another type.
+    /// Makes the next step check whether waiting joints can be solved, after a body was enabled or its type
+    /// changed.
     pub(in crate::physics) fn look_at_ties(&mut self) {
         self.joint_news.waits = false;
     }
 
-    /// Takes the joints of a body out of Rapier after it was enabled or disabled, and lets them wait until they can be solved: Rapier itself does not
-    /// look at the other end.
+    /// Takes the joints of a body out of Rapier after it was enabled or disabled, and lets them wait until
+    /// they can be solved. Rapier itself does not look at the other end.
     pub(super) fn tie_anew(&mut self, handle: RigidBodyHandle) {
         for id in self.slot(handle).joints.clone() {
             let Some(mut held) = self.joints.remove(&id) else { continue };
@@ -134,7 +139,8 @@ impl Region {
         }
     }
 
-    /// Returns the motion of a link that is not in Rapier but was, from its bodies.
+    /// Returns the motion of a link that is no longer in Rapier, computed from the states of its bodies;
+    /// `None` if it never had any.
     fn present_motion(&self, record: &JointRecord) -> Option<LinkMotion> {
         let known = record.link?.motion?;
         let [a, b] = [record.a, record.b].map(|end| self.handle_of(end));
@@ -145,20 +151,21 @@ impl Region {
             let mut links = above.filter(|above| above.record.link.is_some() && above.record.b == id);
             self.handle_of(links.next()?.record.a)
         };
-        // Another process may have sent a loop.
+        // Bounded, since another process may have sent a loop.
         let root = std::iter::successors(Some(a), parent).take(self.joints.len() + 1).last()?;
         let [a, b, root] = [a, b, root].map(|body| self.body_state(body));
         Some(articulation::motion_of(&joints::joint_of(record), Some(&known), &a, &b, &root))
     }
 
-    /// Returns whether a joint between two bodies has anything to move. Rapier would panic at one that has not, or whose end is
-    /// disabled: such joints wait.
+    /// Returns whether a joint between two bodies has anything to move, and no disabled end. Rapier would
+    /// panic at any other joint, so such joints wait.
     fn is_solvable(&self, a: RigidBodyHandle, b: RigidBodyHandle) -> bool {
         let [a, b] = [a, b].map(|end| &self.physics().bodies[end]);
         (a.is_dynamic() || b.is_dynamic()) && a.is_enabled() && b.is_enabled()
     }
 
-    /// Makes the second body a link of the first one's multibody, if both are owned here: replicas follow their owner's state.
+    /// Makes the second body a link of the first one's multibody, unless one of them is a ghost here: ghosts
+    /// follow their owner's state.
     fn link(
         &mut self,
         a: RigidBodyHandle,
@@ -172,7 +179,8 @@ impl Region {
         articulation::insert_link(&mut self.world_mut().multibody_joints, a, b, joint, &record.link?)
     }
 
-    /// Inserts or removes the multibody joints of a body whose owner has changed: only its owner solves its multibody.
+    /// Inserts or removes the multibody joints of a body whose owner has changed: only the owner's region
+    /// solves a multibody.
     pub(in crate::physics) fn relink(&mut self, handle: RigidBodyHandle) {
         for id in self.slot(handle).joints.clone() {
             let Some(mut held) = self.joints.remove(&id) else { continue };
@@ -208,17 +216,19 @@ impl Region {
         self.joint_news.gone.push(handle);
     }
 
-    /// Marks the joints changed since the last step in Rapier again, after the region was restored from a snapshot.
+    /// Marks the joints that were changed since the last step as changed in Rapier again, after the region
+    /// was restored from a snapshot.
     pub(in crate::physics) fn repeat_joint_changes(&mut self) {
         for handle in self.joint_news.changed.clone() {
             let _ = self.world_mut().impulse_joints.get_mut(handle, false);
         }
     }
 
-    /// Inserts a joint, if it is not here yet; with one end held elsewhere it waits until both are held here.
+    /// Inserts a joint, if it is not here yet. If only one of its bodies is held here, the joint waits for
+    /// the other.
     pub(in crate::physics) fn insert_joint(&mut self, joint: &JointRecord) {
         if let Some(held) = self.joints.get_mut(&joint.id) {
-            // The owner's state of the link, for the region that solves it next.
+            // The state of the link at its owner, for the region that solves it next.
             if held.handle.is_none() && joint.link.is_some_and(|link| link.motion.is_some()) {
                 held.record.link = joint.link;
             }
@@ -270,7 +280,8 @@ impl Region {
         }
     }
 
-    /// Lets a user change a joint in place, whole; wakes its bodies. Returns whether it is held here, or waits.
+    /// Lets a user change a joint in place, whole, and wakes its bodies. Returns whether the joint is held
+    /// here, or waits.
     pub(in crate::physics) fn change_joint(
         &mut self,
         id: JointId,
@@ -334,7 +345,7 @@ impl Region {
         &mut joint.expect("a joint held here").data
     }
 
-    /// Returns all regions whose copies of a body have a part of its mass; all regions for an immovable one.
+    /// Returns the regions whose copies of a body have a part of its mass; all regions for an immovable body.
     fn bearers_of(&self, id: BodyId) -> RegionSet {
         let own = RegionSet::only(self.rank());
         let Some(handle) = self.handle_of(id) else { return own };
@@ -345,7 +356,8 @@ impl Region {
         }
     }
 
-    /// Returns a joint held here, whole, with the impulses of the last step or the motion of its multibody; or one that waits.
+    /// Returns the record of a joint that is held here, whole, with the impulses of the last step or the
+    /// motion of its link; or the record of one that waits.
     pub(in crate::physics) fn joint_record(&self, id: JointId) -> Option<JointRecord> {
         let held = self.joints.get(&id).map(|held| self.whole_record(held));
         held.or_else(|| self.waiting.get(&id).cloned())
@@ -375,7 +387,7 @@ impl Region {
         record
     }
 
-    /// Changes the settings that only multibody joints have. Returns whether it is one, and held here.
+    /// Changes the settings that only multibody joints have. Returns whether the joint is one, and held here.
     pub(in crate::physics) fn change_link(&mut self, id: JointId, settings: &LinkSettings) -> bool {
         let Some(mut held) = self.joints.remove(&id) else { return false };
         let is_link = held.record.link.is_some();
@@ -400,7 +412,8 @@ impl Region {
         self.whole_record(held).link?.motion
     }
 
-    /// Sets the velocity of a multibody link, by its degrees of freedom. Returns whether it is one, and held here.
+    /// Sets the velocity of a multibody link, by its degrees of freedom. Returns whether the joint is one,
+    /// and held here.
     pub(in crate::physics) fn set_link_velocity(&mut self, id: JointId, velocity: [f32; 6]) -> bool {
         let Some(mut held) = self.joints.remove(&id) else { return false };
         let is_link = held.record.link.is_some();
@@ -418,9 +431,9 @@ impl Region {
         is_link
     }
 
-    /// Returns the force and torque of this region's solver on the locked axes of a joint in the last step: newtons along the three
-    /// axes of its frame, newton metres about them; zero while the joint waits. None for multibody joints, whose solver has no such
-    /// impulses.
+    /// Returns the force and torque of this region's solver on the locked axes of a joint in the last step:
+    /// newtons along the three axes of its frame, newton metres about them. Zero while the joint waits;
+    /// `None` for multibody joints, whose solver has no such impulses.
     pub(in crate::physics) fn joint_load(&self, id: JointId) -> Option<[f32; 6]> {
         if self.waiting.contains_key(&id) {
             return Some([0.0; 6]);
@@ -432,7 +445,8 @@ impl Region {
             None => return held.record.link.is_none().then_some([0.0; 6]),
         };
         let joint = self.physics().impulse_joints.get(handle)?;
-        // Rapier keeps the impulse of the last solver iteration, each of which is a step of its own: as long as those of what it moves.
+        // Rapier keeps the impulse of the last solver iteration. Each iteration is a step of its own, as long
+        // as those of the body that the joint moves.
         let (a, b) = (joint.body1(), joint.body2());
         let moved = if self.physics().bodies[a].is_dynamic() { a } else { b };
         let iteration_s = self.iteration_s(moved);
@@ -461,7 +475,7 @@ impl Region {
         self.joints.contains_key(&id) || self.waiting.contains_key(&id)
     }
 
-    /// Returns all joints held here, waiting ones too, without what a step changes of them.
+    /// Returns the records of all joints held here, waiting ones too, without what a step changes.
     pub(crate) fn joints(&self) -> impl Iterator<Item = &JointRecord> {
         self.joints.values().map(|held| &held.record).chain(self.waiting.values())
     }
@@ -487,7 +501,7 @@ mod tests {
         pub(super) static LOOKS: Cell<usize> = const { Cell::new(0) };
     }
 
-    /// Steps a world, and returns how many joints were looked at that are not in Rapier.
+    /// Steps a world, and returns how many joints that are not in Rapier were looked at.
     fn step(world: &mut LocalWorld) -> usize {
         let before = LOOKS.get();
         world.step().unwrap();

@@ -1,7 +1,8 @@
 //! Drives the vehicles of a region before each substep, by Rapier's ray-cast vehicle controller.
 //!
-//! Every region that holds a vehicle drives its copy. One that has a part of the mass takes that part of the forces of engine, brakes and
-//! suspension. Where the copies differ, the coupling brings them together as those of any other body.
+//! Every region that holds a vehicle drives its copy. A copy with a part of the mass takes that part of the
+//! forces of engine, brakes and suspension. Where copies differ, the coupling brings them together as those
+//! of any other body.
 
 use rapier3d::control::{DynamicRayCastVehicleController, WheelTuning};
 use rapier3d::prelude::*;
@@ -12,7 +13,8 @@ use crate::physics::convert;
 use crate::protocol::{Drive, Vehicle};
 use crate::space::BodyId;
 
-/// A vehicle that moves faster (m/s), spins faster (rad/s), lies farther from the region's origin or is heavier has no wheels.
+/// A vehicle has no wheels if it moves (m/s) or spins (rad/s) faster than this, lies farther from the
+/// region's origin, or is heavier.
 const FASTEST_M_S: f32 = 1e5;
 const FARTHEST_M: f32 = 1e7;
 const HEAVIEST_KG: f32 = 1e9;
@@ -21,7 +23,7 @@ const HEAVIEST_KG: f32 = 1e9;
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct Driving {
     drive: Drive,
-    /// Whether the region has been stepped since it came: only then do rays find what came with it.
+    /// Whether the region has been stepped since the vehicle came. Only then do rays find what came with it.
     settled: bool,
 }
 
@@ -46,12 +48,12 @@ impl Region {
         true
     }
 
-    /// Has all vehicles fall freely for a substep, after which rays find what is below them again.
+    /// Makes all vehicles fall freely for a substep, since rays find what is below them only after a step.
     pub(super) fn unsettle_vehicles(&mut self) {
         self.vehicles.values_mut().for_each(|driving| driving.settled = false);
     }
 
-    /// Returns how far the wheels of a body reach from its origin, metres; 0 if it has none.
+    /// Returns how far the wheels of a body reach from its origin, metres; 0 if it has no wheels.
     pub(in crate::physics) fn wheels_reach_m(&self, handle: RigidBodyHandle) -> f32 {
         self.slot(handle).traits.vehicle.as_ref().map_or(0.0, Vehicle::reach_m)
     }
@@ -96,7 +98,8 @@ impl Region {
     }
 }
 
-/// Returns whether Rapier's controller can compute with this body: it asserts that none of its forces is infinite.
+/// Returns whether Rapier's controller can compute with this body: it asserts that none of its forces is
+/// infinite.
 fn is_moderate(body: &RigidBody) -> bool {
     let most = |v: Vector, limit: f32| v.abs().max_element() <= limit;
     most(body.linvel(), FASTEST_M_S)
@@ -105,7 +108,7 @@ fn is_moderate(body: &RigidBody) -> bool {
         && body.mass() <= HEAVIEST_KG
 }
 
-/// Returns Rapier's controller for one substep: nothing of it but what a driver does lasts longer.
+/// Returns Rapier's controller for one substep. Only what the driver does outlasts the substep.
 fn controller(
     vehicle: &Vehicle,
     handle: RigidBodyHandle,
@@ -131,14 +134,15 @@ fn controller(
         };
         let [at, down, axle] = [wheel.at_m, wheel.down, wheel.axle].map(convert::vector);
         let added = controller.add_wheel(at, down, axle, wheel.rest_m, wheel.radius_m, &tuning);
-        // No substep makes it faster than it may be along the push of a wheel, however light it is.
+        // No substep makes the vehicle faster than its top speed along the push of a wheel, however light it
+        // is.
         let steered = Rotation::from_axis_angle(-down, drive.steering * wheel.steering_rad);
         let forward = body.rotation() * (steered * axle.cross(down).normalize_or_zero());
         let speed_m_s = body.linvel().dot(forward) * drive.throttle.signum();
         let most_n = (vehicle.top_speed_m_s - speed_m_s).max(0.0) * body.mass() / (dt_s * driven.max(1.0));
         let engine_n = wheel.engine_n * drive.throttle.abs() / share;
         added.engine_force = engine_n.min(most_n) * drive.throttle.signum();
-        // Rapier's is an impulse.
+        // Rapier takes an impulse.
         added.brake = drive.brake * wheel.brake_n * dt_s / share;
         added.steering = drive.steering * wheel.steering_rad;
     }
